@@ -1,0 +1,1 @@
+"""Offline multi-drone view planning: problem, graph, coverage, objective, planners, referee."""

@@ -1,0 +1,102 @@
+"""Coverage tables on disk, found by content.
+
+A file's name is the digest of all that the table depends on, the code included; its first
+bytes are the digest of the rest, so a damaged file is noticed and made again.
+"""
+
+import hashlib
+import io
+import logging
+import os
+import tempfile
+from collections.abc import Callable
+from importlib.metadata import version
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from cocap_opt import coverage, projection, visibility
+from cocap_opt.coverage import CoverageTable
+
+log = logging.getLogger(__name__)
+
+_DIGEST_BYTES = hashlib.sha256().digest_size
+
+
+def cache_folder() -> Path:
+    """Folder of the cache: COCAP_OPT_CACHE, or cocap-opt in the user's cache folder."""
+    if folder := os.environ.get("COCAP_OPT_CACHE"):
+        return Path(folder)
+    return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "cocap-opt"
+
+
+def code_digest() -> bytes:
+    """Digest of the code that computes coverage."""
+    digest = hashlib.sha256(version("embreex").encode())
+    for module in (coverage, projection, visibility):
+        digest.update(Path(module.__file__).read_bytes())
+    return digest.digest()
+
+
+def content_key(*parts: object) -> str:
+    """Digest of plain data, arrays and this package's data classes."""
+    digest = hashlib.sha256(code_digest())
+    digest.update(msgspec.msgpack.encode(parts, enc_hook=_plain))
+    return digest.hexdigest()
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, np.ndarray):
+        return [str(value.dtype), list(value.shape), np.ascontiguousarray(value).tobytes()]
+    raise TypeError(f"no digest for {type(value).__name__}")
+
+
+def cached_table(key: str, make: Callable[[], CoverageTable]) -> CoverageTable:
+    """Table with this content key from disk, or made and written there."""
+    path = cache_folder() / f"{key}.coverage"
+    table = _read(path)
+    if table is None:
+        table = make()
+        _write(path, table)
+    return table
+
+
+def _read(path: Path) -> CoverageTable | None:
+    try:
+        content = path.read_bytes()
+    except OSError:
+        return None
+    digest, body = content[:_DIGEST_BYTES], content[_DIGEST_BYTES:]
+    if hashlib.sha256(body).digest() != digest:
+        log.warning("cache file %s is damaged; computing its content again", path)
+        return None
+    with np.load(io.BytesIO(body), allow_pickle=False) as arrays:
+        return CoverageTable(**{name: arrays[name] for name in CoverageTable._fields})
+
+
+def _write(path: Path, table: CoverageTable) -> None:
+    body = io.BytesIO()
+    np.savez(body, **table._asdict())
+    content = hashlib.sha256(body.getvalue()).digest() + body.getvalue()
+    try:
+        write_atomically(path, content)
+    except OSError as error:  # a full or read-only disk costs speed, not the run
+        log.warning("cannot write cache file %s: %s", path, error)
+
+
+def write_atomically(path: Path, content: bytes) -> None:
+    """Write a file whole or not at all: to a temporary file beside it, then renamed."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(content)
+        # mkstemp makes private files; give it the mode any other new file would get.
+        umask = os.umask(0)
+        os.umask(umask)
+        os.chmod(name, 0o666 & ~umask)
+        os.replace(name, path)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise

@@ -1,0 +1,185 @@
+"""The referee: is a plan feasible, and what is its J?
+
+It trusts no planner, no reward code and no solver: from the problem alone it recomputes
+both by slow, obvious loops. Of the other modules it uses only the definition of coverage.
+"""
+
+import math
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+
+from cocap_opt.coverage import FaceGeometry, Views
+from cocap_opt.plan import Plan
+from cocap_opt.problem import Problem, Robot, State
+from cocap_opt.timegraph import time_graph
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What the referee found.
+
+    `violations` are broken motions (a plan that no robot can fly), `conflicts` broken
+    collision rules; both in words, one line each.
+    """
+
+    violations: tuple[str, ...]
+    conflicts: tuple[str, ...]
+    reward: float  # J
+    reward_at_start: float  # view reward at t = 0; 0 where it does not count
+    reward_per_step: tuple[float, ...]  # view reward at t = 1..T, without stationarity
+    face_reward: tuple[float, ...]  # [F] view reward of each face over all steps
+
+    @property
+    def valid(self) -> bool:
+        """True where the plan can be flown and no rule is broken."""
+        return not self.violations and not self.conflicts
+
+
+def check(problem: Problem, plan: Plan) -> Verdict:
+    """Judge a plan."""
+    violations = broken_motions(problem, plan)
+    if violations:
+        return Verdict(tuple(violations), (), math.nan, math.nan, (), ())
+    rewards = view_rewards(problem, plan)
+    unchanged = 0
+    for path in plan.paths:
+        for t in range(problem.horizon):
+            unchanged += path[t] == path[t + 1]
+    per_step = [math.fsum(row) for row in rewards]
+    return Verdict(
+        violations=(),
+        conflicts=tuple(broken_rules(problem, plan)),
+        reward=math.fsum([*per_step, problem.objective.stationarity * unchanged]),
+        reward_at_start=per_step[0],
+        reward_per_step=tuple(per_step[1:]),
+        face_reward=tuple(math.fsum(column) for column in zip(*rewards, strict=True)),
+    )
+
+
+def view_rewards(problem: Problem, plan: Plan) -> list[list[float]]:
+    """View reward of every step and face [T+1][F]."""
+    geometry = FaceGeometry(problem)
+    rewards = []
+    for t in range(problem.horizon + 1):
+        pixels = [0.0 for _ in problem.face_weights]
+        for i, robot in enumerate(problem.robots):
+            if t >= problem.first_step:
+                coverage = _coverage(problem, geometry, robot, t, plan.paths[i][t])
+                pixels = [a + b for a, b in zip(pixels, coverage, strict=True)]
+        weights = problem.face_weights.tolist()
+        rewards.append([w * math.sqrt(z) for w, z in zip(weights, pixels, strict=True)])
+    return rewards
+
+
+def _coverage(
+    problem: Problem, geometry: FaceGeometry, robot: Robot, t: int, state: State
+) -> list[float]:
+    graph = time_graph(problem.height_map, robot.motion, len(robot.camera.tilts))
+    views = Views(geometry, problem, graph, robot.camera)
+    coverage: list[float] = views.coverage(t, np.array([graph.index(state)]))[0].tolist()
+    return coverage
+
+
+def broken_motions(problem: Problem, plan: Plan) -> list[str]:
+    """Everything that makes the plan impossible to fly, robot by robot."""
+    if len(plan.paths) != len(problem.robots):
+        return [f"paths: {len(plan.paths)} paths for {len(problem.robots)} robots"]
+    found = []
+    for i, (robot, path) in enumerate(zip(problem.robots, plan.paths, strict=True)):
+        where = f"paths[{i}]"
+        if len(path) != problem.horizon + 1:
+            found.append(f"{where}: {len(path)} states for the steps 0..{problem.horizon}")
+            continue
+        if path[0] != robot.start:
+            found.append(f"{where}: starts at {tuple(path[0])}, not {tuple(robot.start)}")
+        outside = [t for t, state in enumerate(path) if not _stands_free(problem, robot, state)]
+        if outside:
+            found += [f"{where}: step {t} is blocked or outside the map" for t in outside]
+            continue
+        for t in range(problem.horizon):
+            if fault := _broken_move(problem, robot, path[t], path[t + 1]):
+                found.append(f"{where}: step {t} to {t + 1} {fault}")
+        if robot.goal is not None and (path[-1].x, path[-1].y) != robot.goal:
+            found.append(f"{where}: ends in cell ({path[-1].x}, {path[-1].y}), not {robot.goal}")
+    return found
+
+
+def _stands_free(problem: Problem, robot: Robot, state: State) -> bool:
+    width, depth = problem.height_map.shape
+    if not (0 <= state.x < width and 0 <= state.y < depth):
+        return False
+    if not 0 <= state.layer < len(robot.motion.layers):
+        return False
+    if not 0 <= state.heading < robot.motion.headings:
+        return False
+    if not 0 <= state.pitch < len(robot.camera.tilts):
+        return False
+    return _cell_free(problem, robot, state.x, state.y, state.layer)
+
+
+def _cell_free(problem: Problem, robot: Robot, x: int, y: int, layer: int) -> bool:
+    height = float(problem.height_map.heights[x, y])
+    return height < robot.motion.layers[layer] - robot.motion.clearance
+
+
+def _broken_move(problem: Problem, robot: Robot, a: State, b: State) -> str:
+    motion = robot.motion
+    if max(abs(b.x - a.x), abs(b.y - a.y)) > motion.radius:
+        return f"moves more than {motion.radius} cells"
+    if abs(b.layer - a.layer) > motion.climb:
+        return f"climbs more than {motion.climb} layers"
+    turn = abs(b.heading - a.heading)
+    if min(turn, motion.headings - turn) > motion.turn:
+        return f"turns more than {motion.turn} headings"
+    if abs(b.pitch - a.pitch) > motion.pitch_turn:
+        return f"pitches more than {motion.pitch_turn} steps"
+    if not motion.corner_cutting:
+        for x in range(min(a.x, b.x), max(a.x, b.x) + 1):
+            for y in range(min(a.y, b.y), max(a.y, b.y) + 1):
+                for layer in (a.layer, b.layer):
+                    blocked = not _cell_free(problem, robot, x, y, layer)
+                    if blocked and _line_touches(a, b, x, y):
+                        return f"passes the blocked cell ({x}, {y})"
+    return ""
+
+
+def _line_touches(a: State, b: State, x: int, y: int) -> bool:
+    """True where the line between two cell centres meets the closed square of cell (x, y)."""
+    enter, leave = Fraction(0), Fraction(1)
+    for start, end, centre in ((a.x, b.x, x), (a.y, b.y, y)):
+        low, high = Fraction(2 * centre - 1, 2), Fraction(2 * centre + 1, 2)
+        if start == end:
+            if not low <= start <= high:
+                return False
+        else:
+            first, second = (low - start) / (end - start), (high - start) / (end - start)
+            enter, leave = max(enter, min(first, second)), min(leave, max(first, second))
+    return enter <= leave
+
+
+def broken_rules(problem: Problem, plan: Plan) -> list[str]:
+    """Every broken collision rule, in words."""
+    rules, found = problem.rules, []
+    size = problem.height_map.resolution
+
+    def position(robot: int, t: int) -> tuple[float, float, float]:
+        state = plan.paths[robot][t]
+        return state.x * size, state.y * size, problem.robots[robot].motion.layers[state.layer]
+
+    for t in range(problem.horizon + 1):
+        for i in range(len(plan.paths)):
+            for k in range(i + 1, len(plan.paths)):
+                a, b = position(i, t), position(k, t)
+                if rules.vertex and a == b:
+                    found.append(f"step {t}: robots {i} and {k} are in one cell")
+                elif rules.vertex and math.dist(a, b) < rules.separation:
+                    found.append(
+                        f"step {t}: robots {i} and {k} are {math.dist(a, b):g} m apart, "
+                        f"less than {rules.separation:g} m"
+                    )
+                if rules.swap and t < problem.horizon and a != b:
+                    if a == position(k, t + 1) and b == position(i, t + 1):
+                        found.append(f"step {t} to {t + 1}: robots {i} and {k} swap cells")
+    return found

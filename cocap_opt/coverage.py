@@ -1,0 +1,197 @@
+"""Coverage in px/m2: what a camera state sees of every face at a step.
+
+`Views` evaluates states on demand (the lazy planners' source); `coverage_table` evaluates all
+states that a class of robots can reach and keeps them sparsely, since most states see
+nothing.
+
+    coverage = projected area, clipped to the image / area of the face x visible share
+
+The visible share depends on the camera's place only, not on where it looks.
+"""
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from cocap_opt.problem import BoolArray, Camera, FloatArray, IntArray, Problem
+from cocap_opt.projection import camera_axes, dot, image_area
+from cocap_opt.timegraph import TimeGraph
+from cocap_opt.visibility import (
+    Occluders,
+    fan_triangles,
+    sample_points,
+    terrain_triangles,
+    visible_share,
+)
+
+BATCH = 4096  # states evaluated at once, to bound the memory
+
+
+class Faces(NamedTuple):
+    """Geometry of all faces at one step."""
+
+    polygons: FloatArray  # [F, V, 3] m, shorter polygons repeat their last vertex
+    normals: FloatArray  # [F, 3] outward, unit length
+    areas: FloatArray  # [F] m2
+    points: list[FloatArray]  # per face [m, 3] sample points
+    shares: list[FloatArray]  # per face [m] share of area of each sample point
+    occluders: list[Occluders]  # terrain and the actors of this step
+
+
+class FaceGeometry:
+    """Faces of a problem's actors at every step, made when first asked for."""
+
+    def __init__(self, problem: Problem) -> None:
+        self._problem = problem
+        width, depth = problem.height_map.shape
+        # The local origin for the float32 rays: the middle of the map.
+        x, y = problem.height_map.centre(width // 2, depth // 2)
+        self._origin = np.array([x, y, 0.0])
+        self._terrain = Occluders(terrain_triangles(problem.height_map), self._origin)
+        self.at = lru_cache(maxsize=None)(self._at)
+
+    def _at(self, t: int) -> Faces:
+        polygons = []
+        for actor in self._problem.actors:
+            x, y, z, yaw = actor.poses[t].tolist()
+            c, s = np.cos(yaw), np.sin(yaw)
+            for face in actor.shape.faces():
+                turned = [face[:, 0] * c - face[:, 1] * s, face[:, 0] * s + face[:, 1] * c]
+                polygons.append(np.column_stack([*turned, face[:, 2]]) + [x, y, z])
+        size = max(map(len, polygons), default=3)
+        doubled = [_doubled_area(polygon) for polygon in polygons]
+        lengths = [float(np.sqrt(dot(vector, vector))) for vector in doubled]
+        samples = [sample_points(polygon, self._problem.face_samples) for polygon in polygons]
+        triangles = np.concatenate([np.empty((0, 3, 3)), *map(fan_triangles, polygons)])
+        return Faces(
+            polygons=np.array(
+                [np.pad(p, ((0, size - len(p)), (0, 0)), mode="edge") for p in polygons]
+            ).reshape(-1, size, 3),
+            normals=np.array(
+                [vector / length for vector, length in zip(doubled, lengths, strict=True)]
+            ).reshape(-1, 3),
+            areas=np.array(lengths) / 2,
+            points=[points for points, _ in samples],
+            shares=[shares for _, shares in samples],
+            occluders=[self._terrain, Occluders(triangles, self._origin)],
+        )
+
+
+def _doubled_area(polygon: FloatArray) -> FloatArray:
+    """Normal of a planar polygon [V, 3] with length twice its area (Newell)."""
+    moved = polygon - polygon[0]
+    result: FloatArray = np.cross(moved, np.roll(moved, -1, axis=0)).sum(axis=0)
+    return result
+
+
+class Views:
+    """Coverage of single states, evaluated on demand.
+
+    Attributes
+    ----------
+    evaluated : number of states evaluated so far
+    """
+
+    def __init__(self, geometry: FaceGeometry, problem: Problem, graph: TimeGraph, camera: Camera):
+        self._geometry = geometry
+        self._map = problem.height_map
+        self._graph = graph
+        self._camera = camera
+        self._axes = camera_axes(graph.motion.headings, camera)
+        self._n_faces = len(problem.face_weights)
+        self.evaluated = 0
+
+    def coverage(self, t: int, states: IntArray) -> FloatArray:
+        """Coverage [n, F] in px/m2 of every face from each of the states [n] at step t."""
+        self.evaluated += len(states)
+        result = np.zeros((len(states), self._n_faces))
+        if not self._n_faces:
+            return result
+        faces = self._geometry.at(t)
+        orientation, place = np.divmod(states, self._graph.n_places)
+        places, which = np.unique(place, return_inverse=True)
+        eyes = self._eyes(places)
+        # A face turned away is not seen; the rest of the work is for those that are not.
+        ahead = dot(eyes[:, None, :] - faces.polygons[None, :, 0], faces.normals[None]) > 0
+        state, face = np.nonzero(ahead[which])
+        relative = faces.polygons[face] - eyes[which[state]][:, None, :]
+        axes = self._axes[orientation[state]][:, None]
+        in_camera = np.stack([dot(relative, axes[:, :, k]) for k in range(3)], axis=-1)
+        area = image_area(in_camera, self._camera)
+        seen = area > 0
+        state, face, area = state[seen], face[seen], area[seen]
+        pairs, pair = np.unique(which[state] * self._n_faces + face, return_inverse=True)
+        eye, target = np.divmod(pairs, self._n_faces)
+        share = visible_share(faces.occluders, eyes[eye], faces.points, faces.shares, target)
+        result[state, face] = area * share[pair] / faces.areas[face]
+        return result
+
+    def _eyes(self, places: IntArray) -> FloatArray:
+        """Camera positions [n, 3] in m: the middle of the cell at flight height."""
+        layer, x, y = self._graph.coordinates(places)
+        ox, oy = self._map.origin
+        return np.column_stack(
+            [
+                ox + (x + 0.5) * self._map.resolution,
+                oy + (y + 0.5) * self._map.resolution,
+                np.array(self._graph.motion.layers)[layer],
+            ]
+        )
+
+
+class CoverageTable(NamedTuple):
+    """Coverage of all reachable states that see anything, in compressed sparse rows.
+
+    Group g = t F + f is face f at step t; a node is t S + s.
+    """
+
+    nodes: IntArray  # [n] increasing
+    indptr: IntArray  # [n + 1]
+    groups: IntArray  # [nnz]
+    pixels: FloatArray  # [nnz] px/m2, > 0
+
+    def row(self, node: int) -> tuple[IntArray, FloatArray]:
+        """Groups and their coverage of one node; empty where it sees nothing."""
+        at = int(np.searchsorted(self.nodes, node))
+        if at == len(self.nodes) or self.nodes[at] != node:
+            return self.groups[:0], self.pixels[:0]
+        part = slice(self.indptr[at], self.indptr[at + 1])
+        return self.groups[part], self.pixels[part]
+
+    def row_sums(self, values: FloatArray) -> FloatArray:
+        """Sum of `values` [nnz] over each row [n]; rows are never empty."""
+        if not len(self.nodes):
+            return np.zeros(0)
+        return np.add.reduceat(values, self.indptr[:-1])
+
+
+def coverage_table(
+    views: Views,
+    reachable: BoolArray,
+    first_step: int,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> CoverageTable:
+    """Evaluate all reachable states [T+1, S] from `first_step` on."""
+    nodes, counts, groups, pixels = [], [], [], []
+    n_steps, n_states = reachable.shape
+    for t in range(first_step, n_steps):
+        states = np.flatnonzero(reachable[t])
+        for start in range(0, len(states), BATCH):
+            batch = states[start : start + BATCH]
+            coverage = views.coverage(t, batch)
+            row, face = np.nonzero(coverage)
+            seen, count = np.unique(row, return_counts=True)
+            nodes.append(t * n_states + batch[seen])
+            counts.append(count)
+            groups.append(t * coverage.shape[1] + face)
+            pixels.append(coverage[row, face])
+        progress(t + 1, n_steps)
+    none = np.zeros(0, dtype=np.int64)
+    return CoverageTable(
+        nodes=np.concatenate([none, *nodes]),
+        indptr=np.concatenate([[0], np.cumsum(np.concatenate([none, *counts]))]),
+        groups=np.concatenate([none, *groups]),
+        pixels=np.concatenate([np.zeros(0), *pixels]),
+    )

@@ -1,0 +1,134 @@
+"""A problem compiled for solvers: robot classes, their graphs and their coverage.
+
+Robots with the same motion, camera and goal form a class: they differ only in their start,
+share one graph and one coverage table, and one sweep prices them all.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+from cocap_opt.cache import cached_table, content_key
+from cocap_opt.coverage import CoverageTable, FaceGeometry, Views, coverage_table
+from cocap_opt.plan import Plan
+from cocap_opt.problem import BoolArray, Problem, Robot
+from cocap_opt.timegraph import TimeGraph, time_graph
+
+Path = tuple[int, ...]  # T+1 state numbers of one robot
+
+
+@dataclass(frozen=True)
+class RobotClass:
+    """Robots that differ only in where they start."""
+
+    spec: Robot  # any of them
+    robots: tuple[int, ...]
+    starts: tuple[int, ...]  # state number of each robot's start
+    graph: TimeGraph
+
+    @property
+    def goal(self) -> tuple[int, int] | None:
+        """Cell in which all of them must end."""
+        return self.spec.goal
+
+
+class Model:
+    """What planners and formulations share of one problem. Coverage is made when asked for.
+
+    Attributes
+    ----------
+    classes : the robot classes
+    class_of : [R] class of each robot
+    """
+
+    def __init__(self, problem: Problem, use_cache: bool = True) -> None:
+        self.problem = problem
+        self._use_cache = use_cache
+        self._geometry = FaceGeometry(problem)
+        self._tables: dict[tuple[object, ...], CoverageTable] = {}
+        self.progress: Callable[[int, int], None] = lambda done, total: None
+        members: dict[tuple[object, ...], list[int]] = {}
+        for i, robot in enumerate(problem.robots):
+            members.setdefault((robot.motion, robot.camera, robot.goal), []).append(i)
+        self.classes = tuple(self._make_class(robots) for robots in members.values())
+        of = {i: group for group in self.classes for i in group.robots}
+        self.class_of = tuple(of[i] for i in range(len(problem.robots)))
+
+    def _make_class(self, robots: list[int]) -> RobotClass:
+        spec = self.problem.robots[robots[0]]
+        graph = time_graph(self.problem.height_map, spec.motion, len(spec.camera.tilts))
+        starts = tuple(graph.index(self.problem.robots[i].start) for i in robots)
+        return RobotClass(spec, tuple(robots), starts, graph)
+
+    @property
+    def n_faces(self) -> int:
+        """F, over all actors."""
+        return len(self.problem.face_weights)
+
+    def start(self, robot: int) -> int:
+        """State number of a robot's start."""
+        return self.class_of[robot].graph.index(self.problem.robots[robot].start)
+
+    def views(self, group: RobotClass) -> Views:
+        """A fresh source of coverage that evaluates only what it is asked for."""
+        return Views(self._geometry, self.problem, group.graph, group.spec.camera)
+
+    def reachable(self, group: RobotClass) -> BoolArray:
+        """States [T+1, S] that some robot with this class's motion and camera can reach."""
+        alike = self._alike(group)
+        starts = [start for other in alike for start in other.starts]
+        return group.graph.reachable(starts, self.problem.horizon)
+
+    def _alike(self, group: RobotClass) -> list[RobotClass]:
+        wanted = (group.spec.motion, group.spec.camera)
+        return [c for c in self.classes if (c.spec.motion, c.spec.camera) == wanted]
+
+    def coverage(self, group: RobotClass) -> CoverageTable:
+        """Coverage of every state that the class can reach (shared by classes that see alike)."""
+        key = (group.spec.motion, group.spec.camera)
+        if key not in self._tables:
+            self._tables[key] = self._find_table(group)
+        return self._tables[key]
+
+    def _find_table(self, group: RobotClass) -> CoverageTable:
+        problem = self.problem
+
+        def make() -> CoverageTable:
+            return coverage_table(
+                self.views(group), self.reachable(group), problem.first_step, self.progress
+            )
+
+        if not self._use_cache:
+            return make()
+        starts = sorted(start for other in self._alike(group) for start in other.starts)
+        poses = [actor.poses[: problem.horizon + 1] for actor in problem.actors]
+        shapes = [actor.shape for actor in problem.actors]
+        key = content_key(
+            problem.height_map, group.spec.motion, group.spec.camera, starts, problem.horizon,
+            problem.face_samples, problem.first_step, poses, shapes,
+        )  # fmt: skip
+        return cached_table(key, make)
+
+    def plan(self, paths: Sequence[Path]) -> Plan:
+        """Plan made of one path of state numbers per robot."""
+        graphs = (group.graph for group in self.class_of)
+        return Plan(
+            paths=tuple(
+                tuple(graph.state(s) for s in path)
+                for graph, path in zip(graphs, paths, strict=True)
+            )
+        )
+
+    def paths(self, plan: Plan) -> tuple[Path, ...]:
+        """State numbers of a plan's paths."""
+        graphs = (group.graph for group in self.class_of)
+        return tuple(
+            tuple(graph.index(state) for state in path)
+            for graph, path in zip(graphs, plan.paths, strict=True)
+        )
+
+
+@lru_cache(maxsize=8)
+def compiled(problem: Problem) -> Model:
+    """The model of a problem, made once per process."""
+    return Model(problem)

@@ -1,0 +1,144 @@
+"""Motion of one robot as networkx graphs: where it can go in one step, and how it can turn.
+
+Moving and turning do not depend on each other, so the motion graph is the tensor product of
+a place graph (cells) and an orientation graph (headings and gimbal pitches), both with
+self-loops. `timegraph` compiles the two factors; nobody needs the product to plan.
+"""
+
+from collections.abc import Iterator
+from itertools import product
+
+import networkx as nx
+import numpy as np
+
+from cocap_opt.problem import BoolArray, Camera, HeightMap, Motion, Problem, State
+
+Move = tuple[int, int, int]  # (layers, cells along x, cells along y)
+Place = tuple[int, int, int]  # (layer, x, y)
+Orientation = tuple[int, int]  # (heading, pitch)
+
+
+def free_places(height_map: HeightMap, motion: Motion) -> BoolArray:
+    """Places where a robot may be, [layer, X, Y]: H < flight height - clearance."""
+    floors = np.array(motion.layers) - motion.clearance
+    return height_map.heights[None, :, :] < floors[:, None, None]
+
+
+def moves(motion: Motion) -> list[Move]:
+    """All cell moves of one step; the first is to stay."""
+    climb = min(motion.climb, len(motion.layers) - 1)
+    reach, climbs = range(-motion.radius, motion.radius + 1), range(-climb, climb + 1)
+    return sorted(product(climbs, reach, reach), key=lambda move: (move != (0, 0, 0), move))
+
+
+def swept_cells(dx: int, dy: int) -> list[tuple[int, int]]:
+    """Cells, relative to the first, that the straight line between two cell centres touches.
+
+    A diagonal move touches the two cells at whose corner it passes.
+    """
+    # The line meets the closed unit square around (i, j) unless the square lies wholly on
+    # one side of it (separating axis; integers, so the test is exact).
+    return [
+        (i, j)
+        for i in range(min(0, dx), max(0, dx) + 1)
+        for j in range(min(0, dy), max(0, dy) + 1)
+        if 2 * abs(dx * j - dy * i) <= abs(dx) + abs(dy)
+    ]
+
+
+def allowed_starts(free: BoolArray, motion: Motion, move: Move) -> BoolArray:
+    """Places [layer, X, Y] from which `move` is allowed."""
+    climb, dx, dy = move
+    cells = [(dx, dy)] if motion.corner_cutting else swept_cells(dx, dy)
+    allowed = free & shifted(free, move)
+    for layer in {0, climb}:
+        for i, j in cells:
+            allowed &= shifted(free, (layer, i, j))
+    return allowed
+
+
+def shifted(free: BoolArray, move: Move) -> BoolArray:
+    """`free` looked up at every place + `move`; False outside the map."""
+    result = np.zeros_like(free)
+    source, target = [], []
+    for step, size in zip(move, free.shape, strict=True):
+        source.append(slice(max(0, step), max(0, size + min(0, step))))
+        target.append(slice(max(0, -step), max(0, size - max(0, step))))
+    result[tuple(target)] = free[tuple(source)]
+    return result
+
+
+def place_graph(height_map: HeightMap, motion: Motion) -> nx.DiGraph:
+    """Directed graph of the cells a robot can fly in: nodes (layer, x, y), self-loops included."""
+    free = free_places(height_map, motion)
+    graph: nx.DiGraph = nx.DiGraph()
+    graph.add_nodes_from(map(tuple, np.argwhere(free).tolist()))
+    for move in moves(motion):
+        tails = np.argwhere(allowed_starts(free, motion, move))
+        heads = tails + np.array(move)
+        graph.add_edges_from(
+            zip(map(tuple, tails.tolist()), map(tuple, heads.tolist()), strict=True)
+        )
+    return graph
+
+
+def turned(index: int, most: int, size: int, cyclic: bool) -> set[int]:
+    """Indices reachable from `index` by at most `most` steps on a ring or a line of `size`."""
+    reach = range(index - most, index + most + 1)
+    return {i % size for i in reach} if cyclic else {i for i in reach if 0 <= i < size}
+
+
+def orientation_graph(motion: Motion, camera: Camera) -> nx.DiGraph:
+    """Directed graph of orientations: nodes (heading, pitch), self-loops included.
+
+    Headings are a ring, pitches a line.
+    """
+    graph: nx.DiGraph = nx.DiGraph()
+    for heading, pitch in product(range(motion.headings), range(len(camera.tilts))):
+        graph.add_edges_from(
+            ((heading, pitch), (next_heading, next_pitch))
+            for next_heading in turned(heading, motion.turn, motion.headings, cyclic=True)
+            for next_pitch in turned(pitch, motion.pitch_turn, len(camera.tilts), cyclic=False)
+        )
+    return graph
+
+
+def motion_graph(problem: Problem, robot: int) -> nx.DiGraph:
+    """Motion graph of one robot; nodes are `State`, an edge is one step of motion."""
+    motion, camera = problem.robots[robot].motion, problem.robots[robot].camera
+    graph = nx.tensor_product(
+        place_graph(problem.height_map, motion), orientation_graph(motion, camera)
+    )
+    return nx.relabel_nodes(graph, {node: _state(*node) for node in graph})
+
+
+def _state(place: Place, orientation: Orientation) -> State:
+    layer, x, y = place
+    return State(x, y, layer, *orientation)
+
+
+def time_expanded_graph(problem: Problem, robot: int) -> nx.DiGraph:
+    """Time-expanded graph of one robot: nodes (State, t) that lie on some path from its start.
+
+    It is the tensor product of the motion graph and the directed path 0..T, pruned to what
+    the start reaches and, where there is a goal, to what reaches the goal. Every planner
+    searches this graph; `timegraph.TimeGraph` is its compiled form.
+    """
+    steps: nx.DiGraph = nx.path_graph(problem.horizon + 1, create_using=nx.DiGraph)
+    graph = nx.tensor_product(motion_graph(problem, robot), steps)
+    spec = problem.robots[robot]
+    source = (spec.start, 0)
+    keep = {source} | nx.descendants(graph, source)
+    ends = [node for node in keep if node[1] == problem.horizon and _at_goal(node[0], spec.goal)]
+    backward = graph.reverse(copy=False)
+    keep &= set(_reached(backward, ends))
+    return graph.subgraph(keep).copy()
+
+
+def _at_goal(state: State, goal: tuple[int, int] | None) -> bool:
+    return goal is None or (state.x, state.y) == goal
+
+
+def _reached(graph: nx.DiGraph, sources: list[tuple[State, int]]) -> Iterator[tuple[State, int]]:
+    for layer in nx.bfs_layers(graph, sources):
+        yield from layer

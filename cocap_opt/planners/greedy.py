@@ -1,0 +1,126 @@
+"""Greedy planning over robots, ignoring collisions: the "unconstrained" reference.
+
+Each robot in turn gets its best path given what the earlier ones see. Without collision
+rules the plan has at least half the optimal J, if the low level is exact.
+"""
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from cocap_opt.model import Model, Path, compiled
+from cocap_opt.planners.single import LowLevel, SingleRobotPath, SingleRobotTask
+from cocap_opt.planners.value_iteration import value_iteration
+from cocap_opt.problem import FloatArray, Problem
+from cocap_opt.result import Limit, Reason, Result
+from cocap_opt.reward import no_pixels, objective
+from cocap_opt.stop import Stop, never
+
+
+@dataclass
+class Team:
+    """Paths found so far and the pixels of each robot, the state of all greedy planners."""
+
+    model: Model
+    found: list[SingleRobotPath]
+
+    def others(self, robot: int) -> FloatArray:
+        """Pixels [G] of all robots but one."""
+        pixels = no_pixels(self.model.problem)
+        for i, single in enumerate(self.found):
+            if i != robot:
+                pixels = pixels + single.pixels
+        return pixels
+
+    @property
+    def paths(self) -> list[Path]:
+        """Paths of all robots, which must all have been found."""
+        return [single.path for single in self.found if single.path is not None]
+
+    @property
+    def value(self) -> float:
+        """J."""
+        pixels = self.others(robot=-1)
+        return objective(self.model.problem, pixels, self.paths)
+
+    @property
+    def evaluated(self) -> int:
+        """Number of states whose coverage was needed."""
+        return sum(single.evaluated for single in self.found)
+
+
+def greedy(
+    problem: Problem,
+    stop: Stop = never,
+    low_level: LowLevel = value_iteration,
+    rounds: int = 1,
+) -> Result:
+    """Plan the robots in order, each best given the earlier ones; collisions are ignored.
+
+    With `rounds` > 1 each robot is planned again in turn against all others, until that
+    gains nothing or the rounds are over; only gains are kept.
+    """
+    begin = time.perf_counter()
+    model = compiled(problem)
+    team = Team(model, [])
+    limit = Limit.NONE
+    for robot in range(len(problem.robots)):
+        limit = stop()
+        single = (
+            low_level(SingleRobotTask(model, robot, team.others(robot), stop=stop))
+            if limit is Limit.NONE
+            else hover(model, robot)
+        )
+        if single.path is None:
+            limit = limit if limit is not Limit.NONE else stop()
+            reason = Reason.INFEASIBLE if limit is Limit.NONE else Reason.STOPPED
+            return no_plan(reason, limit, begin)
+        team.found.append(single)
+    improved = limit is Limit.NONE
+    for _ in range(rounds - 1):
+        improved = improved and _improve(team, low_level, stop)
+    limit = limit if limit is not Limit.NONE else stop()
+    return Result(
+        plan=model.plan(team.paths),
+        value=team.value,
+        reason=Reason.FINISHED if limit is Limit.NONE else Reason.STOPPED,
+        limit=limit,
+        seconds=time.perf_counter() - begin,
+        statistics={"evaluated": team.evaluated},
+    )
+
+
+def _improve(team: Team, low_level: LowLevel, stop: Stop) -> bool:
+    """Plan each robot again against all others; say whether J grew."""
+    before = team.value
+    for robot in range(len(team.found)):
+        if stop() is not Limit.NONE:
+            break
+        single = low_level(SingleRobotTask(team.model, robot, team.others(robot), stop=stop))
+        if single.path is not None:
+            changed = Team(team.model, [*team.found])
+            changed.found[robot] = single
+            if changed.value > team.value:
+                team.found[robot] = single
+    return team.value > before
+
+
+def hover(model: Model, robot: int) -> SingleRobotPath:
+    """The path that stays at the start: what a robot does for which no time is left."""
+    problem, group = model.problem, model.class_of[robot]
+    start, pixels = problem.robots[robot].start, no_pixels(problem)
+    if group.goal not in (None, (start.x, start.y)):
+        return SingleRobotPath(None, pixels, 0)
+    views, state = model.views(group), np.array([model.start(robot)])
+    for t in range(problem.first_step, problem.horizon + 1):
+        pixels[t * model.n_faces : (t + 1) * model.n_faces] = views.coverage(t, state)[0]
+    return SingleRobotPath((model.start(robot),) * (problem.horizon + 1), pixels, views.evaluated)
+
+
+def no_plan(
+    reason: Reason, limit: Limit, begin: float, statistics: dict[str, float] | None = None
+) -> Result:
+    """Result without a plan."""
+    seconds = time.perf_counter() - begin
+    return Result(None, float("-inf"), reason, limit, seconds=seconds, statistics=statistics or {})

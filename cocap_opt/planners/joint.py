@@ -1,0 +1,291 @@
+"""Joint value iteration: the proved optimum for one or two robots.
+
+Two robots move independently, so the maximum over pairs of actions is taken one robot after
+the other: a step costs S^2 * 2 |A| instead of S^2 |A|^2. Only the swap rule couples the
+moves; the pairs of cells that it touches are done again without the forbidden exchange.
+"""
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from cocap_opt.constraints import place_of, places_too_close
+from cocap_opt.model import Model, Path, RobotClass, compiled
+from cocap_opt.planners.greedy import no_plan
+from cocap_opt.planners.single import SingleRobotTask
+from cocap_opt.planners.value_iteration import value_iteration
+from cocap_opt.problem import Cell, FloatArray, IntArray, Problem
+from cocap_opt.result import Limit, Reason, Result, Unsupported
+from cocap_opt.reward import group_weights, no_pixels, objective_of
+from cocap_opt.stop import Stop, never
+from cocap_opt.timegraph import CLOSED
+
+MEMORY_LIMIT = 8e9  # bytes that the values of all pairs of states may take
+
+
+def joint(problem: Problem, stop: Stop = never) -> Result:
+    """Best plan of one or two robots, proved by value iteration over pairs of states.
+
+    Raises
+    ------
+    Unsupported
+        For more than two robots.
+    """
+    begin = time.perf_counter()
+    model = compiled(problem)
+    if len(problem.robots) > 2:
+        raise Unsupported(f"joint planning takes one or two robots, not {len(problem.robots)}")
+    if len(problem.robots) == 1:
+        path = value_iteration(SingleRobotTask(model, 0, no_pixels(problem))).path
+        paths = None if path is None else (path,)
+    else:
+        pair = _Pair(model)
+        if pair.bytes_needed > MEMORY_LIMIT:
+            return no_plan(Reason.STOPPED, Limit.MEMORY, begin)
+        values = pair.sweep(stop)
+        if values is None:
+            return no_plan(Reason.STOPPED, stop(), begin)
+        paths = pair.best_paths(values)
+    if paths is None:
+        return no_plan(Reason.INFEASIBLE, Limit.NONE, begin)
+    value = objective_of(model, paths)
+    seconds = time.perf_counter() - begin
+    return Result(model.plan(paths), value, Reason.OPTIMAL, bound=value, seconds=seconds)
+
+
+@dataclass(frozen=True)
+class _Side:
+    """One robot's part of the pair: the places it can reach at each step, numbered per step."""
+
+    group: RobotClass
+    start: int  # state number
+    places: list[IntArray]  # per step [n_t] place numbers, increasing
+
+    @classmethod
+    def of(cls, model: Model, robot: int) -> "_Side":
+        graph, start = model.class_of[robot].graph, model.start(robot)
+        reach = graph.reachable([start], model.problem.horizon)
+        reach = reach.reshape(len(reach), graph.n_orientations, graph.n_places)
+        return cls(model.class_of[robot], start, [np.flatnonzero(r.any(axis=0)) for r in reach])
+
+    def sizes(self, t: int) -> tuple[int, int]:
+        return self.group.graph.n_orientations, len(self.places[t])
+
+    def states(self, t: int) -> IntArray:
+        """State numbers [O * n_t], orientation by orientation."""
+        origins = np.arange(self.group.graph.n_orientations) * self.group.graph.n_places
+        return (origins[:, None] + self.places[t]).ravel()
+
+    def position(self, t: int, places: IntArray) -> IntArray:
+        """Positions of place numbers in the list of step t; n_t where a place is not in it."""
+        at = np.minimum(np.searchsorted(self.places[t], places), len(self.places[t]) - 1)
+        return np.where(self.places[t][at] == places, at, len(self.places[t]))
+
+    def targets(self, t: int) -> IntArray:
+        """Positions at t+1 that each move leads to from each place of t [K, n_t]."""
+        return self.position(t + 1, self.group.graph.neighbours[:, self.places[t]])
+
+    def cell(self, model: Model, place: int) -> Cell:
+        layer, x, y = self.group.graph.coordinates(np.array([place]))[:, 0].tolist()
+        return Cell(x, y, model.problem.layers.index(self.group.spec.motion.layers[layer]))
+
+
+class _Pair:
+    """Value iteration over pairs; arrays [Oa, na_t, Ob, nb_t] over both robots' states."""
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        self.a, self.b = _Side.of(model, 0), _Side.of(model, 1)
+        self.horizon = model.problem.horizon
+        self.bonus = model.problem.objective.stationarity
+
+    @property
+    def bytes_needed(self) -> float:
+        steps = range(self.horizon + 1)
+        return 8.0 * sum(
+            float(np.prod(self.a.sizes(t))) * float(np.prod(self.b.sizes(t))) for t in steps
+        )
+
+    def sweep(self, stop: Stop) -> list[FloatArray] | None:
+        """Best reward to go of all pairs at every step; None where a limit is reached."""
+        values = [self._close_goals(self._own(self.horizon))]
+        for t in range(self.horizon - 1, -1, -1):
+            if stop() is not Limit.NONE:
+                return None
+            values.append(self._step_back(t, values[-1]) + self._own(t))
+        return values[::-1]
+
+    def _own(self, t: int) -> FloatArray:
+        """Reward of being in a pair of states at t; CLOSED where the two conflict."""
+        shape = (*self.a.sizes(t), *self.b.sizes(t))
+        coverage_a, coverage_b = self._coverage(self.a, t), self._coverage(self.b, t)
+        n_faces = self.model.n_faces
+        weights = group_weights(self.model.problem)[t * n_faces : (t + 1) * n_faces]
+        root_a, root_b = np.sqrt(coverage_a) @ weights, np.sqrt(coverage_b) @ weights
+        own = root_a[:, None] + root_b[None, :]
+        # Where both see a face, the roots do not add up.
+        for face in np.flatnonzero(weights):
+            rows = np.flatnonzero(coverage_a[:, face])
+            columns = np.flatnonzero(coverage_b[:, face])
+            if len(rows) and len(columns):
+                first, second = coverage_a[rows, face][:, None], coverage_b[columns, face]
+                excess = np.sqrt(first + second) - np.sqrt(first) - np.sqrt(second)
+                own[np.ix_(rows, columns)] += weights[face] * excess
+        own = own.reshape(shape)
+        for i, place in enumerate(self.a.places[t].tolist()):
+            cell = self.a.cell(self.model, place)
+            near = np.array(places_too_close(self.model, self.b.group, cell), dtype=np.int64)
+            if len(near):
+                at = self.b.position(t, near)
+                own[:, i, :, at[at < shape[3]]] = CLOSED
+        return own
+
+    def _coverage(self, side: _Side, t: int) -> FloatArray:
+        """Coverage [O * n_t, F] of a robot's states at t."""
+        table, n_states = self.model.coverage(side.group), side.group.graph.n_states
+        rows = [table.row(t * n_states + int(state)) for state in side.states(t)]
+        coverage = np.zeros((len(rows), self.model.n_faces))
+        for row, (groups, pixels) in zip(coverage, rows, strict=True):
+            row[groups - t * self.model.n_faces] = pixels
+        return coverage
+
+    def _close_goals(self, values: FloatArray) -> FloatArray:
+        for side, axis in ((self.a, 1), (self.b, 3)):
+            if side.group.goal is not None:
+                _, x, y = side.group.graph.coordinates(side.places[self.horizon])
+                elsewhere = np.flatnonzero((x != side.group.goal[0]) | (y != side.group.goal[1]))
+                values[(slice(None),) * axis + (elsewhere,)] = CLOSED
+        return values
+
+    def _step_back(self, t: int, ahead: FloatArray) -> FloatArray:
+        """Best of the pairs of actions at t, without the rewards of t."""
+        half = self._best_move(t, ahead, self.b, axis=2)
+        best = self._best_move(t, half, self.a, axis=0)
+        if self.model.problem.rules.swap:
+            self._without_swaps(t, ahead, half, best)
+        return best
+
+    def _turned(self, values: FloatArray, side: _Side, axis: int) -> FloatArray:
+        """Maximum over the turns of one robot, whose orientations are on `axis`."""
+        moved = np.moveaxis(values, axis, 0)
+        result = np.empty_like(values)
+        target = np.moveaxis(result, axis, 0)
+        for orientation, turns in enumerate(side.group.graph.turns):
+            np.copyto(target[orientation], moved[turns[0]])
+            for turn in turns[1:]:
+                np.maximum(target[orientation], moved[turn], out=target[orientation])
+        return result
+
+    def _best_move(self, t: int, ahead: FloatArray, side: _Side, axis: int) -> FloatArray:
+        """Maximum over one robot's actions; `axis` holds its orientations, the next its places."""
+        turned = _with_closed_end(self._turned(ahead, side, axis), axis + 1)
+        targets = side.targets(t)
+        best = turned.take(targets[0], axis=axis + 1)
+        for target in targets[1:]:
+            np.maximum(best, turned.take(target, axis=axis + 1), out=best)
+        if self.bonus:
+            stay = ahead.take(side.position(t + 1, side.places[t]), axis=axis + 1)
+            np.maximum(best, stay + self.bonus, out=best)
+        return best
+
+    def _without_swaps(self, t: int, ahead: FloatArray, half: FloatArray, best: FloatArray) -> None:
+        """Do the pairs of cells again that could be exchanged in this step.
+
+        Either a does not go to b's cell and b does as it likes (`half` holds b's best), or a
+        goes there and b does not go to a's.
+        """
+        at_a, at_b, there, here = self._exchanges(t)
+        if not len(at_a):
+            return
+        turned_a = _with_closed_end(self._turned(half, self.a, 0), 1)
+        redone = np.full((len(at_a), best.shape[0], best.shape[2]), CLOSED)
+        for target in self.a.targets(t):
+            to = np.where(target[at_a] == there, half.shape[1], target[at_a])
+            np.maximum(redone, turned_a[:, to, :, at_b], out=redone)
+        both = self._turned(self._turned(ahead, self.a, 0), self.b, 2)
+        both = _with_closed_end(both, 3)
+        for target in self.b.targets(t):
+            to = np.where(target[at_b] == here, ahead.shape[3], target[at_b])
+            np.maximum(redone, both[:, there, :, to], out=redone)
+        if self.bonus:
+            stay_a = self.a.position(t + 1, self.a.places[t])[at_a]
+            np.maximum(redone, half[:, stay_a, :, at_b] + self.bonus, out=redone)
+            stay_b = self.b.position(t + 1, self.b.places[t])[at_b]
+            only_a = self._turned(ahead, self.a, 0)
+            np.maximum(redone, only_a[:, there, :, stay_b] + self.bonus, out=redone)
+        best[:, at_a, :, at_b] = redone
+
+    def _exchanges(self, t: int) -> tuple[IntArray, IntArray, IntArray, IntArray]:
+        """Pairs of places at t whose robots can change places, as positions.
+
+        Returns
+        -------
+        at_a, at_b : [n] where the robots stand, in the lists of step t
+        there, here : [n] b's and a's cell, in the lists of a and b at step t+1
+        """
+        rows = []
+        targets_a, targets_b = self.a.targets(t), self.b.targets(t)
+        n_a, n_b = len(self.a.places[t + 1]), len(self.b.places[t + 1])
+        for i, place in enumerate(self.a.places[t].tolist()):
+            in_b = place_of(self.model, self.b.group, self.a.cell(self.model, place))
+            if in_b is None:
+                continue
+            here = int(self.b.position(t + 1, np.array([in_b]))[0])
+            for there in set(targets_a[:, i].tolist()) - {n_a}:
+                cell = self.a.cell(self.model, int(self.a.places[t + 1][there]))
+                other = place_of(self.model, self.b.group, cell)
+                if other is None or other == in_b:
+                    continue
+                j = int(self.b.position(t, np.array([other]))[0])
+                if here < n_b and j < len(self.b.places[t]) and here in targets_b[:, j]:
+                    rows.append((i, j, there, here))
+        at_a, at_b, there_a, here_b = np.array(rows, dtype=np.int64).reshape(-1, 4).T
+        return at_a, at_b, there_a, here_b
+
+    def best_paths(self, values: list[FloatArray]) -> tuple[Path, Path] | None:
+        """Read the best pair of paths off the values; ties go to the first pair of states."""
+        graph_a, graph_b = self.a.group.graph, self.b.group.graph
+        path_a, path_b = [self.a.start], [self.b.start]
+        if values[0][self._at(0, path_a[0], path_b[0])] == CLOSED:
+            return None
+        for t in range(self.horizon):
+            heads_a, heads_b = graph_a.successors(path_a[-1]), graph_b.successors(path_b[-1])
+            at_a = self._positions(self.a, t + 1, heads_a)
+            at_b = self._positions(self.b, t + 1, heads_b)
+            ahead = values[t + 1][at_a[0][:, None], at_a[1][:, None], at_b[0], at_b[1]]
+            if self.bonus:
+                ahead = ahead + self.bonus * (heads_a == path_a[-1])[:, None]
+                ahead = ahead + self.bonus * (heads_b == path_b[-1])[None, :]
+            if self.model.problem.rules.swap:
+                ahead = np.where(self._swapped(path_a[-1], path_b[-1], heads_a, heads_b),
+                                 CLOSED, ahead)  # fmt: skip
+            row, column = np.unravel_index(np.argmax(ahead), ahead.shape)
+            path_a.append(int(heads_a[row]))
+            path_b.append(int(heads_b[column]))
+        return tuple(path_a), tuple(path_b)
+
+    def _positions(self, side: _Side, t: int, states: IntArray) -> tuple[IntArray, IntArray]:
+        orientation, place = np.divmod(states, side.group.graph.n_places)
+        return orientation, side.position(t, place)
+
+    def _at(self, t: int, a: int, b: int) -> tuple[int, int, int, int]:
+        first = self._positions(self.a, t, np.array([a]))
+        second = self._positions(self.b, t, np.array([b]))
+        return int(first[0][0]), int(first[1][0]), int(second[0][0]), int(second[1][0])
+
+    def _swapped(self, a: int, b: int, heads_a: IntArray, heads_b: IntArray) -> FloatArray:
+        """Which pairs of successors [na, nb] exchange the robots' cells."""
+        n_a, n_b = self.a.group.graph.n_places, self.b.group.graph.n_places
+        a_there = place_of(self.model, self.a.group, self.b.cell(self.model, b % n_b))
+        b_there = place_of(self.model, self.b.group, self.a.cell(self.model, a % n_a))
+        if a_there is None or b_there is None or a_there == a % n_a:
+            return np.zeros((len(heads_a), len(heads_b)), dtype=bool)
+        return (heads_a % n_a == a_there)[:, None] & (heads_b % n_b == b_there)[None, :]
+
+
+def _with_closed_end(values: FloatArray, axis: int) -> FloatArray:
+    """One more entry along `axis`, CLOSED: the target of hidden moves."""
+    pad = [(0, 0)] * values.ndim
+    pad[axis] = (0, 1)
+    return np.pad(values, pad, constant_values=CLOSED)

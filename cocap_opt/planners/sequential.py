@@ -1,0 +1,59 @@
+"""Sequential planning with earlier robots as moving obstacles (prioritised planning).
+
+Source: Greedy Perspectives, "sequential planning with inter-robot collision constraints".
+"""
+
+import time
+
+from cocap_opt.constraints import avoid_paths
+from cocap_opt.model import compiled
+from cocap_opt.planners.greedy import Team, hover, no_plan
+from cocap_opt.planners.single import LowLevel, SingleRobotTask
+from cocap_opt.planners.value_iteration import value_iteration
+from cocap_opt.problem import Problem, State
+from cocap_opt.result import Limit, Reason, Result
+from cocap_opt.stop import Stop, never
+
+
+def sequential(
+    problem: Problem, stop: Stop = never, low_level: LowLevel = value_iteration
+) -> Result:
+    """Plan the robots in order, each clear of the earlier ones' paths.
+
+    The start cells of robots not yet planned are kept free at all steps, as in the source,
+    so that a robot for which no time is left can stay where it is. A robot for which no path
+    is left ends the attempt: that is a failure of the order, not a proof.
+    """
+    begin = time.perf_counter()
+    model = compiled(problem)
+    team = Team(model, [])
+    limit = Limit.NONE
+    steps = problem.horizon + 1
+    others: dict[int, tuple[State, ...]] = {
+        i: (robot.start,) * steps for i, robot in enumerate(problem.robots)
+    }
+    for robot in range(len(problem.robots)):
+        limit = limit if limit is not Limit.NONE else stop()
+        del others[robot]
+        if limit is Limit.NONE:
+            group = model.class_of[robot]
+            charges = avoid_paths(model, group, others.items())
+            task = SingleRobotTask(model, robot, team.others(robot), charges, stop)
+            single = low_level(task)
+        else:
+            single = hover(model, robot)
+        if single.path is None:
+            limit = limit if limit is not Limit.NONE else stop()
+            reason = Reason.FAILED if limit is Limit.NONE else Reason.STOPPED
+            return no_plan(reason, limit, begin, {"failed_robot": robot})
+        team.found.append(single)
+        graph = model.class_of[robot].graph
+        others[robot] = tuple(graph.state(s) for s in single.path)
+    return Result(
+        plan=model.plan(team.paths),
+        value=team.value,
+        reason=Reason.FINISHED if limit is Limit.NONE else Reason.STOPPED,
+        limit=limit,
+        seconds=time.perf_counter() - begin,
+        statistics={"evaluated": team.evaluated},
+    )

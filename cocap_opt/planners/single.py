@@ -1,0 +1,30 @@
+"""What every single-robot planner ("low level") takes and returns."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from cocap_opt.model import Model, Path
+from cocap_opt.problem import FloatArray
+from cocap_opt.stop import Stop, never
+from cocap_opt.timegraph import NO_CHARGES, Charges
+
+
+class SingleRobotTask(NamedTuple):
+    """Plan one robot against what the others see and occupy."""
+
+    model: Model
+    robot: int
+    pixels: FloatArray  # [G] px/m2 that the other robots have on every (step, face)
+    charges: Charges = NO_CHARGES  # infinite where the robot must not go
+    stop: Stop = never
+
+
+class SingleRobotPath(NamedTuple):
+    """A robot's path and what it sees along it."""
+
+    path: Path | None  # None: there is no path, or a limit stopped the search
+    pixels: FloatArray  # [G] px/m2 along the path
+    evaluated: int  # states whose coverage was needed for the first time
+
+
+LowLevel = Callable[[SingleRobotTask], SingleRobotPath]

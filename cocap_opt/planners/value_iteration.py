@@ -1,0 +1,20 @@
+"""Single-robot planning by value iteration: exact on the time-expanded graph."""
+
+from cocap_opt.planners.single import SingleRobotPath, SingleRobotTask
+from cocap_opt.reward import marginal_reward, no_pixels, robot_pixels
+
+
+def value_iteration(task: SingleRobotTask) -> SingleRobotPath:
+    """Best path of one robot for the marginal view reward over what the others see.
+
+    One backward sweep over all states of the time-expanded graph, then the path is read off
+    forward. It needs the coverage of every reachable state.
+    """
+    model, group = task.model, task.model.class_of[task.robot]
+    bonus = model.problem.objective.stationarity
+    reward = marginal_reward(model, group, task.pixels)
+    value = group.graph.backward_sweep(reward, bonus, task.charges, group.goal)
+    path = group.graph.best_path(value, model.start(task.robot), bonus, task.charges)
+    if path is None:
+        return SingleRobotPath(None, no_pixels(model.problem), 0)
+    return SingleRobotPath(tuple(path), robot_pixels(model, task.robot, tuple(path)), 0)

@@ -1,0 +1,151 @@
+"""Single-robot planning by view search, CoCap Alg. 2: lazy best-first search.
+
+It asks for the coverage of a state only when it reaches it, which is its whole point:
+rendering views costs far more than searching.
+"""
+
+import heapq
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from cocap_opt.coverage import Views
+from cocap_opt.model import Model, RobotClass
+from cocap_opt.planners.single import SingleRobotPath, SingleRobotTask
+from cocap_opt.problem import FloatArray, IntArray
+from cocap_opt.result import Limit
+from cocap_opt.reward import group_weights, marginal_gain, no_pixels
+from cocap_opt.timegraph import CLOSED
+
+DEFAULT_GAMMA = 0.9
+
+
+class LazyCoverage:
+    """Coverage of the states of one class, evaluated on first use and then remembered."""
+
+    def __init__(self, views: Views) -> None:
+        self._views = views
+        self._known: dict[tuple[int, int], FloatArray] = {}
+
+    @property
+    def evaluated(self) -> int:
+        """Number of states evaluated so far."""
+        return self._views.evaluated
+
+    def __call__(self, t: int, states: IntArray) -> FloatArray:
+        """Coverage [n, F] in px/m2 of states [n] at step t."""
+        new = [s for s in states.tolist() if (t, s) not in self._known]
+        if new:
+            rows = self._views.coverage(t, np.array(new, dtype=np.int64))
+            self._known.update(zip(((t, s) for s in new), rows, strict=True))
+        return np.array([self._known[t, s] for s in states.tolist()])
+
+
+@dataclass(frozen=True)
+class ViewSearch:
+    """Best-first search over (step, state), keyed by the discounted reward of the path so far.
+
+    The key of a child at step k+1 is (Rbar_k + R_{k+1}) gamma^k: the reward collected on the
+    way to its parent, plus its own, discounted by depth. Below 1, gamma lets promising
+    shallow branches compete with deep ones (better paths, more states evaluated); at 1 the
+    search dives. Each instance remembers the coverage it has evaluated.
+    """
+
+    gamma: float = DEFAULT_GAMMA
+    _sources: dict[tuple[Model, tuple[int, ...]], LazyCoverage] = field(default_factory=dict)
+
+    def __call__(self, task: SingleRobotTask) -> SingleRobotPath:
+        """Search; backtracks from dead ends, and fails only if there is no path at all."""
+        model, group = task.model, task.model.class_of[task.robot]
+        coverage = self._source(model, group)
+        evaluated_before = coverage.evaluated
+        path = self._search(task, coverage)
+        pixels = no_pixels(model.problem)
+        if path is not None:
+            pixels = self._path_pixels(model, coverage, path)
+        return SingleRobotPath(path, pixels, coverage.evaluated - evaluated_before)
+
+    def _source(self, model: Model, group: RobotClass) -> LazyCoverage:
+        key = model, group.robots
+        if key not in self._sources:
+            self._sources[key] = LazyCoverage(model.views(group))
+        return self._sources[key]
+
+    def _path_pixels(
+        self, model: Model, coverage: LazyCoverage, path: tuple[int, ...]
+    ) -> FloatArray:
+        pixels = no_pixels(model.problem).reshape(len(path), -1)
+        for t in range(model.problem.first_step, len(path)):
+            pixels[t] = coverage(t, np.array([path[t]]))[0]
+        return pixels.ravel()
+
+    def _search(self, task: SingleRobotTask, coverage: LazyCoverage) -> tuple[int, ...] | None:
+        problem, graph = task.model.problem, task.model.class_of[task.robot].graph
+        horizon, bonus = problem.horizon, problem.objective.stationarity
+        weights = group_weights(problem).reshape(horizon + 1, -1)
+        seen = task.pixels.reshape(horizon + 1, -1)
+        may_enter = _goal_filter(task)
+        start = task.model.start(task.robot)
+        parent: dict[tuple[int, int], int] = {}
+        best = {(0, start): 0.0}
+        processed: set[tuple[int, int]] = set()
+        # Ties go to the deeper node, then to the older one.
+        queue = [(0.0, 0, 0, start)]
+        pushed = 0
+        while queue:
+            _, minus_depth, _, state = heapq.heappop(queue)
+            k = -minus_depth
+            if k == horizon:
+                return _trace(parent, k, state)
+            if (k, state) in processed:
+                continue
+            processed.add((k, state))
+            if task.stop() is not Limit.NONE:
+                return None
+            heads = graph.successors(state)
+            heads = heads[[may_enter(k, state, int(head)) for head in heads]]
+            if not len(heads):
+                continue  # a dead end: the queue holds the alternatives
+            gains = marginal_gain(seen[k + 1], coverage(k + 1, heads))
+            rewards = (gains * weights[k + 1]).sum(axis=1) + bonus * (heads == state)
+            for head, reward in zip(heads.tolist(), rewards.tolist(), strict=True):
+                total = best[k, state] + reward
+                node = (k + 1, head)
+                if node in processed or total <= best.get(node, CLOSED):
+                    continue
+                best[node] = total
+                parent[node] = state
+                pushed += 1
+                heapq.heappush(queue, (-total * self.gamma**k, -(k + 1), pushed, head))
+        return None
+
+
+def _goal_filter(task: SingleRobotTask) -> Callable[[int, int, int], bool]:
+    """Say which steps of motion are open: not closed by a charge, and the goal still in reach."""
+    group = task.model.class_of[task.robot]
+    graph, charges = group.graph, task.charges
+    in_reach = None
+    if group.goal is not None:
+        in_reach = graph.backward_sweep(
+            graph.no_reward(task.model.problem.horizon), goal=group.goal
+        )
+
+    def may_enter(t: int, tail: int, head: int) -> bool:
+        tail_place, head_place = tail % graph.n_places, head % graph.n_places
+        return (
+            (t + 1, head_place) not in charges.places
+            and (t, tail_place, head_place) not in charges.moves
+            and (in_reach is None or in_reach[t + 1, head] > CLOSED)
+        )
+
+    return may_enter
+
+
+def _trace(parent: dict[tuple[int, int], int], k: int, state: int) -> tuple[int, ...]:
+    path = [state]
+    while k:
+        state = parent[k, state]
+        k -= 1
+        path.append(state)
+    return tuple(reversed(path))

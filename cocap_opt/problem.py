@@ -1,0 +1,485 @@
+"""The planning problem: workspace, robots, actors, objective and collision rules.
+
+Everything here is immutable data, checked once where it is made and then trusted.
+The same classes are the scene file: `cocap_opt.io` reads and writes them as JSON.
+
+Axis letters used throughout the project: R robots, T steps, S motion states, A actors,
+F faces over all actors. Metres, radians, pixels. Steps are t = 0..T.
+
+Source of the model: Rauniyar, Corah, Scherer, "CoCap: Coordinated motion Capture for
+multi-actor scenes in outdoor environments", 2024 (arXiv 2412.20695), and Suresh et al.,
+"Greedy Perspectives", 2024 (arXiv 2310.10863).
+"""
+
+import math
+from functools import cached_property
+from typing import Any, NamedTuple, Self
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+
+class ProblemError(ValueError):
+    """A field of a problem has a value that is not allowed; the message names the field."""
+
+
+class State(NamedTuple):
+    """Motion state of one robot: grid cell, layer, heading and gimbal pitch, all indices.
+
+    Heading 0 looks along +x and headings go counter-clockwise; `layer` indexes
+    `Motion.layers` and `pitch` indexes `Camera.tilts`.
+    """
+
+    x: int
+    y: int
+    layer: int = 0
+    heading: int = 0
+    pitch: int = 0
+
+
+class Cell(NamedTuple):
+    """A robot's place without its orientation; `layer` is an index into `Problem.layers`."""
+
+    x: int
+    y: int
+    layer: int = 0
+
+
+def _require(condition: bool, field: str, allowed: str) -> None:
+    if not condition:
+        raise ProblemError(f"{field}: {allowed}")
+
+
+def _finite(value: float, field: str) -> None:
+    _require(math.isfinite(value), field, f"must be a finite number, not {value}")
+
+
+def _frozen(array: Any, field: str, ndim: int) -> FloatArray:
+    """Return a read-only float64 copy of `array`, which must have `ndim` axes and be finite."""
+    try:
+        result = np.array(array, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ProblemError(f"{field}: must be a {ndim}-D array of numbers") from error
+    _require(result.ndim == ndim, field, f"must have {ndim} axes, not {result.ndim}")
+    _require(result.size > 0, field, "must not be empty")
+    _require(bool(np.isfinite(result).all()), field, "must hold finite numbers only")
+    result.setflags(write=False)
+    return result
+
+
+class _Data(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Base of all problem data: immutable, and a misspelt field in a file is an error."""
+
+    def replace(self, **changes: Any) -> Self:
+        """Return a checked copy with some fields changed."""
+        return msgspec.structs.replace(self, **changes)
+
+
+class HeightMap(_Data, frozen=True, eq=False, dict=True):
+    """A 2.5D map: `heights[x, y]` [X, Y] is the top of the solid column in a cell, in metres.
+
+    Cell (i, j) covers `origin + resolution * ([i, i+1) x [j, j+1))`.
+
+    Raises
+    ------
+    ProblemError
+        If the array is not 2-D, empty or not finite, or the resolution is not positive.
+    """
+
+    heights: FloatArray  # [X, Y] m
+    resolution: float = 1.0  # m, edge of a cell
+    origin: tuple[float, float] = (0.0, 0.0)  # m, corner of cell (0, 0)
+
+    def __post_init__(self) -> None:
+        msgspec.structs.force_setattr(self, "heights", _frozen(self.heights, "heights", 2))
+        _finite(self.resolution, "resolution")
+        _require(self.resolution > 0, "resolution", "must be > 0 m")
+        for value in self.origin:
+            _finite(value, "origin")
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Number of cells along x and y."""
+        x, y = self.heights.shape
+        return x, y
+
+    def centre(self, x: int, y: int) -> tuple[float, float]:
+        """World coordinates (m) of the middle of cell (x, y)."""
+        ox, oy = self.origin
+        return ox + (x + 0.5) * self.resolution, oy + (y + 0.5) * self.resolution
+
+    def cell_of(self, x: float, y: float) -> tuple[int, int]:
+        """Cell that holds the world point (x, y) in metres; it may lie outside the map."""
+        ox, oy = self.origin
+        return math.floor((x - ox) / self.resolution), math.floor((y - oy) / self.resolution)
+
+
+class Motion(_Data, frozen=True):
+    """What a robot can do in one step: move up to `radius` cells and turn.
+
+    The default is Greedy Perspectives' action set: 3x3 cells times yaw -45, 0, +45 degrees.
+    """
+
+    radius: int = 1  # cells along each axis per step
+    headings: int = 8  # number of headings in a full turn
+    turn: int = 1  # heading indices per step, either way
+    layers: tuple[float, ...] = (5.0,)  # m, flight heights, increasing
+    climb: int = 1  # layers per step, either way
+    pitch_turn: int = 1  # gimbal pitch indices per step, either way
+    clearance: float = 0.0  # m, a cell is blocked where its height >= flight height - clearance
+    corner_cutting: bool = False  # True: only the target cell of a move must be free (papers)
+
+    def __post_init__(self) -> None:
+        _require(0 <= self.radius <= 16, "radius", f"must be 0..16 cells, not {self.radius}")
+        _require(
+            1 <= self.headings <= 360, "headings", f"must be 1..360 directions, not {self.headings}"
+        )
+        for field in ("turn", "climb", "pitch_turn"):
+            _require(getattr(self, field) >= 0, field, f"must be >= 0, not {getattr(self, field)}")
+        _finite(self.clearance, "clearance")
+        _require(self.clearance >= 0, "clearance", "must be >= 0 m")
+        _require(len(self.layers) > 0, "layers", "must name at least one flight height")
+        for height in self.layers:
+            _finite(height, "layers")
+        increasing = all(a < b for a, b in zip(self.layers, self.layers[1:], strict=False))
+        _require(increasing, "layers", "flight heights must increase")
+
+
+class Camera(_Data, frozen=True):
+    """A pinhole camera with square pixels and its principal point in the middle.
+
+    More than one tilt makes a gimbal: the pitch index is then part of the motion state.
+    """
+
+    width: int = 4000  # px
+    height: int = 3000  # px
+    focal: float = 2500.0  # px
+    tilts: tuple[float, ...] = (math.radians(10.0),)  # rad below the horizon, one per pitch
+
+    def __post_init__(self) -> None:
+        _require(self.width >= 1, "width", f"must be >= 1 px, not {self.width}")
+        _require(self.height >= 1, "height", f"must be >= 1 px, not {self.height}")
+        _finite(self.focal, "focal")
+        _require(self.focal > 0, "focal", f"must be > 0 px, not {self.focal}")
+        _require(len(self.tilts) > 0, "tilts", "must hold at least one tilt")
+        for tilt in self.tilts:
+            _finite(tilt, "tilts")
+            _require(abs(tilt) <= math.pi / 2, "tilts", f"must be within +-pi/2 rad, not {tilt:g}")
+
+
+class Robot(_Data, frozen=True):
+    """One camera drone: start state, motion, camera and, if wanted, a goal cell at step T."""
+
+    start: State
+    motion: Motion = Motion()
+    camera: Camera = Camera()
+    goal: tuple[int, int] | None = None  # cell (x, y), any layer and orientation
+
+
+class Cuboid(_Data, frozen=True, tag="cuboid"):
+    """Box actor: four sides and a top. The bottom stands on the ground and is never seen."""
+
+    length: float = 1.0  # m, along the actor's heading
+    width: float = 1.0  # m, across it
+    height: float = 1.8  # m
+
+    def __post_init__(self) -> None:
+        _require_sizes(self)
+
+    def faces(self) -> list[FloatArray]:
+        """Faces as polygons [V, 3], counter-clockwise seen from outside: front, left, back,
+        right, top."""
+        x, y, z = self.length / 2, self.width / 2, self.height
+        base = np.array([[x, -y, 0.0], [x, y, 0.0], [-x, y, 0.0], [-x, -y, 0.0]])
+        return _prism_faces(base, z)
+
+
+class Prism(_Data, frozen=True, tag="prism"):
+    """Upright regular prism: `sides` side faces, the first facing the heading, and a top."""
+
+    sides: int = 6
+    apothem: float = 0.5  # m, centre to the middle of a side
+    height: float = 1.8  # m
+
+    def __post_init__(self) -> None:
+        _require(3 <= self.sides <= 64, "sides", f"must be 3..64, not {self.sides}")
+        _require_sizes(self)
+
+    def faces(self) -> list[FloatArray]:
+        """Faces as polygons [V, 3], counter-clockwise seen from outside: sides, then the top."""
+        corner = self.apothem / math.cos(math.pi / self.sides)
+        angles = 2 * math.pi / self.sides * (np.arange(self.sides) - 0.5)
+        base = np.column_stack(
+            [corner * np.cos(angles), corner * np.sin(angles), np.zeros(self.sides)]
+        )
+        return _prism_faces(base, self.height)
+
+
+class TriangulatedCuboid(_Data, frozen=True, tag="triangulated-cuboid"):
+    """Box whose sides and top are two triangles each, every triangle a face of its own.
+
+    Greedy Perspectives counts its actors so: the square root of each triangle's coverage
+    is summed. Faces are ordered as those of `Cuboid`, two by two, and cut along the same
+    diagonals as theirs.
+    """
+
+    length: float = 1.0  # m
+    width: float = 1.0  # m
+    height: float = 2.5  # m
+
+    def __post_init__(self) -> None:
+        _require_sizes(self)
+
+    def faces(self) -> list[FloatArray]:
+        """Faces as triangles [3, 3], counter-clockwise seen from outside."""
+        quads = Cuboid(length=self.length, width=self.width, height=self.height).faces()
+        first_to_third, second_to_fourth = ((0, 1, 2), (2, 3, 0)), ((1, 2, 3), (3, 0, 1))
+        cuts = [
+            first_to_third,
+            second_to_fourth,
+            second_to_fourth,
+            first_to_third,
+            second_to_fourth,
+        ]
+        return [
+            quad[list(corners)] for quad, cut in zip(quads, cuts, strict=True) for corners in cut
+        ]
+
+
+Shape = Cuboid | Prism | TriangulatedCuboid
+
+
+def _require_sizes(shape: Shape) -> None:
+    for field in ("length", "width", "apothem", "height"):
+        if hasattr(shape, field):
+            value = getattr(shape, field)
+            _finite(value, field)
+            _require(value > 0, field, f"must be > 0 m, not {value:g}")
+
+
+def _prism_faces(base: FloatArray, height: float) -> list[FloatArray]:
+    top = base + np.array([0.0, 0.0, height])
+    following = np.roll(np.arange(len(base)), -1)
+    sides = [
+        np.stack([base[i], base[j], top[j], top[i]])
+        for i, j in zip(range(len(base)), following, strict=True)
+    ]
+    return [*sides, top]
+
+
+class Actor(_Data, frozen=True, eq=False, dict=True):
+    """A moving person: a shape, its pose at every step, and a weight for each face.
+
+    Raises
+    ------
+    ProblemError
+        If poses are not [>= T+1, 4] finite numbers (T is checked by `Problem`), or weights
+        are negative or not one per face.
+    """
+
+    poses: FloatArray  # [T+1, 4]: x, y, z of the foot point (m) and yaw (rad, from +x, ccw)
+    shape: Shape = Cuboid()
+    weights: tuple[float, ...] | None = None  # one per face of the shape; None: all 1
+
+    def __post_init__(self) -> None:
+        msgspec.structs.force_setattr(self, "poses", _frozen(self.poses, "poses", 2))
+        columns = self.poses.shape[1]
+        _require(columns == 4, "poses", f"must have 4 columns x, y, z, yaw, not {columns}")
+        if self.weights is not None:
+            faces = len(self.shape.faces())
+            _require(
+                len(self.weights) == faces,
+                "weights",
+                f"must hold one weight for each of the {faces} faces, not {len(self.weights)}",
+            )
+            for weight in self.weights:
+                _finite(weight, "weights")
+                _require(weight >= 0, "weights", f"must be >= 0, not {weight:g}")
+
+    @cached_property
+    def face_weights(self) -> FloatArray:
+        """Weight of each face of this actor [F of the shape]."""
+        if self.weights is None:
+            return np.ones(len(self.shape.faces()))
+        return np.array(self.weights, dtype=np.float64)
+
+
+class CollisionRules(_Data, frozen=True):
+    """Which inter-robot conflicts count. Planners, formulations and referee read only this.
+
+    Vertex: two robots in one cell (layers count, headings do not) at one step. Swap: two
+    robots exchange cells in one step. Separation: two robots' cell centres nearer than this
+    many metres at one step (0: no such rule).
+    """
+
+    vertex: bool = True
+    swap: bool = True
+    separation: float = 0.0  # m
+
+    def __post_init__(self) -> None:
+        _finite(self.separation, "separation")
+        _require(self.separation >= 0, "separation", "must be >= 0 m")
+        _require(
+            self.vertex or not (self.swap or self.separation),
+            "vertex",
+            "must be true where the swap or separation rule is on",
+        )
+
+    @property
+    def none(self) -> bool:
+        """True where robots may pass through each other."""
+        return not self.vertex
+
+    def __str__(self) -> str:
+        names = [name for name in ("vertex", "swap") if getattr(self, name)]
+        if self.separation:
+            names.append(f"separation {self.separation:g} m")
+        return "+".join(names) or "none"
+
+
+NO_RULES = CollisionRules(vertex=False, swap=False)
+PAPER_RULES = CollisionRules(vertex=True, swap=False)
+
+
+class Objective(_Data, frozen=True):
+    """Weights of the objective besides the actors' face weights.
+
+    J = sum over t, actors, faces of w sqrt(pixels of all robots at t, in px/m2)
+      + stationarity * number of (robot, t) with an unchanged state.
+    """
+
+    stationarity: float = 0.0  # reward for each step in which a robot's state does not change
+    count_start: bool = False  # True: the views at t = 0 count too (a constant)
+
+    def __post_init__(self) -> None:
+        _finite(self.stationarity, "stationarity")
+        _require(self.stationarity >= 0, "stationarity", "must be >= 0")
+
+
+class Problem(_Data, frozen=True, eq=False, dict=True):
+    """One view-planning problem. Everything a planner, a bound or the referee needs to know.
+
+    Raises
+    ------
+    ProblemError
+        If any field is wrong; the message starts with the field's path.
+    """
+
+    name: str
+    height_map: HeightMap
+    robots: tuple[Robot, ...]
+    actors: tuple[Actor, ...]
+    horizon: int  # T, number of moves
+    rules: CollisionRules = CollisionRules()
+    objective: Objective = Objective()
+    face_samples: int = 3  # each triangle of a face gets this number squared of sight rays
+
+    def __post_init__(self) -> None:
+        _require(self.horizon >= 1, "horizon", f"must be >= 1 step, not {self.horizon}")
+        _require(len(self.robots) > 0, "robots", "must hold at least one robot")
+        _require(
+            1 <= self.face_samples <= 64, "face_samples", f"must be 1..64, not {self.face_samples}"
+        )
+        for j, actor in enumerate(self.actors):
+            rows = len(actor.poses)
+            _require(
+                rows > self.horizon,
+                f"actors[{j}].poses",
+                f"must have a row for each of the {self.horizon + 1} steps 0..{self.horizon}, "
+                f"not {rows}",
+            )
+        for i, robot in enumerate(self.robots):
+            self._check_robot(i, robot)
+        self._check_starts_apart()
+
+    def _check_robot(self, i: int, robot: Robot) -> None:
+        start, motion = robot.start, robot.motion
+        field = f"robots[{i}].start"
+        sizes = (*self.height_map.shape, *orientation_sizes(robot))
+        for name, value, size in zip(State._fields, start, sizes, strict=True):
+            _require(0 <= value < size, f"{field}.{name}", f"must be 0..{size - 1}, not {value}")
+        _require(
+            not self.blocked(start.x, start.y, motion, start.layer),
+            field,
+            f"cell ({start.x}, {start.y}) is blocked: height "
+            f"{self.height_map.heights[start.x, start.y]:g} m, flight height "
+            f"{motion.layers[start.layer]:g} m",
+        )
+        if robot.goal is not None:
+            field, (x, y) = f"robots[{i}].goal", robot.goal
+            width, depth = self.height_map.shape
+            _require(
+                0 <= x < width and 0 <= y < depth,
+                field,
+                f"must lie inside the map of {width} x {depth} cells, not ({x}, {y})",
+            )
+            _require(
+                any(not self.blocked(x, y, motion, k) for k in range(len(motion.layers))),
+                field,
+                f"cell ({x}, {y}) is blocked at every flight height",
+            )
+
+    def _check_starts_apart(self) -> None:
+        for i, first in enumerate(self.robots):
+            for k in range(i):
+                a, b = self.cell(k, self.robots[k].start), self.cell(i, first.start)
+                _require(
+                    not self.too_close(a, b),
+                    f"robots[{i}].start",
+                    f"conflicts with the start of robots[{k}] under the rules {self.rules}",
+                )
+
+    def blocked(self, x: int, y: int, motion: Motion, layer: int) -> bool:
+        """True where a robot of this motion may not be: H >= flight height - clearance."""
+        height = float(self.height_map.heights[x, y])
+        return height >= motion.layers[layer] - motion.clearance
+
+    @cached_property
+    def layers(self) -> tuple[float, ...]:
+        """Flight heights (m) of all robots together, increasing; `Cell.layer` indexes them."""
+        return tuple(sorted({height for robot in self.robots for height in robot.motion.layers}))
+
+    def cell(self, robot: int, state: State) -> Cell:
+        """Cell of a robot's state, comparable between robots with different layers."""
+        height = self.robots[robot].motion.layers[state.layer]
+        return Cell(state.x, state.y, self.layers.index(height))
+
+    def too_close(self, a: Cell, b: Cell) -> bool:
+        """True where two robots in cells `a` and `b` at one step break the rules."""
+        if not self.rules.vertex:
+            return False
+        if a == b:
+            return True
+        resolution = self.height_map.resolution
+        distance = math.hypot(
+            (a.x - b.x) * resolution,
+            (a.y - b.y) * resolution,
+            self.layers[a.layer] - self.layers[b.layer],
+        )
+        return distance < self.rules.separation
+
+    @cached_property
+    def face_weights(self) -> FloatArray:
+        """Weight of every face [F], actors in order."""
+        return np.concatenate([actor.face_weights for actor in self.actors] or [np.empty(0)])
+
+    @cached_property
+    def face_owner(self) -> IntArray:
+        """Index of the actor that each face belongs to [F]."""
+        counts = [len(actor.face_weights) for actor in self.actors]
+        return np.repeat(np.arange(len(counts)), counts)
+
+    @property
+    def first_step(self) -> int:
+        """First step whose views count."""
+        return 0 if self.objective.count_start else 1
+
+
+def orientation_sizes(robot: Robot) -> tuple[int, int, int]:
+    """Number of layers, headings and pitches of a robot, in the order of `State`."""
+    return len(robot.motion.layers), robot.motion.headings, len(robot.camera.tilts)

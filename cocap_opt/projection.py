@@ -1,0 +1,104 @@
+"""Pinhole projection of polygons: exact area in pixels, clipped to the image.
+
+Only elementwise arithmetic is used (no BLAS), so that a view's value does not depend on how
+many views are computed together, to the last bit.
+"""
+
+import math
+
+import numpy as np
+
+from cocap_opt.problem import Camera, FloatArray
+
+
+def camera_axes(headings: int, camera: Camera) -> FloatArray:
+    """Right, up and forward unit vectors of every orientation [headings * pitches, 3, 3].
+
+    Heading k looks at yaw 2 pi k / headings from +x, counter-clockwise; the tilt is the angle
+    below the horizon.
+    """
+    axes = []
+    for heading in range(headings):
+        c, s = _cos_sin(2 * math.pi * heading / headings)
+        for tilt in camera.tilts:
+            ct, st = _cos_sin(tilt)
+            axes.append([[s, -c, 0.0], [c * st, s * st, ct], [c * ct, s * ct, -st]])
+    return np.array(axes)
+
+
+def _cos_sin(angle: float) -> tuple[float, float]:
+    """Cosine and sine with the rounding noise at multiples of a right angle removed."""
+    c, s = math.cos(angle), math.sin(angle)
+    return (0.0 if abs(c) < 1e-15 else c), (0.0 if abs(s) < 1e-15 else s)
+
+
+def dot(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Inner product over the last axis of three, in a fixed order of addition."""
+    result: FloatArray = a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
+    return result
+
+
+def frustum_distances(points: FloatArray, camera: Camera) -> FloatArray:
+    """Signed distances, up to scale, inside the four sides of the view frustum [..., 4].
+
+    `points` [..., 3] are right, up, forward coordinates. A point behind the camera lies
+    outside at least one side, so no near plane is needed.
+    """
+    u, v, depth = points[..., 0], points[..., 1], points[..., 2]
+    half_width = camera.width / 2 / camera.focal * depth
+    half_height = camera.height / 2 / camera.focal * depth
+    return np.stack([half_width - u, half_width + u, half_height - v, half_height + v], axis=-1)
+
+
+def image_area(polygons: FloatArray, camera: Camera) -> FloatArray:
+    """Area in px of the projections [n] of convex polygons [n, V, 3], clipped to the image.
+
+    Points are in camera coordinates (right, up, forward; m). Clipping is done before the
+    division by depth, so a polygon that reaches behind the camera is cut, not mirrored.
+    """
+    area = np.zeros(len(polygons))
+    distances = frustum_distances(polygons, camera)
+    seen = np.flatnonzero((distances > 0).any(axis=1).all(axis=-1))
+    whole = (distances[seen] >= 0).all(axis=(1, 2))
+    area[seen[whole]] = _projected_area(polygons[seen[whole]], camera)
+    cut = polygons[seen[~whole]]
+    for side in range(4):
+        cut = _clip(cut, frustum_distances(cut, camera)[..., side])
+    area[seen[~whole]] = _projected_area(cut, camera)
+    return area
+
+
+def _clip(polygons: FloatArray, inside: FloatArray) -> FloatArray:
+    """Keep the part of each polygon [n, V, 3] where `inside` [n, V] >= 0 (Sutherland-Hodgman).
+
+    The result is [n, V+1, 3]; unused vertices repeat the last used one.
+    """
+    n, size = inside.shape
+    following, ahead = np.roll(polygons, -1, axis=1), np.roll(inside, -1, axis=1)
+    crossing = (inside >= 0) != (ahead >= 0)
+    share = np.where(crossing, inside, 0.0) / np.where(crossing, inside - ahead, 1.0)
+    cuts = polygons + share[..., None] * (following - polygons)
+    # Each edge offers its first vertex and its cut, in order; what is not used moves last.
+    vertices = np.stack([polygons, cuts], axis=2).reshape(n, 2 * size, 3)
+    used = np.stack([inside >= 0, crossing], axis=2).reshape(n, 2 * size)
+    order = np.argsort(~used, axis=1, kind="stable")[:, : size + 1]
+    count = used.sum(axis=1)
+    last = np.minimum(np.arange(size + 1)[None, :], np.maximum(count - 1, 0)[:, None])
+    order = np.take_along_axis(order, last, axis=1)
+    clipped = np.take_along_axis(vertices, order[..., None], axis=1)
+    clipped[count == 0] = 0.0
+    return clipped
+
+
+def _projected_area(polygons: FloatArray, camera: Camera) -> FloatArray:
+    """Area in px of the projections [n] of polygons [n, V, 3] that lie inside the frustum."""
+    depth = polygons[..., 2]
+    # Only a clipped-away polygon has depth 0: all its vertices are the origin, its area is 0.
+    scale = camera.focal / np.where(depth > 0, depth, 1.0)
+    u, v = polygons[..., 0] * scale, polygons[..., 1] * scale
+    # Shoelace relative to the first vertex, which keeps the terms small.
+    u, v = u - u[:, :1], v - v[:, :1]
+    area = np.zeros(len(polygons))
+    for k in range(1, polygons.shape[1] - 1):
+        area = area + (u[:, k] * v[:, k + 1] - u[:, k + 1] * v[:, k])
+    return np.abs(area) / 2

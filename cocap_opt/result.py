@@ -1,0 +1,59 @@
+"""What a planner or a solver returns, and why it stopped, in two words that do not mix."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from cocap_opt.plan import Plan
+
+
+class Unsupported(ValueError):
+    """This method does not take problems of this kind; the message says which it takes."""
+
+
+class Reason(StrEnum):
+    """Why it stopped."""
+
+    OPTIMAL = "optimal"  # the value is proved to be the best
+    FINISHED = "finished"  # the method ran to its end; it proves nothing
+    INFEASIBLE = "infeasible"  # proved: no plan obeys the rules
+    FAILED = "failed"  # the method ran to its end without a plan; one may exist
+    STOPPED = "stopped"  # a limit stopped it; the other word says which
+
+
+class Limit(StrEnum):
+    """Which limit stopped it."""
+
+    NONE = "none"
+    TIME = "time"
+    NODES = "nodes"
+    MEMORY = "memory"
+    INTERRUPT = "interrupt"
+
+
+@dataclass(frozen=True)
+class Result:
+    """Outcome of a planner: a value and a bound always exist, be they infinite."""
+
+    plan: Plan | None
+    value: float  # J of the plan; -inf without one
+    reason: Reason
+    limit: Limit = Limit.NONE
+    bound: float = math.inf  # proved upper bound on J
+    seconds: float = 0.0
+    statistics: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def gap(self) -> float:
+        """(bound - value) / bound."""
+        return relative_gap(self.value, self.bound)
+
+
+def relative_gap(value: float, bound: float) -> float:
+    """(bound - value) / bound; 0 where both are 0, infinite where one is infinite."""
+    if not (math.isfinite(value) and math.isfinite(bound)):
+        return math.inf
+    if value == bound:
+        return 0.0
+    return (bound - value) / bound if bound else math.inf

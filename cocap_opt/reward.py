@@ -1,0 +1,97 @@
+"""The coverage objective J, its marginals and its breakdowns.
+
+With z[t, f] the pixels (px/m2) that all robots together have on face f at step t,
+
+    J = sum_t sum_f w[f] sqrt(z[t, f]) + stationarity * number of unchanged states.
+
+The view reward is monotone and submodular in the set of robot paths. Arrays over groups
+(t, f) are flat [G], G = (T+1) F, group t F + f.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from cocap_opt.coverage import CoverageTable
+from cocap_opt.model import Model, Path, RobotClass
+from cocap_opt.problem import FloatArray, Problem
+
+
+def no_pixels(problem: Problem) -> FloatArray:
+    """Pixels [G] that nobody has seen yet."""
+    return np.zeros((problem.horizon + 1) * len(problem.face_weights))
+
+
+def path_pixels(problem: Problem, table: CoverageTable, path: Path, n_states: int) -> FloatArray:
+    """Pixels [G] that one robot has along its path of state numbers."""
+    pixels = no_pixels(problem)
+    for t, state in enumerate(path):
+        groups, coverage = table.row(t * n_states + state)
+        pixels[groups] += coverage
+    return pixels
+
+
+def robot_pixels(model: Model, robot: int, path: Path) -> FloatArray:
+    """Pixels [G] of robot number `robot` along its path."""
+    group = model.class_of[robot]
+    return path_pixels(model.problem, model.coverage(group), path, group.graph.n_states)
+
+
+def group_weights(problem: Problem) -> FloatArray:
+    """Weight w of every group [G]; 0 for steps that do not count."""
+    weights = np.tile(problem.face_weights, (problem.horizon + 1, 1))
+    weights[: problem.first_step] = 0.0
+    return weights.ravel()
+
+
+def view_reward(problem: Problem, pixels: FloatArray) -> FloatArray:
+    """Reward of each step and face [T+1, F] for the pixels [G] of all robots together."""
+    reward = group_weights(problem) * np.sqrt(pixels)
+    return reward.reshape(problem.horizon + 1, -1)
+
+
+def unchanged(paths: Sequence[Path]) -> int:
+    """Number of (robot, t) whose state does not change from t to t+1."""
+    return sum(a == b for path in paths for a, b in zip(path, path[1:], strict=False))
+
+
+def objective(problem: Problem, pixels: FloatArray, paths: Sequence[Path]) -> float:
+    """J of all robots' paths, which together have `pixels` [G]."""
+    bonus = problem.objective.stationarity * unchanged(paths)
+    return float(view_reward(problem, pixels).sum()) + bonus
+
+
+def objective_of(model: Model, paths: Sequence[Path]) -> float:
+    """J of all robots' paths."""
+    pixels = no_pixels(model.problem)
+    for robot, path in enumerate(paths):
+        pixels = pixels + robot_pixels(model, robot, path)
+    return objective(model.problem, pixels, paths)
+
+
+def marginal_gain(seen: FloatArray, coverage: FloatArray) -> FloatArray:
+    """Gain in square-root pixels from `coverage` on top of what others have `seen`.
+
+    This is covm of CoCap eq. 1, before the weights: sqrt(seen + coverage) - sqrt(seen).
+    """
+    return np.sqrt(seen + coverage) - np.sqrt(seen)
+
+
+def marginal_reward(model: Model, group: RobotClass, pixels: FloatArray) -> FloatArray:
+    """Reward [T+1, S] of every state of a class for one more robot.
+
+    Parameters
+    ----------
+    pixels : [G] what the other robots have seen
+    """
+    table = model.coverage(group)
+    gain = marginal_gain(pixels[table.groups], table.pixels)
+    gain *= group_weights(model.problem)[table.groups]
+    return spread(model, group, table.row_sums(gain))
+
+
+def spread(model: Model, group: RobotClass, values: FloatArray) -> FloatArray:
+    """Reward array [T+1, S] with `values` at the nodes of the class's coverage table."""
+    reward = group.graph.no_reward(model.problem.horizon)
+    reward.reshape(-1)[model.coverage(group).nodes] = values
+    return reward

@@ -1,0 +1,69 @@
+"""Stopping criteria: callables that say which limit is reached, and compose.
+
+Solvers ask as often as they like; a time limit starts to count when it is made.
+"""
+
+import signal
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+from cocap_opt.result import Limit
+
+Stop = Callable[[], Limit]
+
+
+def never() -> Limit:
+    """No limit."""
+    return Limit.NONE
+
+
+class TimeLimit:
+    """Reached `seconds` after it was made."""
+
+    def __init__(self, seconds: float) -> None:
+        self._deadline = time.monotonic() + seconds
+
+    def __call__(self) -> Limit:
+        """Say whether the time is up."""
+        return Limit.TIME if time.monotonic() >= self._deadline else Limit.NONE
+
+
+class FirstOf:
+    """Reached when any of its criteria is; all are asked each time."""
+
+    def __init__(self, *criteria: Stop) -> None:
+        self._criteria = criteria
+
+    def __call__(self) -> Limit:
+        """Ask all criteria; the first that is reached is named."""
+        reached = [limit for stop in self._criteria if (limit := stop()) is not Limit.NONE]
+        return reached[0] if reached else Limit.NONE
+
+
+class Interrupt:
+    """Reached after Ctrl-C inside `catch_interrupt`."""
+
+    def __init__(self) -> None:
+        self.pressed = False
+
+    def __call__(self) -> Limit:
+        """Say whether Ctrl-C was pressed."""
+        return Limit.INTERRUPT if self.pressed else Limit.NONE
+
+
+@contextmanager
+def catch_interrupt() -> Iterator[Interrupt]:
+    """Turn the first Ctrl-C into a stop; a second one interrupts as usual."""
+    interrupt = Interrupt()
+
+    def press(number: int, frame: FrameType | None) -> None:
+        interrupt.pressed = True
+        signal.signal(signal.SIGINT, before)
+
+    before = signal.signal(signal.SIGINT, press)
+    try:
+        yield interrupt
+    finally:
+        signal.signal(signal.SIGINT, before)

@@ -1,0 +1,306 @@
+"""The time-expanded graph, compiled once to arrays that all planners and bounds share.
+
+A step's moves and turns are independent, so the backward sweep of value iteration is a few
+shifted maxima over one array instead of a loop over edges. Constraints and prices hide or
+charge places and moves of this one graph; nobody copies it.
+
+States are numbered 0..S-1 in the order [heading, pitch, layer, x, y] and places 0..P-1 in
+the order [layer, x, y]. Both numberings include a closed border around the map, as wide as
+a move is long, which makes every move one flat shift.
+"""
+
+from collections.abc import Iterable, Mapping
+from functools import cached_property, lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from cocap_opt.motion import Move, moves, place_graph, turned
+from cocap_opt.problem import BoolArray, FloatArray, HeightMap, IntArray, Motion, State
+
+CLOSED = -np.inf  # value of what must not or cannot be entered
+
+
+class Charges(NamedTuple):
+    """What conflicts make places and moves cost; infinity closes them.
+
+    `places` maps (t, place) to the cost of being there at t; `moves` maps (t, place, place)
+    to the cost of leaving the first at t for the second at t+1. Staying is never charged
+    as a move.
+    """
+
+    places: Mapping[tuple[int, int], float] = {}
+    moves: Mapping[tuple[int, int, int], float] = {}
+
+
+NO_CHARGES = Charges()
+
+
+class TimeGraph:
+    """Compiled motion of all robots that share a `Motion` and a number of gimbal pitches.
+
+    Attributes
+    ----------
+    shape : (headings, pitches, layers, X, Y) of the numbering, border included
+    n_places, n_states : P and S
+    moves : the K cell moves of one step, the first is to stay
+    neighbours : [K, P] place that each move leads to; -1 where the move is hidden
+    """
+
+    def __init__(self, height_map: HeightMap, motion: Motion, pitches: int) -> None:
+        sizes = (len(motion.layers), *height_map.shape)
+        climb = min(motion.climb, len(motion.layers) - 1)
+        self.motion = motion
+        self.border = (climb, motion.radius, motion.radius)
+        padded = tuple(n + 2 * b for n, b in zip(sizes, self.border, strict=True))
+        self.shape = (motion.headings, pitches, *padded)
+        self.n_orientations = motion.headings * pitches
+        self.n_places = int(np.prod(padded))
+        self.n_states = self.n_orientations * self.n_places
+        self.strides = (padded[1] * padded[2], padded[2], 1)
+        self.moves: list[Move] = moves(motion)
+        self.neighbours = self._compile(place_graph(height_map, motion).edges)
+        self._compile_sweep()
+
+    def _compile(self, edges: Iterable[tuple[Move, Move]]) -> IntArray:
+        """Turn the edges of the networkx place graph into one row of targets per move."""
+        neighbours = np.full((len(self.moves), self.n_places), -1, dtype=np.int64)
+        pairs = np.array(list(edges), dtype=np.int64).reshape(-1, 2, 3)
+        tails, heads = pairs[:, 0], pairs[:, 1]
+        # Number a move by its position in the box of all moves, then look up its order.
+        box = np.array([2 * b + 1 for b in self.border])
+        order = np.empty(int(box.prod()), dtype=np.int64)
+        order[np.ravel_multi_index(np.array(self.moves).T + _column(self.border), box)] = range(
+            len(self.moves)
+        )
+        kinds = order[np.ravel_multi_index((heads - tails).T + _column(self.border), box)]
+        offset = np.array(self.border)
+        neighbours[kinds, (tails + offset) @ self.strides] = (heads + offset) @ self.strides
+        return neighbours
+
+    def _compile_sweep(self) -> None:
+        """Find the places that a plain window maximum gets wrong: a free target is hidden."""
+        self.free: BoolArray = self.neighbours[0] >= 0  # [P] every free place may be stayed in
+        shifts = np.array(self.moves) @ self.strides
+        targets = np.arange(self.n_places)[None, :] + shifts[:, None]
+        target_free = self.free[np.clip(targets, 0, self.n_places - 1)]
+        hidden = self.free & target_free & (self.neighbours < 0)
+        self._irregular = np.flatnonzero(hidden.any(axis=0))
+        # A hidden move is listed as staying, which is always allowed.
+        heads = self.neighbours[:, self._irregular]
+        heads = np.where(heads < 0, self._irregular, heads)
+        self._irregular_states = self._all_orientations(self._irregular)
+        self._irregular_heads = np.stack([self._all_orientations(row) for row in heads])
+
+    def _all_orientations(self, places: IntArray) -> IntArray:
+        """States of numbered places in every orientation, orientation by orientation."""
+        origins = np.arange(self.n_orientations) * self.n_places
+        return (origins[:, None] + places[None, :]).ravel()
+
+    # -- numbering -----------------------------------------------------------------------
+
+    def place(self, layer: int, x: int, y: int) -> int:
+        """Number of the place at this layer and cell."""
+        at = zip((layer, x, y), self.border, self.strides, strict=True)
+        return sum((i + b) * stride for i, b, stride in at)
+
+    def index(self, state: State) -> int:
+        """Number of a state."""
+        place = self.place(state.layer, state.x, state.y)
+        return (state.heading * self.shape[1] + state.pitch) * self.n_places + place
+
+    def state(self, index: int) -> State:
+        """State with this number."""
+        heading, pitch, *place = (int(i) for i in np.unravel_index(index, self.shape))
+        layer, x, y = (i - b for i, b in zip(place, self.border, strict=True))
+        return State(x, y, layer, heading, pitch)
+
+    def coordinates(self, places: IntArray) -> IntArray:
+        """Layer, x and y of numbered places [3, n]."""
+        return np.array(np.unravel_index(places, self.shape[2:])) - _column(self.border)
+
+    # -- edges ---------------------------------------------------------------------------
+
+    @cached_property
+    def turns(self) -> list[list[int]]:
+        """Orientations reachable in one step from each orientation; pitch runs fastest."""
+        headings, pitches = self.shape[:2]
+        return [
+            sorted(
+                h * pitches + p
+                for h in turned(heading, self.motion.turn, headings, cyclic=True)
+                for p in turned(pitch, self.motion.pitch_turn, pitches, cyclic=False)
+            )
+            for heading in range(headings)
+            for pitch in range(pitches)
+        ]
+
+    def successors(self, state: int) -> IntArray:
+        """States reachable from `state` in one step, in increasing order."""
+        orientation, place = divmod(state, self.n_places)
+        heads = self.neighbours[:, place]
+        heads = np.sort(heads[heads >= 0])
+        turned_to = np.array(self.turns[orientation], dtype=np.int64)
+        return (turned_to[:, None] * self.n_places + heads[None, :]).ravel()
+
+    def reachable(self, starts: Iterable[int], horizon: int) -> BoolArray:
+        """Which states [T+1, S] can be reached from one of the start states at each step."""
+        seen = np.zeros((horizon + 1, self.n_orientations, self.n_places), dtype=bool)
+        seen[0].reshape(-1)[list(starts)] = True
+        for t in range(horizon):
+            occupied = np.flatnonzero(seen[t].any(axis=0))
+            spread = np.zeros_like(seen[t])
+            for heads in self.neighbours[:, occupied]:
+                open_ = heads >= 0
+                spread[:, heads[open_]] |= seen[t][:, occupied[open_]]
+            for orientation, targets in enumerate(self.turns):
+                seen[t + 1][targets] |= spread[orientation]
+        return seen.reshape(horizon + 1, self.n_states)
+
+    # -- value iteration -----------------------------------------------------------------
+
+    def no_reward(self, horizon: int) -> FloatArray:
+        """Reward array [T+1, S] of zeros, CLOSED outside the free states."""
+        one = np.where(np.tile(self.free, self.n_orientations), 0.0, CLOSED)
+        return np.tile(one, (horizon + 1, 1))
+
+    def backward_sweep(
+        self,
+        reward: FloatArray,
+        stationarity: float = 0.0,
+        charges: Charges = NO_CHARGES,
+        goal: tuple[int, int] | None = None,
+    ) -> FloatArray:
+        """Best reward to go of every state at every step, by value iteration.
+
+        Parameters
+        ----------
+        reward : [T+1, S] reward for being in a state at step t, CLOSED (-inf) outside the
+            free states, as `no_reward` makes it
+        stationarity : extra reward for a step in which the state does not change
+        charges : what places and moves cost; infinity closes them
+        goal : cell (x, y) in which the path must end
+
+        Returns
+        -------
+        [T+1, S] reward at t itself plus the best of the steps after it; CLOSED where the
+        state is not free or cannot reach the goal.
+        """
+        value = np.empty_like(reward)
+        value[-1] = reward[-1]
+        if goal is not None:
+            elsewhere = np.ones(self.shape[2:], dtype=bool)
+            elsewhere[:, goal[0] + self.border[1], goal[1] + self.border[2]] = False
+            value[-1].reshape(self.shape)[:, :, elsewhere] = CLOSED
+        places, leaving = self._by_step(charges)
+        self._charge_places(value[-1], places.get(len(reward) - 1, {}))
+        for t in range(len(reward) - 2, -1, -1):
+            after_turn = self._turn(value[t + 1])
+            best = self._window(after_turn)
+            if self._irregular.size:
+                best[self._irregular_states] = after_turn.take(self._irregular_heads).max(axis=0)
+            for tail, costs in leaving.get(t, {}).items():
+                self._charge_moves(best, after_turn, tail, costs)
+            if stationarity:
+                np.maximum(best, value[t + 1] + stationarity, out=best)
+            np.add(best, reward[t], out=value[t])
+            self._charge_places(value[t], places.get(t, {}))
+        return value
+
+    def _turn(self, ahead: FloatArray) -> FloatArray:
+        """Maximum over the orientations that one step can turn to [S]."""
+        headings, pitches = self.shape[:2]
+        best = ahead.reshape(headings, -1)
+        if 2 * self.motion.turn + 1 >= headings:
+            best = np.broadcast_to(best.max(axis=0), best.shape).copy()
+        else:
+            for _ in range(self.motion.turn):
+                pair, best = np.empty_like(best), best
+                np.maximum(best[:-1], best[1:], out=pair[:-1])
+                np.maximum(best[-1], best[0], out=pair[-1])
+                best = np.empty_like(best)
+                np.maximum(pair[1:], pair[:-1], out=best[1:])
+                np.maximum(pair[0], pair[-1], out=best[0])
+        best = best.reshape(headings, pitches, -1)
+        for _ in range(min(self.motion.pitch_turn, pitches - 1)):
+            pair = best.copy()
+            np.maximum(best[:, 1:], best[:, :-1], out=pair[:, 1:])
+            np.maximum(pair[:, :-1], best[:, 1:], out=pair[:, :-1])
+            best = pair
+        return best.reshape(-1)
+
+    def _window(self, values: FloatArray) -> FloatArray:
+        """Maximum over the box of cell moves; the closed border keeps rows apart [S]."""
+        best = values
+        for reach, stride in zip(self.border, self.strides, strict=True):
+            for _ in range(reach):
+                pair = np.empty_like(best)
+                np.maximum(best[:-stride], best[stride:], out=pair[:-stride])
+                pair[-stride:] = CLOSED
+                best = np.empty_like(best)
+                np.maximum(pair[:-stride], pair[stride:], out=best[stride:])
+                best[:stride] = CLOSED
+        return best if best is not values else values.copy()
+
+    def _charge_moves(
+        self, best: FloatArray, after_turn: FloatArray, tail: int, costs: Mapping[int, float]
+    ) -> None:
+        """Recompute one place, of which some moves are charged or closed."""
+        origins = np.arange(self.n_orientations) * self.n_places
+        heads = self.neighbours[:, tail]
+        heads = heads[heads >= 0]
+        cost = np.array([costs.get(int(head), 0.0) for head in heads])
+        best[origins + tail] = (after_turn[origins[:, None] + heads] - cost).max(axis=1)
+
+    def _charge_places(self, value: FloatArray, costs: Mapping[int, float]) -> None:
+        for place, cost in costs.items():
+            value[place :: self.n_places] -= cost
+
+    @staticmethod
+    def _by_step(
+        charges: Charges,
+    ) -> tuple[dict[int, dict[int, float]], dict[int, dict[int, dict[int, float]]]]:
+        places: dict[int, dict[int, float]] = {}
+        for (t, place), cost in charges.places.items():
+            places.setdefault(t, {})[place] = cost
+        leaving: dict[int, dict[int, dict[int, float]]] = {}
+        for (t, tail, head), cost in charges.moves.items():
+            leaving.setdefault(t, {}).setdefault(tail, {})[head] = cost
+        return places, leaving
+
+    def best_path(
+        self,
+        value: FloatArray,
+        start: int,
+        stationarity: float = 0.0,
+        charges: Charges = NO_CHARGES,
+    ) -> list[int] | None:
+        """Path of T+1 states from `start` that attains `value`; None where there is none.
+
+        Ties go to the lowest state number, so that the path is the same in every process.
+        """
+        if value[0, start] == CLOSED:
+            return None
+        path = [start]
+        for t in range(len(value) - 1):
+            heads = self.successors(path[-1])
+            ahead = value[t + 1, heads]
+            if stationarity:
+                ahead = ahead + stationarity * (heads == path[-1])
+            if charges.moves:
+                tail = path[-1] % self.n_places
+                ahead = ahead - np.array(
+                    [charges.moves.get((t, tail, h), 0.0) for h in (heads % self.n_places).tolist()]
+                )
+            path.append(int(heads[np.argmax(ahead)]))
+        return path
+
+
+def _column(values: Iterable[int]) -> IntArray:
+    return np.array(list(values), dtype=np.int64)[:, None]
+
+
+@lru_cache(maxsize=16)
+def time_graph(height_map: HeightMap, motion: Motion, pitches: int) -> TimeGraph:
+    """Compiled graph of these motions on this map, made once and shared."""
+    return TimeGraph(height_map, motion, pitches)

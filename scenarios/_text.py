@@ -1,0 +1,93 @@
+"""What the readers of foreign formats share: text, tables and numbers, with errors of one line."""
+
+import csv
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from cocap_opt.problem import ProblemError
+
+
+@contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Put the file's name before the message of a `ProblemError` raised inside."""
+    try:
+        yield
+    except ProblemError as error:
+        raise ProblemError(f"{path}: {error}") from error
+
+
+def one_line(error: Exception) -> str:
+    """Message of an error of another library, on one line (PyYAML's have several)."""
+    return " ".join(str(error).split()) or type(error).__name__
+
+
+def read_text(path: Path) -> str:
+    """Return the text of a UTF-8 file, without a byte order mark.
+
+    Raises
+    ------
+    ProblemError
+        If the file cannot be opened or is not UTF-8.
+    """
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise ProblemError(f"cannot be read: {error.strerror}") from error
+    except ValueError as error:
+        raise ProblemError(f"must be a text file: {one_line(error)}") from error
+
+
+def read_table(path: Path, columns: tuple[str, ...]) -> list[tuple[int, dict[str, str]]]:
+    """Return the rows of a CSV file, each with its line number; further columns are kept.
+
+    Raises
+    ------
+    ProblemError
+        If a column is missing from the header, or a row is longer or shorter than the header.
+    """
+    reader = csv.DictReader(read_text(path).splitlines(), skipinitialspace=True)
+    rows = []
+    try:
+        names = list(reader.fieldnames or ())
+        if not set(columns) <= set(names):
+            raise ProblemError(f"header: must name the columns {','.join(columns)}, not {names}")
+        for row in reader:
+            if None in row or None in row.values():
+                raise ProblemError(f"line {reader.line_num}: must have {len(names)} values")
+            rows.append((reader.line_num, row))
+    except csv.Error as error:
+        raise ProblemError(f"line {reader.line_num}: {one_line(error)}") from error
+    return rows
+
+
+def integer(text: str, field: str) -> int:
+    """Return the whole number that `text` spells.
+
+    Raises
+    ------
+    ProblemError
+        If it spells none; the message starts with `field`.
+    """
+    try:
+        return int(text)
+    except ValueError as error:
+        raise ProblemError(f"{field}: must be a whole number, not {text[:40]!r}") from error
+
+
+def number(text: str, field: str) -> float:
+    """Return the finite number that `text` spells, of at most a thousand million.
+
+    Raises
+    ------
+    ProblemError
+        If it spells none; the message starts with `field`.
+    """
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not abs(value) <= 1e9:  # false for nan too
+        raise ProblemError(f"{field}: must be a number within +-1e9, not {text[:40]!r}")
+    return value

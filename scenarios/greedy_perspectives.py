@@ -1,0 +1,293 @@
+"""Reader of the scenes (`seq.yaml`) and paths of Greedy Perspectives.
+
+Source of the format and of its meaning: Suresh et al., "Greedy Perspectives", 2024 (arXiv
+2310.10863), repository GreedyPerspectives/GreedyPerspectives, `res/experiments`, and the
+behaviour of its planner. Differences between the two sets of conventions:
+
+========================  =====================================  ==============================
+what                      there                                  here
+========================  =====================================  ==============================
+heading index 0           looks along +y                         looks along +x
+camera tilt               angle from straight down               angle below the horizon
+actor                     always a box of 1 x 1 x 2.5 m, of 12   `TriangulatedCuboid` of 10:
+                          triangles, whatever the file says      the bottom, which no camera
+                                                                 above ground sees, is left out
+horizon                   H rows, the start's views count        T = H - 1 moves, `count_start`
+collisions, corners       same cell only; corners may be cut     `PAPER_RULES`, `corner_cutting`
+========================  =====================================  ==============================
+
+Both count headings counter-clockwise. Each robot keeps its own tilt (their coverage cache
+gives all robots the tilt of whoever reaches a state first), and their planner's bonus for
+moves with dx + dy = 0 is no part of the reward. `action_space`, `stepSize`, every `geometry`
+and `map.pose` are in the files but were never used, and are not read.
+"""
+
+import math
+import os
+from pathlib import Path
+from typing import Annotated, Literal, NamedTuple
+
+import msgspec
+import numpy as np
+import yaml
+from msgspec import Meta
+
+from cocap_opt.problem import (
+    PAPER_RULES,
+    Actor,
+    Camera,
+    Cuboid,
+    FloatArray,
+    HeightMap,
+    Motion,
+    Objective,
+    Problem,
+    ProblemError,
+    Robot,
+    Shape,
+    State,
+    TriangulatedCuboid,
+)
+from scenarios._text import integer, naming, number, one_line, read_table, read_text
+
+# msgspec has no constraint "finite"; a million kilometres stand for it.
+Coordinate = Annotated[float, Meta(ge=-1e9, le=1e9)]
+Length = Annotated[float, Meta(ge=1e-3, le=1e9)]
+Count = Annotated[int, Meta(ge=1, le=10**9)]
+
+
+class Pose(NamedTuple):
+    """Start pose of a robot, as in the files: metres, and radians from +y, ccw."""
+
+    x: Coordinate
+    y: Coordinate
+    z: Coordinate
+    theta: Coordinate
+
+
+class _Camera(msgspec.Struct):
+    intrinsics: tuple[Length, Count, Count]  # focal length, width, height, px
+    tilt: Annotated[float, Meta(ge=0, le=math.pi)]  # rad from straight down
+
+
+class _Agent(msgspec.Struct):
+    start: Pose = msgspec.field(name="startPose")
+    camera: _Camera
+
+
+class _AgentItem(msgspec.Struct):
+    agent: _Agent
+
+
+class _Actor(msgspec.Struct):
+    trajectory: list[tuple[Coordinate, Coordinate, Coordinate]]  # x, y (m), yaw (rad)
+
+
+class _ActorItem(msgspec.Struct):
+    actor: _Actor
+
+
+class _Time(msgspec.Struct):
+    horizon: Annotated[int, Meta(ge=2)]  # rows, one more than moves
+
+
+class _Resolution(msgspec.Struct):
+    heading: Annotated[int, Meta(ge=4, le=360, multiple_of=4)]  # +x must be one of them
+
+
+class _Map(msgspec.Struct):
+    file: str
+    cell: Length = msgspec.field(name="gridSize")  # m
+
+
+class _World(msgspec.Struct):
+    time: _Time
+    state_resolution: _Resolution
+    map: _Map
+    actors: list[_ActorItem]
+    agents: Annotated[list[_AgentItem], Meta(min_length=1)]
+
+
+class _Planner(msgspec.Struct):
+    world: _World
+
+
+class _Sequence(msgspec.Struct):
+    """The parts of a `seq.yaml` that their planner uses."""
+
+    planner: _Planner
+
+
+def read(
+    path: Path,
+    seed: int = 0,
+    *,
+    starts: Literal["auto", "yaml"] = "auto",
+    triangles: bool = True,
+) -> Problem:
+    """Read a scene; the map and, where there is one, `starts.csv` lie beside the file.
+
+    Parameters
+    ----------
+    path
+        The scene's `seq.yaml`.
+    seed
+        Number of the start set: rows seed * R .. seed * R + R - 1 of `starts.csv` for R
+        robots. Of no effect where the file's own start poses are used.
+    starts
+        "auto": `starts.csv` where it exists, else the file's own start poses; "yaml": these.
+    triangles
+        False: the actors have five rectangular faces (four sides and a top), not ten triangles.
+
+    Raises
+    ------
+    ProblemError
+        If a file cannot be read or holds something not allowed; one line, naming the file.
+    """
+    with naming(path):
+        world = _world(read_text(path))
+        cameras = [_camera(item.agent.camera) for item in world.agents]
+        actors = _actors(world, TriangulatedCuboid(height=2.5) if triangles else Cuboid(height=2.5))
+        map_file = _map_file(path, world.map.file)
+    with naming(map_file):
+        height_map = HeightMap(heights=_heights(map_file), resolution=world.map.cell)
+    poses, source = [item.agent.start for item in world.agents], path
+    start_sets = path.with_name("starts.csv")
+    if starts == "auto" and start_sets.exists():
+        source = start_sets
+        with naming(source):
+            poses = _start_set(source, seed, len(poses))
+    # All that can still be wrong is a start pose, so the errors name the file it came from.
+    with naming(source):
+        return Problem(
+            name=path.resolve().parent.name,
+            height_map=height_map,
+            robots=tuple(
+                _robot(pose, camera, height_map, world.state_resolution.heading)
+                for pose, camera in zip(poses, cameras, strict=True)
+            ),
+            actors=actors,
+            horizon=world.time.horizon - 1,
+            rules=PAPER_RULES,
+            objective=Objective(count_start=True),
+        )
+
+
+def read_plan(path: Path, problem: Problem) -> tuple[tuple[State, ...], ...]:
+    """Read the paths that Greedy Perspectives' planner found for a problem made by `read`.
+
+    The file has columns robot, t, x_cell, y_cell, heading_idx, one row per robot and step, in
+    any order. Returned is one path per robot, of T+1 states. Whether they are feasible is for
+    the referee to say.
+
+    Raises
+    ------
+    ProblemError
+        If a column, a robot or a step is missing, given twice or not part of the problem, or
+        a value is not a whole number; one line, naming the file.
+    """
+    steps = range(problem.horizon + 1)
+    states: dict[tuple[int, int], State] = {}
+    columns = ("robot", "t", "x_cell", "y_cell", "heading_idx")
+    with naming(path):
+        for line, row in read_table(path, columns):
+            robot, t, x, y, theirs = (integer(row[c], f"line {line}, {c}") for c in columns)
+            _check_index(robot, len(problem.robots), f"line {line}, robot")
+            _check_index(t, len(steps), f"line {line}, t")
+            headings = problem.robots[robot].motion.headings
+            _check_index(theirs, headings, f"line {line}, heading_idx")
+            if (robot, t) in states:
+                raise ProblemError(f"line {line}: robot {robot} must have step {t} only once")
+            states[robot, t] = State(x, y, heading=_our_heading(theirs, headings))
+        for robot in range(len(problem.robots)):
+            missing = [t for t in steps if (robot, t) not in states]
+            if missing:
+                raise ProblemError(
+                    f"robot {robot}: must have a row for each step 0..{problem.horizon}, "
+                    f"but has none for step {missing[0]}"
+                )
+    return tuple(tuple(states[i, t] for t in steps) for i in range(len(problem.robots)))
+
+
+def heading_index(theta: float, headings: int = 8) -> int:
+    """Their heading index of an angle (rad): truncated toward zero, after wrapping to +-pi."""
+    return int(math.remainder(theta, math.tau) / (math.tau / headings)) % headings
+
+
+def _our_heading(theirs: int, headings: int) -> int:
+    return (theirs + headings // 4) % headings
+
+
+def _check_index(value: int, size: int, field: str) -> None:
+    if not 0 <= value < size:
+        raise ProblemError(f"{field}: must be 0..{size - 1}, not {value}")
+
+
+def _world(text: str) -> _World:
+    try:
+        # The loader in C, which msgspec.yaml takes, crashes on text that is nested too deeply.
+        return msgspec.convert(yaml.safe_load(text), _Sequence).planner.world
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        raise ProblemError(one_line(error)) from error
+
+
+def _camera(camera: _Camera) -> Camera:
+    focal, width, height = camera.intrinsics
+    tilt = math.pi / 2 - camera.tilt
+    return Camera(focal=focal, width=width, height=height, tilts=(tilt,))
+
+
+def _actors(world: _World, shape: Shape) -> tuple[Actor, ...]:
+    rows = world.time.horizon
+    actors = []
+    for j, item in enumerate(world.actors):
+        trajectory = item.actor.trajectory[:rows]
+        if len(trajectory) < rows:
+            raise ProblemError(
+                f"planner.world.actors[{j}].actor.trajectory: must have a row for each of the "
+                f"{rows} steps of time.horizon, not {len(trajectory)}"
+            )
+        poses = [(x, y, 0.0, yaw) for x, y, yaw in trajectory]
+        actors.append(Actor(poses=np.array(poses), shape=shape))
+    return tuple(actors)
+
+
+def _robot(pose: Pose, camera: Camera, height_map: HeightMap, headings: int) -> Robot:
+    x, y = height_map.cell_of(pose.x, pose.y)
+    heading = _our_heading(heading_index(pose.theta, headings), headings)
+    motion = Motion(headings=headings, layers=(pose.z,), corner_cutting=True)
+    return Robot(start=State(x, y, heading=heading), motion=motion, camera=camera)
+
+
+def _map_file(path: Path, stated: str) -> Path:
+    """File of the map: the files state it relative to a folder further up."""
+    for candidate in (path.parent / Path(stated).name, path.parent / stated):
+        if os.path.isfile(candidate):  # unlike Path.is_file, false too for an impossible name
+            return candidate
+    raise ProblemError(f"planner.world.map.file: no file {stated!r} beside the scene")
+
+
+def _heights(path: Path) -> FloatArray:
+    try:
+        with path.open("rb") as file:
+            heights = np.lib.format.read_array(file, allow_pickle=False)
+    except Exception as error:  # NumPy names no set of errors for a damaged file
+        raise ProblemError(f"must be a .npy array of numbers: {one_line(error)}") from error
+    if heights.dtype.kind not in "iuf":
+        raise ProblemError(f"must be a .npy array of numbers, not of {heights.dtype}")
+    return heights.astype(np.float64)
+
+
+def _start_set(path: Path, seed: int, robots: int) -> list[Pose]:
+    rows = read_table(path, Pose._fields)
+    sets, rest = divmod(len(rows), robots)
+    if rest or not rows:
+        raise ProblemError(
+            f"must hold sets of {robots} rows, one row a robot of the scene, not {len(rows)} rows"
+        )
+    if not 0 <= seed < sets:
+        raise ProblemError(f"seed: must be 0..{sets - 1} ({sets} start sets), not {seed}")
+    return [
+        Pose(*(number(row[field], f"line {line}, {field}") for field in Pose._fields))
+        for line, row in rows[seed * robots : (seed + 1) * robots]
+    ]

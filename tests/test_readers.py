@@ -1,0 +1,497 @@
+"""Readers of foreign formats: Greedy Perspectives and MovingAI."""
+
+import csv
+import math
+import os
+from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from cocap_opt.problem import (
+    PAPER_RULES,
+    Cuboid,
+    FloatArray,
+    Problem,
+    ProblemError,
+    State,
+    TriangulatedCuboid,
+)
+from scenarios import greedy_perspectives, movingai
+from scenarios.greedy_perspectives import heading_index
+
+DATA = Path(os.environ.get("COCAP_OPT_DATA", Path(__file__).parents[2] / "shared" / "data"))
+
+SEQUENCE = """\
+planner:
+  world:
+    time: {horizon: 3, stepSize: 0.3}
+    state_resolution: {heading: 8, gridSize: 1}
+    map: {file: elsewhere/tiny/map.npy, gridSize: 1}
+    actors:
+      - actor:
+          geometry: {width: 9, length: 9, height: 9}
+          trajectory: [[2, 3.5, 0], [3, 3.5, 0.1], [4, 3.5, 0.2], [5, 3.5, 0.3]]
+    agents:
+      - agent:
+          startPose: [1.5, 0, 5, 0]
+          camera: {intrinsics: [2500, 4000, 3000], tilt: 1.4}
+      - agent:
+          startPose: [4, 1, 6, -1]
+          camera: {intrinsics: [1000, 400, 300], tilt: 1.2}
+"""
+STARTS = "x,y,z,theta\n0,0,5,0\n1,0,5,0\n0,1 ,5,3.1415\n1,1,5,3.4\n"
+PLAN = "robot,t,x_cell,y_cell,heading_idx\n" + "".join(
+    f"{robot},{t},{robot + t},{robot},{robot + 5}\n" for t in range(3) for robot in range(2)
+)
+
+MAP = "type octile\nheight 3\nwidth 4\nmap\n.@..\n....\nGST.\n"
+SCENARIO = "version 1\n" + "".join(
+    f"0\ttiny.map\t4\t3\t{trip}\n"
+    for trip in (
+        "0\t0\t2\t0\t4",  # robot: start (0, 0)
+        "0\t0\t3\t2\t9",  # its start is taken
+        "1\t0\t3\t2\t9",  # its start is blocked
+        "3\t0\t0\t0\t9",  # robot: start (3, 0)
+        "0\t0\t1\t0\t9",  # its goal is blocked
+        "0\t0\t2\t0\t4",  # actor, around the blocked cell
+        "0\t2\t1\t1\t2",  # actor, 0.4 m longer did it not cut a corner
+    )
+)
+
+
+def _data(name: str) -> Path:
+    path = DATA / name
+    if not path.exists():
+        pytest.skip(f"needs {name} in the data folder (COCAP_OPT_DATA)")
+    return path
+
+
+@pytest.fixture
+def sequence(tmp_path: Path) -> Path:
+    """A tiny scene of two robots and one actor on 6 x 4 cells; its folder names it."""
+    folder = tmp_path / "tiny"
+    folder.mkdir()
+    heights = np.zeros((6, 4))
+    heights[5, 0] = 7.0
+    np.save(folder / "map.npy", heights)
+    (folder / "seq.yaml").write_text(SEQUENCE)
+    return folder / "seq.yaml"
+
+
+@pytest.fixture
+def scenario(tmp_path: Path) -> Path:
+    """A scenario of seven rows on a map of 4 x 3 cells."""
+    (tmp_path / "tiny.map").write_text(MAP)
+    (tmp_path / "tiny.scen").write_text(SCENARIO)
+    return tmp_path / "tiny.scen"
+
+
+def _one_line(call: Callable[[], object], *words: str) -> None:
+    """Assert that `call` raises a ProblemError of one line that holds all `words`."""
+    with pytest.raises(ProblemError) as caught:
+        call()
+    message = str(caught.value)
+    assert "\n" not in message
+    for word in words:
+        assert word in message, message
+
+
+# --- Greedy Perspectives ------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("theta", "index"),
+    [(0, 0), (3.1415, 3), (3.4, 5), (-1, 7), (-0.5, 0), (math.pi, 4), (-math.pi, 4), (7.9, 2)],
+)
+def test_heading_is_truncated_toward_zero(theta: float, index: int) -> None:
+    """Their heading index is truncated toward zero after wrapping, not rounded."""
+    assert heading_index(theta) == index
+
+
+def test_sequence_is_read_faithfully(sequence: Path) -> None:
+    """Cells, flight heights, tilts, rules and the horizon mean what they mean in the paper."""
+    problem = greedy_perspectives.read(sequence)
+    first, second = problem.robots
+    assert problem.name == "tiny"
+    assert problem.horizon == 2
+    assert first.start == State(1, 0, heading=2)  # their 0 looks along +y
+    assert second.start == State(4, 1, heading=1)  # their 7
+    assert first.motion.layers == (5.0,) and second.motion.layers == (6.0,)
+    assert first.motion.corner_cutting
+    assert math.degrees(first.camera.tilts[0]) == pytest.approx(9.786, abs=1e-3)
+    assert math.degrees(second.camera.tilts[0]) == pytest.approx(21.245, abs=1e-3)
+    assert (second.camera.focal, second.camera.width, second.camera.height) == (1000, 400, 300)
+    assert problem.rules == PAPER_RULES
+    assert problem.objective.count_start and problem.objective.stationarity == 0
+    assert problem.height_map.shape == (6, 4)
+    assert problem.height_map.heights[5, 0] == 7
+
+
+def test_actor_is_a_box_whatever_the_file_says(sequence: Path) -> None:
+    """Actors measure 1 x 1 x 2.5 m, and their metres are not shifted by half a cell."""
+    actor = greedy_perspectives.read(sequence).actors[0]
+    assert actor.shape == TriangulatedCuboid(length=1, width=1, height=2.5)
+    assert actor.poses.tolist() == [[2, 3.5, 0, 0], [3, 3.5, 0, 0.1], [4, 3.5, 0, 0.2]]
+    rectangles = greedy_perspectives.read(sequence, triangles=False).actors[0]
+    assert rectangles.shape == Cuboid(length=1, width=1, height=2.5)
+
+
+def test_start_sets_are_consecutive_rows(sequence: Path) -> None:
+    """Start set k is rows k R .. k R + R - 1; each robot keeps its own camera."""
+    sequence.with_name("starts.csv").write_text(STARTS)
+    starts = [[r.start[:2] for r in greedy_perspectives.read(sequence, k).robots] for k in (0, 1)]
+    assert starts == [[(0, 0), (1, 0)], [(0, 1), (1, 1)]]
+    second = greedy_perspectives.read(sequence, 1).robots
+    assert [robot.start.heading for robot in second] == [5, 7]
+    assert [robot.camera.focal for robot in second] == [2500, 1000]
+
+
+def test_own_starts_on_request(sequence: Path) -> None:
+    """The file's own start poses are used on request, and where there is no starts.csv."""
+    own = [robot.start for robot in greedy_perspectives.read(sequence, 99).robots]
+    sequence.with_name("starts.csv").write_text(STARTS)
+    asked = greedy_perspectives.read(sequence, 99, starts="yaml")
+    assert [robot.start for robot in asked.robots] == own
+
+
+def test_map_is_found_at_the_stated_path(sequence: Path) -> None:
+    """The map is looked for beside the scene first, then at the path stated."""
+    folder = sequence.parent / "elsewhere" / "tiny"
+    folder.mkdir(parents=True)
+    (sequence.parent / "map.npy").rename(folder / "map.npy")
+    assert greedy_perspectives.read(sequence).height_map.shape == (6, 4)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("horizon: 3", "horizon: three", ("planner.world.time.horizon", "int")),
+        ("horizon: 3", "horizon: 1", ("planner.world.time.horizon", ">= 2")),
+        ("horizon: 3, ", "", ("planner.world.time", "`horizon`")),
+        ("horizon: 3", "horizon: 5", ("actors[0].actor.trajectory", "5 steps", "not 4")),
+        ("heading: 8", "heading: 6", ("state_resolution.heading", "multiple of 4")),
+        ("map.npy", "other.npy", ("map.file", "elsewhere/tiny/other.npy")),
+        ("map.npy", "m" * 5000, ("map.file",)),
+        ("npy, gridSize: 1", "npy, gridSize: 0", ("map.gridSize",)),
+        ("[3, 3.5, 0.1]", "[3, .nan, 0.1]", ("actors[0].actor.trajectory[1][1]",)),
+        ("[3, 3.5, 0.1]", "[3, .inf, 0.1]", ("actors[0].actor.trajectory[1][1]",)),
+        ("[3, 3.5, 0.1]", "[3, 0.1]", ("trajectory[1]", "length 3")),
+        ("[1.5, 0, 5, 0]", "[1.5, 0, 5]", ("agents[0].agent.startPose", "length 4")),
+        ("[1.5, 0, 5, 0]", "[4.5, 1, 6, 0]", ("robots[1].start", "robots[0]")),
+        ("[1.5, 0, 5, 0]", "[5, 0, 5, 0]", ("robots[0].start", "blocked")),
+        ("[1.5, 0, 5, 0]", "[-1, 0, 5, 0]", ("robots[0].start.x", "0..5")),
+        ("tilt: 1.2", "tilt: 4", ("agents[1].agent.camera.tilt", "<= 3.14")),
+        ("[1000, 400, 300]", "[1000, 400, 3.5]", ("agents[1].agent.camera.intrinsics[2]", "int")),
+        ("planner:", "planer:", ("`planner`",)),
+        ("planner:", "planner: [", ()),
+        ("planner:", "planner: " + "[" * 100_000, ()),
+        ("planner:", "when: 2024-13-45\nplanner:", ("month",)),
+        ("planner:", "run: !!python/object/apply:os.getcwd []\nplanner:", ("tag",)),
+        (SEQUENCE, "", ("object",)),
+        (SEQUENCE, "\0", ()),
+    ],
+)
+def test_wrong_sequence_is_one_line(
+    sequence: Path, old: str, new: str, words: tuple[str, ...]
+) -> None:
+    """Whatever is wrong in a seq.yaml is one line that names the file and the field."""
+    assert old in SEQUENCE
+    sequence.write_text(SEQUENCE.replace(old, new))
+    _one_line(lambda: greedy_perspectives.read(sequence), "seq.yaml: ", *words)
+
+
+@pytest.mark.parametrize(
+    ("text", "seed", "words"),
+    [
+        (STARTS, 2, ("seed", "0..1", "2 start sets")),
+        (STARTS, -1, ("seed", "0..1")),
+        (STARTS + "3,3,5,0\n", 0, ("sets of 2 rows", "not 5")),
+        ("x,y,z,theta\n", 0, ("sets of 2 rows", "not 0")),
+        ("", 0, ("header", "x,y,z,theta")),
+        (STARTS.replace("theta", "yaw"), 0, ("header", "x,y,z,theta")),
+        (STARTS.replace("1,0,5,0", "1,0,5"), 0, ("line 3", "4 values")),
+        (STARTS.replace("1,0,5,0", "1,0,5,0,0"), 0, ("line 3", "4 values")),
+        (STARTS.replace("1,0,5,0", "1,zero,5,0"), 0, ("line 3, y", "'zero'")),
+        (STARTS.replace("1,0,5,0", "1,nan,5,0"), 0, ("line 3, y", "'nan'")),
+        (STARTS.replace("1,0,5,0", "1e308,0,5,0"), 0, ("line 3, x",)),
+        (STARTS.replace("1,0,5,0", "0.9,0,5,0"), 0, ("robots[1].start", "robots[0]")),
+    ],
+)
+def test_wrong_starts_are_one_line(
+    sequence: Path, text: str, seed: int, words: tuple[str, ...]
+) -> None:
+    """Whatever is wrong with a start set is one line that names starts.csv."""
+    sequence.with_name("starts.csv").write_text(text)
+    _one_line(lambda: greedy_perspectives.read(sequence, seed), "starts.csv: ", *words)
+
+
+@pytest.mark.parametrize(
+    ("array", "words"),
+    [
+        (np.zeros(5), ("heights", "2 axes")),
+        (np.zeros((2, 0)), ("heights", "empty")),
+        (np.array([[1.0, np.nan]]), ("heights", "finite")),
+        (np.array([["a"]]), ("array of numbers",)),
+        (np.zeros((2, 2), dtype=complex), ("array of numbers",)),
+        (np.array([[{}]]), ("array of numbers",)),  # a pickle
+        (b"not an array", ("array of numbers",)),
+        (b"", ("array of numbers",)),
+    ],
+)
+def test_wrong_map_is_one_line(
+    sequence: Path, array: NDArray[Any] | bytes, words: tuple[str, ...]
+) -> None:
+    """Whatever is wrong with a map is one line that names it, and pickles are never loaded."""
+    target = sequence.with_name("map.npy")
+    if isinstance(array, bytes):
+        target.write_bytes(array)
+    else:
+        np.save(target, array, allow_pickle=True)
+    _one_line(lambda: greedy_perspectives.read(sequence), "map.npy: ", *words)
+
+
+def test_missing_files_are_one_line(tmp_path: Path) -> None:
+    """A file that cannot be opened is named in one line."""
+    _one_line(lambda: greedy_perspectives.read(tmp_path / "seq.yaml"), "seq.yaml: cannot be read")
+    _one_line(lambda: greedy_perspectives.read(tmp_path), "cannot be read")
+    _one_line(lambda: movingai.read(tmp_path / "a.scen"), "a.scen: cannot be read")
+
+
+def test_plan_is_mapped_back(sequence: Path) -> None:
+    """A plan has T+1 states a robot, in order of time, with headings counted from +x."""
+    path = sequence.with_name("paths.csv")
+    path.write_text("\n".join([PLAN.splitlines()[0], *reversed(PLAN.splitlines()[1:])]))
+    plan = greedy_perspectives.read_plan(path, greedy_perspectives.read(sequence))
+    assert plan == (
+        (State(0, 0, heading=7), State(1, 0, heading=7), State(2, 0, heading=7)),
+        (State(1, 1, heading=0), State(2, 1, heading=0), State(3, 1, heading=0)),
+    )
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("heading_idx", "heading", ("header", "heading_idx")),
+        ("1,2,3,1,6\n", "", ("robot 1", "step 2")),
+        ("1,2,3,1,6\n", "1,1,3,1,6\n", ("line 7", "robot 1", "step 1 only once")),
+        ("1,2,3,1,6\n", "1,3,3,1,6\n", ("line 7, t", "0..2")),
+        ("1,2,3,1,6\n", "2,2,3,1,6\n", ("line 7, robot", "0..1")),
+        ("1,2,3,1,6\n", "1,2,3,1,8\n", ("line 7, heading_idx", "0..7")),
+        ("1,2,3,1,6\n", "1,2,3.0,1,6\n", ("line 7, x_cell", "whole number")),
+        ("1,2,3,1,6\n", "1,2,3,1\n", ("line 7", "5 values")),
+        (PLAN, "robot,t,x_cell,y_cell,heading_idx\n", ("robot 0", "step 0")),
+        (PLAN, "", ("header",)),
+    ],
+)
+def test_wrong_plan_is_one_line(sequence: Path, old: str, new: str, words: tuple[str, ...]) -> None:
+    """Whatever is wrong with a plan is one line that names the file."""
+    path = sequence.with_name("paths.csv")
+    assert old in PLAN
+    path.write_text(PLAN.replace(old, new))
+    problem = greedy_perspectives.read(sequence)
+    _one_line(lambda: greedy_perspectives.read_plan(path, problem), "paths.csv: ", *words)
+
+
+@pytest.mark.parametrize(("name", "robots"), [("corridor", 2), ("split", 4), ("large", 18)])
+def test_every_published_start_set_is_valid(name: str, robots: int) -> None:
+    """The ten trials of the paper's scenes are conflict-free problems, each different."""
+    path = _data(f"greedy_perspectives/{name}/seq.yaml")
+    problems = [greedy_perspectives.read(path, seed) for seed in range(10)]
+    assert {len(problem.robots) for problem in problems} == {robots}
+    assert len({tuple(r.start for r in problem.robots) for problem in problems}) == 10
+    _one_line(lambda: greedy_perspectives.read(path, 10), "starts.csv: ", "10 start sets")
+
+
+@pytest.mark.parametrize("name", ["corridor", "split"])
+def test_published_plan_obeys_the_motion_model(name: str) -> None:
+    """Their paths begin at the file's own starts, and move and turn by at most one."""
+    path = _data(f"greedy_perspectives/{name}/peer_paths.csv")
+    problem = greedy_perspectives.read(path.with_name("seq.yaml"), starts="yaml")
+    plan = greedy_perspectives.read_plan(path, problem)
+    assert [states[0] for states in plan] == [robot.start for robot in problem.robots]
+    for states in plan:
+        for a, b in pairwise(states):
+            assert max(abs(a.x - b.x), abs(a.y - b.y)) <= 1
+            assert (a.heading - b.heading) % 8 in (0, 1, 7)
+            assert not problem.blocked(b.x, b.y, problem.robots[0].motion, b.layer)
+
+
+def test_published_views_agree_with_headings_tilts_and_poses() -> None:
+    """Their renderer counted as many pixels of a triangle as its projection here has.
+
+    Obstacles only hide pixels, so that the ratio's upper quantile is near 1: it is 1.7 with
+    headings off by one, and 1.19 with robot 1's tilt. Left out are views that the image's
+    edge may cut, and small ones, where their 400 x 300 samples are too coarse.
+    """
+    path = _data("greedy_perspectives/corridor/peer_coverage.csv")
+    problem = greedy_perspectives.read(path.with_name("seq.yaml"), starts="yaml")
+    ours = {4: 6, 5: 7, 6: 0, 7: 1}  # the triangles at -y and +x of the box
+    ratios = []
+    with path.open() as file:
+        for row in csv.DictReader(file):
+            x, y, h, t, actor, face = (
+                int(row[key]) for key in ("x", "y", "h", "t", "actor", "face")
+            )
+            state = State(x, y, heading=(h + 2) % 8)
+            if face not in ours or (image := _project(problem, state, t, actor)) is None:
+                continue
+            u, v = image[ours[face], 1:] - image[ours[face], 0]
+            area = abs(u[0] * v[1] - u[1] * v[0]) / 2 / 1.25
+            if area > 4000:
+                ratios.append(float(row["ppa"]) / area)
+    assert len(ratios) > 1000
+    assert 0.98 < np.quantile(ratios, 0.95) < 1.03
+
+
+def _project(problem: Problem, state: State, t: int, actor: int) -> FloatArray | None:
+    """Pixels [F, 3, 2] of an actor's triangles; None where some lie outside robot 0's image."""
+    camera = problem.robots[0].camera
+    *foot, yaw = problem.actors[actor].poses[t]
+    turn = np.array(
+        [[math.cos(yaw), -math.sin(yaw), 0], [math.sin(yaw), math.cos(yaw), 0], [0, 0, 1]]
+    )
+    corners = np.stack(problem.actors[actor].shape.faces()) @ turn.T + np.array(foot)
+    offset = corners - np.array([*problem.height_map.centre(state.x, state.y), 5.0])
+    look, tilt = state.heading * math.tau / 8, camera.tilts[0]
+    right = np.array([math.sin(look), -math.cos(look), 0])
+    forward = np.array([math.cos(look), math.sin(look), -math.tan(tilt)]) * math.cos(tilt)
+    depth = offset @ forward
+    if depth.min() < 0.5:
+        return None
+    image = camera.focal * (offset @ np.stack([right, np.cross(forward, right)], axis=1))
+    image /= depth[..., None]
+    inside = (np.abs(image) <= np.array([camera.width, camera.height]) / 2).all()
+    return image if inside else None
+
+
+# --- MovingAI -----------------------------------------------------------------------------
+
+
+def test_scenario_is_read(scenario: Path) -> None:
+    """x is the column and y the row; rows that do not serve a robot or actor are skipped."""
+    problem = movingai.read(scenario, steps=5)
+    assert problem.name == "tiny"
+    assert problem.height_map.heights.tolist() == [[0, 0, 0], [10, 0, 0], [0, 0, 10], [0, 0, 0]]
+    first, second = problem.robots
+    assert first.start == State(0, 0, heading=0)
+    assert second.start == State(3, 0, heading=4)  # looks along -x, at the first actor
+    assert first.motion.layers == (5.0,) and not first.motion.corner_cutting
+    assert {actor.shape for actor in problem.actors} == {Cuboid()}
+
+
+def test_actor_walks_without_cutting_corners_and_then_stands(scenario: Path) -> None:
+    """An actor takes one cell a step along a shortest path, looks along it, and stays."""
+    around, diagonal = movingai.read(scenario, steps=5).actors
+    assert around.poses[:, :2].tolist() == [
+        [0.5, 0.5], [0.5, 1.5], [1.5, 1.5], [2.5, 1.5], [2.5, 0.5], [2.5, 0.5],
+    ]  # fmt: skip
+    up, down = math.pi / 2, -math.pi / 2
+    assert around.poses[:, 3].tolist() == [up, 0, 0, down, down, down]
+    assert diagonal.poses[:2, :2].tolist() == [[0.5, 2.5], [1.5, 1.5]]
+    assert diagonal.poses[0, 3] == pytest.approx(-math.pi / 4)
+
+
+def test_actor_that_is_at_its_goal_stands(scenario: Path) -> None:
+    """A trip of no length is a person who stands still."""
+    row = "0\ttiny.map\t4\t3\t3\t2\t3\t2\t0\n"
+    scenario.write_text("version 1\n" + row * 2)
+    (actor,) = movingai.read(scenario, robots=1, actors=1).actors
+    assert actor.poses.tolist() == [[3.5, 2.5, 0, 0]] * 11
+
+
+def test_seed_permutes_the_rows(scenario: Path) -> None:
+    """A seed always gives the same problem, and other seeds other ones."""
+
+    def starts(seed: int) -> tuple[State, ...]:
+        problem = movingai.read(scenario, seed, robots=2, actors=1)
+        return tuple(robot.start for robot in problem.robots)
+
+    assert [starts(k) for k in range(8)] == [starts(k) for k in range(8)]
+    assert len({starts(k) for k in range(8)}) > 1
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("version 1", "version 7", ("line 1", "version 1")),
+        ("\t4\t3\t3\t0\t0\t0", "\t5\t3\t3\t0\t0\t0", ("line 5", "4 3")),
+        ("\t3\t0\t0\t0\t9", "\t4\t0\t0\t0\t9", ("line 5", "inside the map", "(4, 0)")),
+        ("\t3\t0\t0\t0\t9", "\t-1\t0\t0\t0\t9", ("line 5", "inside the map")),
+        ("\t3\t0\t0\t0\t9", "\t3\t0\t0\t9", ("line 5", "9 fields")),
+        ("\t3\t0\t0\t0\t9", "\t3\t0\tx\t0\t9", ("line 5", "'x'")),
+        ("\t3\t0\t0\t0\t9", "\t3\t0\t0\t0\tnan", ("line 5", "'nan'")),
+        ("tiny.map\t4\t3\t3", "other.map\t4\t3\t3", ("map", "all rows", "2 maps")),
+        ("0\t0\t2\t0\t4\n", "0\t0\t1\t0\t4\n", ("rows", "2 actors", "2 and 1")),
+        (SCENARIO, "version 1\n", ("rows", "at least one")),
+        (SCENARIO, "", ("line 1",)),
+    ],
+)
+def test_wrong_scenario_is_one_line(
+    scenario: Path, old: str, new: str, words: tuple[str, ...]
+) -> None:
+    """Whatever is wrong in a scenario is one line that names the file and the line."""
+    assert old in SCENARIO
+    scenario.write_text(SCENARIO.replace(old, new))
+    _one_line(lambda: movingai.read(scenario), "tiny.scen: ", *words)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("octile", "tile", ("line 1", "type octile")),
+        ("height 3", "height x", ("line 2", "'x'")),
+        ("height 3", "height 4", ("height", "number of rows 3", "not 4")),
+        ("height 3", "width 3", ("line 2", "'height'")),
+        ("width 4", "width 0", ("line 3", ">= 1")),
+        ("width 4", "width 5", ("line 5", "5 characters")),
+        ("map\n", "grid\n", ("line 4", "'map'")),
+        ("....", "...", ("line 6", "4 characters")),
+        ("....", "..x.", ("line 6", ".GS@OTW")),
+        (MAP, "type octile\n", ("header",)),
+        (MAP, "", ("header",)),
+    ],
+)
+def test_wrong_grid_is_one_line(scenario: Path, old: str, new: str, words: tuple[str, ...]) -> None:
+    """Whatever is wrong in a map is one line that names the map and the line."""
+    assert old in MAP
+    scenario.with_name("tiny.map").write_text(MAP.replace(old, new))
+    _one_line(lambda: movingai.read(scenario), "tiny.map: ", *words)
+
+
+@pytest.mark.parametrize(
+    ("argument", "value"),
+    [("seed", -1), ("robots", 0), ("actors", -1), ("steps", 0), ("wall", 0.0), ("wall", math.nan)],
+)
+def test_wrong_argument_is_one_line(scenario: Path, argument: str, value: Any) -> None:
+    """An argument out of range is named in one line."""
+    _one_line(lambda: movingai.read(scenario, **{argument: value}), f"tiny.scen: {argument}: ")
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "empty-8-8-random-1",
+        "maze-32-32-2-random-1",
+        "random-32-32-20-random-1",
+        "room-32-32-4-random-1",
+        "tunnel",
+    ],
+)
+def test_walks_have_the_benchmark_lengths(name: str) -> None:
+    """Walks are as long as the optimal lengths in the file (0 for a trip: not stated)."""
+    free, trips = movingai.read_trips(_data(f"movingai/{name}.scen"))
+    graph = movingai.walking_graph(free)
+    for trip in trips:
+        walk = movingai.shortest_walk(graph, trip)
+        assert walk is not None
+        assert all(free[cell] for cell in walk)
+        if trip.length:
+            length = sum(math.dist(a, b) for a, b in pairwise(walk))
+            assert length == pytest.approx(trip.length, abs=1e-6)
+    seeds = [movingai.read(DATA / f"movingai/{name}.scen", seed) for seed in range(5)]
+    assert len({tuple(r.start for r in problem.robots) for problem in seeds}) > 1
