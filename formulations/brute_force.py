@@ -1,0 +1,86 @@
+"""Exact optimum by enumerating all plans: the oracle for tiny instances."""
+
+import math
+import time
+from itertools import product
+
+import numpy as np
+
+from cocap_opt.model import Model, Path, compiled
+from cocap_opt.plan import conflicts
+from cocap_opt.problem import Problem
+from cocap_opt.result import Limit, Reason, Result, Unsupported
+from cocap_opt.reward import objective, robot_pixels
+from cocap_opt.stop import Stop, never
+
+MOST_PLANS = 2_000_000
+
+
+def brute_force(problem: Problem, stop: Stop = never) -> Result:
+    """Best plan by trying all of them.
+
+    Raises
+    ------
+    Unsupported
+        If there are more than MOST_PLANS plans.
+    """
+    begin = time.perf_counter()
+    model = compiled(problem)
+    robots = range(len(problem.robots))
+    plans = math.prod(count_paths(model, robot) for robot in robots)
+    if plans > MOST_PLANS:
+        raise Unsupported(f"brute force tries at most {MOST_PLANS} plans, here there are {plans}")
+    paths = [all_paths(model, robot) for robot in robots]
+    pixels = [[robot_pixels(model, i, path) for path in paths[i]] for i in robots]
+    best_value, best = -math.inf, None
+    limit = Limit.NONE
+    for choice in product(*(range(len(some)) for some in paths)):
+        limit = stop()
+        if limit is not Limit.NONE:
+            break
+        chosen = [paths[i][k] for i, k in zip(robots, choice, strict=True)]
+        seen = np.sum([pixels[i][k] for i, k in zip(robots, choice, strict=True)], axis=0)
+        value = objective(problem, seen, chosen)
+        if value > best_value:
+            plan = model.plan(chosen)
+            if next(conflicts(problem, plan), None) is None:
+                best_value, best = value, plan
+    reason = Reason.STOPPED
+    if limit is Limit.NONE:
+        reason = Reason.INFEASIBLE if best is None else Reason.OPTIMAL
+    return Result(
+        plan=best,
+        value=best_value,
+        reason=reason,
+        limit=limit,
+        bound=best_value if limit is Limit.NONE else math.inf,
+        seconds=time.perf_counter() - begin,
+        statistics={"plans": plans},
+    )
+
+
+def count_paths(model: Model, robot: int) -> int:
+    """Number of paths of a robot (goal ignored), by dynamic programming."""
+    graph = model.class_of[robot].graph
+    counts = {model.start(robot): 1}
+    for _ in range(model.problem.horizon):
+        following: dict[int, int] = {}
+        for state, count in counts.items():
+            for head in graph.successors(state).tolist():
+                following[head] = following.get(head, 0) + count
+        counts = following
+    return sum(counts.values())
+
+
+def all_paths(model: Model, robot: int) -> list[Path]:
+    """All paths of a robot that end in its goal."""
+    group = model.class_of[robot]
+    paths: list[Path] = [(model.start(robot),)]
+    for _ in range(model.problem.horizon):
+        paths = [
+            (*path, head) for path in paths for head in group.graph.successors(path[-1]).tolist()
+        ]
+    if group.goal is None:
+        return paths
+    ends = (group.graph.state(path[-1]) for path in paths)
+    return [p for p, end in zip(paths, ends, strict=True) if (end.x, end.y) == group.goal]
