@@ -35,7 +35,7 @@ def code_digest() -> bytes:
     """Digest of the code that computes coverage."""
     digest = hashlib.sha256(version("embreex").encode())
     for module in (coverage, projection, visibility):
-        digest.update(Path(module.__file__).read_bytes())
+        digest.update(Path(str(module.__file__)).read_bytes())
     return digest.digest()
 
 

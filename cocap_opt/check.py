@@ -179,7 +179,7 @@ def broken_rules(problem: Problem, plan: Plan) -> list[str]:
                         f"step {t}: robots {i} and {k} are {math.dist(a, b):g} m apart, "
                         f"less than {rules.separation:g} m"
                     )
-                if rules.swap and t < problem.horizon and a != b:
-                    if a == position(k, t + 1) and b == position(i, t + 1):
-                        found.append(f"step {t} to {t + 1}: robots {i} and {k} swap cells")
+                ahead = t < problem.horizon and (position(i, t + 1), position(k, t + 1))
+                if rules.swap and a != b and ahead == (b, a):
+                    found.append(f"step {t} to {t + 1}: robots {i} and {k} swap cells")
     return found

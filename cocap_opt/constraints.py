@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Sequence
-from itertools import product
+from itertools import pairwise, product
 
 from cocap_opt.model import Model, RobotClass
 from cocap_opt.plan import Conflict, SwapConflict
@@ -58,7 +58,7 @@ def avoid_paths(
                     )
                 )
         if problem.rules.swap:
-            for t, (cell, following) in enumerate(zip(cells, cells[1:], strict=False)):
+            for t, (cell, following) in enumerate(pairwise(cells)):
                 ends = place_of(model, group, following), place_of(model, group, cell)
                 if cell != following and ends[0] is not None and ends[1] is not None:
                     moves[t, ends[0], ends[1]] = CLOSED_CHARGE

@@ -59,7 +59,7 @@ class FaceGeometry:
             c, s = np.cos(yaw), np.sin(yaw)
             for face in actor.shape.faces():
                 turned = [face[:, 0] * c - face[:, 1] * s, face[:, 0] * s + face[:, 1] * c]
-                polygons.append(np.column_stack([*turned, face[:, 2]]) + [x, y, z])
+                polygons.append(np.column_stack([*turned, face[:, 2]]) + np.array([x, y, z]))
         size = max(map(len, polygons), default=3)
         doubled = [_doubled_area(polygon) for polygon in polygons]
         lengths = [float(np.sqrt(dot(vector, vector))) for vector in doubled]

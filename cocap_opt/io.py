@@ -1,5 +1,6 @@
 """Scene and plan files: JSON, versioned, read strictly, written whole or not at all."""
 
+import hashlib
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
@@ -10,8 +11,6 @@ from cocap_opt.cache import write_atomically
 from cocap_opt.plan import Plan
 from cocap_opt.problem import Problem, ProblemError
 
-FORMAT_VERSION = 1
-
 
 class FileError(ValueError):
     """A file cannot be used; the message is one line that names file, field and what is allowed."""
@@ -21,7 +20,7 @@ class SceneFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     """A scene file."""
 
     format: Literal["cocap-opt scene"] = "cocap-opt scene"
-    version: Literal[1] = FORMAT_VERSION
+    version: Literal[1] = 1
     problem: Problem
 
 
@@ -29,7 +28,7 @@ class PlanFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     """A plan file: the plan, what it claims, and the digest of its scene."""
 
     format: Literal["cocap-opt plan"] = "cocap-opt plan"
-    version: Literal[1] = FORMAT_VERSION
+    version: Literal[1] = 1
     scene: str  # name
     digest: str  # of the problem
     planner: str
@@ -93,8 +92,6 @@ def save_problem(path: Path, problem: Problem) -> None:
 
 def problem_digest(problem: Problem) -> str:
     """Digest of everything in a problem but its name."""
-    import hashlib
-
     content = msgspec.json.encode(problem.replace(name=""), enc_hook=_encode_array)
     return hashlib.sha256(content).hexdigest()
 

@@ -5,8 +5,11 @@ a place graph (cells) and an orientation graph (headings and gimbal pitches), bo
 self-loops. `timegraph` compiles the two factors; nobody needs the product to plan.
 """
 
+from __future__ import annotations  # networkx graphs take type arguments in stubs only
+
 from collections.abc import Iterator
 from itertools import product
+from typing import TYPE_CHECKING, Any, cast
 
 import networkx as nx
 import numpy as np
@@ -16,6 +19,8 @@ from cocap_opt.problem import BoolArray, Camera, HeightMap, Motion, Problem, Sta
 Move = tuple[int, int, int]  # (layers, cells along x, cells along y)
 Place = tuple[int, int, int]  # (layer, x, y)
 Orientation = tuple[int, int]  # (heading, pitch)
+if TYPE_CHECKING:
+    Graph = nx.DiGraph[Any]
 
 
 def free_places(height_map: HeightMap, motion: Motion) -> BoolArray:
@@ -68,10 +73,10 @@ def shifted(free: BoolArray, move: Move) -> BoolArray:
     return result
 
 
-def place_graph(height_map: HeightMap, motion: Motion) -> nx.DiGraph:
+def place_graph(height_map: HeightMap, motion: Motion) -> Graph:
     """Directed graph of the cells a robot can fly in: nodes (layer, x, y), self-loops included."""
     free = free_places(height_map, motion)
-    graph: nx.DiGraph = nx.DiGraph()
+    graph: Graph = nx.DiGraph()
     graph.add_nodes_from(map(tuple, np.argwhere(free).tolist()))
     for move in moves(motion):
         tails = np.argwhere(allowed_starts(free, motion, move))
@@ -88,12 +93,12 @@ def turned(index: int, most: int, size: int, cyclic: bool) -> set[int]:
     return {i % size for i in reach} if cyclic else {i for i in reach if 0 <= i < size}
 
 
-def orientation_graph(motion: Motion, camera: Camera) -> nx.DiGraph:
+def orientation_graph(motion: Motion, camera: Camera) -> Graph:
     """Directed graph of orientations: nodes (heading, pitch), self-loops included.
 
     Headings are a ring, pitches a line.
     """
-    graph: nx.DiGraph = nx.DiGraph()
+    graph: Graph = nx.DiGraph()
     for heading, pitch in product(range(motion.headings), range(len(camera.tilts))):
         graph.add_edges_from(
             ((heading, pitch), (next_heading, next_pitch))
@@ -103,13 +108,14 @@ def orientation_graph(motion: Motion, camera: Camera) -> nx.DiGraph:
     return graph
 
 
-def motion_graph(problem: Problem, robot: int) -> nx.DiGraph:
+def motion_graph(problem: Problem, robot: int) -> Graph:
     """Motion graph of one robot; nodes are `State`, an edge is one step of motion."""
     motion, camera = problem.robots[robot].motion, problem.robots[robot].camera
     graph = nx.tensor_product(
         place_graph(problem.height_map, motion), orientation_graph(motion, camera)
     )
-    return nx.relabel_nodes(graph, {node: _state(*node) for node in graph})
+    # The stubs of both functions say Graph where they return the type they are given.
+    return cast("Graph", nx.relabel_nodes(graph, {node: _state(*node) for node in graph}))
 
 
 def _state(place: Place, orientation: Orientation) -> State:
@@ -117,28 +123,28 @@ def _state(place: Place, orientation: Orientation) -> State:
     return State(x, y, layer, *orientation)
 
 
-def time_expanded_graph(problem: Problem, robot: int) -> nx.DiGraph:
+def time_expanded_graph(problem: Problem, robot: int) -> Graph:
     """Time-expanded graph of one robot: nodes (State, t) that lie on some path from its start.
 
     It is the tensor product of the motion graph and the directed path 0..T, pruned to what
     the start reaches and, where there is a goal, to what reaches the goal. Every planner
     searches this graph; `timegraph.TimeGraph` is its compiled form.
     """
-    steps: nx.DiGraph = nx.path_graph(problem.horizon + 1, create_using=nx.DiGraph)
-    graph = nx.tensor_product(motion_graph(problem, robot), steps)
+    steps: Graph = nx.path_graph(problem.horizon + 1, create_using=nx.DiGraph)
+    graph = cast("Graph", nx.tensor_product(motion_graph(problem, robot), steps))
     spec = problem.robots[robot]
     source = (spec.start, 0)
     keep = {source} | nx.descendants(graph, source)
     ends = [node for node in keep if node[1] == problem.horizon and _at_goal(node[0], spec.goal)]
-    backward = graph.reverse(copy=False)
-    keep &= set(_reached(backward, ends))
-    return graph.subgraph(keep).copy()
+    keep &= set(_reached(graph.reverse(copy=False), ends))
+    pruned: Graph = graph.subgraph(keep).copy()
+    return pruned
 
 
 def _at_goal(state: State, goal: tuple[int, int] | None) -> bool:
     return goal is None or (state.x, state.y) == goal
 
 
-def _reached(graph: nx.DiGraph, sources: list[tuple[State, int]]) -> Iterator[tuple[State, int]]:
+def _reached(graph: Graph, sources: list[tuple[State, int]]) -> Iterator[tuple[State, int]]:
     for layer in nx.bfs_layers(graph, sources):
         yield from layer

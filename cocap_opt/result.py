@@ -8,7 +8,7 @@ from enum import StrEnum
 from cocap_opt.plan import Plan
 
 
-class Unsupported(ValueError):
+class UnsupportedError(ValueError):
     """This method does not take problems of this kind; the message says which it takes."""
 
 
@@ -19,6 +19,7 @@ class Reason(StrEnum):
     FINISHED = "finished"  # the method ran to its end; it proves nothing
     INFEASIBLE = "infeasible"  # proved: no plan obeys the rules
     FAILED = "failed"  # the method ran to its end without a plan; one may exist
+    UNSUPPORTED = "unsupported"  # the method does not take such problems
     STOPPED = "stopped"  # a limit stopped it; the other word says which
 
 
@@ -42,6 +43,7 @@ class Result:
     limit: Limit = Limit.NONE
     bound: float = math.inf  # proved upper bound on J
     seconds: float = 0.0
+    message: str = ""  # why there is no plan, in words
     statistics: Mapping[str, float] = field(default_factory=dict)
 
     @property

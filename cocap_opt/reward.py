@@ -9,6 +9,7 @@ The view reward is monotone and submodular in the set of robot paths. Arrays ove
 """
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -52,7 +53,7 @@ def view_reward(problem: Problem, pixels: FloatArray) -> FloatArray:
 
 def unchanged(paths: Sequence[Path]) -> int:
     """Number of (robot, t) whose state does not change from t to t+1."""
-    return sum(a == b for path in paths for a, b in zip(path, path[1:], strict=False))
+    return sum(a == b for path in paths for a, b in pairwise(path))
 
 
 def objective(problem: Problem, pixels: FloatArray, paths: Sequence[Path]) -> float:

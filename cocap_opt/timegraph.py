@@ -221,13 +221,13 @@ class TimeGraph:
                 best = np.empty_like(best)
                 np.maximum(pair[1:], pair[:-1], out=best[1:])
                 np.maximum(pair[0], pair[-1], out=best[0])
-        best = best.reshape(headings, pitches, -1)
+        by_pitch = best.reshape(headings, pitches, -1)
         for _ in range(min(self.motion.pitch_turn, pitches - 1)):
-            pair = best.copy()
-            np.maximum(best[:, 1:], best[:, :-1], out=pair[:, 1:])
-            np.maximum(pair[:, :-1], best[:, 1:], out=pair[:, :-1])
-            best = pair
-        return best.reshape(-1)
+            wider = by_pitch.copy()
+            np.maximum(by_pitch[:, 1:], by_pitch[:, :-1], out=wider[:, 1:])
+            np.maximum(wider[:, :-1], by_pitch[:, 1:], out=wider[:, :-1])
+            by_pitch = wider
+        return by_pitch.reshape(-1)
 
     def _window(self, values: FloatArray) -> FloatArray:
         """Maximum over the box of cell moves; the closed border keeps rows apart [S]."""

@@ -9,7 +9,7 @@ import numpy as np
 from cocap_opt.model import Model, Path, compiled
 from cocap_opt.plan import conflicts
 from cocap_opt.problem import Problem
-from cocap_opt.result import Limit, Reason, Result, Unsupported
+from cocap_opt.result import Limit, Reason, Result, UnsupportedError
 from cocap_opt.reward import objective, robot_pixels
 from cocap_opt.stop import Stop, never
 
@@ -21,7 +21,7 @@ def brute_force(problem: Problem, stop: Stop = never) -> Result:
 
     Raises
     ------
-    Unsupported
+    UnsupportedError
         If there are more than MOST_PLANS plans.
     """
     begin = time.perf_counter()
@@ -29,7 +29,9 @@ def brute_force(problem: Problem, stop: Stop = never) -> Result:
     robots = range(len(problem.robots))
     plans = math.prod(count_paths(model, robot) for robot in robots)
     if plans > MOST_PLANS:
-        raise Unsupported(f"brute force tries at most {MOST_PLANS} plans, here there are {plans}")
+        raise UnsupportedError(
+            f"brute force tries at most {MOST_PLANS} plans, here there are {plans}"
+        )
     paths = [all_paths(model, robot) for robot in robots]
     pixels = [[robot_pixels(model, i, path) for path in paths[i]] for i in robots]
     best_value, best = -math.inf, None

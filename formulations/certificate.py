@@ -20,6 +20,7 @@ one plain sweep over the time-expanded graph and no solver.
 """
 
 import math
+from collections.abc import Callable
 from typing import Literal, NamedTuple
 
 import msgspec
@@ -28,7 +29,7 @@ import numpy as np
 from cocap_opt.constraints import place_of
 from cocap_opt.io import problem_digest
 from cocap_opt.model import Model, RobotClass
-from cocap_opt.problem import Cell, FloatArray, Problem
+from cocap_opt.problem import Cell, FloatArray, IntArray, Problem
 from cocap_opt.reward import group_weights, marginal_gain
 
 UNIT_ROUNDOFF = 2.0**-53
@@ -137,14 +138,14 @@ def price(model: Model, certificate: Certificate) -> Pricing:
     rows: tuple[Row, ...] = ()
     if isinstance(certificate, Multipliers):
         rows = certificate.rows
-        constant, node_value = _price_multipliers(model, certificate)
+        constant, pay = _price_multipliers(model, certificate)
     else:
-        constant, node_value = _price_reference(model, certificate)
+        constant, pay = _price_reference(model, certificate)
     _check_rows(problem, rows)
     charge = math.fsum(row.multiplier for row in rows)
     total, magnitude = constant + charge, abs(constant) + charge
     for group in model.classes:
-        reward = _node_rewards(model, group, node_value)
+        reward = _node_rewards(model, group, pay)
         value = _plain_sweep(model, group, reward, rows)
         best = [float(value[start]) for start in group.starts]
         if -math.inf in best:  # a robot without any path: there is no plan
@@ -159,12 +160,8 @@ def price(model: Model, certificate: Certificate) -> Pricing:
     return Pricing(math.nextafter(total + rounding, math.inf), rounding)
 
 
-class _NodeValue(NamedTuple):
-    """Value of pixels c in group g: linear[g] sqrt(c) + slope[g] c, or a marginal gain."""
-
-    alpha: FloatArray | None  # [G]
-    beta: FloatArray | None  # [G]
-    seen: FloatArray | None  # [G] reference pixels
+# What a certificate pays for pixels (px/m2) [n] in groups [n], before the weights.
+Payment = Callable[[IntArray, FloatArray], FloatArray]
 
 
 def _array(model: Model, values: tuple[tuple[float, ...], ...], field: str) -> FloatArray:
@@ -185,7 +182,7 @@ def _visible_groups(model: Model) -> FloatArray:
     return np.where(group_weights(model.problem) > 0, visible, 0.0)
 
 
-def _price_multipliers(model: Model, certificate: Multipliers) -> tuple[float, _NodeValue]:
+def _price_multipliers(model: Model, certificate: Multipliers) -> tuple[float, Payment]:
     alpha = _array(model, certificate.alpha, "certificate.alpha")
     beta = _array(model, certificate.beta, "certificate.beta")
     weights = group_weights(model.problem)
@@ -196,25 +193,23 @@ def _price_multipliers(model: Model, certificate: Multipliers) -> tuple[float, _
     constant = math.fsum((weights[needed] * kappa).tolist())
     if not math.isfinite(constant):
         raise CertificateError("certificate.beta: too small, the bound is infinite")
-    return constant, _NodeValue(alpha, beta, None)
+
+    def pay(groups: IntArray, pixels: FloatArray) -> FloatArray:
+        return alpha[groups] * np.sqrt(pixels) + beta[groups] * pixels
+
+    return constant, pay
 
 
-def _price_reference(model: Model, certificate: ReferencePixels) -> tuple[float, _NodeValue]:
+def _price_reference(model: Model, certificate: ReferencePixels) -> tuple[float, Payment]:
     pixels = _array(model, certificate.pixels, "certificate.pixels")
     roots = group_weights(model.problem) * np.sqrt(pixels)
-    return math.fsum(roots.tolist()), _NodeValue(None, None, pixels)
+    return math.fsum(roots.tolist()), lambda groups, seen: marginal_gain(pixels[groups], seen)
 
 
-def _node_rewards(model: Model, group: RobotClass, value: _NodeValue) -> FloatArray:
+def _node_rewards(model: Model, group: RobotClass, pay: Payment) -> FloatArray:
     """What the certificate pays for being in a state [T+1, S]."""
     table = model.coverage(group)
-    if value.seen is not None:
-        paid = marginal_gain(value.seen[table.groups], table.pixels)
-    else:
-        assert value.alpha is not None and value.beta is not None
-        paid = value.alpha[table.groups] * np.sqrt(table.pixels)
-        paid = paid + value.beta[table.groups] * table.pixels
-    paid = paid * group_weights(model.problem)[table.groups]
+    paid = pay(table.groups, table.pixels) * group_weights(model.problem)[table.groups]
     if not np.isfinite(paid).all():
         raise CertificateError("certificate: too large, the bound is infinite")
     rewards = np.zeros((model.problem.horizon + 1, group.graph.n_states))
@@ -240,9 +235,10 @@ def _plain_sweep(
         best = np.full(shape, -np.inf)
         for k, heads in enumerate(graph.neighbours):
             tails = np.flatnonzero(heads >= 0)
-            ahead = turned[:, heads[tails]] - swap_charges.get((t, k), np.zeros(1))[
-                tails if (t, k) in swap_charges else 0
-            ]
+            ahead = (
+                turned[:, heads[tails]]
+                - swap_charges.get((t, k), np.zeros(1))[tails if (t, k) in swap_charges else 0]
+            )
             best[:, tails] = np.maximum(best[:, tails], ahead)
         if bonus:
             best = np.maximum(best, value + bonus)

@@ -12,6 +12,7 @@ iteration; pricing new columns with them is one backward sweep per class of robo
 
 import time
 from dataclasses import dataclass, field
+from typing import Any
 
 import clarabel
 import numpy as np
@@ -121,22 +122,21 @@ class Master:
         eye = sparse.eye_array
         # Per group the cone (1 + z, 2 u, z - 1): u^2 <= z.
         first = 3 * np.arange(n_groups)
-        lift = sparse.csr_array((np.ones(n_groups), (first, np.arange(n_groups))),
-                                shape=(3 * n_groups, n_groups))  # fmt: skip
-        lift_u = sparse.csr_array((np.ones(n_groups), (first + 1, np.arange(n_groups))),
-                                  shape=(3 * n_groups, n_groups))  # fmt: skip
-        lift_z = sparse.csr_array((np.ones(n_groups), (first + 2, np.arange(n_groups))),
-                                  shape=(3 * n_groups, n_groups))  # fmt: skip
-        blocks = sparse.block_array(
-            [
-                [one_each, sparse.csr_array((n_robots, n_rows)), None],
-                [conflicts, -eye(n_rows), sparse.csr_array((n_rows, n_groups))],
-                [-eye(n), None, None],
-                [None, -eye(n_rows), None],
-                [-scaled.sqrt(), None, eye(n_groups)],
-                [-(lift + lift_z) @ scaled, None, -2 * lift_u],
-            ]
+        lift, lift_u, lift_z = (
+            sparse.csr_array(
+                (np.ones(n_groups), (first + k, np.arange(n_groups))),
+                shape=(3 * n_groups, n_groups),
+            )
+            for k in range(3)
         )
+        blocks: list[list[Any]] = [
+            [one_each, sparse.csr_array((n_robots, n_rows)), None],
+            [conflicts, -eye(n_rows), sparse.csr_array((n_rows, n_groups))],
+            [-eye(n), None, None],
+            [None, -eye(n_rows), None],
+            [-scaled.sqrt(), None, eye(n_groups)],
+            [-(lift + lift_z) @ scaled, None, -2 * lift_u],
+        ]
         cone_rhs = np.tile([1.0, 0.0, -1.0], n_groups)
         rhs = np.concatenate(
             [np.ones(n_robots + n_rows), np.zeros(n + n_rows + n_groups), cone_rhs]
@@ -146,7 +146,7 @@ class Master:
             clarabel.NonnegativeConeT(2 * n_rows + n + n_groups),
             *(clarabel.SecondOrderConeT(3) for _ in range(n_groups)),
         ]
-        return blocks, rhs, cones
+        return sparse.block_array(blocks), rhs, cones
 
     def _duals(
         self,
@@ -247,9 +247,7 @@ def price_columns(model: Model, duals: Duals) -> Iteration:
         for robot, start in zip(group.robots, group.starts, strict=True):
             bound += float(value[0, start])
             if value[0, start] > CLOSED:
-                path = group.graph.best_path(
-                    value, start, problem.objective.stationarity, charges
-                )
+                path = group.graph.best_path(value, start, problem.objective.stationarity, charges)
                 assert path is not None
                 columns.append(make_column(model, robot, tuple(path)))
     return Iteration(bound, duals, columns)
@@ -274,7 +272,7 @@ def column_generation(
     model = compiled(problem)
     best = Iteration(np.inf, _alone(model), [])
     columns = first_columns(model)
-    statistics: dict[str, float] = dict(iterations=0, columns=0, rows=0)
+    statistics: dict[str, float] = dict.fromkeys(("iterations", "columns", "rows"), 0)
     limit = Limit.NONE
     if columns is not None:
         master = Master(model)
@@ -283,7 +281,7 @@ def column_generation(
         for column in columns:
             master.add(column)
         best, limit = _iterate(master, best, stop, statistics)
-        statistics |= dict(columns=len(master.columns), rows=len(master.rows))
+        statistics |= {"columns": len(master.columns), "rows": len(master.rows)}
     duals = best.duals
     certificate = certificate_of(problem, duals.alpha, duals.beta, duals.rows)
     file = certify(problem, model, "column-generation", certificate)

@@ -17,7 +17,7 @@ from scipy import sparse
 from cocap_opt.model import Model, RobotClass, compiled
 from cocap_opt.plan import Plan
 from cocap_opt.problem import Cell, FloatArray, IntArray, Problem
-from cocap_opt.result import Limit, Reason, Unsupported
+from cocap_opt.result import Limit, Reason, UnsupportedError
 from cocap_opt.reward import group_weights
 from cocap_opt.stop import Stop, never
 from cocap_opt.timegraph import CLOSED
@@ -41,7 +41,7 @@ class Flow:
     def stays(self) -> FloatArray:
         """1.0 where an edge keeps the state [E]."""
         n_states = self.group.graph.n_states
-        return (self.heads - self.tails == n_states).astype(np.float64)
+        return np.asarray(self.heads - self.tails == n_states, dtype=np.float64)
 
 
 def flow_of(model: Model, group: RobotClass) -> Flow:
@@ -57,7 +57,7 @@ def flow_of(model: Model, group: RobotClass) -> Flow:
             heads.append((t + 1) * graph.n_states + ahead)
             tails.append(np.full(len(ahead), t * graph.n_states + state))
         if sum(map(len, heads)) > MOST_EDGES:
-            raise Unsupported(
+            raise UnsupportedError(
                 f"the cone program takes at most {MOST_EDGES} edges of the time-expanded graph; "
                 "use column-generation, which gives the same bound"
             )
@@ -70,7 +70,7 @@ def relaxation(problem: Problem, stop: Stop = never, plan: Plan | None = None) -
 
     Raises
     ------
-    Unsupported
+    UnsupportedError
         If the time-expanded graph has more than MOST_EDGES edges.
     """
     begin = time.perf_counter()
@@ -142,8 +142,10 @@ def _solve(
         alpha[used], beta[used] = repaired(
             alpha[used], (1 - alpha[used]) / (2 * roots_seen), np.sqrt(len(problem.robots)) * scale
         )
-    charges = np.maximum(np.asarray(capacity.dual_value), 0.0) * unit if conflicts else []
-    return alpha, beta, dict(zip(conflicts, map(float, charges), strict=True))
+    charges = np.zeros(0)
+    if conflicts:
+        charges = np.maximum(np.asarray(capacity.dual_value), 0.0) * unit
+    return alpha, beta, dict(zip(conflicts, charges.tolist(), strict=True))
 
 
 def _coverage_of_edges(model: Model, flow: Flow) -> sparse.csr_array:

@@ -29,9 +29,7 @@ def uses(key: Key, path: CellPath) -> bool:
     return path[t] != path[t + 1] and {path[t], path[t + 1]} == cells
 
 
-def broken_rows(
-    problem: Problem, paths: Sequence[CellPath], amounts: Sequence[float]
-) -> list[Key]:
+def broken_rows(problem: Problem, paths: Sequence[CellPath], amounts: Sequence[float]) -> list[Key]:
     """Rows that a fractional mixture of paths breaks.
 
     Parameters
@@ -49,7 +47,7 @@ def broken_rows(
         for t, (tail, head) in enumerate(pairwise(path)):
             if tail != head:
                 crossed[t, frozenset((tail, head))] += amount
-    for (t, cell), amount in occupied.items():
+    for t, cell in list(occupied):
         cells = _clique(problem, t, cell, occupied) if problem.rules.separation else [cell]
         if sum(occupied[t, c] for c in cells) > 1 + VIOLATION:
             found.append((t, frozenset(cells), False))
@@ -79,9 +77,7 @@ def certificate_row(key: Key, multiplier: float) -> Row:
     return CellsRow(t, ordered, multiplier)
 
 
-def row_charges(
-    model: Model, group: RobotClass, rows: Iterable[tuple[Key, float]]
-) -> Charges:
+def row_charges(model: Model, group: RobotClass, rows: Iterable[tuple[Key, float]]) -> Charges:
     """What rows with these multipliers cost a robot of a class."""
     places: defaultdict[tuple[int, int], float] = defaultdict(float)
     moves: defaultdict[tuple[int, int, int], float] = defaultdict(float)

@@ -53,7 +53,7 @@ def cocap(
     """
     begin = time.perf_counter()
     model = compiled(problem)
-    statistics: dict[str, float] = dict(generated=0, expanded=0, depth=0, evaluated=0)
+    statistics: dict[str, float] = dict.fromkeys(("generated", "expanded", "depth", "evaluated"), 0)
     root = _root(model, low_level, stop, statistics)
     # Ties in J go to the older node.
     queue = [(-root.value, 0, root)] if root else []
@@ -71,8 +71,8 @@ def cocap(
             if child is not None:
                 heapq.heappush(queue, (-child.value, int(statistics["generated"]), child))
     limit = limit if limit is not Limit.NONE else stop()
-    reason = Reason.INFEASIBLE if limit is Limit.NONE else Reason.STOPPED
-    return no_plan(reason, limit, begin, statistics)
+    words = "no plan obeys the rules: the constraint tree is exhausted"
+    return no_plan(limit, begin, (Reason.INFEASIBLE, words), statistics)
 
 
 def _limit(stop: Stop, most_nodes: int | None, statistics: dict[str, float]) -> Limit:

@@ -5,6 +5,7 @@ rules the plan has at least half the optimal J, if the low level is exact.
 """
 
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -74,8 +75,7 @@ def greedy(
         )
         if single.path is None:
             limit = limit if limit is not Limit.NONE else stop()
-            reason = Reason.INFEASIBLE if limit is Limit.NONE else Reason.STOPPED
-            return no_plan(reason, limit, begin)
+            return no_plan(limit, begin, no_path(robot))
         team.found.append(single)
     improved = limit is Limit.NONE
     for _ in range(rounds - 1):
@@ -119,8 +119,26 @@ def hover(model: Model, robot: int) -> SingleRobotPath:
 
 
 def no_plan(
-    reason: Reason, limit: Limit, begin: float, statistics: dict[str, float] | None = None
+    limit: Limit,
+    begin: float,
+    otherwise: tuple[Reason, str],
+    statistics: Mapping[str, float] | None = None,
 ) -> Result:
-    """Result without a plan."""
-    seconds = time.perf_counter() - begin
-    return Result(None, float("-inf"), reason, limit, seconds=seconds, statistics=statistics or {})
+    """Result without a plan: stopped by a limit, or `otherwise` for this reason, in words."""
+    reason, message = otherwise
+    if limit is not Limit.NONE:
+        reason, message = Reason.STOPPED, f"no plan was found before the {limit} limit"
+    return Result(
+        plan=None,
+        value=float("-inf"),
+        reason=reason,
+        limit=limit,
+        seconds=time.perf_counter() - begin,
+        message=message,
+        statistics=statistics or {},
+    )
+
+
+def no_path(robot: int) -> tuple[Reason, str]:
+    """Why there is no plan where a robot alone has no path."""
+    return Reason.INFEASIBLE, f"robot {robot} has no path, even alone"

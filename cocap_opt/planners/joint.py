@@ -15,12 +15,13 @@ from cocap_opt.model import Model, Path, RobotClass, compiled
 from cocap_opt.planners.greedy import no_plan
 from cocap_opt.planners.single import SingleRobotTask
 from cocap_opt.planners.value_iteration import value_iteration
-from cocap_opt.problem import Cell, FloatArray, IntArray, Problem
-from cocap_opt.result import Limit, Reason, Result, Unsupported
+from cocap_opt.problem import BoolArray, Cell, FloatArray, IntArray, Problem
+from cocap_opt.result import Limit, Reason, Result, UnsupportedError
 from cocap_opt.reward import group_weights, no_pixels, objective_of
 from cocap_opt.stop import Stop, never
 from cocap_opt.timegraph import CLOSED
 
+INFEASIBLE = Reason.INFEASIBLE, "no plan obeys the rules: no pair of paths is left"
 MEMORY_LIMIT = 8e9  # bytes that the values of all pairs of states may take
 
 
@@ -29,26 +30,26 @@ def joint(problem: Problem, stop: Stop = never) -> Result:
 
     Raises
     ------
-    Unsupported
+    UnsupportedError
         For more than two robots.
     """
     begin = time.perf_counter()
     model = compiled(problem)
     if len(problem.robots) > 2:
-        raise Unsupported(f"joint planning takes one or two robots, not {len(problem.robots)}")
+        raise UnsupportedError(f"joint planning takes one or two robots, not {len(problem.robots)}")
     if len(problem.robots) == 1:
         path = value_iteration(SingleRobotTask(model, 0, no_pixels(problem))).path
-        paths = None if path is None else (path,)
+        paths: tuple[Path, ...] | None = None if path is None else (path,)
     else:
         pair = _Pair(model)
         if pair.bytes_needed > MEMORY_LIMIT:
-            return no_plan(Reason.STOPPED, Limit.MEMORY, begin)
+            return no_plan(Limit.MEMORY, begin, INFEASIBLE)
         values = pair.sweep(stop)
         if values is None:
-            return no_plan(Reason.STOPPED, stop(), begin)
+            return no_plan(stop(), begin, INFEASIBLE)
         paths = pair.best_paths(values)
     if paths is None:
-        return no_plan(Reason.INFEASIBLE, Limit.NONE, begin)
+        return no_plan(Limit.NONE, begin, INFEASIBLE)
     value = objective_of(model, paths)
     seconds = time.perf_counter() - begin
     return Result(model.plan(paths), value, Reason.OPTIMAL, bound=value, seconds=seconds)
@@ -181,7 +182,7 @@ class _Pair:
         """Maximum over one robot's actions; `axis` holds its orientations, the next its places."""
         turned = _with_closed_end(self._turned(ahead, side, axis), axis + 1)
         targets = side.targets(t)
-        best = turned.take(targets[0], axis=axis + 1)
+        best: FloatArray = turned.take(targets[0], axis=axis + 1)
         for target in targets[1:]:
             np.maximum(best, turned.take(target, axis=axis + 1), out=best)
         if self.bonus:
@@ -274,14 +275,15 @@ class _Pair:
         second = self._positions(self.b, t, np.array([b]))
         return int(first[0][0]), int(first[1][0]), int(second[0][0]), int(second[1][0])
 
-    def _swapped(self, a: int, b: int, heads_a: IntArray, heads_b: IntArray) -> FloatArray:
+    def _swapped(self, a: int, b: int, heads_a: IntArray, heads_b: IntArray) -> BoolArray:
         """Which pairs of successors [na, nb] exchange the robots' cells."""
         n_a, n_b = self.a.group.graph.n_places, self.b.group.graph.n_places
         a_there = place_of(self.model, self.a.group, self.b.cell(self.model, b % n_b))
         b_there = place_of(self.model, self.b.group, self.a.cell(self.model, a % n_a))
         if a_there is None or b_there is None or a_there == a % n_a:
-            return np.zeros((len(heads_a), len(heads_b)), dtype=bool)
-        return (heads_a % n_a == a_there)[:, None] & (heads_b % n_b == b_there)[None, :]
+            return np.zeros((len(heads_a), len(heads_b)), dtype=np.bool_)
+        swapped: BoolArray = (heads_a % n_a == a_there)[:, None] & (heads_b % n_b == b_there)
+        return swapped
 
 
 def _with_closed_end(values: FloatArray, axis: int) -> FloatArray:

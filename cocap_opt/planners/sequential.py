@@ -44,8 +44,8 @@ def sequential(
             single = hover(model, robot)
         if single.path is None:
             limit = limit if limit is not Limit.NONE else stop()
-            reason = Reason.FAILED if limit is Limit.NONE else Reason.STOPPED
-            return no_plan(reason, limit, begin, {"failed_robot": robot})
+            words = f"robot {robot} has no path left beside the robots before it"
+            return no_plan(limit, begin, (Reason.FAILED, words), {"failed_robot": robot})
         team.found.append(single)
         graph = model.class_of[robot].graph
         others[robot] = tuple(graph.state(s) for s in single.path)

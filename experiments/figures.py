@@ -1,0 +1,136 @@
+"""Pictures of plans by matplotlib. Each drawing function takes an axes and returns it."""
+
+import io
+from collections.abc import Sequence
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon, Wedge
+from PIL import Image
+
+from cocap_opt.check import Verdict
+from cocap_opt.plan import Plan
+from cocap_opt.problem import Problem, State
+
+GROUND, WALL, ACTOR = "#f4f1ea", "#6b6f76", "#d1495b"
+VIEW_LENGTH = 6.0  # m, how far view cones are drawn; cameras see farther
+FRAME_MILLISECONDS = 500
+
+
+def robot_colour(robot: int) -> tuple[float, float, float, float]:
+    """Colour of a robot, the same in every picture; red is kept for actors."""
+    cycle = [0, 2, 1, 4, 9, 5, 8, 6, 7]
+    colour: tuple[float, float, float, float] = mpl.colormaps["tab10"](cycle[robot % len(cycle)])
+    return colour
+
+
+def position(problem: Problem, state: State) -> tuple[float, float]:
+    """World coordinates (m) of a state."""
+    return problem.height_map.centre(state.x, state.y)
+
+
+def draw_terrain(ax: Axes, problem: Problem) -> Axes:
+    """Terrain from above: cells that block the lowest flight height are dark."""
+    height_map = problem.height_map
+    width, depth = height_map.shape
+    (ox, oy), res = height_map.origin, height_map.resolution
+    extent = (ox, ox + width * res, oy, oy + depth * res)
+    blocked = height_map.heights >= min(problem.layers)
+    ax.imshow(
+        blocked.T, origin="lower", extent=extent, cmap=ListedColormap([GROUND, WALL]), vmin=0,
+        vmax=1, interpolation="nearest", zorder=0,
+    )  # fmt: skip
+    ax.set_aspect("equal")
+    ax.set_xlabel("x (m)")
+    ax.set_ylabel("y (m)")
+    return ax
+
+
+def draw_actors(ax: Axes, problem: Problem, t: int) -> Axes:
+    """Actors at step t as filled outlines with their walk so far."""
+    for j, actor in enumerate(problem.actors):
+        x, y, _, yaw = actor.poses[t]
+        ax.plot(*actor.poses[: t + 1, :2].T, color=ACTOR, lw=1, ls=":", zorder=3)
+        outline = actor.shape.faces()
+        base = np.unique(np.concatenate(outline)[:, :2].round(9), axis=0)
+        order = np.argsort(np.arctan2(base[:, 1], base[:, 0]))
+        c, s = np.cos(yaw), np.sin(yaw)
+        corners = base[order] @ np.array([[c, s], [-s, c]]) + [x, y]
+        ax.add_patch(Polygon(corners, facecolor=ACTOR, edgecolor="black", lw=0.6, zorder=5))
+        tip = [x + 0.9 * c, y + 0.9 * s]
+        ax.annotate(
+            "", xy=tip, xytext=(x, y), arrowprops={"arrowstyle": "-|>", "lw": 0.8}, zorder=6
+        )
+        ax.text(x, y, str(j), color="white", fontsize=6, ha="center", va="center", zorder=7)
+    return ax
+
+
+def draw_robots(ax: Axes, problem: Problem, plan: Plan, t: int) -> Axes:
+    """Robots at step t with their view cones and tracks; a ring marks each start."""
+    for i, (robot, path) in enumerate(zip(problem.robots, plan.paths, strict=True)):
+        colour = robot_colour(i)
+        track = np.array([position(problem, state) for state in path])
+        ax.plot(*track.T, color=colour, lw=0.8, alpha=0.35, zorder=2)
+        ax.plot(*track[: t + 1].T, color=colour, lw=1.8, zorder=4)
+        ax.plot(*track[0], marker="o", mfc="none", mec=colour, ms=8, zorder=4)
+        yaw = 360 * path[t].heading / robot.motion.headings
+        half = np.degrees(np.arctan(robot.camera.width / 2 / robot.camera.focal))
+        cone = Wedge(
+            tuple(track[t]), VIEW_LENGTH, yaw - half, yaw + half, color=colour, alpha=0.18, zorder=1
+        )
+        ax.add_patch(cone)
+        ax.plot(*track[t], marker="o", color=colour, mec="black", mew=0.6, ms=7, zorder=8)
+        ax.text(*track[t], str(i), color="white", fontsize=6, ha="center", va="center", zorder=9)
+    return ax
+
+
+def draw_reward(ax: Axes, verdict: Verdict, t: int) -> Axes:
+    """View reward per step, the current step marked."""
+    steps = np.arange(1, len(verdict.reward_per_step) + 1)
+    ax.bar(
+        steps, verdict.reward_per_step, color=["#30638e" if s <= t else "#c9d6df" for s in steps]
+    )
+    ax.set_xlabel("step")
+    ax.set_ylabel("view reward")
+    ax.set_xticks(steps[:: max(1, len(steps) // 10)])
+    for side in ("top", "right"):
+        ax.spines[side].set_visible(False)
+    return ax
+
+
+def plan_figure(problem: Problem, plan: Plan, verdict: Verdict, t: int) -> Figure:
+    """Top view at step t above the reward per step."""
+    width, depth = problem.height_map.shape
+    height = min(max(5.0 * depth / width, 2.5), 9.0)
+    figure = Figure(figsize=(5.6, height + 1.7), layout="constrained", dpi=110)
+    top, bottom = figure.subplots(2, 1, height_ratios=[height, 1.1])
+    draw_terrain(top, problem)
+    draw_robots(top, problem, plan, t)
+    draw_actors(top, problem, t)
+    conflicts = f", {len(verdict.conflicts)} conflicts" if verdict.conflicts else ""
+    words = f"step {t} of {problem.horizon}: J = {verdict.reward:,.0f}{conflicts}"
+    top.set_title(f"{problem.name}, {words}", fontsize=10)
+    draw_reward(bottom, verdict, t)
+    return figure
+
+
+def png(figure: Figure) -> bytes:
+    """A figure as a PNG file."""
+    content = io.BytesIO()
+    FigureCanvasAgg(figure).print_png(content)
+    return content.getvalue()
+
+
+def gif(figures: Sequence[Figure]) -> bytes:
+    """Figures as frames of a GIF file that repeats."""
+    frames = [Image.open(io.BytesIO(png(figure))).convert("RGB") for figure in figures]
+    content = io.BytesIO()
+    frames[0].save(
+        content, format="GIF", save_all=True, append_images=frames[1:], loop=0,
+        duration=FRAME_MILLISECONDS,
+    )  # fmt: skip
+    return content.getvalue()

@@ -1,0 +1,101 @@
+"""The oracle: all plans of a small problem, one by one.
+
+Paths are enumerated on the time-expanded networkx graph, J is added up from single views
+(`Views`), and the referee says what is feasible. Nothing of `reward`, `model`, `constraints`
+or the planners is used.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from cocap_opt.check import broken_motions, broken_rules
+from cocap_opt.coverage import FaceGeometry, Views
+from cocap_opt.motion import time_expanded_graph
+from cocap_opt.plan import Plan
+from cocap_opt.problem import FloatArray, Problem, State
+from cocap_opt.timegraph import time_graph
+
+StatePath = tuple[State, ...]
+
+
+class Optimum(NamedTuple):
+    """Best plan and its J; None and -inf where there is no plan."""
+
+    plan: Plan | None
+    value: float
+
+
+def all_paths(problem: Problem, robot: int) -> list[StatePath]:
+    """All paths of one robot from its start to the last step, ending at its goal."""
+    graph = time_expanded_graph(problem, robot)
+    start = problem.robots[robot].start
+    paths: list[StatePath] = [(start,)] if (start, 0) in graph else []
+    for t in range(problem.horizon):
+        paths = [(*path, head) for path in paths for head, _ in sorted(graph[path[-1], t])]
+    return paths
+
+
+def pixels_of(problem: Problem, robot: int, paths: list[StatePath]) -> FloatArray:
+    """Pixels [n, T+1, F] that a robot has along each of the paths [n]; 0 where none count."""
+    spec = problem.robots[robot]
+    graph = time_graph(problem.height_map, spec.motion, len(spec.camera.tilts))
+    views = Views(FaceGeometry(problem), problem, graph, spec.camera)
+    seen: dict[tuple[int, State], FloatArray] = {}
+    pixels = np.zeros((len(paths), problem.horizon + 1, len(problem.face_weights)))
+    first = 0 if problem.objective.count_start else 1
+    for path, row in zip(paths, pixels, strict=True):
+        for t in range(first, problem.horizon + 1):
+            if (t, path[t]) not in seen:
+                seen[t, path[t]] = views.coverage(t, np.array([graph.index(path[t])]))[0]
+            row[t] = seen[t, path[t]]
+    return pixels
+
+
+def bonus_of(problem: Problem, path: StatePath) -> float:
+    """Stationarity reward of one path."""
+    stays = sum(path[t] == path[t + 1] for t in range(problem.horizon))
+    return problem.objective.stationarity * stays
+
+
+def weights_of(problem: Problem) -> FloatArray:
+    """Weight of every face [F], taken from the actors themselves."""
+    return np.array(
+        [
+            1.0 if actor.weights is None else actor.weights[face]
+            for actor in problem.actors
+            for face in range(len(actor.shape.faces()))
+        ]
+    )
+
+
+def objective_from_scratch(problem: Problem, plan: Plan) -> float:
+    """J of a plan."""
+    pixels = sum(pixels_of(problem, i, [path])[0] for i, path in enumerate(plan.paths))
+    views = math.fsum((weights_of(problem) * np.sqrt(pixels)).ravel())
+    return views + sum(bonus_of(problem, path) for path in plan.paths)
+
+
+def optimum(problem: Problem) -> Optimum:
+    """Best of all plans that obey the rules."""
+    paths = [all_paths(problem, robot) for robot in range(len(problem.robots))]
+    shape = tuple(map(len, paths))
+    if 0 in shape:
+        return Optimum(None, -math.inf)
+    steps, faces = problem.horizon + 1, len(problem.face_weights)
+    pixels, bonus = np.zeros((1, steps, faces)), np.zeros(1)
+    for robot, own in enumerate(paths):
+        seen = pixels_of(problem, robot, own)
+        pixels = (pixels[:, None] + seen[None]).reshape(len(bonus) * len(own), steps, faces)
+        extra = np.array([bonus_of(problem, path) for path in own])
+        bonus = (bonus[:, None] + extra[None]).ravel()
+    values = (np.sqrt(pixels) * weights_of(problem)).sum(axis=(1, 2)) + bonus
+    for best in np.argsort(-values, kind="stable"):
+        which = np.unravel_index(best, shape)
+        plan = Plan(paths=tuple(own[int(i)] for own, i in zip(paths, which, strict=True)))
+        if not broken_rules(problem, plan):
+            if found := broken_motions(problem, plan):
+                raise AssertionError(f"the referee does not follow the graph: {found}")
+            return Optimum(plan, float(values[best]))
+    return Optimum(None, -math.inf)

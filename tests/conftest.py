@@ -1,0 +1,24 @@
+"""Set-up of all tests: hypothesis profiles, and a coverage cache of the session's own."""
+
+import os
+from collections.abc import Iterator
+
+import pytest
+from hypothesis import HealthCheck, settings
+
+COMMON = {
+    "deadline": None,
+    "database": None,
+    "suppress_health_check": [HealthCheck.too_slow, HealthCheck.data_too_large],
+}
+settings.register_profile("ci", derandomize=True, **COMMON)
+settings.register_profile("random", **COMMON)  # with COCAP_OPT_EXAMPLES=20: a hunt for bugs
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci"))
+
+
+@pytest.fixture(scope="session", autouse=True)
+def own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Keep the tests out of the user's cache; processes started by a test inherit this."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("COCAP_OPT_CACHE", str(tmp_path_factory.mktemp("cache")))
+        yield

@@ -1,0 +1,229 @@
+"""Hypothesis strategies for small problems, and the one tiny instance used everywhere."""
+
+import math
+import os
+from itertools import pairwise
+
+import networkx as nx
+import numpy as np
+from hypothesis import assume, settings
+from hypothesis import strategies as st
+
+from cocap_opt.motion import time_expanded_graph
+from cocap_opt.problem import (
+    NO_RULES,
+    PAPER_RULES,
+    Actor,
+    Camera,
+    CollisionRules,
+    Cuboid,
+    HeightMap,
+    Motion,
+    Objective,
+    Prism,
+    Problem,
+    ProblemError,
+    Robot,
+    Shape,
+    State,
+    TriangulatedCuboid,
+)
+
+WALL = 20.0  # m, higher than anything flies
+MOST_PLANS = 20_000  # combinations of paths that brute force goes through
+
+_FACTOR = int(os.environ.get("COCAP_OPT_EXAMPLES", "1"))
+
+
+def examples(count: int) -> settings:
+    """Settings for a property test: so many examples, times COCAP_OPT_EXAMPLES."""
+    return settings(max_examples=count * _FACTOR)
+
+
+def tiny() -> Problem:
+    """Two robots on both sides of a wall and one actor that walks past it; two steps."""
+    heights = np.zeros((4, 3))
+    heights[1, 1] = WALL
+    motion = Motion(headings=4)
+    camera = Camera(width=400, height=300, focal=200.0, tilts=(0.6,))
+    poses = [[9.0, 4.0 + t, 0.0, 0.3 * t] for t in range(3)]
+    return Problem(
+        name="tiny",
+        height_map=HeightMap(heights=heights, resolution=4.0),
+        robots=(
+            Robot(start=State(0, 0), motion=motion, camera=camera),
+            Robot(start=State(3, 2, heading=2), motion=motion, camera=camera),
+        ),
+        actors=(Actor(poses=np.array(poses)),),
+        horizon=2,
+        face_samples=2,
+    )
+
+
+def standing(*pose: float, steps: int = 3) -> Actor:
+    """Actor that does not move: x, y, z, yaw."""
+    return Actor(poses=np.tile(np.array(pose), (steps + 1, 1)))
+
+
+def random_walk(draw: st.DrawFn, graph: "nx.DiGraph[tuple[State, int]]", start: State) -> list:
+    """States of some path of a time-expanded graph."""
+    path, t = [start], 0
+    while ahead := sorted(graph[path[-1], t]):
+        state, t = draw(st.sampled_from(ahead))
+        path.append(state)
+    return path
+
+
+@st.composite
+def height_maps(draw: st.DrawFn, most_cells: int = 6, walls: bool = True) -> HeightMap:
+    """Small maps in a plane, with some blocked and some half-high cells."""
+    width = draw(st.integers(1, 4))
+    depth = draw(st.integers(1, max(1, most_cells // width)))
+    kinds = st.sampled_from([0.0, 0.0, 0.0, 0.0, 4.0, WALL] if walls else [0.0])
+    heights = draw(st.lists(kinds, min_size=width * depth, max_size=width * depth))
+    return HeightMap(heights=np.reshape(heights, (width, depth)), resolution=4.0)
+
+
+@st.composite
+def motions(draw: st.DrawFn, most_headings: int = 4, most_radius: int = 1) -> Motion:
+    """Motions of few states; 4 m columns block the layer at 3 m only."""
+    return Motion(
+        radius=draw(st.integers(0, most_radius) if most_radius > 1 else st.just(1)),
+        headings=draw(st.integers(1, most_headings)),
+        turn=draw(st.integers(0, 2)),
+        layers=draw(st.sampled_from([(5.0,), (5.0,), (3.0, 5.0), (3.0,), (3.0, 5.0, 9.0)])),
+        climb=draw(st.integers(0, 2)),
+        pitch_turn=draw(st.integers(0, 1)),
+        clearance=draw(st.sampled_from([0.0, 0.0, 1.0])),
+        corner_cutting=draw(st.booleans()),
+    )
+
+
+@st.composite
+def cameras(draw: st.DrawFn) -> Camera:
+    """Wide cameras that look down enough to see something in a small map; some with a gimbal."""
+    return Camera(
+        width=draw(st.sampled_from([400, 800])),
+        height=300,
+        focal=draw(st.sampled_from([100.0, 200.0])),
+        tilts=draw(st.sampled_from([(0.5,), (0.9,), (0.2, 1.0), (math.pi / 2,)])),
+    )
+
+
+def shapes() -> st.SearchStrategy[Shape]:
+    """Actors of all shapes."""
+    return st.sampled_from(
+        [Cuboid(), Cuboid(length=2.0), Prism(), Prism(sides=3), TriangulatedCuboid()]
+    )
+
+
+@st.composite
+def actors(draw: st.DrawFn, height_map: HeightMap, horizon: int) -> Actor:
+    """Actor that walks straight through the map, at a place on no line of symmetry."""
+    width, depth = (n * height_map.resolution for n in height_map.shape)
+    inside = st.integers(0, 16)
+    x, y = width * draw(inside) / 16 + 0.137, depth * draw(inside) / 16 - 0.211
+    step = draw(st.sampled_from([(0.0, 0.0), (1.1, 0.3), (-0.7, 1.3)]))
+    yaw, turn = draw(st.integers(-20, 20)) / 6.0, draw(st.sampled_from([0.0, 0.9]))
+    shape = draw(shapes())
+    weights = draw(st.sampled_from([None, None, 0.0, 2.5]))
+    rows = [[x + t * step[0], y + t * step[1], 0.0, yaw + t * turn] for t in range(horizon + 1)]
+    return Actor(
+        poses=np.array(rows),
+        shape=shape,
+        weights=None if weights is None else (weights, 0.5, *[1.0] * (len(shape.faces()) - 2)),
+    )
+
+
+def rules(resolution: float = 4.0) -> st.SearchStrategy[CollisionRules]:
+    """Collision rules of all kinds."""
+    return st.sampled_from(
+        [
+            NO_RULES,
+            PAPER_RULES,
+            CollisionRules(),
+            CollisionRules(),
+            CollisionRules(separation=1.2 * resolution),
+            CollisionRules(swap=False, separation=1.6 * resolution),
+        ]
+    )
+
+
+@st.composite
+def problems(
+    draw: st.DrawFn,
+    robots: st.SearchStrategy[int] = st.integers(1, 3),  # noqa: B008 (immutable)
+    most_plans: int = MOST_PLANS,
+    goals: bool = True,
+) -> Problem:
+    """Problems small enough to go through all plans: several classes, rules, goals, layers."""
+    height_map = draw(height_maps())
+    horizon = draw(st.integers(1, 3))
+    kinds = [
+        (draw(motions()), draw(cameras())) for _ in range(draw(st.sampled_from([1, 1, 2])))
+    ]  # [(motion, camera)]
+    team = [draw(robots_on(height_map, kinds, goals)) for _ in range(draw(robots))]
+    seen = [draw(actors(height_map, horizon)) for _ in range(draw(st.sampled_from([0, 1, 1, 2])))]
+    objective = Objective(
+        stationarity=draw(st.sampled_from([0.0, 0.0, 0.5, 40.0])), count_start=draw(st.booleans())
+    )
+    try:
+        problem = Problem(
+            name="random",
+            height_map=height_map,
+            robots=tuple(team),
+            actors=tuple(seen),
+            horizon=horizon,
+            rules=draw(rules()),
+            objective=objective,
+            face_samples=draw(st.integers(1, 2)),
+        )
+    except ProblemError:
+        assume(False)
+    while problem.horizon > 1 and number_of_plans(problem) > most_plans:
+        problem = problem.replace(horizon=problem.horizon - 1)
+    assume(number_of_plans(problem) <= most_plans)
+    return problem
+
+
+@st.composite
+def robots_on(
+    draw: st.DrawFn, height_map: HeightMap, kinds: list[tuple[Motion, Camera]], goals: bool
+) -> Robot:
+    """Robot of one of the given kinds in some cell, which may be blocked."""
+    width, depth = height_map.shape
+    motion, camera = draw(st.sampled_from(kinds))
+    x, y = draw(st.integers(0, width - 1)), draw(st.integers(0, depth - 1))
+    start = State(
+        x,
+        y,
+        draw(st.integers(0, len(motion.layers) - 1)),
+        draw(st.integers(0, motion.headings - 1)),
+        draw(st.integers(0, len(camera.tilts) - 1)),
+    )
+    goal = None
+    if goals and draw(st.integers(0, 3)) == 0:
+        goal = draw(st.integers(0, width - 1)), draw(st.integers(0, depth - 1))
+    return Robot(start=start, motion=motion, camera=camera, goal=goal)
+
+
+def number_of_plans(problem: Problem) -> int:
+    """Number of combinations of paths, one per robot, that reach their goals."""
+    return math.prod(
+        _number_of_paths(time_expanded_graph(problem, robot), problem.horizon)
+        for robot in range(len(problem.robots))
+    )
+
+
+def _number_of_paths(graph: "nx.DiGraph[tuple[State, int]]", horizon: int) -> int:
+    ahead = {node: 1 for node in graph if node[1] == horizon}
+    for node in sorted(graph, key=lambda node: -node[1]):
+        if node[1] < horizon:
+            ahead[node] = sum(ahead[head] for head in graph[node])
+    return sum(count for node, count in ahead.items() if node[1] == 0)
+
+
+def is_path(graph: "nx.DiGraph[tuple[State, int]]", path: tuple[State, ...]) -> bool:
+    """True where a path follows the edges of a time-expanded graph."""
+    nodes = [(state, t) for t, state in enumerate(path)]
+    return nodes[0] in graph and all(graph.has_edge(a, b) for a, b in pairwise(nodes))

@@ -1,0 +1,375 @@
+"""Scene and plan files: exact round trips, strict reading, whole or not at all."""
+
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from strategies import examples, problems, tiny
+
+from cocap_opt.io import (
+    FileError,
+    PlanFile,
+    SceneFile,
+    decode,
+    encode,
+    load_plan,
+    load_problem,
+    problem_digest,
+    save_plan,
+    save_problem,
+)
+from cocap_opt.plan import Plan
+from cocap_opt.problem import (
+    Actor,
+    Camera,
+    CollisionRules,
+    Cuboid,
+    HeightMap,
+    Motion,
+    Objective,
+    Prism,
+    Problem,
+    Robot,
+    State,
+    TriangulatedCuboid,
+)
+
+FINITE = st.floats(allow_nan=False, allow_infinity=False)
+POSITIVE = st.floats(min_value=0.0, exclude_min=True, allow_infinity=False)
+NOT_NEGATIVE = st.floats(min_value=0.0, allow_infinity=False)
+
+
+def exact(problem: Problem) -> str:
+    """All of a problem's data with every bit of every number."""
+
+    def as_hex(array: Any) -> list[object]:
+        return [array.shape, array.tobytes().hex()]
+
+    return repr(msgspec.to_builtins(problem, enc_hook=as_hex))
+
+
+@st.composite
+def wild_problems(draw: st.DrawFn) -> Problem:
+    """Valid problems with any floats in them."""
+    width, depth = draw(st.integers(1, 3)), draw(st.integers(1, 3))
+    heights = np.array(draw(st.lists(FINITE, min_size=width * depth, max_size=width * depth)))
+    heights = heights.reshape(width, depth)
+    heights[0, 0] = -1.7e308
+    layers = tuple(sorted(draw(st.sets(FINITE.filter(lambda h: h > -1e308), min_size=1))))
+    shape = draw(
+        st.one_of(
+            st.builds(Cuboid, length=POSITIVE, width=POSITIVE, height=POSITIVE),
+            st.builds(TriangulatedCuboid, length=POSITIVE, width=POSITIVE, height=POSITIVE),
+            st.builds(Prism, sides=st.integers(3, 6), apothem=POSITIVE, height=POSITIVE),
+        )
+    )
+    poses = draw(st.lists(FINITE, min_size=8, max_size=8))
+    faces = len(shape.faces())
+    weights = draw(
+        st.none() | st.lists(NOT_NEGATIVE, min_size=faces, max_size=faces).map(tuple)
+    )
+    robot = Robot(
+        start=State(0, 0, len(layers) - 1, heading=draw(st.integers(0, 2))),
+        motion=Motion(headings=3, layers=layers, corner_cutting=draw(st.booleans())),
+        camera=Camera(focal=draw(POSITIVE), tilts=(draw(st.floats(-1.5, 1.5)),)),
+        goal=draw(st.none() | st.just((0, 0))),
+    )
+    return Problem(
+        name=draw(st.text(st.characters(exclude_categories=["Cs"]))),
+        height_map=HeightMap(
+            heights=heights, resolution=draw(POSITIVE), origin=(draw(FINITE), draw(FINITE))
+        ),
+        robots=(robot,),
+        actors=(Actor(poses=np.reshape(poses, (2, 4)), shape=shape, weights=weights),),
+        horizon=1,
+        rules=CollisionRules(separation=draw(NOT_NEGATIVE)),
+        objective=Objective(stationarity=draw(NOT_NEGATIVE), count_start=draw(st.booleans())),
+        face_samples=draw(st.integers(1, 64)),
+    )
+
+
+@examples(100)
+@given(wild_problems())
+def test_scene_file_keeps_every_bit(problem: Problem) -> None:
+    """A problem read back from its file is the same one, bit for bit."""
+    content = encode(SceneFile(problem=problem))
+    again = decode(content, SceneFile, "scene").problem
+    assert exact(again) == exact(problem)
+    assert encode(SceneFile(problem=again)) == content
+    assert problem_digest(again) == problem_digest(problem)
+
+
+@examples(20)
+@given(problems())
+def test_scene_file_keeps_problems_of_all_kinds(problem: Problem) -> None:
+    """Goals, gimbals, layers, shapes, weights and rules survive the file."""
+    again = decode(encode(SceneFile(problem=problem)), SceneFile, "scene").problem
+    assert exact(again) == exact(problem)
+    assert again.robots == problem.robots
+    assert again.rules == problem.rules
+
+
+def test_files_on_disk(tmp_path: Path) -> None:
+    """Saving and loading goes through real files, also into a folder that is not there yet."""
+    problem, path = tiny(), tmp_path / "new" / "scene.json"
+    save_problem(path, problem)
+    assert exact(load_problem(path)) == exact(problem)
+    plan = Plan(paths=tuple((robot.start,) * 3 for robot in problem.robots))
+    content = PlanFile(scene="tiny", digest="d", planner="none", reward=0.1 + 0.2, plan=plan)
+    save_plan(tmp_path / "plan.json", content)
+    again = load_plan(tmp_path / "plan.json")
+    assert again == content
+    assert all(isinstance(state, State) for path in again.plan.paths for state in path)
+
+
+def test_digest_ignores_the_name_only() -> None:
+    """The digest names the content: it changes with anything but the scene's name."""
+    problem, digest = tiny(), problem_digest(tiny())
+    assert problem_digest(problem.replace(name="other")) == digest
+    poses = problem.actors[0].poses.copy()
+    poses[0, 0] = np.nextafter(poses[0, 0], 99)
+    variants = [
+        problem.replace(horizon=1),
+        problem.replace(face_samples=1),
+        problem.replace(rules=CollisionRules(swap=False)),
+        problem.replace(objective=Objective(stationarity=1.0)),
+        problem.replace(actors=()),
+        problem.replace(actors=(Actor(poses=poses),)),
+        problem.replace(robots=problem.robots[:1]),
+        problem.replace(robots=problem.robots[::-1]),
+        problem.replace(height_map=problem.height_map.replace(origin=(0.0, 1.0))),
+    ]
+    assert len({digest, *map(problem_digest, variants)}) == len(variants) + 1
+
+
+def test_digest_survives_the_file_where_floats_were_given_as_integers() -> None:
+    """A plan's digest still fits its scene after a round trip: 5 and 5.0 m are one height."""
+    problem = tiny()
+    robots = tuple(
+        robot.replace(motion=Motion(headings=4, layers=(5,))) for robot in problem.robots
+    )
+    problem = problem.replace(
+        robots=robots,
+        height_map=HeightMap(heights=problem.height_map.heights, resolution=4, origin=(0, 0)),
+    )
+    again = decode(encode(SceneFile(problem=problem)), SceneFile, "scene").problem
+    assert problem_digest(again) == problem_digest(problem)
+
+
+def scene(**changes: Any) -> dict[str, Any]:
+    """Content of the tiny scene's file, with fields of the problem changed."""
+    content: dict[str, Any] = json.loads(encode(SceneFile(problem=tiny())))
+    content["problem"] |= changes
+    return content
+
+
+def at(content: dict[str, Any], *path: str | int) -> Any:
+    """The value deep inside a file's content."""
+    value: Any = content
+    for key in path:
+        value = value[key]
+    return value
+
+
+def without(content: dict[str, Any], *path: str | int) -> dict[str, Any]:
+    """The content with one field taken out."""
+    del at(content, *path[:-1])[path[-1]]
+    return content
+
+
+def changed(value: object, *path: str | int) -> dict[str, Any]:
+    """The scene with one field set, old or new."""
+    content = scene()
+    at(content, *path[:-1])[path[-1]] = value
+    return content
+
+
+P = "problem"
+BAD_CONTENT: dict[str, tuple[str, Callable[[], dict[str, Any]]]] = {
+    "unknown field": ("colour", lambda: changed("red", "colour")),
+    "unknown field of the problem": ("horizn", lambda: scene(horizn=3)),
+    "unknown field of a robot": ("speed", lambda: changed(1, P, "robots", 0, "speed")),
+    "unknown field of a motion": ("radios", lambda: changed(1, P, "robots", 0, "motion", "radios")),
+    "wrong version": ("version", lambda: changed(2, "version")),
+    "version as text": ("version", lambda: changed("1", "version")),
+    "wrong format": ("format", lambda: changed("cocap-opt plan", "format")),
+    "no problem": ("problem", lambda: without(scene(), "problem")),
+    "no horizon": ("horizon", lambda: without(scene(), P, "horizon")),
+    "no heights": ("heights", lambda: without(scene(), P, "height_map", "heights")),
+    "horizon as text": ("horizon", lambda: scene(horizon="2")),
+    "horizon as fraction": ("horizon", lambda: scene(horizon=1.5)),
+    "horizon as truth": ("horizon", lambda: scene(horizon=True)),
+    "horizon missing value": ("horizon", lambda: scene(horizon=None)),
+    "horizon too small": ("horizon", lambda: scene(horizon=0)),
+    "horizon beyond the poses": ("poses", lambda: scene(horizon=9)),
+    "horizon huge": ("poses", lambda: scene(horizon=10**300)),
+    "name as number": ("name", lambda: scene(name=3)),
+    "robots as object": ("robots", lambda: scene(robots={})),
+    "no robots": ("robots", lambda: scene(robots=[])),
+    "start too short": ("start", lambda: changed([0], P, "robots", 0, "start")),
+    "start too long": ("start", lambda: changed([0] * 6, P, "robots", 0, "start")),
+    "start of text": ("start", lambda: changed(["0", "0"], P, "robots", 0, "start")),
+    "start outside": ("robots[1].start.x", lambda: changed([9, 0], P, "robots", 1, "start")),
+    "goal of three": ("goal", lambda: changed([0, 0, 0], P, "robots", 0, "goal")),
+    "origin of one": ("origin", lambda: changed([0.0], P, "height_map", "origin")),
+    "resolution as text": ("resolution", lambda: changed("1", P, "height_map", "resolution")),
+    "resolution zero": ("resolution", lambda: changed(0, P, "height_map", "resolution")),
+    "ragged heights": ("heights", lambda: changed([[0], [0, 1]], P, "height_map", "heights")),
+    "flat heights": ("heights", lambda: changed([0, 1], P, "height_map", "heights")),
+    "heights missing value": ("heights", lambda: changed([[None]], P, "height_map", "heights")),
+    "heights of text": ("heights", lambda: changed([["0"] * 3] * 4, P, "height_map", "heights")),
+    "heights of truths": ("heights", lambda: changed([[True] * 3] * 4, P, "height_map", "heights")),
+    "heights of objects": ("heights", lambda: changed([[{}]], P, "height_map", "heights")),
+    "heights as text": ("heights", lambda: changed("zeros", P, "height_map", "heights")),
+    "heights huge": ("heights", lambda: changed([[10**400]], P, "height_map", "heights")),
+    "heights empty": ("heights", lambda: changed([], P, "height_map", "heights")),
+    "ragged poses": ("poses", lambda: changed([[0] * 4, [0]], P, "actors", 0, "poses")),
+    "unknown shape": ("cone", lambda: changed({"type": "cone"}, P, "actors", 0, "shape")),
+    "shape without type": ("type", lambda: changed({"height": 1.0}, P, "actors", 0, "shape")),
+    "weights too few": ("weights", lambda: changed([1.0], P, "actors", 0, "weights")),
+    "no tilt": ("tilts", lambda: changed([], P, "robots", 0, "camera", "tilts")),
+    "layers wrong": ("layers", lambda: changed([5, 3], P, "robots", 0, "motion", "layers")),
+}  # fmt: skip
+
+
+def refused(path: Path, content: bytes) -> str:
+    """Message of the one-line FileError that reading the content as a scene raises."""
+    path.write_bytes(content)
+    with pytest.raises(FileError) as caught:
+        load_problem(path)
+    message = str(caught.value)
+    assert message.startswith(f"{path}: ")
+    assert "\n" not in message
+    return message.removeprefix(f"{path}: ")
+
+
+@pytest.mark.parametrize("case", BAD_CONTENT)
+def test_wrong_content_is_refused(case: str, tmp_path: Path) -> None:
+    """A wrong field is one line that names the file and the field, never a traceback."""
+    field, make = BAD_CONTENT[case]
+    message = refused(tmp_path / "scene.json", json.dumps(make()).encode())
+    assert field in message
+
+
+def _damaged() -> dict[str, bytes]:
+    good = encode(SceneFile(problem=tiny()))
+    number = b'"resolution": 4.0'
+    return {
+        "empty": b"",
+        "truncated": good[: len(good) // 2],
+        "last brace missing": good.rstrip()[:-1],
+        "not UTF-8 in text": good.replace(b'"tiny"', b'"\xff\xfe"'),
+        "not UTF-8 at all": good.decode().encode("utf-16"),
+        "NaN literal": good.replace(number, b'"resolution": NaN'),
+        "Infinity literal": good.replace(number, b'"resolution": Infinity'),
+        "number out of range": good.replace(number, b'"resolution": 1e999'),
+        "NaN in heights": good.replace(b"0.0,", b"NaN,", 1),
+        "out of range in heights": good.replace(b"0.0,", b"1e999,", 1),
+        "two documents": good + good,
+        "a list": b"[]",
+        "a number": b"3",
+        "null": b"null",
+        "deep nesting": b"[" * 100_000,
+        "deep nesting in a field": good.replace(b'"heights": [', b'"heights": ' + b"[" * 100_000),
+        "forty axes": good.replace(
+            b'"heights": [', b'"heights": ' + b"[" * 70 + b"1" + b"]" * 70 + b', "x": [', 1
+        ),
+        "lone surrogate": good.replace(b'"tiny"', b'"\\ud800"'),
+        "control characters": good.replace(b'"tiny"', b'"a\nb"'),
+        "digits without end": good.replace(b'"horizon": 2', b'"horizon": ' + b"9" * 5000),
+        "image": bytes(range(256)),
+    }
+
+
+@pytest.mark.parametrize("case", _damaged())
+def test_damaged_file_is_refused(case: str, tmp_path: Path) -> None:
+    """Whatever is in a file, reading it ends in a problem or in one line that names the file."""
+    message = refused(tmp_path / "scene.json", _damaged()[case])
+    assert message
+    assert len(message) < 1000
+
+
+@examples(60)
+@given(st.data())
+def test_any_single_damage_is_survived(data: st.DataObject) -> None:
+    """One byte changed anywhere gives a problem or a FileError, never another exception."""
+    content = bytearray(encode(SceneFile(problem=tiny())))
+    place = data.draw(st.integers(0, len(content) - 1))
+    content[place] = data.draw(st.integers(0, 255))
+    try:
+        decode(bytes(content), SceneFile, "scene")
+    except FileError as error:
+        assert str(error).startswith("scene: ")
+
+
+def test_missing_file_and_folder_are_refused(tmp_path: Path) -> None:
+    """A path that is not there, or is a folder, is a FileError that names it."""
+    for path in (tmp_path / "nowhere.json", tmp_path):
+        with pytest.raises(FileError, match=r": \w") as caught:
+            load_problem(path)
+        assert str(caught.value).startswith(f"{path}: ")
+
+
+def test_a_plan_file_is_no_scene_file(tmp_path: Path) -> None:
+    """Each kind of file is refused as the other one."""
+    plan = PlanFile(scene="s", digest="d", planner="p", reward=1.0, plan=Plan(paths=()))
+    refused(tmp_path / "plan.json", encode(plan))
+    save_problem(tmp_path / "scene.json", tiny())
+    with pytest.raises(FileError, match="format"):
+        load_plan(tmp_path / "scene.json")
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("reward", None),
+        ("reward", "1"),
+        ("plan", {"paths": [[[0.5, 0]]]}),
+        ("plan", {"paths": [[[0]]]}),
+        ("plan", {"paths": 3}),
+        ("plan", {"robots": []}),
+        ("scene", 1),
+    ],
+)
+def test_wrong_plan_file_is_refused(field: str, value: object, tmp_path: Path) -> None:
+    """A plan file is read as strictly as a scene file, and the field is named."""
+    plan = PlanFile(scene="s", digest="d", planner="p", reward=1.0, plan=Plan(paths=()))
+    content = json.loads(encode(plan)) | {field: value}
+    path = tmp_path / "plan.json"
+    path.write_text(json.dumps(content))
+    with pytest.raises(FileError, match=field) as caught:
+        load_plan(path)
+    assert str(caught.value).startswith(f"{path}: ")
+
+
+def test_a_killed_write_leaves_the_old_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A write that dies before its end leaves the old file whole and nothing beside it."""
+    path = tmp_path / "scene.json"
+    save_problem(path, tiny())
+    before = path.read_bytes()
+
+    def killed(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(os, "replace", killed)
+    with pytest.raises(KeyboardInterrupt):
+        save_problem(path, tiny().replace(horizon=1))
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_files_are_as_readable_as_other_new_files(tmp_path: Path) -> None:
+    """A written file has the mode that the user's umask gives any new file."""
+    path, other = tmp_path / "scene.json", tmp_path / "other"
+    save_problem(path, tiny())
+    other.write_text("")
+    assert path.stat().st_mode == other.stat().st_mode

@@ -1,0 +1,335 @@
+"""The compiled graph is the networkx graph, and its sweep is plain dynamic programming."""
+
+import math
+from typing import NamedTuple
+
+import networkx as nx
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from strategies import WALL, cameras, examples, height_maps, motions
+
+from cocap_opt.motion import motion_graph, time_expanded_graph
+from cocap_opt.problem import (
+    Camera,
+    FloatArray,
+    HeightMap,
+    Motion,
+    Problem,
+    Robot,
+    State,
+)
+from cocap_opt.timegraph import CLOSED, NO_CHARGES, Charges, TimeGraph, time_graph
+
+Node = tuple[State, int]
+
+
+class Case(NamedTuple):
+    """One robot with nothing to see, and its compiled graph."""
+
+    problem: Problem
+    graph: TimeGraph
+
+    @property
+    def start(self) -> int:
+        """Number of the start state."""
+        return self.graph.index(self.problem.robots[0].start)
+
+
+def make_case(
+    height_map: HeightMap,
+    motion: Motion,
+    start: State,
+    horizon: int,
+    tilts: tuple[float, ...] = (0.2,),
+    goal: tuple[int, int] | None = None,
+) -> Case:
+    """Case of one robot."""
+    robot = Robot(start=start, motion=motion, camera=Camera(tilts=tilts), goal=goal)
+    problem = Problem(
+        name="", height_map=height_map, robots=(robot,), actors=(), horizon=horizon
+    )
+    return Case(problem, TimeGraph(height_map, motion, len(tilts)))
+
+
+@st.composite
+def cases(draw: st.DrawFn, goals: bool = False) -> Case:
+    """Random maps, motions, gimbals and starts."""
+    height_map, motion = draw(height_maps(most_cells=12)), draw(motions(5, most_radius=2))
+    heights = height_map.heights.copy()
+    heights[0, 0] = 0.0
+    height_map = height_map.replace(heights=heights)
+    camera = draw(cameras())
+    start = State(0, 0, len(motion.layers) - 1, draw(st.integers(0, motion.headings - 1)))
+    goal = None
+    if goals and draw(st.booleans()):
+        free = np.argwhere(heights < motion.layers[-1] - motion.clearance).tolist()
+        goal = tuple(draw(st.sampled_from(free)))
+    return make_case(height_map, motion, start, draw(st.integers(1, 3)), camera.tilts, goal)
+
+
+@examples(60)
+@given(cases())
+def test_successors_are_those_of_networkx(case: Case) -> None:
+    """Every state has the same successors in the compiled graph as in the networkx graph."""
+    graph = motion_graph(case.problem, 0)
+    for state in graph:
+        expected = sorted(case.graph.index(head) for head in graph[state])
+        assert case.graph.successors(case.graph.index(state)).tolist() == expected
+    assert int(case.graph.free.sum()) * case.graph.n_orientations == len(graph)
+
+
+@examples(40)
+@given(cases())
+def test_reachable_states_are_the_time_expanded_graph(case: Case) -> None:
+    """The reachable set of the compiled graph is the node set of the time-expanded graph."""
+    reachable = case.graph.reachable([case.start], case.problem.horizon)
+    nodes = {(case.graph.state(int(s)), int(t)) for t, s in np.argwhere(reachable)}
+    assert nodes == set(time_expanded_graph(case.problem, 0))
+
+
+@examples(20)
+@given(cases(), st.data())
+def test_reachable_of_several_starts_is_the_union(case: Case, data: st.DataObject) -> None:
+    """What several robots reach is the union of what each reaches."""
+    states = [case.graph.index(state) for state in motion_graph(case.problem, 0)]
+    starts = data.draw(st.lists(st.sampled_from(states), min_size=1, max_size=3))
+    together = case.graph.reachable(starts, 2)
+    alone = [case.graph.reachable([start], 2) for start in starts]
+    assert (together == np.logical_or.reduce(alone)).all()
+
+
+@examples(30)
+@given(cases())
+def test_numbering_is_one_to_one(case: Case) -> None:
+    """State numbers and states, and places and their coordinates, map back to each other."""
+    graph = case.graph
+    for state in motion_graph(case.problem, 0):
+        index = graph.index(state)
+        assert 0 <= index < graph.n_states
+        assert graph.state(index) == state
+        place = graph.place(state.layer, state.x, state.y)
+        assert index % graph.n_places == place
+        assert graph.coordinates(np.array([place]))[:, 0].tolist() == [
+            state.layer, state.x, state.y,
+        ]  # fmt: skip
+
+
+@st.composite
+def charges(draw: st.DrawFn, graph: TimeGraph, horizon: int) -> Charges:
+    """Random charges on places and moves, finite and infinite."""
+    free = np.flatnonzero(graph.free).tolist()
+    costs = st.sampled_from([0.5, 3.0, math.inf])
+    places = draw(
+        st.dictionaries(
+            st.tuples(st.integers(0, horizon), st.sampled_from(free)), costs, max_size=5
+        )
+    )
+    edges = [
+        (tail, int(head))
+        for row in graph.neighbours[1:]
+        for tail, head in enumerate(row)
+        if head >= 0
+    ]
+    if not edges:
+        return Charges(places)
+    moves = draw(
+        st.dictionaries(
+            st.tuples(st.integers(0, horizon - 1), st.sampled_from(edges)).map(
+                lambda key: (key[0], *key[1])
+            ),
+            costs,
+            max_size=12,
+        )
+    )
+    return Charges(places, moves)
+
+
+class Priced(NamedTuple):
+    """Node rewards, stationarity and charges over one graph, for the plain algorithms below."""
+
+    graph: TimeGraph
+    reward: FloatArray  # [T+1, S]
+    bonus: float
+    charges: Charges
+
+    def _place(self, state: State) -> int:
+        return self.graph.place(state.layer, state.x, state.y)
+
+    def at(self, state: State, t: int) -> float:
+        """Reward of being in a state, less its charge."""
+        charge = self.charges.places.get((t, self._place(state)), 0.0)
+        return float(self.reward[t, self.graph.index(state)]) - charge
+
+    def along(self, tail: State, head: State, t: int) -> float:
+        """Reward of one step, less its charge."""
+        charge = self.charges.moves.get((t, self._place(tail), self._place(head)), 0.0)
+        return (self.bonus if tail == head else 0.0) - charge
+
+    def of_path(self, path: list[int]) -> float:
+        """Value of a path of state numbers."""
+        states = [self.graph.state(s) for s in path]
+        total = sum(self.at(state, t) for t, state in enumerate(states))
+        steps = enumerate(zip(states, states[1:], strict=False))
+        return total + sum(self.along(tail, head, t) for t, (tail, head) in steps)
+
+    def values(self, expanded: "nx.DiGraph[Node]", horizon: int) -> dict[Node, float]:
+        """Reward to go of every node of a time-expanded graph, by recursion from the end."""
+        value: dict[Node, float] = {}
+        for state, t in sorted(expanded, key=lambda node: -node[1]):
+            ahead = 0.0
+            if t < horizon:
+                ahead = max(
+                    self.along(state, head, t) + value[head, u]
+                    for head, u in expanded[state, t]
+                )
+            value[state, t] = self.at(state, t) + ahead
+        return value
+
+
+@examples(80)
+@given(cases(goals=True), st.data())
+def test_backward_sweep_is_dynamic_programming(case: Case, data: st.DataObject) -> None:
+    """The sweep's values are those of plain dynamic programming over the networkx graph.
+
+    With random rewards, stationarity, finite and infinite charges on places and moves, and a
+    goal; and the path read off attains the value.
+    """
+    graph, horizon, goal = case.graph, case.problem.horizon, case.problem.robots[0].goal
+    rng = np.random.default_rng(data.draw(st.integers(0, 2**32)))
+    reward = graph.no_reward(horizon) + rng.random((horizon + 1, graph.n_states))
+    bonus = data.draw(st.sampled_from([0.0, 0.3, 5.0]))
+    priced = Priced(graph, reward, bonus, data.draw(charges(graph, horizon)))
+    value = graph.backward_sweep(reward, bonus, priced.charges, goal)
+    expanded = time_expanded_graph(case.problem, 0)
+    for (state, t), expected in priced.values(expanded, horizon).items():
+        assert value[t, graph.index(state)] == pytest.approx(expected, abs=1e-12)
+    if (case.problem.robots[0].start, 0) not in expanded:
+        assert value[0, case.start] == CLOSED
+    path = graph.best_path(value, case.start, bonus, priced.charges)
+    assert (path is None) == (value[0, case.start] == CLOSED)
+    if path is not None:
+        assert path[0] == case.start
+        assert len(path) == horizon + 1
+        nodes = [(graph.state(s), t) for t, s in enumerate(path)]
+        assert nx.is_path(expanded, nodes)
+        assert priced.of_path(path) == pytest.approx(value[0, case.start], abs=1e-9)
+
+
+@examples(20)
+@given(cases())
+def test_sweep_changes_nothing_it_is_given(case: Case) -> None:
+    """The reward array is the caller's: a sweep and the path read off it leave it as it was."""
+    reward = case.graph.no_reward(case.problem.horizon)
+    reward += np.linspace(0, 1, reward.size).reshape(reward.shape)
+    before = reward.copy()
+    value = case.graph.backward_sweep(reward, stationarity=1.0)
+    swept = value.copy()
+    case.graph.best_path(value, case.start, 1.0)
+    assert (reward == before).all()
+    assert (value == swept).all()
+
+
+def test_closed_outside_the_free_states() -> None:
+    """No reward array and no value is finite in a blocked cell or in the border."""
+    heights = np.zeros((3, 3))
+    heights[1, 1] = WALL
+    graph = TimeGraph(HeightMap(heights=heights), Motion(headings=2), 1)
+    free = np.tile(graph.free, graph.n_orientations)
+    assert int(graph.free.sum()) == 8
+    value = graph.backward_sweep(graph.no_reward(2))
+    assert (value[:, free] == 0.0).all()
+    assert (value[:, ~free] == CLOSED).all()
+
+
+def test_ties_go_to_the_lowest_state() -> None:
+    """Among equally good paths the one of lowest state numbers is read off."""
+    graph = TimeGraph(HeightMap(heights=np.zeros((3, 1))), Motion(headings=1), 1)
+    value = graph.backward_sweep(graph.no_reward(2))
+    path = graph.best_path(value, graph.index(State(1, 0)))
+    assert path is not None
+    assert [graph.state(s).x for s in path] == [1, 0, 0]
+
+
+def test_a_closed_start_has_no_path() -> None:
+    """Where the start itself is closed or all ways out are, there is no path."""
+    graph = TimeGraph(HeightMap(heights=np.zeros((2, 1))), Motion(headings=1), 1)
+    here, there = graph.place(0, 0, 0), graph.place(0, 1, 0)
+    for charges in (
+        Charges({(0, here): math.inf}),
+        Charges({(1, here): math.inf, (1, there): math.inf}),
+        Charges({(1, here): math.inf}, {(0, here, there): math.inf}),
+    ):
+        value = graph.backward_sweep(graph.no_reward(1), charges=charges)
+        assert graph.best_path(value, here, charges=charges) is None
+
+
+def test_a_charged_place_is_left_for_a_cheaper_one() -> None:
+    """A finite charge is a price: it is paid where the reward is worth it, and only there."""
+    graph = TimeGraph(HeightMap(heights=np.zeros((2, 1))), Motion(headings=1), 1)
+    here, there = graph.place(0, 0, 0), graph.place(0, 1, 0)
+    reward = graph.no_reward(1)
+    reward[1, there] = 1.0
+    for cost, expected in ((0.4, [here, there]), (1.5, [here, here])):
+        for charges in (Charges({(1, there): cost}), Charges({}, {(0, here, there): cost})):
+            value = graph.backward_sweep(reward, charges=charges)
+            assert graph.best_path(value, here, charges=charges) == expected
+            assert value[0, here] == pytest.approx(max(0.0, 1.0 - cost))
+
+
+def test_staying_is_never_charged_as_a_move() -> None:
+    """A charge on the move from a place to itself changes nothing, in the sweep or the path."""
+    graph = TimeGraph(HeightMap(heights=np.zeros((2, 1))), Motion(headings=2), 1)
+    here = graph.place(0, 0, 0)
+    for bonus in (0.0, 1.0):
+        reward = graph.no_reward(2)
+        reward[:, here] += 1.0
+        charges = Charges({}, {(0, here, here): 9.0, (1, here, here): math.inf})
+        plain = graph.backward_sweep(reward, bonus)
+        assert (graph.backward_sweep(reward, bonus, charges) == plain).all()
+        assert graph.best_path(plain, here, bonus, charges) == [here] * 3
+
+
+@pytest.mark.parametrize(
+    ("shape", "motion"),
+    [
+        ((1, 1), Motion(radius=0, headings=1, turn=0)),
+        ((1, 1), Motion(radius=16, headings=360, turn=180)),
+        ((1, 1), Motion(radius=1, headings=2, turn=0)),
+        ((2, 1), Motion(radius=0, headings=3, layers=(1.0, 2.0, 3.0, 4.0), climb=3)),
+        ((1, 5), Motion(radius=3, headings=2, turn=5, layers=(1.0, 2.0), climb=0)),
+        ((3, 2), Motion(radius=16, headings=1, layers=tuple(map(float, range(1, 12))), climb=99)),
+    ],
+)
+def test_extreme_motions(shape: tuple[int, int], motion: Motion) -> None:
+    """Maps of one cell, radius 0 or beyond the map, one heading or many, many layers."""
+    case = make_case(HeightMap(heights=np.zeros(shape)), motion, State(0, 0), 2)
+    expanded = time_expanded_graph(case.problem, 0)
+    reachable = case.graph.reachable([case.start], 2)
+    assert int(reachable.sum()) == len(expanded)
+    reward = case.graph.no_reward(2) + np.arange(case.graph.n_states) % 7
+    priced = Priced(case.graph, reward, 0.5, NO_CHARGES)
+    value = case.graph.backward_sweep(reward, 0.5)
+    for (state, t), expected in priced.values(expanded, 2).items():
+        assert value[t, case.graph.index(state)] == pytest.approx(expected, abs=1e-12)
+
+
+def test_long_horizons() -> None:
+    """A thousand steps on a small map are no more than a thousand small sweeps."""
+    graph = TimeGraph(HeightMap(heights=np.zeros((3, 3))), Motion(headings=4), 1)
+    reward = graph.no_reward(1000)
+    reward[1000, graph.index(State(2, 2, 0, 2))] = 1.0
+    value = graph.backward_sweep(reward)
+    path = graph.best_path(value, graph.index(State(0, 0)))
+    assert path is not None
+    assert graph.state(path[-1]) == State(2, 2, 0, 2)
+
+
+def test_graphs_are_made_once() -> None:
+    """The same map and motion give the same compiled graph; another map never does."""
+    height_map, motion = HeightMap(heights=np.zeros((3, 3))), Motion(headings=4)
+    assert time_graph(height_map, motion, 1) is time_graph(height_map, Motion(headings=4), 1)
+    other = HeightMap(heights=np.zeros((3, 3)))
+    assert time_graph(other, motion, 1) is not time_graph(height_map, motion, 1)
+    assert time_graph(height_map, motion, 2) is not time_graph(height_map, motion, 1)
