@@ -3,6 +3,7 @@
 Solvers ask as often as they like; a time limit starts to count when it is made.
 """
 
+import math
 import signal
 import time
 from collections.abc import Callable, Iterator
@@ -30,6 +31,12 @@ class TimeLimit:
         return Limit.TIME if time.monotonic() >= self._deadline else Limit.NONE
 
 
+    @property
+    def seconds_left(self) -> float:
+        """Seconds until the limit, >= 0."""
+        return max(0.0, self._deadline - time.monotonic())
+
+
 class FirstOf:
     """Reached when any of its criteria is; all are asked each time."""
 
@@ -40,6 +47,16 @@ class FirstOf:
         """Ask all criteria; the first that is reached is named."""
         reached = [limit for stop in self._criteria if (limit := stop()) is not Limit.NONE]
         return reached[0] if reached else Limit.NONE
+
+    @property
+    def seconds_left(self) -> float:
+        """Seconds until the first time limit among the criteria."""
+        return min((seconds_left(stop) for stop in self._criteria), default=math.inf)
+
+
+def seconds_left(stop: Stop) -> float:
+    """Seconds until a criterion's time limit, for solvers that take one; infinite without."""
+    return float(getattr(stop, "seconds_left", math.inf))
 
 
 class Interrupt:

@@ -295,11 +295,12 @@ def test_staying_is_never_charged_as_a_move() -> None:
     ("shape", "motion"),
     [
         ((1, 1), Motion(radius=0, headings=1, turn=0)),
-        ((1, 1), Motion(radius=16, headings=360, turn=180)),
+        ((1, 1), Motion(radius=16, headings=1)),
+        ((1, 1), Motion(radius=0, headings=360, turn=2)),
         ((1, 1), Motion(radius=1, headings=2, turn=0)),
         ((2, 1), Motion(radius=0, headings=3, layers=(1.0, 2.0, 3.0, 4.0), climb=3)),
         ((1, 5), Motion(radius=3, headings=2, turn=5, layers=(1.0, 2.0), climb=0)),
-        ((3, 2), Motion(radius=16, headings=1, layers=tuple(map(float, range(1, 12))), climb=99)),
+        ((3, 2), Motion(radius=4, headings=1, layers=tuple(map(float, range(1, 12))), climb=99)),
     ],
 )
 def test_extreme_motions(shape: tuple[int, int], motion: Motion) -> None:

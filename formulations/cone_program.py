@@ -6,11 +6,16 @@ flow per robot. The roots are bounded by the cone u^2 <= z and by the single-vie
 u <= sum of sqrt(coverage). Modelled in cvxpy, solved by Clarabel; for small scenes.
 """
 
+import math
 import time
+import warnings
 from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from typing import Any
 
+import cvxpy as cp
 import numpy as np
 from scipy import sparse
 
@@ -19,7 +24,7 @@ from cocap_opt.plan import Plan
 from cocap_opt.problem import Cell, FloatArray, IntArray, Problem
 from cocap_opt.result import Limit, Reason, UnsupportedError
 from cocap_opt.reward import group_weights
-from cocap_opt.stop import Stop, never
+from cocap_opt.stop import Stop, never, seconds_left
 from cocap_opt.timegraph import CLOSED
 from formulations.bound import BoundResult
 from formulations.certificate import certify
@@ -77,75 +82,98 @@ def relaxation(problem: Problem, stop: Stop = never, plan: Plan | None = None) -
     model = compiled(problem)
     flows = [flow_of(model, group) for group in model.classes]
     n_groups = (problem.horizon + 1) * model.n_faces
-    limit = stop()
+    # The bound of robots alone, for where there is no time or no path.
+    alpha, beta, rows = np.ones(n_groups), np.zeros(n_groups), dict[Key, float]()
+    limit, solved = stop(), False
     if limit is Limit.NONE and all(len(flow.tails) for flow in flows):
-        alpha, beta, rows = _solve(model, flows, stop)
-    else:
-        alpha, beta, rows = np.ones(n_groups), np.zeros(n_groups), {}
-    certificate = certificate_of(problem, alpha, beta, rows)
-    file = certify(problem, model, "relaxation", certificate)
+        program = _ConeProgram(model, flows)
+        solved = program.solve(seconds_left(stop))
+        limit = stop()
+        if solved:
+            alpha, beta, rows = program.multipliers()
+    file = certify(problem, model, "relaxation", certificate_of(problem, alpha, beta, rows))
     reason = Reason.FINISHED if limit is Limit.NONE else Reason.STOPPED
     reason = Reason.INFEASIBLE if file.bound < 0 else reason
     edges = sum(len(flow.tails) for flow in flows)
-    statistics = {"edges": edges, "rows": len(rows)}
+    statistics = {"edges": edges, "rows": len(rows), "solved": solved}
     return BoundResult(file, reason, limit, time.perf_counter() - begin, statistics)
 
 
-def _solve(
-    model: Model, flows: list[Flow], stop: Stop
-) -> tuple[FloatArray, FloatArray, dict[Key, float]]:
-    """Multipliers of the optimal cone program."""
-    import cvxpy as cp  # its import takes longer than most bounds do
+class _ConeProgram:
+    """max sum w u over flows, with u^2 <= z, single-view cuts and conflict rows.
 
-    problem = model.problem
-    weights = group_weights(problem)
-    edges = [cp.Variable(len(flow.tails), nonneg=True) for flow in flows]
-    coverage = [_coverage_of_edges(model, flow) for flow in flows]  # [G, E] each
-    largest = np.sqrt(np.max([_row_max(part) for part in coverage], axis=0))
-    used = np.flatnonzero((largest > 0) & (weights > 0))
-    scale = largest[used]
-    # Roots and pixels in units of each group's best single view, for the solver's sake.
-    shares = [sparse.csr_array(part[used]) / scale[:, None] ** 2 for part in coverage]
-    shares = [sparse.csr_array(part) for part in shares]
-    root_weights = weights[used] * scale
-    unit = float(root_weights.max()) if len(used) else 1.0
-    roots = cp.Variable(len(used))
-    pixels = sum(part @ flow for part, flow in zip(shares, edges, strict=True))
-    views = sum(part.sqrt() @ flow for part, flow in zip(shares, edges, strict=True))
-    cut = roots <= views
-    bonus = problem.objective.stationarity
-    stays = sum(bonus * flow.stays @ y for flow, y in zip(flows, edges, strict=True))
-    conflicts = _conflict_rows(model, flows)
-    # A violated row costs this much, so that a solution always exists.
-    penalty = float(root_weights.sum()) * len(problem.robots) + bonus * problem.horizon + unit
-    slack = cp.Variable(len(conflicts), nonneg=True)
-    constraints = [cut, roots <= cp.sqrt(pixels)] if len(used) else []
-    for flow, y in zip(flows, edges, strict=True):
-        matrix, rhs = _conservation(model, flow)
-        constraints.append(matrix @ y == rhs)
-    if conflicts:
-        usage = sum(
-            sparse.csr_array(_usage(conflicts, n, len(flow.tails))) @ y
-            for n, (flow, y) in enumerate(zip(flows, edges, strict=True))
-        )
-        capacity = usage <= 1 + slack
-        constraints.append(capacity)
-    profit = root_weights @ roots if len(used) else 0.0
-    goal = cp.Maximize((profit + stays - penalty * cp.sum(slack)) / unit)
-    cone_program = cp.Problem(goal, constraints)
-    # Every option each time: Clarabel through cvxpy keeps those of the solve before.
-    cone_program.solve(solver=cp.CLARABEL, warm_start=False, verbose=False, max_threads=1)
-    alpha, beta = np.ones(len(weights)), np.zeros(len(weights))
-    if len(used):
-        alpha[used] = np.clip(np.asarray(cut.dual_value) * unit / root_weights, 0.0, 1.0)
-        roots_seen = scale * np.sqrt(np.maximum(np.asarray(pixels.value), 1e-12))
-        alpha[used], beta[used] = repaired(
-            alpha[used], (1 - alpha[used]) / (2 * roots_seen), np.sqrt(len(problem.robots)) * scale
-        )
-    charges = np.zeros(0)
-    if conflicts:
-        charges = np.maximum(np.asarray(capacity.dual_value), 0.0) * unit
-    return alpha, beta, dict(zip(conflicts, charges.tolist(), strict=True))
+    Roots and pixels are in units of each group's best single view, and the objective in
+    units of its largest weight, for the solver's sake.
+    """
+
+    def __init__(self, model: Model, flows: list[Flow]) -> None:
+        problem = model.problem
+        self._robots = len(problem.robots)
+        self._weights = group_weights(problem)
+        coverage = [_coverage_of_edges(model, flow) for flow in flows]  # [G, E] each
+        largest = np.sqrt(np.max([_row_max(part) for part in coverage], axis=0))
+        self._used = np.flatnonzero((largest > 0) & (self._weights > 0))
+        self._scale = largest[self._used]
+        self._root_weights = self._weights[self._used] * self._scale
+        self._unit = float(self._root_weights.max(initial=0.0)) or 1.0
+        self._edges = [cp.Variable(len(flow.tails), nonneg=True) for flow in flows]
+        self._conflicts = _conflict_rows(model, flows)
+        shares = [sparse.csr_array(part[self._used] / self._scale[:, None] ** 2)
+                  for part in coverage]  # fmt: skip
+        self._pixels = _sum_of_products(shares, self._edges)
+        roots = cp.Variable(len(self._used))
+        self._cut = roots <= _sum_of_products([part.sqrt() for part in shares], self._edges)
+        constraints = [self._cut, roots <= cp.sqrt(self._pixels)] if len(self._used) else []
+        for flow, amount in zip(flows, self._edges, strict=True):
+            matrix, rhs = _conservation(model, flow)
+            constraints.append(matrix @ amount == rhs)
+        slack = cp.Variable(len(self._conflicts), nonneg=True)
+        if self._conflicts:
+            usage = [_usage(self._conflicts, n, len(flow.tails)) for n, flow in enumerate(flows)]
+            self._capacity = _sum_of_products(usage, self._edges) <= 1 + slack
+            constraints.append(self._capacity)
+        bonus = problem.objective.stationarity
+        stays = _sum_of_products([bonus * flow.stays for flow in flows], self._edges)
+        # A violated row costs more than all there is to gain, so that a solution exists.
+        penalty = self._robots * (float(self._root_weights.sum()) + bonus * problem.horizon + 1)
+        profit = self._root_weights @ roots if len(self._used) else 0.0
+        goal = cp.Maximize((profit + stays - penalty * cp.sum(slack)) / self._unit)
+        self._program = cp.Problem(goal, constraints)
+
+    def solve(self, seconds: float) -> bool:
+        """Solve; False where Clarabel gave up, which leaves no multipliers."""
+        # Every option each time: Clarabel through cvxpy keeps those of the solve before.
+        options = {"time_limit": seconds} if math.isfinite(seconds) else {"time_limit": 1e9}
+        with warnings.catch_warnings():
+            # An inaccurate solution is good enough: its multipliers are certified anyway.
+            warnings.simplefilter("ignore", UserWarning)
+            try:
+                self._program.solve(
+                    solver=cp.CLARABEL, warm_start=False, verbose=False, max_threads=1, **options
+                )
+            except cp.error.SolverError:
+                return False
+        return self._pixels.value is not None
+
+    def multipliers(self) -> tuple[FloatArray, FloatArray, dict[Key, float]]:
+        """Multipliers of groups (alpha, beta) [G] and of conflict rows."""
+        alpha, beta = np.ones(len(self._weights)), np.zeros(len(self._weights))
+        if len(self._used):
+            shares = np.asarray(self._cut.dual_value) * self._unit / self._root_weights
+            shares = np.clip(shares, 0.0, 1.0)
+            roots = self._scale * np.sqrt(np.maximum(np.asarray(self._pixels.value), 1e-12))
+            largest = np.sqrt(self._robots) * self._scale
+            alpha[self._used], beta[self._used] = repaired(
+                shares, (1 - shares) / (2 * roots), largest
+            )
+        charges = np.zeros(0)
+        if self._conflicts:
+            charges = np.maximum(np.asarray(self._capacity.dual_value), 0.0) * self._unit
+        return alpha, beta, dict(zip(self._conflicts, charges.tolist(), strict=True))
+
+
+def _sum_of_products(matrices: Sequence[Any], variables: Sequence[Any]) -> Any:
+    return sum(matrix @ variable for matrix, variable in zip(matrices, variables, strict=True))
 
 
 def _coverage_of_edges(model: Model, flow: Flow) -> sparse.csr_array:

@@ -1,0 +1,328 @@
+"""The coverage cache: found by content, repaired when damaged, never in the way."""
+
+import logging
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from strategies import tiny
+
+from cocap_opt import cache
+from cocap_opt.cache import cache_folder, cached_table, code_digest, content_key, write_atomically
+from cocap_opt.coverage import CoverageTable
+from cocap_opt.model import Model
+from cocap_opt.problem import (
+    NO_RULES,
+    Camera,
+    Cuboid,
+    HeightMap,
+    Motion,
+    Objective,
+    Prism,
+    Problem,
+    State,
+)
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty cache of the test's own."""
+    monkeypatch.setenv("COCAP_OPT_CACHE", str(tmp_path / "cache"))
+    return tmp_path / "cache"
+
+
+def tables(problem: Problem) -> list[CoverageTable]:
+    """Coverage tables of all classes of a fresh model."""
+    model = Model(problem)
+    return [model.coverage(group) for group in model.classes]
+
+
+def same(a: list[CoverageTable], b: list[CoverageTable]) -> bool:
+    """True where tables are equal to the last bit, types included."""
+    pairs = [(x, y) for s, t in zip(a, b, strict=True) for x, y in zip(s, t, strict=True)]
+    return all(x.dtype == y.dtype and x.tobytes() == y.tobytes() for x, y in pairs)
+
+
+def with_robot(**changes: Any) -> Problem:
+    """The tiny instance with both robots changed in the same way."""
+    return tiny().replace(robots=tuple(robot.replace(**changes) for robot in tiny().robots))
+
+
+def with_actor(**changes: Any) -> Problem:
+    """The tiny instance with its actor changed."""
+    return tiny().replace(actors=(tiny().actors[0].replace(**changes),))
+
+
+def with_map(**changes: Any) -> Problem:
+    """The tiny instance with its map changed."""
+    return tiny().replace(height_map=tiny().height_map.replace(**changes))
+
+
+def nudged(array: Any) -> Any:
+    """The array with one number changed in its last bit."""
+    result = array.copy()
+    result.flat[-1] = np.nextafter(result.flat[-1], 9e9)
+    return result
+
+
+CAMERA, MOTION = tiny().robots[0].camera, tiny().robots[0].motion
+OTHER_CONTENT: dict[str, Callable[[], Problem]] = {
+    "heights": lambda: with_map(heights=nudged(tiny().height_map.heights)),
+    "resolution": lambda: with_map(resolution=4.5),
+    "origin": lambda: with_map(origin=(0.0, 1e-9)),
+    "poses": lambda: with_actor(poses=nudged(tiny().actors[0].poses)),
+    "shape size": lambda: with_actor(shape=Cuboid(height=1.7)),
+    "shape kind": lambda: with_actor(shape=Prism()),
+    "more actors": lambda: tiny().replace(actors=tiny().actors * 2),
+    "no actors": lambda: tiny().replace(actors=()),
+    "camera width": lambda: with_robot(camera=CAMERA.replace(width=401)),
+    "camera height": lambda: with_robot(camera=CAMERA.replace(height=301)),
+    "focal": lambda: with_robot(camera=CAMERA.replace(focal=200.5)),
+    "tilts": lambda: with_robot(camera=CAMERA.replace(tilts=(0.61,))),
+    "gimbal": lambda: with_robot(camera=CAMERA.replace(tilts=(0.6, 0.7))),
+    "radius": lambda: with_robot(motion=MOTION.replace(radius=2)),
+    "headings": lambda: with_robot(motion=MOTION.replace(headings=5)),
+    "turn": lambda: with_robot(motion=MOTION.replace(turn=2)),
+    "layers": lambda: with_robot(motion=MOTION.replace(layers=(5.5,))),
+    "clearance": lambda: with_robot(motion=MOTION.replace(clearance=0.5)),
+    "corner cutting": lambda: with_robot(motion=MOTION.replace(corner_cutting=True)),
+    "start": lambda: tiny().replace(
+        robots=(tiny().robots[0].replace(start=State(0, 1)), tiny().robots[1])
+    ),
+    "horizon": lambda: tiny().replace(horizon=1),
+    "samples": lambda: tiny().replace(face_samples=3),
+    "count start": lambda: tiny().replace(objective=Objective(count_start=True)),
+}
+
+
+@pytest.mark.parametrize("what", OTHER_CONTENT)
+def test_other_content_is_another_file(what: str, folder: Path) -> None:
+    """A change of anything that coverage depends on is computed anew, never found."""
+    tables(tiny())
+    assert len(list(folder.iterdir())) == 1
+    tables(OTHER_CONTENT[what]())
+    assert len(list(folder.iterdir())) == 2
+
+
+SAME_CONTENT: dict[str, Callable[[], Problem]] = {
+    "name": lambda: tiny().replace(name="other"),
+    "rules": lambda: tiny().replace(rules=NO_RULES),
+    "stationarity": lambda: tiny().replace(objective=Objective(stationarity=2.0)),
+    "weights": lambda: with_actor(weights=(2.0,) * 5),
+    "goal": lambda: with_robot(goal=(0, 1)),
+    "order": lambda: tiny().replace(robots=tiny().robots[::-1]),
+    "later poses": lambda: with_actor(poses=np.vstack([tiny().actors[0].poses, np.ones(4)])),
+}
+
+
+@pytest.mark.parametrize("what", SAME_CONTENT)
+def test_same_content_is_found(what: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What coverage does not depend on finds the table that is there, and it fits."""
+    tables(tiny())
+    monkeypatch.setattr("cocap_opt.model.coverage_table", None)  # nothing may be computed
+    found = tables(SAME_CONTENT[what]())
+    monkeypatch.undo()
+    fresh = Model(SAME_CONTENT[what](), use_cache=False)
+    assert same(found, [fresh.coverage(group) for group in fresh.classes])
+
+
+def test_key_depends_on_every_part() -> None:
+    """Arrays of other shape, type or content, and other order of parts, have other keys."""
+    array = np.arange(6.0)
+    parts: list[tuple[object, ...]] = [
+        (array,),
+        (array.reshape(2, 3),),
+        (array.reshape(3, 2),),
+        (array.astype(np.float32),),
+        (array.astype(np.int64),),
+        (array, array),
+        (array[::-1],),
+        (-array,),
+        (1, 2),
+        (2, 1),
+        ((1, 2),),
+        (Camera(),),
+        (Camera(width=1),),
+        (Cuboid(),),
+        (None,),
+        (HeightMap(heights=np.zeros((1, 1))), Motion()),
+    ]
+    assert len({content_key(*part) for part in parts}) == len(parts)
+    assert content_key(array) == content_key(np.arange(12.0)[::2] / 2)  # strides do not count
+    with pytest.raises(TypeError):
+        content_key(object())
+
+
+def test_key_depends_on_all_code_that_makes_a_table(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The key covers the code of views, of face geometry and of the states' numbering.
+
+    A table holds state numbers (timegraph), of reachable states (motion), and the shapes'
+    faces (problem): an edit there must not find tables made before it.
+    """
+    read: set[str] = set()
+    original = Path.read_bytes
+
+    def recorded(path: Path) -> bytes:
+        read.add(path.name)
+        return original(path)
+
+    monkeypatch.setattr(Path, "read_bytes", recorded)
+    code_digest.__wrapped__() if hasattr(code_digest, "__wrapped__") else code_digest()
+    makers = {"coverage.py", "projection.py", "visibility.py"}
+    assert makers <= read
+    assert {"problem.py", "motion.py", "timegraph.py"} <= read
+
+
+def damage(content: bytes, kind: str) -> bytes:
+    """A damaged copy of a cache file."""
+    middle = len(content) // 2
+    return {
+        "flipped bit": content[:middle] + bytes([content[middle] ^ 1]) + content[middle + 1 :],
+        "flipped bit in the digest": bytes([content[0] ^ 1]) + content[1:],
+        "truncated": content[:middle],
+        "only the digest": content[:32],
+        "shorter than the digest": content[:10],
+        "empty": b"",
+        "longer": content + b"\0",
+        "text": b"not a table",
+    }[kind]
+
+
+@pytest.mark.parametrize(
+    "kind",
+    ["flipped bit", "flipped bit in the digest", "truncated", "only the digest",
+     "shorter than the digest", "empty", "longer", "text"],
+)  # fmt: skip
+def test_a_damaged_file_is_noticed_and_made_again(
+    kind: str, folder: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A damaged cache file costs a warning that names it, and time, but never a wrong number."""
+    expected = tables(tiny())
+    (path,) = folder.iterdir()
+    good = path.read_bytes()
+    path.write_bytes(damage(good, kind))
+    with caplog.at_level(logging.WARNING):
+        assert same(tables(tiny()), expected)
+    assert str(path) in caplog.text
+    caplog.clear()
+    assert cache._read(path) is not None  # mended
+    assert not caplog.records
+
+
+def test_what_is_found_equals_what_was_made(folder: Path) -> None:
+    """A table from disk is the computed one, to the last bit."""
+    made = tables(tiny())
+    assert same(tables(tiny()), made)
+    assert same([Model(tiny(), use_cache=False).coverage(Model(tiny()).classes[0])], made)
+
+
+def test_an_unusable_folder_costs_only_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Where the cache cannot be written, planning goes on with a warning."""
+    file = tmp_path / "file"
+    file.write_text("in the way")
+    for folder in (file, file / "below", Path("/proc/nowhere")):
+        monkeypatch.setenv("COCAP_OPT_CACHE", str(folder))
+        caplog.clear()
+        with caplog.at_level(logging.WARNING):
+            assert len(tables(tiny())) == 1
+        assert "cannot write" in caplog.text
+
+
+def test_a_read_only_folder_costs_only_time(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A folder that may be read but not written serves what it has and fails at nothing."""
+    expected = tables(tiny())
+
+    def refused(*_: object, **__: object) -> tuple[int, str]:
+        raise PermissionError(13, "Permission denied")  # root would be allowed to write
+
+    monkeypatch.setattr("tempfile.mkstemp", refused)
+    assert same(tables(tiny()), expected)
+    assert not caplog.records
+    tables(tiny().replace(horizon=1))
+    assert "cannot write" in caplog.text
+
+
+def test_a_file_that_cannot_be_read_is_made_again(folder: Path) -> None:
+    """A folder in a file's place, or one without permission, does not stop the run."""
+    expected = tables(tiny())
+    (path,) = folder.iterdir()
+    path.unlink()
+    path.mkdir()
+    assert same(tables(tiny()), expected)
+
+
+def test_no_temporary_files_are_left(folder: Path) -> None:
+    """After writing there is one file per table and nothing else."""
+    tables(tiny())
+    tables(tiny().replace(horizon=1))
+    assert [path.suffix for path in folder.iterdir()] == [".coverage"] * 2
+
+
+def test_a_failed_write_leaves_no_trace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A write that fails before the end keeps the old content and removes its temporary file."""
+    path = tmp_path / "file"
+    write_atomically(path, b"old")
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "replace", full)
+    with pytest.raises(OSError, match="No space"):
+        write_atomically(path, b"new")
+    assert path.read_bytes() == b"old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_no_pickle_is_ever_loaded(folder: Path) -> None:
+    """A cache file with pickled objects in it, though its digest fits, is not unpickled."""
+
+    class Trap:
+        def __reduce__(self) -> tuple[Any, ...]:
+            return os.mkdir, (str(folder / "sprung"),)
+
+    good = tables(tiny())[0]
+    trap = np.array([Trap()], dtype=object)
+    cache._write(folder / "key.coverage", good._replace(nodes=trap))
+    for path in folder.glob("sprung"):
+        path.rmdir()
+    try:
+        found = cached_table("key", lambda: good)
+    except ValueError:
+        found = good
+    assert same([found], [good])
+    assert not (folder / "sprung").exists()
+
+
+def test_where_the_cache_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    """COCAP_OPT_CACHE names the folder; else it is in XDG_CACHE_HOME, else in ~/.cache."""
+    monkeypatch.setenv("COCAP_OPT_CACHE", "/a/b")
+    assert cache_folder() == Path("/a/b")
+    monkeypatch.setenv("COCAP_OPT_CACHE", "")
+    monkeypatch.setenv("XDG_CACHE_HOME", "/c")
+    assert cache_folder() == Path("/c/cocap-opt")
+    monkeypatch.delenv("XDG_CACHE_HOME")
+    monkeypatch.setenv("HOME", "/home/somebody")
+    assert cache_folder() == Path("/home/somebody/.cache/cocap-opt")
+
+
+def test_classes_that_see_alike_share_a_table(folder: Path) -> None:
+    """Robots that differ in their goals only are two classes with one table."""
+    first, second = tiny().robots
+    problem = tiny().replace(robots=(first.replace(goal=(0, 1)), second))
+    model = Model(problem)
+    assert len(model.classes) == 2
+    assert model.coverage(model.classes[0]) is model.coverage(model.classes[1])
+    assert len(list(folder.iterdir())) == 1
+
+
+def test_cache_of_the_session_is_not_the_users() -> None:
+    """No test reads or fills the user's own cache."""
+    assert cache_folder() != Path.home() / ".cache" / "cocap-opt"
+    assert "pytest" in str(cache_folder())

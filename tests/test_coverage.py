@@ -1,0 +1,618 @@
+"""Coverage: hand-computed views, invariances, clipping against other ways to compute it."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from strategies import WALL, examples, problems, shapes
+
+from cocap_opt.coverage import FaceGeometry, Views
+from cocap_opt.model import Model
+from cocap_opt.problem import (
+    Actor,
+    Camera,
+    Cuboid,
+    FloatArray,
+    HeightMap,
+    Motion,
+    Prism,
+    Problem,
+    Robot,
+    Shape,
+    State,
+    TriangulatedCuboid,
+)
+from cocap_opt.projection import camera_axes, image_area
+from cocap_opt.timegraph import time_graph
+from cocap_opt.visibility import sample_points
+
+FRONT, LEFT, BACK, RIGHT, TOP = range(5)  # faces of a cuboid; the front looks along its heading
+FLYING = 5.0  # m
+FOCAL, WIDTH, HEIGHT = 500.0, 800, 600  # px
+LEVEL = Camera(width=WIDTH, height=HEIGHT, focal=FOCAL, tilts=(0.0,))
+SLAB = Cuboid(length=0.2, width=1.0, height=1.0)  # m
+
+
+def facing(x: float, y: float, z: float = FLYING - 0.5, yaw: float = math.pi) -> Actor:
+    """A slab whose front looks along -x by default, toward cameras that look along +x."""
+    return Actor(poses=np.tile([x, y, z, yaw], (2, 1)), shape=SLAB)
+
+
+def make_scene(
+    *actors: Actor,
+    heights: FloatArray | None = None,
+    camera: Camera = LEVEL,
+    resolution: float = 1.0,
+    origin: tuple[float, float] = (0.0, 0.0),
+    samples: int = 3,
+    headings: int = 8,
+    layers: tuple[float, ...] = (FLYING,),
+) -> Problem:
+    """Scene on a 21 x 9 map whose robot stands in cell (0, 4): at x = 0.5 m, y = 4.5 m."""
+    heights = np.zeros((21, 9)) if heights is None else heights
+    motion = Motion(headings=headings, layers=layers)
+    return Problem(
+        name="",
+        height_map=HeightMap(heights=heights, resolution=resolution, origin=origin),
+        robots=(Robot(start=State(0, 4), motion=motion, camera=camera),),
+        actors=actors,
+        horizon=1,
+        face_samples=samples,
+    )
+
+
+def seen_from(problem: Problem, *states: State, t: int = 1) -> FloatArray:
+    """Coverage [n, F] of the first robot's states at step t."""
+    robot = problem.robots[0]
+    graph = time_graph(problem.height_map, robot.motion, len(robot.camera.tilts))
+    views = Views(FaceGeometry(problem), problem, graph, robot.camera)
+    return views.coverage(t, np.array([graph.index(state) for state in states], dtype=np.int64))
+
+
+def seen(problem: Problem, state: State = State(0, 4)) -> list[float]:
+    """Coverage [F] of one state, by default of the start."""
+    coverage: list[float] = seen_from(problem, state)[0].tolist()
+    return coverage
+
+
+def at_range(distance: float, side: float = 0.0, up: float = 0.0) -> Actor:
+    """Slab whose front lies `distance` ahead of the start camera, and so far aside and up."""
+    return facing(0.5 + distance + SLAB.length / 2, 4.5 + side, FLYING - 0.5 + up)
+
+
+# -- hand-computed views ------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("distance", [2.0, 5.0, 17.3, 400.0])
+def test_face_on(distance: float) -> None:
+    """A face seen face-on at range r covers f^2/r^2 px/m2; the other faces are not seen."""
+    coverage = seen(make_scene(at_range(distance)))
+    assert coverage[FRONT] == pytest.approx(FOCAL**2 / distance**2, rel=1e-9)
+    assert coverage[LEFT:] == [0.0] * 4
+
+
+@pytest.mark.parametrize(("side", "up"), [(1.5, 0.0), (0.0, -0.9), (-2.0, 1.0)])
+def test_a_shift_parallel_to_the_image_changes_nothing(side: float, up: float) -> None:
+    """A face parallel to the image plane covers f^2/r^2 px/m2 wherever in the image it is."""
+    coverage = seen(make_scene(at_range(5.0, side, up)))
+    assert coverage[FRONT] == pytest.approx((FOCAL / 5.0) ** 2, rel=1e-9)
+
+
+@pytest.mark.parametrize("angle", [0.2, 0.7, 1.2, -0.5])
+def test_oblique_faces_follow_the_cosine_law(angle: float) -> None:
+    """A small far face turned by an angle covers cos(angle) f^2/r^2, in the limit exactly."""
+    small = Cuboid(length=0.01, width=0.01, height=0.01)
+    distance = 19.0
+    pose = [0.5 + distance, 4.5, FLYING - 0.005, math.pi + angle]
+    actor = Actor(poses=np.tile(pose, (2, 1)), shape=small)
+    coverage = seen(make_scene(actor))
+    whole = FOCAL**2 / distance**2
+    assert coverage[FRONT] == pytest.approx(math.cos(angle) * whole, rel=2e-3)
+    aside = LEFT if angle < 0 else RIGHT
+    assert coverage[aside] == pytest.approx(abs(math.sin(angle)) * whole, rel=2e-3)
+
+
+def test_the_top_seen_from_above() -> None:
+    """Looking straight down from height h, a flat top covers f^2/h^2 px/m2, and only it."""
+    camera = LEVEL.replace(tilts=(math.pi / 2,))
+    actor = facing(0.5, 4.5, z=0.0)
+    for heading in range(8):
+        coverage = seen(make_scene(actor, camera=camera), State(0, 4, heading=heading))
+        assert coverage[TOP] == pytest.approx(FOCAL**2 / (FLYING - 1.0) ** 2, rel=1e-9)
+        assert coverage[:TOP] == [0.0] * 4
+
+
+def test_tilt_looks_down() -> None:
+    """A positive tilt moves the view below the horizon, a negative one above."""
+    below = facing(0.5 + 5.0, 4.5, z=-0.5)  # its middle 5 m below the camera: 45 degrees
+    tilts = (-math.pi / 4, 0.0, math.pi / 4)
+    deep = np.full((21, 9), -9.0)
+    scene = make_scene(below, heights=deep, camera=LEVEL.replace(tilts=tilts))
+    up, level, down = (seen(scene, State(0, 4, pitch=pitch))[FRONT] for pitch in range(3))
+    assert up == level == 0.0
+    expected = FOCAL**2 / 50.0 / math.sqrt(2)
+    assert down == pytest.approx(expected, rel=0.05)
+
+
+@pytest.mark.parametrize("heading", range(8))
+def test_headings_go_counter_clockwise(heading: int) -> None:
+    """Heading k looks at 2 pi k / 8 counter-clockwise from +x: it sees what stands there."""
+    yaw = 2 * math.pi * heading / 8
+    x, y = 10.5 + 3 * math.cos(yaw), 4.5 + 3 * math.sin(yaw)
+    narrow = LEVEL.replace(width=WIDTH // 2)
+    scene = make_scene(facing(x, y, yaw=yaw + math.pi), camera=narrow)
+    front = [seen(scene, State(10, 4, heading=k))[FRONT] for k in range(8)]
+    expected = (FOCAL / (3 - SLAB.length / 2)) ** 2
+    assert front[heading] == pytest.approx(expected, rel=1e-9)
+    assert sum(value > 0 for value in front) == 1
+
+
+@pytest.mark.parametrize(
+    ("side", "up", "share"),
+    [
+        (5.0 * WIDTH / 2 / FOCAL, 0.0, 0.5),
+        (-5.0 * WIDTH / 2 / FOCAL, 0.0, 0.5),
+        (0.0, 5.0 * HEIGHT / 2 / FOCAL, 0.5),
+        (5.0 * WIDTH / 2 / FOCAL, -5.0 * HEIGHT / 2 / FOCAL, 0.25),
+        (5.0 * WIDTH / 2 / FOCAL + 0.25, 0.0, 0.25),
+        (5.0 * WIDTH / 2 / FOCAL + 0.6, 0.0, 0.0),
+        (0.0, 9.0, 0.0),
+    ],
+)
+def test_faces_are_cut_at_the_edge_of_the_image(side: float, up: float, share: float) -> None:
+    """Of a face that reaches out of the image only the share inside counts."""
+    coverage = seen(make_scene(at_range(5.0, side, up)))
+    assert coverage[FRONT] == pytest.approx(share * (FOCAL / 5.0) ** 2, rel=1e-9, abs=1e-9)
+
+
+def test_behind_the_camera_nothing_is_seen() -> None:
+    """What lies behind the camera is not mirrored into the image."""
+    scene = make_scene(facing(15.5, 4.5))
+    assert seen(scene, State(10, 4))[FRONT] > 0
+    behind = make_scene(facing(5.5, 4.5, yaw=0.0), facing(5.5, 4.5, z=9.0, yaw=math.pi))
+    assert seen(behind, State(10, 4)) == [0.0] * 10
+
+
+def test_beside_and_behind_the_camera_a_face_is_cut() -> None:
+    """Of a long face that reaches from behind the camera into its view only the front counts."""
+    # A wall-like actor along the camera's right side, from 6 m behind it to 6 m ahead.
+    shape = Cuboid(length=12.0, width=1.0, height=1.0)
+    actor = Actor(poses=np.tile([10.5, 2.5, FLYING - 0.5, 0.0], (2, 1)), shape=shape)
+    coverage = seen(make_scene(actor), State(10, 4))
+    # The left face is 1.5 m aside. It enters the image at depth 1.5 f / (width / 2) = 1.875 m and
+    # ends at depth 6; its height at depth x is f / x, its image point at u = 1.5 f / x.
+    # Area = integral of (f / x) du = 1.5 f^2 / 2 (1 / 1.875^2 - 1 / 6^2).
+    near, far = 1.5 * FOCAL / (WIDTH / 2), 6.0
+    pixels = 1.5 * FOCAL**2 / 2 * (1 / near**2 - 1 / far**2)
+    assert coverage[LEFT] == pytest.approx(pixels / 12.0, rel=1e-9)
+
+
+def test_back_faces_are_not_seen() -> None:
+    """A face turned away from the camera covers nothing, a face seen edge-on neither."""
+    coverage = seen(make_scene(facing(10.0, 4.5, yaw=0.0)))
+    assert coverage[FRONT] == coverage[LEFT] == coverage[RIGHT] == coverage[TOP] == 0.0
+    assert coverage[BACK] > 0
+
+
+def test_inside_an_actor_nothing_is_seen() -> None:
+    """A camera inside an actor sees none of its faces: they all look away."""
+    assert seen(make_scene(facing(0.5, 4.5))) == [0.0] * 5
+
+
+# -- occlusion ----------------------------------------------------------------------------
+
+
+def walled(low: int, high: int, top: float = WALL) -> FloatArray:
+    """Map with a wall across at x = 5..6 m, over the cells y = low..high."""
+    heights = np.zeros((21, 9))
+    heights[5, low : high + 1] = top
+    return heights
+
+
+def test_behind_a_wall_nothing_is_seen() -> None:
+    """A wall higher than the line of sight hides the whole face; a lower one hides nothing."""
+    free = seen(make_scene(at_range(10.0)))[FRONT]
+    assert seen(make_scene(at_range(10.0), heights=walled(0, 8)))[FRONT] == 0.0
+    assert seen(make_scene(at_range(10.0), heights=walled(0, 8, top=4.0)))[FRONT] == free
+    assert seen(make_scene(at_range(4.0), heights=walled(0, 8)))[FRONT] > 0  # before the wall
+
+
+def test_half_behind_a_wall() -> None:
+    """A wall that hides one half of a face, left or lower, leaves about half of its pixels."""
+    free = seen(make_scene(at_range(10.0), samples=16))[FRONT]
+    # The wall ends at y = 4 m, half a metre right of the camera; its near side, 4.5 m ahead,
+    # limits the view. On a face at 10 m that line is 0.5 * 10 / 4.5 m to the right.
+    scene = make_scene(at_range(10.0, -0.5 * 10.0 / 4.5), heights=walled(0, 3), samples=16)
+    assert seen(scene)[FRONT] == pytest.approx(free / 2, rel=0.1)
+    # A wall as high as the camera hides the lower half of a face at the camera's height.
+    scene = make_scene(at_range(10.0), heights=walled(0, 8, top=FLYING), samples=16)
+    assert seen(scene)[FRONT] == pytest.approx(free / 2, rel=0.1)
+
+
+def test_behind_another_actor() -> None:
+    """An actor hides what is behind it, wholly or in part, and is itself seen whole."""
+    shape = Cuboid(length=0.2, width=3.0, height=3.0)
+    screen = Actor(poses=np.tile([6.0, 4.5, FLYING - 1.5, 0.0], (2, 1)), shape=shape)
+    both = seen(make_scene(at_range(10.0), screen, samples=16))
+    assert both[FRONT] == 0.0
+    assert both[5 + BACK] == seen(make_scene(screen, samples=16))[BACK] > 0
+    # Only the left half of the line of sight is blocked, or only the lower one.
+    free = seen(make_scene(at_range(10.0), samples=16))[FRONT]
+    aside = screen.replace(poses=screen.poses + [0.0, 1.5, 0.0, 0.0])
+    below = screen.replace(poses=screen.poses - [0.0, 0.0, 1.5, 0.0])
+    for part in (aside, below):
+        assert seen(make_scene(at_range(10.0), part, samples=16))[FRONT] == (
+            pytest.approx(free / 2, rel=0.1)
+        )
+
+
+def test_a_robot_never_blocks_a_view() -> None:
+    """Another robot in the line of sight changes nothing."""
+    alone = make_scene(at_range(10.0))
+    other = alone.robots[0].replace(start=State(5, 4))
+    crowded = alone.replace(robots=(*alone.robots, other))
+    assert seen(crowded) == seen(alone)
+
+
+def test_actors_hide_at_their_own_step_only() -> None:
+    """Occlusion uses the poses of the step that is looked at."""
+    shape = Cuboid(length=0.2, width=3.0, height=3.0)
+    poses = np.array([[6.0, 4.5, 3.5, 0.0], [6.0, 40.0, 3.5, 0.0]])
+    scene = make_scene(at_range(10.0), Actor(poses=poses, shape=shape))
+    assert seen_from(scene, State(0, 4), t=0)[0, FRONT] == 0.0
+    assert seen_from(scene, State(0, 4), t=1)[0, FRONT] > 0.0
+
+
+def test_visibility_converges() -> None:
+    """More sight rays come closer to the true share of a partly hidden face."""
+    shape = Cuboid(length=0.2, width=1.0, height=3.0)
+    screen = Actor(poses=np.tile([5.5, 4.83, FLYING - 1.5, 0.0], (2, 1)), shape=shape)
+    free = (FOCAL / 10.0) ** 2
+    # The screen's near side, at 4.9 m, covers y > -0.17 there: y > -0.17 / 4.9 * 10 at 10 m.
+    true = 0.5 - 0.17 * 10.0 / 4.9
+    errors = [
+        abs(seen(make_scene(at_range(10.0), screen, samples=n))[FRONT] / free - true)
+        for n in (2, 8, 32)
+    ]
+    assert errors[-1] < 0.02
+    assert errors[-1] < errors[0]
+
+
+# -- invariances --------------------------------------------------------------------------
+
+
+@st.composite
+def scenes(draw: st.DrawFn, occluded: bool = True) -> Problem:
+    """Scenes with two actors and some walls on a square map, one motion of 8 headings."""
+    size = 5
+    kinds = st.sampled_from([0.0, 0.0, 0.0, 2.0, WALL] if occluded else [0.0])
+    heights = draw(st.lists(kinds, min_size=size * size, max_size=size * size))
+    heights[0] = 0.0
+    number = st.floats(0.3, 4 * size - 0.3).map(lambda x: round(x, 3) + 0.0137)
+    shape = draw(shapes())
+    actors = [
+        Actor(
+            poses=np.tile(
+                [draw(number), draw(number), draw(st.sampled_from([0.0, 0.4])), draw(number)],
+                (2, 1),
+            ),
+            shape=shape,
+        )
+        for _ in range(2 if occluded else 1)
+    ]
+    robot = Robot(
+        start=State(0, 0),
+        motion=Motion(layers=(3.0, 5.0)),
+        camera=Camera(width=800, height=600, focal=300.0, tilts=(0.4, 1.1)),
+    )
+    return Problem(
+        name="",
+        height_map=HeightMap(heights=np.reshape(heights, (size, size)), resolution=4.0),
+        robots=(robot,),
+        actors=tuple(actors),
+        horizon=1,
+    )
+
+
+def all_views(problem: Problem) -> FloatArray:
+    """Coverage from every state [X, Y, layer, heading, pitch, F] of the first robot."""
+    robot, (width, depth) = problem.robots[0], problem.height_map.shape
+    sizes = (width, depth, len(robot.motion.layers), robot.motion.headings,
+             len(robot.camera.tilts))  # fmt: skip
+    states = [State(*map(int, index)) for index in np.ndindex(*sizes)]
+    return seen_from(problem, *states).reshape(*sizes, -1)
+
+
+def moved(problem: Problem, poses: list[FloatArray], heights: FloatArray) -> Problem:
+    """The problem with its actors elsewhere and another map."""
+    return problem.replace(
+        height_map=problem.height_map.replace(heights=heights),
+        actors=tuple(a.replace(poses=p) for a, p in zip(problem.actors, poses, strict=True)),
+    )
+
+
+@examples(15)
+@given(scenes())
+def test_rotated_scenes_look_the_same(problem: Problem) -> None:
+    """Turning map, actors and headings by 90 degrees changes no view."""
+    size = problem.height_map.shape[1] * problem.height_map.resolution
+    poses = [
+        np.column_stack([size - a.poses[:, 1], a.poses[:, 0], a.poses[:, 2],
+                         a.poses[:, 3] + math.pi / 2])
+        for a in problem.actors
+    ]  # fmt: skip
+    turned = moved(problem, poses, problem.height_map.heights[:, ::-1].T)
+    # What was at cell (x, y) is now at (Y - 1 - y, x), and looks two headings further on.
+    expected = np.roll(all_views(problem)[:, ::-1].swapaxes(0, 1), 2, axis=3)
+    np.testing.assert_allclose(all_views(turned), expected, rtol=1e-6, atol=1e-6)
+
+
+@examples(15)
+@given(scenes(occluded=False))
+def test_mirrored_scenes_look_mirrored(problem: Problem) -> None:
+    """Mirroring actor, headings and positions mirrors the views, left and right faces swapped."""
+    size = problem.height_map.shape[1] * problem.height_map.resolution
+    poses = [
+        np.column_stack([a.poses[:, 0], size - a.poses[:, 1], a.poses[:, 2], -a.poses[:, 3]])
+        for a in problem.actors
+    ]
+    mirrored = all_views(moved(problem, poses, problem.height_map.heights[:, ::-1]))
+    shape = problem.actors[0].shape
+    order: Sequence[int]
+    if isinstance(shape, Prism):
+        order = [-k % shape.sides for k in range(shape.sides)] + [shape.sides]
+    else:
+        order = [FRONT, RIGHT, BACK, LEFT, TOP]
+    headings = [-k % 8 for k in range(8)]
+    here = all_views(problem)
+    if isinstance(shape, TriangulatedCuboid):  # a cut mirrored is the other cut: add the halves
+        mirrored, here = (v.reshape(*v.shape[:-1], 5, 2).sum(axis=-1) for v in (mirrored, here))
+    expected = here[:, ::-1][:, :, :, headings][..., order]
+    np.testing.assert_allclose(mirrored, expected, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("far", [(3.0, -7.0, 0.0), (5e5, -4.5e5, 0.0), (4.4e6, 5e5, 3000.0)])
+@examples(5)
+@given(problem=scenes())
+def test_shifted_scenes_look_the_same(far: tuple[float, ...], problem: Problem) -> None:
+    """Where on earth a scene lies changes no view, also at coordinates of 5e5 m and more."""
+    x, y, z = far
+    shift, heights = np.array([*far, 0.0]), problem.height_map.heights
+    robot = problem.robots[0]
+    layers = tuple(height + z for height in robot.motion.layers)
+    shifted = problem.replace(
+        height_map=problem.height_map.replace(origin=(x, y), heights=heights + z),
+        robots=(robot.replace(motion=robot.motion.replace(layers=layers)),),
+        actors=tuple(a.replace(poses=a.poses + shift) for a in problem.actors),
+    )
+    np.testing.assert_allclose(all_views(shifted), all_views(problem), rtol=1e-6, atol=1e-6)
+
+
+@examples(15)
+@given(problems(), st.data())
+def test_values_do_not_depend_on_the_batch(problem: Problem, data: st.DataObject) -> None:
+    """A view has the same value, to the last bit, alone, in any batch, and in the table."""
+    model = Model(problem, use_cache=False)
+    for group in model.classes:
+        table, reachable = model.coverage(group), model.reachable(group)
+        for t in range(problem.first_step, problem.horizon + 1):
+            states = np.flatnonzero(reachable[t])
+            batch = data.draw(st.permutations(states.tolist()))[:5]
+            together = model.views(group).coverage(t, np.array(batch, dtype=np.int64))
+            for state, row in zip(batch, together, strict=True):
+                alone = model.views(group).coverage(t, np.array([state]))[0]
+                assert alone.tobytes() == row.tobytes()
+                stored = np.zeros(model.n_faces)
+                groups, pixels = table.row(t * group.graph.n_states + state)
+                stored[groups - t * model.n_faces] = pixels
+                assert stored.tobytes() == alone.tobytes()
+
+
+@examples(15)
+@given(problems())
+def test_table_holds_what_is_seen_and_nothing_else(problem: Problem) -> None:
+    """Rows are in order and never empty, and every stored number of pixels is positive."""
+    model = Model(problem, use_cache=False)
+    for group in model.classes:
+        table = model.coverage(group)
+        assert (np.diff(table.nodes) > 0).all()
+        assert (np.diff(table.indptr) > 0).all()
+        assert (table.pixels > 0).all()
+        assert table.indptr[-1] == len(table.pixels) == len(table.groups)
+        sums = table.row_sums(table.pixels)
+        for node, total in zip(table.nodes.tolist(), sums.tolist(), strict=True):
+            assert table.row(node)[1].sum() == pytest.approx(total)
+        steps = table.nodes // group.graph.n_states
+        assert (np.repeat(steps, np.diff(table.indptr)) * model.n_faces <= table.groups).all()
+
+
+@examples(15)
+@given(scenes())
+def test_visible_share_does_not_depend_on_where_the_camera_looks(problem: Problem) -> None:
+    """With an image that holds everything ahead, terrain hides the same in all headings."""
+    camera = Camera(width=10**6, height=10**6, focal=300.0, tilts=(0.4,))
+    robot = problem.robots[0].replace(camera=camera, start=State(0, 0))
+    wide = problem.replace(robots=(robot,))
+    open_ = wide.replace(
+        height_map=problem.height_map.replace(heights=np.zeros((5, 5))),
+        actors=problem.actors[:1],
+    )
+    wide = wide.replace(face_samples=2)
+    faces = len(problem.actors[0].shape.faces())
+    with_walls, without = all_views(wide)[..., :faces], all_views(open_)[..., :faces]
+    flown = np.zeros(without.shape[:3], dtype=bool)  # cameras outside the columns
+    for k, layer in enumerate(robot.motion.layers):
+        flown[..., k] = problem.height_map.heights < layer
+    share = np.where(without > 0, with_walls / np.where(without > 0, without, 1.0), np.nan)
+    assert (with_walls[flown] <= without[flown] * (1 + 1e-9)).all()
+    for place in np.argwhere(flown):
+        at = share[tuple(place)].reshape(-1, faces)
+        for column in at.T:
+            known = column[~np.isnan(column)]
+            if len(known):
+                assert np.ptp(known) < 1e-6
+
+
+# -- clipping -----------------------------------------------------------------------------
+
+Point = tuple[float, float, float]
+
+
+def scalar_area(polygon: list[Point], camera: Camera) -> float:
+    """Image area of a polygon: one point at a time, one side after the other."""
+    a, b = camera.width / 2 / camera.focal, camera.height / 2 / camera.focal
+    for normal in ((-1.0, 0.0, a), (1.0, 0.0, a), (0.0, -1.0, b), (0.0, 1.0, b)):
+        kept: list[Point] = []
+        for p, q in zip(polygon, polygon[1:] + polygon[:1], strict=True):
+            d, e = (sum(n * c for n, c in zip(normal, r, strict=True)) for r in (p, q))
+            if d >= 0:
+                kept.append(p)
+            if (d < 0) != (e < 0):
+                s = d / (d - e)
+                x, y, z = (i + s * (k - i) for i, k in zip(p, q, strict=True))
+                kept.append((x, y, z))
+        polygon = kept
+    if len(polygon) < 3:
+        return 0.0
+    image = [(camera.focal * x / z, camera.focal * y / z) for x, y, z in polygon if z > 0]
+    following = image[1:] + image[:1]
+    doubled = math.fsum(u * w - x * v for (u, v), (x, w) in zip(image, following, strict=True))
+    return abs(doubled) / 2
+
+
+@st.composite
+def polygons(draw: st.DrawFn) -> list[Point]:
+    """Convex polygons of 3 to 8 corners anywhere around the camera."""
+    number = st.floats(-6.0, 6.0)
+    middle, first, second = (np.array([draw(number) for _ in range(3)]) for _ in range(3))
+    middle[2] += draw(st.sampled_from([0.0, 6.0]))
+    corners = draw(st.integers(3, 8))
+    angles = 2 * math.pi * np.arange(corners) / corners + draw(st.floats(0.0, 1.0))
+    points = middle + np.cos(angles)[:, None] * first + np.sin(angles)[:, None] * second
+    return [tuple(point) for point in points.tolist()]
+
+
+@examples(300)
+@given(polygons(), st.sampled_from([LEVEL, Camera(width=300, height=900, focal=77.0)]))
+def test_clipping_agrees_with_a_scalar_algorithm(polygon: list[Point], camera: Camera) -> None:
+    """The area of any polygon, also one around or behind the camera, is that of plain clipping."""
+    points = np.array(polygon)
+    normal = np.cross(points[1] - points[0], points[2] - points[0])
+    # Edge-on through the camera itself, the area is a quotient of two zeros.
+    assume(abs(normal @ points[0]) > 1e-6 * np.linalg.norm(normal))
+    expected = scalar_area(polygon, camera)
+    area = image_area(np.array([polygon]), camera)[0]
+    assert area == pytest.approx(expected, rel=1e-6, abs=1e-6)
+    assert 0.0 <= area <= camera.width * camera.height * (1 + 1e-9)
+
+
+@examples(30)
+@given(st.lists(polygons().filter(lambda p: len(p) == 4), min_size=1, max_size=6))
+def test_clipping_is_independent_of_the_batch(batch: list[list[Point]]) -> None:
+    """Each polygon of a batch has the area it has alone, to the last bit."""
+    together = image_area(np.array(batch), LEVEL)
+    alone = [image_area(np.array([polygon]), LEVEL)[0] for polygon in batch]
+    assert together.tolist() == alone
+
+
+def counted_pixels(polygon: FloatArray, camera: Camera) -> int:
+    """Number of pixels whose ray through the middle hits a convex polygon."""
+    u = np.arange(camera.width) + 0.5 - camera.width / 2
+    v = np.arange(camera.height) + 0.5 - camera.height / 2
+    rays = np.stack(np.broadcast_arrays(u[:, None], v[None, :], camera.focal), axis=-1)
+    normal = np.cross(polygon[1] - polygon[0], polygon[2] - polygon[0])
+    along = rays @ normal
+    distance = (polygon[0] @ normal) / np.where(along == 0, np.nan, along)
+    hits = rays * distance[..., None]
+    inside = distance > 0
+    for a, b in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+        inside &= np.cross(b - a, hits - a) @ normal > 0
+    return int(inside.sum())
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_area_is_the_number_of_pixels(seed: int) -> None:
+    """The exact area is what counting pixels by casting one ray through each gives."""
+    rng = np.random.default_rng(seed)
+    camera = Camera(width=320, height=240, focal=150.0)
+    first, second = rng.normal(size=(2, 3)) * 2
+    middle = np.array([*rng.uniform(-2, 2, 2), rng.uniform(0.5, 6)])
+    polygon = middle + np.array([-first - second, first - second, first + second, second - first])
+    area = image_area(polygon[None], camera)[0]
+    border = 2 * (camera.width + camera.height)
+    assert counted_pixels(polygon, camera) == pytest.approx(area, rel=0.01, abs=border / 4)
+
+
+def test_axes_are_right_handed_and_exact_at_right_angles() -> None:
+    """Camera axes are orthonormal; right, up, forward of multiples of 90 degrees are exact."""
+    axes = camera_axes(8, LEVEL.replace(tilts=(0.0, 0.3, math.pi / 2)))
+    assert axes.shape == (24, 3, 3)
+    for right, up, forward in axes:
+        np.testing.assert_allclose(np.cross(up, forward), -right, atol=1e-15)
+        np.testing.assert_allclose([right @ up, up @ up, forward @ forward], [0, 1, 1], atol=1e-15)
+    assert axes[0].tolist() == [[0, -1, 0], [0, 0, 1], [1, 0, 0]]
+    assert axes[6].tolist() == [[1, 0, 0], [0, 0, 1], [0, 1, 0]]
+
+
+# -- sight rays ---------------------------------------------------------------------------
+
+
+@examples(40)
+@given(shapes(), st.integers(1, 12))
+def test_sample_points_share_the_face(shape: Shape, samples: int) -> None:
+    """Sample points stand for equal parts: shares sum to 1 and balance at the face's middle."""
+    for polygon in shape.faces():
+        points, shares = sample_points(polygon, samples)
+        assert len(points) == samples**2 * (len(polygon) - 2)
+        assert shares.sum() == pytest.approx(1.0, abs=1e-12)
+        assert (shares > 0).all()
+        # A centroid by area: the fan's triangles, each at the mean of its corners.
+        fan = [polygon[[0, k, k + 1]] for k in range(1, len(polygon) - 1)]
+        areas = np.array([np.linalg.norm(np.cross(t[1] - t[0], t[2] - t[0])) for t in fan])
+        middle = (np.array([t.mean(axis=0) for t in fan]).T * areas).sum(axis=1) / areas.sum()
+        np.testing.assert_allclose(shares @ points, middle, atol=1e-12)
+        normal = np.cross(polygon[1] - polygon[0], polygon[2] - polygon[0])
+        for a, b in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+            assert (np.cross(b - a, points - a) @ normal > 0).all()
+
+
+def test_a_whole_face_in_the_open_is_wholly_visible() -> None:
+    """A face's own edges and neighbours never hide part of it, from any side."""
+    for shape in (Cuboid(), Prism(sides=12), TriangulatedCuboid()):
+        actor = Actor(poses=np.tile([10.13, 4.41, 0.0, 0.77], (2, 1)), shape=shape)
+        camera = Camera(width=10**6, height=10**6, focal=500.0, tilts=(0.3,))
+        scene = make_scene(actor, camera=camera, layers=(0.5, 2.0, FLYING))
+        bare = make_scene(actor, camera=camera, layers=(0.5, 2.0, FLYING), samples=1)
+        np.testing.assert_allclose(all_views(scene), all_views(bare), rtol=1e-12)
+
+
+@pytest.mark.parametrize("distance", [100.0, 1000.0, 4000.0])
+def test_far_views_lose_nothing(distance: float) -> None:
+    """The ray casting's single precision hides nothing of a face kilometres away."""
+    heights = np.zeros((3, 3))
+    actor = facing(distance, 15.0)
+    problem = Problem(
+        name="",
+        height_map=HeightMap(heights=heights, resolution=10.0),
+        robots=(Robot(start=State(0, 1), motion=Motion(), camera=LEVEL),),
+        actors=(actor,),
+        horizon=1,
+    )
+    expected = FOCAL**2 / (distance - SLAB.length / 2 - 5.0) ** 2
+    assert seen(problem, State(0, 1))[FRONT] == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("size", [1e-3, 1e-2, 1.0, 50.0])
+def test_faces_of_any_size(size: float) -> None:
+    """Coverage is per square metre: a face's size alone does not change it, face-on."""
+    shape = Cuboid(length=size / 10, width=size, height=size)
+    distance = 100.0
+    pose = [0.5 + distance + size / 20, 4.5, FLYING - size / 2, math.pi]
+    scene = make_scene(Actor(poses=np.tile(pose, (2, 1)), shape=shape))
+    if size > FLYING:  # it would stand in the ground
+        heights = np.full((21, 9), -100.0)
+        scene = make_scene(*scene.actors, heights=heights)
+    assert seen(scene)[FRONT] == pytest.approx(FOCAL**2 / distance**2, rel=1e-6)
