@@ -16,6 +16,7 @@ from typing import Annotated, Any
 
 import msgspec
 from cyclopts import App, CycloptsError, Parameter
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
@@ -61,7 +62,8 @@ app = App(
     help_format="plaintext",
     version_flags=[],
 )
-out = Console(soft_wrap=True)
+# Files and pipes take tables as wide as they are; a terminal has its own width.
+out = Console() if sys.stdout.isatty() else Console(width=200)
 err = Console(stderr=True)
 
 Seed = Annotated[int, Parameter(help="seed of the scene, >= 0")]
@@ -355,12 +357,12 @@ def _read_claim(path: Path, problem: Problem) -> PlanFile | CertificateFile | Pl
     if foreign is not None:
         return foreign
     content = read_bytes(path)
-    kinds = {"cocap-opt plan": PlanFile, "cocap-opt certificate": CertificateFile}
-    header = decode(content, _Header, str(path))
-    if header.format not in kinds:
-        raise FileError(f"{path}: format: must be one of {', '.join(kinds)}")
-    claim: PlanFile | CertificateFile = decode(content, kinds[header.format], str(path))
-    return claim
+    kind = decode(content, _Header, str(path)).format
+    if kind == "cocap-opt plan":
+        return decode(content, PlanFile, str(path))
+    if kind == "cocap-opt certificate":
+        return decode(content, CertificateFile, str(path))
+    raise FileError(f"{path}: format: must be cocap-opt plan or cocap-opt certificate")
 
 
 def _start_plan(path: Path, problem: Problem) -> Plan:
@@ -426,22 +428,28 @@ def _print_result(row: Row, json: bool) -> None:
 
 
 def _print_table(title: str, rows: Sequence[Row]) -> None:
-    table = Table(title=title, title_justify="left")
+    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
     for key, value in rows[0].items():
-        table.add_column(key, justify="left" if isinstance(value, str) else "right")
+        wraps = key in ("about", "message")
+        table.add_column(key, justify="left" if isinstance(value, str) else "right",
+                         no_wrap=not wraps)  # fmt: skip
     for row in rows:
         table.add_row(*(_text(key, value) for key, value in row.items()))
     out.print(table)
 
 
 def _print_gap_table(rows: Sequence[Row]) -> None:
-    keys = ["scene", "seed", "planner", "reward", "bound", "gap", "conflicts", "reason", "limit",
-            "seconds"]  # fmt: skip
+    keys = ["scene", "seed", "planner", "reward", "bound", "gap", "conflicts", "reason"]
+    if any(row["limit"] != "none" for row in rows):
+        keys.append("limit")
+    keys.append("seconds")
     title = f"gap to the certified bound ({rows[0]['bound_method']})" if rows else "no rows"
     _print_table(title, [{key: row[key] for key in keys} for row in rows])
     if any(row["conflicts"] for row in rows):
-        out.print("A plan with conflicts breaks the scene's rules: its reward may exceed the bound,"
-                  " and it has no gap.")  # fmt: skip
+        out.print(
+            "A plan with conflicts breaks the scene's rules: its reward may exceed the bound, "
+            "and it has no gap."
+        )
 
 
 def _text(key: str, value: Any) -> str:
@@ -454,7 +462,8 @@ def _text(key: str, value: Any) -> str:
     if isinstance(value, float):
         return f"{value:,.2f}"
     if isinstance(value, (list, tuple)):
-        return "\n".join(_text("", item) for item in value) or "none"
+        joint = ", " if all(isinstance(item, float) for item in value) else "\n"
+        return joint.join(_text("", item) for item in value) or "none"
     return str(value)
 
 

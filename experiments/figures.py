@@ -61,7 +61,7 @@ def draw_actors(ax: Axes, problem: Problem, t: int) -> Axes:
         c, s = np.cos(yaw), np.sin(yaw)
         corners = base[order] @ np.array([[c, s], [-s, c]]) + [x, y]
         ax.add_patch(Polygon(corners, facecolor=ACTOR, edgecolor="black", lw=0.6, zorder=5))
-        tip = [x + 0.9 * c, y + 0.9 * s]
+        tip = (x + 0.9 * c, y + 0.9 * s)
         ax.annotate(
             "", xy=tip, xytext=(x, y), arrowprops={"arrowstyle": "-|>", "lw": 0.8}, zorder=6
         )
@@ -84,7 +84,16 @@ def draw_robots(ax: Axes, problem: Problem, plan: Plan, t: int) -> Axes:
         )
         ax.add_patch(cone)
         ax.plot(*track[t], marker="o", color=colour, mec="black", mew=0.6, ms=7, zorder=8)
-        ax.text(*track[t], str(i), color="white", fontsize=6, ha="center", va="center", zorder=9)
+        ax.text(
+            track[t, 0],
+            track[t, 1],
+            str(i),
+            color="white",
+            fontsize=6,
+            ha="center",
+            va="center",
+            zorder=9,
+        )
     return ax
 
 
@@ -121,7 +130,8 @@ def plan_figure(problem: Problem, plan: Plan, verdict: Verdict, t: int) -> Figur
 def png(figure: Figure) -> bytes:
     """A figure as a PNG file."""
     content = io.BytesIO()
-    FigureCanvasAgg(figure).print_png(content)
+    FigureCanvasAgg(figure)
+    figure.savefig(content, format="png")
     return content.getvalue()
 
 

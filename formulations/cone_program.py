@@ -23,7 +23,7 @@ from cocap_opt.model import Model, RobotClass, compiled
 from cocap_opt.plan import Plan
 from cocap_opt.problem import Cell, FloatArray, IntArray, Problem
 from cocap_opt.result import Limit, Reason, UnsupportedError
-from cocap_opt.reward import group_weights
+from cocap_opt.reward import group_weights, no_pixels
 from cocap_opt.stop import Stop, never, seconds_left
 from cocap_opt.timegraph import CLOSED
 from formulations.bound import BoundResult
@@ -110,6 +110,7 @@ class _ConeProgram:
         problem = model.problem
         self._robots = len(problem.robots)
         self._weights = group_weights(problem)
+        self._at_start = _pixels_at_start(model)
         coverage = [_coverage_of_edges(model, flow) for flow in flows]  # [G, E] each
         largest = np.sqrt(np.max([_row_max(part) for part in coverage], axis=0))
         self._used = np.flatnonzero((largest > 0) & (self._weights > 0))
@@ -123,7 +124,12 @@ class _ConeProgram:
         self._pixels = _sum_of_products(shares, self._edges)
         roots = cp.Variable(len(self._used))
         self._cut = roots <= _sum_of_products([part.sqrt() for part in shares], self._edges)
-        constraints = [self._cut, roots <= cp.sqrt(self._pixels)] if len(self._used) else []
+        # u^2 <= z as the cone (1 + z, 2 u, z - 1): its multipliers hold beta.
+        constraints: list[Any] = []
+        if len(self._used):
+            sides = cp.vstack([2 * roots, self._pixels - 1])
+            self._cone = cp.SOC(1 + self._pixels, sides, axis=0)
+            constraints = [self._cut, self._cone]
         for flow, amount in zip(flows, self._edges, strict=True):
             matrix, rhs = _conservation(model, flow)
             constraints.append(matrix @ amount == rhs)
@@ -153,19 +159,22 @@ class _ConeProgram:
                 )
             except cp.error.SolverError:
                 return False
-        return self._pixels.value is not None
+        return self._program.status in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE)
 
     def multipliers(self) -> tuple[FloatArray, FloatArray, dict[Key, float]]:
         """Multipliers of groups (alpha, beta) [G] and of conflict rows."""
         alpha, beta = np.ones(len(self._weights)), np.zeros(len(self._weights))
         if len(self._used):
-            shares = np.asarray(self._cut.dual_value) * self._unit / self._root_weights
-            shares = np.clip(shares, 0.0, 1.0)
-            roots = self._scale * np.sqrt(np.maximum(np.asarray(self._pixels.value), 1e-12))
-            largest = np.sqrt(self._robots) * self._scale
+            top, sides = (np.asarray(part) for part in self._cone.dual_value)
+            units = self._unit / self._root_weights
             alpha[self._used], beta[self._used] = repaired(
-                shares, (1 - shares) / (2 * roots), largest
+                np.asarray(self._cut.dual_value) * units,
+                (top.ravel() + sides.reshape(2, -1)[1]) * units / self._scale,
+                np.sqrt(self._robots) * self._scale,
             )
+        # Step 0 is given, so its roots' tangents are exact; no edge enters it.
+        known = np.flatnonzero(self._at_start > 0)
+        alpha[known], beta[known] = 0.0, 0.5 / np.sqrt(self._at_start[known])
         charges = np.zeros(0)
         if self._conflicts:
             charges = np.maximum(np.asarray(self._capacity.dual_value), 0.0) * self._unit
@@ -192,6 +201,16 @@ def _coverage_of_edges(model: Model, flow: Flow) -> sparse.csr_array:
         shape=(len(flow.heads), len(edges)),
     )
     return sparse.csr_array((spread @ rows).T)
+
+
+def _pixels_at_start(model: Model) -> FloatArray:
+    """Pixels [G] that all robots together have at step 0; 0 where it does not count."""
+    pixels = no_pixels(model.problem)
+    for group in model.classes:
+        for start in group.starts:
+            groups, coverage = model.coverage(group).row(start)
+            pixels[groups] += coverage
+    return pixels
 
 
 def _row_max(matrix: sparse.csr_array) -> FloatArray:

@@ -13,12 +13,14 @@ start each, the following ones let an actor walk their trip, on a shortest path 
 cut corners, as the benchmark's optimal lengths assume. Actors ignore each other.
 """
 
+from __future__ import annotations  # networkx graphs take type arguments in stubs only
+
 import math
 import random
 from collections.abc import Iterable, Iterator
 from itertools import islice
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import networkx as nx
 import numpy as np
@@ -38,6 +40,9 @@ from scenarios._text import integer, naming, number, read_text
 
 FREE = ".GS"
 BLOCKED = "@OTW"
+
+if TYPE_CHECKING:
+    Graph = nx.Graph[Any]
 
 GridCell = tuple[int, int]  # column, row
 
@@ -155,12 +160,12 @@ def read_map(path: Path) -> BoolArray:
         return np.array([[terrain in FREE for terrain in row] for row in grid]).T
 
 
-def walking_graph(free: BoolArray) -> nx.Graph:
+def walking_graph(free: BoolArray) -> Graph:
     """Graph of the free cells [columns, rows], 8-connected, diagonals not cutting a corner.
 
     Weights are lengths in cells.
     """
-    graph = nx.Graph()
+    graph: Graph = nx.Graph()
     graph.add_nodes_from((int(x), int(y)) for x, y in np.argwhere(free))
     for x, y in graph:
         for dx, dy in ((1, 0), (0, 1), (1, 1), (1, -1)):
@@ -170,7 +175,7 @@ def walking_graph(free: BoolArray) -> nx.Graph:
     return graph
 
 
-def shortest_walk(graph: nx.Graph, trip: Trip) -> list[GridCell] | None:
+def shortest_walk(graph: Graph, trip: Trip) -> list[GridCell] | None:
     """Cells of a shortest path from start to goal, both included; None where there is none."""
     try:
         path: list[GridCell] = nx.shortest_path(graph, trip.start, trip.goal, weight="weight")
@@ -228,7 +233,7 @@ def _distinct_starts(trips: Iterable[Trip], free: BoolArray) -> Iterator[GridCel
             yield trip.start
 
 
-def _walks(trips: Iterable[Trip], graph: nx.Graph) -> Iterator[list[GridCell]]:
+def _walks(trips: Iterable[Trip], graph: Graph) -> Iterator[list[GridCell]]:
     return (walk for trip in trips if (walk := shortest_walk(graph, trip)) is not None)
 
 

@@ -1,7 +1,11 @@
 """Coverage: hand-computed views, invariances, clipping against other ways to compute it."""
 
 import math
+import os
+import subprocess
+import sys
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -223,9 +227,9 @@ def test_behind_a_wall_nothing_is_seen() -> None:
 def test_half_behind_a_wall() -> None:
     """A wall that hides one half of a face, left or lower, leaves about half of its pixels."""
     free = seen(make_scene(at_range(10.0), samples=16))[FRONT]
-    # The wall ends at y = 4 m, half a metre right of the camera; its near side, 4.5 m ahead,
-    # limits the view. On a face at 10 m that line is 0.5 * 10 / 4.5 m to the right.
-    scene = make_scene(at_range(10.0, -0.5 * 10.0 / 4.5), heights=walled(0, 3), samples=16)
+    # The wall ends at y = 4 m, half a metre right of the camera; its far side, 5.5 m ahead,
+    # limits the view. On a face at 10 m that line is 0.5 * 10 / 5.5 m to the right.
+    scene = make_scene(at_range(10.0, -0.5 * 10.0 / 5.5), heights=walled(0, 3), samples=16)
     assert seen(scene)[FRONT] == pytest.approx(free / 2, rel=0.1)
     # A wall as high as the camera hides the lower half of a face at the camera's height.
     scene = make_scene(at_range(10.0), heights=walled(0, 8, top=FLYING), samples=16)
@@ -603,6 +607,47 @@ def test_far_views_lose_nothing(distance: float) -> None:
     )
     expected = FOCAL**2 / (distance - SLAB.length / 2 - 5.0) ** 2
     assert seen(problem, State(0, 1))[FRONT] == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("altitude", [0.0, 100.0, 1500.1, 3000.0])
+def test_altitude_hides_nothing(altitude: float) -> None:
+    """Seen from 150 m away and 5 m above its foot, a top is whole at any height above the sea."""
+    pose = [155.0, 15.0, altitude, 0.3]
+    problem = Problem(
+        name="",
+        height_map=HeightMap(heights=np.full((17, 3), altitude), resolution=10.0),
+        robots=(
+            Robot(start=State(0, 1), motion=Motion(layers=(altitude + 5.0,)), camera=LEVEL),
+        ),
+        actors=(Actor(poses=np.tile(pose, (2, 1))),),
+        horizon=1,
+    )
+    # At depth d, h above: f^2 h / d^3 px/m2, in the limit of a small face.
+    assert seen(problem, State(0, 1))[TOP] == pytest.approx(FOCAL**2 * 3.2 / 150**3, rel=1e-3)
+
+
+MANY_STEPS = """
+import numpy as np
+from cocap_opt.visibility import Occluders
+triangle = np.array([[[1.0, -9.0, -9.0], [1.0, 9.0, -9.0], [1.0, 0.0, 9.0]]])
+steps = [Occluders(triangle, np.zeros(3)) for _ in range(1500)]
+eye, target = np.zeros((1, 3)), np.array([[2.0, 0.0, 0.0]])
+print({float(step.free_share(eye, target)[0]) for step in steps})
+"""
+
+
+def test_a_scene_of_many_steps_fits_into_one_process() -> None:
+    """Each step has its own ray casting scene; there may be thousands of them at once.
+
+    An Embree device takes one of the 1024 keys that a process has for thread-local data, and
+    one too many is a crash: scenes must share a device.
+    """
+    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[1])}
+    done = subprocess.run(
+        [sys.executable, "-c", MANY_STEPS], env=environment, capture_output=True, text=True,
+        check=False, timeout=60,
+    )  # fmt: skip
+    assert (done.returncode, done.stdout) == (0, "{0.5}\n")
 
 
 @pytest.mark.parametrize("size", [1e-3, 1e-2, 1.0, 50.0])

@@ -1,0 +1,136 @@
+"""Built-in scenes and readers of scene files. To add one: one file, one line below."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+from cocap_opt.io import FileError, load_problem
+from cocap_opt.plan import Plan
+from cocap_opt.problem import Problem, ProblemError
+from scenarios.bottleneck import bottleneck, bottleneck_tight
+from scenarios.corridor import corridor, corridor_tight
+from scenarios.tiny import TINY
+
+SCENES: dict[str, Callable[[int], Problem]] = {
+    "corridor": corridor,
+    "corridor-tight": corridor_tight,
+    "bottleneck": bottleneck,
+    "bottleneck-tight": bottleneck_tight,
+    **TINY,
+}
+
+
+class Format(NamedTuple):
+    """A kind of scene file."""
+
+    description: str
+    matches: Callable[[Path], bool]  # by the file's name
+    read: Callable[[Path, int], Problem]  # path, seed
+    # Plan in a file that goes with such a scene; None where it is no such file, by its name.
+    read_plan: Callable[[Path, Problem], Plan | None] = lambda path, problem: None
+
+
+def _ends(*suffixes: str) -> Callable[[Path], bool]:
+    return lambda path: path.suffix.lower() in suffixes
+
+
+# The readers are imported where a file needs them: not everyone needs PyYAML.
+
+
+def _read_greedy_perspectives(path: Path, seed: int) -> Problem:
+    from scenarios import greedy_perspectives
+
+    return greedy_perspectives.read(path, seed)
+
+
+def _read_greedy_perspectives_plan(path: Path, problem: Problem) -> Plan | None:
+    if not _ends(".csv")(path):
+        return None
+    from scenarios import greedy_perspectives
+
+    return Plan(paths=greedy_perspectives.read_plan(path, problem))
+
+
+def _read_movingai(path: Path, seed: int) -> Problem:
+    from scenarios import movingai
+
+    return movingai.read(path, seed)
+
+
+FORMATS: dict[str, Format] = {
+    "cocap-opt": Format(
+        "*.json, cocap-opt's own scene file (no seed)",
+        _ends(".json"),
+        lambda path, seed: load_problem(path),
+    ),
+    "greedy-perspectives": Format(
+        "*.yaml, *.yml, a seq.yaml of Greedy Perspectives (the seed is the start set)",
+        _ends(".yaml", ".yml"),
+        _read_greedy_perspectives,
+        _read_greedy_perspectives_plan,
+    ),
+    "movingai": Format(
+        "*.scen, a scenario of the MovingAI benchmark (the seed orders its rows)",
+        _ends(".scen"),
+        _read_movingai,
+    ),
+}
+
+
+def load_scene(name_or_path: str, seed: int = 0) -> Problem:
+    """Build a built-in scene, or read a scene file or a folder that holds a seq.yaml.
+
+    A file whose name is that of a built-in scene is reached as ./NAME.
+
+    Raises
+    ------
+    FileError
+        If there is no such scene or file, or it cannot be used; one line.
+    """
+    if seed < 0:
+        raise FileError(f"seed: must be >= 0, not {seed}")
+    if build := SCENES.get(name_or_path):
+        return build(seed)
+    path = Path(name_or_path)
+    if os.path.isdir(path):
+        if not os.path.exists(path / "seq.yaml"):
+            raise FileError(f"{path}: must be a file, or a folder that holds a seq.yaml")
+        path = path / "seq.yaml"
+    # Unlike Path.exists, os.path.exists is false, too, for names that no file can have.
+    if not os.path.exists(path):
+        raise FileError(
+            f"{name_or_path}: no such scene or file; scenes: {', '.join(SCENES)}; "
+            f"files: {_known_files()}"
+        )
+    found = next((kind for kind in FORMATS.values() if kind.matches(path)), None)
+    if found is None:
+        raise FileError(f"{path}: unknown kind of file, must be one of: {_known_files()}")
+    try:
+        return found.read(path, seed)
+    except ProblemError as error:
+        raise FileError(str(error)) from error
+
+
+def read_foreign_plan(path: Path, problem: Problem) -> Plan | None:
+    """Read a plan in the file format of another project; None where it is not known as one.
+
+    Whether the plan can be flown is for the referee to say.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be used; one line.
+    """
+    for kind in FORMATS.values():
+        try:
+            plan = kind.read_plan(path, problem)
+        except ProblemError as error:
+            raise FileError(str(error)) from error
+        if plan is not None:
+            return plan
+    return None
+
+
+def _known_files() -> str:
+    return "; ".join(kind.description for kind in FORMATS.values())

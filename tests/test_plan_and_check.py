@@ -1,0 +1,357 @@
+"""The referee: it finds what is broken, and agrees with the planners' own view of conflicts."""
+
+import math
+
+import numpy as np
+import pytest
+from brute_force import objective_from_scratch
+from hypothesis import given
+from hypothesis import strategies as st
+from strategies import WALL, examples, tiny
+
+from cocap_opt.check import Verdict, broken_motions, broken_rules, check
+from cocap_opt.plan import Plan, SwapConflict, VertexConflict, conflicts
+from cocap_opt.problem import (
+    NO_RULES,
+    PAPER_RULES,
+    Camera,
+    Cell,
+    CollisionRules,
+    HeightMap,
+    Motion,
+    Problem,
+    Robot,
+    State,
+)
+
+HEADINGS = 8
+
+
+def arena(
+    *starts: State,
+    horizon: int = 2,
+    rules: CollisionRules = CollisionRules(),
+    resolution: float = 1.0,
+    goal: tuple[int, int] | None = None,
+    motion: Motion = Motion(),
+    tilts: tuple[float, ...] = (0.1, 0.2, 0.3),
+) -> Problem:
+    """A 6 x 4 map with a wall in cell (3, 1) and nothing to see; layers as the motion has."""
+    heights = np.zeros((6, 4))
+    heights[3, 1] = WALL
+    robots = tuple(
+        Robot(start=start, motion=motion, camera=Camera(tilts=tilts), goal=goal)
+        for start in starts
+    )
+    return Problem(
+        name="",
+        height_map=HeightMap(heights=heights, resolution=resolution),
+        robots=robots,
+        actors=(),
+        horizon=horizon,
+        rules=rules,
+    )
+
+
+def path_of(*cells: tuple[int, ...]) -> tuple[State, ...]:
+    """Path of states."""
+    return tuple(State(*cell) for cell in cells)
+
+
+S = State(2, 1)
+BROKEN: dict[str, tuple[tuple[State, ...], str]] = {
+    "teleport": (path_of((2, 1), (2, 1), (0, 1)), "step 1 to 2 moves more than 1 cells"),
+    "teleport along y": (path_of((2, 1), (2, 3), (2, 3)), "step 0 to 1 moves more than 1 cells"),
+    "turn": (path_of((2, 1), (2, 1, 0, 2), (2, 1, 0, 2)), "step 0 to 1 turns more than 1 headings"),
+    "about-turn": (
+        path_of((2, 1), (2, 1, 0, 4), (2, 1, 0, 4)), "step 0 to 1 turns more than 1 headings",
+    ),
+    "climb": (path_of((2, 1), (2, 1, 2), (2, 1, 2)), "step 0 to 1 climbs more than 1 layers"),
+    "pitch": (
+        path_of((2, 1), (2, 1, 0, 0, 2), (2, 1, 0, 0, 2)),
+        "step 0 to 1 pitches more than 1 steps",
+    ),
+    "corner": (path_of((2, 1), (2, 0), (3, 1)), "step 2 is blocked or outside the map"),
+    "corner cut": (path_of((2, 1), (3, 0), (3, 0)), "step 0 to 1 passes the blocked cell (3, 1)"),
+    "corner cut on the way back": (
+        path_of((2, 1), (2, 2), (3, 2), (2, 1)), "step 2 to 3 passes the blocked cell (3, 1)",
+    ),
+    "into the wall": (path_of((2, 1), (3, 1), (2, 1)), "step 1 is blocked or outside the map"),
+    "off the map": (path_of((2, 1), (2, 0), (2, -1)), "step 2 is blocked or outside the map"),
+    "far off the map": (path_of((2, 1), (99, 0), (2, 1)), "step 1 is blocked or outside the map"),
+    "no such layer": (path_of((2, 1), (2, 1, 3), (2, 1)), "step 1 is blocked or outside the map"),
+    "negative layer": (path_of((2, 1), (2, 1, -1), (2, 1)), "step 1 is blocked or outside"),
+    "no such heading": (path_of((2, 1), (2, 1, 0, 8), (2, 1)), "step 1 is blocked or outside"),
+    "negative heading": (path_of((2, 1), (2, 1, 0, -1), (2, 1)), "step 1 is blocked or outside"),
+    "no such pitch": (path_of((2, 1), (2, 1, 0, 0, 3), (2, 1)), "step 1 is blocked or outside"),
+    "wrong start": (path_of((2, 2), (2, 2), (2, 2)), "starts at (2, 2, 0, 0, 0), not (2, 1, 0, 0"),
+    "wrong start heading": (path_of((2, 1, 0, 1), (2, 1), (2, 1)), "starts at (2, 1, 0, 1, 0)"),
+    "too short": (path_of((2, 1), (2, 1)), "2 states for the steps 0..2"),
+    "too long": (path_of((2, 1), (2, 1), (2, 1), (2, 1)), "4 states for the steps 0..2"),
+    "empty": ((), "0 states for the steps 0..2"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", BROKEN)
+def test_broken_motion_is_found(case: str) -> None:
+    """Each way to break the motion is found, once, and named with robot and step."""
+    path, fault = BROKEN[case]
+    horizon = 3 if case == "corner cut on the way back" else 2
+    problem = arena(S, horizon=horizon, motion=Motion(layers=(5.0, 7.0, 9.0)))
+    verdict = check(problem, Plan(paths=(path,)))
+    assert len(verdict.violations) == 1
+    assert verdict.violations[0].startswith("paths[0]: ")
+    assert fault in verdict.violations[0]
+    assert not verdict.valid
+    assert math.isnan(verdict.reward)
+
+
+@pytest.mark.parametrize("number", [0, 1, 3])
+def test_wrong_number_of_paths_is_found(number: int) -> None:
+    """A plan needs exactly one path per robot."""
+    problem = arena(S, State(0, 0))
+    verdict = check(problem, Plan(paths=(path_of((2, 1), (2, 1), (2, 1)),) * number))
+    assert verdict.violations == (f"paths: {number} paths for 2 robots",)
+
+
+def test_missed_goal_is_found() -> None:
+    """A robot that does not end in its goal cell breaks its motion; any heading there is fine."""
+    problem = arena(S, goal=(1, 1))
+    missed = check(problem, Plan(paths=(path_of((2, 1), (1, 1), (2, 1)),)))
+    assert missed.violations == ("paths[0]: ends in cell (2, 1), not (1, 1)",)
+    reached = Plan(paths=(path_of((2, 1), (2, 1, 0, 7), (1, 1, 0, 6)),))
+    assert check(problem, reached).valid
+
+
+def test_every_fault_of_every_robot_is_named() -> None:
+    """Faults of several robots and steps are all reported."""
+    problem = arena(S, State(0, 0))
+    plan = Plan(
+        paths=(path_of((2, 1), (0, 1), (2, 1)), path_of((0, 0), (0, 0, 0, 3), (0, 0, 0, 6)))
+    )
+    found = broken_motions(problem, plan)
+    assert [fault.split(":")[0] for fault in found] == ["paths[0]"] * 2 + ["paths[1]"] * 2
+
+
+def test_what_is_allowed_is_not_reported() -> None:
+    """Turning over the end of the ring, climbing and pitching by one step are legal."""
+    problem = arena(S, motion=Motion(layers=(5.0, 7.0, 9.0)))
+    plan = Plan(paths=(path_of((2, 1), (1, 2, 1, 7, 1), (2, 2, 2, 0, 2)),))
+    assert check(problem, plan).valid
+    cutting = arena(S, motion=Motion(corner_cutting=True))
+    assert check(cutting, Plan(paths=(path_of((2, 1), (3, 0), (4, 1)),))).valid
+
+
+def judged(
+    problem: Problem, *paths: tuple[State, ...]
+) -> tuple[Verdict, list[VertexConflict | SwapConflict]]:
+    """The referee's verdict and the planners' own list of conflicts."""
+    plan = Plan(paths=paths)
+    verdict = check(problem, plan)
+    assert verdict.violations == ()
+    return verdict, list(conflicts(problem, plan))
+
+
+MEETING = (path_of((0, 0), (1, 0), (1, 0)), path_of((2, 0), (1, 0), (2, 0)))
+SWAPPING = (path_of((0, 0), (1, 0), (1, 0)), path_of((1, 0), (0, 0), (0, 0)))
+
+
+def test_vertex_conflict_is_found() -> None:
+    """Two robots in one cell at one step break the vertex rule, whatever their headings."""
+    starts = [path[0] for path in MEETING]
+    verdict, found = judged(arena(*starts), *MEETING)
+    assert verdict.conflicts == ("step 1: robots 0 and 1 are in one cell",)
+    assert found == [VertexConflict(1, (0, 1), (Cell(1, 0), Cell(1, 0)))]
+    turned = (MEETING[0], path_of((2, 0), (1, 0, 0, 1), (2, 0)))
+    assert judged(arena(*starts), *turned)[1] == found
+    assert not verdict.valid
+    verdict, found = judged(arena(*starts, rules=NO_RULES), *MEETING)
+    assert verdict.valid
+    assert found == []
+
+
+def test_swap_conflict_is_found() -> None:
+    """Two robots that exchange cells break the swap rule, where it is on, at the step they do."""
+    starts = [path[0] for path in SWAPPING]
+    verdict, found = judged(arena(*starts), *SWAPPING)
+    assert verdict.conflicts == ("step 0 to 1: robots 0 and 1 swap cells",)
+    assert found == [SwapConflict(0, (0, 1), (Cell(0, 0), Cell(1, 0)))]
+    verdict, found = judged(arena(*starts, rules=PAPER_RULES), *SWAPPING)
+    assert verdict.valid
+    assert found == []
+
+
+def test_following_is_no_swap() -> None:
+    """A robot may enter the cell that another one leaves, unless they exchange cells."""
+    paths = (path_of((0, 0), (1, 0), (2, 0)), path_of((1, 0), (2, 0), (2, 1)))
+    verdict, found = judged(arena(State(0, 0), State(1, 0)), *paths)
+    assert verdict.valid
+    assert found == []
+
+
+def test_separation_is_found() -> None:
+    """Robots nearer than the separation conflict at that step, also across layers."""
+    motion = Motion(layers=(5.0, 6.0, 9.0), climb=2)
+    starts = (State(0, 0), State(4, 0))
+    rules = CollisionRules(separation=1.5)
+    problem = arena(*starts, rules=rules, resolution=1.0, motion=motion)
+    near = (path_of((0, 0), (1, 0), (1, 0)), path_of((4, 0), (3, 0), (2, 0, 1)))
+    verdict, found = judged(problem, *near)
+    assert verdict.conflicts == (
+        "step 2: robots 0 and 1 are 1.41421 m apart, less than 1.5 m",
+    )
+    assert found == [VertexConflict(2, (0, 1), (Cell(1, 0, 0), Cell(2, 0, 1)))]
+    high = (near[0], path_of((4, 0), (3, 0), (2, 0, 2)))
+    assert judged(problem, *high)[0].valid
+
+
+def test_robots_in_different_layers_do_not_conflict() -> None:
+    """Above one another robots are in different cells; layers are compared by their heights."""
+    low, high = Motion(layers=(5.0,)), Motion(layers=(3.0, 5.0, 9.0))
+    problem = arena(State(0, 0), State(2, 0))
+    first, second = problem.robots
+    paths = (MEETING[0], path_of((2, 0, 2), (1, 0, 2), (2, 0, 2)))
+    above = second.replace(start=State(2, 0, 2), motion=high)
+    apart = problem.replace(robots=(first.replace(motion=low), above))
+    verdict, found = judged(apart, *paths)
+    assert verdict.valid
+    assert found == []
+    # Layer 1 of the second robot is at the same height as layer 0 of the first.
+    level = second.replace(start=State(2, 0, 1), motion=high)
+    together = problem.replace(robots=(first.replace(motion=low), level))
+    verdict, found = judged(together, MEETING[0], path_of((2, 0, 1), (1, 0, 1), (2, 0, 1)))
+    assert len(verdict.conflicts) == 1
+    assert found == [VertexConflict(1, (0, 1), (Cell(1, 0, 1), Cell(1, 0, 1)))]
+
+
+@pytest.mark.parametrize(
+    ("resolution", "separation"), [(0.1, 0.3), (0.1, 0.6), (0.7, 2.1), (0.3, 0.9), (1.1, 3.3)]
+)
+def test_planners_and_referee_measure_distance_alike(
+    resolution: float, separation: float
+) -> None:
+    """Exactly at the separation, planners and referee agree at every place of the map."""
+    heights = np.zeros((30, 1))
+    problem = Problem(
+        name="",
+        height_map=HeightMap(heights=heights, resolution=resolution),
+        robots=(Robot(start=State(0, 0)), Robot(start=State(29, 0))),
+        actors=(),
+        horizon=1,
+        rules=CollisionRules(separation=separation),
+    )
+    cells = round(separation / resolution)
+    for x in range(1, 29 - cells):
+        plan = Plan(paths=(path_of((0, 0), (x, 0)), path_of((29, 0), (x + cells, 0))))
+        planners = len(list(conflicts(problem, plan)))
+        assert planners == len(broken_rules(problem, plan)), f"cells {x} and {x + cells}"
+
+
+@st.composite
+def crowds(draw: st.DrawFn) -> tuple[Problem, Plan]:
+    """Two to four robots in a few cells, on random walks that nobody keeps apart."""
+    motion = Motion(headings=1, layers=draw(st.sampled_from([(5.0,), (5.0, 7.0)])))
+    other = Motion(headings=1, layers=(7.0,))
+    rules = draw(
+        st.sampled_from([
+            NO_RULES, PAPER_RULES, CollisionRules(), CollisionRules(separation=1.0),
+            CollisionRules(separation=1.25), CollisionRules(swap=False, separation=2.0),
+        ])
+    )  # fmt: skip
+    horizon, team, paths = draw(st.integers(1, 4)), [], []
+    for _ in range(draw(st.integers(2, 4))):
+        flown = draw(st.sampled_from([motion, motion, other]))
+        where = st.tuples(
+            st.integers(0, 2), st.integers(0, 1), st.integers(0, len(flown.layers) - 1)
+        ).map(lambda cell: State(*cell))
+        path = [draw(where)]
+        for _ in range(horizon):
+            step = draw(where)
+            near = max(abs(a - b) for a, b in zip(step, path[-1], strict=True)) <= 1
+            path.append(step if near else path[-1])
+        team.append(Robot(start=path[0], motion=flown))
+        paths.append(tuple(path))
+    problem = Problem(
+        name="",
+        height_map=HeightMap(heights=np.zeros((3, 2))),
+        robots=tuple(team),
+        actors=(),
+        horizon=horizon,
+        rules=NO_RULES,
+    )
+    # Rules are set past the check: the plans here may conflict from the start.
+    return _with_rules(problem, rules), Plan(paths=tuple(paths))
+
+
+class _Ruled:
+    """A problem under rules that its starts break, which `Problem` itself would refuse."""
+
+    def __init__(self, problem: Problem, rules: CollisionRules) -> None:
+        self._problem, self.rules = problem, rules
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self._problem, name)
+
+    def too_close(self, a: Cell, b: Cell) -> bool:
+        """Ask the problem's own method, under these rules."""
+        return Problem.too_close(self, a, b)  # type: ignore[arg-type]
+
+
+def _with_rules(problem: Problem, rules: CollisionRules) -> Problem:
+    return _Ruled(problem, rules)  # type: ignore[return-value]
+
+
+@examples(150)
+@given(crowds())
+def test_planners_and_referee_agree_on_conflicts(case: tuple[Problem, Plan]) -> None:
+    """The planners' list of conflicts and the referee's name the same robots and steps."""
+    problem, plan = case
+    assert broken_motions(problem, plan) == []
+    named = []
+    for conflict in conflicts(problem, plan):
+        i, k = conflict.robots
+        assert i < k
+        swap = isinstance(conflict, SwapConflict)
+        when = f"step {conflict.t} to {conflict.t + 1}" if swap else f"step {conflict.t}"
+        named.append((when, f"robots {i} and {k}", swap))
+    found = [
+        (text.split(":")[0], text.split(": ")[1].split(" are")[0].split(" swap")[0], "swap" in text)
+        for text in broken_rules(problem, plan)
+    ]
+    assert sorted(named) == sorted(found)
+    steps = [conflict.t for conflict in conflicts(problem, plan)]
+    assert steps == sorted(steps)
+
+
+def test_conflicts_come_earliest_first() -> None:
+    """The first conflict, which the constraint tree branches on, is of the earliest step."""
+    starts = (State(0, 0), State(1, 0), State(0, 2), State(1, 2))
+    paths = (
+        path_of((0, 0), (0, 0), (1, 0)),
+        path_of((1, 0), (1, 0), (1, 0)),
+        path_of((0, 2), (1, 2), (1, 2)),
+        path_of((1, 2), (0, 2), (1, 2)),
+    )
+    found = judged(arena(*starts), *paths)[1]
+    assert [(type(c), c.t, c.robots) for c in found] == [
+        (SwapConflict, 0, (2, 3)),
+        (VertexConflict, 2, (0, 1)),
+        (VertexConflict, 2, (2, 3)),
+    ]
+
+
+def test_verdict_of_the_tiny_instance() -> None:
+    """The referee's numbers of a plan of the tiny instance are those added up from scratch."""
+    problem = tiny()
+    plan = Plan(
+        paths=(
+            path_of((0, 0), (0, 1), (0, 2, 0, 1)),
+            path_of((3, 2, 0, 2), (3, 2, 0, 2), (3, 1, 0, 2)),
+        )
+    )
+    verdict = check(problem, plan)
+    assert verdict.valid
+    assert verdict.reward == pytest.approx(objective_from_scratch(problem, plan), rel=1e-12)
+    assert len(verdict.reward_per_step) == problem.horizon
+    assert len(verdict.face_reward) == 5
+    assert verdict.reward > 0

@@ -1,0 +1,350 @@
+"""Built-in scenes, and loading scenes and plans by name or file."""
+
+import math
+import subprocess
+import sys
+from functools import cache
+from itertools import permutations
+from pathlib import Path
+from statistics import median
+
+import numpy as np
+import pytest
+from brute_force import optimum
+
+from cocap_opt.check import check
+from cocap_opt.io import FileError, problem_digest, save_problem
+from cocap_opt.plan import Plan, conflicts
+from cocap_opt.planners import PLANNERS
+from cocap_opt.problem import (
+    NO_RULES,
+    Actor,
+    Camera,
+    CollisionRules,
+    Cuboid,
+    FloatArray,
+    Motion,
+    Problem,
+)
+from cocap_opt.stop import never
+from formulations import BOUNDS
+from scenarios import FORMATS, SCENES, load_scene, read_foreign_plan
+from scenarios.tiny import TINY, TINY_OPTIMA
+
+SIZES = {"corridor": (2, 2, 8), "bottleneck": (4, 4, 11)}  # robots, actors, steps
+LARGE = ["corridor", "corridor-tight", "bottleneck", "bottleneck-tight"]
+SEEDS = range(20)
+
+SEQUENCE = """\
+planner:
+  world:
+    time: {horizon: 2}
+    state_resolution: {heading: 8}
+    map: {file: map.npy, gridSize: 1}
+    actors: [{actor: {trajectory: [[2, 3.5, 0], [3, 3.5, 0]]}}]
+    agents:
+      - agent: {startPose: [1.5, 0, 5, 0], camera: {intrinsics: [2500, 4000, 3000], tilt: 1}}
+"""
+SCENARIO = "version 1\n" + 4 * "0\ttiny.map\t2\t2\t{}\t0\t1\t1\t1\n"
+MAP = "type octile\nheight 2\nwidth 2\nmap\n..\n..\n"
+
+
+@cache
+def scene(name: str, seed: int) -> Problem:
+    """A scene made once: planners keep the compiled model with it."""
+    return SCENES[name](seed)
+
+
+def value(planner: str, problem: Problem) -> float:
+    """J of a planner's plan."""
+    return PLANNERS[planner](problem, never).value
+
+
+def ground(actor: Actor, t: int) -> FloatArray:
+    """Points [n, 2] spread over the ground that an actor's box covers, up to its rim."""
+    x, y, _, yaw = actor.poses[t]
+    assert isinstance(actor.shape, Cuboid)
+    along, across = np.meshgrid(
+        (0.5 - 1e-9) * actor.shape.length * np.linspace(-1, 1, 9),
+        (0.5 - 1e-9) * actor.shape.width * np.linspace(-1, 1, 9),
+    )
+    c, s = np.cos(yaw), np.sin(yaw)
+    points = np.stack([x + c * along - s * across, y + s * along + c * across], axis=-1)
+    return points.reshape(-1, 2)
+
+
+# --- corridor and bottleneck: geometry ------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", LARGE)
+def test_size_camera_and_motion_are_those_of_the_paper(name: str) -> None:
+    """30 x 30 cells of 1 m, 8 headings at 5 m, 2500/4000x3000 px tilted by 10 degrees."""
+    problem = scene(name, 0)
+    sizes = len(problem.robots), len(problem.actors), problem.horizon
+    assert sizes == SIZES[name.removesuffix("-tight")]
+    assert problem.name == name
+    assert problem.height_map.shape == (30, 30)
+    assert problem.height_map.resolution == 1.0
+    assert problem.rules == CollisionRules()
+    for robot in problem.robots:
+        assert robot.motion == Motion(headings=8, layers=(5.0,))
+        assert robot.camera == Camera(
+            focal=2500, width=4000, height=3000, tilts=(math.radians(10),)
+        )
+
+
+@pytest.mark.parametrize("name", LARGE)
+@pytest.mark.parametrize("seed", SEEDS)
+def test_robots_start_apart_and_outside_the_passage(name: str, seed: int) -> None:
+    """No two drones start in one cell, and none in the passage or in a wall."""
+    problem = scene(name, seed)
+    cells = [(robot.start.x, robot.start.y) for robot in problem.robots]
+    assert len(set(cells)) == len(cells)
+    mouth = {"corridor": 9, "bottleneck": 18}[name.removesuffix("-tight")]
+    assert all(x < mouth and problem.height_map.heights[x, y] == 0 for x, y in cells)
+
+
+@pytest.mark.parametrize("name", LARGE)
+@pytest.mark.parametrize("seed", SEEDS)
+def test_actors_walk_on_free_ground(name: str, seed: int) -> None:
+    """Boxes touch no wall and no other box; people walk up to 1.4 m a step, looking ahead."""
+    problem = scene(name, seed)
+    for actor in problem.actors:
+        assert actor.shape == Cuboid()
+        x, y, z, yaw = actor.poses.T
+        steps = np.hypot(np.diff(x), np.diff(y))
+        assert not z.any()
+        assert (steps > 0.5).all()
+        assert (steps <= 1.4).all()
+        # Half of a step may lie on either side of a bend.
+        ahead = np.arctan2(np.diff(y), np.diff(x))
+        between = np.minimum(yaw[:-1], yaw[1:]), np.maximum(yaw[:-1], yaw[1:])
+        assert ((between[0] - 1e-9 <= ahead) & (ahead <= between[1] + 1e-9)).all()
+    for t in range(problem.horizon + 1):
+        for actor, other in permutations(problem.actors, 2):
+            points = ground(actor, t)
+            cells = [problem.height_map.cell_of(x, y) for x, y in points.tolist()]
+            assert all(problem.height_map.heights[cell] == 0 for cell in cells)
+            c, s = np.cos(other.poses[t, 3]), np.sin(other.poses[t, 3])
+            relative = points - other.poses[t, :2]
+            turned = relative @ np.array([[c, -s], [s, c]])
+            assert (np.abs(turned) > 0.5 - 1e-6).any(axis=1).all()
+
+
+def test_corridor_actors_walk_through_in_the_same_direction() -> None:
+    """At step 0 the last actor is before the passage, at the end the first is beyond it."""
+    for name in ("corridor", "corridor-tight"):
+        problem = scene(name, 0)
+        along = np.array([actor.poses[:, 0] for actor in problem.actors])
+        assert along[:, 0].min() < 9
+        assert along[:, -1].max() > 16
+        assert all((actor.poses[:, 3] == 0).all() for actor in problem.actors)
+
+
+@pytest.mark.parametrize("name", ["bottleneck", "bottleneck-tight"])
+def test_bottleneck_actors_come_from_three_sides_and_cross(name: str) -> None:
+    """One walks south and one north, each to the other's side of the exit, two walk east."""
+    west, north, south, behind = (actor.poses for actor in scene(name, 0).actors)
+    assert north[0, 1] > 16 > 15 > south[0, 1]
+    assert north[0, 3] < 0 < south[0, 3]
+    assert behind[0, 0] < 11 < west[0, 0]
+    assert not west[:, 3].any()
+    assert not behind[:, 3].any()
+
+
+@pytest.mark.parametrize("name", LARGE)
+def test_seeds_make_different_scenes(name: str) -> None:
+    """Each seed gives a scene of its own, always the same."""
+    digests = {problem_digest(SCENES[name](seed)) for seed in SEEDS}
+    assert len(digests) == len(SEEDS)
+    assert problem_digest(SCENES[name](0)) in digests
+
+
+def test_scenes_are_the_same_in_every_process() -> None:
+    """Nothing depends on the process, and listing scenes does not load PyYAML."""
+    code = (
+        "import sys, scenarios\n"
+        "from cocap_opt.io import problem_digest\n"
+        "assert 'yaml' not in sys.modules\n"
+        "print(*(problem_digest(build(3)) for build in scenarios.SCENES.values()))"
+    )
+    run = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    assert run.stdout.split() == [problem_digest(build(3)) for build in SCENES.values()]
+
+
+# --- corridor and bottleneck: how hard they are ---------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "least"), [("corridor", 1 / 3), ("bottleneck", 1 / 3),
+                        ("corridor-tight", 0.7), ("bottleneck-tight", 0.7)]
+)  # fmt: skip
+def test_unconstrained_plans_collide(name: str, least: float) -> None:
+    """The greedy plan collides in a third of the seeds, in the tight variants in most of them.
+
+    What collides is worth seeing: all the time at least one face is in view.
+    """
+    collisions = 0
+    for seed in SEEDS:
+        problem = scene(name, seed)
+        plan = PLANNERS["greedy"](problem, never).plan
+        assert plan is not None
+        collisions += next(conflicts(problem, plan), None) is not None
+        if seed < 5:
+            late = check(problem, plan).reward_per_step[problem.horizon // 2 :]
+            assert min(late) > 0
+    assert collisions / len(SEEDS) >= least
+
+
+@pytest.mark.parametrize("seed", [0, 9])
+def test_collision_rules_cost_the_optimum_of_two_robots(seed: int) -> None:
+    """In the tight corridor the proved optimum is more than 1 % below the one without rules."""
+    problem = scene("corridor-tight", seed)
+    free = problem.replace(rules=NO_RULES)
+    assert value("joint", problem) < 0.99 * value("joint", free)
+
+
+@pytest.mark.parametrize("seed", [1, 17])
+def test_collision_rules_cost_the_optimum_of_four_robots(seed: int) -> None:
+    """In the tight bottleneck some plan that ignores the rules is above the bound with them."""
+    problem = scene("bottleneck-tight", seed)
+    bound = BOUNDS["column-generation"](problem, never, None).bound
+    assert bound < 0.995 * value("greedy-rounds", problem.replace(rules=NO_RULES))
+
+
+def test_sequential_planning_loses_to_cocap_and_cocap_to_the_optimum() -> None:
+    """Neither planner is always as good as the next better one."""
+    problem = scene("corridor", 7)
+    sequential, cocap, joint = (value(name, problem) for name in ("sequential", "cocap", "joint"))
+    assert sequential < 0.999 * cocap < 0.998 * joint
+
+
+def test_cocap_needs_few_nodes_in_the_bottleneck() -> None:
+    """In the median CoCap plans single robots less than three times as often as sequential."""
+    generated = [
+        PLANNERS["cocap"](scene("bottleneck", seed), never).statistics["generated"]
+        for seed in range(10)
+    ]
+    robots = 4
+    assert robots + median(generated) - 1 < 3 * robots
+    assert max(generated) > 1
+
+
+# --- tiny scenes ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", TINY)
+def test_tiny_optimum_worked_out_by_hand(name: str) -> None:
+    """Enumeration, joint value iteration and the referee agree with the value found by hand."""
+    problem, expected = SCENES[name](0), pytest.approx(TINY_OPTIMA[name], rel=1e-12, abs=1e-12)
+    assert problem.name == name
+    assert optimum(problem).value == expected
+    result = PLANNERS["joint"](problem, never)
+    assert result.value == expected
+    assert result.bound == expected or result.plan is None
+    if result.plan is not None:
+        verdict = check(problem, result.plan)
+        assert verdict.valid
+        assert verdict.reward == expected
+
+
+def test_every_tiny_scene_has_its_optimum() -> None:
+    """The table of optima names the tiny scenes and no others."""
+    assert list(TINY_OPTIMA) == list(TINY) == [name for name in SCENES if name.startswith("tiny")]
+
+
+@pytest.mark.parametrize(
+    ("name", "planner", "expected"),
+    [
+        ("tiny-trap", "greedy", 15 * math.sqrt(2)),
+        ("tiny-queue", "greedy", 3 * math.sqrt(41) + 15 * math.sqrt(2)),
+        ("tiny-give-way", "greedy", 4.0),
+        ("tiny-give-way", "sequential", -math.inf),
+    ],
+)
+def test_tiny_values_of_simple_planners(name: str, planner: str, expected: float) -> None:
+    """What the docstrings say of plans made one by one, or without rules, is so."""
+    assert value(planner, SCENES[name](0)) == pytest.approx(expected)
+
+
+# --- loading --------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> Path:
+    """A folder with a scene in each format."""
+    np.save(tmp_path / "map.npy", np.zeros((4, 4)))
+    (tmp_path / "seq.yaml").write_text(SEQUENCE)
+    (tmp_path / "tiny.map").write_text(MAP)
+    (tmp_path / "tiny.scen").write_text(SCENARIO.format(0, 1, 0, 1))
+    save_problem(tmp_path / "own.json", SCENES["tiny-share"](0))
+    return tmp_path
+
+
+def test_a_scene_is_loaded_by_name() -> None:
+    """The name of a built-in scene and a seed give that scene."""
+    assert problem_digest(load_scene("corridor", 4)) == problem_digest(scene("corridor", 4))
+
+
+def test_a_scene_is_loaded_from_each_format(files: Path) -> None:
+    """The suffix says the format; a folder stands for the seq.yaml in it."""
+    assert load_scene(str(files / "own.json")).name == "tiny-share"
+    assert load_scene(str(files / "tiny.scen"), 1).name == "tiny"
+    assert load_scene(str(files / "seq.yaml")).name == files.name
+    assert load_scene(str(files)).name == files.name
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("corridoor", ["corridoor", "no such scene", "bottleneck-tight", "*.scen", "*.json"]),
+        ("gone.json", ["gone.json", "no such scene or file"]),
+        ("x" * 5000, ["no such scene"]),
+        ("map.npy", ["map.npy", "unknown kind of file", "*.yaml"]),
+        ("empty", ["empty", "seq.yaml"]),
+        ("bad.json", ["bad.json"]),
+        ("bad.yaml", ["bad.yaml"]),
+        ("bad.scen", ["bad.scen", "version 1"]),
+        ("far.yaml", ["far.yaml", "robots[0].start"]),
+    ],
+)
+def test_what_cannot_be_loaded_is_said_in_one_line(
+    files: Path, monkeypatch: pytest.MonkeyPatch, name: str, words: list[str]
+) -> None:
+    """One line that names the file and what is wrong with it or what is allowed."""
+    (files / "empty").mkdir()
+    for suffix in ("json", "yaml", "scen"):
+        (files / f"bad.{suffix}").write_text("{ [\n")
+    (files / "far.yaml").write_text(SEQUENCE.replace("[1.5, 0, 5, 0]", "[9.5, 0, 5, 0]"))
+    monkeypatch.chdir(files)
+    with pytest.raises(FileError) as caught:
+        load_scene(name)
+    assert "\n" not in str(caught.value)
+    assert all(word in str(caught.value) for word in words), caught.value
+
+
+def test_a_seed_is_not_negative() -> None:
+    """The message names the field, for built-in scenes as for files."""
+    with pytest.raises(FileError, match=r"^seed: must be >= 0, not -1$"):
+        load_scene("corridor", -1)
+
+
+def test_a_plan_is_read_in_the_format_of_its_scene(files: Path) -> None:
+    """A CSV file holds paths of Greedy Perspectives; other names are not foreign plans."""
+    problem = load_scene(str(files))
+    header = "robot,t,x_cell,y_cell,heading_idx\n"
+    (files / "peer_paths.csv").write_text(f"{header}0,0,1,0,0\n0,1,2,1,0\n")
+    plan = read_foreign_plan(files / "peer_paths.csv", problem)
+    assert isinstance(plan, Plan)
+    assert check(problem, plan).valid
+    assert read_foreign_plan(files / "plan.json", problem) is None
+    (files / "peer_paths.csv").write_text(header)
+    with pytest.raises(FileError, match=r"peer_paths\.csv: robot 0: must have a row") as caught:
+        read_foreign_plan(files / "peer_paths.csv", problem)
+    assert "\n" not in str(caught.value)
+
+
+def test_formats_are_told_apart_by_suffix() -> None:
+    """No file name belongs to two formats."""
+    for suffix in ("json", "yaml", "yml", "scen", "YAML"):
+        assert sum(kind.matches(Path(f"scene.{suffix}")) for kind in FORMATS.values()) == 1
