@@ -105,7 +105,7 @@ def test_contract(problem: Problem) -> None:
         result = planner(problem, Patience())
         check_contract(name, problem, result)
         limit = best.value if name in OBEY_RULES else free.value
-        assert result.value <= limit + 1e-9 * max(1.0, abs(limit)), name
+        assert result.value <= limit or close(result.value, limit), name
         if result.reason is Reason.INFEASIBLE:
             assert (best if name in OBEY_RULES else free).plan is None, name
         if best.plan is None and name in COMPLETE:
@@ -403,7 +403,8 @@ def test_cocap_stops_at_a_number_of_nodes() -> None:
 
 def test_memory_limit_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     """Joint planning that would not fit into memory says so and does not try."""
-    monkeypatch.setattr("cocap_opt.planners.joint.MEMORY_LIMIT", 10.0)
+    module = sys.modules["cocap_opt.planners.joint"]  # the package's attribute is the function
+    monkeypatch.setattr(module, "MEMORY_LIMIT", 10.0)
     result = joint(tiny())
     assert (result.plan, result.reason, result.limit) == (None, Reason.STOPPED, Limit.MEMORY)
 
@@ -631,20 +632,20 @@ def test_extreme_problems(case: str) -> None:
         assert all(close(value, exact[0]) for value in exact)
 
 
-@pytest.mark.parametrize("layers", [(5.0, 400.0)])
-def test_wide_separation_between_high_layers(layers: tuple[float, ...]) -> None:
+def test_wide_separation_between_high_layers() -> None:
     """A separation far wider than the map costs no time: layers may be that far apart."""
+    layers = (5.0, 60.0)
     problem = line(3, 0, 2).replace(
         height_map=HeightMap(heights=np.zeros((3, 1)), resolution=0.1),
         robots=(
             Robot(start=State(0, 0, 0), motion=Motion(headings=1, layers=layers)),
             Robot(start=State(2, 0, 1), motion=Motion(headings=1, layers=layers)),
         ),
-        rules=CollisionRules(separation=100.0),
+        rules=CollisionRules(separation=30.0),
         horizon=1,
     )
     begin = time.perf_counter()
     result = sequential(problem, Patience())
     assert result.plan is not None
     assert check(problem, result.plan).valid
-    assert time.perf_counter() - begin < 2
+    assert time.perf_counter() - begin < 1
