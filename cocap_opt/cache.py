@@ -16,7 +16,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from cocap_opt import coverage, projection, visibility
+from cocap_opt import coverage, motion, problem, projection, timegraph, visibility
 from cocap_opt.coverage import CoverageTable
 
 log = logging.getLogger(__name__)
@@ -34,7 +34,7 @@ def cache_folder() -> Path:
 def code_digest() -> bytes:
     """Digest of the code that computes coverage."""
     digest = hashlib.sha256(version("embreex").encode())
-    for module in (coverage, projection, visibility):
+    for module in (problem, motion, timegraph, coverage, projection, visibility):
         digest.update(Path(str(module.__file__)).read_bytes())
     return digest.digest()
 
@@ -80,6 +80,7 @@ def _write(path: Path, table: CoverageTable) -> None:
     np.savez(body, **table._asdict())
     content = hashlib.sha256(body.getvalue()).digest() + body.getvalue()
     try:
+        path.parent.mkdir(parents=True, exist_ok=True)
         write_atomically(path, content)
     except OSError as error:  # a full or read-only disk costs speed, not the run
         log.warning("cannot write cache file %s: %s", path, error)
@@ -87,7 +88,6 @@ def _write(path: Path, table: CoverageTable) -> None:
 
 def write_atomically(path: Path, content: bytes) -> None:
     """Write a file whole or not at all: to a temporary file beside it, then renamed."""
-    path.parent.mkdir(parents=True, exist_ok=True)
     handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
         with os.fdopen(handle, "wb") as file:

@@ -162,11 +162,14 @@ def _line_touches(a: State, b: State, x: int, y: int) -> bool:
 def broken_rules(problem: Problem, plan: Plan) -> list[str]:
     """Every broken collision rule, in words."""
     rules, found = problem.rules, []
-    size = problem.height_map.resolution
 
-    def position(robot: int, t: int) -> tuple[float, float, float]:
+    def position(robot: int, t: int) -> tuple[int, int, float]:
         state = plan.paths[robot][t]
-        return state.x * size, state.y * size, problem.robots[robot].motion.layers[state.layer]
+        return state.x, state.y, problem.robots[robot].motion.layers[state.layer]
+
+    def distance(a: tuple[int, int, float], b: tuple[int, int, float]) -> float:
+        size = problem.height_map.resolution
+        return math.hypot((a[0] - b[0]) * size, (a[1] - b[1]) * size, a[2] - b[2])
 
     for t in range(problem.horizon + 1):
         for i in range(len(plan.paths)):
@@ -174,9 +177,9 @@ def broken_rules(problem: Problem, plan: Plan) -> list[str]:
                 a, b = position(i, t), position(k, t)
                 if rules.vertex and a == b:
                     found.append(f"step {t}: robots {i} and {k} are in one cell")
-                elif rules.vertex and math.dist(a, b) < rules.separation:
+                elif rules.vertex and distance(a, b) < rules.separation:
                     found.append(
-                        f"step {t}: robots {i} and {k} are {math.dist(a, b):g} m apart, "
+                        f"step {t}: robots {i} and {k} are {distance(a, b):g} m apart, "
                         f"less than {rules.separation:g} m"
                     )
                 ahead = t < problem.horizon and (position(i, t + 1), position(k, t + 1))

@@ -25,12 +25,14 @@ def place_of(model: Model, group: RobotClass, cell: Cell) -> int | None:
 def places_too_close(model: Model, group: RobotClass, cell: Cell) -> list[int]:
     """Places in which a robot of this class conflicts with one in `cell` at the same step."""
     problem = model.problem
-    reach = int(problem.rules.separation / problem.height_map.resolution) + 1
-    around = range(-reach, reach + 1) if problem.rules.separation else range(1)
-    layers = range(len(problem.layers)) if problem.rules.separation else (cell.layer,)
-    candidates = (
-        Cell(cell.x + dx, cell.y + dy, layer) for dx, dy, layer in product(around, around, layers)
-    )
+    if not problem.rules.separation:
+        candidates = [cell]
+    else:
+        reach = int(problem.rules.separation / problem.height_map.resolution) + 1
+        width, depth = problem.height_map.shape
+        columns = range(max(0, cell.x - reach), min(width, cell.x + reach + 1))
+        rows = range(max(0, cell.y - reach), min(depth, cell.y + reach + 1))
+        candidates = [Cell(*at) for at in product(columns, rows, range(len(problem.layers)))]
     places = (place_of(model, group, c) for c in candidates if problem.too_close(cell, c))
     return [place for place in places if place is not None]
 

@@ -48,7 +48,7 @@ class FaceGeometry:
         width, depth = problem.height_map.shape
         # The local origin for the float32 rays: the middle of the map.
         x, y = problem.height_map.centre(width // 2, depth // 2)
-        self._origin = np.array([x, y, 0.0])
+        self._origin = np.array([x, y, float(problem.height_map.heights.min())])
         self._terrain = Occluders(terrain_triangles(problem.height_map), self._origin)
         self.at = lru_cache(maxsize=None)(self._at)
 
@@ -64,7 +64,9 @@ class FaceGeometry:
         doubled = [_doubled_area(polygon) for polygon in polygons]
         lengths = [float(np.sqrt(dot(vector, vector))) for vector in doubled]
         samples = [sample_points(polygon, self._problem.face_samples) for polygon in polygons]
-        triangles = np.concatenate([np.empty((0, 3, 3)), *map(fan_triangles, polygons)])
+        fans = [fan_triangles(polygon) for polygon in polygons]
+        owners = np.repeat(self._problem.face_owner, [len(fan) for fan in fans])
+        triangles = np.concatenate([np.empty((0, 3, 3)), *fans])
         return Faces(
             polygons=np.array(
                 [np.pad(p, ((0, size - len(p)), (0, 0)), mode="edge") for p in polygons]
@@ -75,7 +77,7 @@ class FaceGeometry:
             areas=np.array(lengths) / 2,
             points=[points for points, _ in samples],
             shares=[shares for _, shares in samples],
-            occluders=[self._terrain, Occluders(triangles, self._origin)],
+            occluders=[self._terrain, Occluders(triangles, self._origin, owners)],
         )
 
 
@@ -101,6 +103,7 @@ class Views:
         self._camera = camera
         self._axes = camera_axes(graph.motion.headings, camera)
         self._n_faces = len(problem.face_weights)
+        self._owners = problem.face_owner
         self.evaluated = 0
 
     def coverage(self, t: int, states: IntArray) -> FloatArray:
@@ -124,7 +127,9 @@ class Views:
         state, face, area = state[seen], face[seen], area[seen]
         pairs, pair = np.unique(which[state] * self._n_faces + face, return_inverse=True)
         eye, target = np.divmod(pairs, self._n_faces)
-        share = visible_share(faces.occluders, eyes[eye], faces.points, faces.shares, target)
+        share = visible_share(
+            faces.occluders, eyes[eye], faces.points, faces.shares, target, self._owners
+        )
         result[state, face] = area * share[pair] / faces.areas[face]
         return result
 

@@ -47,9 +47,12 @@ def _encode_array(value: object) -> object:
 
 def _decode_array(kind: type, value: Any) -> Any:
     try:
-        return np.array(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ProblemError("must be an array of numbers with rows of equal length") from error
+        rows = msgspec.convert(value, list[list[float]])  # all arrays in files have two axes
+    except msgspec.ValidationError as error:
+        raise ProblemError(str(error).replace("$", "row, column ")) from error
+    if len({len(row) for row in rows}) > 1:
+        raise ProblemError("rows must have equal length")
+    return np.array(rows, dtype=np.float64).reshape(len(rows), -1)
 
 
 def encode(content: msgspec.Struct) -> bytes:
@@ -93,6 +96,9 @@ def save_problem(path: Path, problem: Problem) -> None:
 def problem_digest(problem: Problem) -> str:
     """Digest of everything in a problem but its name."""
     content = msgspec.json.encode(problem.replace(name=""), enc_hook=_encode_array)
+    # Read back once: numbers given as 5 and 5.0 are the same.
+    again = msgspec.json.decode(content, type=Problem, dec_hook=_decode_array)
+    content = msgspec.json.encode(again, enc_hook=_encode_array)
     return hashlib.sha256(content).hexdigest()
 
 

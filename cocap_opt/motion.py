@@ -53,11 +53,12 @@ def swept_cells(dx: int, dy: int) -> list[tuple[int, int]]:
 
 def allowed_starts(free: BoolArray, motion: Motion, move: Move) -> BoolArray:
     """Places [layer, X, Y] from which `move` is allowed."""
-    climb, dx, dy = move
-    cells = [(dx, dy)] if motion.corner_cutting else swept_cells(dx, dy)
     allowed = free & shifted(free, move)
+    if motion.corner_cutting:
+        return allowed
+    climb, dx, dy = move
     for layer in {0, climb}:
-        for i, j in cells:
+        for i, j in swept_cells(dx, dy):
             allowed &= shifted(free, (layer, i, j))
     return allowed
 
@@ -89,8 +90,10 @@ def place_graph(height_map: HeightMap, motion: Motion) -> Graph:
 
 def turned(index: int, most: int, size: int, cyclic: bool) -> set[int]:
     """Indices reachable from `index` by at most `most` steps on a ring or a line of `size`."""
-    reach = range(index - most, index + most + 1)
-    return {i % size for i in reach} if cyclic else {i for i in reach if 0 <= i < size}
+    if cyclic:
+        most = min(most, size // 2)
+        return {i % size for i in range(index - most, index + most + 1)}
+    return set(range(max(0, index - most), min(size, index + most + 1)))
 
 
 def orientation_graph(motion: Motion, camera: Camera) -> Graph:

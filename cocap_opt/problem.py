@@ -59,17 +59,28 @@ def _finite(value: float, field: str) -> None:
     _require(math.isfinite(value), field, f"must be a finite number, not {value}")
 
 
+def _whole(value: object, field: str) -> None:
+    whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
+    _require(whole, field, f"must be a whole number, not {value!r}")
+
+
+def _read_only(array: FloatArray) -> FloatArray:
+    array.setflags(write=False)
+    return array
+
+
 def _frozen(array: Any, field: str, ndim: int) -> FloatArray:
     """Return a read-only float64 copy of `array`, which must have `ndim` axes and be finite."""
     try:
-        result = np.array(array, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ProblemError(f"{field}: must be a {ndim}-D array of numbers") from error
+        given = np.asarray(array)
+    except ValueError:  # rows of different length
+        given = np.asarray(None)
+    _require(given.dtype.kind in "iuf", field, f"must be a {ndim}-D array of numbers")
+    result = np.array(given, dtype=np.float64)
     _require(result.ndim == ndim, field, f"must have {ndim} axes, not {result.ndim}")
     _require(result.size > 0, field, "must not be empty")
     _require(bool(np.isfinite(result).all()), field, "must hold finite numbers only")
-    result.setflags(write=False)
-    return result
+    return _read_only(result)
 
 
 class _Data(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -135,6 +146,8 @@ class Motion(_Data, frozen=True):
     corner_cutting: bool = False  # True: only the target cell of a move must be free (papers)
 
     def __post_init__(self) -> None:
+        for field in ("radius", "headings", "turn", "climb", "pitch_turn"):
+            _whole(getattr(self, field), field)
         _require(0 <= self.radius <= 16, "radius", f"must be 0..16 cells, not {self.radius}")
         _require(
             1 <= self.headings <= 360, "headings", f"must be 1..360 directions, not {self.headings}"
@@ -162,6 +175,8 @@ class Camera(_Data, frozen=True):
     tilts: tuple[float, ...] = (math.radians(10.0),)  # rad below the horizon, one per pitch
 
     def __post_init__(self) -> None:
+        _whole(self.width, "width")
+        _whole(self.height, "height")
         _require(self.width >= 1, "width", f"must be >= 1 px, not {self.width}")
         _require(self.height >= 1, "height", f"must be >= 1 px, not {self.height}")
         _finite(self.focal, "focal")
@@ -207,6 +222,7 @@ class Prism(_Data, frozen=True, tag="prism"):
     height: float = 1.8  # m
 
     def __post_init__(self) -> None:
+        _whole(self.sides, "sides")
         _require(3 <= self.sides <= 64, "sides", f"must be 3..64, not {self.sides}")
         _require_sizes(self)
 
@@ -305,8 +321,8 @@ class Actor(_Data, frozen=True, eq=False, dict=True):
     def face_weights(self) -> FloatArray:
         """Weight of each face of this actor [F of the shape]."""
         if self.weights is None:
-            return np.ones(len(self.shape.faces()))
-        return np.array(self.weights, dtype=np.float64)
+            return _read_only(np.ones(len(self.shape.faces())))
+        return _read_only(np.array(self.weights, dtype=np.float64))
 
 
 class CollisionRules(_Data, frozen=True):
@@ -380,6 +396,8 @@ class Problem(_Data, frozen=True, eq=False, dict=True):
     face_samples: int = 3  # each triangle of a face gets this number squared of sight rays
 
     def __post_init__(self) -> None:
+        _whole(self.horizon, "horizon")
+        _whole(self.face_samples, "face_samples")
         _require(self.horizon >= 1, "horizon", f"must be >= 1 step, not {self.horizon}")
         _require(len(self.robots) > 0, "robots", "must hold at least one robot")
         _require(
@@ -402,6 +420,7 @@ class Problem(_Data, frozen=True, eq=False, dict=True):
         field = f"robots[{i}].start"
         sizes = (*self.height_map.shape, *orientation_sizes(robot))
         for name, value, size in zip(State._fields, start, sizes, strict=True):
+            _whole(value, f"{field}.{name}")
             _require(0 <= value < size, f"{field}.{name}", f"must be 0..{size - 1}, not {value}")
         _require(
             not self.blocked(start.x, start.y, motion, start.layer),
@@ -412,6 +431,8 @@ class Problem(_Data, frozen=True, eq=False, dict=True):
         )
         if robot.goal is not None:
             field, (x, y) = f"robots[{i}].goal", robot.goal
+            _whole(x, field)
+            _whole(y, field)
             width, depth = self.height_map.shape
             _require(
                 0 <= x < width and 0 <= y < depth,
@@ -466,13 +487,16 @@ class Problem(_Data, frozen=True, eq=False, dict=True):
     @cached_property
     def face_weights(self) -> FloatArray:
         """Weight of every face [F], actors in order."""
-        return np.concatenate([actor.face_weights for actor in self.actors] or [np.empty(0)])
+        weights = [actor.face_weights for actor in self.actors]
+        return _read_only(np.concatenate(weights or [np.empty(0)]))
 
     @cached_property
     def face_owner(self) -> IntArray:
         """Index of the actor that each face belongs to [F]."""
         counts = [len(actor.face_weights) for actor in self.actors]
-        return np.repeat(np.arange(len(counts)), counts)
+        owner = np.repeat(np.arange(len(counts)), counts)
+        owner.setflags(write=False)
+        return owner
 
     @property
     def first_step(self) -> int:

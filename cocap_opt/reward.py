@@ -40,9 +40,8 @@ def robot_pixels(model: Model, robot: int, path: Path) -> FloatArray:
 
 def group_weights(problem: Problem) -> FloatArray:
     """Weight w of every group [G]; 0 for steps that do not count."""
-    weights = np.tile(problem.face_weights, (problem.horizon + 1, 1))
-    weights[: problem.first_step] = 0.0
-    return weights.ravel()
+    counts = np.arange(problem.horizon + 1) >= problem.first_step
+    return (counts[:, None] * problem.face_weights).ravel()
 
 
 def view_reward(problem: Problem, pixels: FloatArray) -> FloatArray:

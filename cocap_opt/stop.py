@@ -30,7 +30,6 @@ class TimeLimit:
         """Say whether the time is up."""
         return Limit.TIME if time.monotonic() >= self._deadline else Limit.NONE
 
-
     @property
     def seconds_left(self) -> float:
         """Seconds until the limit, >= 0."""

@@ -250,6 +250,7 @@ class TimeGraph:
         heads = self.neighbours[:, tail]
         heads = heads[heads >= 0]
         cost = np.array([costs.get(int(head), 0.0) for head in heads])
+        cost[heads == tail] = 0.0  # staying is not a move
         best[origins + tail] = (after_turn[origins[:, None] + heads] - cost).max(axis=1)
 
     def _charge_places(self, value: FloatArray, costs: Mapping[int, float]) -> None:
@@ -290,7 +291,10 @@ class TimeGraph:
             if charges.moves:
                 tail = path[-1] % self.n_places
                 ahead = ahead - np.array(
-                    [charges.moves.get((t, tail, h), 0.0) for h in (heads % self.n_places).tolist()]
+                    [
+                        charges.moves.get((t, tail, head), 0.0) if head != tail else 0.0
+                        for head in (heads % self.n_places).tolist()
+                    ]
                 )
             path.append(int(heads[np.argmax(ahead)]))
         return path

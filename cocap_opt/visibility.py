@@ -4,11 +4,15 @@ Rays are cast by Embree. It computes in float32, so everything is shifted to a l
 first: at map coordinates of 5e5 m it would otherwise lose several per cent of the pixels.
 """
 
+from functools import cache
+
 import numpy as np
 from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore import EmbreeDevice
 from embreex.rtcore_scene import EmbreeScene
 
 from cocap_opt.problem import FloatArray, HeightMap, IntArray
+from cocap_opt.projection import dot
 
 TOUCH = 1e-3  # m; a hit this near to the sample point is the sampled face itself
 
@@ -84,31 +88,54 @@ def sample_points(polygon: FloatArray, samples: int) -> tuple[FloatArray, FloatA
     return np.concatenate(points), share / share.sum()
 
 
-class Occluders:
-    """What blocks views: a fixed terrain and the actors' boxes of one step."""
+@cache
+def _device() -> EmbreeDevice:
+    """The one device of the process: each takes one of its 1024 thread-local keys."""
+    return EmbreeDevice()
 
-    def __init__(self, triangles: FloatArray, origin: FloatArray) -> None:
+
+class Occluders:
+    """Things that block views: the terrain, or the actors of one step.
+
+    Parameters
+    ----------
+    triangles : [n, 3, 3] m
+    origin : [3] m, subtracted from all points
+    owners : [n] actor of each triangle; -1 for terrain
+    """
+
+    def __init__(
+        self, triangles: FloatArray, origin: FloatArray, owners: IntArray | None = None
+    ) -> None:
         self._origin = origin
+        self._owners = np.full(len(triangles), -1) if owners is None else owners
         self._scene: EmbreeScene | None = None
         if len(triangles):
-            self._scene = EmbreeScene()
+            self._scene = EmbreeScene(_device(), robust=True)
             TriangleMesh(self._scene, (triangles - origin).astype(np.float32))
 
-    def free_share(self, eyes: FloatArray, targets: FloatArray) -> FloatArray:
+    def free_share(
+        self, eyes: FloatArray, targets: FloatArray, target_owner: int | None = None
+    ) -> FloatArray:
         """How far a ray from each eye [n, 3] gets toward its target [n, 3]: 1 where it arrives.
 
-        Below 1 it is the share of the distance at which the ray is stopped.
+        Below 1 it is the share of the distance at which the ray is stopped. A face that is
+        turned to the camera cannot be hidden by its own (convex) actor, `target_owner`.
         """
         if self._scene is None or not len(eyes):
             return np.ones(len(eyes))
         ways = targets - eyes
-        length = np.sqrt((ways * ways).sum(axis=1))
+        length = np.sqrt(dot(ways, ways))
         hit = self._scene.run(
             (eyes - self._origin).astype(np.float32),
             (ways / length[:, None]).astype(np.float32),
-            query="DISTANCE",
-        ).astype(np.float64)
-        return np.where(hit >= length - TOUCH, 1.0, hit / length)
+            output=True,
+        )
+        distance = hit["tfar"].astype(np.float64)
+        arrives = distance >= length - TOUCH
+        if target_owner is not None:
+            arrives |= self._owners[hit["primID"]] == target_owner
+        return np.where(arrives, 1.0, distance / length)
 
 
 def visible_share(
@@ -117,6 +144,7 @@ def visible_share(
     points: list[FloatArray],
     shares: list[FloatArray],
     faces: IntArray,
+    owners: IntArray,
 ) -> FloatArray:
     """Share of each face's area that is seen from each eye [n].
 
@@ -125,6 +153,7 @@ def visible_share(
     eyes : [n, 3] camera positions, one per pair of camera and face
     points, shares : sample points [m, 3] and their share of the area [m] of every face
     faces : [n] which face is looked at
+    owners : [F] actor of each face
     """
     seen = np.zeros(len(eyes))
     for face in np.unique(faces):
@@ -135,7 +164,8 @@ def visible_share(
         arrives = np.ones(n * m, dtype=bool)
         for occluder in occluders:
             rest = np.flatnonzero(arrives)
-            arrives[rest] = occluder.free_share(origins[rest], targets[rest]) >= 1.0
+            free = occluder.free_share(origins[rest], targets[rest], int(owners[face]))
+            arrives[rest] = free >= 1.0
         weighted = arrives.reshape(n, m) * shares[face]
         # Summed in a fixed order: the result must not depend on n.
         for k in range(m):

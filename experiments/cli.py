@@ -98,9 +98,10 @@ def export(scene: str, /, *, output: Output, seed: Seed = 0, json: Json = False)
 
     Example: cocap-opt export corridor --seed 3 -o corridor-3.json
     """
-    problem = _load(scene, seed)
     if output is None:
         raise UsageError("-o: name the file to write")
+    _check_output(output)
+    problem = _load(scene, seed)
     _write(output, lambda: save_problem(output, problem))
     _print_result({"scene": problem.name, "seed": seed, "file": str(output)}, json)
     return 0
@@ -123,6 +124,7 @@ def plan(
     """
     _choose("--planner", planner, SOLVERS)
     _positive("--time-limit", time_limit)
+    _check_output(output)
     problem = _load(scene, seed)
     with catch_interrupt() as interrupt, _coverage_progress(problem):
         judged = run_planner(problem, planner, time_limit, interrupt)
@@ -159,6 +161,7 @@ def bound(
     """
     _choose("--method", method, BOUNDS)
     _positive("--time-limit", time_limit)
+    _check_output(output)
     problem = _load(scene, seed)
     start = None if plan is None else _start_plan(plan, problem)
     with catch_interrupt() as interrupt, _coverage_progress(problem):
@@ -216,7 +219,7 @@ def verify_files(
 @app.command
 def gap(
     *scene: str,
-    planner: list[str] | None = None,
+    planner: Annotated[list[str] | None, Parameter(negative="")] = None,
     seeds: Annotated[str, Parameter(help="e.g. 0-9 or 0,3,7")] = "0",
     time_limit: Seconds = DEFAULT_SECONDS,
     out_: Annotated[Path | None, Parameter(name="--out", help="folder for results.csv, plans and "
@@ -234,6 +237,7 @@ def gap(
     _positive("--time-limit", time_limit)
     cells = [(name, seed) for name in scene for seed in _parse_seeds(seeds)]
     problems = {(name, seed): _load(name, seed) for name, seed in cells}
+    _make_folder(out_)
     rows: list[Row] = []
     with catch_interrupt() as interrupt, _progress() as progress:
         task = progress.add_task("gap", total=len(cells))
@@ -268,6 +272,7 @@ def show(
 
     if output is None or output.suffix.lower() not in (".png", ".gif"):
         raise UsageError("-o: name a file that ends in .png or .gif")
+    _check_output(output)
     problem = _load(scene, seed)
     content = _read_claim(plan, problem)
     if isinstance(content, CertificateFile):
@@ -338,6 +343,27 @@ def _save_plan(path: Path, problem: Problem, planner: str, judged: Judged) -> No
         plan=judged.result.plan,
     )
     _write(path, lambda: save_plan(path, content))
+
+
+def _check_output(path: Path | None) -> None:
+    """Refuse a file that cannot be written before the work for it is done."""
+    if path is None:
+        return
+    if path.is_dir():
+        raise FileError(f"{path}: must be a file to write, not a folder")
+    if not path.parent.is_dir():
+        raise FileError(f"{path}: the folder {path.parent} does not exist")
+    if not os.access(path.parent, os.W_OK):
+        raise FileError(f"{path}: the folder {path.parent} cannot be written to")
+
+
+def _make_folder(path: Path | None) -> None:
+    if path is not None:
+        try:
+            for part in ("certificates", "plans"):
+                (path / part).mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise FileError(f"{path}: cannot be made a folder: {error.strerror}") from error
 
 
 def _write(path: Path, write: Callable[[], None]) -> None:

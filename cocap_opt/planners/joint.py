@@ -37,6 +37,9 @@ def joint(problem: Problem, stop: Stop = never) -> Result:
     model = compiled(problem)
     if len(problem.robots) > 2:
         raise UnsupportedError(f"joint planning takes one or two robots, not {len(problem.robots)}")
+    limit = stop()
+    if limit is not Limit.NONE:
+        return no_plan(limit, begin, INFEASIBLE)
     if len(problem.robots) == 1:
         path = value_iteration(SingleRobotTask(model, 0, no_pixels(problem))).path
         paths: tuple[Path, ...] | None = None if path is None else (path,)
