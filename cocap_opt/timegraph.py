@@ -193,12 +193,13 @@ class TimeGraph:
             elsewhere[:, goal[0] + self.border[1], goal[1] + self.border[2]] = False
             value[-1].reshape(self.shape)[:, :, elsewhere] = CLOSED
         places, leaving = self._by_step(charges)
+        after_turn, best, pair = np.full((3, self.n_states), CLOSED)  # reused at every step
         self._charge_places(value[-1], places.get(len(reward) - 1, {}))
         for t in range(len(reward) - 2, -1, -1):
-            after_turn = self._turn(value[t + 1])
-            best = self._window(after_turn)
+            self._turn(value[t + 1], pair, after_turn)
+            self._window(after_turn, pair, best)
             if self._irregular.size:
-                best[self._irregular_states] = after_turn.take(self._irregular_heads).max(axis=0)
+                best[self._irregular_states] = after_turn[self._irregular_heads].max(axis=0)
             for tail, costs in leaving.get(t, {}).items():
                 self._charge_moves(best, after_turn, tail, costs)
             if stationarity:
@@ -207,40 +208,42 @@ class TimeGraph:
             self._charge_places(value[t], places.get(t, {}))
         return value
 
-    def _turn(self, ahead: FloatArray) -> FloatArray:
-        """Maximum over the orientations that one step can turn to [S]."""
+    def _turn(self, ahead: FloatArray, pair: FloatArray, out: FloatArray) -> None:
+        """Maximum over the orientations that one step can turn to [S], in `out`."""
         headings, pitches = self.shape[:2]
-        best = ahead.reshape(headings, -1)
+        step = self.n_states // headings  # states of one heading are contiguous
         if 2 * self.motion.turn + 1 >= headings:
-            best = np.broadcast_to(best.max(axis=0), best.shape).copy()
+            out.reshape(headings, -1)[:] = ahead.reshape(headings, -1).max(axis=0)
+        elif not self.motion.turn:
+            np.copyto(out, ahead)
         else:
+            source = ahead
             for _ in range(self.motion.turn):
-                pair, best = np.empty_like(best), best
-                np.maximum(best[:-1], best[1:], out=pair[:-1])
-                np.maximum(best[-1], best[0], out=pair[-1])
-                best = np.empty_like(best)
-                np.maximum(pair[1:], pair[:-1], out=best[1:])
-                np.maximum(pair[0], pair[-1], out=best[0])
-        by_pitch = best.reshape(headings, pitches, -1)
+                np.maximum(source[:-step], source[step:], out=pair[:-step])
+                np.maximum(source[-step:], source[:step], out=pair[-step:])
+                np.maximum(pair[step:], pair[:-step], out=out[step:])
+                np.maximum(pair[:step], pair[-step:], out=out[:step])
+                source = out
+        by_pitch = out.reshape(headings, pitches, -1)
         for _ in range(min(self.motion.pitch_turn, pitches - 1)):
-            wider = by_pitch.copy()
-            np.maximum(by_pitch[:, 1:], by_pitch[:, :-1], out=wider[:, 1:])
-            np.maximum(wider[:, :-1], by_pitch[:, 1:], out=wider[:, :-1])
-            by_pitch = wider
-        return by_pitch.reshape(-1)
+            narrow = by_pitch.copy()
+            np.maximum(narrow[:, 1:], narrow[:, :-1], out=by_pitch[:, 1:])
+            np.maximum(by_pitch[:, :-1], narrow[:, 1:], out=by_pitch[:, :-1])
 
-    def _window(self, values: FloatArray) -> FloatArray:
-        """Maximum over the box of cell moves; the closed border keeps rows apart [S]."""
-        best = values
+    def _window(self, values: FloatArray, pair: FloatArray, out: FloatArray) -> None:
+        """Maximum over the box of cell moves [S], in `out`.
+
+        Each pass widens the window by one cell along one axis. What a pass leaves over at
+        both ends lies in the border, and no later pass carries it out of there.
+        """
+        source = values
         for reach, stride in zip(self.border, self.strides, strict=True):
             for _ in range(reach):
-                pair = np.empty_like(best)
-                np.maximum(best[:-stride], best[stride:], out=pair[:-stride])
-                pair[-stride:] = CLOSED
-                best = np.empty_like(best)
-                np.maximum(pair[:-stride], pair[stride:], out=best[stride:])
-                best[:stride] = CLOSED
-        return best if best is not values else values.copy()
+                np.maximum(source[:-stride], source[stride:], out=pair[:-stride])
+                np.maximum(pair[: -2 * stride], pair[stride:-stride], out=out[stride:-stride])
+                source = out
+        if source is values:
+            np.copyto(out, values)
 
     def _charge_moves(
         self, best: FloatArray, after_turn: FloatArray, tail: int, costs: Mapping[int, float]

@@ -9,7 +9,7 @@ import numpy as np
 from hypothesis import assume, settings
 from hypothesis import strategies as st
 
-from cocap_opt.motion import time_expanded_graph
+from cocap_opt.motion import free_places, time_expanded_graph
 from cocap_opt.problem import (
     NO_RULES,
     PAPER_RULES,
@@ -89,7 +89,7 @@ def motions(draw: st.DrawFn, most_headings: int = 4, most_radius: int = 1) -> Mo
     """Motions of few states; 4 m columns block the layer at 3 m only."""
     return Motion(
         radius=draw(st.integers(0, most_radius) if most_radius > 1 else st.just(1)),
-        headings=draw(st.integers(1, most_headings)),
+        headings=draw(st.sampled_from([1, *range(1, most_headings + 1)])),
         turn=draw(st.integers(0, 2)),
         layers=draw(st.sampled_from([(5.0,), (5.0,), (3.0, 5.0), (3.0,), (3.0, 5.0, 9.0)])),
         climb=draw(st.integers(0, 2)),
@@ -152,17 +152,16 @@ def rules(resolution: float = 4.0) -> st.SearchStrategy[CollisionRules]:
 @st.composite
 def problems(
     draw: st.DrawFn,
-    robots: st.SearchStrategy[int] = st.integers(1, 3),  # noqa: B008 (immutable)
+    robots: st.SearchStrategy[int] = st.sampled_from([2, 2, 3, 1]),  # noqa: B008 (immutable)
     most_plans: int = MOST_PLANS,
     goals: bool = True,
 ) -> Problem:
     """Problems small enough to go through all plans: several classes, rules, goals, layers."""
     height_map = draw(height_maps())
-    horizon = draw(st.integers(1, 3))
     kinds = [
         (draw(motions()), draw(cameras())) for _ in range(draw(st.sampled_from([1, 1, 2])))
     ]  # [(motion, camera)]
-    team = [draw(robots_on(height_map, kinds, goals)) for _ in range(draw(robots))]
+    horizon = draw(st.integers(1, 3))
     seen = [draw(actors(height_map, horizon)) for _ in range(draw(st.sampled_from([0, 1, 1, 2])))]
     objective = Objective(
         stationarity=draw(st.sampled_from([0.0, 0.0, 0.5, 40.0])), count_start=draw(st.booleans())
@@ -171,7 +170,7 @@ def problems(
         problem = Problem(
             name="random",
             height_map=height_map,
-            robots=tuple(team),
+            robots=draw(teams(height_map, kinds, draw(robots), goals)),
             actors=tuple(seen),
             horizon=horizon,
             rules=draw(rules()),
@@ -187,24 +186,29 @@ def problems(
 
 
 @st.composite
-def robots_on(
-    draw: st.DrawFn, height_map: HeightMap, kinds: list[tuple[Motion, Camera]], goals: bool
-) -> Robot:
-    """Robot of one of the given kinds in some cell, which may be blocked."""
-    width, depth = height_map.shape
-    motion, camera = draw(st.sampled_from(kinds))
-    x, y = draw(st.integers(0, width - 1)), draw(st.integers(0, depth - 1))
-    start = State(
-        x,
-        y,
-        draw(st.integers(0, len(motion.layers) - 1)),
-        draw(st.integers(0, motion.headings - 1)),
-        draw(st.integers(0, len(camera.tilts) - 1)),
+def teams(
+    draw: st.DrawFn,
+    height_map: HeightMap,
+    kinds: list[tuple[Motion, Camera]],
+    size: int,
+    goals: bool,
+) -> tuple[Robot, ...]:
+    """Robots of the given kinds in free places, often with a goal at another one's start."""
+    flown = [draw(st.sampled_from(kinds)) for _ in range(size)]
+    starts = []
+    for motion, camera in flown:
+        free = np.argwhere(free_places(height_map, motion)).tolist()
+        taken = [(s.x, s.y) for s in starts]
+        rest = [place for place in free if (place[1], place[2]) not in taken] or free
+        assume(rest)
+        layer, x, y = draw(st.sampled_from(rest))
+        heading = draw(st.integers(0, motion.headings - 1))
+        starts.append(State(x, y, layer, heading, draw(st.integers(0, len(camera.tilts) - 1))))
+    ends = [None, None, None, *((s.x, s.y) for s in starts)] if goals else [None]
+    return tuple(
+        Robot(start=start, motion=motion, camera=camera, goal=draw(st.sampled_from(ends)))
+        for (motion, camera), start in zip(flown, starts, strict=True)
     )
-    goal = None
-    if goals and draw(st.integers(0, 3)) == 0:
-        goal = draw(st.integers(0, width - 1)), draw(st.integers(0, depth - 1))
-    return Robot(start=start, motion=motion, camera=camera, goal=goal)
 
 
 def number_of_plans(problem: Problem) -> int:

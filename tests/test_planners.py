@@ -3,6 +3,7 @@
 import json
 import math
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -42,9 +43,9 @@ from cocap_opt.problem import (
     Robot,
     State,
 )
-from cocap_opt.result import Limit, Reason, Result, UnsupportedError
+from cocap_opt.result import Limit, Reason, Result, UnsupportedError, relative_gap
 from cocap_opt.reward import no_pixels
-from cocap_opt.stop import TimeLimit, never
+from cocap_opt.stop import FirstOf, TimeLimit, catch_interrupt, never, seconds_left
 from cocap_opt.timegraph import Charges
 
 OBEY_RULES = {"sequential", "cocap", "cocap-vs", "joint"}
@@ -87,7 +88,7 @@ def check_contract(name: str, problem: Problem, result: Result) -> None:
         assert verdict.conflicts == ()
 
 
-@examples(60)
+@examples(100)
 @given(problems())
 def test_contract(problem: Problem) -> None:
     """Every planner: a plan that can be flown and is worth what it says, never above the optimum.
@@ -413,6 +414,57 @@ def test_joint_planning_takes_two_robots() -> None:
     """Three robots are refused with a message that says how many are taken."""
     with pytest.raises(UnsupportedError, match="one or two robots, not 3"):
         joint(line(5, 0, 2, 4))
+
+
+def test_criteria_compose() -> None:
+    """The first of several criteria that is reached is named; no limit is never reached."""
+    assert never() is Limit.NONE
+    assert FirstOf()() is Limit.NONE
+    assert FirstOf(never, TimeLimit(1e9))() is Limit.NONE
+    assert FirstOf(never, Patience(0), TimeLimit(0))() is Limit.NODES
+    assert FirstOf(TimeLimit(0), Patience(0))() is Limit.TIME
+
+
+def test_seconds_left() -> None:
+    """Solvers that take a time limit are told the shortest one; without one it is infinite."""
+    assert seconds_left(never) == math.inf
+    assert seconds_left(FirstOf(never, Patience())) == math.inf
+    assert 9 < seconds_left(FirstOf(TimeLimit(100), never, TimeLimit(10))) <= 10
+    assert seconds_left(TimeLimit(-5)) == 0.0
+
+
+def test_ctrl_c_is_a_stop_and_twice_an_interrupt() -> None:
+    """The first Ctrl-C stops in good order, a second one at once; afterwards all is as before."""
+    before = signal.getsignal(signal.SIGINT)
+    with catch_interrupt() as interrupt:
+        assert interrupt() is Limit.NONE
+        signal.raise_signal(signal.SIGINT)
+        assert interrupt() is Limit.INTERRUPT
+        result = greedy(tiny(), interrupt)
+        assert (result.reason, result.limit) == (Reason.STOPPED, Limit.INTERRUPT)
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+@pytest.mark.parametrize(
+    ("value", "bound", "gap"),
+    [
+        (90.0, 100.0, 0.1),
+        (100.0, 100.0, 0.0),
+        (0.0, 0.0, 0.0),
+        (0.0, 5.0, 1.0),
+        (-math.inf, 5.0, math.inf),
+        (5.0, math.inf, math.inf),
+        (-math.inf, math.inf, math.inf),
+        (-math.inf, -math.inf, math.inf),
+    ],
+)
+def test_gap(value: float, bound: float, gap: float) -> None:
+    """The gap is (bound - value) / bound, and infinite as long as one of them is."""
+    assert relative_gap(value, bound) == pytest.approx(gap)
+    result = Result(None, value, Reason.STOPPED, Limit.TIME, bound=bound)
+    assert result.gap == pytest.approx(gap)
 
 
 # -- determinism --------------------------------------------------------------------------

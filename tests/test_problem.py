@@ -13,6 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from strategies import WALL, examples, problems, standing, tiny
 
+from cocap_opt.io import SceneFile, encode, problem_digest
+from cocap_opt.planners.greedy import greedy
 from cocap_opt.problem import (
     NO_RULES,
     PAPER_RULES,
@@ -213,6 +215,48 @@ def test_arrays_hold_numbers(field: str, make: Callable[[], object]) -> None:
     with pytest.raises(ProblemError) as caught:
         make()
     assert str(caught.value).startswith(field)
+
+
+def test_numpy_numbers_are_numbers() -> None:
+    """A number from NumPy, such as np.radians(10), makes the same problem as a plain one."""
+    plain, (first, second) = tiny(), tiny().robots
+    motion = Motion(headings=np.int64(4), layers=tuple(np.array([5.0])))  # type: ignore[arg-type]
+    camera = Camera(
+        width=np.int32(400),  # type: ignore[arg-type]
+        height=np.int64(300),  # type: ignore[arg-type]
+        focal=np.float32(200.0),  # type: ignore[arg-type]
+        tilts=(np.float64(0.6),),
+    )
+    robots = (
+        Robot(start=State(*np.array([0, 0])), motion=motion, camera=camera),
+        second.replace(motion=motion, camera=camera),
+    )
+    problem = plain.replace(robots=robots, horizon=np.int64(2))
+    assert encode(SceneFile(problem=problem)) == encode(SceneFile(problem=plain))
+    assert problem_digest(problem) == problem_digest(plain)
+    assert problem.robots == (first, second)
+    assert greedy(problem).plan == greedy(plain).plan
+
+
+LISTS: dict[str, Callable[[], Problem]] = {
+    "layers": lambda: with_robot(motion=Motion(headings=4, layers=[5.0])),  # type: ignore[arg-type]
+    "tilts": lambda: with_robot(camera=Camera(tilts=[0.6])),  # type: ignore[arg-type]
+    "goal": lambda: with_robot(goal=[0, 1]),
+    "start": lambda: with_robot(start=(0, 0)),
+    "robots": lambda: tiny().replace(robots=list(tiny().robots)),
+    "actors": lambda: tiny().replace(actors=list(tiny().actors)),
+}
+
+
+@pytest.mark.parametrize("field", LISTS)
+def test_lists_for_tuples_are_taken_or_refused_at_once(field: str) -> None:
+    """A list or a bare tuple is refused where the problem is made, or else works throughout."""
+    try:
+        problem = LISTS[field]()
+    except ProblemError as error:
+        assert field in str(error)
+        return
+    assert greedy(problem).plan is not None
 
 
 def test_replace_checks_again() -> None:
