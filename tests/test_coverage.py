@@ -618,9 +618,7 @@ def test_altitude_hides_nothing(altitude: float) -> None:
     problem = Problem(
         name="",
         height_map=HeightMap(heights=np.full((17, 3), altitude), resolution=10.0),
-        robots=(
-            Robot(start=State(0, 1), motion=Motion(layers=(altitude + 5.0,)), camera=LEVEL),
-        ),
+        robots=(Robot(start=State(0, 1), motion=Motion(layers=(altitude + 5.0,)), camera=LEVEL),),
         actors=(Actor(poses=np.tile(pose, (2, 1))),),
         horizon=1,
     )

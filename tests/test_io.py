@@ -72,9 +72,7 @@ def wild_problems(draw: st.DrawFn) -> Problem:
     )
     poses = draw(st.lists(FINITE, min_size=8, max_size=8))
     faces = len(shape.faces())
-    weights = draw(
-        st.none() | st.lists(NOT_NEGATIVE, min_size=faces, max_size=faces).map(tuple)
-    )
+    weights = draw(st.none() | st.lists(NOT_NEGATIVE, min_size=faces, max_size=faces).map(tuple))
     robot = Robot(
         start=State(0, 0, len(layers) - 1, heading=draw(st.integers(0, 2))),
         motion=Motion(headings=3, layers=layers, corner_cutting=draw(st.booleans())),

@@ -40,8 +40,7 @@ def arena(
     heights = np.zeros((6, 4))
     heights[3, 1] = WALL
     robots = tuple(
-        Robot(start=start, motion=motion, camera=Camera(tilts=tilts), goal=goal)
-        for start in starts
+        Robot(start=start, motion=motion, camera=Camera(tilts=tilts), goal=goal) for start in starts
     )
     return Problem(
         name="",
@@ -197,9 +196,7 @@ def test_separation_is_found() -> None:
     problem = arena(*starts, rules=rules, resolution=1.0, motion=motion)
     near = (path_of((0, 0), (1, 0), (1, 0)), path_of((4, 0), (3, 0), (2, 0, 1)))
     verdict, found = judged(problem, *near)
-    assert verdict.conflicts == (
-        "step 2: robots 0 and 1 are 1.41421 m apart, less than 1.5 m",
-    )
+    assert verdict.conflicts == ("step 2: robots 0 and 1 are 1.41421 m apart, less than 1.5 m",)
     assert found == [VertexConflict(2, (0, 1), (Cell(1, 0, 0), Cell(2, 0, 1)))]
     high = (near[0], path_of((4, 0), (3, 0), (2, 0, 2)))
     assert judged(problem, *high)[0].valid
@@ -227,9 +224,7 @@ def test_robots_in_different_layers_do_not_conflict() -> None:
 @pytest.mark.parametrize(
     ("resolution", "separation"), [(0.1, 0.3), (0.1, 0.6), (0.7, 2.1), (0.3, 0.9), (1.1, 3.3)]
 )
-def test_planners_and_referee_measure_distance_alike(
-    resolution: float, separation: float
-) -> None:
+def test_planners_and_referee_measure_distance_alike(resolution: float, separation: float) -> None:
     """Exactly at the separation, planners and referee agree at every place of the map."""
     heights = np.zeros((30, 1))
     problem = Problem(

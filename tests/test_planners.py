@@ -284,9 +284,7 @@ def test_low_levels(kind: str, problem: Problem, seed: int) -> None:
         return
     states = model.plan([found.path]).paths[0]
     assert states in paths
-    np.testing.assert_allclose(
-        found.pixels, pixels_of(problem, 0, [states])[0].ravel(), rtol=1e-12
-    )
+    np.testing.assert_allclose(found.pixels, pixels_of(problem, 0, [states])[0].ravel(), rtol=1e-12)
     if kind == "value iteration":
         best = marginal_values(model, paths, seen).max()
         assert close(float(marginal_values(model, [states], seen)[0]), float(best))

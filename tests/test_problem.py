@@ -164,9 +164,7 @@ WRONG: list[tuple[str, Callable[[], object]]] = [
 
 
 @pytest.mark.parametrize(("field", "make"), WRONG, ids=[field for field, _ in WRONG])
-def test_wrong_value_is_refused_and_the_field_named(
-    field: str, make: Callable[[], object]
-) -> None:
+def test_wrong_value_is_refused_and_the_field_named(field: str, make: Callable[[], object]) -> None:
     """A wrong value is a ProblemError of one line that starts with the field's path."""
     with pytest.raises(ProblemError) as caught:
         make()

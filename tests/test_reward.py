@@ -154,9 +154,7 @@ def test_stationarity_counts_unchanged_states(run: Flown, bonus: float) -> None:
     problem = run.model.problem
     none = problem.replace(objective=problem.objective.replace(stationarity=0.0))
     some = problem.replace(objective=problem.objective.replace(stationarity=bonus))
-    stays = sum(
-        path[t] == path[t + 1] for path in run.plan.paths for t in range(problem.horizon)
-    )
+    stays = sum(path[t] == path[t + 1] for path in run.plan.paths for t in range(problem.horizon))
     gain = check(some, run.plan).reward - check(none, run.plan).reward
     assert gain == pytest.approx(bonus * stays, rel=1e-9, abs=1e-9)
 

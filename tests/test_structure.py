@@ -50,12 +50,16 @@ def imports(module: str) -> frozenset[str]:
         elif isinstance(node, ast.ImportFrom):
             base = node.module or ""
             if node.level:
-                package = module.split(".") if path.name == "__init__.py" else module.split(".")[:-1]
+                package = (
+                    module.split(".") if path.name == "__init__.py" else module.split(".")[:-1]
+                )
                 package = package[: len(package) - node.level + 1]
                 base = ".".join([*package, base] if base else package)
             found.add(base)
             found |= {
-                f"{base}.{alias.name}" for alias in node.names if f"{base}.{alias.name}" in sources()
+                f"{base}.{alias.name}"
+                for alias in node.names
+                if f"{base}.{alias.name}" in sources()
             }
     return frozenset(found)
 

@@ -47,9 +47,7 @@ def make_case(
 ) -> Case:
     """Case of one robot."""
     robot = Robot(start=start, motion=motion, camera=Camera(tilts=tilts), goal=goal)
-    problem = Problem(
-        name="", height_map=height_map, robots=(robot,), actors=(), horizon=horizon
-    )
+    problem = Problem(name="", height_map=height_map, robots=(robot,), actors=(), horizon=horizon)
     return Case(problem, TimeGraph(height_map, motion, len(tilts)))
 
 
@@ -181,8 +179,7 @@ class Priced(NamedTuple):
             ahead = 0.0
             if t < horizon:
                 ahead = max(
-                    self.along(state, head, t) + value[head, u]
-                    for head, u in expanded[state, t]
+                    self.along(state, head, t) + value[head, u] for head, u in expanded[state, t]
                 )
             value[state, t] = self.at(state, t) + ahead
         return value

@@ -18,7 +18,10 @@ from cocap_opt.result import Limit
 from cocap_opt.reward import group_weights, marginal_gain, no_pixels
 from cocap_opt.timegraph import CLOSED
 
-DEFAULT_GAMMA = 0.9
+# gamma ** T by default. Measured over 8 seeds with gamma from 0.6 to 1: near this value CoCap
+# gets 92-99 % of the J that it gets with value iteration and evaluates 17-40 % of the states
+# (corridor, T = 8, and bottleneck, T = 11); 0.05 costs most of the states, 1 gives 84-96 % of J.
+FINAL_DISCOUNT = 0.2
 
 
 class LazyCoverage:
@@ -52,7 +55,7 @@ class ViewSearch:
     search dives. Each instance remembers the coverage it has evaluated.
     """
 
-    gamma: float = DEFAULT_GAMMA
+    gamma: float | None = None  # None: FINAL_DISCOUNT ** (1 / T)
     _sources: dict[tuple[Model, tuple[int, ...]], LazyCoverage] = field(default_factory=dict)
 
     def __call__(self, task: SingleRobotTask) -> SingleRobotPath:
@@ -83,6 +86,7 @@ class ViewSearch:
     def _search(self, task: SingleRobotTask, coverage: LazyCoverage) -> tuple[int, ...] | None:
         problem, graph = task.model.problem, task.model.class_of[task.robot].graph
         horizon, bonus = problem.horizon, problem.objective.stationarity
+        gamma = FINAL_DISCOUNT ** (1 / horizon) if self.gamma is None else self.gamma
         weights = group_weights(problem).reshape(horizon + 1, -1)
         seen = task.pixels.reshape(horizon + 1, -1)
         may_enter = _goal_filter(task)
@@ -117,7 +121,7 @@ class ViewSearch:
                 best[node] = total
                 parent[node] = state
                 pushed += 1
-                heapq.heappush(queue, (-total * self.gamma**k, -(k + 1), pushed, head))
+                heapq.heappush(queue, (-total * gamma**k, -(k + 1), pushed, head))
         return None
 
 
