@@ -64,6 +64,18 @@ def _whole(value: object, field: str) -> None:
     _require(whole, field, f"must be a whole number, not {value!r}")
 
 
+def _plain(value: Any) -> Any:
+    """The same value with Python's own numbers and tuples; other objects as they are."""
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, (list, tuple)):
+        parts = [_plain(part) for part in value]
+        same = isinstance(value, tuple) and all(a is b for a, b in zip(parts, value, strict=True))
+        named = hasattr(value, "_fields")
+        return value if same else type(value)(*parts) if named else tuple(parts)
+    return value
+
+
 def _read_only(array: FloatArray) -> FloatArray:
     array.setflags(write=False)
     return array
@@ -86,6 +98,14 @@ def _frozen(array: Any, field: str, ndim: int) -> FloatArray:
 class _Data(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Base of all problem data: immutable, and a misspelt field in a file is an error."""
 
+    def __post_init__(self) -> None:
+        """Make NumPy's numbers plain and lists tuples, as reading them from a file would."""
+        for field in self.__struct_fields__:
+            value = getattr(self, field)
+            plain = _plain(value)
+            if plain is not value:
+                msgspec.structs.force_setattr(self, field, plain)
+
     def replace(self, **changes: Any) -> Self:
         """Return a checked copy with some fields changed."""
         return msgspec.structs.replace(self, **changes)
@@ -107,6 +127,7 @@ class HeightMap(_Data, frozen=True, eq=False, dict=True):
     origin: tuple[float, float] = (0.0, 0.0)  # m, corner of cell (0, 0)
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         msgspec.structs.force_setattr(self, "heights", _frozen(self.heights, "heights", 2))
         _finite(self.resolution, "resolution")
         _require(self.resolution > 0, "resolution", "must be > 0 m")
@@ -146,6 +167,7 @@ class Motion(_Data, frozen=True):
     corner_cutting: bool = False  # True: only the target cell of a move must be free (papers)
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         for field in ("radius", "headings", "turn", "climb", "pitch_turn"):
             _whole(getattr(self, field), field)
         _require(0 <= self.radius <= 16, "radius", f"must be 0..16 cells, not {self.radius}")
@@ -175,6 +197,7 @@ class Camera(_Data, frozen=True):
     tilts: tuple[float, ...] = (math.radians(10.0),)  # rad below the horizon, one per pitch
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         _whole(self.width, "width")
         _whole(self.height, "height")
         _require(self.width >= 1, "width", f"must be >= 1 px, not {self.width}")
@@ -195,6 +218,12 @@ class Robot(_Data, frozen=True):
     camera: Camera = Camera()
     goal: tuple[int, int] | None = None  # cell (x, y), any layer and orientation
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _require(isinstance(self.start, State), "start", "must be a State")
+        sizes = self.goal is None or len(self.goal) == 2
+        _require(sizes, "goal", "must be a cell (x, y)")
+
 
 class Cuboid(_Data, frozen=True, tag="cuboid"):
     """Box actor: four sides and a top. The bottom stands on the ground and is never seen."""
@@ -204,6 +233,7 @@ class Cuboid(_Data, frozen=True, tag="cuboid"):
     height: float = 1.8  # m
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         _require_sizes(self)
 
     def faces(self) -> list[FloatArray]:
@@ -222,6 +252,7 @@ class Prism(_Data, frozen=True, tag="prism"):
     height: float = 1.8  # m
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         _whole(self.sides, "sides")
         _require(3 <= self.sides <= 64, "sides", f"must be 3..64, not {self.sides}")
         _require_sizes(self)
@@ -249,6 +280,7 @@ class TriangulatedCuboid(_Data, frozen=True, tag="triangulated-cuboid"):
     height: float = 2.5  # m
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         _require_sizes(self)
 
     def faces(self) -> list[FloatArray]:
@@ -303,6 +335,7 @@ class Actor(_Data, frozen=True, eq=False, dict=True):
     weights: tuple[float, ...] | None = None  # one per face of the shape; None: all 1
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         msgspec.structs.force_setattr(self, "poses", _frozen(self.poses, "poses", 2))
         columns = self.poses.shape[1]
         _require(columns == 4, "poses", f"must have 4 columns x, y, z, yaw, not {columns}")
@@ -338,6 +371,7 @@ class CollisionRules(_Data, frozen=True):
     separation: float = 0.0  # m
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         _finite(self.separation, "separation")
         _require(self.separation >= 0, "separation", "must be >= 0 m")
         _require(
@@ -373,6 +407,7 @@ class Objective(_Data, frozen=True):
     count_start: bool = False  # True: the views at t = 0 count too (a constant)
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         _finite(self.stationarity, "stationarity")
         _require(self.stationarity >= 0, "stationarity", "must be >= 0")
 
@@ -396,6 +431,7 @@ class Problem(_Data, frozen=True, eq=False, dict=True):
     face_samples: int = 3  # each triangle of a face gets this number squared of sight rays
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         _whole(self.horizon, "horizon")
         _whole(self.face_samples, "face_samples")
         _require(self.horizon >= 1, "horizon", f"must be >= 1 step, not {self.horizon}")

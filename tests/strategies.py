@@ -152,7 +152,7 @@ def rules(resolution: float = 4.0) -> st.SearchStrategy[CollisionRules]:
 @st.composite
 def problems(
     draw: st.DrawFn,
-    robots: st.SearchStrategy[int] = st.sampled_from([2, 2, 3, 1]),  # noqa: B008 (immutable)
+    robots: st.SearchStrategy[int] = st.sampled_from([2, 2, 3, 1]),
     most_plans: int = MOST_PLANS,
     goals: bool = True,
 ) -> Problem:

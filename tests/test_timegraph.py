@@ -1,6 +1,7 @@
 """The compiled graph is the networkx graph, and its sweep is plain dynamic programming."""
 
 import math
+from itertools import pairwise
 from typing import NamedTuple
 
 import networkx as nx
@@ -169,7 +170,7 @@ class Priced(NamedTuple):
         """Value of a path of state numbers."""
         states = [self.graph.state(s) for s in path]
         total = sum(self.at(state, t) for t, state in enumerate(states))
-        steps = enumerate(zip(states, states[1:], strict=False))
+        steps = enumerate(pairwise(states))
         return total + sum(self.along(tail, head, t) for t, (tail, head) in steps)
 
     def values(self, expanded: "nx.DiGraph[Node]", horizon: int) -> dict[Node, float]:
