@@ -52,7 +52,7 @@ from experiments.report import (
 )
 from formulations import BOUNDS
 from formulations.certificate import CertificateError, CertificateFile, verify
-from scenarios import FORMATS, SCENES, load_scene, read_foreign_plan
+from scenarios import FORMATS, SCENES, load_scene, read_foreign_plan, scene_of_plan
 
 DEFAULT_SECONDS = 60.0
 
@@ -199,6 +199,8 @@ def verify_files(
         if path is None:
             continue
         content = _read_claim(path, problem)
+        if isinstance(content, Plan):
+            problem = scene_of_plan(scene, problem, content)
         if isinstance(content, CertificateFile):
             _verify_certificate(problem, content, answer)
         elif path is certificate:
@@ -278,6 +280,7 @@ def show(
     if isinstance(content, CertificateFile):
         raise FileError(f"{plan}: must be a plan, not a certificate")
     shown = content.plan if isinstance(content, PlanFile) else content
+    problem = scene_of_plan(scene, problem, shown) if shown is content else problem
     verdict = check(problem, shown)
     if verdict.violations:
         raise FileError(f"{plan}: {verdict.violations[0]}")
@@ -414,6 +417,7 @@ def _verify_plan(problem: Problem, content: PlanFile | Plan, answer: Row) -> Non
     answer["reward"] = None if verdict.violations else verdict.reward
     answer["reward_at_start"] = None if verdict.violations else verdict.reward_at_start
     answer["reward_per_step"] = verdict.reward_per_step
+    answer["reward_per_face"] = verdict.face_reward
     if claimed is None:
         return
     if claimed.digest != problem_digest(problem):

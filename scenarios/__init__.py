@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from cocap_opt.io import FileError, load_problem
 from cocap_opt.plan import Plan
-from cocap_opt.problem import Problem, ProblemError
+from cocap_opt.problem import Problem, ProblemError, State
 from scenarios.bottleneck import bottleneck, bottleneck_tight
 from scenarios.corridor import corridor, corridor_tight
 from scenarios.tiny import TINY
@@ -29,6 +29,8 @@ class Format(NamedTuple):
     read: Callable[[Path, int], Problem]  # path, seed
     # Plan in a file that goes with such a scene; None where it is no such file, by its name.
     read_plan: Callable[[Path, Problem], Plan | None] = lambda path, problem: None
+    # The scene with the starts that its own file names, where a seed chooses others.
+    read_own_starts: Callable[[Path], Problem] | None = None
 
 
 def _ends(*suffixes: str) -> Callable[[Path], bool]:
@@ -42,6 +44,12 @@ def _read_greedy_perspectives(path: Path, seed: int) -> Problem:
     from scenarios import greedy_perspectives
 
     return greedy_perspectives.read(path, seed)
+
+
+def _read_greedy_perspectives_own_starts(path: Path) -> Problem:
+    from scenarios import greedy_perspectives
+
+    return greedy_perspectives.read(path, starts="yaml")
 
 
 def _read_greedy_perspectives_plan(path: Path, problem: Problem) -> Plan | None:
@@ -69,6 +77,7 @@ FORMATS: dict[str, Format] = {
         _ends(".yaml", ".yml"),
         _read_greedy_perspectives,
         _read_greedy_perspectives_plan,
+        _read_greedy_perspectives_own_starts,
     ),
     "movingai": Format(
         "*.scen, a scenario of the MovingAI benchmark (the seed orders its rows)",
@@ -92,6 +101,42 @@ def load_scene(name_or_path: str, seed: int = 0) -> Problem:
         raise FileError(f"seed: must be >= 0, not {seed}")
     if build := SCENES.get(name_or_path):
         return build(seed)
+    path, kind = _find_file(name_or_path)
+    try:
+        return kind.read(path, seed)
+    except ProblemError as error:
+        raise FileError(str(error)) from error
+
+
+def scene_of_plan(name_or_path: str, problem: Problem, plan: Plan) -> Problem:
+    """Find the variant of a scene that a foreign plan was made for, by where it starts.
+
+    Plans of other projects do not say which start set they belong to: it is the one that
+    the seed chose (`problem`), or the one in the scene's own file.
+    """
+    if name_or_path in SCENES or _starts(plan) == _problem_starts(problem):
+        return problem
+    path, kind = _find_file(name_or_path)
+    if kind.read_own_starts is not None:
+        try:
+            own = kind.read_own_starts(path)
+        except ProblemError:  # a file whose own starts are not usable
+            return problem
+        if _starts(plan) == _problem_starts(own):
+            return own
+    return problem
+
+
+def _starts(plan: Plan) -> list[State]:
+    return [path[0] for path in plan.paths]
+
+
+def _problem_starts(problem: Problem) -> list[State]:
+    return [robot.start for robot in problem.robots]
+
+
+def _find_file(name_or_path: str) -> tuple[Path, Format]:
+    """Scene file of this name, or in the folder of this name, and its format."""
     path = Path(name_or_path)
     if os.path.isdir(path):
         if not os.path.exists(path / "seq.yaml"):
@@ -106,10 +151,7 @@ def load_scene(name_or_path: str, seed: int = 0) -> Problem:
     found = next((kind for kind in FORMATS.values() if kind.matches(path)), None)
     if found is None:
         raise FileError(f"{path}: unknown kind of file, must be one of: {_known_files()}")
-    try:
-        return found.read(path, seed)
-    except ProblemError as error:
-        raise FileError(str(error)) from error
+    return path, found
 
 
 def read_foreign_plan(path: Path, problem: Problem) -> Plan | None:

@@ -2,8 +2,6 @@
 
 import math
 import os
-from itertools import pairwise
-
 import networkx as nx
 import numpy as np
 from hypothesis import assume, settings
@@ -63,15 +61,6 @@ def tiny() -> Problem:
 def standing(*pose: float, steps: int = 3) -> Actor:
     """Actor that does not move: x, y, z, yaw."""
     return Actor(poses=np.tile(np.array(pose), (steps + 1, 1)))
-
-
-def random_walk(draw: st.DrawFn, graph: "nx.DiGraph[tuple[State, int]]", start: State) -> list:
-    """States of some path of a time-expanded graph."""
-    path, t = [start], 0
-    while ahead := sorted(graph[path[-1], t]):
-        state, t = draw(st.sampled_from(ahead))
-        path.append(state)
-    return path
 
 
 @st.composite
@@ -211,6 +200,52 @@ def teams(
     )
 
 
+@st.composite
+def meetings(draw: st.DrawFn, team: int = 2) -> Problem:
+    """Robots in one another's way that see the same faces: conflicts, swaps, shared pixels.
+
+    They fly over very few cells, look straight down with a wide view, and often have to
+    change places.
+    """
+    shape = draw(st.sampled_from([(2, 1), (3, 1), (2, 2), (3, 2), (4, 1)]))
+    heights = np.zeros(shape)
+    if draw(st.booleans()):
+        heights[draw(st.integers(0, shape[0] - 1)), -1] = WALL
+    height_map = HeightMap(heights=heights, resolution=draw(st.sampled_from([2.0, 4.0])))
+    motion = Motion(headings=1, layers=draw(st.sampled_from([(5.0,), (5.0,), (3.0, 5.0)])))
+    down = Camera(width=500, height=400, focal=draw(st.sampled_from([60.0, 100.0])), tilts=(1.5,))
+    kinds = draw(st.sampled_from([[(motion, down)], [(motion, down), (motion, Camera())]]))
+    free = [(x, y) for x, y in np.ndindex(*shape) if heights[x, y] == 0.0]
+    assume(len(free) >= team)
+    cells = draw(st.permutations(free))[:team]
+    ends = draw(st.sampled_from([[None] * team, [None] * team, cells[::-1], [*cells[1:], None]]))
+    robots = []
+    for (x, y), end in zip(cells, ends, strict=True):
+        flown, camera = draw(st.sampled_from(kinds))
+        layer = draw(st.integers(0, len(flown.layers) - 1))
+        robots.append(Robot(start=State(x, y, layer), motion=flown, camera=camera, goal=end))
+    horizon = draw(st.sampled_from([2, 3]))
+    seen = [draw(actors(height_map, horizon)) for _ in range(draw(st.sampled_from([1, 1, 2, 0])))]
+    objective = Objective(stationarity=draw(st.sampled_from([0.0, 0.0, 1.0, 10.0, 40.0])))
+    try:
+        problem = Problem(
+            name="meeting",
+            height_map=height_map,
+            robots=tuple(robots),
+            actors=tuple(seen),
+            horizon=horizon,
+            rules=draw(rules(height_map.resolution)),
+            objective=objective,
+            face_samples=1,
+        )
+    except ProblemError:
+        assume(False)
+    while problem.horizon > 1 and number_of_plans(problem) > MOST_PLANS:
+        problem = problem.replace(horizon=problem.horizon - 1)
+    assume(number_of_plans(problem) <= MOST_PLANS)
+    return problem
+
+
 def number_of_plans(problem: Problem) -> int:
     """Number of combinations of paths, one per robot, that reach their goals."""
     return math.prod(
@@ -225,9 +260,3 @@ def _number_of_paths(graph: "nx.DiGraph[tuple[State, int]]", horizon: int) -> in
         if node[1] < horizon:
             ahead[node] = sum(ahead[head] for head in graph[node])
     return sum(count for node, count in ahead.items() if node[1] == 0)
-
-
-def is_path(graph: "nx.DiGraph[tuple[State, int]]", path: tuple[State, ...]) -> bool:
-    """True where a path follows the edges of a time-expanded graph."""
-    nodes = [(state, t) for t, state in enumerate(path)]
-    return nodes[0] in graph and all(graph.has_edge(a, b) for a, b in pairwise(nodes))

@@ -28,7 +28,7 @@ from cocap_opt.problem import (
 )
 from cocap_opt.stop import never
 from formulations import BOUNDS
-from scenarios import FORMATS, SCENES, load_scene, read_foreign_plan
+from scenarios import FORMATS, SCENES, load_scene, read_foreign_plan, scene_of_plan
 from scenarios.tiny import TINY, TINY_OPTIMA
 
 SIZES = {"corridor": (2, 2, 8), "bottleneck": (4, 4, 11)}  # robots, actors, steps
@@ -348,3 +348,21 @@ def test_formats_are_told_apart_by_suffix() -> None:
     """No file name belongs to two formats."""
     for suffix in ("json", "yaml", "yml", "scen", "YAML"):
         assert sum(kind.matches(Path(f"scene.{suffix}")) for kind in FORMATS.values()) == 1
+
+
+def test_a_foreign_plan_finds_the_starts_it_was_made_for(tmp_path: Path) -> None:
+    """Plans of others name no start set: it is the seed's, or the one in the scene's own file."""
+    (tmp_path / "seq.yaml").write_text(SEQUENCE)
+    np.save(tmp_path / "map.npy", np.zeros((4, 4)))
+    (tmp_path / "starts.csv").write_text("x,y,z,theta\n3,3,5,0\n")
+    (tmp_path / "paths.csv").write_text("robot,t,x_cell,y_cell,heading_idx\n0,0,1,0,0\n0,1,1,1,0\n")
+    name = str(tmp_path / "seq.yaml")
+    problem = load_scene(name, 0)
+    assert problem.robots[0].start[:2] == (3, 3)
+    plan = read_foreign_plan(tmp_path / "paths.csv", problem)
+    assert plan is not None
+    found = scene_of_plan(name, problem, plan)
+    assert found.robots[0].start == plan.paths[0][0]
+    assert check(found, plan).valid
+    elsewhere = Plan(paths=((plan.paths[0][1],) * 2,))
+    assert scene_of_plan(name, problem, elsewhere) is problem
