@@ -2,6 +2,7 @@
 
 import math
 import os
+
 import networkx as nx
 import numpy as np
 from hypothesis import assume, settings

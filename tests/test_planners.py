@@ -25,10 +25,10 @@ from cocap_opt.motion import time_expanded_graph
 from cocap_opt.plan import Conflict, Plan, SwapConflict, conflicts
 from cocap_opt.planners import PLANNERS, Planner
 from cocap_opt.planners.cocap import cocap
-from cocap_opt.planners.greedy import greedy
+from cocap_opt.planners.greedy import greedy, hover
 from cocap_opt.planners.joint import joint
 from cocap_opt.planners.sequential import sequential
-from cocap_opt.planners.single import LowLevel, SingleRobotTask
+from cocap_opt.planners.single import LowLevel, SingleRobotPath, SingleRobotTask
 from cocap_opt.planners.value_iteration import value_iteration
 from cocap_opt.planners.view_search import ViewSearch
 from cocap_opt.problem import (
@@ -89,7 +89,7 @@ def check_contract(name: str, problem: Problem, result: Result) -> None:
         assert verdict.conflicts == ()
 
 
-@examples(120)
+@examples(80)
 @given(st.one_of(problems(), meetings(), meetings(team=3)))
 def test_contract(problem: Problem) -> None:
     """Every planner: a plan that can be flown and is worth what it says, never above the optimum.
@@ -132,7 +132,7 @@ def test_tiny_instance(name: str) -> None:
     assert 0.5 * best.value <= result.value <= best.value * (1 + 1e-9)
 
 
-@examples(120)
+@examples(80)
 @given(st.one_of(problems(robots=st.just(2)), meetings()))
 def test_joint_is_optimal(problem: Problem) -> None:
     """Joint planning finds brute force's optimum under all rules, goals, classes and layers."""
@@ -152,6 +152,17 @@ def test_one_robot_is_planned_optimally(problem: Problem) -> None:
     best = optimum(problem)
     for planner in (greedy, sequential, cocap, joint):
         assert close(planner(problem).value, best.value)
+
+
+@examples(40)
+@given(st.one_of(problems(robots=st.just(2)), meetings()))
+def test_joint_values_are_of_the_true_objective(problem: Problem) -> None:
+    """The value that joint planning gives the pair of starts is the best J itself."""
+    best = optimum(problem)
+    pair = sys.modules["cocap_opt.planners.joint"]._Pair(Model(problem, use_cache=False))
+    values = pair.sweep(never)
+    value = float(values[0][pair._at(0, pair.a.start, pair.b.start)])
+    assert value == pytest.approx(best.value, rel=1e-9)
 
 
 def line(length: int, *starts: int, goals: tuple[int, ...] = (), horizon: int = 2) -> Problem:
@@ -289,6 +300,24 @@ def test_low_levels(kind: str, problem: Problem, seed: int) -> None:
     if kind == "value iteration":
         best = marginal_values(model, paths, seen).max()
         assert close(float(marginal_values(model, [states], seen)[0]), float(best))
+
+
+def test_view_search_heeds_weights() -> None:
+    """A face of little weight does not draw view search away from one of more weight."""
+    faces = (0.01,) * 5
+    near, far = standing(12.0, 18.0, 0.0, 0.3), standing(12.0, 4.0, 0.0, 0.3)
+    robot = (
+        meadow()
+        .robots[0]
+        .replace(start=State(6, 6), motion=Motion(radius=0, headings=4, layers=(2.5,)))
+    )
+    problem = meadow().replace(
+        robots=(robot,), actors=(near.replace(weights=faces), far), horizon=1
+    )
+    for actors, heading in ((problem.actors, 3), ((near, far), 1)):
+        plan = greedy(problem.replace(actors=actors), low_level=ViewSearch()).plan
+        assert plan is not None
+        assert plan.paths[0][-1].heading == heading
 
 
 @examples(40)
@@ -706,6 +735,21 @@ def test_rounds_never_lose(low_level: LowLevel, problem: Problem) -> None:
     """More rounds of greedy planning never lower J, even where the low level is not exact."""
     values = [greedy(problem, never, low_level, rounds).value for rounds in (1, 2, 5)]
     assert values == sorted(values)
+
+
+def test_rounds_keep_gains_only() -> None:
+    """A path that loses is not taken, whatever the low level returns in later rounds."""
+    problem, calls = tiny(), [0]
+
+    def worse_and_worse(task: SingleRobotTask) -> SingleRobotPath:
+        calls[0] += 1
+        if calls[0] <= len(problem.robots):
+            return value_iteration(task)
+        return hover(task.model, task.robot)
+
+    once, often = greedy(problem), greedy(problem, never, worse_and_worse, rounds=3)
+    assert calls[0] > len(problem.robots)
+    assert (often.plan, often.value) == (once.plan, once.value)
 
 
 # -- extremes -----------------------------------------------------------------------------

@@ -80,9 +80,13 @@ def greedy(
     improved = limit is Limit.NONE
     for _ in range(rounds - 1):
         improved = improved and _improve(team, low_level, stop)
-    limit = limit if limit is not Limit.NONE else stop()
+    return team_result(team, limit if limit is not Limit.NONE else stop(), begin)
+
+
+def team_result(team: Team, limit: Limit, begin: float) -> Result:
+    """Result of a planner that went through all robots, hovering where time was up."""
     return Result(
-        plan=model.plan(team.paths),
+        plan=team.model.plan(team.paths),
         value=team.value,
         reason=Reason.FINISHED if limit is Limit.NONE else Reason.STOPPED,
         limit=limit,

@@ -7,7 +7,7 @@ import time
 
 from cocap_opt.constraints import avoid_paths
 from cocap_opt.model import compiled
-from cocap_opt.planners.greedy import Team, hover, no_plan
+from cocap_opt.planners.greedy import Team, hover, no_plan, team_result
 from cocap_opt.planners.single import LowLevel, SingleRobotTask
 from cocap_opt.planners.value_iteration import value_iteration
 from cocap_opt.problem import Problem, State
@@ -49,11 +49,4 @@ def sequential(
         team.found.append(single)
         graph = model.class_of[robot].graph
         others[robot] = tuple(graph.state(s) for s in single.path)
-    return Result(
-        plan=model.plan(team.paths),
-        value=team.value,
-        reason=Reason.FINISHED if limit is Limit.NONE else Reason.STOPPED,
-        limit=limit,
-        seconds=time.perf_counter() - begin,
-        statistics={"evaluated": team.evaluated},
-    )
+    return team_result(team, limit, begin)
