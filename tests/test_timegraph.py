@@ -55,7 +55,7 @@ def make_case(
 @st.composite
 def cases(draw: st.DrawFn, goals: bool = False) -> Case:
     """Random maps, motions, gimbals and starts."""
-    height_map, motion = draw(height_maps(most_cells=12)), draw(motions(5, most_radius=2))
+    height_map, motion = draw(height_maps(most_cells=12)), draw(motions(5, most_radius=3))
     heights = height_map.heights.copy()
     heights[0, 0] = 0.0
     height_map = height_map.replace(heights=heights)
@@ -65,7 +65,7 @@ def cases(draw: st.DrawFn, goals: bool = False) -> Case:
     if goals and draw(st.booleans()):
         free = np.argwhere(heights < motion.layers[-1] - motion.clearance).tolist()
         goal = tuple(draw(st.sampled_from(free)))
-    return make_case(height_map, motion, start, draw(st.integers(1, 3)), camera.tilts, goal)
+    return make_case(height_map, motion, start, draw(st.integers(1, 5)), camera.tilts, goal)
 
 
 @examples(60)
