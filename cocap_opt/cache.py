@@ -52,13 +52,14 @@ def _plain(value: object) -> object:
     raise TypeError(f"no digest for {type(value).__name__}")
 
 
-def cached_table(key: str, make: Callable[[], CoverageTable]) -> CoverageTable:
-    """Table with this content key from disk, or made and written there."""
+def cached_table(key: str, make: Callable[[], CoverageTable | None]) -> CoverageTable | None:
+    """Table with this content key from disk, or made and, if it was made, written there."""
     path = cache_folder() / f"{key}.coverage"
     table = _read(path)
     if table is None:
         table = make()
-        _write(path, table)
+        if table is not None:
+            _write(path, table)
     return table
 
 

@@ -19,7 +19,8 @@ def place_of(model: Model, group: RobotClass, cell: Cell) -> int | None:
     inside = 0 <= cell.x < width and 0 <= cell.y < depth
     if height not in layers or not inside:
         return None
-    return group.graph.place(layers.index(height), cell.x, cell.y)
+    place = group.graph.place(layers.index(height), cell.x, cell.y)
+    return place if group.graph.free[place] else None
 
 
 def places_too_close(model: Model, group: RobotClass, cell: Cell) -> list[int]:

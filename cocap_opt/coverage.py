@@ -17,6 +17,7 @@ import numpy as np
 
 from cocap_opt.problem import BoolArray, Camera, FloatArray, IntArray, Problem
 from cocap_opt.projection import camera_axes, dot, image_area
+from cocap_opt.stop import Limit, Stop, never
 from cocap_opt.timegraph import TimeGraph
 from cocap_opt.visibility import (
     Occluders,
@@ -26,7 +27,7 @@ from cocap_opt.visibility import (
     visible_share,
 )
 
-BATCH = 4096  # states evaluated at once, to bound the memory
+BATCH = 1024  # states evaluated at once, to bound the memory and to ask for limits often
 
 
 class Faces(NamedTuple):
@@ -176,14 +177,23 @@ def coverage_table(
     views: Views,
     reachable: BoolArray,
     first_step: int,
+    stop: Stop = never,
     progress: Callable[[int, int], None] = lambda done, total: None,
-) -> CoverageTable:
-    """Evaluate all reachable states [T+1, S] from `first_step` on."""
+) -> tuple[CoverageTable | None, Limit]:
+    """Evaluate all reachable states [T+1, S] from `first_step` on.
+
+    Returns
+    -------
+    The table, or None and the limit that was reached before it was whole.
+    """
     nodes, counts, groups, pixels = [], [], [], []
     n_steps, n_states = reachable.shape
     for t in range(first_step, n_steps):
         states = np.flatnonzero(reachable[t])
         for start in range(0, len(states), BATCH):
+            limit = stop()
+            if limit is not Limit.NONE:
+                return None, limit
             batch = states[start : start + BATCH]
             coverage = views.coverage(t, batch)
             row, face = np.nonzero(coverage)
@@ -194,9 +204,10 @@ def coverage_table(
             pixels.append(coverage[row, face])
         progress(t + 1, n_steps)
     none = np.zeros(0, dtype=np.int64)
-    return CoverageTable(
+    table = CoverageTable(
         nodes=np.concatenate([none, *nodes]),
         indptr=np.concatenate([[0], np.cumsum(np.concatenate([none, *counts]))]),
         groups=np.concatenate([none, *groups]),
         pixels=np.concatenate([np.zeros(0), *pixels]),
     )
+    return table, Limit.NONE

@@ -16,6 +16,12 @@ class FileError(ValueError):
     """A file cannot be used; the message is one line that names file, field and what is allowed."""
 
 
+class Header(msgspec.Struct):
+    """What all files of this project begin with; other fields are not looked at."""
+
+    format: str
+
+
 class SceneFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """A scene file."""
 
@@ -85,7 +91,11 @@ def read_bytes(path: Path) -> bytes:
 
 def load_problem(path: Path) -> Problem:
     """Read a scene file."""
-    return decode(read_bytes(path), SceneFile, str(path)).problem
+    content = read_bytes(path)
+    kind = decode(content, Header, str(path)).format
+    if kind != "cocap-opt scene":
+        raise FileError(f"{path}: format: must be 'cocap-opt scene', not {kind!r}")
+    return decode(content, SceneFile, str(path)).problem
 
 
 def save_problem(path: Path, problem: Problem) -> None:

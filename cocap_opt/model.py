@@ -11,7 +11,8 @@ from functools import lru_cache
 from cocap_opt.cache import cached_table, content_key
 from cocap_opt.coverage import CoverageTable, FaceGeometry, Views, coverage_table
 from cocap_opt.plan import Plan
-from cocap_opt.problem import BoolArray, Problem, Robot
+from cocap_opt.problem import BoolArray, Camera, Motion, Problem, Robot
+from cocap_opt.stop import Limit, Stop, never
 from cocap_opt.timegraph import TimeGraph, time_graph
 
 Path = tuple[int, ...]  # T+1 state numbers of one robot
@@ -45,7 +46,7 @@ class Model:
         self.problem = problem
         self._use_cache = use_cache
         self._geometry = FaceGeometry(problem)
-        self._tables: dict[tuple[object, ...], CoverageTable] = {}
+        self._tables: dict[tuple[Motion, Camera], CoverageTable] = {}
         self.progress: Callable[[int, int], None] = lambda done, total: None
         members: dict[tuple[object, ...], list[int]] = {}
         for i, robot in enumerate(problem.robots):
@@ -80,34 +81,48 @@ class Model:
         return group.graph.reachable(starts, self.problem.horizon)
 
     def _alike(self, group: RobotClass) -> list[RobotClass]:
-        wanted = (group.spec.motion, group.spec.camera)
-        return [c for c in self.classes if (c.spec.motion, c.spec.camera) == wanted]
+        return [other for other in self.classes if _sight(other) == _sight(group)]
 
     def coverage(self, group: RobotClass) -> CoverageTable:
         """Coverage of every state that the class can reach (shared by classes that see alike)."""
-        key = (group.spec.motion, group.spec.camera)
-        if key not in self._tables:
-            self._tables[key] = self._find_table(group)
-        return self._tables[key]
+        self.prepare(group, never)
+        return self._tables[_sight(group)]
 
-    def _find_table(self, group: RobotClass) -> CoverageTable:
-        problem = self.problem
+    def prepare(self, group: RobotClass, stop: Stop) -> Limit:
+        """Compute the coverage of a class, unless a limit is reached before it is whole.
 
-        def make() -> CoverageTable:
-            return coverage_table(
-                self.views(group), self.reachable(group), problem.first_step, self.progress
+        Coverage that is there already, in memory or in the cache, is taken at any time.
+        """
+        problem, sight, limit = self.problem, _sight(group), Limit.NONE
+        if sight in self._tables:
+            return limit
+
+        def make() -> CoverageTable | None:
+            nonlocal limit
+            table, limit = coverage_table(
+                self.views(group), self.reachable(group), problem.first_step, stop, self.progress
             )
+            return table
 
-        if not self._use_cache:
-            return make()
-        starts = sorted(start for other in self._alike(group) for start in other.starts)
-        poses = [actor.poses[: problem.horizon + 1] for actor in problem.actors]
-        shapes = [actor.shape for actor in problem.actors]
-        key = content_key(
-            problem.height_map, group.spec.motion, group.spec.camera, starts, problem.horizon,
-            problem.face_samples, problem.first_step, poses, shapes,
-        )  # fmt: skip
-        return cached_table(key, make)
+        if self._use_cache:
+            starts = sorted(start for other in self._alike(group) for start in other.starts)
+            poses = [actor.poses[: problem.horizon + 1] for actor in problem.actors]
+            shapes = [actor.shape for actor in problem.actors]
+            key = content_key(
+                problem.height_map, *sight, starts, problem.horizon, problem.face_samples,
+                problem.first_step, poses, shapes,
+            )  # fmt: skip
+            table = cached_table(key, make)
+        else:
+            table = make()
+        if table is not None:
+            self._tables[sight] = table
+        return limit
+
+    def prepare_all(self, stop: Stop) -> Limit:
+        """Compute the coverage of all classes, unless a limit is reached."""
+        limits = (self.prepare(group, stop) for group in self.classes)
+        return next((limit for limit in limits if limit is not Limit.NONE), Limit.NONE)
 
     def plan(self, paths: Sequence[Path]) -> Plan:
         """Plan made of one path of state numbers per robot."""
@@ -126,6 +141,11 @@ class Model:
             tuple(graph.index(state) for state in path)
             for graph, path in zip(graphs, plan.paths, strict=True)
         )
+
+
+def _sight(group: RobotClass) -> tuple[Motion, Camera]:
+    """What the coverage of a class depends on, besides its starts."""
+    return group.spec.motion, group.spec.camera
 
 
 @lru_cache(maxsize=8)

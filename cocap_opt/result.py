@@ -1,11 +1,13 @@
 """What a planner or a solver returns, and why it stopped, in two words that do not mix."""
 
 import math
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
 from cocap_opt.plan import Plan
+from cocap_opt.stop import Limit
 
 
 class UnsupportedError(ValueError):
@@ -21,16 +23,6 @@ class Reason(StrEnum):
     FAILED = "failed"  # the method ran to its end without a plan; one may exist
     UNSUPPORTED = "unsupported"  # the method does not take such problems
     STOPPED = "stopped"  # a limit stopped it; the other word says which
-
-
-class Limit(StrEnum):
-    """Which limit stopped it."""
-
-    NONE = "none"
-    TIME = "time"
-    NODES = "nodes"
-    MEMORY = "memory"
-    INTERRUPT = "interrupt"
 
 
 @dataclass(frozen=True)
@@ -53,9 +45,10 @@ class Result:
 
 
 def relative_gap(value: float, bound: float) -> float:
-    """(bound - value) / bound; 0 where both are 0, infinite where one is infinite."""
+    """(bound - value) / bound; infinite where one is infinite.
+
+    A bound of 0 is rounded up to the least positive number, which is no gap.
+    """
     if not (math.isfinite(value) and math.isfinite(bound)):
         return math.inf
-    if value == bound:
-        return 0.0
-    return (bound - value) / bound if bound else math.inf
+    return (bound - value) / max(bound, sys.float_info.min)

@@ -1,4 +1,4 @@
-"""Stopping criteria: callables that say which limit is reached, and compose.
+"""Limits, and stopping criteria: callables that say which limit is reached, and compose.
 
 Solvers ask as often as they like; a time limit starts to count when it is made.
 """
@@ -8,9 +8,20 @@ import signal
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from enum import StrEnum
 from types import FrameType
 
-from cocap_opt.result import Limit
+
+class Limit(StrEnum):
+    """Which limit stopped it."""
+
+    NONE = "none"
+    TIME = "time"
+    NODES = "nodes"
+    MEMORY = "memory"
+    NUMERICS = "numerics"  # a solver's accuracy
+    INTERRUPT = "interrupt"
+
 
 Stop = Callable[[], Limit]
 

@@ -26,6 +26,8 @@ def verify_plan(problem: Problem, content: PlanFile | Plan, answer: Row) -> None
         return
     if claimed.digest != problem_digest(problem):
         answer["violations"].append("digest: the plan belongs to another scene or seed")
+    if verdict.violations:
+        return
     if not math.isclose(claimed.reward, verdict.reward, rel_tol=1e-9, abs_tol=1e-9):
         answer["violations"].append(
             f"reward: the plan claims {claimed.reward!r}, it is {verdict.reward!r}"
@@ -42,6 +44,8 @@ def verify_certificate(problem: Problem, content: CertificateFile, answer: Row) 
         return
     # What has been proved is what the file claims.
     answer["bound"] = content.bound
+    if content.bound is None:
+        answer["message"] = "proved: there is no plan"
 
 
 def conclude(answer: Row) -> None:

@@ -20,8 +20,8 @@ from cocap_opt.check import check
 from cocap_opt.io import FileError, encode, save_problem
 from cocap_opt.plan import Plan
 from cocap_opt.problem import Problem, ProblemError
-from cocap_opt.result import Limit, Reason, UnsupportedError
-from cocap_opt.stop import catch_interrupt
+from cocap_opt.result import Reason, UnsupportedError
+from cocap_opt.stop import Limit, catch_interrupt
 from experiments.claims import conclude, verify_certificate, verify_plan
 from experiments.files import check_output, make_folder, read_claim, read_plan, save_plan, write
 from experiments.gap_table import gap_cell, save_rows, told_apart
@@ -102,7 +102,7 @@ def plan(
     scene: str,
     /,
     *,
-    planner: str = "cocap",
+    planner: Annotated[str, Parameter(help=f"one of {', '.join(SOLVERS)}")] = "cocap",
     seed: Seed = 0,
     time_limit: Seconds = DEFAULT_SECONDS,
     output: Output = None,
@@ -126,7 +126,10 @@ def plan(
         written = str(output)
     row = plan_row(problem, seed, planner, judged)
     row |= {"file": written, **judged.result.statistics}
+    if output is not None and written is None:
+        row["message"] += f"; {output} was not written"
     if judged.verdict:
+        row["reward_at_start"] = judged.verdict.reward_at_start
         row["reward_per_step"] = judged.verdict.reward_per_step
         row["violations"] = judged.verdict.conflicts
     print_result(row, json)
@@ -138,7 +141,7 @@ def bound(
     scene: str,
     /,
     *,
-    method: str = "column-generation",
+    method: Annotated[str, Parameter(help=f"one of {', '.join(BOUNDS)}")] = "column-generation",
     seed: Seed = 0,
     plan: Annotated[Path | None, Parameter(help="a plan to start from")] = None,
     time_limit: Seconds = DEFAULT_SECONDS,
@@ -160,10 +163,11 @@ def bound(
             result = run_bound(problem, method, time_limit, interrupt, start)
         except UnsupportedError as error:
             raise UsageError(f"--method {method}: {error}") from error
-    if output is not None:
-        write(output, lambda: write_atomically(output, encode(result.certificate)))
-    row = bound_row(problem, seed, result)
-    print_result(row | {"file": None if output is None else str(output)}, json)
+    certificate, written = result.certificate, None
+    if output is not None and certificate is not None:
+        write(output, lambda: write_atomically(output, encode(certificate)))
+        written = str(output)
+    print_result(bound_row(problem, seed, result) | {"file": written}, json)
     return 0
 
 
@@ -191,7 +195,10 @@ def verify_files(
             continue
         content = read_claim(path, problem)
         if isinstance(content, Plan):
-            problem = scene_of_plan(scene, problem, content)
+            fitting = scene_of_plan(scene, problem, content)
+            if fitting is not problem:
+                problem = fitting
+                answer |= {"seed": None, "starts": "those in the scene's own file"}
         if isinstance(content, CertificateFile):
             verify_certificate(problem, content, answer)
         elif path is certificate:
@@ -206,7 +213,10 @@ def verify_files(
 @app.command
 def gap(
     *scene: str,
-    planner: Annotated[list[str] | None, Parameter(negative="")] = None,
+    planner: Annotated[
+        list[str] | None,
+        Parameter(negative="", help=f"may be repeated; one of {', '.join(SOLVERS)}"),
+    ] = None,
     seeds: Annotated[str, Parameter(help="e.g. 0-9 or 0,3,7")] = "0",
     time_limit: Seconds = DEFAULT_SECONDS,
     out_: Annotated[Path | None, Parameter(name="--out", help="folder for results.csv, plans and "
@@ -222,7 +232,7 @@ def gap(
     for name in planner or []:
         _choose("--planner", name, SOLVERS)
     _positive("--time-limit", time_limit)
-    cells = [(name, seed) for name in scene for seed in _parse_seeds(seeds)]
+    cells = list(dict.fromkeys((name, seed) for name in scene for seed in _parse_seeds(seeds)))
     problems = told_apart({(name, seed): _load(name, seed) for name, seed in cells})
     make_folder(out_)
     rows: list[Row] = []

@@ -45,6 +45,8 @@ def draw_terrain(ax: Axes, problem: Problem) -> Axes:
         vmax=1, interpolation="nearest", zorder=0,
     )  # fmt: skip
     ax.set_aspect("equal")
+    ax.set_xlim(*extent[:2])  # what is drawn later must not move the frame
+    ax.set_ylim(*extent[2:])
     ax.set_xlabel("x (m)")
     ax.set_ylabel("y (m)")
     return ax
@@ -121,7 +123,7 @@ def plan_figure(problem: Problem, plan: Plan, verdict: Verdict, t: int) -> Figur
     draw_robots(top, problem, plan, t)
     draw_actors(top, problem, t)
     conflicts = f", {len(verdict.conflicts)} conflicts" if verdict.conflicts else ""
-    words = f"step {t} of {problem.horizon}: J = {verdict.reward:,.0f}{conflicts}"
+    words = f"step {t} of {problem.horizon} (whole plan: J = {verdict.reward:,.0f}{conflicts})"
     top.set_title(f"{problem.name}, {words}", fontsize=10)
     draw_reward(bottom, verdict, t)
     return figure

@@ -4,10 +4,8 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
-import msgspec
-
 from cocap_opt.check import check
-from cocap_opt.io import FileError, PlanFile, decode, problem_digest, read_bytes
+from cocap_opt.io import FileError, Header, PlanFile, decode, problem_digest, read_bytes
 from cocap_opt.io import save_plan as save_plan_file
 from cocap_opt.plan import Plan
 from cocap_opt.problem import Problem
@@ -59,17 +57,13 @@ def write(path: Path, action: Callable[[], None]) -> None:
         raise FileError(f"{path}: cannot be written: {error.strerror}") from error
 
 
-class _Header(msgspec.Struct):
-    format: str
-
-
 def read_claim(path: Path, problem: Problem) -> PlanFile | CertificateFile | Plan:
     """A plan file, a certificate file, or a plan in a foreign format."""
     foreign = read_foreign_plan(path, problem)
     if foreign is not None:
         return foreign
     content = read_bytes(path)
-    kind = decode(content, _Header, str(path)).format
+    kind = decode(content, Header, str(path)).format
     if kind == "cocap-opt plan":
         return decode(content, PlanFile, str(path))
     if kind == "cocap-opt certificate":

@@ -1,5 +1,7 @@
 """The gap table, cell by cell: a scene and a seed, one bound, and a plan per planner."""
 
+import csv
+import io
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -25,9 +27,10 @@ def gap_cell(
     """Rows of one scene and seed; with a folder, the plans and the certificate as files."""
     bounded = run_bound(problem, BOUND_METHOD, seconds, interrupt)
     stem, path = f"{_file_name(problem.name)}-{seed}", ""
-    if folder is not None:
+    certificate = bounded.certificate
+    if folder is not None and certificate is not None:
         path = f"certificates/{stem}.json"
-        target, content = folder / path, encode(bounded.certificate)
+        target, content = folder / path, encode(certificate)
         write(target, lambda: write_atomically(target, content))
     rows = []
     for name in planners:
@@ -58,7 +61,8 @@ def _file_name(scene: str) -> str:
 
 def save_rows(path: Path, rows: Sequence[Row]) -> None:
     """Write rows as CSV."""
-    import pandas as pd  # slow to import, and needed only here
-
-    content = pd.DataFrame(rows).to_csv(index=False).encode()
-    write(path, lambda: write_atomically(path, content))
+    text = io.StringIO()
+    writer = csv.DictWriter(text, fieldnames=list(rows[0]) if rows else [])
+    writer.writeheader()
+    writer.writerows(rows)
+    write(path, lambda: write_atomically(path, text.getvalue().encode()))

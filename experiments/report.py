@@ -66,18 +66,16 @@ def run_bound(
 
 
 def plan_row(problem: Problem, seed: int, planner: str, judged: Judged) -> Row:
-    """Row of a plan without a bound from elsewhere."""
+    """Row of a plan, without a bound: only certified bounds are printed."""
     result = judged.result
-    feasible = judged.verdict is not None and judged.verdict.valid
-    proved = result.reason in (Reason.OPTIMAL, Reason.INFEASIBLE)
     return {
         "scene": problem.name,
         "seed": seed,
         "planner": planner,
-        "method": planner if proved else None,
+        "method": None,
         "reward": finite(judged.reward),
-        "bound": finite(result.bound),
-        "gap": finite(relative_gap(judged.reward, result.bound)) if feasible else None,
+        "bound": None,
+        "gap": None,
         "reason": str(result.reason),
         "limit": str(result.limit),
         "seconds": result.seconds,
@@ -93,13 +91,13 @@ def gap_row(
     feasible = judged.verdict is not None and judged.verdict.valid
     row = plan_row(problem, seed, planner, judged)
     row |= {
-        "method": bound.certificate.method,
+        "method": bound.method,
         "bound": finite(bound.bound),
         "gap": finite(relative_gap(judged.reward, bound.bound)) if feasible else None,
         "robots": len(problem.robots),
         "actors": len(problem.actors),
         "steps": problem.horizon,
-        "bound_method": bound.certificate.method,
+        "bound_method": bound.method,
         "certificate": path,
     }
     return row
@@ -110,7 +108,7 @@ def bound_row(problem: Problem, seed: int, bound: BoundResult) -> Row:
     return {
         "scene": problem.name,
         "seed": seed,
-        "method": bound.certificate.method,
+        "method": bound.method,
         "bound": finite(bound.bound),
         "reason": str(bound.reason),
         "limit": str(bound.limit),
@@ -120,7 +118,7 @@ def bound_row(problem: Problem, seed: int, bound: BoundResult) -> Row:
 
 
 def default_planners(problem: Problem) -> list[str]:
-    """Planners of a gap table: all that take a problem with this many robots."""
+    """Planners of a gap table: the paper's, and the joint optimum where it can be had."""
     names = ["greedy", "sequential", "cocap", "cocap-vs"]
     return [*names, "joint"] if len(problem.robots) <= 2 else names
 
@@ -131,7 +129,10 @@ def finite(value: float) -> float | None:
 
 
 def mean_table(rows: Sequence[Row]) -> list[Row]:
-    """Per scene and planner: means over seeds, and how often there was a plan."""
+    """Per scene and planner: means over seeds, and how many plans obey the rules.
+
+    A mean exists only where all seeds have a value: means over different seeds mislead.
+    """
     keys = list(dict.fromkeys((row["scene"], row["planner"]) for row in rows))
     table = []
     for scene, planner in keys:
@@ -149,5 +150,5 @@ def mean_table(rows: Sequence[Row]) -> list[Row]:
 
 
 def _mean(rows: Sequence[Row], key: str) -> float | None:
-    values = [row[key] for row in rows if row[key] is not None]
-    return math.fsum(values) / len(values) if values else None
+    values = [row[key] for row in rows]
+    return None if None in values else math.fsum(values) / len(values)

@@ -9,9 +9,9 @@ import numpy as np
 from cocap_opt.model import Model, Path, compiled
 from cocap_opt.plan import conflicts
 from cocap_opt.problem import Problem
-from cocap_opt.result import Limit, Reason, Result, UnsupportedError
+from cocap_opt.result import Reason, Result, UnsupportedError
 from cocap_opt.reward import objective, robot_pixels
-from cocap_opt.stop import Stop, never
+from cocap_opt.stop import Limit, Stop, never
 
 MOST_PLANS = 2_000_000
 

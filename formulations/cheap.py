@@ -13,14 +13,14 @@ from cocap_opt.plan import Plan
 from cocap_opt.problem import Problem
 from cocap_opt.result import Reason
 from cocap_opt.reward import no_pixels, robot_pixels
-from cocap_opt.stop import Stop, never
-from formulations.bound import BoundResult
+from cocap_opt.stop import Limit, Stop, never
+from formulations.bound import BoundResult, no_bound
 from formulations.certificate import ReferencePixels, certify
 
 
 def alone(problem: Problem, stop: Stop = never, plan: Plan | None = None) -> BoundResult:
     """Sum over robots of what each could see if it were alone."""
-    return _from_pixels(problem, None, "alone")
+    return _from_pixels(problem, stop, None, "alone")
 
 
 def online(problem: Problem, stop: Stop = never, plan: Plan | None = None) -> BoundResult:
@@ -29,12 +29,15 @@ def online(problem: Problem, stop: Stop = never, plan: Plan | None = None) -> Bo
     Without a plan it is the bound `alone`. (The stationarity part of J(P) is bounded by the
     paths' own, so it is not counted twice.)
     """
-    return _from_pixels(problem, plan, "online")
+    return _from_pixels(problem, stop, plan, "online")
 
 
-def _from_pixels(problem: Problem, plan: Plan | None, method: str) -> BoundResult:
+def _from_pixels(problem: Problem, stop: Stop, plan: Plan | None, method: str) -> BoundResult:
     begin = time.perf_counter()
     model = compiled(problem)
+    limit = model.prepare_all(stop)
+    if limit is not Limit.NONE:
+        return no_bound(method, limit, time.perf_counter() - begin)
     pixels = no_pixels(problem)
     if plan is not None:
         for robot, path in enumerate(model.paths(plan)):
@@ -42,4 +45,4 @@ def _from_pixels(problem: Problem, plan: Plan | None, method: str) -> BoundResul
     table = np.reshape(pixels, (problem.horizon + 1, -1)).tolist()
     certificate = ReferencePixels(tuple(tuple(row) for row in table))
     file = certify(problem, model, method, certificate)
-    return BoundResult(file, Reason.FINISHED, seconds=time.perf_counter() - begin)
+    return BoundResult(method, file, Reason.FINISHED, seconds=time.perf_counter() - begin)

@@ -21,7 +21,7 @@ from scipy import sparse
 from cocap_opt.model import Model, Path, RobotClass, compiled
 from cocap_opt.plan import Plan
 from cocap_opt.problem import FloatArray, IntArray, Problem
-from cocap_opt.result import Limit, Reason
+from cocap_opt.result import Reason
 from cocap_opt.reward import (
     group_weights,
     marginal_reward,
@@ -30,15 +30,18 @@ from cocap_opt.reward import (
     spread,
     unchanged,
 )
-from cocap_opt.stop import Stop, never
+from cocap_opt.stop import Limit, Stop, never, seconds_left
 from cocap_opt.timegraph import CLOSED, NO_CHARGES, Charges
-from formulations.bound import BoundResult
+from formulations.bound import BoundResult, no_bound
 from formulations.certificate import certify
 from formulations.multipliers import certificate_of, repaired
 from formulations.rows import CellPath, Key, broken_rows, row_charges, uses
 
+METHOD = "column-generation"
 RELATIVE_TOLERANCE = 1e-7  # stop when bound and master agree to this
+ACCURACY = 1e-5  # if pricing finds nothing new, they must agree to this to be called converged
 MOST_PENALTY_RAISES = 8
+NO_TIME_LIMIT = 1e9  # s, Clarabel takes no infinity
 
 
 @dataclass(frozen=True)
@@ -59,10 +62,10 @@ class Duals:
     alpha: FloatArray  # [G]
     beta: FloatArray  # [G]
     rows: dict[Key, float]
-    convexity: FloatArray  # [R] what a robot's columns are worth now
     value: float  # the master's objective
     mixture: FloatArray  # weight of each column
     slack: float  # total violation of conflict rows that was paid for
+    solved: bool  # whether the solver says so, be it with reduced accuracy
 
 
 @dataclass
@@ -70,20 +73,32 @@ class Master:
     """Restricted master problem over the columns found so far."""
 
     model: Model
+    penalty: float  # cost of a violated conflict row, so that there is a solution
     columns: list[Column] = field(default_factory=list)
-    rows: list[Key] = field(default_factory=list)
+    users: dict[Key, list[int]] = field(default_factory=dict)  # columns that use each row
     known: set[tuple[int, Path]] = field(default_factory=set)
-    penalty: float = 1.0  # cost of a violated conflict row, so that there is a solution
 
     def add(self, column: Column) -> bool:
         """Take a column in; False if it was there already."""
         if (column.robot, column.path) in self.known:
             return False
         self.known.add((column.robot, column.path))
+        for key, users in self.users.items():
+            if uses(key, column.cells):
+                users.append(len(self.columns))
         self.columns.append(column)
         return True
 
-    def solve(self) -> Duals:
+    def add_broken_rows(self, mixture: FloatArray) -> bool:
+        """Take in the rows that a mixture of the columns breaks; False if there is no new one."""
+        cells = [column.cells for column in self.columns]
+        broken = broken_rows(self.model.problem, cells, mixture.tolist())
+        new = [key for key in broken if key not in self.users]
+        for key in new:
+            self.users[key] = [n for n, path in enumerate(cells) if uses(key, path)]
+        return bool(new)
+
+    def solve(self, seconds: float) -> Duals:
         """Solve by Clarabel's interior-point method (one thread)."""
         problem = self.model.problem
         weights = group_weights(problem)
@@ -91,12 +106,14 @@ class Master:
         used = np.flatnonzero((pixels.max(axis=0) > 0) & (weights > 0))
         scale = np.sqrt(pixels[:, used].max(axis=0))  # brings the roots of each group to 0..1
         scaled = sparse.csr_array(pixels[:, used].T / scale[:, None] ** 2)  # [g, N]
-        unit = float((weights[used] * scale).max()) if len(used) else 1.0
+        bonus = max(column.bonus for column in self.columns)
+        unit = max(float((weights[used] * scale).max(initial=0.0)), bonus) or 1.0
         cost = _objective(self, weights[used] * scale, unit)
         blocks, rhs, cones = self._constraints(scaled)
         settings = clarabel.DefaultSettings()
         settings.verbose = False
         settings.max_threads = 1
+        settings.time_limit = min(seconds, NO_TIME_LIMIT)
         solution = clarabel.DefaultSolver(
             sparse.csc_matrix((len(cost), len(cost))), cost, sparse.csc_matrix(blocks), rhs,
             cones, settings,
@@ -108,15 +125,10 @@ class Master:
     ) -> tuple[sparse.csr_array, FloatArray, list[object]]:
         """Rows in Clarabel's form A x + s = b over x = (mixture, slack, u)."""
         n_groups, n = scaled.shape
-        n_rows, n_robots = len(self.rows), len(self.model.problem.robots)
+        n_rows, n_robots = len(self.users), len(self.model.problem.robots)
         robots = [column.robot for column in self.columns]
         one_each = sparse.csr_array((np.ones(n), (robots, np.arange(n))), shape=(n_robots, n))
-        in_row = [
-            (r, c)
-            for r, key in enumerate(self.rows)
-            for c, column in enumerate(self.columns)
-            if uses(key, column.cells)
-        ]
+        in_row = [(r, n) for r, users in enumerate(self.users.values()) for n in users]
         at = np.array(in_row, dtype=np.int64).reshape(-1, 2).T
         conflicts = sparse.csr_array((np.ones(at.shape[1]), (at[0], at[1])), shape=(n_rows, n))
         eye = sparse.eye_array
@@ -156,7 +168,7 @@ class Master:
         weights: FloatArray,
         unit: float,
     ) -> Duals:
-        n, n_rows = len(self.columns), len(self.rows)
+        n, n_rows = len(self.columns), len(self.users)
         n_robots, n_groups = len(self.model.problem.robots), len(used)
         x, y = np.array(solution.x), np.array(solution.z) * unit
         parts = np.split(y, np.cumsum([n_robots, n_rows, n, n_rows, n_groups]))
@@ -170,17 +182,17 @@ class Master:
         return Duals(
             alpha=alpha,
             beta=beta,
-            rows=dict(zip(self.rows, np.maximum(parts[1], 0.0).tolist(), strict=True)),
-            convexity=parts[0],
+            rows=dict(zip(self.users, np.maximum(parts[1], 0.0).tolist(), strict=True)),
             value=-float(solution.obj_val) * unit,
             mixture=np.maximum(x[:n], 0.0),
             slack=float(np.maximum(x[n : n + n_rows], 0.0).sum()),
+            solved=str(solution.status) in ("Solved", "AlmostSolved"),
         )
 
 
 def _objective(master: Master, root_weights: FloatArray, unit: float) -> FloatArray:
     bonus = np.array([column.bonus for column in master.columns])
-    slack = np.full(len(master.rows), master.penalty)
+    slack = np.full(len(master.users), master.penalty)
     return np.concatenate([-bonus, slack, -root_weights]) / unit
 
 
@@ -270,62 +282,65 @@ def column_generation(
     """
     begin = time.perf_counter()
     model = compiled(problem)
-    best = Iteration(np.inf, _alone(model), [])
+    limit = model.prepare_all(stop)
+    if limit is not Limit.NONE:
+        return no_bound(METHOD, limit, time.perf_counter() - begin)
+    best = price_columns(model, _alone(model))
     columns = first_columns(model)
     statistics: dict[str, float] = dict.fromkeys(("iterations", "columns", "rows"), 0)
-    limit = Limit.NONE
-    if columns is not None:
-        master = Master(model)
+    if columns is not None and best.bound > 0:
+        # Twice what all robots can see is more than a violated row can ever bring.
+        master = Master(model, penalty=2 * best.bound)
         if plan is not None:
             columns += [make_column(model, i, path) for i, path in enumerate(model.paths(plan))]
         for column in columns:
             master.add(column)
         best, limit = _iterate(master, best, stop, statistics)
-        statistics |= {"columns": len(master.columns), "rows": len(master.rows)}
+        statistics |= {"columns": len(master.columns), "rows": len(master.users)}
     duals = best.duals
     certificate = certificate_of(problem, duals.alpha, duals.beta, duals.rows)
-    file = certify(problem, model, "column-generation", certificate)
+    file = certify(problem, model, METHOD, certificate)
     reason = Reason.FINISHED if limit is Limit.NONE else Reason.STOPPED
-    if file.bound < 0:
+    if file.proved < 0:
         reason, limit = Reason.INFEASIBLE, Limit.NONE
-    return BoundResult(file, reason, limit, time.perf_counter() - begin, statistics)
+    return BoundResult(METHOD, file, reason, limit, time.perf_counter() - begin, statistics)
 
 
 def _alone(model: Model) -> Duals:
     """The multipliers of the bound in which every robot is alone."""
     zeros = no_pixels(model.problem)
-    robots = np.zeros(len(model.problem.robots))
-    return Duals(zeros + 1.0, zeros, {}, robots, np.inf, np.zeros(0), 0.0)
+    return Duals(zeros + 1.0, zeros, {}, np.inf, np.zeros(0), slack=0.0, solved=True)
 
 
 def _iterate(
     master: Master, best: Iteration, stop: Stop, statistics: dict[str, float]
 ) -> tuple[Iteration, Limit]:
     """Solve and price in turn until bound and master agree, or a limit is reached."""
-    model, raises = master.model, 0
-    master.penalty = 2 * price_columns(model, best.duals).bound + 1.0
-    while True:
-        limit = stop()
-        if limit is not Limit.NONE:
-            return best, limit
+    raises = 0
+    while (limit := stop()) is Limit.NONE:
         statistics["iterations"] += 1
-        duals = master.solve()
-        iteration = price_columns(model, duals)
+        duals = master.solve(seconds_left(stop))
+        if not (np.isfinite(duals.alpha).all() and np.isfinite(duals.beta).all()):
+            return best, Limit.NUMERICS
+        iteration = price_columns(master.model, duals)
         if iteration.bound < best.bound:
             best = iteration
-        if best.bound < 0:
+        elif not duals.solved:
+            break
+        if best.bound <= 0:
             return best, Limit.NONE
-        cells = [column.cells for column in master.columns]
-        rows = [key for key in broken_rows(model.problem, cells, duals.mixture.tolist())
-                if key not in set(master.rows)]  # fmt: skip
-        master.rows += rows
-        worth = {column.robot: column for column in iteration.new_columns}
-        added = [master.add(column) for column in worth.values()]
-        converged = best.bound - duals.value <= RELATIVE_TOLERANCE * abs(best.bound)
-        if rows or (any(added) and not converged):
+        new_rows = master.add_broken_rows(duals.mixture)
+        new_columns = [master.add(column) for column in iteration.new_columns]
+        open_gap = best.bound - duals.value
+        if new_rows or (any(new_columns) and open_gap > RELATIVE_TOLERANCE * abs(best.bound)):
             continue
-        if duals.slack < 1e-6 or raises == MOST_PENALTY_RAISES:
-            return best, Limit.NONE
+        if duals.slack < 1e-6:
+            converged = open_gap <= ACCURACY * abs(best.bound)
+            return best, Limit.NONE if converged else Limit.NUMERICS
         # Rows are still paid for: either there is no plan or the penalty is too low.
+        if raises == MOST_PENALTY_RAISES:
+            break
         master.penalty *= 10
         raises += 1
+    limit = limit if limit is not Limit.NONE else stop()
+    return best, limit if limit is not Limit.NONE else Limit.NUMERICS

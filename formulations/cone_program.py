@@ -22,15 +22,16 @@ from scipy import sparse
 from cocap_opt.model import Model, RobotClass, compiled
 from cocap_opt.plan import Plan
 from cocap_opt.problem import Cell, FloatArray, IntArray, Problem
-from cocap_opt.result import Limit, Reason, UnsupportedError
+from cocap_opt.result import Reason, UnsupportedError
 from cocap_opt.reward import group_weights, no_pixels
-from cocap_opt.stop import Stop, never, seconds_left
+from cocap_opt.stop import Limit, Stop, never, seconds_left
 from cocap_opt.timegraph import CLOSED
-from formulations.bound import BoundResult
+from formulations.bound import BoundResult, no_bound
 from formulations.certificate import certify
 from formulations.multipliers import certificate_of, repaired
 from formulations.rows import Key
 
+METHOD = "relaxation"
 MOST_EDGES = 60_000
 
 
@@ -80,23 +81,28 @@ def relaxation(problem: Problem, stop: Stop = never, plan: Plan | None = None) -
     """
     begin = time.perf_counter()
     model = compiled(problem)
+    limit = model.prepare_all(stop)
+    if limit is not Limit.NONE:
+        return no_bound(METHOD, limit, time.perf_counter() - begin)
     flows = [flow_of(model, group) for group in model.classes]
     n_groups = (problem.horizon + 1) * model.n_faces
-    # The bound of robots alone, for where there is no time or no path.
+    # The bound of robots alone, for where a robot has no path or the solver gives up.
     alpha, beta, rows = np.ones(n_groups), np.zeros(n_groups), dict[Key, float]()
-    limit, solved = stop(), False
+    limit = stop()
     if limit is Limit.NONE and all(len(flow.tails) for flow in flows):
         program = _ConeProgram(model, flows)
-        solved = program.solve(seconds_left(stop))
-        limit = stop()
-        if solved:
+        if program.solve(seconds_left(stop)):
             alpha, beta, rows = program.multipliers()
-    file = certify(problem, model, "relaxation", certificate_of(problem, alpha, beta, rows))
+        else:
+            limit = stop()
+            limit = limit if limit is not Limit.NONE else Limit.NUMERICS
+    file = certify(problem, model, METHOD, certificate_of(problem, alpha, beta, rows))
     reason = Reason.FINISHED if limit is Limit.NONE else Reason.STOPPED
-    reason = Reason.INFEASIBLE if file.bound < 0 else reason
+    if file.proved < 0:
+        reason, limit = Reason.INFEASIBLE, Limit.NONE
     edges = sum(len(flow.tails) for flow in flows)
-    statistics = {"edges": edges, "rows": len(rows), "solved": solved}
-    return BoundResult(file, reason, limit, time.perf_counter() - begin, statistics)
+    statistics = {"edges": edges, "rows": len(rows)}
+    return BoundResult(METHOD, file, reason, limit, time.perf_counter() - begin, statistics)
 
 
 class _ConeProgram:
@@ -236,7 +242,7 @@ Usage = dict[Key, list[tuple[int, int]]]  # row -> (class, edge) that use it
 
 
 def _conflict_rows(model: Model, flows: list[Flow]) -> Usage:
-    """All conflict rows that at least two robots' flows could break."""
+    """All conflict rows; those that no two robots can break do no harm."""
     problem = model.problem
     if problem.rules.none:
         return {}

@@ -226,9 +226,10 @@ def test_a_time_limit_of_zero_still_answers(capsys: pytest.CaptureFixture[str]) 
     rows = Run(capsys, "gap", "corridor", "--time-limit", 0, "--json").json["rows"]
     assert {row["limit"] for row in rows} == {"time"}
     for row in rows:
-        assert row["bound"] > 0
         assert row["reason"] == "stopped"
-    assert any(row["reward"] is not None for row in rows)
+        assert row["reward"] > 0  # all stay where they are
+        assert row["conflicts"] == 0
+        assert row["bound"] is None or row["bound"] >= row["reward"]
 
 
 def test_the_same_plan_file_in_any_process(tmp_path: Path) -> None:

@@ -12,9 +12,9 @@ from cocap_opt.check import check
 from cocap_opt.model import compiled
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import NO_RULES, Cell, Problem
-from cocap_opt.result import Limit, Reason, UnsupportedError
+from cocap_opt.result import Reason, UnsupportedError
 from cocap_opt.reward import no_pixels
-from cocap_opt.stop import TimeLimit, never
+from cocap_opt.stop import Limit, TimeLimit, never
 from formulations import BOUNDS, EXACT
 from formulations.certificate import (
     CellsRow,

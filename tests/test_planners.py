@@ -25,10 +25,11 @@ from cocap_opt.motion import time_expanded_graph
 from cocap_opt.plan import Conflict, Plan, SwapConflict, conflicts
 from cocap_opt.planners import PLANNERS, Planner
 from cocap_opt.planners.cocap import cocap
-from cocap_opt.planners.greedy import greedy, hover
+from cocap_opt.planners.greedy import greedy
 from cocap_opt.planners.joint import joint
 from cocap_opt.planners.sequential import sequential
 from cocap_opt.planners.single import LowLevel, SingleRobotPath, SingleRobotTask
+from cocap_opt.planners.team import hover
 from cocap_opt.planners.value_iteration import value_iteration
 from cocap_opt.planners.view_search import ViewSearch
 from cocap_opt.problem import (
@@ -44,9 +45,9 @@ from cocap_opt.problem import (
     Robot,
     State,
 )
-from cocap_opt.result import Limit, Reason, Result, UnsupportedError, relative_gap
+from cocap_opt.result import Reason, Result, UnsupportedError, relative_gap
 from cocap_opt.reward import no_pixels, objective_of, robot_pixels
-from cocap_opt.stop import FirstOf, TimeLimit, catch_interrupt, never, seconds_left
+from cocap_opt.stop import FirstOf, Limit, TimeLimit, catch_interrupt, never, seconds_left
 from cocap_opt.timegraph import Charges
 
 OBEY_RULES = {"sequential", "cocap", "cocap-vs", "joint"}
@@ -160,7 +161,7 @@ def test_joint_values_are_of_the_true_objective(problem: Problem) -> None:
     """The value that joint planning gives the pair of starts is the best J itself."""
     best = optimum(problem)
     pair = sys.modules["cocap_opt.planners.joint"]._Pair(Model(problem, use_cache=False))
-    values = pair.sweep(never)
+    _, values = pair.sweep(never)
     value = float(values[0][pair._at(0, pair.a.start, pair.b.start)])
     assert value == pytest.approx(best.value, rel=1e-9)
 

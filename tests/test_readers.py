@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from cocap_opt.check import check
+from cocap_opt.plan import Plan
 from cocap_opt.problem import (
     PAPER_RULES,
     Cuboid,
@@ -495,3 +497,21 @@ def test_walks_have_the_benchmark_lengths(name: str) -> None:
             assert length == pytest.approx(trip.length, abs=1e-6)
     seeds = [movingai.read(DATA / f"movingai/{name}.scen", seed) for seed in range(5)]
     assert len({tuple(r.start for r in problem.robots) for problem in seeds}) > 1
+
+
+@pytest.mark.parametrize("name", ["corridor", "split"])
+def test_rewards_of_published_plans(name: str) -> None:
+    """The J of a published plan is that of its authors' renderer, within half a per cent.
+
+    Theirs is the re-evaluation in which each robot keeps its own tilt; what is left is the
+    sampling of both: their pixels come in steps of 80 px/m2.
+    """
+    folder = _data(f"greedy_perspectives/{name}/peer_reward.csv").parent
+    problem = greedy_perspectives.read(folder / "seq.yaml", starts="yaml")
+    plan = Plan(paths=greedy_perspectives.read_plan(folder / "peer_paths.csv", problem))
+    with (folder / "peer_reward.csv").open() as file:
+        theirs = [float(row["own_tilt_view_reward"]) for row in csv.DictReader(file)]
+    verdict = check(problem, plan)
+    assert verdict.valid
+    assert len(theirs) == problem.horizon + 1
+    assert verdict.reward == pytest.approx(sum(theirs), rel=0.005)

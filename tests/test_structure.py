@@ -19,7 +19,7 @@ ALLOWED = {
 }
 # The order of the core: none of these uses a later one, directly or through others.
 ORDER = (
-    "problem", "motion", "timegraph", "coverage", "plan", "reward", "check", "result", "stop",
+    "stop", "problem", "motion", "timegraph", "coverage", "plan", "reward", "check", "result",
     "planners", "io",
 )  # fmt: skip
 SOLVERS = {"cvxpy", "clarabel", "highspy", "ortools"}

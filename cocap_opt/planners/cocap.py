@@ -6,17 +6,17 @@ algorithm; its background section speaks of least cost).
 
 import heapq
 import time
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 
 from cocap_opt.constraints import forbid
-from cocap_opt.model import Model, compiled
+from cocap_opt.model import compiled
 from cocap_opt.plan import Conflict, Plan, conflicts
-from cocap_opt.planners.greedy import Team, no_plan
 from cocap_opt.planners.single import LowLevel, SingleRobotTask
+from cocap_opt.planners.team import Team, no_plan, stopped
 from cocap_opt.planners.value_iteration import value_iteration
 from cocap_opt.problem import Problem
-from cocap_opt.result import Limit, Reason, Result
-from cocap_opt.stop import Stop, never
+from cocap_opt.result import Reason, Result
+from cocap_opt.stop import Limit, Stop, never
 from cocap_opt.timegraph import NO_CHARGES, Charges
 
 
@@ -30,13 +30,23 @@ class Node:
     depth: int  # number of constraints on the way from the root
 
 
+@dataclass
+class Counts:
+    """How much work a search has done."""
+
+    generated: int = 0
+    expanded: int = 0
+    depth: int = 0  # of the last node popped
+    evaluated: int = 0  # states whose coverage was needed by a lazy low level
+
+
 def cocap(
     problem: Problem,
     stop: Stop = never,
     low_level: LowLevel = value_iteration,
     most_nodes: int | None = None,
 ) -> Result:
-    """Plan all robots greedily, then repair conflicts in a constraint tree.
+    """Plan all robots greedily, then repair conflicts in a constraint tree (Alg. 1).
 
     Parameters
     ----------
@@ -46,78 +56,74 @@ def cocap(
     Returns
     -------
     Result
-        The first conflict-free node popped. `statistics` holds the nodes `generated` and
-        `expanded`, the `depth` of the last one popped, and the states `evaluated`. If the
-        tree is exhausted, no plan obeys the rules: both low levels fail only where there is
-        no path, and every constraint of a branch is met by all plans of that branch.
+        The first conflict-free node popped; at a limit, all robots stay where they are.
+        `statistics` holds the nodes `generated` and `expanded`, the `depth` of the last one
+        popped, and the states `evaluated` by a lazy low level. If the tree is exhausted, no
+        plan obeys the rules: a low level fails only where there is no path, and of the two
+        constraints of a conflict every plan meets at least one.
     """
     begin = time.perf_counter()
-    model = compiled(problem)
-    statistics: dict[str, float] = dict.fromkeys(("generated", "expanded", "depth", "evaluated"), 0)
-    root = _root(model, low_level, stop, statistics)
-    # Ties in J go to the older node.
-    queue = [(-root.value, 0, root)] if root else []
-    limit = Limit.NONE
-    while queue and (limit := _limit(stop, most_nodes, statistics)) is Limit.NONE:
-        _, _, node = heapq.heappop(queue)
-        statistics["depth"] = node.depth
+    model, counts, limit = compiled(problem), Counts(), Limit.NONE
+    # The root: every robot's best path given the earlier ones, without constraints.
+    queue: list[tuple[float, int, Node]] = []
+    root = Node(Team(model, []), (NO_CHARGES,) * len(problem.robots), 0.0, depth=0)
+    for robot in range(len(problem.robots)):
+        single = low_level(SingleRobotTask(model, robot, root.team.others(robot), stop=stop))
+        counts.evaluated += single.evaluated
+        limit = single.limit
+        if single.path is None:
+            break
+        root.team.found.append(single)
+    else:
+        counts.generated = 1
+        queue = [(-root.team.value, 0, replace(root, value=root.team.value))]
+    while queue and limit is Limit.NONE:
+        # Pop the node of greatest J; ties go to the older one.
+        node = heapq.heappop(queue)[2]
+        counts.depth = node.depth
         plan = model.plan(node.team.paths)
         conflict = next(conflicts(problem, plan), None)
         if conflict is None:
-            return _success(plan, node, begin, statistics)
-        statistics["expanded"] += 1
+            return _found(plan, node, begin, counts)
+        counts.expanded += 1
+        # Branch: one robot of the first conflict gives way in each child.
         for which in (0, 1):
-            child = _child(node, conflict, which, low_level, stop, statistics)
-            if child is not None:
-                heapq.heappush(queue, (-child.value, int(statistics["generated"]), child))
-    limit = limit if limit is not Limit.NONE else stop()
+            limit = limit if limit is not Limit.NONE else _limit(stop, most_nodes, counts)
+            if limit is Limit.NONE:
+                child, limit = _child(node, conflict, which, low_level, stop, counts)
+                if child is not None:
+                    counts.generated += 1
+                    heapq.heappush(queue, (-child.value, counts.generated, child))
+    if limit is not Limit.NONE:
+        return stopped(model, limit, begin, asdict(counts))
     words = "no plan obeys the rules: the constraint tree is exhausted"
-    return no_plan(limit, begin, (Reason.INFEASIBLE, words), statistics)
+    return no_plan(limit, begin, (Reason.INFEASIBLE, words), asdict(counts))
 
 
-def _limit(stop: Stop, most_nodes: int | None, statistics: dict[str, float]) -> Limit:
-    if most_nodes is not None and statistics["generated"] >= most_nodes:
+def _limit(stop: Stop, most_nodes: int | None, counts: Counts) -> Limit:
+    if most_nodes is not None and counts.generated >= most_nodes:
         return Limit.NODES
     return stop()
 
 
-def _root(
-    model: Model, low_level: LowLevel, stop: Stop, statistics: dict[str, float]
-) -> Node | None:
-    """Greedy plan without constraints."""
-    team = Team(model, [])
-    for robot in range(len(model.problem.robots)):
-        single = low_level(SingleRobotTask(model, robot, team.others(robot), stop=stop))
-        statistics["evaluated"] += single.evaluated
-        if single.path is None:
-            return None
-        team.found.append(single)
-    statistics["generated"] += 1
-    return Node(team, (NO_CHARGES,) * len(team.found), team.value, depth=0)
-
-
 def _child(
-    node: Node,
-    conflict: Conflict,
-    which: int,
-    low_level: LowLevel,
-    stop: Stop,
-    statistics: dict[str, float],
-) -> Node | None:
-    """The node in which one robot of the conflict gives way; only that robot is planned again."""
+    node: Node, conflict: Conflict, which: int, low_level: LowLevel, stop: Stop, counts: Counts
+) -> tuple[Node | None, Limit]:
+    """The node in which one robot of the conflict gives way; only that robot is planned again.
+
+    None where that leaves it no path, or where a limit is reached.
+    """
     robot, model = conflict.robots[which], node.team.model
     charges = forbid(model, conflict, which, node.constraints[robot])
     single = low_level(SingleRobotTask(model, robot, node.team.others(robot), charges, stop))
-    statistics["evaluated"] += single.evaluated
+    counts.evaluated += single.evaluated
     if single.path is None:
-        return None
-    statistics["generated"] += 1
-    team = Team(model, [*node.team.found])
-    team.found[robot] = single
+        return None, single.limit
+    team = node.team.with_path(robot, single)
     constraints = (*node.constraints[:robot], charges, *node.constraints[robot + 1 :])
-    return replace(node, team=team, constraints=constraints, value=team.value, depth=node.depth + 1)
+    return Node(team, constraints, team.value, node.depth + 1), Limit.NONE
 
 
-def _success(plan: Plan, node: Node, begin: float, statistics: dict[str, float]) -> Result:
+def _found(plan: Plan, node: Node, begin: float, counts: Counts) -> Result:
     seconds = time.perf_counter() - begin
-    return Result(plan, node.value, Reason.FINISHED, seconds=seconds, statistics=statistics)
+    return Result(plan, node.value, Reason.FINISHED, seconds=seconds, statistics=asdict(counts))

@@ -12,16 +12,17 @@ import numpy as np
 
 from cocap_opt.constraints import place_of, places_too_close
 from cocap_opt.model import Model, Path, RobotClass, compiled
-from cocap_opt.planners.greedy import no_plan
 from cocap_opt.planners.single import SingleRobotTask
+from cocap_opt.planners.team import no_plan, stopped
 from cocap_opt.planners.value_iteration import value_iteration
 from cocap_opt.problem import BoolArray, Cell, FloatArray, IntArray, Problem
-from cocap_opt.result import Limit, Reason, Result, UnsupportedError
+from cocap_opt.result import Reason, Result, UnsupportedError
 from cocap_opt.reward import group_weights, no_pixels, objective_of
-from cocap_opt.stop import Stop, never
+from cocap_opt.stop import Limit, Stop, never
 from cocap_opt.timegraph import CLOSED
 
 INFEASIBLE = Reason.INFEASIBLE, "no plan obeys the rules: no pair of paths is left"
+TEMPORARIES = 5  # arrays of the last step's size that one step back needs
 MEMORY_LIMIT = 8e9  # bytes that the values of all pairs of states may take
 
 
@@ -37,20 +38,19 @@ def joint(problem: Problem, stop: Stop = never) -> Result:
     model = compiled(problem)
     if len(problem.robots) > 2:
         raise UnsupportedError(f"joint planning takes one or two robots, not {len(problem.robots)}")
-    limit = stop()
-    if limit is not Limit.NONE:
-        return no_plan(limit, begin, INFEASIBLE)
-    if len(problem.robots) == 1:
-        path = value_iteration(SingleRobotTask(model, 0, no_pixels(problem))).path
-        paths: tuple[Path, ...] | None = None if path is None else (path,)
-    else:
+    paths: tuple[Path, ...] | None = None
+    limit = model.prepare_all(stop)
+    limit = stop() if limit is Limit.NONE else limit
+    if limit is Limit.NONE and len(problem.robots) == 1:
+        single = value_iteration(SingleRobotTask(model, 0, no_pixels(problem), stop=stop))
+        limit, paths = single.limit, (single.path,) if single.path else None
+    elif limit is Limit.NONE:
         pair = _Pair(model)
-        if pair.bytes_needed > MEMORY_LIMIT:
-            return no_plan(Limit.MEMORY, begin, INFEASIBLE)
-        values = pair.sweep(stop)
-        if values is None:
-            return no_plan(stop(), begin, INFEASIBLE)
-        paths = pair.best_paths(values)
+        limit, paths = pair.solve(stop)
+    if limit is Limit.MEMORY:
+        return no_plan(limit, begin, INFEASIBLE)
+    if limit is not Limit.NONE:
+        return stopped(model, limit, begin, {})
     if paths is None:
         return no_plan(Limit.NONE, begin, INFEASIBLE)
     value = objective_of(model, paths)
@@ -106,19 +106,28 @@ class _Pair:
 
     @property
     def bytes_needed(self) -> float:
-        steps = range(self.horizon + 1)
-        return 8.0 * sum(
-            float(np.prod(self.a.sizes(t))) * float(np.prod(self.b.sizes(t))) for t in steps
-        )
+        sizes = [
+            float(np.prod(self.a.sizes(t))) * float(np.prod(self.b.sizes(t)))
+            for t in range(self.horizon + 1)
+        ]
+        return 8.0 * (sum(sizes) + TEMPORARIES * sizes[-1])
 
-    def sweep(self, stop: Stop) -> list[FloatArray] | None:
-        """Best reward to go of all pairs at every step; None where a limit is reached."""
+    def solve(self, stop: Stop) -> tuple[Limit, tuple[Path, ...] | None]:
+        """Best pair of paths, None if there is none; or the limit that was reached."""
+        if self.bytes_needed > MEMORY_LIMIT:
+            return Limit.MEMORY, None
+        limit, values = self.sweep(stop)
+        return limit, self.best_paths(values) if limit is Limit.NONE else None
+
+    def sweep(self, stop: Stop) -> tuple[Limit, list[FloatArray]]:
+        """Best reward to go of all pairs at every step, unless a limit is reached."""
         values = [self._close_goals(self._own(self.horizon))]
         for t in range(self.horizon - 1, -1, -1):
-            if stop() is not Limit.NONE:
-                return None
+            limit = stop()
+            if limit is not Limit.NONE:
+                return limit, values
             values.append(self._step_back(t, values[-1]) + self._own(t))
-        return values[::-1]
+        return Limit.NONE, values[::-1]
 
     def _own(self, t: int) -> FloatArray:
         """Reward of being in a pair of states at t; CLOSED where the two conflict."""

@@ -7,12 +7,12 @@ import time
 
 from cocap_opt.constraints import avoid_paths
 from cocap_opt.model import compiled
-from cocap_opt.planners.greedy import Team, hover, no_plan, team_result
 from cocap_opt.planners.single import LowLevel, SingleRobotTask
+from cocap_opt.planners.team import Team, no_plan, plan_or_hover, team_result
 from cocap_opt.planners.value_iteration import value_iteration
 from cocap_opt.problem import Problem, State
-from cocap_opt.result import Limit, Reason, Result
-from cocap_opt.stop import Stop, never
+from cocap_opt.result import Reason, Result
+from cocap_opt.stop import Limit, Stop, never
 
 
 def sequential(
@@ -33,17 +33,11 @@ def sequential(
         i: (robot.start,) * steps for i, robot in enumerate(problem.robots)
     }
     for robot in range(len(problem.robots)):
-        limit = limit if limit is not Limit.NONE else stop()
         del others[robot]
-        if limit is Limit.NONE:
-            group = model.class_of[robot]
-            charges = avoid_paths(model, group, others.items())
-            task = SingleRobotTask(model, robot, team.others(robot), charges, stop)
-            single = low_level(task)
-        else:
-            single = hover(model, robot)
+        charges = avoid_paths(model, model.class_of[robot], others.items())
+        task = SingleRobotTask(model, robot, team.others(robot), charges, stop)
+        single, limit = plan_or_hover(low_level, task, limit)
         if single.path is None:
-            limit = limit if limit is not Limit.NONE else stop()
             words = f"robot {robot} has no path left beside the robots before it"
             return no_plan(limit, begin, (Reason.FAILED, words), {"failed_robot": robot})
         team.found.append(single)

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from cocap_opt.model import Model, Path
 from cocap_opt.problem import FloatArray
-from cocap_opt.stop import Stop, never
+from cocap_opt.stop import Limit, Stop, never
 from cocap_opt.timegraph import NO_CHARGES, Charges
 
 
@@ -22,9 +22,12 @@ class SingleRobotTask(NamedTuple):
 class SingleRobotPath(NamedTuple):
     """A robot's path and what it sees along it."""
 
-    path: Path | None  # None: there is no path, or a limit stopped the search
+    path: Path | None  # None: there is no path, or `limit` stopped the search
     pixels: FloatArray  # [G] px/m2 along the path
     evaluated: int  # states whose coverage was needed for the first time
+    limit: Limit = Limit.NONE  # what stopped the search; NONE: it ran to its end
 
 
+# A low level is complete: it returns no path without a limit only where there is none. That
+# is what lets CoCap call an exhausted constraint tree a proof.
 LowLevel = Callable[[SingleRobotTask], SingleRobotPath]

@@ -2,6 +2,7 @@
 
 from cocap_opt.planners.single import SingleRobotPath, SingleRobotTask
 from cocap_opt.reward import marginal_reward, no_pixels, robot_pixels
+from cocap_opt.stop import Limit
 
 
 def value_iteration(task: SingleRobotTask) -> SingleRobotPath:
@@ -11,6 +12,10 @@ def value_iteration(task: SingleRobotTask) -> SingleRobotPath:
     forward. It needs the coverage of every reachable state.
     """
     model, group = task.model, task.model.class_of[task.robot]
+    limit = task.stop()
+    limit = model.prepare(group, task.stop) if limit is Limit.NONE else limit
+    if limit is not Limit.NONE:
+        return SingleRobotPath(None, no_pixels(model.problem), 0, limit)
     bonus = model.problem.objective.stationarity
     reward = marginal_reward(model, group, task.pixels)
     value = group.graph.backward_sweep(reward, bonus, task.charges, group.goal)

@@ -14,8 +14,8 @@ from cocap_opt.coverage import Views
 from cocap_opt.model import Model, RobotClass
 from cocap_opt.planners.single import SingleRobotPath, SingleRobotTask
 from cocap_opt.problem import FloatArray, IntArray
-from cocap_opt.result import Limit
 from cocap_opt.reward import group_weights, marginal_gain, no_pixels
+from cocap_opt.stop import Limit
 from cocap_opt.timegraph import CLOSED
 
 # gamma ** T by default. Measured over 8 seeds with gamma from 0.6 to 1: near this value CoCap
@@ -50,7 +50,8 @@ class ViewSearch:
     """Best-first search over (step, state), keyed by the discounted reward of the path so far.
 
     The key of a child at step k+1 is (Rbar_k + R_{k+1}) gamma^k: the reward collected on the
-    way to its parent, plus its own, discounted by depth. Below 1, gamma lets promising
+    way to its parent, plus its own, discounted by depth. (The paper has gamma^(k-1), which
+    orders the queue alike.) Below 1, gamma lets promising
     shallow branches compete with deep ones (better paths, more states evaluated); at 1 the
     search dives. Each instance remembers the coverage it has evaluated.
     """
@@ -63,11 +64,11 @@ class ViewSearch:
         model, group = task.model, task.model.class_of[task.robot]
         coverage = self._source(model, group)
         evaluated_before = coverage.evaluated
-        path = self._search(task, coverage)
+        path, limit = self._search(task, coverage)
         pixels = no_pixels(model.problem)
         if path is not None:
             pixels = self._path_pixels(model, coverage, path)
-        return SingleRobotPath(path, pixels, coverage.evaluated - evaluated_before)
+        return SingleRobotPath(path, pixels, coverage.evaluated - evaluated_before, limit)
 
     def _source(self, model: Model, group: RobotClass) -> LazyCoverage:
         key = model, group.robots
@@ -83,7 +84,9 @@ class ViewSearch:
             pixels[t] = coverage(t, np.array([path[t]]))[0]
         return pixels.ravel()
 
-    def _search(self, task: SingleRobotTask, coverage: LazyCoverage) -> tuple[int, ...] | None:
+    def _search(
+        self, task: SingleRobotTask, coverage: LazyCoverage
+    ) -> tuple[tuple[int, ...] | None, Limit]:
         problem, graph = task.model.problem, task.model.class_of[task.robot].graph
         horizon, bonus = problem.horizon, problem.objective.stationarity
         gamma = FINAL_DISCOUNT ** (1 / horizon) if self.gamma is None else self.gamma
@@ -101,12 +104,13 @@ class ViewSearch:
             _, minus_depth, _, state = heapq.heappop(queue)
             k = -minus_depth
             if k == horizon:
-                return _trace(parent, k, state)
+                return _trace(parent, k, state), Limit.NONE
             if (k, state) in processed:
                 continue
             processed.add((k, state))
-            if task.stop() is not Limit.NONE:
-                return None
+            limit = task.stop()
+            if limit is not Limit.NONE:
+                return None, limit
             heads = graph.successors(state)
             heads = heads[[may_enter(k, state, int(head)) for head in heads]]
             if not len(heads):
@@ -122,7 +126,7 @@ class ViewSearch:
                 parent[node] = state
                 pushed += 1
                 heapq.heappush(queue, (-total * gamma**k, -(k + 1), pushed, head))
-        return None
+        return None, Limit.NONE
 
 
 def _goal_filter(task: SingleRobotTask) -> Callable[[int, int, int], bool]:
