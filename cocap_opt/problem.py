@@ -24,6 +24,9 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 
+MOST_STEPS = 10_000  # far more than any solver here takes; a number beyond it is a mistake
+
+
 class ProblemError(ValueError):
     """A field of a problem has a value that is not allowed; the message names the field."""
 
@@ -434,7 +437,11 @@ class Problem(_Data, frozen=True, eq=False, dict=True):
         super().__post_init__()
         _whole(self.horizon, "horizon")
         _whole(self.face_samples, "face_samples")
-        _require(self.horizon >= 1, "horizon", f"must be >= 1 step, not {self.horizon}")
+        _require(
+            1 <= self.horizon <= MOST_STEPS,
+            "horizon",
+            f"must be 1..{MOST_STEPS} steps, not {self.horizon}",
+        )
         _require(len(self.robots) > 0, "robots", "must hold at least one robot")
         _require(
             1 <= self.face_samples <= 64, "face_samples", f"must be 1..64, not {self.face_samples}"

@@ -129,8 +129,22 @@ def test_a_plan_without_a_way_is_a_result(capsys: pytest.CaptureFixture[str]) ->
     assert run.code == 0
     assert (run.json["reward"], run.json["reason"]) == (None, "infeasible")
     assert "no plan obeys the rules" in run.json["message"]
-    bound = Run(capsys, "bound", "tiny-head-on", "--json").json
-    assert bound["reason"] in ("infeasible", "finished")
+
+
+def test_a_proof_that_there_is_no_plan_is_verified(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A negative bound proves that there is no plan, since J >= 0; -infinity is null in files."""
+    scene, certificate = tmp_path / "scene.json", tmp_path / "certificate.json"
+    Run(capsys, "export", "tiny-head-on", "-o", scene)
+    content = json.loads(scene.read_text())
+    content["problem"]["horizon"] = 1  # too short for one robot alone
+    scene.write_text(json.dumps(content))
+    bound = Run(capsys, "bound", scene, "-o", certificate, "--json").json
+    assert (bound["reason"], bound["bound"]) == ("infeasible", None)
+    verified = Run(capsys, "verify", scene, certificate, "--json")
+    assert (verified.code, verified.json["valid"]) == (0, True)
+    assert "no plan" in verified.json["message"]
 
 
 WRONG = [

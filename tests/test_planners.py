@@ -831,3 +831,28 @@ def test_wide_separation_between_high_layers() -> None:
     assert result.plan is not None
     assert check(problem, result.plan).valid
     assert time.perf_counter() - begin < 1
+
+
+def test_robots_of_different_clearance_meet() -> None:
+    """A cell that one robot may enter and another may not is nothing to avoid for the latter."""
+    heights = np.zeros((4, 3))
+    heights[1:3, 1] = 4.5  # blocks a clearance of 1 m at 5 m, not one of 0 m
+    low, high = Motion(headings=1), Motion(headings=1, clearance=1.0)
+    camera = Camera(width=400, height=300, focal=100.0, tilts=(1.0,))
+    problem = Problem(
+        name="",
+        height_map=HeightMap(heights=heights, resolution=2.0),
+        robots=(
+            Robot(start=State(0, 1), motion=low, camera=camera),
+            Robot(start=State(3, 1), motion=high, camera=camera),
+            Robot(start=State(3, 0), motion=low, camera=camera),
+        ),
+        actors=(Actor(poses=np.tile([3.1, 2.9, 0.0, 0.2], (3, 1))),),
+        horizon=2,
+    )
+    best = optimum(problem)
+    for name in ("sequential", "cocap", "cocap-vs"):
+        result = PLANNERS[name](problem, never)
+        assert result.plan is not None
+        assert check(problem, result.plan).valid
+        assert result.value <= best.value + 1e-9
