@@ -44,6 +44,11 @@ class Flow:
     heads: IntArray  # [E] nodes
 
     @property
+    def serves_all(self) -> bool:
+        """Whether every robot of the class has a path."""
+        return bool(np.isin(self.group.starts, self.tails).all())
+
+    @property
     def stays(self) -> FloatArray:
         """1.0 where an edge keeps the state [E]."""
         n_states = self.group.graph.n_states
@@ -89,7 +94,7 @@ def relaxation(problem: Problem, stop: Stop = never, plan: Plan | None = None) -
     # The bound of robots alone, for where a robot has no path or the solver gives up.
     alpha, beta, rows = np.ones(n_groups), np.zeros(n_groups), dict[Key, float]()
     limit = stop()
-    if limit is Limit.NONE and all(len(flow.tails) for flow in flows):
+    if limit is Limit.NONE and all(flow.serves_all for flow in flows):
         program = _ConeProgram(model, flows)
         if program.solve(seconds_left(stop)):
             alpha, beta, rows = program.multipliers()

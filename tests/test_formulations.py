@@ -261,3 +261,12 @@ def test_online_bound_is_tight_where_nothing_can_be_gained() -> None:
     alone = BOUNDS["alone"](problem, never, None).bound
     assert price(compiled(problem), ReferencePixels(
         as_rows(no_pixels(problem).reshape(2, -1)))).bound == alone  # fmt: skip
+
+
+def test_a_robot_that_cannot_reach_its_goal_is_a_proof() -> None:
+    """Where one robot of a class has no path, every bound says that there is no plan."""
+    problem = tiny().replace(horizon=1)
+    robots = tuple(robot.replace(goal=(0, 0)) for robot in problem.robots)
+    for method in BOUNDS.values():
+        result = method(problem.replace(robots=robots), never, None)
+        assert result.bound == -math.inf
