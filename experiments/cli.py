@@ -325,8 +325,11 @@ def _first_line(build: Callable[..., Problem]) -> str:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit."""
     logging.basicConfig(stream=sys.stderr, level=logging.WARNING, format="cocap-opt: %(message)s")
+    if sys.stdout is None:  # closed by the caller: results go nowhere, files are still written
+        sys.stdout = open(os.devnull, "w")  # noqa: SIM115 (open until the process ends)
     try:
         code = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
+        sys.stdout.flush()
     except CycloptsError as error:
         code = _refuse(str(error))
     except (UsageError, FileError, ProblemError) as error:
@@ -335,9 +338,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
         # The reader of our output has gone, as with `| head`.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = 0
+    except OSError as error:  # files name themselves; what is left is the output
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = _refuse(f"standard output: cannot be written: {error.strerror}")
+    except MemoryError:
+        code = _refuse("out of memory: the scene is too large for this method")
+    except KeyboardInterrupt:  # a second Ctrl-C, or one before there was anything to give
+        code = _refuse("interrupted", code=130)
     sys.exit(code or 0)
 
 
-def _refuse(message: str) -> int:
+def _refuse(message: str, code: int = 2) -> int:
     sys.stderr.write("cocap-opt: " + " ".join(message.split()) + "\n")
-    return 2
+    return code

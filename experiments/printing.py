@@ -18,8 +18,13 @@ from experiments.report import Row
 WIDE = 200  # columns of a table that goes to a file or a pipe
 
 
+class _Output(Console):
+    def on_broken_pipe(self) -> None:
+        raise BrokenPipeError  # rich would exit with 1, which here means a false claim
+
+
 def _console() -> Console:
-    return Console() if sys.stdout.isatty() else Console(width=WIDE)
+    return _Output() if sys.stdout.isatty() else _Output(width=WIDE)
 
 
 def print_json(content: Any) -> None:

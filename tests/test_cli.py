@@ -277,3 +277,20 @@ def test_ctrl_c_prints_what_is_finished(tmp_path: Path) -> None:
     assert process.returncode == 0
     assert 0 < len(json.loads(out)["rows"]) < 4000
     assert (tmp_path / "results.csv").is_file()
+
+
+@pytest.mark.parametrize(
+    ("redirection", "code"), [(">&-", 0), ("> /dev/full", 2), ("| head -n 1", 0)]
+)
+def test_standard_output_that_takes_nothing(redirection: str, code: int) -> None:
+    """A closed, full or cut-off standard output is no traceback."""
+    if "full" in redirection and not Path("/dev/full").exists():
+        pytest.skip("needs /dev/full")
+    python = f"{sys.executable} -c 'from experiments.cli import main; main([\"scenes\"])'"
+    done = subprocess.run(
+        ["bash", "-c", f"set -o pipefail; {python} {redirection}"], capture_output=True, text=True,
+        check=False,
+    )  # fmt: skip
+    assert done.returncode == code
+    assert "Traceback" not in done.stderr
+    assert len(done.stderr.splitlines()) == (1 if code else 0)
