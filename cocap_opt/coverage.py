@@ -49,7 +49,7 @@ class FaceGeometry:
         width, depth = problem.height_map.shape
         # The local origin for the float32 rays: the middle of the map.
         x, y = problem.height_map.centre(width // 2, depth // 2)
-        self._origin = np.array([x, y, float(problem.height_map.heights.min())])
+        self._origin = np.array([x, y, float(np.median(problem.height_map.heights))])
         self._terrain = Occluders(terrain_triangles(problem.height_map), self._origin)
         self.at = lru_cache(maxsize=None)(self._at)
 

@@ -28,7 +28,7 @@ def verify_plan(problem: Problem, content: PlanFile | Plan, answer: Row) -> None
         answer["violations"].append("digest: the plan belongs to another scene or seed")
     if verdict.violations:
         return
-    if not math.isclose(claimed.reward, verdict.reward, rel_tol=1e-9, abs_tol=1e-9):
+    if not math.isclose(claimed.reward, verdict.reward, rel_tol=1e-9):
         answer["violations"].append(
             f"reward: the plan claims {claimed.reward!r}, it is {verdict.reward!r}"
         )

@@ -33,6 +33,8 @@ def check_output(path: Path | None) -> None:
         return
     if path.is_dir():
         raise FileError(f"{path}: must be a file to write, not a folder")
+    if path.exists() and not path.is_file():
+        raise FileError(f"{path}: must be a regular file, not a device or a pipe")
     if not path.parent.is_dir():
         raise FileError(f"{path}: the folder {path.parent} does not exist")
     if not os.access(path.parent, os.W_OK):

@@ -8,6 +8,7 @@ from typing import Any
 import msgspec
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
@@ -40,7 +41,7 @@ def print_result(row: Row, json: bool) -> None:
     table = Table(show_header=False, box=None)
     for key, value in row.items():
         if value is not None and value != "":
-            table.add_row(key, _text(key, value))
+            table.add_row(key, escape(_text(key, value)))
     _console().print(table)
 
 
@@ -52,7 +53,7 @@ def print_table(title: str, rows: Sequence[Row]) -> None:
         table.add_column(key, justify="left" if isinstance(value, str) else "right",
                          no_wrap=not wraps)  # fmt: skip
     for row in rows:
-        table.add_row(*(_text(key, value) for key, value in row.items()))
+        table.add_row(*(escape(_text(key, value)) for key, value in row.items()))
     _console().print(table)
 
 

@@ -148,7 +148,9 @@ def price(model: Model, certificate: Certificate) -> Pricing:
     else:
         constant, pay = _price_reference(model, certificate)
     _check_rows(problem, rows)
-    charge = math.fsum(row.multiplier for row in rows)
+    charge = sum(row.multiplier for row in rows)
+    if not math.isfinite(charge):
+        raise CertificateError("certificate.rows: multipliers too large, the bound is infinite")
     total, magnitude = constant + charge, abs(constant) + charge
     for group in model.classes:
         reward = _node_rewards(model, group, pay)
