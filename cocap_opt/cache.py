@@ -4,12 +4,15 @@ A file's name is the digest of all that the table depends on, the code included;
 bytes are the digest of the rest, so a damaged file is noticed and made again.
 """
 
+import errno
 import hashlib
 import io
 import logging
 import os
+import stat
 import tempfile
 from collections.abc import Callable
+from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
 
@@ -24,11 +27,19 @@ log = logging.getLogger(__name__)
 _DIGEST_BYTES = hashlib.sha256().digest_size
 
 
-def cache_folder() -> Path:
-    """Folder of the cache: COCAP_OPT_CACHE, or cocap-opt in the user's cache folder."""
+def cache_folder() -> Path | None:
+    """Folder of the cache: COCAP_OPT_CACHE, or cocap-opt in the user's cache folder.
+
+    None where the user has no home and therefore no such folder.
+    """
     if folder := os.environ.get("COCAP_OPT_CACHE"):
         return Path(folder)
-    return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "cocap-opt"
+    if caches := os.environ.get("XDG_CACHE_HOME"):
+        return Path(caches) / "cocap-opt"
+    try:
+        return Path.home() / ".cache" / "cocap-opt"
+    except RuntimeError:  # no HOME, and the user is not in the password database
+        return None
 
 
 def code_digest() -> bytes:
@@ -54,7 +65,10 @@ def _plain(value: object) -> object:
 
 def cached_table(key: str, make: Callable[[], CoverageTable | None]) -> CoverageTable | None:
     """Table with this content key from disk, or made and, if it was made, written there."""
-    path = cache_folder() / f"{key}.coverage"
+    folder = cache_folder()
+    if folder is None:
+        return make()
+    path = folder / f"{key}.coverage"
     table = _read(path)
     if table is None:
         table = make()
@@ -65,15 +79,18 @@ def cached_table(key: str, make: Callable[[], CoverageTable | None]) -> Coverage
 
 def _read(path: Path) -> CoverageTable | None:
     try:
+        if not path.is_file():  # opening a pipe would wait for someone to write into it
+            return None
         content = path.read_bytes()
     except OSError:
         return None
     digest, body = content[:_DIGEST_BYTES], content[_DIGEST_BYTES:]
-    if hashlib.sha256(body).digest() != digest:
-        log.warning("cache file %s is damaged; computing its content again", path)
-        return None
-    with np.load(io.BytesIO(body), allow_pickle=False) as arrays:
-        return CoverageTable(**{name: arrays[name] for name in CoverageTable._fields})
+    if hashlib.sha256(body).digest() == digest:
+        # NumPy names no set of errors for what is not its file.
+        with suppress(Exception), np.load(io.BytesIO(body), allow_pickle=False) as arrays:
+            return CoverageTable(**{name: arrays[name] for name in CoverageTable._fields})
+    log.warning("cache file %s is damaged; computing its content again", path)
+    return None
 
 
 def _write(path: Path, table: CoverageTable) -> None:
@@ -88,8 +105,16 @@ def _write(path: Path, table: CoverageTable) -> None:
 
 
 def write_atomically(path: Path, content: bytes) -> None:
-    """Write a file whole or not at all: to a temporary file beside it, then renamed."""
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    """Write a file whole or not at all: to a temporary file beside it, then renamed.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written, or there is something else, such as a folder or a device.
+    """
+    target = file_to_write(path)
+    # The target's own name may be as long as names can be.
+    handle, name = tempfile.mkstemp(dir=target.parent, prefix=".cocap-opt-")
     try:
         with os.fdopen(handle, "wb") as file:
             file.write(content)
@@ -97,7 +122,22 @@ def write_atomically(path: Path, content: bytes) -> None:
         umask = os.umask(0)
         os.umask(umask)
         os.chmod(name, 0o666 & ~umask)
-        os.replace(name, path)
+        os.replace(name, target)
     except BaseException:
         Path(name).unlink(missing_ok=True)
         raise
+
+
+def file_to_write(path: Path) -> Path:
+    """The regular file, there or not, that a path leads to through symbolic links.
+
+    Raises
+    ------
+    OSError
+        If links lead in a circle, a name is too long, or there is no regular file.
+    """
+    target = Path(os.path.realpath(path))
+    with suppress(FileNotFoundError):
+        if not stat.S_ISREG(target.stat().st_mode):
+            raise OSError(errno.EINVAL, "must be a regular file, not a folder, device or pipe")
+    return target

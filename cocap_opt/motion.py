@@ -77,14 +77,22 @@ def shifted(free: BoolArray, move: Move) -> BoolArray:
 def place_graph(height_map: HeightMap, motion: Motion) -> Graph:
     """Directed graph of the cells a robot can fly in: nodes (layer, x, y), self-loops included."""
     free = free_places(height_map, motion)
+    _, width, depth = free.shape
+    tails, heads = [], []
+    for climb, dx, dy in moves(motion):
+        tails.append(np.flatnonzero(allowed_starts(free, motion, (climb, dx, dy))))
+        heads.append(tails[-1] + (climb * width + dx) * depth + dy)
+    tail, head = np.concatenate(tails), np.concatenate(heads)
+    # There may be millions of edges: networkx takes them in half the time tail by tail, and in
+    # a tenth where they share the nodes' tuples.
+    order = np.argsort(tail, kind="stable")
+    places: list[Place] = list(np.ndindex(free.shape))
     graph: Graph = nx.DiGraph()
-    graph.add_nodes_from(map(tuple, np.argwhere(free).tolist()))
-    for move in moves(motion):
-        tails = np.argwhere(allowed_starts(free, motion, move))
-        heads = tails + np.array(move)
-        graph.add_edges_from(
-            zip(map(tuple, tails.tolist()), map(tuple, heads.tolist()), strict=True)
-        )
+    graph.add_nodes_from(places[i] for i in np.flatnonzero(free).tolist())
+    graph.add_edges_from(
+        (places[i], places[k])
+        for i, k in zip(tail[order].tolist(), head[order].tolist(), strict=True)
+    )
     return graph
 
 

@@ -24,7 +24,15 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 
-MOST_STEPS = 10_000  # far more than any solver here takes; a number beyond it is a mistake
+# Far beyond what any scene needs: a number outside is a mistake. Within them every coverage
+# and every J is a finite number, and a face at any place keeps some digits of its size.
+MOST_STEPS = 10_000
+MOST_TURN = 10_000  # indices per step
+MOST_PIXELS = 100_000  # along an edge of the image
+FOCAL = 1e-3, 1e9  # px
+SMALLEST = 1e-4  # m, edge of a cell or an actor
+LARGEST = 1e9  # m, coordinates and lengths; rad, yaw
+MOST_WEIGHT = 1e12
 
 
 class ProblemError(ValueError):
@@ -58,8 +66,10 @@ def _require(condition: bool, field: str, allowed: str) -> None:
         raise ProblemError(f"{field}: {allowed}")
 
 
-def _finite(value: float, field: str) -> None:
-    _require(math.isfinite(value), field, f"must be a finite number, not {value}")
+def _within(value: float, low: float, high: float, field: str, unit: str = "") -> None:
+    # False for nan, too.
+    allowed = f"must be {low:g}..{high:g} {unit}".rstrip()
+    _require(low <= value <= high, field, f"{allowed}, not {value}")
 
 
 def _whole(value: object, field: str) -> None:
@@ -85,7 +95,7 @@ def _read_only(array: FloatArray) -> FloatArray:
 
 
 def _frozen(array: Any, field: str, ndim: int) -> FloatArray:
-    """Return a read-only float64 copy of `array`, which must have `ndim` axes and be finite."""
+    """Return a read-only float64 copy of `array` of `ndim` axes and numbers within +-LARGEST."""
     try:
         given = np.asarray(array)
     except ValueError:  # rows of different length
@@ -94,7 +104,8 @@ def _frozen(array: Any, field: str, ndim: int) -> FloatArray:
     result = np.array(given, dtype=np.float64)
     _require(result.ndim == ndim, field, f"must have {ndim} axes, not {result.ndim}")
     _require(result.size > 0, field, "must not be empty")
-    _require(bool(np.isfinite(result).all()), field, "must hold finite numbers only")
+    inside = bool((np.abs(result) <= LARGEST).all())  # false for nan, too
+    _require(inside, field, f"must hold finite numbers within +-{LARGEST:g} only")
     return _read_only(result)
 
 
@@ -122,7 +133,7 @@ class HeightMap(_Data, frozen=True, eq=False, dict=True):
     Raises
     ------
     ProblemError
-        If the array is not 2-D, empty or not finite, or the resolution is not positive.
+        If the array is not 2-D, empty or not finite, or a number is out of range.
     """
 
     heights: FloatArray  # [X, Y] m
@@ -132,10 +143,9 @@ class HeightMap(_Data, frozen=True, eq=False, dict=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         msgspec.structs.force_setattr(self, "heights", _frozen(self.heights, "heights", 2))
-        _finite(self.resolution, "resolution")
-        _require(self.resolution > 0, "resolution", "must be > 0 m")
+        _within(self.resolution, SMALLEST, LARGEST, "resolution", "m")
         for value in self.origin:
-            _finite(value, "origin")
+            _within(value, -LARGEST, LARGEST, "origin", "m")
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -173,17 +183,14 @@ class Motion(_Data, frozen=True):
         super().__post_init__()
         for field in ("radius", "headings", "turn", "climb", "pitch_turn"):
             _whole(getattr(self, field), field)
-        _require(0 <= self.radius <= 16, "radius", f"must be 0..16 cells, not {self.radius}")
-        _require(
-            1 <= self.headings <= 360, "headings", f"must be 1..360 directions, not {self.headings}"
-        )
+        _within(self.radius, 0, 16, "radius", "cells")
+        _within(self.headings, 1, 360, "headings", "directions")
         for field in ("turn", "climb", "pitch_turn"):
-            _require(getattr(self, field) >= 0, field, f"must be >= 0, not {getattr(self, field)}")
-        _finite(self.clearance, "clearance")
-        _require(self.clearance >= 0, "clearance", "must be >= 0 m")
+            _within(getattr(self, field), 0, MOST_TURN, field, "indices per step")
+        _within(self.clearance, 0, LARGEST, "clearance", "m")
         _require(len(self.layers) > 0, "layers", "must name at least one flight height")
         for height in self.layers:
-            _finite(height, "layers")
+            _within(height, -LARGEST, LARGEST, "layers", "m")
         increasing = all(a < b for a, b in zip(self.layers, self.layers[1:], strict=False))
         _require(increasing, "layers", "flight heights must increase")
 
@@ -203,14 +210,13 @@ class Camera(_Data, frozen=True):
         super().__post_init__()
         _whole(self.width, "width")
         _whole(self.height, "height")
-        _require(self.width >= 1, "width", f"must be >= 1 px, not {self.width}")
-        _require(self.height >= 1, "height", f"must be >= 1 px, not {self.height}")
-        _finite(self.focal, "focal")
-        _require(self.focal > 0, "focal", f"must be > 0 px, not {self.focal}")
+        _within(self.width, 1, MOST_PIXELS, "width", "px")
+        _within(self.height, 1, MOST_PIXELS, "height", "px")
+        _within(self.focal, *FOCAL, "focal", "px")
         _require(len(self.tilts) > 0, "tilts", "must hold at least one tilt")
         for tilt in self.tilts:
-            _finite(tilt, "tilts")
-            _require(abs(tilt) <= math.pi / 2, "tilts", f"must be within +-pi/2 rad, not {tilt:g}")
+            # False for nan, too.
+            _require(abs(tilt) <= math.pi / 2, "tilts", f"must be within +-pi/2 rad, not {tilt}")
 
 
 class Robot(_Data, frozen=True):
@@ -257,7 +263,7 @@ class Prism(_Data, frozen=True, tag="prism"):
     def __post_init__(self) -> None:
         super().__post_init__()
         _whole(self.sides, "sides")
-        _require(3 <= self.sides <= 64, "sides", f"must be 3..64, not {self.sides}")
+        _within(self.sides, 3, 64, "sides")
         _require_sizes(self)
 
     def faces(self) -> list[FloatArray]:
@@ -308,9 +314,7 @@ Shape = Cuboid | Prism | TriangulatedCuboid
 def _require_sizes(shape: Shape) -> None:
     for field in ("length", "width", "apothem", "height"):
         if hasattr(shape, field):
-            value = getattr(shape, field)
-            _finite(value, field)
-            _require(value > 0, field, f"must be > 0 m, not {value:g}")
+            _within(getattr(shape, field), SMALLEST, LARGEST, field, "m")
 
 
 def _prism_faces(base: FloatArray, height: float) -> list[FloatArray]:
@@ -330,7 +334,7 @@ class Actor(_Data, frozen=True, eq=False, dict=True):
     ------
     ProblemError
         If poses are not [>= T+1, 4] finite numbers (T is checked by `Problem`), or weights
-        are negative or not one per face.
+        are out of range or not one per face.
     """
 
     poses: FloatArray  # [T+1, 4]: x, y, z of the foot point (m) and yaw (rad, from +x, ccw)
@@ -350,8 +354,7 @@ class Actor(_Data, frozen=True, eq=False, dict=True):
                 f"must hold one weight for each of the {faces} faces, not {len(self.weights)}",
             )
             for weight in self.weights:
-                _finite(weight, "weights")
-                _require(weight >= 0, "weights", f"must be >= 0, not {weight:g}")
+                _within(weight, 0, MOST_WEIGHT, "weights")
 
     @cached_property
     def face_weights(self) -> FloatArray:
@@ -375,8 +378,7 @@ class CollisionRules(_Data, frozen=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _finite(self.separation, "separation")
-        _require(self.separation >= 0, "separation", "must be >= 0 m")
+        _within(self.separation, 0, LARGEST, "separation", "m")
         _require(
             self.vertex or not (self.swap or self.separation),
             "vertex",
@@ -411,8 +413,7 @@ class Objective(_Data, frozen=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _finite(self.stationarity, "stationarity")
-        _require(self.stationarity >= 0, "stationarity", "must be >= 0")
+        _within(self.stationarity, 0, MOST_WEIGHT, "stationarity")
 
 
 class Problem(_Data, frozen=True, eq=False, dict=True):
@@ -435,17 +436,15 @@ class Problem(_Data, frozen=True, eq=False, dict=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        _require(isinstance(self.name, str), "name", f"must be text, not {self.name!r}")
+        # The name of a file may hold bytes that are no text, which no output takes.
+        text = self.name.encode(errors="backslashreplace").decode()
+        msgspec.structs.force_setattr(self, "name", text)
         _whole(self.horizon, "horizon")
         _whole(self.face_samples, "face_samples")
-        _require(
-            1 <= self.horizon <= MOST_STEPS,
-            "horizon",
-            f"must be 1..{MOST_STEPS} steps, not {self.horizon}",
-        )
+        _within(self.horizon, 1, MOST_STEPS, "horizon", "steps")
         _require(len(self.robots) > 0, "robots", "must hold at least one robot")
-        _require(
-            1 <= self.face_samples <= 64, "face_samples", f"must be 1..64, not {self.face_samples}"
-        )
+        _within(self.face_samples, 1, 64, "face_samples")
         for j, actor in enumerate(self.actors):
             rows = len(actor.poses)
             _require(

@@ -5,6 +5,7 @@ first: at map coordinates of 5e5 m it would otherwise lose several per cent of t
 """
 
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 from embreex.mesh_construction import TriangleMesh
@@ -14,6 +15,7 @@ from embreex.rtcore_scene import EmbreeScene
 from cocap_opt.problem import FloatArray, HeightMap, IntArray
 from cocap_opt.projection import dot
 
+RAYS = 100_000  # rays cast at once, to bound the memory
 TOUCH = 1e-3  # m; a hit this near to the sample point is the sampled face itself
 
 
@@ -115,17 +117,17 @@ class Occluders:
             TriangleMesh(self._scene, (triangles - origin).astype(np.float32))
 
     def free_share(
-        self, eyes: FloatArray, targets: FloatArray, target_owner: int | None = None
+        self, eyes: FloatArray, targets: FloatArray, target_owners: IntArray | None = None
     ) -> FloatArray:
         """How far a ray from each eye [n, 3] gets toward its target [n, 3]: 1 where it arrives.
 
         Below 1 it is the share of the distance at which the ray is stopped. A face that is
-        turned to the camera cannot be hidden by its own (convex) actor, `target_owner`.
+        turned to the camera cannot be hidden by its own (convex) actor, `target_owners` [n].
         """
         if self._scene is None or not len(eyes):
             return np.ones(len(eyes))
         ways = targets - eyes
-        length = np.sqrt(dot(ways, ways))
+        length = np.maximum(np.sqrt(dot(ways, ways)), TOUCH)  # a nearer one arrives
         hit = self._scene.run(
             (eyes - self._origin).astype(np.float32),
             (ways / length[:, None]).astype(np.float32),
@@ -133,16 +135,23 @@ class Occluders:
         )
         distance = hit["tfar"].astype(np.float64)
         arrives = distance >= length - TOUCH
-        if target_owner is not None:
-            arrives |= self._owners[hit["primID"]] == target_owner
+        if target_owners is not None:
+            arrives |= self._owners[hit["primID"]] == target_owners
         return np.where(arrives, 1.0, distance / length)
+
+
+class Samples(NamedTuple):
+    """Sample points of all faces, face by face."""
+
+    points: FloatArray  # [M, 3] m
+    shares: FloatArray  # [M] share of its face's area that each point stands for
+    counts: IntArray  # [F] number of points of each face
 
 
 def visible_share(
     occluders: list[Occluders],
     eyes: FloatArray,
-    points: list[FloatArray],
-    shares: list[FloatArray],
+    samples: Samples,
     faces: IntArray,
     owners: IntArray,
 ) -> FloatArray:
@@ -151,23 +160,35 @@ def visible_share(
     Parameters
     ----------
     eyes : [n, 3] camera positions, one per pair of camera and face
-    points, shares : sample points [m, 3] and their share of the area [m] of every face
     faces : [n] which face is looked at
     owners : [F] actor of each face
     """
-    seen = np.zeros(len(eyes))
-    for face in np.unique(faces):
-        at = np.flatnonzero(faces == face)
-        n, m = len(at), len(points[face])
-        origins = np.repeat(eyes[at], m, axis=0)
-        targets = np.tile(points[face], (n, 1))
-        arrives = np.ones(n * m, dtype=bool)
-        for occluder in occluders:
-            rest = np.flatnonzero(arrives)
-            free = occluder.free_share(origins[rest], targets[rest], int(owners[face]))
-            arrives[rest] = free >= 1.0
-        weighted = arrives.reshape(n, m) * shares[face]
-        # Summed in a fixed order: the result must not depend on n.
-        for k in range(m):
-            seen[at] += weighted[:, k]
+    parts = np.cumsum(samples.counts[faces]) // RAYS
+    cuts = np.flatnonzero(np.diff(parts)) + 1
+    seen = [
+        _visible_share(occluders, eyes[at], samples, faces[at], owners)
+        for at in np.split(np.arange(len(faces)), cuts)
+    ]
+    return np.concatenate(seen)
+
+
+def _visible_share(
+    occluders: list[Occluders],
+    eyes: FloatArray,
+    samples: Samples,
+    faces: IntArray,
+    owners: IntArray,
+) -> FloatArray:
+    # One ray for each sample point of each pair, pair by pair.
+    counts, first = samples.counts[faces], np.cumsum(samples.counts) - samples.counts
+    pair = np.repeat(np.arange(len(faces)), counts)
+    point = np.arange(len(pair)) + (first[faces] - (np.cumsum(counts) - counts))[pair]
+    arrives = np.ones(len(pair), dtype=bool)
+    for occluder in occluders:
+        rest = np.flatnonzero(arrives)
+        ray, target = pair[rest], point[rest]
+        free = occluder.free_share(eyes[ray], samples.points[target], owners[faces[ray]])
+        arrives[rest] = free >= 1.0
+    # It adds up in this order, so that the result does not depend on n.
+    seen = np.bincount(pair, weights=arrives * samples.shares[point], minlength=len(faces))
     return np.minimum(seen, 1.0)

@@ -25,7 +25,7 @@ and `map.pose` are in the files but were never used, and are not read.
 import math
 import os
 from pathlib import Path
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import msgspec
 import numpy as np
@@ -153,7 +153,8 @@ def read(
         height_map = HeightMap(heights=_heights(map_file), resolution=world.map.cell)
     poses, source = [item.agent.start for item in world.agents], path
     start_sets = path.with_name("starts.csv")
-    if starts == "auto" and start_sets.exists():
+    # Whatever has that name must be readable: a link that leads nowhere is no reason to skip it.
+    if starts == "auto" and os.path.lexists(start_sets):
         source = start_sets
         with naming(source):
             poses = _start_set(source, seed, len(poses))
@@ -223,10 +224,26 @@ def _check_index(value: int, size: int, field: str) -> None:
         raise ProblemError(f"{field}: must be 0..{size - 1}, not {value}")
 
 
+class _Loader(yaml.SafeLoader):
+    """The safe loader, whose constructors fail in many ways at a scalar of the wrong form.
+
+    The loader in C, which msgspec.yaml takes, crashes on text that is nested too deeply.
+    """
+
+    def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
+        try:
+            return super().construct_object(node, deep)
+        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+            kind = node.tag.rpartition(":")[2]
+            problem = f"cannot be read as {kind}: {str(node.value)[:40]!r}"
+            raise yaml.constructor.ConstructorError(
+                problem=problem, problem_mark=node.start_mark
+            ) from error
+
+
 def _world(text: str) -> _World:
     try:
-        # The loader in C, which msgspec.yaml takes, crashes on text that is nested too deeply.
-        return msgspec.convert(yaml.safe_load(text), _Sequence).planner.world
+        return msgspec.convert(yaml.load(text, _Loader), _Sequence).planner.world
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise ProblemError(one_line(error)) from error
 

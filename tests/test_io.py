@@ -27,6 +27,10 @@ from cocap_opt.io import (
 )
 from cocap_opt.plan import Plan
 from cocap_opt.problem import (
+    FOCAL,
+    LARGEST,
+    MOST_WEIGHT,
+    SMALLEST,
     Actor,
     Camera,
     CollisionRules,
@@ -41,9 +45,10 @@ from cocap_opt.problem import (
     TriangulatedCuboid,
 )
 
-FINITE = st.floats(allow_nan=False, allow_infinity=False)
-POSITIVE = st.floats(min_value=0.0, exclude_min=True, allow_infinity=False)
-NOT_NEGATIVE = st.floats(min_value=0.0, allow_infinity=False)
+FINITE = st.floats(-LARGEST, LARGEST)
+POSITIVE = st.floats(SMALLEST, LARGEST)
+NOT_NEGATIVE = st.floats(0.0, LARGEST)
+WEIGHTS = st.floats(0.0, MOST_WEIGHT)
 
 
 def exact(problem: Problem) -> str:
@@ -57,12 +62,12 @@ def exact(problem: Problem) -> str:
 
 @st.composite
 def wild_problems(draw: st.DrawFn) -> Problem:
-    """Valid problems with any floats in them."""
+    """Valid problems with any allowed floats in them."""
     width, depth = draw(st.integers(1, 3)), draw(st.integers(1, 3))
     heights = np.array(draw(st.lists(FINITE, min_size=width * depth, max_size=width * depth)))
     heights = heights.reshape(width, depth)
-    heights[0, 0] = -1.7e308
-    layers = tuple(sorted(draw(st.sets(FINITE.filter(lambda h: h > -1e308), min_size=1))))
+    heights[0, 0] = -LARGEST
+    layers = tuple(sorted(draw(st.sets(FINITE.filter(lambda h: h > -LARGEST), min_size=1))))
     shape = draw(
         st.one_of(
             st.builds(Cuboid, length=POSITIVE, width=POSITIVE, height=POSITIVE),
@@ -72,11 +77,11 @@ def wild_problems(draw: st.DrawFn) -> Problem:
     )
     poses = draw(st.lists(FINITE, min_size=8, max_size=8))
     faces = len(shape.faces())
-    weights = draw(st.none() | st.lists(NOT_NEGATIVE, min_size=faces, max_size=faces).map(tuple))
+    weights = draw(st.none() | st.lists(WEIGHTS, min_size=faces, max_size=faces).map(tuple))
     robot = Robot(
         start=State(0, 0, len(layers) - 1, heading=draw(st.integers(0, 2))),
         motion=Motion(headings=3, layers=layers, corner_cutting=draw(st.booleans())),
-        camera=Camera(focal=draw(POSITIVE), tilts=(draw(st.floats(-1.5, 1.5)),)),
+        camera=Camera(focal=draw(st.floats(*FOCAL)), tilts=(draw(st.floats(-1.5, 1.5)),)),
         goal=draw(st.none() | st.just((0, 0))),
     )
     return Problem(
@@ -88,7 +93,7 @@ def wild_problems(draw: st.DrawFn) -> Problem:
         actors=(Actor(poses=np.reshape(poses, (2, 4)), shape=shape, weights=weights),),
         horizon=1,
         rules=CollisionRules(separation=draw(NOT_NEGATIVE)),
-        objective=Objective(stationarity=draw(NOT_NEGATIVE), count_start=draw(st.booleans())),
+        objective=Objective(stationarity=draw(WEIGHTS), count_start=draw(st.booleans())),
         face_samples=draw(st.integers(1, 64)),
     )
 
@@ -195,6 +200,14 @@ BAD_CONTENT: dict[str, tuple[str, Callable[[], dict[str, Any]]]] = {
     "unknown field of the problem": ("horizn", lambda: scene(horizn=3)),
     "unknown field of a robot": ("speed", lambda: changed(1, P, "robots", 0, "speed")),
     "unknown field of a motion": ("radios", lambda: changed(1, P, "robots", 0, "motion", "radios")),
+    "turn huge": ("turn", lambda: changed(10**30, P, "robots", 0, "motion", "turn")),
+    "climb huge": ("climb", lambda: changed(10**30, P, "robots", 0, "motion", "climb")),
+    "pitch huge": ("pitch_turn", lambda: changed(10**9, P, "robots", 0, "motion", "pitch_turn")),
+    "width huge": ("width", lambda: changed(10**30, P, "robots", 0, "camera", "width")),
+    "height huge": ("height", lambda: changed(10**30, P, "robots", 0, "camera", "height")),
+    "focal huge": ("focal", lambda: changed(1e300, P, "robots", 0, "camera", "focal")),
+    "weights huge": ("weights", lambda: changed([1e308] * 5, P, "actors", 0, "weights")),
+    "stationarity huge": ("stationarity", lambda: scene(objective={"stationarity": 1e308})),
     "wrong version": ("version", lambda: changed(2, "version")),
     "version as text": ("version", lambda: changed("1", "version")),
     "wrong format": ("format", lambda: changed("cocap-opt plan", "format")),

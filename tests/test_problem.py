@@ -65,6 +65,10 @@ WRONG: list[tuple[str, Callable[[], object]]] = [
     ("resolution", lambda: HeightMap(heights=BOX, resolution=-1.0)),
     ("resolution", lambda: HeightMap(heights=BOX, resolution=NAN)),
     ("resolution", lambda: HeightMap(heights=BOX, resolution=INF)),
+    ("resolution", lambda: HeightMap(heights=BOX, resolution=1e-300)),
+    ("resolution", lambda: HeightMap(heights=BOX, resolution=2e9)),
+    ("heights", lambda: HeightMap(heights=np.array([[0.0, 1e300]]))),
+    ("origin", lambda: HeightMap(heights=BOX, origin=(0.0, 1e300))),
     ("origin", lambda: HeightMap(heights=BOX, origin=(NAN, 0.0))),
     ("origin", lambda: HeightMap(heights=BOX, origin=(0.0, -INF))),
     ("radius", lambda: Motion(radius=-1)),
@@ -74,26 +78,36 @@ WRONG: list[tuple[str, Callable[[], object]]] = [
     ("headings", lambda: Motion(headings=361)),
     ("headings", lambda: Motion(headings=INF)),  # type: ignore[arg-type]
     ("turn", lambda: Motion(turn=-1)),
+    ("turn", lambda: Motion(turn=10_001)),
     ("climb", lambda: Motion(climb=-1)),
+    ("climb", lambda: Motion(climb=10**30)),
     ("pitch_turn", lambda: Motion(pitch_turn=-1)),
+    ("pitch_turn", lambda: Motion(pitch_turn=10**400)),
     ("pitch_turn", lambda: Motion(pitch_turn=NAN)),  # type: ignore[arg-type]
     ("clearance", lambda: Motion(clearance=-0.1)),
     ("clearance", lambda: Motion(clearance=NAN)),
     ("clearance", lambda: Motion(clearance=INF)),
+    ("clearance", lambda: Motion(clearance=1e300)),
     ("layers", lambda: Motion(layers=())),
     ("layers", lambda: Motion(layers=(5.0, 5.0))),
     ("layers", lambda: Motion(layers=(5.0, 3.0))),
     ("layers", lambda: Motion(layers=(NAN,))),
     ("layers", lambda: Motion(layers=(5.0, INF))),
+    ("layers", lambda: Motion(layers=(5.0, 1e300))),
     ("width", lambda: Camera(width=0)),
     ("width", lambda: Camera(width=-400)),
+    ("width", lambda: Camera(width=10**30)),
     ("width", lambda: Camera(width=NAN)),  # type: ignore[arg-type]
     ("height", lambda: Camera(height=0)),
+    ("height", lambda: Camera(height=100_001)),
     ("height", lambda: Camera(height=-INF)),  # type: ignore[arg-type]
     ("focal", lambda: Camera(focal=0.0)),
     ("focal", lambda: Camera(focal=-1.0)),
     ("focal", lambda: Camera(focal=NAN)),
     ("focal", lambda: Camera(focal=INF)),
+    ("focal", lambda: Camera(focal=2e9)),
+    ("focal", lambda: Camera(focal=1e-300)),
+    ("focal", lambda: Camera(focal=10**400)),
     ("tilts", lambda: Camera(tilts=())),
     ("tilts", lambda: Camera(tilts=(0.0, 1.6))),
     ("tilts", lambda: Camera(tilts=(-1.6,))),
@@ -101,6 +115,8 @@ WRONG: list[tuple[str, Callable[[], object]]] = [
     ("tilts", lambda: Camera(tilts=(INF,))),
     ("length", lambda: Cuboid(length=0.0)),
     ("length", lambda: Cuboid(length=INF)),
+    ("length", lambda: Cuboid(length=1e-300)),
+    ("length", lambda: Cuboid(length=1e300)),
     ("width", lambda: Cuboid(width=-1.0)),
     ("height", lambda: Cuboid(height=NAN)),
     ("length", lambda: TriangulatedCuboid(length=-2.0)),
@@ -116,6 +132,7 @@ WRONG: list[tuple[str, Callable[[], object]]] = [
     ("poses", lambda: Actor(poses=np.zeros((0, 4)))),
     ("poses", lambda: Actor(poses=np.full((3, 4), NAN))),
     ("poses", lambda: Actor(poses=np.full((3, 4), INF))),
+    ("poses", lambda: Actor(poses=np.full((3, 4), 1e300))),
     ("poses", lambda: Actor(poses=[[0, 0, 0, 0], [0, 0]])),  # type: ignore[arg-type]
     ("poses", lambda: Actor(poses="here")),  # type: ignore[arg-type]
     ("weights", lambda: Actor(poses=np.zeros((3, 4)), weights=(1.0,))),
@@ -124,14 +141,17 @@ WRONG: list[tuple[str, Callable[[], object]]] = [
     ("weights", lambda: Actor(poses=np.zeros((3, 4)), weights=(1.0, 1.0, 1.0, 1.0, -1.0))),
     ("weights", lambda: Actor(poses=np.zeros((3, 4)), weights=(1.0, 1.0, 1.0, 1.0, NAN))),
     ("weights", lambda: Actor(poses=np.zeros((3, 4)), weights=(INF, 1.0, 1.0, 1.0, 1.0))),
+    ("weights", lambda: Actor(poses=np.zeros((3, 4)), weights=(1.0, 1.0, 1.0, 1.0, 1.1e12))),
     ("separation", lambda: CollisionRules(separation=-1.0)),
     ("separation", lambda: CollisionRules(separation=NAN)),
     ("separation", lambda: CollisionRules(separation=INF)),
+    ("separation", lambda: CollisionRules(separation=1e300)),
     ("vertex", lambda: CollisionRules(vertex=False)),
     ("vertex", lambda: CollisionRules(vertex=False, swap=False, separation=2.0)),
     ("stationarity", lambda: Objective(stationarity=-1.0)),
     ("stationarity", lambda: Objective(stationarity=NAN)),
     ("stationarity", lambda: Objective(stationarity=INF)),
+    ("stationarity", lambda: Objective(stationarity=1.1e12)),
     ("horizon", lambda: tiny().replace(horizon=0)),
     ("horizon", lambda: tiny().replace(horizon=-3)),
     ("horizon", lambda: tiny().replace(horizon=NAN)),
@@ -171,6 +191,15 @@ def test_wrong_value_is_refused_and_the_field_named(field: str, make: Callable[[
     message = str(caught.value)
     assert message.startswith(f"{field}:") or message.startswith(f"{field} ")
     assert "\n" not in message
+
+
+def test_a_name_is_text() -> None:
+    """A name from bytes that are no text can be written, and two such names stay different."""
+    names = [tiny().replace(name=name).name for name in ("\udcff", "\udcfe", "M\xfcnchen \u4e2d")]
+    assert names == ["\\udcff", "\\udcfe", "M\xfcnchen \u4e2d"]
+    encode(SceneFile(problem=tiny().replace(name="\udcff")))
+    with pytest.raises(ProblemError, match="name: must be text"):
+        tiny().replace(name=3)
 
 
 NOT_WHOLE: list[tuple[str, Callable[[], object]]] = [

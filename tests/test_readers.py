@@ -161,6 +161,14 @@ def test_own_starts_on_request(sequence: Path) -> None:
     assert [robot.start for robot in asked.robots] == own
 
 
+@pytest.mark.parametrize("target", ["starts.csv", "nowhere.csv"])
+def test_starts_that_are_a_broken_link_are_not_skipped(sequence: Path, target: str) -> None:
+    """A starts.csv that links to itself or to nothing is named: it is there, and of no use."""
+    sequence.with_name("starts.csv").symlink_to(target)
+    _one_line(lambda: greedy_perspectives.read(sequence), "starts.csv: cannot be read: ")
+    assert greedy_perspectives.read(sequence, starts="yaml").horizon == 2
+
+
 def test_map_is_found_at_the_stated_path(sequence: Path) -> None:
     """The map is looked for beside the scene first, then at the path stated."""
     folder = sequence.parent / "elsewhere" / "tiny"
@@ -192,7 +200,12 @@ def test_map_is_found_at_the_stated_path(sequence: Path) -> None:
         ("planner:", "planer:", ("`planner`",)),
         ("planner:", "planner: [", ()),
         ("planner:", "planner: " + "[" * 100_000, ()),
-        ("planner:", "when: 2024-13-45\nplanner:", ("month",)),
+        ("planner:", "when: 2024-13-45\nplanner:", ("line 1", "timestamp", "2024-13-45")),
+        ("horizon: 3", "horizon: !!bool foo", ("line 3", "bool", "'foo'")),
+        ("horizon: 3", "horizon: !!int ''", ("line 3", "int", "''")),
+        ("horizon: 3", "horizon: !!timestamp x", ("line 3", "timestamp", "'x'")),
+        ("horizon: 3", "horizon: " + ":".join(["59"] * 300) + ".5", ("line 3", "float", "59:59")),
+        ("4000, 3000]", f"{10**9}, 3000]", ("width", "1..100000 px")),
         ("planner:", "run: !!python/object/apply:os.getcwd []\nplanner:", ("tag",)),
         (SEQUENCE, "", ("object",)),
         (SEQUENCE, "\0", ()),

@@ -7,6 +7,7 @@ moves; the pairs of cells that it touches are done again without the forbidden e
 
 import time
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -22,8 +23,10 @@ from cocap_opt.stop import Limit, Stop, never
 from cocap_opt.timegraph import CLOSED
 
 INFEASIBLE = Reason.INFEASIBLE, "no plan obeys the rules: no pair of paths is left"
-TEMPORARIES = 5  # arrays of the last step's size that one step back needs
-MEMORY_LIMIT = 8e9  # bytes that the values of all pairs of states may take
+TEMPORARIES = 5  # arrays of a step's size that one step back needs at once
+PROCESS = 100e6  # bytes, about: Python, the libraries, the problem, and what is freed but kept
+MEMORY_LIMIT = 8e9  # bytes that the process may have
+NOWHERE = -1  # number of no place
 
 
 def joint(problem: Problem, stop: Stop = never) -> Result:
@@ -45,8 +48,7 @@ def joint(problem: Problem, stop: Stop = never) -> Result:
         single = value_iteration(SingleRobotTask(model, 0, no_pixels(problem), stop=stop))
         limit, paths = single.limit, (single.path,) if single.path else None
     elif limit is Limit.NONE:
-        pair = _Pair(model)
-        limit, paths = pair.solve(stop)
+        limit, paths = _Pair(model, stop).solve()
     if limit is Limit.MEMORY:
         return no_plan(limit, begin, INFEASIBLE)
     if limit is not Limit.NONE:
@@ -95,39 +97,65 @@ class _Side:
         return Cell(x, y, model.problem.layers.index(self.group.spec.motion.layers[layer]))
 
 
+class _StoppedError(Exception):
+    """A limit was reached in the midst of the work."""
+
+    def __init__(self, limit: Limit) -> None:
+        super().__init__(limit)
+        self.limit = limit
+
+
 class _Pair:
     """Value iteration over pairs; arrays [Oa, na_t, Ob, nb_t] over both robots' states."""
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: Model, stop: Stop = never) -> None:
         self.model = model
+        self.stop = stop
         self.a, self.b = _Side.of(model, 0), _Side.of(model, 1)
         self.horizon = model.problem.horizon
         self.bonus = model.problem.objective.stationarity
 
     @property
     def bytes_needed(self) -> float:
-        sizes = [
-            float(np.prod(self.a.sizes(t))) * float(np.prod(self.b.sizes(t)))
-            for t in range(self.horizon + 1)
-        ]
-        return 8.0 * (sum(sizes) + TEMPORARIES * sizes[-1])
+        """Peak of the process's memory: the values of later steps, and the work on one step."""
+        peak = later = 0.0
+        for t in range(self.horizon, -1, -1):
+            (o_a, n_a), (o_b, n_b) = self.a.sizes(t), self.b.sizes(t)
+            # Of each state: its coverage and the roots of it, and Python's views of its row.
+            work = (2.0 * self.model.n_faces + 40.0) * (o_a * n_a + o_b * n_b)
+            if t < self.horizon:
+                ahead_a, ahead_b = len(self.a.places[t + 1]), len(self.b.places[t + 1])
+                work += TEMPORARIES * float(o_a * (ahead_a + 1)) * float(o_b * (ahead_b + 1))
+                # Of each move its targets, of each exchange its places and its pairs' values.
+                work += 5.0 * len(self.a.group.graph.moves) * n_a
+                work += 5.0 * len(self.b.group.graph.moves) * n_b
+                if self.model.problem.rules.swap:
+                    work += (3.0 * o_a * o_b + 8.0) * len(self._exchanges(t)[0])
+            peak = max(peak, later + work)
+            later += float(o_a * n_a) * float(o_b * n_b)
+        return PROCESS + 8.0 * peak
 
-    def solve(self, stop: Stop) -> tuple[Limit, tuple[Path, ...] | None]:
+    def solve(self) -> tuple[Limit, tuple[Path, ...] | None]:
         """Best pair of paths, None if there is none; or the limit that was reached."""
-        if self.bytes_needed > MEMORY_LIMIT:
-            return Limit.MEMORY, None
-        limit, values = self.sweep(stop)
-        return limit, self.best_paths(values) if limit is Limit.NONE else None
+        try:
+            if self.bytes_needed > MEMORY_LIMIT:
+                return Limit.MEMORY, None
+            return Limit.NONE, self.best_paths(self.sweep())
+        except _StoppedError as stopped_by:
+            return stopped_by.limit, None
 
-    def sweep(self, stop: Stop) -> tuple[Limit, list[FloatArray]]:
-        """Best reward to go of all pairs at every step, unless a limit is reached."""
+    def ask(self) -> None:
+        """Give up if a limit is reached; one step back may take many seconds."""
+        limit = self.stop()
+        if limit is not Limit.NONE:
+            raise _StoppedError(limit)
+
+    def sweep(self) -> list[FloatArray]:
+        """Best reward to go of all pairs at every step."""
         values = [self._close_goals(self._own(self.horizon))]
         for t in range(self.horizon - 1, -1, -1):
-            limit = stop()
-            if limit is not Limit.NONE:
-                return limit, values
             values.append(self._step_back(t, values[-1]) + self._own(t))
-        return Limit.NONE, values[::-1]
+        return values[::-1]
 
     def _own(self, t: int) -> FloatArray:
         """Reward of being in a pair of states at t; CLOSED where the two conflict."""
@@ -139,6 +167,7 @@ class _Pair:
         own = root_a[:, None] + root_b[None, :]
         # Where both see a face, the roots do not add up.
         for face in np.flatnonzero(weights):
+            self.ask()
             rows = np.flatnonzero(coverage_a[:, face])
             columns = np.flatnonzero(coverage_b[:, face])
             if len(rows) and len(columns):
@@ -185,6 +214,7 @@ class _Pair:
         result = np.empty_like(values)
         target = np.moveaxis(result, axis, 0)
         for orientation, turns in enumerate(side.group.graph.turns):
+            self.ask()
             np.copyto(target[orientation], moved[turns[0]])
             for turn in turns[1:]:
                 np.maximum(target[orientation], moved[turn], out=target[orientation])
@@ -196,6 +226,7 @@ class _Pair:
         targets = side.targets(t)
         best: FloatArray = turned.take(targets[0], axis=axis + 1)
         for target in targets[1:]:
+            self.ask()
             np.maximum(best, turned.take(target, axis=axis + 1), out=best)
         if self.bonus:
             stay = ahead.take(side.position(t + 1, side.places[t]), axis=axis + 1)
@@ -214,11 +245,13 @@ class _Pair:
         turned_a = _with_closed_end(self._turned(half, self.a, 0), 1)
         redone = np.full((len(at_a), best.shape[0], best.shape[2]), CLOSED)
         for target in self.a.targets(t):
+            self.ask()
             to = np.where(target[at_a] == there, half.shape[1], target[at_a])
             np.maximum(redone, turned_a[:, to, :, at_b], out=redone)
         both = self._turned(self._turned(ahead, self.a, 0), self.b, 2)
         both = _with_closed_end(both, 3)
         for target in self.b.targets(t):
+            self.ask()
             to = np.where(target[at_b] == here, ahead.shape[3], target[at_b])
             np.maximum(redone, both[:, there, :, to], out=redone)
         if self.bonus:
@@ -237,24 +270,32 @@ class _Pair:
         at_a, at_b : [n] where the robots stand, in the lists of step t
         there, here : [n] b's and a's cell, in the lists of a and b at step t+1
         """
-        rows = []
-        targets_a, targets_b = self.a.targets(t), self.b.targets(t)
-        n_a, n_b = len(self.a.places[t + 1]), len(self.b.places[t + 1])
-        for i, place in enumerate(self.a.places[t].tolist()):
-            in_b = place_of(self.model, self.b.group, self.a.cell(self.model, place))
-            if in_b is None:
-                continue
-            here = int(self.b.position(t + 1, np.array([in_b]))[0])
-            for there in set(targets_a[:, i].tolist()) - {n_a}:
-                cell = self.a.cell(self.model, int(self.a.places[t + 1][there]))
-                other = place_of(self.model, self.b.group, cell)
-                if other is None or other == in_b:
-                    continue
-                j = int(self.b.position(t, np.array([other]))[0])
-                if here < n_b and j < len(self.b.places[t]) and here in targets_b[:, j]:
-                    rows.append((i, j, there, here))
-        at_a, at_b, there_a, here_b = np.array(rows, dtype=np.int64).reshape(-1, 4).T
-        return at_a, at_b, there_a, here_b
+        n_there = len(self.a.places[t + 1])
+        place_here = self.twins[self.a.places[t]]
+        here = self.b.position(t + 1, place_here)
+        found = []
+        for there in self.a.targets(t):
+            self.ask()
+            target = self.a.places[t + 1][np.minimum(there, n_there - 1)]
+            place_there = np.where(there < n_there, self.twins[target], NOWHERE)
+            at_b = self.b.position(t, place_there)
+            both = (here < len(self.b.places[t + 1])) & (at_b < len(self.b.places[t]))
+            at_a = np.flatnonzero(both & (place_there != place_here))
+            back = self.b.group.graph.adjacent(place_there[at_a], place_here[at_a])
+            at_a = at_a[back]
+            found.append(np.stack([at_a, at_b[at_a], there[at_a], here[at_a]]))
+        at_a, at_b, there, here = np.concatenate(found, axis=1)
+        return at_a, at_b, there, here
+
+    @cached_property
+    def twins(self) -> IntArray:
+        """Place of b in the same cell as each place of a [P]; NOWHERE if b never flies there."""
+        graph = self.a.group.graph
+        twins = np.full(graph.n_places, NOWHERE)
+        for place in np.flatnonzero(graph.free).tolist():
+            twin = place_of(self.model, self.b.group, self.a.cell(self.model, place))
+            twins[place] = NOWHERE if twin is None else twin
+        return twins
 
     def best_paths(self, values: list[FloatArray]) -> tuple[Path, Path] | None:
         """Read the best pair of paths off the values; ties go to the first pair of states."""
