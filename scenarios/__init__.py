@@ -10,6 +10,8 @@ from cocap_opt.plan import Plan
 from cocap_opt.problem import Problem, ProblemError, State
 from scenarios.bottleneck import bottleneck, bottleneck_tight
 from scenarios.corridor import corridor, corridor_tight
+from scenarios.field import field_large, field_long, field_small
+from scenarios.passage import passage
 from scenarios.tiny import TINY
 
 SCENES: dict[str, Callable[[int], Problem]] = {
@@ -17,6 +19,10 @@ SCENES: dict[str, Callable[[int], Problem]] = {
     "corridor-tight": corridor_tight,
     "bottleneck": bottleneck,
     "bottleneck-tight": bottleneck_tight,
+    "passage": passage,
+    "field": field_small,
+    "field-long": field_long,
+    "field-large": field_large,
     **TINY,
 }
 

@@ -5,10 +5,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cocap_opt.problem import Actor, FloatArray, HeightMap, Robot, State
+from cocap_opt.problem import Actor, FloatArray, HeightMap, Motion, Robot, State
 
 SIZE = 30  # cells of 1 m along x and y
 WALL = 10.0  # m, twice the flight height: a wall stops drones and their views
+NEIGHBOURS = Motion()  # of most drones: 3x3 cells, yaw by -45, 0 or 45 degrees
 
 Point = tuple[float, float]  # m
 
@@ -59,10 +60,15 @@ def walker(points: list[Point], first: float, pace: float, steps: int) -> Actor:
 
 
 def drones(
-    count: int, room: Room, headings: list[int], rng: np.random.Generator
+    count: int,
+    cells: list[tuple[int, int]],
+    headings: list[int],
+    rng: np.random.Generator,
+    motion: Motion = NEIGHBOURS,
 ) -> tuple[Robot, ...]:
-    """Drones in distinct random cells of a room, which must be free, with random headings."""
-    cells = rng.choice(room.cells, size=count, replace=False)
+    """Drones in distinct random cells of these, which must be free, with random headings."""
+    chosen = rng.choice(cells, size=count, replace=False)
     return tuple(
-        Robot(start=State(int(x), int(y), heading=int(rng.choice(headings)))) for x, y in cells
+        Robot(start=State(int(x), int(y), heading=int(rng.choice(headings))), motion=motion)
+        for x, y in chosen
     )

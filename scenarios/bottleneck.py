@@ -85,7 +85,7 @@ def _scene(
             Room(0, SIZE, low, low + width),
             Room(left, left + width, 0, SIZE),
         ),
-        robots=drones(4, starts, list(range(8)), rng),
+        robots=drones(4, starts.cells, list(range(8)), rng),
         actors=tuple(actors),
         horizon=STEPS,
     )

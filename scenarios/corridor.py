@@ -62,7 +62,7 @@ def _scene(name: str, seed: int, width: int, pace: float, starts: Room) -> Probl
         height_map=rooms_in_rock(
             Room(0, MOUTH, 0, SIZE), Room(MOUTH, END, low, low + width), Room(END, SIZE, 0, SIZE)
         ),
-        robots=drones(2, starts, [7, 0, 1], rng),
+        robots=drones(2, starts.cells, [7, 0, 1], rng),
         actors=tuple(actors),
         horizon=STEPS,
     )
