@@ -21,13 +21,16 @@ from cocap_opt.stop import Limit, Stop, never
 from cocap_opt.timegraph import TimeGraph
 from cocap_opt.visibility import (
     Occluders,
+    Samples,
     fan_triangles,
     sample_points,
     terrain_triangles,
     visible_share,
 )
 
-BATCH = 1024  # states evaluated at once, to bound the memory and to ask for limits often
+# What is evaluated at once at most, so that limits are asked for every 0.3 s or more often.
+BATCH_STATES = 1024
+BATCH_RAYS = 400_000  # if all faces of all states were in view
 
 
 class Faces(NamedTuple):
@@ -36,8 +39,7 @@ class Faces(NamedTuple):
     polygons: FloatArray  # [F, V, 3] m, shorter polygons repeat their last vertex
     normals: FloatArray  # [F, 3] outward, unit length
     areas: FloatArray  # [F] m2
-    points: list[FloatArray]  # per face [m, 3] sample points
-    shares: list[FloatArray]  # per face [m] share of area of each sample point
+    samples: Samples  # where rays are sent
     occluders: list[Occluders]  # terrain and the actors of this step
 
 
@@ -76,8 +78,11 @@ class FaceGeometry:
                 [vector / length for vector, length in zip(doubled, lengths, strict=True)]
             ).reshape(-1, 3),
             areas=np.array(lengths) / 2,
-            points=[points for points, _ in samples],
-            shares=[shares for _, shares in samples],
+            samples=Samples(
+                points=np.concatenate([np.empty((0, 3)), *(points for points, _ in samples)]),
+                shares=np.concatenate([np.empty(0), *(shares for _, shares in samples)]),
+                counts=np.array([len(points) for points, _ in samples], dtype=np.int64),
+            ),
             occluders=[self._terrain, Occluders(triangles, self._origin, owners)],
         )
 
@@ -102,6 +107,7 @@ class Views:
         self._map = problem.height_map
         self._graph = graph
         self._camera = camera
+        self._image = float(camera.width * camera.height)  # px
         self._axes = camera_axes(graph.motion.headings, camera)
         self._n_faces = len(problem.face_weights)
         self._owners = problem.face_owner
@@ -123,16 +129,21 @@ class Views:
         relative = faces.polygons[face] - eyes[which[state]][:, None, :]
         axes = self._axes[orientation[state]][:, None]
         in_camera = np.stack([dot(relative, axes[:, :, k]) for k in range(3)], axis=-1)
-        area = image_area(in_camera, self._camera)
+        # Of a face that all but touches the camera, rounding may leave more than an image, or nan.
+        with np.errstate(over="ignore", invalid="ignore"):
+            area = np.minimum(image_area(in_camera, self._camera), self._image)
         seen = area > 0
         state, face, area = state[seen], face[seen], area[seen]
         pairs, pair = np.unique(which[state] * self._n_faces + face, return_inverse=True)
         eye, target = np.divmod(pairs, self._n_faces)
-        share = visible_share(
-            faces.occluders, eyes[eye], faces.points, faces.shares, target, self._owners
-        )
+        share = visible_share(faces.occluders, eyes[eye], faces.samples, target, self._owners)
         result[state, face] = area * share[pair] / faces.areas[face]
         return result
+
+    def batch(self, t: int) -> int:
+        """Number of states that can be evaluated at step t in a fraction of a second."""
+        rays = int(self._geometry.at(t).samples.counts.sum())
+        return min(max(BATCH_RAYS // max(rays, 1), 1), BATCH_STATES)
 
     def _eyes(self, places: IntArray) -> FloatArray:
         """Camera positions [n, 3] in m: the middle of the cell at flight height."""
@@ -166,6 +177,18 @@ class CoverageTable(NamedTuple):
         part = slice(self.indptr[at], self.indptr[at + 1])
         return self.groups[part], self.pixels[part]
 
+    def entries(self, nodes: IntArray) -> tuple[IntArray, IntArray]:
+        """Which of the nodes [n] see something, entry by entry, and where the entries are."""
+        if not len(self.nodes):
+            return nodes[:0], nodes[:0]
+        at = np.minimum(np.searchsorted(self.nodes, nodes), len(self.nodes) - 1)
+        which = np.flatnonzero(self.nodes[at] == nodes)
+        first = self.indptr[at[which]]
+        counts = self.indptr[at[which] + 1] - first
+        ends = np.cumsum(counts)
+        entries = np.arange(int(counts.sum())) + np.repeat(first + counts - ends, counts)
+        return np.repeat(which, counts), entries
+
     def row_sums(self, values: FloatArray) -> FloatArray:
         """Sum of `values` [nnz] over each row [n]; rows are never empty."""
         if not len(self.nodes):
@@ -189,12 +212,12 @@ def coverage_table(
     nodes, counts, groups, pixels = [], [], [], []
     n_steps, n_states = reachable.shape
     for t in range(first_step, n_steps):
-        states = np.flatnonzero(reachable[t])
-        for start in range(0, len(states), BATCH):
+        states, size = np.flatnonzero(reachable[t]), views.batch(t)
+        for start in range(0, len(states), size):
             limit = stop()
             if limit is not Limit.NONE:
                 return None, limit
-            batch = states[start : start + BATCH]
+            batch = states[start : start + size]
             coverage = views.coverage(t, batch)
             row, face = np.nonzero(coverage)
             seen, count = np.unique(row, return_counts=True)

@@ -6,12 +6,14 @@ share one graph and one coverage table, and one sweep prices them all.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
+
+import numpy as np
 
 from cocap_opt.cache import cached_table, content_key
 from cocap_opt.coverage import CoverageTable, FaceGeometry, Views, coverage_table
 from cocap_opt.plan import Plan
-from cocap_opt.problem import BoolArray, Camera, Motion, Problem, Robot
+from cocap_opt.problem import BoolArray, Camera, Cell, Motion, Problem, Robot
 from cocap_opt.stop import Limit, Stop, never
 from cocap_opt.timegraph import TimeGraph, time_graph
 
@@ -65,6 +67,11 @@ class Model:
     def n_faces(self) -> int:
         """F, over all actors."""
         return len(self.problem.face_weights)
+
+    @cached_property
+    def cells(self) -> tuple[tuple[Cell, ...], ...]:
+        """Cell of every place of every class; border places lie outside the map."""
+        return tuple(_cells(self.problem, group) for group in self.classes)
 
     def start(self, robot: int) -> int:
         """State number of a robot's start."""
@@ -141,6 +148,13 @@ class Model:
             tuple(graph.index(state) for state in path)
             for graph, path in zip(graphs, plan.paths, strict=True)
         )
+
+
+def _cells(problem: Problem, group: RobotClass) -> tuple[Cell, ...]:
+    layer, x, y = group.graph.coordinates(np.arange(group.graph.n_places)).tolist()
+    own = [problem.layers.index(height) for height in group.spec.motion.layers]
+    inside = [own[k] if 0 <= k < len(own) else -1 for k in layer]
+    return tuple(Cell(*at) for at in zip(x, y, inside, strict=True))
 
 
 def _sight(group: RobotClass) -> tuple[Motion, Camera]:

@@ -25,10 +25,9 @@ def no_pixels(problem: Problem) -> FloatArray:
 
 def path_pixels(problem: Problem, table: CoverageTable, path: Path, n_states: int) -> FloatArray:
     """Pixels [G] that one robot has along its path of state numbers."""
-    pixels = no_pixels(problem)
-    for t, state in enumerate(path):
-        groups, coverage = table.row(t * n_states + state)
-        pixels[groups] += coverage
+    entries = table.entries(np.arange(len(path)) * n_states + np.array(path))[1]
+    pixels: FloatArray = no_pixels(problem)
+    np.add.at(pixels, table.groups[entries], table.pixels[entries])
     return pixels
 
 

@@ -9,28 +9,29 @@ the order [layer, x, y]. Both numberings include a closed border around the map,
 a move is long, which makes every move one flat shift.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
-from cocap_opt.motion import Move, moves, place_graph, turned
+from cocap_opt.motion import Move, Place, moves, place_graph, turned
 from cocap_opt.problem import BoolArray, FloatArray, HeightMap, IntArray, Motion, State
 
 CLOSED = -np.inf  # value of what must not or cannot be entered
 
 
 class Charges(NamedTuple):
-    """What conflicts make places and moves cost; infinity closes them.
+    """What places, moves and states cost; infinity closes them, a negative cost attracts.
 
     `places` maps (t, place) to the cost of being there at t; `moves` maps (t, place, place)
-    to the cost of leaving the first at t for the second at t+1. Staying is never charged
-    as a move.
+    to the cost of leaving the first at t for the second at t+1; `states` maps (t, state) to
+    the cost of being in it at t. Staying is never charged as a move.
     """
 
     places: Mapping[tuple[int, int], float] = {}
     moves: Mapping[tuple[int, int, int], float] = {}
+    states: Mapping[tuple[int, int], float] = {}
 
 
 NO_CHARGES = Charges()
@@ -59,24 +60,25 @@ class TimeGraph:
         self.n_states = self.n_orientations * self.n_places
         self.strides = (padded[1] * padded[2], padded[2], 1)
         self.moves: list[Move] = moves(motion)
-        self.neighbours = self._compile(place_graph(height_map, motion).edges)
+        self.neighbours = self._compile(place_graph(height_map, motion).adj)
         self._compile_sweep()
 
-    def _compile(self, edges: Iterable[tuple[Move, Move]]) -> IntArray:
+    def _compile(self, ahead: Mapping[Place, Collection[Place]]) -> IntArray:
         """Turn the edges of the networkx place graph into one row of targets per move."""
         neighbours = np.full((len(self.moves), self.n_places), -1, dtype=np.int64)
-        pairs = np.array(list(edges), dtype=np.int64).reshape(-1, 2, 3)
-        tails, heads = pairs[:, 0], pairs[:, 1]
-        # Number a move by its position in the box of all moves, then look up its order.
-        box = np.array([2 * b + 1 for b in self.border])
-        order = np.empty(int(box.prod()), dtype=np.int64)
-        order[np.ravel_multi_index(np.array(self.moves).T + _column(self.border), box)] = range(
-            len(self.moves)
-        )
-        kinds = order[np.ravel_multi_index((heads - tails).T + _column(self.border), box)]
-        offset = np.array(self.border)
-        neighbours[kinds, (tails + offset) @ self.strides] = (heads + offset) @ self.strides
+        number = {place: self.place(*place) for place in ahead}
+        tails = np.array([number[tail] for tail, row in ahead.items() for _ in row], dtype=np.int64)
+        heads = np.array([number[head] for row in ahead.values() for head in row], dtype=np.int64)
+        neighbours[self._move_between(tails, heads), tails] = heads
         return neighbours
+
+    def _move_between(self, tails: IntArray, heads: IntArray) -> IntArray:
+        """Index of the move that leads from each place to its head; any where none does."""
+        # The border makes the difference of the places' numbers another one for every move.
+        shifts = np.array(self.moves) @ self.strides
+        order = np.argsort(shifts)
+        at = np.searchsorted(shifts, heads - tails, sorter=order)
+        return order[np.minimum(at, len(order) - 1)]
 
     def _compile_sweep(self) -> None:
         """Find the places that a plain window maximum gets wrong: a free target is hidden."""
@@ -143,6 +145,11 @@ class TimeGraph:
         turned_to = np.array(self.turns[orientation], dtype=np.int64)
         return (turned_to[:, None] * self.n_places + heads[None, :]).ravel()
 
+    def adjacent(self, tails: IntArray, heads: IntArray) -> BoolArray:
+        """Whether a move leads from each place [n] to its head [n]."""
+        result: BoolArray = self.neighbours[self._move_between(tails, heads), tails] == heads
+        return result
+
     def reachable(self, starts: Iterable[int], horizon: int) -> BoolArray:
         """Which states [T+1, S] can be reached from one of the start states at each step."""
         seen = np.zeros((horizon + 1, self.n_orientations, self.n_places), dtype=bool)
@@ -178,7 +185,7 @@ class TimeGraph:
         reward : [T+1, S] reward for being in a state at step t, CLOSED (-inf) outside the
             free states, as `no_reward` makes it
         stationarity : extra reward for a step in which the state does not change
-        charges : what places and moves cost; infinity closes them
+        charges : what places, moves and states cost; infinity closes them
         goal : cell (x, y) in which the path must end
 
         Returns
@@ -192,9 +199,10 @@ class TimeGraph:
             elsewhere = np.ones(self.shape[2:], dtype=bool)
             elsewhere[:, goal[0] + self.border[1], goal[1] + self.border[2]] = False
             value[-1].reshape(self.shape)[:, :, elsewhere] = CLOSED
-        places, leaving = self._by_step(charges)
+        places, leaving = _by_step(charges.places), self._leaving_by_step(charges)
+        states = _by_step(charges.states)
         after_turn, best, pair = np.full((3, self.n_states), CLOSED)  # reused at every step
-        self._charge_places(value[-1], places.get(len(reward) - 1, {}))
+        self._charge(value[-1], places.get(len(reward) - 1, {}), states.get(len(reward) - 1, {}))
         for t in range(len(reward) - 2, -1, -1):
             self._turn(value[t + 1], pair, after_turn)
             self._window(after_turn, pair, best)
@@ -205,7 +213,7 @@ class TimeGraph:
             if stationarity:
                 np.maximum(best, value[t + 1] + stationarity, out=best)
             np.add(best, reward[t], out=value[t])
-            self._charge_places(value[t], places.get(t, {}))
+            self._charge(value[t], places.get(t, {}), states.get(t, {}))
         return value
 
     def _turn(self, ahead: FloatArray, pair: FloatArray, out: FloatArray) -> None:
@@ -256,21 +264,20 @@ class TimeGraph:
         cost[heads == tail] = 0.0  # staying is not a move
         best[origins + tail] = (after_turn[origins[:, None] + heads] - cost).max(axis=1)
 
-    def _charge_places(self, value: FloatArray, costs: Mapping[int, float]) -> None:
-        for place, cost in costs.items():
+    def _charge(
+        self, value: FloatArray, places: Mapping[int, float], states: Mapping[int, float]
+    ) -> None:
+        for place, cost in places.items():
             value[place :: self.n_places] -= cost
+        for state, cost in states.items():
+            value[state] -= cost
 
     @staticmethod
-    def _by_step(
-        charges: Charges,
-    ) -> tuple[dict[int, dict[int, float]], dict[int, dict[int, dict[int, float]]]]:
-        places: dict[int, dict[int, float]] = {}
-        for (t, place), cost in charges.places.items():
-            places.setdefault(t, {})[place] = cost
+    def _leaving_by_step(charges: Charges) -> dict[int, dict[int, dict[int, float]]]:
         leaving: dict[int, dict[int, dict[int, float]]] = {}
         for (t, tail, head), cost in charges.moves.items():
             leaving.setdefault(t, {}).setdefault(tail, {})[head] = cost
-        return places, leaving
+        return leaving
 
     def best_path(
         self,
@@ -301,6 +308,13 @@ class TimeGraph:
                 )
             path.append(int(heads[np.argmax(ahead)]))
         return path
+
+
+def _by_step(costs: Mapping[tuple[int, int], float]) -> dict[int, dict[int, float]]:
+    steps: dict[int, dict[int, float]] = {}
+    for (t, at), cost in costs.items():
+        steps.setdefault(t, {})[at] = cost
+    return steps
 
 
 def _column(values: Iterable[int]) -> IntArray:

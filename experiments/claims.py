@@ -1,6 +1,7 @@
-"""What `verify` says of the claims in plan and certificate files."""
+"""What `verify` says of the claims in plan, certificate and proof files."""
 
 import math
+from collections.abc import Callable
 
 from cocap_opt.check import check
 from cocap_opt.io import PlanFile, problem_digest
@@ -9,6 +10,10 @@ from cocap_opt.problem import Problem
 from cocap_opt.result import relative_gap
 from experiments.report import Row, finite
 from formulations.certificate import CertificateError, CertificateFile, verify
+from formulations.proof import ProofFile, verify_proof
+from formulations.result import OPTIMALITY
+
+NO_PLAN = "proved: there is no plan"
 
 
 def verify_plan(problem: Problem, content: PlanFile | Plan, answer: Row) -> None:
@@ -25,7 +30,7 @@ def verify_plan(problem: Problem, content: PlanFile | Plan, answer: Row) -> None
     if claimed is None:
         return
     if claimed.digest != problem_digest(problem):
-        answer["violations"].append("digest: the plan belongs to another scene or seed")
+        answer["violations"].append("digest: the plan belongs to another scene, seed or rules")
     if verdict.violations:
         return
     if not math.isclose(claimed.reward, verdict.reward, rel_tol=1e-9):
@@ -34,26 +39,45 @@ def verify_plan(problem: Problem, content: PlanFile | Plan, answer: Row) -> None
         )
 
 
-def verify_certificate(problem: Problem, content: CertificateFile, answer: Row) -> None:
-    """Price a certificate afresh and hold it against the bound it claims."""
+def verify_bound(
+    problem: Problem,
+    content: CertificateFile | ProofFile,
+    answer: Row,
+    progress: Callable[[int, int], None],
+) -> None:
+    """Price a certificate, or all leaves of a proof, and hold that against the claimed bound.
+
+    Parameters
+    ----------
+    progress : told how many leaves are done, and of how many
+    """
     answer["method"], answer["bound"] = content.method, None
     try:
-        verify(problem, content)
+        if isinstance(content, ProofFile):
+            verify_proof(problem, content, progress)
+        else:
+            verify(problem, content)
     except CertificateError as error:
-        answer["violations"].append(f"certificate: {error}")
+        kind = "proof" if isinstance(content, ProofFile) else "certificate"
+        answer["violations"].append(f"{kind}: {error}")
         return
     # What has been proved is what the file claims.
     answer["bound"] = content.bound
-    if content.bound is None:
-        answer["message"] = "proved: there is no plan"
+    if content.proved < 0:  # J >= 0
+        answer["message"] = NO_PLAN
 
 
 def conclude(answer: Row) -> None:
     """Hold plan and bound against each other, and say whether all claims hold."""
-    reward, bound = answer.get("reward"), answer.get("bound")
-    if reward is not None and bound is not None and not answer["violations"]:
-        answer["gap"] = finite(relative_gap(reward, bound))
+    reward, bound, violations = answer.get("reward"), answer.get("bound"), answer["violations"]
+    answer["optimal"] = None
+    if reward is not None and answer.get("message") == NO_PLAN and not violations:
+        violations.append("plan: obeys the rules, though it is proved that no plan does")
+    if reward is not None and bound is not None and not violations:
+        gap = relative_gap(reward, bound)
+        answer["gap"] = finite(gap)
         # The referee's J and the bound are both rounded sums.
         if reward > bound + 1e-9 * abs(bound):
-            answer["violations"].append("reward: above the bound, one of the two is wrong")
-    answer["valid"] = not answer["violations"]
+            violations.append("reward: above the bound, one of the two is wrong")
+        answer["optimal"] = gap <= OPTIMALITY and not violations
+    answer["valid"] = not violations

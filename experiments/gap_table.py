@@ -1,62 +1,166 @@
-"""The gap table, cell by cell: a scene and a seed, one bound, and a plan per planner."""
+"""The gap table, cell by cell: a scene and a seed, a plan per planner, and what bounds them."""
 
 import csv
+import hashlib
 import io
+import math
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
-from cocap_opt.cache import write_atomically
-from cocap_opt.io import encode
-from cocap_opt.problem import Problem
-from cocap_opt.stop import Stop
-from experiments.files import save_plan, write
-from experiments.report import Row, gap_row, run_bound, run_planner
+import msgspec
 
-BOUND_METHOD = "column-generation"
+from cocap_opt.cache import write_atomically
+from cocap_opt.io import problem_digest
+from cocap_opt.model import compiled
+from cocap_opt.problem import Problem
+from cocap_opt.result import Reason, Result, relative_gap
+from cocap_opt.stop import Limit, Stop
+from experiments.files import save, save_plan, write
+from experiments.progress import Watch
+from experiments.report import (
+    BOUND_METHOD,
+    Bounded,
+    Judged,
+    Row,
+    gap_row,
+    hold_against,
+    judge,
+    run_certified,
+    run_planner,
+    without_rules,
+)
+from formulations.result import OPTIMALITY, CertifiedResult
+
+Limits = Callable[[], Stop]  # makes a limit that begins to count at once
 
 
 def gap_cell(
     problem: Problem,
     seed: int,
     planners: Sequence[str],
-    seconds: float,
-    interrupt: Stop,
+    planner_limits: Limits,
+    bound_limits: Limits,
     folder: Path | None,
+    watch: Watch,
 ) -> list[Row]:
-    """Rows of one scene and seed; with a folder, the plans and the certificate as files."""
-    bounded = run_bound(problem, BOUND_METHOD, seconds, interrupt)
-    stem, path = f"{_file_name(problem.name)}-{seed}", ""
-    certificate = bounded.certificate
-    if folder is not None and certificate is not None:
-        path = f"certificates/{stem}.json"
-        target, content = folder / path, encode(certificate)
-        write(target, lambda: write_atomically(target, content))
-    rows = []
+    """Rows of one scene and seed; with a folder, the plans and the certificates as files."""
+    stem = f"{_file_name(problem.name)}-{seed}"
+    watch.coverage_of(problem)
+    compiled(problem).prepare_all(planner_limits())  # no planner's seconds hold it
+    plans = {}
     for name in planners:
-        judged = run_planner(problem, name, seconds, interrupt)
+        watch.show(name)
+        plans[name] = judged = run_planner(problem, name, planner_limits())
         if folder is not None and judged.result.plan is not None:
             save_plan(folder / f"plans/{stem}-{name}.json", problem, name, judged)
-        rows.append(gap_row(problem, seed, name, judged, bounded, path))
-    return rows
+    under, free = bounds_of(problem, list(plans.values()), bound_limits, watch)
+    bounded = Bounded(under, _save_certificate(folder, stem, under.result))
+    if free is under:
+        bounded_free = bounded
+    else:
+        bounded_free = Bounded(free, _save_certificate(folder, f"{stem}-free", free.result))
+    return [
+        gap_row(problem, seed, name, judged, bounded, bounded_free)
+        for name, judged in plans.items()
+    ]
+
+
+def _save_certificate(folder: Path | None, stem: str, result: CertifiedResult) -> str:
+    """Path of the file in the folder; empty where there is none."""
+    certificate = result.certificate
+    if folder is None or certificate is None:
+        return ""
+    path = f"certificates/{stem}.json"
+    save(folder / path, certificate)
+    return path
+
+
+def bounds_of(
+    problem: Problem, plans: Sequence[Judged[Result]], limits: Limits, watch: Watch
+) -> tuple[Judged[CertifiedResult], Judged[CertifiedResult]]:
+    """Best plan and best certified bound under the scene's rules, and without any rules.
+
+    What bounds all plans bounds those that obey the rules, and the best plan of all may obey
+    them; so the problem without rules comes first, and sometimes settles both.
+    """
+    problem_free = without_rules(problem)
+    watch.coverage_of(problem_free)
+    start = _best(plans).result.plan
+    free = run_certified(
+        problem_free, BOUND_METHOD, limits(), start, watch.report("without rules:")
+    )
+    if problem_free is problem:
+        return free, free
+    known = [judged.result for judged in plans if isinstance(judged.result, CertifiedResult)]
+    known.append(_under_rules(problem, free.result))
+    bound = min((b for b in known if b.certificate), key=_bound, default=known[-1])
+    best = _best([j for j in (*plans, judge(BOUND_METHOD, problem, free.result)) if j.valid])
+    if relative_gap(best.reward, bound.bound) > OPTIMALITY and bound.bound >= 0:
+        start = best.result.plan
+        found = run_certified(problem, BOUND_METHOD, limits(), start, watch.report("with rules:"))
+        best = _best([best, found])
+        tightest = min(found.result, bound, key=_bound)
+        bound = replace(found.result, bound=tightest.bound, certificate=tightest.certificate)
+    under = _joined(best, bound)
+    if best.reward > free.reward:  # what obeys the rules may fly where there are none
+        free = _joined(best, free.result)
+    return under, free
+
+
+def _bound(result: Result) -> float:
+    return result.bound
+
+
+def _best(plans: Sequence[Judged[Result]]) -> Judged[Result]:
+    none = Judged(Result(None, -math.inf, Reason.FAILED), None)
+    return max(plans, key=lambda judged: judged.reward, default=none)
+
+
+def _under_rules(problem: Problem, free: CertifiedResult) -> CertifiedResult:
+    """A bound on all plans, as one on those that obey a problem's rules."""
+    if free.certificate is None:
+        return free
+    digest = problem_digest(problem)
+    return replace(free, certificate=msgspec.structs.replace(free.certificate, digest=digest))
+
+
+def _joined(best: Judged[Result], bound: CertifiedResult) -> Judged[CertifiedResult]:
+    """A plan and a bound that may come from different runs, and what they prove together."""
+    hold_against(BOUND_METHOD, best.reward, bound.bound)
+    reason, limit = bound.reason, bound.limit
+    if relative_gap(best.reward, bound.bound) <= OPTIMALITY:
+        reason, limit = Reason.OPTIMAL, Limit.NONE
+    elif bound.bound < 0:  # J >= 0
+        reason, limit = Reason.INFEASIBLE, Limit.NONE
+    plan, value = best.result.plan, best.result.value
+    result = replace(bound, plan=plan, value=value, reason=reason, limit=limit)
+    return Judged(result, best.verdict)
 
 
 def told_apart(problems: dict[tuple[str, int], Problem]) -> dict[tuple[str, int], Problem]:
-    """Problems by (scene as typed, seed); scenes of one name are called as they were typed.
+    """Problems by (scene as typed, seed), no two scenes of one name.
 
-    The name is no part of a problem's digest, so certificates and plans still fit.
+    A scene that has another's name, or a name that another was typed as, is called as it was
+    typed. The name is no part of a problem's digest, so certificates and plans still fit.
     """
-    typed: dict[str, set[str]] = {}
+    claimed: dict[str, set[str]] = {}
     for (scene, _), problem in problems.items():
-        typed.setdefault(problem.name, set()).add(scene)
+        claimed.setdefault(problem.name, set()).add(scene)
+        claimed.setdefault(scene, set()).add(scene)
     return {
-        (scene, seed): problem.replace(name=scene) if len(typed[problem.name]) > 1 else problem
+        (scene, seed): problem.replace(name=scene) if len(claimed[problem.name]) > 1 else problem
         for (scene, seed), problem in problems.items()
     }
 
 
 def _file_name(scene: str) -> str:
-    return re.sub(r"[^\w.-]+", "_", scene).strip("_.") or "scene"
+    """The name where any file system tells it from others, else what is left and a digest."""
+    plain = re.sub(r"[^a-z0-9._-]+", "_", scene.lower()).strip("_.-")[:60] or "scene"
+    if plain == scene:
+        return plain
+    return f"{plain}-{hashlib.sha256(scene.encode()).hexdigest()[:12]}"
 
 
 def save_rows(path: Path, rows: Sequence[Row]) -> None:

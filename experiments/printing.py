@@ -1,22 +1,20 @@
-"""Printing results and progress: tables, or JSON alone on standard output."""
+"""Printing results: tables, or JSON alone on standard output."""
 
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import msgspec
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from cocap_opt.model import compiled
-from cocap_opt.problem import Problem
 from experiments.report import Row
 
 WIDE = 200  # columns of a table that goes to a file or a pipe
+OPEN = "*"  # marks a bound that a limit stopped
+PROVED = ("optimal", "infeasible")
 
 
 class _Output(Console):
@@ -47,24 +45,44 @@ def print_result(row: Row, json: bool) -> None:
 
 def print_table(title: str, rows: Sequence[Row]) -> None:
     """Rows that all have the keys of the first."""
-    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
-    for key, value in rows[0].items():
-        wraps = key in ("about", "message")
+    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False,
+                  collapse_padding=True)  # fmt: skip
+    for key, value in rows[0].items() if rows else ():
+        wraps = key in ("scene", "about", "message")
         table.add_column(key, justify="left" if isinstance(value, str) else "right",
-                         no_wrap=not wraps)  # fmt: skip
+                         no_wrap=not wraps, overflow="fold")  # fmt: skip
     for row in rows:
         table.add_row(*(escape(_text(key, value)) for key, value in row.items()))
     _console().print(table)
 
 
+class Marked(NamedTuple):
+    """A number with a mark behind it."""
+
+    value: float | None
+    mark: str
+
+
 def print_gap_table(rows: Sequence[Row]) -> None:
     """The gap table."""
-    keys = ["scene", "seed", "planner", "reward", "bound", "gap", "conflicts", "reason"]
+    keys = ["scene", "seed", "planner", "reward", "bound", "gap", "gap_free", "conflicts"]
+    keys.append("reason")
     if any(row["limit"] != "none" for row in rows):
         keys.append("limit")
     keys.append("seconds")
-    title = f"gap to the certified bound ({rows[0]['bound_method']})" if rows else "no rows"
-    print_table(title, [{key: row[key] for key in keys} for row in rows])
+    table = [{key: row[key] for key in keys} for row in rows]
+    any_open = False
+    for shown, row in zip(table, rows, strict=True):
+        for key, reason in (("bound", "bound_reason"), ("gap_free", "bound_free_reason")):
+            is_open = row[reason] not in PROVED
+            any_open = any_open or is_open
+            shown[key] = Marked(row[key], OPEN if is_open else " ")
+    print_table(gap_title(rows), table)
+    if any_open:
+        _console().print(
+            f"{OPEN} A limit stopped the search for this bound: it is certified, but the optimum "
+            "may be lower."
+        )
     if any(row["conflicts"] for row in rows):
         _console().print(
             "A plan with conflicts breaks the scene's rules: its reward may exceed the bound, "
@@ -72,10 +90,25 @@ def print_gap_table(rows: Sequence[Row]) -> None:
         )
 
 
+def gap_title(rows: Sequence[Row]) -> str:
+    """What the bounds of a gap table are."""
+    if not rows:
+        return "no rows"
+    methods = ", ".join(dict.fromkeys(row["bound_method"] for row in rows))
+    proved = [row["bound_reason"] in PROVED for row in rows]
+    if all(proved):
+        return f"gap to the proved optimum ({methods})"
+    if any(proved):
+        return f"gap to the proved optimum, or where marked {OPEN} to a certified bound ({methods})"
+    return f"gap to a certified bound ({methods})"
+
+
 def _text(key: str, value: Any) -> str:
+    if isinstance(value, Marked):
+        return _text(key, value.value) + value.mark
     if value is None:
         return "-"
-    if key == "gap":
+    if key in ("gap", "gap_free"):
         return f"{100 * value:.3f} %"
     if key == "seconds":
         return f"{value:.3f}"
@@ -85,28 +118,3 @@ def _text(key: str, value: Any) -> str:
         joint = ", " if all(isinstance(item, float) for item in value) else "\n"
         return joint.join(_text("", item) for item in value) or "none"
     return str(value)
-
-
-def progress_bar() -> Progress:
-    """Progress on standard error; nothing where that is not a terminal."""
-    console = Console(stderr=True)
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        console=console,
-        transient=True,
-        disable=not console.is_terminal,
-    )
-
-
-@contextmanager
-def coverage_progress(problem: Problem) -> Iterator[None]:
-    """Show how far the coverage of the scene is, while it is being computed."""
-    with progress_bar() as progress:
-        task = progress.add_task("coverage", total=problem.horizon + 1)
-        compiled(problem).progress = lambda done, total: progress.update(
-            task, completed=done, total=total
-        )
-        yield

@@ -6,25 +6,31 @@ certificate priced by its own plain sweep; no number is a solver's word.
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, Generic, NamedTuple, TypeVar
 
 from cocap_opt.check import Verdict, check
 from cocap_opt.plan import Plan
 from cocap_opt.planners import PLANNERS
-from cocap_opt.problem import Problem
+from cocap_opt.problem import NO_RULES, Problem
 from cocap_opt.result import Reason, Result, UnsupportedError, relative_gap
-from cocap_opt.stop import FirstOf, Stop, TimeLimit
-from formulations import BOUNDS, EXACT, BoundResult
+from cocap_opt.stop import Stop
+from formulations import BOUNDS, EXACT
+from formulations.result import OPTIMALITY, CertifiedResult, Report, silent
 
 Row = dict[str, Any]
+R = TypeVar("R", bound=Result)
+R_co = TypeVar("R_co", bound=Result, covariant=True)
+
+BOUND_METHOD = "branch-and-price"  # of the gap table; at any limit it has a bound
+MEANS = ("reward", "bound", "gap", "gap_free", "seconds")
 
 SOLVERS: Mapping[str, Callable[[Problem, Stop], Result]] = {**PLANNERS, **EXACT}
 
 
-class Judged(NamedTuple):
+class Judged(NamedTuple, Generic[R_co]):
     """A result with the referee's verdict; no verdict where there is no plan."""
 
-    result: Result
+    result: R_co
     verdict: Verdict | None
 
     @property
@@ -33,21 +39,27 @@ class Judged(NamedTuple):
         return self.verdict.reward if self.verdict else -math.inf
 
     @property
+    def valid(self) -> bool:
+        """Whether there is a plan that obeys the rules."""
+        return self.verdict is not None and self.verdict.valid
+
+    @property
     def conflicts(self) -> int:
         """Number of broken collision rules."""
         return len(self.verdict.conflicts) if self.verdict else 0
 
+    @property
+    def gap(self) -> float:
+        """Gap of a plan that obeys the rules to its own result's bound; infinite otherwise."""
+        return relative_gap(self.reward, self.result.bound) if self.valid else math.inf
+
 
 class RefereeError(RuntimeError):
-    """A planner returned a plan that the referee refuses: a bug, never a result."""
+    """A method returned a plan or a bound that the referee refuses: a bug, never a result."""
 
 
-def run_planner(problem: Problem, name: str, seconds: float, interrupt: Stop) -> Judged:
-    """Plan within a time limit and have the plan judged."""
-    try:
-        result = SOLVERS[name](problem, FirstOf(interrupt, TimeLimit(seconds)))
-    except UnsupportedError as error:
-        return Judged(Result(None, -math.inf, Reason.UNSUPPORTED, message=str(error)), None)
+def judge(name: str, problem: Problem, result: R) -> Judged[R]:
+    """Have a plan judged, and held against its result's claims."""
     if result.plan is None:
         return Judged(result, None)
     verdict = check(problem, result.plan)
@@ -55,17 +67,54 @@ def run_planner(problem: Problem, name: str, seconds: float, interrupt: Stop) ->
         raise RefereeError(f"{name}: {verdict.violations[0]}")
     if not math.isclose(verdict.reward, result.value, rel_tol=1e-9, abs_tol=1e-9):
         raise RefereeError(f"{name}: claims J = {result.value!r}, it is {verdict.reward!r}")
+    if verdict.valid:
+        hold_against(name, verdict.reward, result.bound)
     return Judged(result, verdict)
 
 
-def run_bound(
-    problem: Problem, name: str, seconds: float, interrupt: Stop, plan: Plan | None = None
-) -> BoundResult:
-    """Bound within a time limit; its certificate has been priced."""
-    return BOUNDS[name](problem, FirstOf(interrupt, TimeLimit(seconds)), plan)
+def hold_against(name: str, reward: float, bound: float) -> None:
+    """Refuse a bound that is below the J of a plan that obeys the rules, but for rounding."""
+    if reward > bound + 1e-8 * abs(bound):
+        raise RefereeError(f"{name}: bound {bound!r} is below J = {reward!r}")
 
 
-def plan_row(problem: Problem, seed: int, planner: str, judged: Judged) -> Row:
+def without_rules(problem: Problem) -> Problem:
+    """The problem without inter-robot collisions; the same one if it has no rules."""
+    return problem if problem.rules.none else problem.replace(rules=NO_RULES)
+
+
+def run_planner(problem: Problem, name: str, stop: Stop) -> Judged[Result]:
+    """Plan, and have the plan judged."""
+    try:
+        result = SOLVERS[name](problem, stop)
+    except UnsupportedError as error:
+        return Judged(Result(None, -math.inf, Reason.UNSUPPORTED, message=str(error)), None)
+    return judge(name, problem, result)
+
+
+def run_certified(
+    problem: Problem,
+    name: str,
+    stop: Stop,
+    start: Plan | None = None,
+    report: Report = silent,
+    gap: float = OPTIMALITY,
+) -> Judged[CertifiedResult]:
+    """Run a bound or an exact method, and have its plan judged; its certificate is priced.
+
+    Raises
+    ------
+    UnsupportedError
+        If the method does not take such problems.
+    """
+    if name in EXACT:
+        result = EXACT[name](problem, stop, start, report, gap)
+    else:
+        result = BOUNDS[name](problem, stop, start, report)
+    return judge(name, problem, result)
+
+
+def plan_row(problem: Problem, seed: int, planner: str | None, judged: Judged[Result]) -> Row:
     """Row of a plan, without a bound: only certified bounds are printed."""
     result = judged.result
     return {
@@ -84,37 +133,81 @@ def plan_row(problem: Problem, seed: int, planner: str, judged: Judged) -> Row:
     }
 
 
-def gap_row(
-    problem: Problem, seed: int, planner: str, judged: Judged, bound: BoundResult, path: str
-) -> Row:
-    """Row of the gap table. Only a plan that obeys the rules has a gap to their bound."""
-    feasible = judged.verdict is not None and judged.verdict.valid
-    row = plan_row(problem, seed, planner, judged)
+def certified_row(problem: Problem, seed: int, method: str, judged: Judged[CertifiedResult]) -> Row:
+    """Row of a bound, with a plan if its method found one."""
+    result = judged.result
+    reason, messages = result.reason, [result.message] if result.message else []
+    if reason is Reason.OPTIMAL and judged.gap > OPTIMALITY:
+        reason = Reason.FINISHED
+        messages.append("the plan is as near to the bound as was asked for")
+    if reason is Reason.INFEASIBLE:
+        messages.append("proved: no plan obeys the rules")
+    if result.certificate is None and math.isfinite(result.bound):
+        messages.append(f"no certificate: the bound is what {method} proves by itself")
+    row = plan_row(problem, seed, method if result.plan else None, judged)
     row |= {
-        "method": bound.method,
-        "bound": finite(bound.bound),
-        "gap": finite(relative_gap(judged.reward, bound.bound)) if feasible else None,
-        "robots": len(problem.robots),
-        "actors": len(problem.actors),
-        "steps": problem.horizon,
-        "bound_method": bound.method,
-        "certificate": path,
+        "method": method,
+        "bound": finite(result.bound),
+        "gap": finite(judged.gap),
+        "reason": str(reason),
+        "message": "; ".join(messages),
     }
     return row
 
 
-def bound_row(problem: Problem, seed: int, bound: BoundResult) -> Row:
-    """Row of a bound alone."""
-    return {
-        "scene": problem.name,
-        "seed": seed,
-        "method": bound.method,
+class Bounded(NamedTuple):
+    """Best plan and bound of a problem, and where in the folder its certificate is."""
+
+    judged: Judged[CertifiedResult]
+    path: str = ""
+
+
+def gap_row(
+    problem: Problem,
+    seed: int,
+    planner: str,
+    judged: Judged[Result],
+    bounded: Bounded,
+    free: Bounded,
+) -> Row:
+    """Row of the gap table. Only a plan that obeys the rules has gaps.
+
+    Parameters
+    ----------
+    free : of the problem without rules
+    """
+    bound, bound_free = bounded.judged.result, free.judged.result
+    row = plan_row(problem, seed, planner, judged)
+    row |= {
+        "method": method_of(bound),
         "bound": finite(bound.bound),
-        "reason": str(bound.reason),
-        "limit": str(bound.limit),
-        "seconds": bound.seconds,
-        **bound.statistics,
+        "gap": _gap(judged, bound.bound),
+        "gap_free": _gap(judged, bound_free.bound),
+        "robots": len(problem.robots),
+        "actors": len(problem.actors),
+        "steps": problem.horizon,
+        "bound_method": method_of(bound),
+        "bound_reason": str(bound.reason),
+        "bound_limit": str(bound.limit),
+        "bound_seconds": bound.seconds,
+        "certificate": bounded.path,
+        "optimum_free": finite(free.judged.reward),
+        "bound_free": finite(bound_free.bound),
+        "bound_free_reason": str(bound_free.reason),
+        "bound_free_limit": str(bound_free.limit),
+        "bound_free_seconds": bound_free.seconds,
+        "certificate_free": free.path,
     }
+    return row
+
+
+def method_of(result: CertifiedResult) -> str:
+    """The method that made a bound of the gap table."""
+    return result.certificate.method if result.certificate else BOUND_METHOD
+
+
+def _gap(judged: Judged[Result], bound: float) -> float | None:
+    return finite(relative_gap(judged.reward, bound)) if judged.valid else None
 
 
 def default_planners(problem: Problem) -> list[str]:
@@ -129,7 +222,8 @@ def finite(value: float) -> float | None:
 
 
 def mean_table(rows: Sequence[Row]) -> list[Row]:
-    """Per scene and planner: means over seeds, and how many plans obey the rules.
+    """Per scene and planner: means over seeds, how many plans obey the rules, how many optima
+    are proved.
 
     A mean exists only where all seeds have a value: means over different seeds mislead.
     """
@@ -142,8 +236,9 @@ def mean_table(rows: Sequence[Row]) -> list[Row]:
                 "scene": scene,
                 "planner": planner,
                 "seeds": len(some),
-                "feasible": sum(row["gap"] is not None for row in some),
-                **{key: _mean(some, key) for key in ("reward", "bound", "gap", "seconds")},
+                "feasible": sum(row["reward"] is not None and not row["conflicts"] for row in some),
+                "proved": sum(row["bound_reason"] == "optimal" for row in some),
+                **{key: _mean(some, key) for key in MEANS},
             }
         )
     return table

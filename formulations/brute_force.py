@@ -7,17 +7,26 @@ from itertools import product
 import numpy as np
 
 from cocap_opt.model import Model, Path, compiled
-from cocap_opt.plan import conflicts
+from cocap_opt.plan import Plan, conflicts
 from cocap_opt.problem import Problem
-from cocap_opt.result import Reason, Result, UnsupportedError
+from cocap_opt.result import Reason, UnsupportedError
 from cocap_opt.reward import objective, robot_pixels
 from cocap_opt.stop import Limit, Stop, never
+from formulations.result import OPTIMALITY, CertifiedResult, Report, silent, usable_start
 
 MOST_PLANS = 2_000_000
 
 
-def brute_force(problem: Problem, stop: Stop = never) -> Result:
-    """Best plan by trying all of them.
+def brute_force(
+    problem: Problem,
+    stop: Stop = never,
+    start: Plan | None = None,
+    report: Report = silent,
+    gap: float = OPTIMALITY,
+) -> CertifiedResult:
+    """Best plan by trying all of them, which is also what proves its bound: no certificate.
+
+    It needs no start, but says whether the one given could be used.
 
     Raises
     ------
@@ -50,13 +59,14 @@ def brute_force(problem: Problem, stop: Stop = never) -> Result:
     reason = Reason.STOPPED
     if limit is Limit.NONE:
         reason = Reason.INFEASIBLE if best is None else Reason.OPTIMAL
-    return Result(
+    return CertifiedResult(
         plan=best,
         value=best_value,
         reason=reason,
         limit=limit,
         bound=best_value if limit is Limit.NONE else math.inf,
         seconds=time.perf_counter() - begin,
+        message=usable_start(problem, start)[1],
         statistics={"plans": plans},
     )
 

@@ -11,6 +11,14 @@ one (alpha, beta) per group (t, face) and a multiplier mu >= 0 per conflict row,
     J <= sum w kappa + sum mu + sum_i max_path [ sum_t sum_f w (alpha sqrt(c) + beta c)
                                                  + stationarity - mu on rows used ].
 
+A share theta of a group's root may be bounded by an envelope cut instead (formulations.
+envelope): r <= constant + sum phi(sqrt(c_i)). Then only rho = 1 - sum theta is left for
+alpha and beta, and kappa = max(0, rho - alpha)^2 / (4 beta).
+
+Decisions "at most k" or "at least k robots use this" of a branch-and-price tree are rows as
+well; multipliers nu >= 0 make them +nu k or -nu k, and a charge or a reward on the use.
+"At most none" closes the resource.
+
 Reference pixels z. By concavity of the root,
 
     sqrt(sum c_i) <= sqrt(z) + sum_i (sqrt(z + c_i) - sqrt(z)).
@@ -20,49 +28,74 @@ one plain sweep over the time-expanded graph and no solver.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from itertools import pairwise
 from typing import Literal, NamedTuple
 
 import msgspec
 import numpy as np
 
-from cocap_opt.constraints import place_of
 from cocap_opt.io import problem_digest
 from cocap_opt.model import Model, RobotClass
-from cocap_opt.problem import Cell, FloatArray, IntArray, Problem
+from cocap_opt.problem import FloatArray, IntArray, Problem
 from cocap_opt.reward import group_weights, marginal_gain
+from cocap_opt.timegraph import NO_CHARGES, Charges
+from formulations import envelope
+from formulations.resources import Resource, charges_of, misruled, misuse
 
 UNIT_ROUNDOFF = 2.0**-53
 
 
-class CellsRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="cells"):
-    """At most one robot is in these cells at step t; any two of them conflict."""
+class _Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Base of what certificates are made of."""
 
-    t: int
-    cells: tuple[Cell, ...]
+
+class Row(_Part, frozen=True):
+    """At most one robot uses this resource, by the scene's collision rules."""
+
+    resource: Resource
     multiplier: float
 
 
-class SwapRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="swap"):
-    """At most one robot moves between these two cells, either way, from t to t+1."""
+class Decision(_Part, frozen=True):
+    """So many robots at most, or at least, use this resource: a branch of a proof's tree."""
+
+    resource: Resource
+    sense: Literal["at most", "at least"]
+    robots: int
+
+    @property
+    def closes(self) -> bool:
+        """Whether nobody may use the resource."""
+        return self.sense == "at most" and self.robots <= 0
+
+    @property
+    def sign(self) -> int:
+        """1 where the resource is to be used less, -1 where more."""
+        return 1 if self.sense == "at most" else -1
+
+
+class EnvelopeCut(_Part, frozen=True):
+    """A function phi that bounds the root of group (t, face); its constant is recomputed."""
 
     t: int
-    cells: tuple[Cell, Cell]
-    multiplier: float
+    face: int
+    roots: tuple[float, ...]  # [K] breakpoints > 0, increasing, px^0.5/m
+    values: tuple[float, ...]  # [K] phi at them, >= 0
+    share: float  # theta
 
 
-Row = CellsRow | SwapRow
-
-
-class Multipliers(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="multipliers"):
-    """Multipliers of the groups and of the conflict rows."""
+class Multipliers(_Part, frozen=True, tag="multipliers", omit_defaults=True):
+    """Multipliers of the groups, of the conflict rows and of decisions."""
 
     alpha: tuple[tuple[float, ...], ...]  # [T+1][F]
     beta: tuple[tuple[float, ...], ...]  # [T+1][F] m/px^0.5
     rows: tuple[Row, ...] = ()
+    cuts: tuple[EnvelopeCut, ...] = ()
+    decisions: tuple[float, ...] = ()  # one per decision that is given, in their order
 
 
-class ReferencePixels(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="reference"):
+class ReferencePixels(_Part, frozen=True, tag="reference"):
     """Pixels at which the marginal gains are taken; a plan's pixels give the online bound."""
 
     pixels: tuple[tuple[float, ...], ...]  # [T+1][F] px/m2
@@ -75,7 +108,7 @@ class CertificateFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, k
     """A certificate with the bound it claims and the digest of its scene."""
 
     format: Literal["cocap-opt certificate"] = "cocap-opt certificate"
-    version: Literal[1] = 1
+    version: Literal[2] = 2
     scene: str
     digest: str  # of the problem
     method: str
@@ -131,8 +164,12 @@ def verify(problem: Problem, file: CertificateFile) -> Pricing:
     return pricing
 
 
-def price(model: Model, certificate: Certificate) -> Pricing:
+def price(model: Model, certificate: Certificate, decisions: Sequence[Decision] = ()) -> Pricing:
     """Upper bound on J that a certificate proves.
+
+    Parameters
+    ----------
+    decisions : the bound is for plans that obey these as well
 
     Raises
     ------
@@ -141,37 +178,69 @@ def price(model: Model, certificate: Certificate) -> Pricing:
         one that every plan obeys.
     """
     problem = model.problem
-    rows: tuple[Row, ...] = ()
     if isinstance(certificate, Multipliers):
-        rows = certificate.rows
-        constant, pay = _price_multipliers(model, certificate)
+        offer = _offer_of_multipliers(model, certificate)
+        charged = _charged(model, certificate, decisions)
     else:
-        constant, pay = _price_reference(model, certificate)
-    _check_rows(problem, rows)
-    charge = sum(row.multiplier for row in rows)
-    if not math.isfinite(charge):
-        raise CertificateError("certificate.rows: multipliers too large, the bound is infinite")
-    total, magnitude = constant + charge, abs(constant) + charge
-    for group in model.classes:
-        reward = _node_rewards(model, group, pay)
-        value = _plain_sweep(model, group, reward, rows)
+        offer, charged = _offer_of_reference(model, certificate), _Charged(0.0, 0.0, [])
+    total = offer.constant + charged.constant
+    magnitude = offer.magnitude + charged.magnitude
+    if not math.isfinite(magnitude):
+        raise CertificateError("certificate: multipliers too large, the bound is infinite")
+    for number, group in enumerate(model.classes):
+        reward = _node_rewards(model, group, offer)
+        value = _plain_sweep(model, group, reward, charges_of(model, number, charged.costs))
         best = [float(value[start]) for start in group.starts]
         if -math.inf in best:  # a robot without any path: there is no plan
             return Pricing(-math.inf, 0.0)
         total += math.fsum(best)
-        magnitude += len(best) * _largest_path(model, reward, rows)
+        magnitude += len(best) * (_largest_path(model, reward) + charged.magnitude)
     # Every number above is a sum of at most `terms` terms, each the result of a few
     # operations: the error is below gamma_n times the sum of absolute values (Higham,
     # Accuracy and Stability of Numerical Algorithms, 2002, section 3.1), doubled for safety.
     # Marginal gains at reference pixels z are differences of roots up to sqrt(z + c); the
     # constant holds w sqrt(z), so that what cancels is counted too.
-    terms = (problem.horizon + 1) * (model.n_faces + 2) + len(rows) + 8 * len(problem.robots) + 64
+    terms = (problem.horizon + 1) * (model.n_faces + 2) + len(charged.costs)
+    terms += 8 * len(problem.robots) + 64
     rounding = 2 * terms * UNIT_ROUNDOFF / (1 - terms * UNIT_ROUNDOFF) * magnitude
     return Pricing(math.nextafter(total + rounding, math.inf), rounding)
 
 
-# What a certificate pays for pixels (px/m2) [n] in groups [n], before the weights.
-Payment = Callable[[IntArray, FloatArray], FloatArray]
+class _Offer(NamedTuple):
+    """What a certificate pays for pixels, and the constants that go with it."""
+
+    constant: float
+    magnitude: float  # sum of the absolute values that the constant is made of
+    pay: Callable[[IntArray, FloatArray], FloatArray]  # groups [n], pixels [n] -> before weights
+
+
+class _Charged(NamedTuple):
+    """What a certificate charges for resources, and the constants that go with it."""
+
+    constant: float
+    magnitude: float
+    costs: list[tuple[Resource, float]]
+
+
+def _charged(model: Model, certificate: Multipliers, decisions: Sequence[Decision]) -> _Charged:
+    """Costs of resources: conflict rows at their multipliers, closed decisions at infinity."""
+    _check_rows(model, certificate.rows)
+    if len(certificate.decisions) != len(decisions):
+        raise CertificateError(
+            f"certificate.decisions: must hold {len(decisions)} multipliers, one per decision"
+        )
+    terms = [row.multiplier for row in certificate.rows]
+    costs = [(row.resource, row.multiplier) for row in certificate.rows]
+    for decision, multiplier in zip(decisions, certificate.decisions, strict=True):
+        if not (math.isfinite(multiplier) and multiplier >= 0):
+            raise CertificateError("certificate.decisions: must be finite and >= 0")
+        if decision.closes:
+            costs.append((decision.resource, math.inf))
+        else:
+            terms.append(decision.sign * multiplier * decision.robots)
+            costs.append((decision.resource, decision.sign * multiplier))
+    largest = sum(abs(cost) for _, cost in costs if math.isfinite(cost))
+    return _Charged(sum(terms), sum(map(abs, terms)) + largest, costs)
 
 
 def _array(model: Model, values: tuple[tuple[float, ...], ...], field: str) -> FloatArray:
@@ -192,34 +261,82 @@ def _visible_groups(model: Model) -> FloatArray:
     return np.where(group_weights(model.problem) > 0, visible, 0.0)
 
 
-def _price_multipliers(model: Model, certificate: Multipliers) -> tuple[float, Payment]:
+def _offer_of_multipliers(model: Model, certificate: Multipliers) -> _Offer:
     alpha = _array(model, certificate.alpha, "certificate.alpha")
     beta = _array(model, certificate.beta, "certificate.beta")
     weights = group_weights(model.problem)
-    needed = np.flatnonzero((_visible_groups(model) > 0) & (alpha < 1))
+    cuts = _usable_cuts(model, certificate.cuts)
+    rest = np.ones_like(alpha)
+    for group, cut, _ in cuts:
+        rest[group] -= cut.share
+    needed = np.flatnonzero((_visible_groups(model) > 0) & (alpha < rest))
     if (beta[needed] == 0).any():
         raise CertificateError("certificate.beta: must be > 0 where alpha < 1")
-    kappa = (1 - alpha[needed]) ** 2 / (4 * beta[needed])
-    constant = math.fsum((weights[needed] * kappa).tolist())
-    if not math.isfinite(constant):
-        raise CertificateError("certificate.beta: too small, the bound is infinite")
+    kappa = (rest[needed] - alpha[needed]) ** 2 / (4 * beta[needed])
+    terms = (weights[needed] * kappa).tolist()
+    terms += [float(weights[group]) * cut.share * constant for group, cut, constant in cuts]
+    # What the cuts' constants are made of: norms of as many roots as there are robots.
+    size = len(model.problem.robots)
+    made_of = [
+        float(weights[group]) * cut.share * size * (cut.roots[-1] + max(cut.values))
+        for group, cut, _ in cuts
+    ]
+    by_group: dict[int, list[EnvelopeCut]] = {}
+    for group, cut, _ in cuts:
+        by_group.setdefault(group, []).append(cut)
 
     def pay(groups: IntArray, pixels: FloatArray) -> FloatArray:
-        return alpha[groups] * np.sqrt(pixels) + beta[groups] * pixels
+        roots = np.sqrt(pixels)
+        paid: FloatArray = alpha[groups] * roots + beta[groups] * pixels
+        order = np.argsort(groups, kind="stable")
+        bounds = np.searchsorted(groups[order], np.arange(len(alpha) + 1))
+        for group, own in by_group.items():
+            entries = order[bounds[group] : bounds[group + 1]]
+            for cut in own:
+                if len(entries) and roots[entries].max() > cut.roots[-1]:
+                    raise CertificateError("certificate.cuts: roots end below what can be seen")
+                points, values = np.array(cut.roots), np.array(cut.values)
+                paid[entries] += cut.share * envelope.phi(points, values, roots[entries])
+        return paid
 
-    return constant, pay
+    return _Offer(sum(terms), sum(terms) + sum(made_of), pay)
 
 
-def _price_reference(model: Model, certificate: ReferencePixels) -> tuple[float, Payment]:
+def _usable_cuts(
+    model: Model, cuts: tuple[EnvelopeCut, ...]
+) -> list[tuple[int, EnvelopeCut, float]]:
+    """Cuts with the number of their group and the constant that makes them valid."""
+    steps, faces, robots = model.problem.horizon + 1, model.n_faces, len(model.problem.robots)
+    found = []
+    for n, cut in enumerate(cuts):
+        field = f"certificate.cuts[{n}]"
+        if not (0 <= cut.t < steps and 0 <= cut.face < faces):
+            raise CertificateError(f"{field}: there is no group ({cut.t}, {cut.face})")
+        points = (0.0, *cut.roots)
+        if len(points) < 2 or not all(a < b < math.inf for a, b in pairwise(points)):
+            raise CertificateError(f"{field}.roots: must be > 0, finite and increasing")
+        if len(cut.values) != len(cut.roots) or not all(0 <= v < math.inf for v in cut.values):
+            raise CertificateError(f"{field}.values: must hold a finite number >= 0 per root")
+        if not 0 <= cut.share <= 1:
+            raise CertificateError(f"{field}.share: must be 0..1, not {cut.share}")
+        if envelope.number_of_multisets(len(cut.roots), robots) > envelope.MOST_MULTISETS:
+            raise CertificateError(f"{field}.roots: too many for {robots} robots")
+        constant = envelope.constant_of(np.array(cut.roots), np.array(cut.values), robots)
+        found.append((cut.t * faces + cut.face, cut, constant))
+    return found
+
+
+def _offer_of_reference(model: Model, certificate: ReferencePixels) -> _Offer:
     pixels = _array(model, certificate.pixels, "certificate.pixels")
     roots = group_weights(model.problem) * np.sqrt(pixels)
-    return math.fsum(roots.tolist()), lambda groups, seen: marginal_gain(pixels[groups], seen)
+    constant = math.fsum(roots.tolist())
+    return _Offer(constant, constant, lambda groups, seen: marginal_gain(pixels[groups], seen))
 
 
-def _node_rewards(model: Model, group: RobotClass, pay: Payment) -> FloatArray:
+def _node_rewards(model: Model, group: RobotClass, offer: _Offer) -> FloatArray:
     """What the certificate pays for being in a state [T+1, S]."""
     table = model.coverage(group)
-    paid = pay(table.groups, table.pixels) * group_weights(model.problem)[table.groups]
+    paid = offer.pay(table.groups, table.pixels) * group_weights(model.problem)[table.groups]
     if not np.isfinite(paid).all():
         raise CertificateError("certificate: too large, the bound is infinite")
     rewards = np.zeros((model.problem.horizon + 1, group.graph.n_states))
@@ -228,80 +345,64 @@ def _node_rewards(model: Model, group: RobotClass, pay: Payment) -> FloatArray:
 
 
 def _plain_sweep(
-    model: Model, group: RobotClass, reward: FloatArray, rows: tuple[Row, ...]
+    model: Model, group: RobotClass, reward: FloatArray, charges: Charges = NO_CHARGES
 ) -> FloatArray:
     """Best path value from every state at step 0 [S], move by move and turn by turn."""
     graph, problem = group.graph, model.problem
     shape = (graph.n_orientations, graph.n_places)
     bonus = problem.objective.stationarity
-    cell_charges, swap_charges = _charges(model, group, rows)
+    places, states, moves = _spread_charges(group, charges)
     value = np.where(graph.free, reward[-1].reshape(shape), -np.inf)
     if group.goal is not None:
         _, x, y = graph.coordinates(np.arange(graph.n_places))
         value = np.where((x == group.goal[0]) & (y == group.goal[1]), value, -np.inf)
-    value = value - cell_charges.get(problem.horizon, 0.0)
+    value = value - places.get(problem.horizon, 0.0) - states.get(problem.horizon, 0.0)
     for t in range(problem.horizon - 1, -1, -1):
         turned = np.stack([value[turns].max(axis=0) for turns in graph.turns])
         best = np.full(shape, -np.inf)
         for k, heads in enumerate(graph.neighbours):
             tails = np.flatnonzero(heads >= 0)
-            ahead = (
-                turned[:, heads[tails]]
-                - swap_charges.get((t, k), np.zeros(1))[tails if (t, k) in swap_charges else 0]
-            )
+            ahead = turned[:, heads[tails]]
+            if (t, k) in moves:
+                ahead = ahead - moves[t, k][tails]
             best[:, tails] = np.maximum(best[:, tails], ahead)
         if bonus:
             best = np.maximum(best, value + bonus)
-        value = best + reward[t].reshape(shape) - cell_charges.get(t, 0.0)
+        value = best + reward[t].reshape(shape) - places.get(t, 0.0) - states.get(t, 0.0)
     return value.reshape(-1)
 
 
-def _charges(
-    model: Model, group: RobotClass, rows: tuple[Row, ...]
-) -> tuple[dict[int, FloatArray], dict[tuple[int, int], FloatArray]]:
-    """Sum of multipliers on places per step [P], and on moves k from places per step [P]."""
+def _spread_charges(
+    group: RobotClass, charges: Charges
+) -> tuple[dict[int, FloatArray], dict[int, FloatArray], dict[tuple[int, int], FloatArray]]:
+    """Charges on places [P] and states [O, P] per step, and on moves k from places [P]."""
     graph = group.graph
-    at: dict[int, FloatArray] = {}
-    leaving: dict[tuple[int, int], FloatArray] = {}
-    for row in rows:
-        places = [place_of(model, group, cell) for cell in row.cells]
-        if isinstance(row, CellsRow):
-            charges = at.setdefault(row.t, np.zeros(graph.n_places))
-            for place in places:
-                if place is not None:
-                    charges[place] += row.multiplier
-        elif places[0] is not None and places[1] is not None:
-            for tail, head in (places, places[::-1]):
-                for k in np.flatnonzero(graph.neighbours[:, tail] == head).tolist():
-                    costs = leaving.setdefault((row.t, k), np.zeros(graph.n_places))
-                    costs[tail] += row.multiplier
-    return at, leaving
+    places: dict[int, FloatArray] = {}
+    for (t, place), cost in charges.places.items():
+        places.setdefault(t, np.zeros(graph.n_places))[place] += cost
+    states: dict[int, FloatArray] = {}
+    for (t, state), cost in charges.states.items():
+        own = states.setdefault(t, np.zeros((graph.n_orientations, graph.n_places)))
+        own.reshape(-1)[state] += cost
+    moves: dict[tuple[int, int], FloatArray] = {}
+    for (t, tail, head), cost in charges.moves.items():
+        for k in np.flatnonzero(graph.neighbours[:, tail] == head).tolist():
+            moves.setdefault((t, k), np.zeros(graph.n_places))[tail] += cost
+    return places, states, moves
 
 
-def _check_rows(problem: Problem, rows: tuple[Row, ...]) -> None:
+def _check_rows(model: Model, rows: tuple[Row, ...]) -> None:
     """Refuse rows that some allowed plan may break."""
-    width, depth = problem.height_map.shape
     for n, row in enumerate(rows):
         field = f"certificate.rows[{n}]"
-        last = problem.horizon if isinstance(row, CellsRow) else problem.horizon - 1
-        if not 0 <= row.t <= last:
-            raise CertificateError(f"{field}.t: must be 0..{last}, not {row.t}")
         if not (math.isfinite(row.multiplier) and row.multiplier >= 0):
             raise CertificateError(f"{field}.multiplier: must be finite and >= 0")
-        for x, y, layer in row.cells:
-            if not (0 <= x < width and 0 <= y < depth and 0 <= layer < len(problem.layers)):
-                raise CertificateError(f"{field}.cells: ({x}, {y}, {layer}) is outside the map")
-        if len(set(row.cells)) != len(row.cells):
-            raise CertificateError(f"{field}.cells: must differ")
-        if isinstance(row, SwapRow):
-            if not problem.rules.swap:
-                raise CertificateError(f"{field}: the scene has no swap rule")
-        elif not all(problem.too_close(a, b) for a in row.cells for b in row.cells):
-            raise CertificateError(f"{field}.cells: two robots may be in these cells at once")
+        wrong = misuse(model, row.resource) or misruled(model.problem, row.resource)
+        if wrong:
+            raise CertificateError(f"{field}.{wrong}")
 
 
-def _largest_path(model: Model, reward: FloatArray, rows: tuple[Row, ...]) -> float:
-    """Bound on the sum of absolute values along any path."""
+def _largest_path(model: Model, reward: FloatArray) -> float:
+    """Bound on the sum of absolute values along any path, charges left aside."""
     paid = math.fsum(reward.max(axis=1).tolist())
-    bonus = model.problem.objective.stationarity * model.problem.horizon
-    return paid + bonus + math.fsum(row.multiplier for row in rows)
+    return paid + model.problem.objective.stationarity * model.problem.horizon

@@ -11,38 +11,41 @@ import numpy as np
 from cocap_opt.model import compiled
 from cocap_opt.plan import Plan
 from cocap_opt.problem import Problem
-from cocap_opt.result import Reason
 from cocap_opt.reward import no_pixels, robot_pixels
 from cocap_opt.stop import Limit, Stop, never
-from formulations.bound import BoundResult, no_bound
 from formulations.certificate import ReferencePixels, certify
+from formulations.result import CertifiedResult, Report, bounded, no_bound, silent
 
 
-def alone(problem: Problem, stop: Stop = never, plan: Plan | None = None) -> BoundResult:
+def alone(
+    problem: Problem, stop: Stop = never, start: Plan | None = None, report: Report = silent
+) -> CertifiedResult:
     """Sum over robots of what each could see if it were alone."""
     return _from_pixels(problem, stop, None, "alone")
 
 
-def online(problem: Problem, stop: Stop = never, plan: Plan | None = None) -> BoundResult:
+def online(
+    problem: Problem, stop: Stop = never, start: Plan | None = None, report: Report = silent
+) -> CertifiedResult:
     """Online bound from any plan P: J(P) + sum over robots of max_path gain(path | P).
 
-    Without a plan it is the bound `alone`. (The stationarity part of J(P) is bounded by the
-    paths' own, so it is not counted twice.)
+    Without a plan it is the bound `alone`. The plan may break collision rules. (The
+    stationarity part of J(P) is bounded by the paths' own, so it is not counted twice.)
     """
-    return _from_pixels(problem, stop, plan, "online")
+    return _from_pixels(problem, stop, start, "online")
 
 
-def _from_pixels(problem: Problem, stop: Stop, plan: Plan | None, method: str) -> BoundResult:
+def _from_pixels(problem: Problem, stop: Stop, start: Plan | None, method: str) -> CertifiedResult:
     begin = time.perf_counter()
     model = compiled(problem)
     limit = model.prepare_all(stop)
     if limit is not Limit.NONE:
-        return no_bound(method, limit, time.perf_counter() - begin)
+        return no_bound(limit, time.perf_counter() - begin)
     pixels = no_pixels(problem)
-    if plan is not None:
-        for robot, path in enumerate(model.paths(plan)):
+    if start is not None:
+        for robot, path in enumerate(model.paths(start)):
             pixels = pixels + robot_pixels(model, robot, path)
     table = np.reshape(pixels, (problem.horizon + 1, -1)).tolist()
     certificate = ReferencePixels(tuple(tuple(row) for row in table))
     file = certify(problem, model, method, certificate)
-    return BoundResult(method, file, Reason.FINISHED, seconds=time.perf_counter() - begin)
+    return bounded(file, Limit.NONE, begin)

@@ -1,282 +1,281 @@
-"""Upper bound by column generation: the concave relaxation with single-view cuts.
+"""Column generation: the relaxation solved over the paths that matter.
 
-Columns are single-robot paths. The restricted master maximises sum w u over mixtures of the
-columns found so far, one per robot, with
-
-    u <= sqrt(z),  z = sum of coverage       (second-order cone)
-    u <= sum of sqrt(coverage)               (single-view cut: the root is subadditive)
-
-and conflict rows added when a mixture breaks them. Its multipliers are a certificate at every
-iteration; pricing new columns with them is one backward sweep per class of robots.
+Restricted master (`master`) and pricing (`pricing`) take turns. Every iteration's multipliers
+are a certificate; conflict rows and envelope cuts are added when a mixture breaks them; every
+mixture is a source of plans (`primal`).
 """
 
 import time
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
-import clarabel
 import numpy as np
-from scipy import sparse
 
-from cocap_opt.model import Model, Path, RobotClass, compiled
+from cocap_opt.model import Model, compiled
 from cocap_opt.plan import Plan
-from cocap_opt.problem import FloatArray, IntArray, Problem
-from cocap_opt.result import Reason
-from cocap_opt.reward import (
-    group_weights,
-    marginal_reward,
-    no_pixels,
-    robot_pixels,
-    spread,
-    unchanged,
-)
+from cocap_opt.problem import FloatArray, Problem
+from cocap_opt.result import Reason, relative_gap
+from cocap_opt.reward import group_weights, no_pixels
 from cocap_opt.stop import Limit, Stop, never, seconds_left
-from cocap_opt.timegraph import CLOSED, NO_CHARGES, Charges
-from formulations.bound import BoundResult, no_bound
-from formulations.certificate import certify
-from formulations.multipliers import certificate_of, repaired
-from formulations.rows import CellPath, Key, broken_rows, row_charges, uses
+from formulations import envelope
+from formulations.certificate import CertificateFile, Decision, certify
+from formulations.duals import Duals
+from formulations.envelope import Cut
+from formulations.master import Column, Master, Solution, make_column
+from formulations.pricing import Priced, Pricer, largest_roots
+from formulations.primal import Incumbent, best_response, improved, incumbent_of, respond
+from formulations.proof import ProofFile
+from formulations.resources import broken_rules
+from formulations.result import (
+    OPTIMALITY,
+    CertifiedResult,
+    Report,
+    Snapshot,
+    no_bound,
+    silent,
+    usable_start,
+)
 
 METHOD = "column-generation"
-RELATIVE_TOLERANCE = 1e-7  # stop when bound and master agree to this
-ACCURACY = 1e-5  # if pricing finds nothing new, they must agree to this to be called converged
+ACCURACY = 2e-7  # of the bound: where bound and master agree to this, they have converged
+BROKEN = 1e-6  # uses of a resource in excess of the rule that are left alone
+LEAST_CUT = 2e-6  # of the bound: what an envelope cut must cut off
+MOST_CUT_ROUNDS = 20
+TAIL = 1e-5  # of the bound: what a round of cuts must gain for another one
+TAIL_OPEN = 0.05  # of what is open to the cutoff, likewise
 MOST_PENALTY_RAISES = 8
-NO_TIME_LIMIT = 1e9  # s, Clarabel takes no infinity
-
-
-@dataclass(frozen=True)
-class Column:
-    """A path of one robot."""
-
-    robot: int
-    path: Path
-    cells: CellPath
-    pixels: FloatArray  # [G] px/m2
-    bonus: float  # stationarity along the path
+MOST_IDLE = 12  # solves after which an unused column is dropped
 
 
 @dataclass
-class Duals:
-    """Multipliers of the master; any non-negative ones give a bound."""
+class Search:
+    """What the relaxations of all nodes of a search share.
 
-    alpha: FloatArray  # [G]
-    beta: FloatArray  # [G]
-    rows: dict[Key, float]
-    value: float  # the master's objective
-    mixture: FloatArray  # weight of each column
-    slack: float  # total violation of conflict rows that was paid for
-    solved: bool  # whether the solver says so, be it with reduced accuracy
-
-
-@dataclass
-class Master:
-    """Restricted master problem over the columns found so far."""
+    Attributes
+    ----------
+    incumbent : the best plan so far
+    report : told about every iteration
+    """
 
     model: Model
-    penalty: float  # cost of a violated conflict row, so that there is a solution
-    columns: list[Column] = field(default_factory=list)
-    users: dict[Key, list[int]] = field(default_factory=dict)  # columns that use each row
-    known: set[tuple[int, Path]] = field(default_factory=set)
+    stop: Stop = never
+    report: Report = silent
+    begin: float = field(default_factory=time.perf_counter)
+    incumbent: Incumbent | None = None
+    columns: int = 0  # generated in all
 
-    def add(self, column: Column) -> bool:
-        """Take a column in; False if it was there already."""
-        if (column.robot, column.path) in self.known:
-            return False
-        self.known.add((column.robot, column.path))
-        for key, users in self.users.items():
-            if uses(key, column.cells):
-                users.append(len(self.columns))
-        self.columns.append(column)
-        return True
+    def __post_init__(self) -> None:
+        """Compile what pricing needs."""
+        self.pricer = Pricer(self.model)
+        self.largest = largest_roots(self.model)
+        self.weights = group_weights(self.model.problem)
 
-    def add_broken_rows(self, mixture: FloatArray) -> bool:
-        """Take in the rows that a mixture of the columns breaks; False if there is no new one."""
-        cells = [column.cells for column in self.columns]
-        broken = broken_rows(self.model.problem, cells, mixture.tolist())
-        new = [key for key in broken if key not in self.users]
-        for key in new:
-            self.users[key] = [n for n, path in enumerate(cells) if uses(key, path)]
-        return bool(new)
+    @property
+    def value(self) -> float:
+        """J of the incumbent; -inf without one."""
+        return -np.inf if self.incumbent is None else self.incumbent.value
 
-    def solve(self, seconds: float) -> Duals:
-        """Solve by Clarabel's interior-point method (one thread)."""
-        problem = self.model.problem
-        weights = group_weights(problem)
-        pixels = np.stack([column.pixels for column in self.columns])  # [N, G]
-        used = np.flatnonzero((pixels.max(axis=0) > 0) & (weights > 0))
-        scale = np.sqrt(pixels[:, used].max(axis=0))  # brings the roots of each group to 0..1
-        scaled = sparse.csr_array(pixels[:, used].T / scale[:, None] ** 2)  # [g, N]
-        bonus = max(column.bonus for column in self.columns)
-        unit = max(float((weights[used] * scale).max(initial=0.0)), bonus) or 1.0
-        cost = _objective(self, weights[used] * scale, unit)
-        blocks, rhs, cones = self._constraints(scaled)
-        settings = clarabel.DefaultSettings()
-        settings.verbose = False
-        settings.max_threads = 1
-        settings.time_limit = min(seconds, NO_TIME_LIMIT)
-        solution = clarabel.DefaultSolver(
-            sparse.csc_matrix((len(cost), len(cost))), cost, sparse.csc_matrix(blocks), rhs,
-            cones, settings,
-        ).solve()  # fmt: skip
-        return self._duals(solution, used, scale, weights[used], unit)
+    def offer(self, candidate: Incumbent | None) -> None:
+        """Take a better plan in."""
+        if candidate is not None and candidate.value > self.value:
+            self.incumbent = candidate
 
-    def _constraints(
-        self, scaled: sparse.csr_array
-    ) -> tuple[sparse.csr_array, FloatArray, list[object]]:
-        """Rows in Clarabel's form A x + s = b over x = (mixture, slack, u)."""
-        n_groups, n = scaled.shape
-        n_rows, n_robots = len(self.users), len(self.model.problem.robots)
-        robots = [column.robot for column in self.columns]
-        one_each = sparse.csr_array((np.ones(n), (robots, np.arange(n))), shape=(n_robots, n))
-        in_row = [(r, n) for r, users in enumerate(self.users.values()) for n in users]
-        at = np.array(in_row, dtype=np.int64).reshape(-1, 2).T
-        conflicts = sparse.csr_array((np.ones(at.shape[1]), (at[0], at[1])), shape=(n_rows, n))
-        eye = sparse.eye_array
-        # Per group the cone (1 + z, 2 u, z - 1): u^2 <= z.
-        first = 3 * np.arange(n_groups)
-        lift, lift_u, lift_z = (
-            sparse.csr_array(
-                (np.ones(n_groups), (first + k, np.arange(n_groups))),
-                shape=(3 * n_groups, n_groups),
-            )
-            for k in range(3)
-        )
-        blocks: list[list[Any]] = [
-            [one_each, sparse.csr_array((n_robots, n_rows)), None],
-            [conflicts, -eye(n_rows), sparse.csr_array((n_rows, n_groups))],
-            [-eye(n), None, None],
-            [None, -eye(n_rows), None],
-            [-scaled.sqrt(), None, eye(n_groups)],
-            [-(lift + lift_z) @ scaled, None, -2 * lift_u],
-        ]
-        cone_rhs = np.tile([1.0, 0.0, -1.0], n_groups)
-        rhs = np.concatenate(
-            [np.ones(n_robots + n_rows), np.zeros(n + n_rows + n_groups), cone_rhs]
-        )
-        cones: list[object] = [
-            clarabel.ZeroConeT(n_robots),
-            clarabel.NonnegativeConeT(2 * n_rows + n + n_groups),
-            *(clarabel.SecondOrderConeT(3) for _ in range(n_groups)),
-        ]
-        return sparse.block_array(blocks), rhs, cones
+    def snapshot(self, bound: float, nodes: int = 0) -> Snapshot:
+        """How far the search is."""
+        seconds = time.perf_counter() - self.begin
+        return Snapshot(self.value, bound, seconds, self.columns, nodes)
 
-    def _duals(
+    def alone(self) -> Priced:
+        """The multipliers, and their worth, of the bound in which every robot is alone."""
+        zeros = no_pixels(self.model.problem)
+        return self.pricer(Duals(zeros + 1.0, zeros))
+
+    def first_columns(self) -> list[Column]:
+        """Each robot's best path given the earlier ones: with the rules, and ignoring them."""
+        robots = range(len(self.model.problem.robots))
+        obeying: list[Column] = []
+        for robot in robots:
+            answer = best_response(self.model, robot, obeying)
+            if answer is None:
+                break
+            obeying.append(answer)
+        if len(obeying) == len(robots):
+            self.offer(respond(self.model, obeying, self.stop))
+        return [*obeying, *(() if self.incumbent is None else self.incumbent.columns)]
+
+
+@dataclass
+class Relaxation:
+    """The relaxation under some decisions: a node of the search.
+
+    Attributes
+    ----------
+    best : the best bound so far with its multipliers
+    solution : the last mixture
+    limit : what stopped it; NONE where it has converged or is cut off
+    """
+
+    search: Search
+    master: Master
+    best: Priced
+    decisions: tuple[Decision, ...] = ()
+    solution: Solution | None = None
+    limit: Limit = Limit.NONE
+    iterations: int = 0
+    cut_rounds: int = 0
+
+    def solve(
         self,
-        solution: "clarabel.DefaultSolution",
-        used: IntArray,
-        scale: FloatArray,
-        weights: FloatArray,
-        unit: float,
-    ) -> Duals:
-        n, n_rows = len(self.columns), len(self.users)
-        n_robots, n_groups = len(self.model.problem.robots), len(used)
-        x, y = np.array(solution.x), np.array(solution.z) * unit
-        parts = np.split(y, np.cumsum([n_robots, n_rows, n, n_rows, n_groups]))
-        cones = parts[5].reshape(n_groups, 3)
-        alpha = np.ones_like(no_pixels(self.model.problem))
-        alpha[used] = parts[4] / (weights * scale)
-        beta = np.zeros_like(alpha)
-        beta[used] = (cones[:, 0] + cones[:, 2]) / (weights * scale**2)
-        largest = np.sqrt(n_robots) * scale  # no group's root can be larger
-        alpha[used], beta[used] = repaired(alpha[used], beta[used], largest)
-        return Duals(
-            alpha=alpha,
-            beta=beta,
-            rows=dict(zip(self.users, np.maximum(parts[1], 0.0).tolist(), strict=True)),
-            value=-float(solution.obj_val) * unit,
-            mixture=np.maximum(x[:n], 0.0),
-            slack=float(np.maximum(x[n : n + n_rows], 0.0).sum()),
-            solved=str(solution.status) in ("Solved", "AlmostSolved"),
-        )
+        cutoff: Callable[[], float],
+        rough: float = 0.0,
+        others: float = -np.inf,
+        nodes: int = 0,
+    ) -> None:
+        """Solve and price in turn until the bound is at most the cutoff, or has converged.
+
+        Parameters
+        ----------
+        cutoff : bound from which on the node is of no interest; it may rise meanwhile
+        rough : share of what is open to the cutoff that convergence may leave
+        others, nodes : largest bound of the other nodes and how many have been solved, for
+            the report
+        """
+        search, raises, before = self.search, 0, np.inf
+        while self.best.bound > cutoff():
+            self.limit = search.stop()
+            if self.limit is not Limit.NONE:
+                return
+            self.iterations += 1
+            solution = self.solution = self.master.solve(seconds_left(search.stop))
+            priced = search.pricer(solution.duals, self.decisions)
+            improves = priced.bound < self.best.bound
+            if improves:
+                self.best = priced
+            search.report(search.snapshot(max(self.best.bound, others), nodes))
+            open_gap = self.best.bound - solution.value
+            open_ = self.best.bound - cutoff()
+            least = rough * open_ if np.isfinite(open_) else 0.0
+            wanted = max(ACCURACY * abs(self.best.bound), least)
+            changed = self._add(priced, solution, open_gap > wanted)
+            if changed:
+                continue
+            if not solution.solved and not improves:
+                self.limit = search.stop()
+                self.limit = self.limit if self.limit is not Limit.NONE else Limit.NUMERICS
+                return
+            if solution.slack > BROKEN * 10:
+                # Rows are still paid for: either there is no plan or the penalty is too low.
+                if raises == MOST_PENALTY_RAISES:
+                    self.limit = Limit.NUMERICS
+                    return
+                self.master.penalty *= 10
+                raises += 1
+                continue
+            gain = before - self.best.bound
+            before = self.best.bound
+            tailing = gain < max(TAIL * abs(before), TAIL_OPEN * min(open_, abs(before)))
+            if (tailing and self.cut_rounds) or self.cut_rounds >= MOST_CUT_ROUNDS:
+                return
+            self.cut_rounds += 1
+            if not self._add_cuts(solution):
+                return
+
+    def _add(self, priced: Priced, solution: Solution, columns_too: bool) -> bool:
+        """Take in broken conflict rows and new columns; False if there are none."""
+        pairs = zip(solution.columns, solution.mixture.tolist(), strict=True)
+        flights = [(column.flight, amount) for column, amount in pairs if amount > 1e-9]
+        broken = broken_rules(self.search.model, flights, BROKEN)
+        new = [self.master.add_row(resource) for resource in broken]
+        if columns_too or any(new):
+            self.master.drop_idle(MOST_IDLE)
+            added = sum(self.master.add(column) for column in priced.columns)
+            self.search.columns += added
+            return any(new) or added > 0
+        return False
+
+    def _add_cuts(self, solution: Solution) -> bool:
+        """Take in the envelope cuts that the mixture breaks; False if there are none."""
+        search, found = self.search, 0
+        robots = len(search.model.problem.robots)
+        self.master.drop_cuts(solution.duals)
+        known: dict[int, list[Cut]] = {}
+        for cut in self.master.cuts:
+            known.setdefault(cut.group, []).append(cut)
+        for group, roots, amounts in seen_in(solution.columns, solution.mixture):
+            weight = float(search.weights[group])
+            if weight == 0 or search.stop() is not Limit.NONE:
+                continue
+            height = min(float(np.sqrt(amounts @ roots**2)), float(amounts @ roots))
+            for cut in known.get(group, []):
+                height = min(height, cut.constant + float(amounts @ cut.phi(roots)))
+            least = LEAST_CUT * abs(self.best.bound) / weight
+            if _is_whole(roots, amounts):
+                continue
+            best = envelope.best_cut(roots, amounts, float(search.largest[group]), robots)
+            if best is not None and height - best[2] > least:
+                points, values, _ = best
+                constant = envelope.constant_of(points, values, robots)
+                self.master.add_cut(Cut(group, points, values, constant))
+                found += 1
+        return found > 0
 
 
-def _objective(master: Master, root_weights: FloatArray, unit: float) -> FloatArray:
-    bonus = np.array([column.bonus for column in master.columns])
-    slack = np.full(len(master.users), master.penalty)
-    return np.concatenate([-bonus, slack, -root_weights]) / unit
+def seen_in(
+    columns: Sequence[Column], mixture: FloatArray
+) -> list[tuple[int, FloatArray, FloatArray]]:
+    """Groups that a mixture sees, each with its columns' roots and how much of each is used."""
+    used = np.flatnonzero(mixture > 1e-7).tolist()
+    groups = np.concatenate([np.zeros(0, dtype=np.int64), *(columns[n].groups for n in used)])
+    if not len(groups):
+        return []
+    roots = np.sqrt(np.concatenate([columns[n].pixels for n in used]))
+    amounts = np.repeat(mixture[used], [len(columns[n].groups) for n in used])
+    order = np.argsort(groups, kind="stable")
+    distinct, first = np.unique(groups[order], return_index=True)
+    parts = np.split(order, first[1:])
+    return [(g, roots[p], amounts[p]) for g, p in zip(distinct.tolist(), parts, strict=True)]
 
 
-def price_paths(
-    model: Model, group: RobotClass, alpha: FloatArray, beta: FloatArray, charges: Charges
-) -> FloatArray:
-    """Value to go [T+1, S] of paths under the master's multipliers: one backward sweep."""
-    table = model.coverage(group)
-    paid = alpha[table.groups] * np.sqrt(table.pixels) + beta[table.groups] * table.pixels
-    paid *= group_weights(model.problem)[table.groups]
-    reward = spread(model, group, table.row_sums(paid))
-    bonus = model.problem.objective.stationarity
-    return group.graph.backward_sweep(reward, bonus, charges, group.goal)
+def _is_whole(roots: FloatArray, amounts: FloatArray) -> bool:
+    """Whether whole robots see a group, all equally well: then there is nothing to cut."""
+    alike = roots.max() - roots.min() < 1e-9 * roots.max()
+    total = float(amounts.sum())
+    return bool(alike) and abs(total - round(total)) < 1e-6
 
 
-def make_column(model: Model, robot: int, path: Path) -> Column:
-    """Column of a robot's path of state numbers."""
-    group, problem = model.class_of[robot], model.problem
-    return Column(
-        robot=robot,
-        path=path,
-        cells=tuple(problem.cell(robot, group.graph.state(s)) for s in path),
-        pixels=robot_pixels(model, robot, path),
-        bonus=problem.objective.stationarity * unchanged([path]),
-    )
+def root_relaxation(search: Search) -> Relaxation:
+    """The relaxation without decisions, with its first columns."""
+    best = search.alone()
+    # Twice what all robots can see is more than a broken rule can mostly bring.
+    master = Master(search.model, penalty=max(2 * best.bound, 1.0))
+    for column in search.first_columns():
+        master.add(column)
+    for column in best.columns:
+        master.add(column)
+    return Relaxation(search, master, best)
 
 
-def first_columns(model: Model) -> list[Column] | None:
-    """One path per robot, each best given the earlier ones; None where a robot has none."""
-    seen, columns = no_pixels(model.problem), []
-    bonus = model.problem.objective.stationarity
-    for robot in range(len(model.problem.robots)):
-        group = model.class_of[robot]
-        reward = marginal_reward(model, group, seen)
-        value = group.graph.backward_sweep(reward, bonus, NO_CHARGES, group.goal)
-        path = group.graph.best_path(value, model.start(robot), bonus)
-        if path is None:
-            return None
-        columns.append(make_column(model, robot, tuple(path)))
-        seen = seen + columns[-1].pixels
-    return columns
-
-
-@dataclass(frozen=True)
-class Iteration:
-    """Outcome of pricing once: a bound, its multipliers and what to do next."""
-
-    bound: float
-    duals: Duals
-    new_columns: list[Column]
-
-
-def price_columns(model: Model, duals: Duals) -> Iteration:
-    """Bound of these multipliers, and each robot's best path as a new column."""
-    problem = model.problem
-    weights = group_weights(problem)
-    safe_beta = np.where(duals.beta > 0, duals.beta, 1.0)
-    kappa = np.where(duals.alpha < 1, (1 - duals.alpha) ** 2 / (4 * safe_beta), 0.0)
-    bound = float((weights * kappa).sum()) + sum(duals.rows.values())
-    columns = []
-    for group in model.classes:
-        charges = row_charges(model, group, duals.rows.items())
-        value = price_paths(model, group, duals.alpha, duals.beta, charges)
-        for robot, start in zip(group.robots, group.starts, strict=True):
-            bound += float(value[0, start])
-            if value[0, start] > CLOSED:
-                path = group.graph.best_path(value, start, problem.objective.stationarity, charges)
-                assert path is not None
-                columns.append(make_column(model, robot, tuple(path)))
-    return Iteration(bound, duals, columns)
+def use_start(search: Search, start: Plan | None) -> str:
+    """Begin with a plan; returns why it is rejected, if it is."""
+    plan, message = usable_start(search.model.problem, start)
+    if plan is not None:
+        paths = search.model.paths(plan)
+        columns = [make_column(search.model, i, path) for i, path in enumerate(paths)]
+        search.offer(incumbent_of(search.model, columns))
+    return message
 
 
 def column_generation(
-    problem: Problem, stop: Stop = never, plan: Plan | None = None
-) -> BoundResult:
-    """Bound of the relaxation with single-view cuts and conflict rows, at the root.
-
-    Parameters
-    ----------
-    plan : its paths are taken as columns to begin with
+    problem: Problem,
+    stop: Stop = never,
+    start: Plan | None = None,
+    report: Report = silent,
+) -> CertifiedResult:
+    """Bound of the relaxation with all cuts at the root, and the best plan found on the way.
 
     Returns
     -------
-    BoundResult
+    CertifiedResult
         The best certificate found, also where a limit stopped it. A negative bound proves
         that there is no plan, since J >= 0.
     """
@@ -284,63 +283,51 @@ def column_generation(
     model = compiled(problem)
     limit = model.prepare_all(stop)
     if limit is not Limit.NONE:
-        return no_bound(METHOD, limit, time.perf_counter() - begin)
-    best = price_columns(model, _alone(model))
-    columns = first_columns(model)
-    statistics: dict[str, float] = dict.fromkeys(("iterations", "columns", "rows"), 0)
-    if columns is not None and best.bound > 0:
-        # Twice what all robots can see is more than a violated row can ever bring.
-        master = Master(model, penalty=2 * best.bound)
-        if plan is not None:
-            columns += [make_column(model, i, path) for i, path in enumerate(model.paths(plan))]
-        for column in columns:
-            master.add(column)
-        best, limit = _iterate(master, best, stop, statistics)
-        statistics |= {"columns": len(master.columns), "rows": len(master.users)}
-    duals = best.duals
-    certificate = certificate_of(problem, duals.alpha, duals.beta, duals.rows)
-    file = certify(problem, model, METHOD, certificate)
+        return no_bound(limit, time.perf_counter() - begin)
+    search = Search(model, stop, report, begin)
+    message = use_start(search, start)
+    root = root_relaxation(search)
+    if root.best.bound > -np.inf:
+        root.solve(lambda: max(search.value * (1 + OPTIMALITY / 2), 0.0))
+        if root.solution is not None and root.limit is Limit.NONE:
+            search.offer(
+                improved(
+                    model, root.solution.columns, root.solution.mixture, root.master.arcs, stop
+                )
+            )
+    file = certify(problem, model, METHOD, root.best.duals.certificate(model))
+    return result_of(search, file, root.limit, OPTIMALITY, message, {
+        "iterations": root.iterations, "columns": search.columns,
+        "rows": len(root.master.rows), "cuts": len(root.master.cuts),
+    })  # fmt: skip
+
+
+def result_of(
+    search: Search,
+    file: CertificateFile | ProofFile,
+    limit: Limit,
+    gap: float,
+    message: str,
+    statistics: Mapping[str, float],
+) -> CertifiedResult:
+    """The result of a search: its plan, and the bound that a file proves."""
     reason = Reason.FINISHED if limit is Limit.NONE else Reason.STOPPED
-    if file.proved < 0:
+    reached = relative_gap(search.value, file.proved)
+    if reached <= OPTIMALITY:
+        reason, limit = Reason.OPTIMAL, Limit.NONE
+    elif file.proved < 0:  # J >= 0
         reason, limit = Reason.INFEASIBLE, Limit.NONE
-    return BoundResult(METHOD, file, reason, limit, time.perf_counter() - begin, statistics)
-
-
-def _alone(model: Model) -> Duals:
-    """The multipliers of the bound in which every robot is alone."""
-    zeros = no_pixels(model.problem)
-    return Duals(zeros + 1.0, zeros, {}, np.inf, np.zeros(0), slack=0.0, solved=True)
-
-
-def _iterate(
-    master: Master, best: Iteration, stop: Stop, statistics: dict[str, float]
-) -> tuple[Iteration, Limit]:
-    """Solve and price in turn until bound and master agree, or a limit is reached."""
-    raises = 0
-    while (limit := stop()) is Limit.NONE:
-        statistics["iterations"] += 1
-        duals = master.solve(seconds_left(stop))
-        if not (np.isfinite(duals.alpha).all() and np.isfinite(duals.beta).all()):
-            return best, Limit.NUMERICS
-        iteration = price_columns(master.model, duals)
-        if iteration.bound < best.bound:
-            best = iteration
-        elif not duals.solved:
-            break
-        if best.bound <= 0:
-            return best, Limit.NONE
-        new_rows = master.add_broken_rows(duals.mixture)
-        new_columns = [master.add(column) for column in iteration.new_columns]
-        open_gap = best.bound - duals.value
-        if new_rows or (any(new_columns) and open_gap > RELATIVE_TOLERANCE * abs(best.bound)):
-            continue
-        if duals.slack < 1e-6:
-            converged = open_gap <= ACCURACY * abs(best.bound)
-            return best, Limit.NONE if converged else Limit.NUMERICS
-        # Rows are still paid for: either there is no plan or the penalty is too low.
-        if raises == MOST_PENALTY_RAISES:
-            break
-        master.penalty *= 10
-        raises += 1
-    limit = limit if limit is not Limit.NONE else stop()
-    return best, limit if limit is not Limit.NONE else Limit.NUMERICS
+    elif reached <= gap:
+        reason, limit = Reason.FINISHED, Limit.NONE
+    plan = None if search.incumbent is None else search.model.plan(search.incumbent.paths)
+    return CertifiedResult(
+        plan,
+        search.value,
+        reason,
+        limit,
+        file.proved,
+        time.perf_counter() - search.begin,
+        message,
+        statistics,
+        file,
+    )

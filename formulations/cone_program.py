@@ -1,289 +1,379 @@
-"""Upper bound by one cone program: concave relaxation over the aggregated flow.
+"""Upper bounds by cone programs: concave relaxations over the aggregated flow.
 
-Robots of one class differ only in their start, and any flow with one unit from each start
-splits into one path per start: one aggregated flow per class gives the same bound as one
-flow per robot. The roots are bounded by the cone u^2 <= z and by the single-view cut
-u <= sum of sqrt(coverage). Modelled in cvxpy, solved by Clarabel; for small scenes.
+A relaxation maximises sum w u + stationarity over flows, where the root u of a group obeys
+
+    concave        u <= sqrt(z), z = sum of pixels      (second-order cone)
+    single view    and u <= sum of roots of pixels      (the root is subadditive)
+    envelope       and u <= constant + sum phi(root)    (formulations.envelope; in rounds)
+
+Modelled in cvxpy, solved by Clarabel on one thread; the multipliers become a certificate, and
+the bound is what that proves. For small scenes: column generation solves the same relaxations
+on paths and takes any size.
 """
 
-import math
 import time
 import warnings
-from collections import defaultdict
-from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import combinations
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-import cvxpy as cp
 import numpy as np
 from scipy import sparse
 
-from cocap_opt.model import Model, RobotClass, compiled
+from cocap_opt.model import Model, compiled
 from cocap_opt.plan import Plan
-from cocap_opt.problem import Cell, FloatArray, IntArray, Problem
-from cocap_opt.result import Reason, UnsupportedError
-from cocap_opt.reward import group_weights, no_pixels
+from cocap_opt.problem import FloatArray, Problem
+from cocap_opt.reward import group_weights
 from cocap_opt.stop import Limit, Stop, never, seconds_left
-from cocap_opt.timegraph import CLOSED
-from formulations.bound import BoundResult, no_bound
-from formulations.certificate import certify
-from formulations.multipliers import certificate_of, repaired
-from formulations.rows import Key
+from formulations import envelope as envelopes
+from formulations.certificate import CertificateFile, certify
+from formulations.duals import Duals, repaired
+from formulations.flow import ConflictRows, Flow, Roots, Split, by_class, conflict_rows, make_flow
+from formulations.result import CertifiedResult, Report, Snapshot, bounded, no_bound, silent
 
-METHOD = "relaxation"
-MOST_EDGES = 60_000
+if TYPE_CHECKING:
+    import cvxpy as cp
 
-
-@dataclass(frozen=True)
-class Flow:
-    """Edges of one class's part of the time-expanded graph; a node is t S + s."""
-
-    group: RobotClass
-    tails: IntArray  # [E] nodes
-    heads: IntArray  # [E] nodes
-
-    @property
-    def serves_all(self) -> bool:
-        """Whether every robot of the class has a path."""
-        return bool(np.isin(self.group.starts, self.tails).all())
-
-    @property
-    def stays(self) -> FloatArray:
-        """1.0 where an edge keeps the state [E]."""
-        n_states = self.group.graph.n_states
-        return np.asarray(self.heads - self.tails == n_states, dtype=np.float64)
+MOST_ROUNDS = 30  # of separation
+VIOLATION = 1e-5  # relative, of an envelope cut
+PROGRESS = 1e-6  # relative; rounds that bring less are the last
+LEAST_MULTIPLIER = 1e-8  # of the largest weight; smaller ones are left out of certificates
+NO_TIME_LIMIT = 1e9  # s, Clarabel takes no infinity
 
 
-def flow_of(model: Model, group: RobotClass) -> Flow:
-    """Edges between nodes that lie on a path from some start to the end (or the goal)."""
-    graph, horizon = group.graph, model.problem.horizon
-    to_go = graph.backward_sweep(graph.no_reward(horizon), goal=group.goal)
-    useful = graph.reachable(group.starts, horizon) & (to_go > CLOSED)
-    tails, heads = [], []
-    for t in range(horizon):
-        for state in np.flatnonzero(useful[t]).tolist():
-            ahead = graph.successors(state)
-            ahead = ahead[useful[t + 1][ahead]]
-            heads.append((t + 1) * graph.n_states + ahead)
-            tails.append(np.full(len(ahead), t * graph.n_states + state))
-        if sum(map(len, heads)) > MOST_EDGES:
-            raise UnsupportedError(
-                f"the cone program takes at most {MOST_EDGES} edges of the time-expanded graph; "
-                "use column-generation, which gives the same bound"
-            )
-    none = np.zeros(0, dtype=np.int64)
-    return Flow(group, np.concatenate([none, *tails]), np.concatenate([none, *heads]))
+def concave(
+    problem: Problem, stop: Stop = never, start: Plan | None = None, report: Report = silent
+) -> CertifiedResult:
+    """Bound of the plain concave relaxation, u <= sqrt(z).
 
-
-def relaxation(problem: Problem, stop: Stop = never, plan: Plan | None = None) -> BoundResult:
-    """Bound of the concave relaxation with single-view cuts and all conflict rows.
+    It is weak where a robot can split itself between views: half a robot here and half there
+    collects sqrt(c/2) + sqrt(c/2) > sqrt(c).
 
     Raises
     ------
     UnsupportedError
-        If the time-expanded graph has more than MOST_EDGES edges.
+        If the scene is too large for a flow model (see `formulations.flow`).
+    """
+    return relax(problem, stop, report, "concave", no_cuts, single_view=False)
+
+
+def single_view(
+    problem: Problem, stop: Stop = never, start: Plan | None = None, report: Report = silent
+) -> CertifiedResult:
+    """Bound of the concave relaxation with single-view cuts; exact for one robot.
+
+    Raises
+    ------
+    UnsupportedError
+        If the scene is too large for a flow model (see `formulations.flow`).
+    """
+    return relax(problem, stop, report, "single-view", no_cuts)
+
+
+def envelope(
+    problem: Problem, stop: Stop = never, start: Plan | None = None, report: Report = silent
+) -> CertifiedResult:
+    """Bound of the relaxation with envelope cuts, added until none is violated.
+
+    Raises
+    ------
+    UnsupportedError
+        If the scene is too large for a flow model (see `formulations.flow`).
+    """
+    return relax(problem, stop, report, "envelope", violated_cuts)
+
+
+class Point(NamedTuple):
+    """Solution of a relaxation."""
+
+    x: FloatArray  # [N] robots in each node
+    u: FloatArray  # [g] roots, in units of each group's best view
+    duals: Duals
+    value: float  # the solver's word
+    solved: bool
+
+
+Separation = Callable[[Roots, Point, int], list[envelopes.Cut]]
+
+
+def no_cuts(roots: Roots, point: Point, robots: int) -> list[envelopes.Cut]:
+    """Separate nothing."""
+    return []
+
+
+def violated_cuts(roots: Roots, point: Point, robots: int) -> list[envelopes.Cut]:
+    """Envelope cuts that a solution violates, the tightest one of each group."""
+    found = []
+    for g, group in enumerate(roots.used.tolist()):
+        nodes, seen = roots.entries(g)
+        amounts = point.x[nodes]
+        used = amounts > 1e-7
+        if used.sum() < 2:
+            continue  # one view: the single-view cut is tight
+        scale = float(roots.scale[g])
+        largest = float(roots.largest[g])
+        best = envelopes.best_cut(seen[used], amounts[used], largest, robots)
+        if best is None:
+            continue
+        points, values, height = best
+        if height < float(point.u[g]) * scale * (1 - VIOLATION):
+            constant = envelopes.constant_of(points, values, robots)
+            found.append(envelopes.Cut(group, points, values, constant))
+    return found
+
+
+def relax(
+    problem: Problem,
+    stop: Stop,
+    report: Report,
+    name: str,
+    separate: Separation,
+    single_view: bool = True,
+    split: Split = by_class,
+) -> CertifiedResult:
+    """Solve a relaxation, again and again as long as there are cuts that it violates.
+
+    Parameters
+    ----------
+    name : of the method, for the certificate
+    separate : finds the cuts
+    split : one flow per class, or one per robot (the same value, in a larger model)
     """
     begin = time.perf_counter()
     model = compiled(problem)
     limit = model.prepare_all(stop)
     if limit is not Limit.NONE:
-        return no_bound(METHOD, limit, time.perf_counter() - begin)
-    flows = [flow_of(model, group) for group in model.classes]
-    n_groups = (problem.horizon + 1) * model.n_faces
+        return no_bound(limit, time.perf_counter() - begin)
     # The bound of robots alone, for where a robot has no path or the solver gives up.
-    alpha, beta, rows = np.ones(n_groups), np.zeros(n_groups), dict[Key, float]()
-    limit = stop()
-    if limit is Limit.NONE and all(flow.serves_all for flow in flows):
-        program = _ConeProgram(model, flows)
-        if program.solve(seconds_left(stop)):
-            alpha, beta, rows = program.multipliers()
-        else:
+    best = certify(problem, model, name, _alone(model).certificate(model))
+    report(Snapshot(-np.inf, best.proved, time.perf_counter() - begin))
+    flow, limit = make_flow(model, stop, split)
+    statistics: dict[str, float] = {}
+    if flow is not None and flow.serves_all:
+        best, limit, statistics = _rounds(flow, best, stop, report, separate, single_view, begin)
+    return bounded(best, limit, begin, statistics)
+
+
+def _rounds(
+    flow: Flow,
+    best: CertificateFile,
+    stop: Stop,
+    report: Report,
+    separate: Separation,
+    single_view: bool,
+    begin: float,
+) -> tuple[CertificateFile, Limit, dict[str, float]]:
+    """Best certificate of all rounds, and the limit that stopped them."""
+    model, problem = flow.model, flow.model.problem
+    program = _ConeProgram(flow, Roots.of(flow), conflict_rows(flow), single_view)
+    cuts: list[envelopes.Cut] = []
+    statistics = {
+        "nodes": flow.n_nodes, "edges": flow.n_edges, "rows": program.n_rows, "rounds": 0.0,
+        "cuts": 0.0,
+    }  # fmt: skip
+    for _ in range(MOST_ROUNDS):
+        point = program.solve(cuts, stop)
+        if point is None:
             limit = stop()
-            limit = limit if limit is not Limit.NONE else Limit.NUMERICS
-    file = certify(problem, model, METHOD, certificate_of(problem, alpha, beta, rows))
-    reason = Reason.FINISHED if limit is Limit.NONE else Reason.STOPPED
-    if file.proved < 0:
-        reason, limit = Reason.INFEASIBLE, Limit.NONE
-    edges = sum(len(flow.tails) for flow in flows)
-    statistics = {"edges": edges, "rows": len(rows)}
-    return BoundResult(METHOD, file, reason, limit, time.perf_counter() - begin, statistics)
+            return best, Limit.NUMERICS if limit is Limit.NONE else limit, statistics
+        file = certify(problem, model, best.method, point.duals.certificate(model))
+        before = best.proved
+        best = min(best, file, key=lambda some: some.proved)
+        statistics |= {"rounds": statistics["rounds"] + 1, "cuts": len(cuts)}
+        statistics["solver_value"] = point.value
+        report(Snapshot(-np.inf, best.proved, time.perf_counter() - begin))
+        if (limit := stop()) is not Limit.NONE or not point.solved:
+            return best, limit if limit is not Limit.NONE else Limit.NUMERICS, statistics
+        if best.proved < 0 or (cuts and best.proved > before * (1 - PROGRESS)):
+            break
+        found = separate(program.roots, point, len(problem.robots))
+        if not found:
+            break
+        cuts += found
+    return best, Limit.NONE, statistics
+
+
+def _alone(model: Model) -> Duals:
+    """Multipliers that count every view as if nobody else saw the face."""
+    n_groups = len(group_weights(model.problem))
+    return Duals(np.ones(n_groups), np.zeros(n_groups))
 
 
 class _ConeProgram:
-    """max sum w u over flows, with u^2 <= z, single-view cuts and conflict rows.
+    """max sum w u + stationarity over flows, roots under their bounds, and conflict rows.
 
     Roots and pixels are in units of each group's best single view, and the objective in
     units of its largest weight, for the solver's sake.
     """
 
-    def __init__(self, model: Model, flows: list[Flow]) -> None:
-        problem = model.problem
-        self._robots = len(problem.robots)
-        self._weights = group_weights(problem)
-        self._at_start = _pixels_at_start(model)
-        coverage = [_coverage_of_edges(model, flow) for flow in flows]  # [G, E] each
-        largest = np.sqrt(np.max([_row_max(part) for part in coverage], axis=0))
-        self._used = np.flatnonzero((largest > 0) & (self._weights > 0))
-        self._scale = largest[self._used]
-        self._root_weights = self._weights[self._used] * self._scale
-        self._unit = float(self._root_weights.max(initial=0.0)) or 1.0
-        self._edges = [cp.Variable(len(flow.tails), nonneg=True) for flow in flows]
-        self._conflicts = _conflict_rows(model, flows)
-        shares = [sparse.csr_array(part[self._used] / self._scale[:, None] ** 2)
-                  for part in coverage]  # fmt: skip
-        self._pixels = _sum_of_products(shares, self._edges)
-        roots = cp.Variable(len(self._used))
-        self._cut = roots <= _sum_of_products([part.sqrt() for part in shares], self._edges)
-        # u^2 <= z as the cone (1 + z, 2 u, z - 1): its multipliers hold beta.
-        constraints: list[Any] = []
-        if len(self._used):
-            sides = cp.vstack([2 * roots, self._pixels - 1])
-            self._cone = cp.SOC(1 + self._pixels, sides, axis=0)
-            constraints = [self._cut, self._cone]
-        for flow, amount in zip(flows, self._edges, strict=True):
-            matrix, rhs = _conservation(model, flow)
-            constraints.append(matrix @ amount == rhs)
-        slack = cp.Variable(len(self._conflicts), nonneg=True)
-        if self._conflicts:
-            usage = [_usage(self._conflicts, n, len(flow.tails)) for n, flow in enumerate(flows)]
-            self._capacity = _sum_of_products(usage, self._edges) <= 1 + slack
-            constraints.append(self._capacity)
-        bonus = problem.objective.stationarity
-        stays = _sum_of_products([bonus * flow.stays for flow in flows], self._edges)
-        # A violated row costs more than all there is to gain, so that a solution exists.
-        penalty = self._robots * (float(self._root_weights.sum()) + bonus * problem.horizon + 1)
-        profit = self._root_weights @ roots if len(self._used) else 0.0
-        goal = cp.Maximize((profit + stays - penalty * cp.sum(slack)) / self._unit)
-        self._program = cp.Problem(goal, constraints)
+    def __init__(
+        self, flow: Flow, roots: Roots, conflicts: ConflictRows, single_view: bool
+    ) -> None:
+        import cvxpy as cp  # a second, which not every method needs
 
-    def solve(self, seconds: float) -> bool:
-        """Solve; False where Clarabel gave up, which leaves no multipliers."""
-        # Every option each time: Clarabel through cvxpy keeps those of the solve before.
-        options = {"time_limit": seconds} if math.isfinite(seconds) else {"time_limit": 1e9}
-        with warnings.catch_warnings():
-            # An inaccurate solution is good enough: its multipliers are certified anyway.
-            warnings.simplefilter("ignore", UserWarning)
-            try:
-                self._program.solve(
-                    solver=cp.CLARABEL, warm_start=False, verbose=False, max_threads=1, **options
-                )
-            except cp.error.SolverError:
-                return False
-        return self._program.status in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE)
+        self.flow, self.roots, self.conflicts = flow, roots, conflicts
+        self._robots = len(flow.model.problem.robots)
+        bonus = flow.model.problem.objective.stationarity
+        self._unit = max(float(roots.weights.max(initial=0.0)), bonus) or 1.0
+        self.x = cp.Variable(flow.n_nodes, nonneg=True)
+        self.y = cp.Variable(flow.n_edges, nonneg=True)
+        self.u = cp.Variable(len(roots.used))
+        self.z = cp.Variable(len(roots.used))
+        constraints = self._conservation()
+        self._pixels = self.z <= roots.pixels @ self.x
+        self._single = self.u <= roots.seen @ self.x
+        if len(roots.used):
+            # u^2 <= z as the cone (1 + z, 2 u, z - 1).
+            sides = cp.vstack([2 * self.u, self.z - 1])
+            constraints += [self._pixels, cp.SOC(1 + self.z, sides, axis=0)]
+            constraints += [self._single] if single_view else []
+        self._single_view = single_view and len(roots.used) > 0
+        usage = (conflicts.at_nodes, conflicts.crossing)
+        self.n_rows = usage[0].shape[0] + usage[1].shape[0]
+        slack = cp.Variable(self.n_rows, nonneg=True)
+        self._capacity = cp.hstack([usage[0] @ self.x, usage[1] @ self.y]) <= 1 + slack
+        constraints += [self._capacity] if self.n_rows else []
+        # A broken row costs more than all there is to gain, so that a solution exists.
+        horizon = flow.model.problem.horizon
+        penalty = self._robots * (float(roots.weights.sum()) + bonus * horizon + self._unit)
+        profit = bonus * flow.stays @ self.y - penalty * cp.sum(slack)
+        if len(roots.used):
+            profit = profit + roots.weights @ self.u
+        self._goal = cp.Maximize(profit / self._unit)
+        self._constraints: list[Any] = constraints
 
-    def multipliers(self) -> tuple[FloatArray, FloatArray, dict[Key, float]]:
-        """Multipliers of groups (alpha, beta) [G] and of conflict rows."""
-        alpha, beta = np.ones(len(self._weights)), np.zeros(len(self._weights))
-        if len(self._used):
-            top, sides = (np.asarray(part) for part in self._cone.dual_value)
-            units = self._unit / self._root_weights
-            alpha[self._used], beta[self._used] = repaired(
-                np.asarray(self._cut.dual_value) * units,
-                (top.ravel() + sides.reshape(2, -1)[1]) * units / self._scale,
-                np.sqrt(self._robots) * self._scale,
+    def _conservation(self) -> list[Any]:
+        """What enters a node is in it, and leaves it before step T; starts are given."""
+        flow = self.flow
+        first, last = flow.steps == 0, flow.steps == flow.model.problem.horizon
+        return [
+            self.x[np.flatnonzero(first)] == flow.supply[first],
+            flow.entering[~first] @ self.y == self.x[np.flatnonzero(~first)],
+            flow.leaving[~last] @ self.y == self.x[np.flatnonzero(~last)],
+        ]
+
+    def solve(self, cuts: Sequence[envelopes.Cut], stop: Stop) -> Point | None:
+        """Solve with these cuts; None where a limit or the solver leaves no multipliers."""
+        import cvxpy as cp
+
+        rows, constants = self._cut_rows(cuts)
+        where = np.searchsorted(self.roots.used, [cut.group for cut in cuts])
+        cut = self.u[where] <= constants + rows @ self.x if cuts else None
+        constraints = [*self._constraints, *([] if cut is None else [cut])]
+        program = cp.Problem(self._goal, constraints)
+        if stop() is not Limit.NONE:
+            return None
+        answer = _clarabel(program, stop)
+        if answer is None:
+            return None
+        shares = np.zeros(0) if cut is None else np.asarray(cut.dual_value)
+        duals = self._duals(cuts, where, shares)
+        x = np.maximum(np.nan_to_num(self.x.value), 0.0)
+        u = np.nan_to_num(self.u.value) if len(self.roots.used) else np.zeros(0)
+        return Point(x, u, duals, answer.value * self._unit, answer.solved)
+
+    def _cut_rows(self, cuts: Sequence[envelopes.Cut]) -> tuple[sparse.csr_array, FloatArray]:
+        """phi of the nodes [cuts, N] and constants [cuts], in units of the roots."""
+        where = np.searchsorted(self.roots.used, [cut.group for cut in cuts]).tolist()
+        data, columns, counts = [np.zeros(0)], [np.zeros(0, dtype=np.int64)], [0]
+        for g, cut in zip(where, cuts, strict=True):
+            nodes, seen = self.roots.entries(g)
+            data.append(cut.phi(seen) / self.roots.scale[g])
+            columns.append(nodes)
+            counts.append(len(nodes))
+        shape = (len(cuts), self.flow.n_nodes)
+        parts = (np.concatenate(data), np.concatenate(columns), np.cumsum(counts))
+        return sparse.csr_array(parts, shape=shape), np.array(
+            [cut.constant / self.roots.scale[g] for g, cut in zip(where, cuts, strict=True)]
+        )
+
+    def _duals(
+        self, cuts: Sequence[envelopes.Cut], where: FloatArray, multipliers: FloatArray
+    ) -> Duals:
+        """Multipliers in px and metres, repaired where the solver left them out of range."""
+        roots, weights = self.roots, self.roots.weights / self._unit
+        alpha = np.ones(len(group_weights(self.flow.model.problem)))
+        beta = np.zeros_like(alpha)
+        shares = np.clip(np.nan_to_num(multipliers) / weights[where], 0.0, 1.0)
+        taken = np.bincount(where, shares, minlength=len(weights)) if len(cuts) else 0 * weights
+        shares = shares / np.maximum(taken, 1.0)[where] if len(cuts) else shares
+        if len(weights):
+            single = self._single.dual_value if self._single_view else np.zeros_like(weights)
+            alpha[roots.used], beta[roots.used] = repaired(
+                np.asarray(single) / weights,
+                np.asarray(self._pixels.dual_value) / (weights * roots.scale),
+                np.maximum(1 - taken, 0.0),
+                np.sqrt(self._robots) * roots.scale,  # no group's root can be larger
             )
-        # Step 0 is given, so its roots' tangents are exact; no edge enters it.
-        known = np.flatnonzero(self._at_start > 0)
-        alpha[known], beta[known] = 0.0, 0.5 / np.sqrt(self._at_start[known])
         charges = np.zeros(0)
-        if self._conflicts:
-            charges = np.maximum(np.asarray(self._capacity.dual_value), 0.0) * self._unit
-        return alpha, beta, dict(zip(self._conflicts, charges.tolist(), strict=True))
+        if self.n_rows:
+            charges = np.maximum(np.nan_to_num(self._capacity.dual_value), 0.0) * self._unit
+        self._fix_start(alpha, beta)
+        return Duals(
+            alpha=alpha,
+            beta=beta,
+            rows=self.conflicts.multipliers(charges, LEAST_MULTIPLIER * self._unit),
+            cuts=tuple(zip(cuts, shares.tolist(), strict=True)),
+        )
+
+    def _fix_start(self, alpha: FloatArray, beta: FloatArray) -> None:
+        """Where step 0 counts, it is given: the tangents of its roots are exact."""
+        pixels = self.roots.pixels @ (self.flow.supply * (self.flow.steps == 0))
+        pixels = pixels * self.roots.scale**2
+        known = np.flatnonzero(pixels > 0)
+        alpha[self.roots.used[known]] = 0.0
+        beta[self.roots.used[known]] = 0.5 / np.sqrt(pixels[known])
 
 
-def _sum_of_products(matrices: Sequence[Any], variables: Sequence[Any]) -> Any:
-    return sum(matrix @ variable for matrix, variable in zip(matrices, variables, strict=True))
+class _Answer(NamedTuple):
+    value: float
+    solved: bool
 
 
-def _coverage_of_edges(model: Model, flow: Flow) -> sparse.csr_array:
-    """Coverage [G, E] of the node that each edge enters."""
-    table = model.coverage(flow.group)
-    n_groups = (model.problem.horizon + 1) * model.n_faces
-    at = np.searchsorted(table.nodes, flow.heads)
-    at = np.minimum(at, max(len(table.nodes) - 1, 0))
-    edges = np.flatnonzero(table.nodes[at] == flow.heads) if len(table.nodes) else at[:0]
-    by_node = sparse.csr_array(
-        (table.pixels, table.groups, table.indptr), shape=(len(table.nodes), n_groups)
-    )
-    rows = by_node[at[edges]]
-    spread = sparse.csr_array(
-        (np.ones(len(edges)), (edges, np.arange(len(edges)))),
-        shape=(len(flow.heads), len(edges)),
-    )
-    return sparse.csr_array((spread @ rows).T)
+def _clarabel(program: "cp.Problem", stop: Stop) -> _Answer | None:
+    """Solve by Clarabel itself, which asks `stop` at each iteration, and unpack the result.
 
+    Whatever the solver says of its accuracy, its multipliers are good for a certificate.
+    """
+    import clarabel
+    import cvxpy as cp
 
-def _pixels_at_start(model: Model) -> FloatArray:
-    """Pixels [G] that all robots together have at step 0; 0 where it does not count."""
-    pixels = no_pixels(model.problem)
-    for group in model.classes:
-        for start in group.starts:
-            groups, coverage = model.coverage(group).row(start)
-            pixels[groups] += coverage
-    return pixels
-
-
-def _row_max(matrix: sparse.csr_array) -> FloatArray:
-    return np.asarray(matrix.max(axis=1).todense()).ravel()
-
-
-def _conservation(model: Model, flow: Flow) -> tuple[sparse.csr_array, FloatArray]:
-    """One unit leaves each start, and what enters a node before step T leaves it."""
-    n_states, horizon = flow.group.graph.n_states, model.problem.horizon
-    nodes, at = np.unique(flow.tails, return_inverse=True)
-    inner = np.flatnonzero(flow.heads < horizon * n_states)
-    entered = np.searchsorted(nodes, flow.heads[inner])
-    size = (len(nodes), len(flow.tails))
-    leaves = sparse.csr_array((np.ones(size[1]), (at, np.arange(size[1]))), shape=size)
-    enters = sparse.csr_array((np.ones(len(inner)), (entered, inner)), shape=size)
-    rhs = np.zeros(len(nodes))
-    for start in flow.group.starts:
-        rhs[np.searchsorted(nodes, start)] += 1
-    return sparse.csr_array(leaves - enters), rhs
-
-
-Usage = dict[Key, list[tuple[int, int]]]  # row -> (class, edge) that use it
-
-
-def _conflict_rows(model: Model, flows: list[Flow]) -> Usage:
-    """All conflict rows; those that no two robots can break do no harm."""
-    problem = model.problem
-    if problem.rules.none:
-        return {}
-    rows: defaultdict[Key, list[tuple[int, int]]] = defaultdict(list)
-    occupied: defaultdict[tuple[int, Cell], list[tuple[int, int]]] = defaultdict(list)
-    for n, flow in enumerate(flows):
-        graph = flow.group.graph
-        cells = _cells(model, flow.group)
-        steps, heads = np.divmod(flow.heads, graph.n_states)
-        tails = (flow.tails % graph.n_states % graph.n_places).tolist()
-        heads = (heads % graph.n_places).tolist()
-        for edge, (t, tail, head) in enumerate(zip(steps.tolist(), tails, heads, strict=True)):
-            occupied[t, cells[head]].append((n, edge))
-            if problem.rules.swap and tail != head:
-                rows[t - 1, frozenset((cells[tail], cells[head])), True].append((n, edge))
-    for (t, cell), edges in occupied.items():
-        rows[t, frozenset((cell,)), False] = edges
-    if problem.rules.separation:
-        for (t, a), (step, b) in combinations(occupied, 2):
-            if t == step and problem.too_close(a, b):
-                rows[t, frozenset((a, b)), False] = occupied[t, a] + occupied[t, b]
-    return dict(rows)
-
-
-def _cells(model: Model, group: RobotClass) -> list[Cell]:
-    """Cell of every place of a class; border places lie outside the map."""
-    layer, x, y = group.graph.coordinates(np.arange(group.graph.n_places))
-    number = [model.problem.layers.index(height) for height in group.spec.motion.layers]
-    return [
-        Cell(i, j, number[k] if 0 <= k < len(number) else -1)
-        for i, j, k in zip(x.tolist(), y.tolist(), layer.tolist(), strict=True)
+    try:
+        data, chain, inverse = program.get_problem_data(cp.CLARABEL, solver_opts={})
+    except (ValueError, cp.error.SolverError, cp.error.DCPError):
+        return None
+    if stop() is not Limit.NONE:
+        return None
+    dims, size = data["dims"], len(data["c"])
+    cones = [
+        *([clarabel.ZeroConeT(dims.zero)] if dims.zero else []),
+        *([clarabel.NonnegativeConeT(dims.nonneg)] if dims.nonneg else []),
+        *(clarabel.SecondOrderConeT(n) for n in dims.soc),
     ]
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.max_threads = 1
+    settings.time_limit = min(seconds_left(stop), NO_TIME_LIMIT)
+    solver = clarabel.DefaultSolver(
+        sparse.csc_matrix((size, size)), data["c"], data["A"], data["b"], cones, settings
+    )
+    solver.set_termination_callback(lambda info: stop() is not Limit.NONE)
+    solution = solver.solve()
+    solved = str(solution.status) in ("Solved", "AlmostSolved")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # that it may be inaccurate
+        try:
+            program.unpack_results(_AsSolved(solution), chain, inverse)
+        except (ValueError, cp.error.SolverError):
+            return None
+    return _Answer(float(program.value), solved)
 
 
-def _usage(rows: Usage, group: int, n_edges: int) -> sparse.csr_array:
-    at = [(r, edge) for r, used in enumerate(rows.values()) for n, edge in used if n == group]
-    index = np.array(at, dtype=np.int64).reshape(-1, 2).T
-    shape = (len(rows), n_edges)
-    return sparse.csr_array((np.ones(index.shape[1]), (index[0], index[1])), shape=shape)
+class _AsSolved:
+    """Clarabel's last iterate, which cvxpy unpacks only where the solver says it is solved."""
+
+    status = "AlmostSolved"
+
+    def __init__(self, solution: Any) -> None:
+        self.x, self.z = np.nan_to_num(solution.x), np.nan_to_num(solution.z)
+        self.obj_val = float(np.nan_to_num(solution.obj_val))
+        self.solve_time, self.iterations = solution.solve_time, solution.iterations

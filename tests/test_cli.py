@@ -1,20 +1,34 @@
+import csv
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
+from test_scenes import SEQUENCE
 
+from cocap_opt.io import save_problem
+from cocap_opt.problem import NO_RULES
+from experiments import progress
 from experiments.cli import main
+from experiments.commands import AT_THE_ROOT
+from experiments.gap_table import told_apart
+from formulations import BOUNDS, EXACT
+from scenarios import SCENES
 
 KEYS = {
     "scene", "seed", "planner", "method", "reward", "bound", "gap", "reason", "limit", "seconds",
     "conflicts",
 }  # fmt: skip
-GAP_KEYS = KEYS | {"robots", "actors", "steps", "bound_method", "certificate"}
+GAP_KEYS = KEYS | {
+    "robots", "actors", "steps", "bound_method", "certificate", "optimum_free", "bound_free",
+    "gap_free", "bound_reason", "bound_limit",
+}  # fmt: skip
 
 
 class Run:
@@ -31,6 +45,20 @@ class Run:
     def json(self) -> dict:
         """The one JSON object on standard output."""
         return json.loads(self.out)
+
+
+def start_command(*words: object) -> subprocess.Popen[str]:
+    """One command in a process of its own."""
+    code = f"from experiments.cli import main; main({[str(word) for word in words]})"
+    return subprocess.Popen(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+
+
+def wait_for(process: subprocess.Popen[str], folder: Path, pattern: str) -> None:
+    """Wait until a process has made a file, or has ended."""
+    while not list(folder.glob(pattern)) and process.poll() is None:
+        time.sleep(0.02)
 
 
 @pytest.fixture
@@ -56,10 +84,43 @@ def test_gap_prints_and_writes_the_keys_that_do_not_change(
         if row["conflicts"] == 0:
             assert row["reward"] <= row["bound"]
             assert row["gap"] == pytest.approx((row["bound"] - row["reward"]) / row["bound"])
+            free = row["bound_free"]
+            assert row["gap_free"] == pytest.approx((free - row["reward"]) / free)
+        assert row["reward"] <= row["optimum_free"] * (1 + 1e-9) <= row["bound_free"] * (1 + 2e-9)
+        assert row["bound"] <= row["bound_free"]
+        assert (row["bound_reason"], row["bound_limit"]) == ("optimal", "none")
         assert (tmp_path / "o" / row["certificate"]).is_file()
+        assert (tmp_path / "o" / row["certificate_free"]).is_file()
     header, *lines = (tmp_path / "o" / "results.csv").read_text().splitlines()
     assert set(header.split(",")) >= GAP_KEYS
     assert len(lines) == len(rows)
+
+
+def test_gap_never_writes_two_scenes_into_one_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Scenes whose names differ only in what file names cannot hold have files of their own."""
+    names = ["a b", "a/b", "a_b", "A_b", "x" * 300, "x" * 301, "..", "\udcff", "b.json"]
+    scenes = [tmp_path / name for name in ("a.json", "b.json", *map("{}.json".format, range(8)))]
+    for scene, name in zip(scenes, ["a_b", *names], strict=True):
+        save_problem(scene, SCENES["tiny-share"](0).replace(name=name))
+    out = tmp_path / "out"
+    run = Run(capsys, "gap", *scenes, "--planner", "greedy", "--out", out, "--json")
+    assert run.code == 0
+    assert len({row["scene"] for row in run.json["rows"]}) == len(scenes)
+    assert len({row["certificate"].lower() for row in run.json["rows"]}) == len(scenes)
+    assert len(list((out / "plans").iterdir())) == len(scenes)
+    assert len(list((out / "certificates").iterdir())) == 2 * len(scenes)
+    assert (out / run.json["rows"][3]["certificate"]).is_file()
+
+
+def test_gap_calls_no_two_scenes_the_same() -> None:
+    """A scene that is called as it was typed does not take the name of a third one."""
+    build = SCENES["tiny-share"]
+    named = {"a.json": "twin", "b.json": "twin", "c.json": "a.json", "d.json": "own"}
+    problems = {(scene, 0): build(0).replace(name=name) for scene, name in named.items()}
+    names = [problem.name for problem in told_apart(problems).values()]
+    assert names == ["a.json", "b.json", "c.json", "own"]
 
 
 def test_every_plan_and_certificate_of_gap_is_verified(
@@ -68,6 +129,7 @@ def test_every_plan_and_certificate_of_gap_is_verified(
     """What `gap --out` writes passes `verify`, but for plans that ignore collisions."""
     Run(capsys, "gap", "corridor-tight", "--seeds", "0", "--out", tmp_path)
     certificate = tmp_path / "certificates" / "corridor-tight-0.json"
+    best = 0.0
     for plan in sorted((tmp_path / "plans").iterdir()):
         run = Run(capsys, "verify", "corridor-tight", plan, certificate, "--json")
         answer = run.json
@@ -75,6 +137,50 @@ def test_every_plan_and_certificate_of_gap_is_verified(
         assert answer["valid"] is ("greedy" not in plan.name)
         assert len(answer["reward_per_step"]) == 8
         assert sum(answer["reward_per_step"]) == pytest.approx(answer["reward"])
+        if answer["valid"]:
+            assert answer["optimal"] is (answer["gap"] <= 1e-6)
+            best = max(best, answer["reward"])
+    assert best == pytest.approx(answer["bound"], rel=1e-6)  # joint's plan
+    free = tmp_path / "certificates" / "corridor-tight-0-free.json"
+    assert Run(capsys, "verify", "corridor-tight", free).code == 1
+    assert Run(capsys, "verify", "corridor-tight", free, "--free").code == 0
+
+
+def test_what_bounds_all_plans_bounds_those_that_obey_the_rules(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Where the best plan of all has no conflicts, one proof serves with and without rules."""
+    run = Run(capsys, "gap", "tiny-share", "--planner", "cocap", "--out", tmp_path, "--json")
+    (row,) = run.json["rows"]
+    assert (row["bound"], row["bound_seconds"]) == (row["bound_free"], row["bound_free_seconds"])
+    assert row["certificate"] != row["certificate_free"]
+    for path, option in ((row["certificate"], ()), (row["certificate_free"], ("--free",))):
+        assert Run(capsys, "verify", "tiny-share", tmp_path / path, *option).code == 0
+
+
+def test_a_scene_without_rules_is_bounded_once(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its one certificate is that of the problem without rules."""
+    scene = tmp_path / "scene.json"
+    save_problem(scene, SCENES["tiny-queue"](0).replace(rules=NO_RULES))
+    run = Run(capsys, "gap", scene, "--planner", "cocap", "--out", tmp_path / "o", "--json")
+    (row,) = run.json["rows"]
+    assert (row["gap"], row["certificate"]) == (row["gap_free"], row["certificate_free"])
+    assert len(list((tmp_path / "o" / "certificates").iterdir())) == 1
+
+
+def test_the_gap_table_says_what_its_bounds_are(capsys: pytest.CaptureFixture[str]) -> None:
+    """The title tells proved optima from other bounds; what a limit stopped is marked."""
+    proved = Run(capsys, "gap", "tiny-queue", "--planner", "cocap").out
+    assert "gap to the proved optimum (branch-and-price)" in proved
+    assert "*" not in proved
+    stopped = Run(capsys, "gap", "tiny-queue", "--planner", "cocap", "--bound-limit", 0).out
+    assert "gap to a certified bound (branch-and-price)" in stopped
+    assert "*" in stopped
+    exact = Run(capsys, "gap", "tiny-queue", "--planner", "brute-force", "--json").json["rows"][0]
+    assert (exact["planner"], exact["bound_method"]) == ("brute-force", "branch-and-price")
+    assert exact["gap"] < 1e-6
 
 
 def test_a_certificate_can_be_verified_alone(
@@ -147,6 +253,231 @@ def test_a_proof_that_there_is_no_plan_is_verified(
     assert "no plan" in verified.json["message"]
 
 
+OPTIMA = {"tiny-approach": 37.0, "tiny-hover": 27.5, "tiny-share": 27 * 2**0.5}  # by hand
+
+
+@pytest.mark.parametrize("scene", OPTIMA)
+@pytest.mark.parametrize("method", EXACT)
+def test_solve_gives_the_optimum_and_a_proof(
+    method: str, scene: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Every exact method finds the known optimum; `verify` accepts what it writes."""
+    plan, proof = tmp_path / "plan.json", tmp_path / "proof.json"
+    run = Run(capsys, "solve", scene, "--method", method, "-o", plan, "--certificate", proof,
+              "--json")  # fmt: skip
+    row = run.json
+    assert (run.code, set(row) >= KEYS) == (0, True)
+    assert row["reward"] == pytest.approx(OPTIMA[scene])
+    assert (row["method"], row["reason"], row["limit"]) == (method, "optimal", "none")
+    assert 0 <= row["gap"] <= 1e-6
+    assert row["file"] == str(plan)
+    claims = [plan, proof] if proof.exists() else [plan]
+    if len(claims) == 1:
+        assert "no certificate" in row["message"]
+        assert row["certificate"] is None
+    answer = Run(capsys, "verify", scene, *claims, "--json").json
+    assert answer["valid"] is True
+    assert answer["optimal"] is (True if proof.exists() else None)
+
+
+def test_solve_at_the_root_and_to_a_gap(capsys: pytest.CaptureFixture[str]) -> None:
+    """Column generation has a plan and a bound; with --gap, `optimal` is not said too early."""
+    root = Run(capsys, "solve", "corridor-tight", "--method", AT_THE_ROOT, "--json").json
+    near = Run(capsys, "solve", "corridor-tight", "--gap", 0.05, "--json").json
+    best = Run(capsys, "solve", "corridor-tight", "--json").json
+    assert root["reward"] <= best["reward"] <= best["bound"] <= root["bound"]
+    assert near["reward"] <= best["reward"] * (1 + 1e-9) <= near["bound"] * (1 + 1e-9)
+    assert near["gap"] <= 0.05
+    for row in (root, near, best):
+        assert (row["reason"] == "optimal") is (row["gap"] <= 1e-6)
+    assert best["reason"] == "optimal"
+
+
+def test_solve_without_rules(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """--free plans, bounds and verifies the scene without inter-robot collisions."""
+    plan, proof = tmp_path / "plan.json", tmp_path / "proof.json"
+    scene = "corridor-tight"
+    obeying = Run(capsys, "solve", scene, "--json").json
+    free = Run(capsys, "solve", scene, "--free", "-o", plan, "--certificate", proof,
+               "--json").json  # fmt: skip
+    assert free["reward"] > obeying["reward"] * 1.001
+    assert (free["free"], free["conflicts"], free["reason"]) == (True, 0, "optimal")
+    assert Run(capsys, "verify", scene, plan, proof, "--free", "--json").json["optimal"] is True
+    refused = Run(capsys, "verify", scene, plan, proof, "--json")
+    assert refused.code == 1
+    assert any("in one cell" in violation for violation in refused.json["violations"])
+    for method in BOUNDS:
+        words = ["bound", scene, "--method", method, "--free", "--json"]
+        assert Run(capsys, *words).json["bound"] >= free["reward"]
+    greedy = Run(capsys, "plan", scene, "--planner", "greedy", "--free", "--json").json
+    assert obeying["reward"] < greedy["reward"] <= free["reward"] * (1 + 1e-9)
+    assert greedy["conflicts"] == 0
+
+
+def test_a_start_is_used_or_rejected_with_the_reason(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A plan that breaks a rule is rejected in words; one that cannot be flown is an error."""
+    plans = {name: tmp_path / f"{name}.json" for name in ("greedy", "joint", "other")}
+    for name in ("greedy", "joint"):
+        Run(capsys, "plan", "corridor-tight", "--planner", name, "-o", plans[name])
+    Run(capsys, "plan", "corridor-tight", "--seed", 1, "-o", plans["other"])
+    for words in (["solve"], ["bound"], ["solve", "--method", AT_THE_ROOT]):
+        command, *options = words
+        run = Run(capsys, command, "corridor-tight", *options, "--start", plans["greedy"], "--json")
+        assert run.code == 0
+        assert re.search("start rejected: step .* robots 0 and 1", run.json["message"])
+    best = Run(capsys, "plan", "corridor-tight", "--planner", "joint", "--json").json["reward"]
+    for command in ("solve", "bound"):
+        run = Run(capsys, command, "corridor-tight", "--start", plans["joint"], "--json")
+        assert run.json["message"] == ""
+        assert run.json["reward"] == pytest.approx(best)
+    free = Run(capsys, "solve", "corridor-tight", "--start", plans["greedy"], "--free", "--json")
+    assert free.json["message"] == ""
+    for wrong in (plans["other"], tmp_path / "absent.json"):
+        run = Run(capsys, "solve", "corridor-tight", "--start", wrong)
+        assert (run.code, run.out) == (2, "")
+        assert str(wrong) in run.err
+
+
+def test_a_foreign_start_brings_its_own_scene(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What is solved from a plan for the scene's own starts can be verified as such."""
+    scene, start, plan, proof = (
+        tmp_path / name for name in ("seq.yaml", "paths.csv", "plan.json", "proof.json")
+    )
+    scene.write_text(SEQUENCE)
+    np.save(tmp_path / "map.npy", np.zeros((4, 4)))
+    (tmp_path / "starts.csv").write_text("x,y,z,theta\n3,3,5,0\n")
+    start.write_text("robot,t,x_cell,y_cell,heading_idx\n0,0,1,0,0\n0,1,1,1,0\n")
+    run = Run(capsys, "solve", scene, "--start", start, "-o", plan, "--certificate", proof,
+              "--json")  # fmt: skip
+    assert run.json["reason"] == "optimal"
+    assert run.json["seed"] is None
+    assert Run(capsys, "verify", scene, plan, proof, "--json").json["optimal"] is True
+    assert Run(capsys, "solve", scene, "--start", plan, "--json").json["message"] == ""
+
+
+def test_solve_says_that_there_is_no_plan(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Infeasible is a proved answer; the plan is not written, the proof is."""
+    plan, proof = tmp_path / "plan.json", tmp_path / "proof.json"
+    run = Run(capsys, "solve", "tiny-head-on", "-o", plan, "--certificate", proof, "--json")
+    assert (run.code, run.json["reason"], run.json["reward"]) == (0, "infeasible", None)
+    assert f"{plan} was not written" in run.json["message"]
+    assert not plan.exists()
+    verified = Run(capsys, "verify", "tiny-head-on", proof, "--json")
+    assert (verified.code, verified.json["valid"]) == (0, True)
+    assert "no plan" in verified.json["message"]
+    assert Run(capsys, "gap", "tiny-head-on").code == 0
+
+
+def split_leaf(proof: dict) -> None:
+    """Branch a proof of one leaf on whether a robot is in a cell at step 1."""
+    (leaf,) = proof["nodes"]
+    children = []
+    for _ in range(2):
+        child = json.loads(json.dumps(leaf))
+        child["certificate"]["decisions"] = [0.0]
+        children.append(child)
+    resource = {"type": "cells", "t": 1, "cells": [[1, 1, 0]]}
+    branch = {"type": "branch", "resource": resource, "robots": 0, "at_most": 1, "at_least": 2}
+    proof["nodes"] = [branch, *children]
+    proof["bound"] *= 1 + 1e-12  # one more number in the sums: a little more rounding
+
+
+def test_altered_proofs_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A proof with a part removed, of another scene, or that claims too much is not accepted."""
+    good, altered = tmp_path / "proof.json", tmp_path / "altered.json"
+    Run(capsys, "solve", "tiny-share", "--certificate", good)
+    proof = json.loads(good.read_text())
+    assert len(proof["nodes"]) == 1
+    split_leaf(proof)
+
+    def verified(change: str) -> int:
+        changed = json.loads(json.dumps(proof))
+        exec(change, {"proof": changed})
+        altered.write_text(json.dumps(changed))
+        run = Run(capsys, "verify", "tiny-share", altered, "--json")
+        assert "Traceback" not in run.err
+        if run.code == 1:
+            assert run.json["violations"][0].startswith("proof: ")
+            assert run.json["bound"] is None
+        return run.code
+
+    assert verified("pass") == 0
+    for change in (
+        "proof['nodes'].pop()",  # a leaf
+        "proof['nodes'] = proof['nodes'][1:]",  # the branching row
+        "proof['nodes'][0]['at_least'] = 1",  # one side counted twice
+        "proof['nodes'][0]['robots'] = -1",
+        "proof['nodes'][0]['resource']['t'] = 99",
+        "proof['nodes'][2]['certificate']['decisions'] = []",
+        "proof['bound'] *= 0.999",
+        "proof['bound'] = None",
+        "proof['digest'] = proof['digest'][::-1]",
+    ):
+        assert verified(change) == 1, change
+    assert verified("proof['format'] = 'proof'") == 2
+    assert verified("proof['nodes'][1]['type'] = 'twig'") == 2
+    Run(capsys, "solve", "tiny-share", "--certificate", good)
+    assert Run(capsys, "verify", "tiny-queue", good).code == 1
+
+
+def test_every_altered_number_of_a_proof_is_noticed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Whatever number of a proof is changed, it is refused or still proves a true bound."""
+    good, altered = tmp_path / "proof.json", tmp_path / "altered.json"
+    Run(capsys, "solve", "tiny-share", "--certificate", good)
+    proof = json.loads(good.read_text())
+    split_leaf(proof)
+    for path in number_paths(proof)[::2]:
+        for change in (0.0, 0.5, 2):
+            changed = json.loads(json.dumps(proof))
+            inner = changed
+            for key in path[:-1]:
+                inner = inner[key]
+            inner[path[-1]] *= change
+            altered.write_text(json.dumps(changed))
+            run = Run(capsys, "verify", "tiny-share", altered, "--json")
+            assert run.code in (0, 1, 2)
+            if run.code == 0:
+                assert run.json["bound"] >= OPTIMA["tiny-share"] - 1e-9, path
+
+
+def test_verify_says_whether_a_plan_is_optimal(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """true where J and the bound agree, false where they do not, null where one is missing."""
+    plan, proof = tmp_path / "plan.json", tmp_path / "proof.json"
+    Run(capsys, "solve", "corridor-tight", "--certificate", proof)
+    answers = []
+    for planner in ("joint", "sequential"):
+        Run(capsys, "plan", "corridor-tight", "--planner", planner, "-o", plan)
+        answers.append(Run(capsys, "verify", "corridor-tight", plan, proof, "--json").json)
+    answers += [Run(capsys, "verify", "corridor-tight", f, "--json").json for f in (plan, proof)]
+    assert [answer["optimal"] for answer in answers] == [True, False, None, None]
+
+
+def test_progress_is_a_plain_line_now_and_then(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where standard error is no terminal, lines that stay say how far a solver is."""
+    monkeypatch.setattr(progress, "SECONDS_BETWEEN_LINES", 0.0)
+    run = Run(capsys, "solve", "tiny-queue", "--json")
+    assert run.json["reason"] == "optimal"
+    line = r"cocap-opt: tiny-queue seed 0, \d+ s: value .* bound .* gap .* columns .* nodes \d+"
+    assert any(re.fullmatch(line, said) for said in run.err.splitlines())
+    run = Run(capsys, "gap", "tiny-queue", "--seeds", "0-1", "--json")
+    assert "tiny-queue seed 1 (2/2)" in run.err
+    assert len(run.json["rows"]) == 10
+    monkeypatch.setattr(progress, "SECONDS_BETWEEN_LINES", 60.0)
+    assert Run(capsys, "solve", "tiny-queue", "--json").err == ""
+
+
 WRONG = [
     (["plan", "no-such-scene"], "no such scene"),
     (["plan", "absent.json"], "absent.json"),
@@ -157,14 +488,34 @@ WRONG = [
     (["plan", "corridor", "--time-limit", "nan"], "--time-limit"),
     (["plan", "corridor", "--colour", "red"], "--colour"),
     (["plan", "corridor", "-o", "no/such/folder/plan.json"], "no/such/folder"),
+    (["plan", "corridor", "-o", "x" * 300], "x" * 300 + ": cannot be written"),
+    (["export", "corridor", "-o", "/dev/null"], "/dev/null: cannot be written"),
+    (["bound", "corridor", "-o", "/"], "/: cannot be written"),
     (["plan", "bottleneck", "--planner", "joint"], "one or two robots"),
     (["plan"], "SCENE"),
     (["fly", "corridor"], "fly"),
     (["bound", "corridor", "--method", "guess"], "--method"),
-    (["bound", "corridor", "--method", "relaxation"], "at most"),
+    (["solve", "corridor", "--method", "guess"], "--method"),
+    (["solve", "corridor", "--method", "alone"], "--method"),
+    (["solve", "corridor", "--method", "brute-force"], "at most"),
+    (["solve", "corridor", "--gap", "-0.1"], "--gap"),
+    (["solve", "corridor", "--gap", "nan"], "--gap"),
+    (["solve", "corridor", "--gap", "1"], "--gap"),
+    (["solve", "corridor", "--gap", "few"], "--gap"),
+    (["solve", "corridor", "--method", AT_THE_ROOT, "--gap", "0.1"], "--gap"),
+    (["solve", "corridor", "--time-limit", "inf"], "--time-limit"),
+    (["solve", "corridor", "--start", "absent.json"], "absent.json"),
+    (["solve", "corridor", "--certificate", "no/such/folder/c.json"], "no/such/folder"),
+    (["solve", "corridor", "-o", "./x.json", "--certificate", "x.json"], "--certificate"),
+    (["bound", "corridor", "--start", "absent.json"], "absent.json"),
     (["gap"], "SCENE"),
     (["gap", "corridor", "--seeds", "3-1"], "--seeds"),
     (["gap", "corridor", "--seeds", "a"], "--seeds"),
+    (["gap", "corridor", "--seeds", "9" * 5000], "--seeds"),
+    (["gap", "corridor", "--seeds", "0-" + "9" * 40], "--seeds"),
+    (["plan", "corridor", "--seed", "9" * 40], "--seed"),
+    (["plan", "corridor", "--seed", "9" * 5000], "--seed"),
+    (["gap", "corridor", "--bound-limit", "-1"], "--bound-limit"),
     (["gap", "corridor", "--out", "/dev/null/x"], "/dev/null/x"),
     (["verify", "corridor", "absent.json"], "absent.json"),
     (["show", "corridor", "absent.json", "-o", "x.txt"], "-o"),
@@ -173,7 +524,7 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("words", "named"), WRONG, ids=lambda value: " ".join(value))
+@pytest.mark.parametrize(("words", "named"), WRONG, ids=lambda value: " ".join(value)[:60])
 def test_wrong_input_is_one_line_and_exit_code_2(
     words: list[str], named: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -200,7 +551,7 @@ def test_wrong_content_of_a_file_is_one_line(
         assert run.code == 2
         assert len(run.err.splitlines()) == 1
         assert str(scene) in run.err
-    assert "width: must be >= 1 px" in Run(capsys, "plan", scene).err
+    assert "width: must be 1..100000 px" in Run(capsys, "plan", scene).err
 
 
 def test_exported_scene_is_the_scene(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -263,20 +614,68 @@ def test_the_same_plan_file_in_any_process(tmp_path: Path) -> None:
 
 def test_ctrl_c_prints_what_is_finished(tmp_path: Path) -> None:
     """An interrupted gap table is printed as far as it got, with exit code 0."""
-    code = (
-        "from experiments.cli import main;"
-        f"main(['gap', 'bottleneck', '--seeds', '0-999', '--json', '--out', {str(tmp_path)!r}])"
-    )
-    process = subprocess.Popen(
-        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE
-    )
-    while not list(tmp_path.glob("plans/*")) and process.poll() is None:
-        time.sleep(0.05)
+    process = start_command("gap", "corridor", "--seeds", "0-999", "--json", "--out", tmp_path)
+    wait_for(process, tmp_path, "plans/*")
     process.send_signal(signal.SIGINT)
     out, _ = process.communicate(timeout=60)
     assert process.returncode == 0
-    assert 0 < len(json.loads(out)["rows"]) < 4000
+    assert 0 < len(json.loads(out)["rows"]) < 5000
     assert (tmp_path / "results.csv").is_file()
+
+
+def test_a_killed_gap_table_loses_only_the_running_cell(tmp_path: Path) -> None:
+    """results.csv is whole after every cell."""
+    words = ["gap", "tiny-share", "--planner", "greedy", "--planner", "cocap", "--seeds", "0-99"]
+    process = start_command(*words, "--out", tmp_path)
+    wait_for(process, tmp_path, "plans/tiny-share-5-*")
+    process.kill()
+    process.communicate(timeout=60)
+    with (tmp_path / "results.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) >= 2 * 5
+    assert len(rows) % 2 == 0
+    assert all(None not in row.values() and row["bound"] for row in rows)
+
+
+def test_ctrl_c_gives_the_best_plan_and_bound_so_far(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An interrupted solver is a result: exit code 0, both files written, and they hold."""
+    plan, proof, cache = (tmp_path / name for name in ("plan.json", "proof.json", "cache"))
+    monkeypatch.setenv("COCAP_OPT_CACHE", str(cache))
+    process = start_command("solve", "bottleneck", "--seed", 2, "--time-limit", 600, "-o", plan,
+                            "--certificate", proof, "--json")  # fmt: skip
+    wait_for(process, cache, "*.coverage")
+    time.sleep(0.5)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert (process.returncode, err) == (0, "")
+    row = json.loads(out)
+    assert (row["reason"], row["limit"]) == ("stopped", "interrupt")
+    assert row["reward"] < row["bound"]
+    answer = Run(capsys, "verify", "bottleneck", plan, proof, "--seed", 2, "--json").json
+    assert (answer["valid"], answer["optimal"]) == (True, False)
+    assert (answer["reward"], answer["bound"]) == (row["reward"], row["bound"])
+
+
+def test_ctrl_c_while_modules_are_imported_is_one_line() -> None:
+    """The half second before a command begins ends without a traceback."""
+    code = """
+import os, signal, sys
+from experiments.cli import main
+
+class Press:
+    @staticmethod
+    def find_spec(name, path=None, target=None):
+        if name == "cyclopts":
+            os.kill(os.getpid(), signal.SIGINT)
+
+sys.meta_path.insert(0, Press)
+main(["scenes"])
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (130, "")
+    assert done.stderr == "cocap-opt: interrupted\n"
 
 
 @pytest.mark.parametrize(
@@ -294,3 +693,16 @@ def test_standard_output_that_takes_nothing(redirection: str, code: int) -> None
     assert done.returncode == code
     assert "Traceback" not in done.stderr
     assert len(done.stderr.splitlines()) == (1 if code else 0)
+
+
+@pytest.mark.parametrize("redirection", ["2>&-", "2> /dev/full", ">&- 2>&-"])
+def test_standard_error_that_takes_nothing(redirection: str) -> None:
+    """What is wrong with the input is told by the exit code alone."""
+    if "full" in redirection and not Path("/dev/full").exists():
+        pytest.skip("needs /dev/full")
+    words = ["plan", "no-such-scene"]
+    python = f"{sys.executable} -c 'from experiments.cli import main; main({json.dumps(words)})'"
+    done = subprocess.run(
+        ["bash", "-c", f"{python} {redirection}"], capture_output=True, check=False
+    )
+    assert (done.returncode, done.stdout) == (2, b"")

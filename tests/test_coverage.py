@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Sequence
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -13,15 +14,24 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from strategies import WALL, examples, problems, shapes
 
-from cocap_opt.coverage import FaceGeometry, Views
+from cocap_opt.check import check
+from cocap_opt.coverage import FaceGeometry, Views, coverage_table
 from cocap_opt.model import Model
+from cocap_opt.plan import Plan
+from cocap_opt.planners.joint import joint
+from cocap_opt.problem import FOCAL as FOCAL_RANGE
 from cocap_opt.problem import (
+    LARGEST,
+    MOST_PIXELS,
+    MOST_WEIGHT,
+    SMALLEST,
     Actor,
     Camera,
     Cuboid,
     FloatArray,
     HeightMap,
     Motion,
+    Objective,
     Prism,
     Problem,
     Robot,
@@ -30,6 +40,7 @@ from cocap_opt.problem import (
     TriangulatedCuboid,
 )
 from cocap_opt.projection import camera_axes, image_area
+from cocap_opt.stop import Limit
 from cocap_opt.timegraph import time_graph
 from cocap_opt.visibility import sample_points
 
@@ -285,6 +296,93 @@ def test_visibility_converges() -> None:
     assert errors[-1] < errors[0]
 
 
+# -- extremes -----------------------------------------------------------------------------
+
+
+def touching(shape: Shape, point: Sequence[float], yaw: float, offset: float) -> Actor:
+    """Actor whose own point `point` (m, from its foot) is where the start camera is."""
+    x, y, z = point
+    c, s = math.cos(yaw), math.sin(yaw)
+    foot = [-(x * c - y * s), -(x * s + y * c), offset - z]
+    return Actor(poses=np.tile([*foot, yaw], (2, 1)), shape=shape)
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.5, -math.pi / 2, math.pi / 2])
+@pytest.mark.parametrize("shape", [Cuboid(), Prism(sides=8, apothem=2.0), TriangulatedCuboid()])
+def test_a_face_at_the_camera_fills_the_image_at_most(shape: Shape, tilt: float) -> None:
+    """A camera on a face, at its corner or at a sample point sees a part of its image, no more.
+
+    Rounding decides there on which side of the face the camera is; there is no warning.
+    """
+    camera = Camera(width=80, height=60, focal=50.0, tilts=(tilt,))
+    for face, yaw, offset in product(shape.faces()[::4], (0.0, 0.7, 1e9), (0.0, -1e-310)):
+        for point in (face[0], face.mean(axis=0), sample_points(face, 1)[0][0]):
+            actor = touching(shape, point.tolist(), yaw, offset)
+            # Cell (0, 4) has its middle at (0, 0, 0).
+            scene = make_scene(
+                actor, camera=camera, origin=(-0.5, -4.5), heights=np.full((21, 9), -5.0),
+                layers=(0.0,), samples=1,
+            )  # fmt: skip
+            faces = FaceGeometry(scene).at(1)
+            views = seen_from(scene, *(State(0, 4, 0, heading) for heading in range(8)))
+            assert (views * faces.areas <= 80 * 60 * (1 + 1e-12)).all()
+
+
+FAR = st.one_of(
+    st.sampled_from([0.0, 1e-310, 1e-9, 5e5 + 0.1, 1e8, -LARGEST, LARGEST]), st.floats(-9, 9)
+)  # m
+SIZE = st.one_of(st.sampled_from([SMALLEST, 1.0, LARGEST]), st.floats(SMALLEST, 9))  # m
+
+
+@st.composite
+def extreme_scenes(draw: st.DrawFn) -> Problem:
+    """Scenes with the smallest and largest numbers that a problem may hold."""
+    motion = Motion(headings=draw(st.sampled_from([1, 8])), layers=(draw(FAR.filter(_flies)),))
+    shape = draw(
+        st.one_of(
+            st.builds(Cuboid, length=SIZE, width=SIZE, height=SIZE),
+            st.builds(Prism, sides=st.sampled_from([3, 64]), apothem=SIZE, height=SIZE),
+            st.builds(TriangulatedCuboid, length=SIZE, width=SIZE, height=SIZE),
+        )
+    )
+    resolution, origin = draw(SIZE), (draw(FAR), draw(FAR))
+    beside = draw(st.booleans())  # where there is something to be seen
+    foot = [*origin, motion.layers[0]] if beside else [draw(FAR) for _ in range(3)]
+    camera = Camera(
+        width=draw(st.sampled_from([1, MOST_PIXELS])),
+        height=MOST_PIXELS,
+        focal=draw(st.sampled_from([*FOCAL_RANGE, 500.0])),
+        tilts=(draw(st.sampled_from([0.0, 0.5, math.pi / 2])),),
+    )
+    poses = np.tile([*foot, draw(st.sampled_from([0.0, 0.7, LARGEST]))], (2, 1))
+    heights = np.array([[-LARGEST, draw(FAR)], [LARGEST, -LARGEST]])
+    return Problem(
+        name="",
+        height_map=HeightMap(heights=heights, resolution=resolution, origin=origin),
+        robots=tuple(Robot(start=State(x, x), motion=motion, camera=camera) for x in range(2)),
+        actors=(Actor(poses=poses, shape=shape, weights=(MOST_WEIGHT,) * len(shape.faces())),),
+        horizon=1,
+        objective=Objective(stationarity=MOST_WEIGHT, count_start=True),
+        face_samples=draw(st.integers(1, 2)),
+    )
+
+
+def _flies(height: float) -> bool:
+    return height > -LARGEST
+
+
+@examples(60)
+@given(extreme_scenes())
+def test_extreme_numbers_have_a_finite_reward(problem: Problem) -> None:
+    """Whatever numbers a problem may hold, each J is a number, and nothing warns on the way."""
+    plan = Plan(paths=tuple((robot.start,) * 2 for robot in problem.robots))
+    reward = check(problem, plan).reward
+    assert 2 * MOST_WEIGHT <= reward < math.inf
+    assert (FaceGeometry(problem).at(1).areas > 0).all()
+    result = joint(problem)
+    assert reward * (1 - 1e-9) <= result.value < math.inf
+
+
 # -- invariances --------------------------------------------------------------------------
 
 
@@ -437,7 +535,7 @@ def test_table_holds_what_is_seen_and_nothing_else(problem: Problem) -> None:
 @given(scenes())
 def test_visible_share_does_not_depend_on_where_the_camera_looks(problem: Problem) -> None:
     """With an image that holds everything ahead, terrain hides the same in all headings."""
-    camera = Camera(width=10**6, height=10**6, focal=300.0, tilts=(0.4,))
+    camera = Camera(width=10**5, height=10**5, focal=30.0, tilts=(0.4,))
     robot = problem.robots[0].replace(camera=camera, start=State(0, 0))
     wide = problem.replace(robots=(robot,))
     open_ = wide.replace(
@@ -588,7 +686,7 @@ def test_a_whole_face_in_the_open_is_wholly_visible() -> None:
     """A face's own edges and neighbours never hide part of it, from any side."""
     for shape in (Cuboid(), Prism(sides=12), TriangulatedCuboid()):
         actor = Actor(poses=np.tile([10.13, 4.41, 0.0, 0.77], (2, 1)), shape=shape)
-        camera = Camera(width=10**6, height=10**6, focal=500.0, tilts=(0.3,))
+        camera = Camera(width=10**5, height=10**5, focal=50.0, tilts=(0.3,))
         scene = make_scene(actor, camera=camera, layers=(0.5, 2.0, FLYING))
         bare = make_scene(actor, camera=camera, layers=(0.5, 2.0, FLYING), samples=1)
         np.testing.assert_allclose(all_views(scene), all_views(bare), rtol=1e-12)
@@ -623,6 +721,42 @@ def test_altitude_hides_nothing(altitude: float) -> None:
     )
     # At depth d, h above: f^2 h / d^3 px/m2, in the limit of a small face.
     assert seen(problem, State(0, 1))[TOP] == pytest.approx(FOCAL**2 * 3.2 / 150**3, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("actors", "samples", "most"), [(0, 3, 1024), (4, 3, 1024), (300, 3, 16), (1, 64, 16)]
+)
+def test_limits_are_asked_for_often(actors: int, samples: int, most: int) -> None:
+    """The more rays a state may need, the fewer states are evaluated between two looks at a limit.
+
+    300 actors once took half a minute of a time limit of two seconds.
+    """
+    scene = make_scene(*[facing(x / 10, 4.5) for x in range(10, 10 + actors)], samples=samples)
+    model = Model(scene, use_cache=False)
+    views, asked = model.views(model.classes[0]), []
+
+    def stop() -> Limit:
+        asked.append(views.evaluated)
+        return Limit.NONE
+
+    reachable = model.reachable(model.classes[0])
+    table, _ = coverage_table(views, reachable, 1, stop)
+    assert table is not None
+    steps = np.diff([*asked, views.evaluated])
+    assert steps.max() <= most
+    assert steps.sum() == reachable[1].sum()
+
+
+@pytest.mark.parametrize("rays", [1, 7, 100])
+def test_values_do_not_depend_on_the_rays_cast_at_once(
+    rays: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """However many rays are cast at once, a view has the same value to the last bit."""
+    actors = facing(6.0, 4.0), facing(7.0, 4.4, yaw=0.5), facing(4.0, 5.0, z=3.0)
+    scene = make_scene(*actors, heights=walled(3, 5, 4.7), layers=(3.0, FLYING))
+    expected = all_views(scene)
+    monkeypatch.setattr("cocap_opt.visibility.RAYS", rays)
+    assert all_views(scene).tobytes() == expected.tobytes()
 
 
 MANY_STEPS = """

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+import tracemalloc
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -161,7 +162,7 @@ def test_joint_values_are_of_the_true_objective(problem: Problem) -> None:
     """The value that joint planning gives the pair of starts is the best J itself."""
     best = optimum(problem)
     pair = sys.modules["cocap_opt.planners.joint"]._Pair(Model(problem, use_cache=False))
-    _, values = pair.sweep(never)
+    values = pair.sweep()
     value = float(values[0][pair._at(0, pair.a.start, pair.b.start)])
     assert value == pytest.approx(best.value, rel=1e-9)
 
@@ -476,7 +477,7 @@ def plain_cocap(problem: Problem) -> tuple[Plan | None, int]:
             return plan, nodes
         for which, robot in enumerate(conflict.robots):
             graph, (own, other) = model.class_of[robot].graph, plan_states(plan, conflict, which)
-            places, moves = map(dict, leaf.closed[robot])
+            places, moves = map(dict, leaf.closed[robot][:2])
             here = graph.place(own.layer, own.x, own.y)
             if isinstance(conflict, SwapConflict):
                 moves[conflict.t, here, graph.place(other.layer, other.x, other.y)] = math.inf
@@ -522,6 +523,62 @@ def test_memory_limit_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "MEMORY_LIMIT", 10.0)
     result = joint(tiny())
     assert (result.plan, result.reason, result.limit) == (None, Reason.STOPPED, Limit.MEMORY)
+
+
+def pair_on_a_meadow(size: int, horizon: int, motion: Motion) -> Problem:
+    """Two robots side by side in the middle of an open field, one actor in sight."""
+    camera = Camera(width=800, height=600, focal=200.0, tilts=(0.6,))
+    starts = State(size // 2, size // 2), State(size // 2 + 1, size // 2)
+    return Problem(
+        name="",
+        height_map=HeightMap(heights=np.zeros((size, size)), resolution=2.0),
+        robots=tuple(Robot(start=start, motion=motion, camera=camera) for start in starts),
+        actors=(standing(1.3 * size, 1.2 * size, 0.0, 0.4, steps=horizon),),
+        horizon=horizon,
+        objective=Objective(stationarity=1.0),
+    )
+
+
+@pytest.mark.parametrize(
+    ("size", "horizon", "motion"),
+    [
+        (14, 4, Motion(headings=8)),
+        (9, 12, Motion(headings=4)),
+        (12, 3, Motion(headings=2, radius=4)),
+        (24, 2, Motion(headings=1, radius=8)),  # as many exchanges as pairs of states
+    ],
+)
+def test_memory_of_joint_planning_is_known_before(size: int, horizon: int, motion: Motion) -> None:
+    """What the values of all pairs need at most is known before they are computed, and not
+    much more than they need."""
+    model = Model(pair_on_a_meadow(size, horizon, motion), use_cache=False)
+    model.prepare_all(never)
+    module = sys.modules["cocap_opt.planners.joint"]
+    pair = module._Pair(model)
+    needed = pair.bytes_needed - module.PROCESS
+    tracemalloc.start()
+    try:
+        pair.sweep()
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert needed / 2 < peak <= needed
+
+
+def test_joint_planning_looks_at_limits_within_a_step() -> None:
+    """A single step can take many seconds: limits are asked for move by move."""
+    asked = 0
+
+    def stop() -> Limit:
+        nonlocal asked
+        asked += 1
+        return Limit.NONE
+
+    assert joint(pair_on_a_meadow(6, 1, Motion(headings=4)), stop).reason is Reason.OPTIMAL
+    assert asked > 30
+    for calls in range(1, asked, 7):
+        result = joint(pair_on_a_meadow(6, 1, Motion(headings=4)), Patience(calls))
+        assert (result.reason, result.limit) == (Reason.STOPPED, Limit.NODES)
 
 
 def test_joint_planning_takes_two_robots() -> None:

@@ -1,6 +1,7 @@
 """The compiled graph is the networkx graph, and its sweep is plain dynamic programming."""
 
 import math
+import time
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -117,9 +118,17 @@ def test_numbering_is_one_to_one(case: Case) -> None:
 
 @st.composite
 def charges(draw: st.DrawFn, graph: TimeGraph, horizon: int) -> Charges:
-    """Random charges on places and moves, finite and infinite."""
+    """Random charges on places, moves and states: finite, negative and infinite."""
     free = np.flatnonzero(graph.free).tolist()
-    costs = st.sampled_from([0.5, 3.0, math.inf])
+    costs = st.sampled_from([0.5, 3.0, -2.0, math.inf])
+    at = st.tuples(st.integers(0, graph.n_orientations - 1), st.sampled_from(free))
+    states = draw(
+        st.dictionaries(
+            st.tuples(st.integers(0, horizon), at.map(lambda k: k[0] * graph.n_places + k[1])),
+            costs,
+            max_size=4,
+        )
+    )
     places = draw(
         st.dictionaries(
             st.tuples(st.integers(0, horizon), st.sampled_from(free)), costs, max_size=5
@@ -132,7 +141,7 @@ def charges(draw: st.DrawFn, graph: TimeGraph, horizon: int) -> Charges:
         if head >= 0
     ]
     if not edges:
-        return Charges(places)
+        return Charges(places, states=states)
     moves = draw(
         st.dictionaries(
             st.tuples(st.integers(0, horizon - 1), st.sampled_from(edges)).map(
@@ -142,7 +151,7 @@ def charges(draw: st.DrawFn, graph: TimeGraph, horizon: int) -> Charges:
             max_size=12,
         )
     )
-    return Charges(places, moves)
+    return Charges(places, moves, states)
 
 
 class Priced(NamedTuple):
@@ -159,6 +168,7 @@ class Priced(NamedTuple):
     def at(self, state: State, t: int) -> float:
         """Reward of being in a state, less its charge."""
         charge = self.charges.places.get((t, self._place(state)), 0.0)
+        charge += self.charges.states.get((t, self.graph.index(state)), 0.0)
         return float(self.reward[t, self.graph.index(state)]) - charge
 
     def along(self, tail: State, head: State, t: int) -> float:
@@ -323,6 +333,14 @@ def test_long_horizons() -> None:
     path = graph.best_path(value, graph.index(State(0, 0)))
     assert path is not None
     assert graph.state(path[-1]) == State(2, 2, 0, 2)
+
+
+def test_long_moves_on_a_wide_map_are_compiled_in_seconds() -> None:
+    """A million edges take a few seconds: once they took half a minute."""
+    begin = time.perf_counter()
+    graph = TimeGraph(HeightMap(heights=np.zeros((40, 40))), Motion(radius=16, headings=1), 1)
+    assert int((graph.neighbours >= 0).sum()) == (40 * 33 - 16 * 17) ** 2
+    assert time.perf_counter() - begin < 15
 
 
 def test_graphs_are_made_once() -> None:

@@ -143,6 +143,7 @@ def _goal_filter(task: SingleRobotTask) -> Callable[[int, int, int], bool]:
         tail_place, head_place = tail % graph.n_places, head % graph.n_places
         return (
             (t + 1, head_place) not in charges.places
+            and (t + 1, head) not in charges.states
             and (head_place == tail_place or (t, tail_place, head_place) not in charges.moves)
             and (in_reach is None or in_reach[t + 1, head] > CLOSED)
         )

@@ -126,7 +126,7 @@ def cocap_ratio() -> list[Figure]:
 
 def command_seconds() -> list[Figure]:
     """The command line: importing it, and the corridor's gap table."""
-    imports, bare = in_new_process("import experiments.cli", 5)
+    imports, bare = in_new_process("import experiments.commands", 5)
     gap = "from experiments.cli import main; main(['gap', 'corridor', '--seeds', '0'])"
     warm, _ = in_new_process(gap, 3)
     with tempfile.TemporaryDirectory() as empty:

@@ -1,0 +1,474 @@
+"""The commands of `cocap-opt`: reading options, doing the work, printing, writing files."""
+
+import logging
+import math
+import os
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
+
+from cyclopts import App, CycloptsError, Parameter
+
+from cocap_opt.cache import write_atomically
+from cocap_opt.check import check
+from cocap_opt.io import FileError, PlanFile, save_problem
+from cocap_opt.plan import Plan
+from cocap_opt.problem import Problem, ProblemError
+from cocap_opt.result import Reason, UnsupportedError
+from cocap_opt.stop import FirstOf, Limit, Stop, TimeLimit, catch_interrupt
+from experiments.claims import conclude, verify_bound, verify_plan
+from experiments.files import (
+    check_output,
+    make_folder,
+    read_claim,
+    read_plan,
+    save,
+    save_plan,
+    write,
+)
+from experiments.gap_table import gap_cell, save_rows, told_apart
+from experiments.printing import print_gap_table, print_json, print_result, print_table
+from experiments.progress import watching
+from experiments.report import (
+    SOLVERS,
+    Judged,
+    Row,
+    certified_row,
+    default_planners,
+    mean_table,
+    plan_row,
+    run_certified,
+    run_planner,
+    without_rules,
+)
+from experiments.streams import say
+from formulations import BOUNDS, EXACT
+from formulations.certificate import CertificateFile
+from formulations.proof import ProofFile
+from formulations.result import OPTIMALITY, CertifiedResult
+from scenarios import FORMATS, SCENES, load_scene, scene_of_plan
+
+DEFAULT_SECONDS = 60.0
+MOST_SEEDS = 100_000
+LARGEST_SEED = 2**63 - 1  # what JSON readers can take
+OWN_STARTS: Row = {"seed": None, "starts": "those in the scene's own file"}
+AT_THE_ROOT = "column-generation"  # a bound that comes with a plan
+SOLVE_METHODS = (*EXACT, AT_THE_ROOT)
+
+app = App(
+    name="cocap-opt",
+    help="Plan the views of several camera drones, and prove how good the plans are.",
+    help_format="plaintext",
+    version_flags=[],
+)
+Seed = Annotated[int, Parameter(help="seed of the scene, >= 0")]
+Seconds = Annotated[float, Parameter(name="--time-limit", help="seconds for each computation")]
+Json = Annotated[bool, Parameter(name="--json", negative="", help="print one JSON object")]
+Output = Annotated[Path | None, Parameter(name=["-o", "--output"], help="file to write")]
+Free = Annotated[bool, Parameter(negative="", help="the scene without inter-robot collisions")]
+Start = Annotated[Path | None, Parameter(help="file of a plan to start from")]
+
+
+class UsageError(ValueError):
+    """An option has a value that is not allowed; the message names it."""
+
+
+@app.command
+def scenes(*, json: Json = False) -> int:
+    """List the built-in scenes and the file formats that can be read.
+
+    Example: cocap-opt scenes
+    """
+    rows = [{"scene": name, "about": _first_line(build)} for name, build in SCENES.items()]
+    formats = [{"format": name, "about": f.description} for name, f in FORMATS.items()]
+    if json:
+        print_json({"scenes": rows, "formats": formats})
+    else:
+        print_table("built-in scenes", rows)
+        print_table("files that can be read in place of a scene's name", formats)
+    return 0
+
+
+@app.command
+def export(scene: str, /, *, output: Output, seed: Seed = 0, json: Json = False) -> int:
+    """Write any scene as a cocap-opt scene file.
+
+    Example: cocap-opt export corridor --seed 3 -o corridor-3.json
+    """
+    if output is None:
+        raise UsageError("-o: name the file to write")
+    check_output(output)
+    problem = _load(scene, seed)
+    write(output, lambda: save_problem(output, problem))
+    print_result({"scene": problem.name, "seed": seed, "file": str(output)}, json)
+    return 0
+
+
+@app.command
+def plan(
+    scene: str,
+    /,
+    *,
+    planner: Annotated[str, Parameter(help=f"one of {', '.join(SOLVERS)}")] = "cocap",
+    seed: Seed = 0,
+    free: Free = False,
+    time_limit: Seconds = DEFAULT_SECONDS,
+    output: Output = None,
+    json: Json = False,
+) -> int:
+    """Plan a scene, have the plan checked, and write it to a file.
+
+    Example: cocap-opt plan corridor --planner cocap --seed 0 -o plan.json
+    """
+    _choose("--planner", planner, SOLVERS)
+    _positive("--time-limit", time_limit)
+    check_output(output)
+    problem = _variant(_load(scene, seed), free)
+    with catch_interrupt() as interrupt, watching(f"{problem.name} seed {seed}") as watch:
+        watch.coverage_of(problem)
+        judged = run_planner(problem, planner, FirstOf(interrupt, TimeLimit(time_limit)))
+        if judged.result.reason is Reason.UNSUPPORTED:
+            raise UsageError(f"--planner: {judged.result.message}")
+        row = plan_row(problem, seed, planner, judged) | _freed(free)
+        _write_plan(row, output, problem, planner, judged)
+    row |= judged.result.statistics
+    if judged.verdict:
+        row["reward_at_start"] = judged.verdict.reward_at_start
+        row["reward_per_step"] = judged.verdict.reward_per_step
+        row["violations"] = judged.verdict.conflicts
+    print_result(row, json)
+    return 0
+
+
+@app.command
+def bound(
+    scene: str,
+    /,
+    *,
+    method: Annotated[str, Parameter(help=f"one of {', '.join(BOUNDS)}")] = "column-generation",
+    seed: Seed = 0,
+    start: Start = None,
+    free: Free = False,
+    time_limit: Seconds = DEFAULT_SECONDS,
+    output: Output = None,
+    json: Json = False,
+) -> int:
+    """Compute an upper bound on J and the certificate that proves it.
+
+    Example: cocap-opt bound corridor --seed 0 -o certificate.json
+    """
+    _choose("--method", method, BOUNDS)
+    _positive("--time-limit", time_limit)
+    check_output(output)
+    task = _Task.read(scene, seed, free, start)
+    with catch_interrupt() as interrupt:
+        stop = FirstOf(interrupt, TimeLimit(time_limit))
+        judged = _certified(task, seed, method, stop, OPTIMALITY)
+        row = certified_row(task.problem, seed, method, judged) | task.about
+        _write_certificate(row, "file", output, judged.result)
+    print_result({**row, **judged.result.statistics}, json)
+    return 0
+
+
+@app.command
+def solve(
+    scene: str,
+    /,
+    *,
+    method: Annotated[
+        str, Parameter(help=f"one of {', '.join(SOLVE_METHODS)} (bound and plan at the root)")
+    ] = "branch-and-price",
+    seed: Seed = 0,
+    gap: Annotated[
+        float,
+        Parameter(help=f"(bound - J) / bound to stop at; 0 means {OPTIMALITY:g}, called optimal"),
+    ] = 0.0,
+    start: Start = None,
+    free: Free = False,
+    time_limit: Seconds = DEFAULT_SECONDS,
+    output: Output = None,
+    certificate: Annotated[Path | None, Parameter(help="file to write the proof to")] = None,
+    json: Json = False,
+) -> int:
+    """Find the best plan and prove that no other is better by more than the gap.
+
+    At the time limit or Ctrl-C it gives the best plan and bound so far.
+    `verify` checks the file of --certificate, which proves the bound;
+    brute-force has none: its bound is what trying all plans proves.
+
+    Example: cocap-opt solve corridor --seed 0 -o plan.json --certificate proof.json
+    """
+    _choose("--method", method, SOLVE_METHODS)
+    if not 0 <= gap < 1:
+        raise UsageError(f"--gap: must be at least 0 and less than 1, such as 0.01, not {gap}")
+    if gap and method not in EXACT:
+        raise UsageError(f"--gap: {method} stops at the root at any gap; leave the option out")
+    _positive("--time-limit", time_limit)
+    for path in (output, certificate):
+        check_output(path)
+    if output and certificate and os.path.realpath(output) == os.path.realpath(certificate):
+        raise UsageError(f"--certificate: must be another file than -o, not {certificate}")
+    task = _Task.read(scene, seed, free, start)
+    with catch_interrupt() as interrupt:
+        stop = FirstOf(interrupt, TimeLimit(time_limit))
+        judged = _certified(task, seed, method, stop, max(gap, OPTIMALITY))
+        row = certified_row(task.problem, seed, method, judged) | task.about
+        _write_plan(row, output, task.problem, method, judged)
+        _write_certificate(row, "certificate", certificate, judged.result)
+    print_result({**row, **judged.result.statistics}, json)
+    return 0
+
+
+@app.command(name="verify")
+def verify_files(
+    scene: str,
+    plan: Path,
+    certificate: Path | None = None,
+    /,
+    *,
+    seed: Seed = 0,
+    free: Free = False,
+    json: Json = False,
+) -> int:
+    """Check plan and certificate (or proof), trusting nobody: exit 0 only if all claims hold.
+
+    The plan may also be in a scene format's own plan format.
+    A certificate or proof alone may stand in place of the plan.
+
+    Example: cocap-opt verify corridor plan.json certificate.json --seed 0
+    """
+    problem = _variant(_load(scene, seed), free)
+    answer: Row = {"scene": problem.name, "seed": seed, "valid": True, "violations": []}
+    answer |= _freed(free)
+    for path in (plan, certificate):
+        if path is None:
+            continue
+        content = read_claim(path, problem)
+        if isinstance(content, CertificateFile | ProofFile):
+            with watching(str(path)) as watch:
+                verify_bound(
+                    problem, content, answer, lambda done, all_: watch.count("leaf", done, all_)
+                )
+            continue
+        if path is certificate:
+            raise FileError(f"{path}: must be a certificate or a proof, not a plan")
+        plan_in_file = content.plan if isinstance(content, PlanFile) else content
+        fitting = scene_of_plan(scene, problem, plan_in_file)
+        if fitting is not problem:
+            problem = _variant(fitting, free)
+            answer |= OWN_STARTS
+        verify_plan(problem, content, answer)
+    conclude(answer)
+    print_result(answer, json)
+    return 0 if answer["valid"] else 1
+
+
+@app.command(name="gap")
+def gap_table(
+    *scene: str,
+    planner: Annotated[
+        list[str] | None,
+        Parameter(negative="", help=f"may be repeated; one of {', '.join(SOLVERS)}"),
+    ] = None,
+    seeds: Annotated[str, Parameter(help="e.g. 0-9 or 0,3,7")] = "0",
+    time_limit: Seconds = DEFAULT_SECONDS,
+    bound_limit: Annotated[
+        float | None, Parameter(help="seconds for each bound; as --time-limit if not given")
+    ] = None,
+    out: Annotated[
+        Path | None, Parameter(help="folder for results.csv, plans and certificates")
+    ] = None,
+    json: Json = False,
+) -> int:
+    """Print the gap table: every planner's J against the best certified bound.
+
+    gap is to the bound under the scene's rules, gap_free to that without any rules.
+
+    Example: cocap-opt gap corridor bottleneck --seeds 0-9 --out results
+    """
+    if not scene:
+        raise UsageError("SCENE: name at least one scene; `cocap-opt scenes` lists them")
+    for name in planner or []:
+        _choose("--planner", name, SOLVERS)
+    bound_limit = time_limit if bound_limit is None else bound_limit
+    _positive("--time-limit", time_limit)
+    _positive("--bound-limit", bound_limit)
+    cells = list(dict.fromkeys((name, seed) for name in scene for seed in _parse_seeds(seeds)))
+    problems = told_apart({(name, seed): _load(name, seed) for name, seed in cells})
+    make_folder(out)
+    rows: list[Row] = []
+    with catch_interrupt() as interrupt, watching("gap", parts=len(cells)) as watch:
+        for name, seed in cells:
+            problem = problems[name, seed]
+            watch.begin(f"{problem.name} seed {seed}")
+            rows += gap_cell(
+                problem, seed, planner or default_planners(problem),
+                lambda: FirstOf(interrupt, TimeLimit(time_limit)),
+                lambda: FirstOf(interrupt, TimeLimit(bound_limit)),
+                out, watch,
+            )  # fmt: skip
+            if out is not None:
+                save_rows(out / "results.csv", rows)
+            watch.finish()
+            if interrupt() is not Limit.NONE:
+                break
+    if json:
+        print_json({"rows": rows})
+    else:
+        print_gap_table(rows)
+        if len(rows) > len(mean_table(rows)):
+            print_table("means over seeds", mean_table(rows))
+    return 0
+
+
+@app.command
+def show(
+    scene: str, plan: Path, /, *, output: Output, seed: Seed = 0, json: Json = False
+) -> int:  # fmt: skip
+    """Draw a plan from above: a PNG of its last step, or a GIF of all steps.
+
+    Example: cocap-opt show corridor plan.json -o plan.gif
+    """
+    from experiments.figures import gif, plan_figure, png  # matplotlib is slow to import
+
+    if output is None or output.suffix.lower() not in (".png", ".gif"):
+        raise UsageError("-o: name a file that ends in .png or .gif")
+    check_output(output)
+    problem = _load(scene, seed)
+    problem, shown = read_plan(plan, scene, problem)
+    verdict = check(problem, shown)
+    steps = range(problem.horizon + 1)
+    if output.suffix.lower() == ".gif":
+        picture = gif([plan_figure(problem, shown, verdict, t) for t in steps])
+    else:
+        picture = png(plan_figure(problem, shown, verdict, problem.horizon))
+    write(output, lambda: write_atomically(output, picture))
+    print_result({"scene": problem.name, "seed": seed, "file": str(output)}, json)
+    return 0
+
+
+# -- parts of commands --------------------------------------------------------------------
+
+
+class _Task(NamedTuple):
+    """What `bound` and `solve` work on: with a start, the variant of the scene that it fits."""
+
+    problem: Problem
+    start: Plan | None
+    about: Row  # keys for the row that is printed
+
+    @classmethod
+    def read(cls, scene: str, seed: int, free: bool, path: Path | None) -> "_Task":
+        problem, start, about = _load(scene, seed), None, _freed(free)
+        if path is not None:
+            fitting, start = read_plan(path, scene, problem)
+            about |= OWN_STARTS if fitting is not problem else {}
+            problem = fitting
+        return cls(_variant(problem, free), start, about)
+
+
+def _certified(
+    task: _Task, seed: int, method: str, stop: Stop, gap: float
+) -> Judged[CertifiedResult]:
+    """Run a bound or an exact method and show how far it is."""
+    problem = task.problem
+    with watching(f"{problem.name} seed {seed}") as watch:
+        watch.coverage_of(problem)
+        try:
+            return run_certified(problem, method, stop, task.start, watch.report(), gap)
+        except UnsupportedError as error:
+            raise UsageError(f"--method {method}: {error}") from error
+
+
+def _write_plan(
+    row: Row, path: Path | None, problem: Problem, planner: str, judged: Judged[Any]
+) -> None:
+    """Write a plan if there is one; the row says where it is, or that it is not."""
+    row["file"] = None
+    if path is not None and judged.result.plan is not None:
+        save_plan(path, problem, planner, judged)
+        row["file"] = str(path)
+    elif path is not None:
+        _add_message(row, f"{path} was not written: there is no plan")
+
+
+def _write_certificate(row: Row, key: str, path: Path | None, result: CertifiedResult) -> None:
+    """Write a certificate or proof if there is one; the row says where, under a key."""
+    row[key] = None
+    if path is not None and result.certificate is not None:
+        save(path, result.certificate)
+        row[key] = str(path)
+    elif path is not None:
+        _add_message(row, f"{path} was not written: there is no certificate")
+
+
+def _add_message(row: Row, message: str) -> None:
+    row["message"] = "; ".join(filter(None, (row["message"], message)))
+
+
+# -- reading options ----------------------------------------------------------------------
+
+
+def _load(scene: str, seed: int) -> Problem:
+    if not 0 <= seed <= LARGEST_SEED:
+        raise UsageError(f"--seed: must be 0..{LARGEST_SEED}")
+    return load_scene(scene, seed)
+
+
+def _variant(problem: Problem, free: bool) -> Problem:
+    return without_rules(problem) if free else problem
+
+
+def _freed(free: bool) -> Row:
+    return {"free": True} if free else {}
+
+
+def _choose(option: str, value: str, allowed: Any) -> None:
+    if value not in allowed:
+        raise UsageError(f"{option}: must be one of {', '.join(allowed)}, not {value!r}")
+
+
+def _positive(option: str, value: float) -> None:
+    if not (value >= 0 and math.isfinite(value)):
+        raise UsageError(f"{option}: must be a finite number of seconds >= 0, not {value}")
+
+
+def _parse_seeds(text: str) -> list[int]:
+    """Seeds of a list of numbers and ranges, "0-9,12"."""
+    seeds: list[int] = []
+    for part in text.split(","):
+        first, dash, last = part.partition("-")
+        numbers = (first, last) if dash else (first,)
+        if not all(number.isdecimal() for number in numbers):
+            raise UsageError(f"--seeds: must be numbers and ranges such as 0-9,12, not {text!r}")
+        if max(map(len, numbers)) >= len(str(LARGEST_SEED)):
+            raise UsageError(f"--seeds: must be 0..{LARGEST_SEED}")
+        wanted = range(int(first), int(last or first) + 1)
+        if len(seeds) + len(wanted) > MOST_SEEDS:
+            raise UsageError(f"--seeds: must be at most {MOST_SEEDS} seeds")
+        seeds += wanted
+    if not seeds:
+        raise UsageError(f"--seeds: {text!r} holds no seed")
+    return seeds
+
+
+def _first_line(build: Callable[..., Problem]) -> str:
+    return (build.__doc__ or "").strip().splitlines()[0]
+
+
+# -- running ------------------------------------------------------------------------------
+
+
+def run(arguments: Sequence[str] | None) -> int:
+    """Run one command and return its exit code; wrong input is one line on standard error."""
+    logging.basicConfig(stream=sys.stderr, level=logging.WARNING, format="cocap-opt: %(message)s")
+    try:
+        code = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
+    except (CycloptsError, UsageError, FileError, ProblemError) as error:
+        say(str(error))
+        return 2
+    except MemoryError:
+        say("out of memory: the scene is too large for this method")
+        return 2
+    return int(code or 0)

@@ -1,0 +1,246 @@
+"""Branch and price: proved optima.
+
+A tree of decisions (`branching`) over the relaxation of `column_generation`, the node of the
+largest bound first. A node is a leaf where its bound is at most the incumbent's J. The tree
+with the multipliers of its leaves is the proof (`proof`), whatever stopped the search: the
+leaves of an unfinished tree merely prove less.
+
+Compare branch-and-cut-and-price for path finding (Lam, Le Bodic, Harabor, Stuckey, BCP-MAPF).
+"""
+
+import heapq
+import time
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from cocap_opt.io import problem_digest
+from cocap_opt.model import compiled
+from cocap_opt.plan import Plan
+from cocap_opt.problem import Problem
+from cocap_opt.stop import Limit, Stop, never
+from formulations.branching import amounts_of, fractional, whole_paths
+from formulations.certificate import Decision
+from formulations.column_generation import (
+    Relaxation,
+    Search,
+    result_of,
+    root_relaxation,
+    use_start,
+)
+from formulations.diving import dive
+from formulations.duals import Duals
+from formulations.envelope import Cut
+from formulations.master import Column, Master, make_column
+from formulations.pricing import Priced
+from formulations.primal import improved, incumbent_of, respond
+from formulations.proof import Branch, Leaf, ProofFile, price_proof
+from formulations.resources import Resource
+from formulations.result import OPTIMALITY, CertifiedResult, Report, no_bound, silent
+
+METHOD = "branch-and-price"
+ROUGH = 0.1  # of what is open to the cutoff: less is not worth converging to before branching
+
+
+@dataclass
+class Node:
+    """A node of the tree, solved or not yet.
+
+    Attributes
+    ----------
+    best : its best bound so far; at first the parent's, which holds for it as well
+    inherited : columns, conflict rows and cuts to begin with
+    branch : what it was branched on; None for a leaf
+    """
+
+    decisions: tuple[Decision, ...]
+    best: Priced
+    inherited: "Inherited | None"
+    branch: Branch | None = None
+
+
+class Inherited(NamedTuple):
+    """What a node takes over from its parent's relaxation."""
+
+    columns: list[Column]
+    rows: tuple[Resource, ...]
+    cuts: tuple[Cut, ...]
+    penalty: float
+
+
+def branch_and_price(
+    problem: Problem,
+    stop: Stop = never,
+    start: Plan | None = None,
+    report: Report = silent,
+    gap: float = OPTIMALITY,
+) -> CertifiedResult:
+    """Best plan, and the proof that none is better by more than the relative gap.
+
+    At a limit, the best plan and the bound so far, with their proof.
+    """
+    begin = time.perf_counter()
+    model = compiled(problem)
+    limit = model.prepare_all(stop)
+    if limit is not Limit.NONE:
+        return no_bound(limit, time.perf_counter() - begin)
+    search = Search(model, stop, report, begin)
+    message = use_start(search, start)
+    tree = _Tree(search, gap)
+    limit = tree.grow()
+    proof = tree.proof(problem)
+    return result_of(search, proof, limit, gap, message, {
+        "nodes": tree.solved, "leaves": sum(isinstance(n, Leaf) for n in proof.nodes),
+        "columns": search.columns, "iterations": tree.iterations,
+    })  # fmt: skip
+
+
+class _Tree:
+    """The search tree; nodes are numbered as they are made, the root is 0."""
+
+    def __init__(self, search: Search, gap: float) -> None:
+        self.search = search
+        self.solved = 0
+        self.iterations = 0
+        self._gap = gap
+        self._nodes: list[Node] = []
+        self._queue: list[tuple[float, int]] = []  # (-bound, number) of open nodes
+
+    def cutoff(self) -> float:
+        """Bound at which a node is of no more interest; J >= 0 where there is no plan yet."""
+        value = self.search.value
+        # Half of the gap is left to rounding.
+        return value * (1 + self._gap / 2) if np.isfinite(value) else -np.finfo(float).tiny
+
+    def grow(self) -> Limit:
+        """Solve the open nodes, the largest bound first."""
+        root = root_relaxation(self.search)
+        self._nodes = [Node((), root.best, None)]
+        if root.best.bound == -np.inf:
+            return Limit.NONE
+        self._open(0)
+        relaxation: Relaxation | None = root
+        while self._queue:
+            bound, number = heapq.heappop(self._queue)
+            node = self._nodes[number]
+            if -bound <= self.cutoff():
+                return Limit.NONE  # and so are all others
+            relaxation = relaxation if number == 0 else self._relaxation(node)
+            assert relaxation is not None
+            others = -self._queue[0][0] if self._queue else -np.inf
+            relaxation.solve(self.cutoff, ROUGH, others, self.solved)
+            self.solved += 1
+            self.iterations += relaxation.iterations
+            node.best, node.inherited = relaxation.best, None
+            limit = relaxation.limit
+            if limit not in (Limit.NONE, Limit.NUMERICS):
+                return limit
+            if node.best.bound > self.cutoff():
+                self._look_for_plans(relaxation)
+            branched = node.best.bound <= self.cutoff() or self._branch(number, relaxation)
+            if not branched:  # nothing is fractional: what is open is a matter of accuracy
+                relaxation.solve(self.cutoff, 0.0, others, self.solved)
+                node.best = relaxation.best
+                if node.best.bound > self.cutoff() and not self._branch(number, relaxation):
+                    return Limit.NUMERICS
+            self.search.report(self.search.snapshot(self.bound, self.solved))
+        return Limit.NONE
+
+    @property
+    def bound(self) -> float:
+        """Largest bound of the leaves."""
+        return max(node.best.bound for node in self._nodes if node.branch is None)
+
+    def _open(self, number: int) -> None:
+        heapq.heappush(self._queue, (-self._nodes[number].best.bound, number))
+
+    def _relaxation(self, node: Node) -> Relaxation:
+        """The relaxation of a node, with what it inherits."""
+        inherited = node.inherited
+        assert inherited is not None
+        master = Master(self.search.model, inherited.penalty, node.decisions)
+        for column in inherited.columns:
+            master.add(column)
+        for resource in inherited.rows:
+            master.add_row(resource)
+        for cut in inherited.cuts:
+            master.add_cut(cut)
+        # Every robot needs a column: its best path under the decisions.
+        node.best = min(
+            node.best,
+            self.search.pricer(node.best.duals, node.decisions),
+            key=lambda priced: priced.bound,
+        )
+        priced = self.search.pricer(node.best.duals, node.decisions)
+        for column in priced.columns:
+            master.add(column)
+        return Relaxation(self.search, master, priced, node.decisions)
+
+    def _look_for_plans(self, relaxation: Relaxation) -> None:
+        search, solution = self.search, relaxation.solution
+        if solution is None:
+            return
+        columns = solution.columns
+        paths = whole_paths(search.model, columns, solution.mixture)
+        if paths is not None:
+            plan = incumbent_of(
+                search.model, [make_column(search.model, i, p) for i, p in enumerate(paths)]
+            )
+            if plan is not None:
+                search.offer(respond(search.model, plan.columns, search.stop))
+        search.offer(
+            improved(search.model, columns, solution.mixture, relaxation.master.arcs, search.stop)
+        )
+        if self.solved & (self.solved - 1) == 0:  # nodes 1, 2, 4, 8, ..
+            search.offer(dive(search, relaxation.master, solution))
+
+    def _branch(self, number: int, relaxation: Relaxation) -> bool:
+        """Make the two children of a node; False where there is nothing to branch on."""
+        solution, node = relaxation.solution, self._nodes[number]
+        if solution is None:
+            return False
+        columns = solution.columns
+        choices = fractional(amounts_of(self.search.model, columns, solution.mixture))
+        if not choices:
+            return False
+        # The most fractional; ties go to the earlier step.
+        resource, amount = min(
+            choices, key=lambda c: (round(abs(c[1] % 1 - 0.5), 3), c[0].t, repr(c[0]))
+        )
+        robots = int(np.floor(amount))
+        used = [*solution.columns, *relaxation.master.used_columns(2)]
+        inherited = Inherited(
+            used, relaxation.master.rows, relaxation.master.cuts, relaxation.master.penalty
+        )
+        first = len(self._nodes)
+        node.branch = Branch(resource, robots, first, first + 1)
+        for decision in (
+            Decision(resource, "at most", robots),
+            Decision(resource, "at least", robots + 1),
+        ):
+            best = node.best._replace(duals=_with_decision(node.best.duals))
+            self._nodes.append(Node((*node.decisions, decision), best, inherited))
+            self._open(len(self._nodes) - 1)
+        return True
+
+    def proof(self, problem: Problem) -> ProofFile:
+        """The tree as a file, with the bound that it proves."""
+        model = self.search.model
+        nodes = tuple(
+            node.branch or Leaf(node.best.duals.certificate(model)) for node in self._nodes
+        )
+        unpriced = ProofFile(
+            scene=problem.name, digest=problem_digest(problem), method=METHOD, bound=None,
+            nodes=nodes,
+        )  # fmt: skip
+        bound = price_proof(model, unpriced).bound
+        return ProofFile(
+            scene=unpriced.scene, digest=unpriced.digest, method=METHOD,
+            bound=None if bound == -np.inf else bound, nodes=nodes,
+        )  # fmt: skip
+
+
+def _with_decision(duals: Duals) -> Duals:
+    """The same multipliers under one more decision, which costs nothing."""
+    return Duals(duals.alpha, duals.beta, duals.rows, duals.cuts, np.append(duals.decisions, 0.0))

@@ -1,0 +1,97 @@
+"""Diving: a plan by deciding, round after round, what a mixture has nearly decided.
+
+The states that are used most, though not wholly, must be used by one more robot; the master
+is solved and priced again under these decisions, until whole robots use every state or
+nothing more is to be decided. What comes out is rounded and improved (`primal`).
+"""
+
+import math
+
+from cocap_opt.stop import Limit, seconds_left
+from formulations.branching import amounts_of, whole_paths
+from formulations.certificate import Decision
+from formulations.column_generation import Search
+from formulations.master import Master, Solution, make_column
+from formulations.primal import Incumbent, improved, incumbent_of, respond
+from formulations.resources import Resource
+
+NEARLY = 0.75  # fraction of a robot from which on a state is decided
+SHARE = 0.15  # of the undecided states, at least, that are decided in a round
+MOST_ROUNDS = 40
+PRICINGS = 2  # in each round
+WHOLE = 1e-3
+
+
+def dive(search: Search, master: Master, solution: Solution) -> Incumbent | None:
+    """Plan found by diving from a mixture; None where it ends in conflicts."""
+    decisions = master.decisions
+    taken: set[Resource] = set()
+    for _ in range(MOST_ROUNDS):
+        if search.stop() is not Limit.NONE:
+            return None
+        new = _nearly_decided(search, solution, taken)
+        if not new:
+            break
+        taken |= set(new)
+        decisions = (*decisions, *(Decision(r, "at least", k) for r, k in new.items()))
+        master = _under(search, master, solution, decisions)
+        solution = _priced_again(search, master)
+    paths = whole_paths(search.model, solution.columns, solution.mixture)
+    if paths is not None:
+        made = [make_column(search.model, i, path) for i, path in enumerate(paths)]
+        plan = incumbent_of(search.model, made)
+        if plan is not None:
+            return respond(search.model, plan.columns, search.stop)
+    return improved(search.model, solution.columns, solution.mixture, master.arcs, search.stop)
+
+
+def _nearly_decided(
+    search: Search, solution: Solution, taken: set[Resource]
+) -> dict[Resource, int]:
+    """States that are to be used by one more robot than a mixture wholly does."""
+    states = amounts_of(search.model, solution.columns, solution.mixture)[2]
+    open_ = {
+        resource: amount
+        for resource, amount in states.items()
+        if resource not in taken and amount - math.floor(amount + WHOLE) > WHOLE
+    }
+    ranked = sorted(open_, key=lambda r: (-(open_[r] % 1), r.t, repr(r)))
+    # One robot's states of neighbouring steps decide one another: take every few.
+    least = max(1, round(SHARE * len(search.model.problem.robots) * search.model.problem.horizon))
+    chosen: dict[Resource, int] = {}
+    steps: set[int] = set()
+    for resource in ranked:
+        fraction = open_[resource] % 1
+        if fraction < NEARLY and (len(chosen) >= least or resource.t in steps):
+            continue
+        if fraction < 0.5 and chosen:
+            break
+        steps.add(resource.t)
+        chosen[resource] = math.floor(open_[resource] + WHOLE) + 1
+    return chosen
+
+
+def _under(
+    search: Search, master: Master, solution: Solution, decisions: tuple[Decision, ...]
+) -> Master:
+    """The master under more decisions, with the arcs, rows and cuts it has."""
+    result = Master(search.model, master.penalty, decisions)
+    for column in (*solution.columns, *master.columns):
+        result.add(column)
+    for resource in master.rows:
+        result.add_row(resource)
+    for cut in master.cuts:
+        result.add_cut(cut)
+    return result
+
+
+def _priced_again(search: Search, master: Master) -> Solution:
+    """Solve, with new columns."""
+    solution = master.solve(seconds_left(search.stop))
+    for _ in range(PRICINGS):
+        priced = search.pricer(solution.duals, master.decisions)
+        new = [master.add(column) for column in priced.columns]
+        if not any(new):
+            break
+        solution = master.solve(seconds_left(search.stop))
+    return solution

@@ -1,0 +1,60 @@
+"""Multipliers as solvers give them, and the certificate that they make."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from cocap_opt.model import Model
+from cocap_opt.problem import FloatArray
+from formulations.certificate import EnvelopeCut, Multipliers, Row
+from formulations.envelope import Cut
+from formulations.resources import Resource
+
+
+@dataclass(frozen=True)
+class Duals:
+    """Multipliers of the master; any non-negative ones give a bound."""
+
+    alpha: FloatArray  # [G]
+    beta: FloatArray  # [G] m/px^0.5
+    rows: tuple[tuple[Resource, float], ...] = ()  # conflict rows
+    cuts: tuple[tuple[Cut, float], ...] = ()  # envelope cuts and their shares theta
+    decisions: FloatArray = field(default_factory=lambda: np.zeros(0))
+
+    def certificate(self, model: Model) -> Multipliers:
+        """The multipliers as they stand in a certificate."""
+        steps = model.problem.horizon + 1
+        kept = [(cut, share) for cut, share in self.cuts if share > 0]
+        return Multipliers(
+            alpha=tuple(map(tuple, self.alpha.reshape(steps, -1).tolist())),
+            beta=tuple(map(tuple, self.beta.reshape(steps, -1).tolist())),
+            rows=tuple(Row(resource, mu) for resource, mu in self.rows if mu > 0),
+            cuts=tuple(
+                EnvelopeCut(
+                    *divmod(cut.group, model.n_faces),
+                    tuple(cut.roots.tolist()),
+                    tuple(cut.values.tolist()),
+                    share,
+                )
+                for cut, share in kept
+            ),
+            decisions=tuple(self.decisions.tolist()),
+        )
+
+
+def repaired(
+    alpha: FloatArray, beta: FloatArray, rest: FloatArray, largest: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Bring multipliers into the range in which kappa is finite and small.
+
+    For a root r the best beta is (rest - alpha) / (2 r), and no root is larger than `largest`.
+
+    Parameters
+    ----------
+    rest : share of the root that envelope cuts leave
+    """
+    alpha = np.clip(np.nan_to_num(alpha), 0.0, rest)
+    beta = np.maximum(np.nan_to_num(beta), (rest - alpha) / (2 * largest))
+    nearly = rest - alpha < 1e-9
+    # A little more than the rest, so that no rounding makes it less.
+    return np.where(nearly, rest + 1e-12, alpha), np.where(nearly, 0.0, beta)

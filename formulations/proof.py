@@ -1,0 +1,132 @@
+"""Proofs of branch and price: a tree of decisions with a certificate at each leaf.
+
+A branch says of some resource: at most k robots use it, or at least k + 1 do. Whatever a
+plan does, it goes one of the two ways, so that the leaves below cover all plans. A leaf's
+multipliers bound the plans that obey the decisions on the way to it; the proof's bound is the
+largest of its leaves'.
+"""
+
+import math
+from collections.abc import Callable
+from typing import Literal
+
+import msgspec
+
+from cocap_opt.io import problem_digest
+from cocap_opt.model import Model
+from cocap_opt.problem import Problem
+from formulations.certificate import CertificateError, Decision, Multipliers, Pricing, price
+from formulations.resources import Resource, misuse
+
+MOST_NODES = 1_000_000
+
+
+class Branch(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="branch"):
+    """At most `robots` robots use the resource, or at least one more; nodes by their number."""
+
+    resource: Resource
+    robots: int
+    at_most: int  # number of the node in which at most `robots` use it
+    at_least: int  # number of the node in which more do
+
+
+class Leaf(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="leaf"):
+    """Multipliers that bound the plans of this leaf."""
+
+    certificate: Multipliers
+
+
+class ProofFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A proof with the bound it claims and the digest of its scene."""
+
+    format: Literal["cocap-opt proof"] = "cocap-opt proof"
+    version: Literal[1] = 1
+    scene: str
+    digest: str  # of the problem
+    method: str
+    bound: float | None  # None: -infinity, there is no plan
+    nodes: tuple[Branch | Leaf, ...]  # the first is the root; children come after their parent
+
+    @property
+    def proved(self) -> float:
+        """The claimed bound as a number."""
+        return -math.inf if self.bound is None else self.bound
+
+
+def leaves(proof: ProofFile) -> list[tuple[int, tuple[Decision, ...]]]:
+    """Numbers of the leaves, each with the decisions on the way to it.
+
+    Raises
+    ------
+    CertificateError
+        If the nodes are no tree: every node but the first must be the child of exactly one
+        branch before it.
+    """
+    if not 1 <= len(proof.nodes) <= MOST_NODES:
+        raise CertificateError(f"nodes: must be 1..{MOST_NODES} nodes")
+    way: list[tuple[Decision, ...] | None] = [None] * len(proof.nodes)
+    way[0] = ()
+    found = []
+    for n, node in enumerate(proof.nodes):
+        decisions = way[n]
+        if decisions is None:
+            raise CertificateError(f"nodes[{n}]: is the child of no branch before it")
+        if isinstance(node, Leaf):
+            found.append((n, decisions))
+            continue
+        for child in (node.at_most, node.at_least):
+            if not n < child < len(proof.nodes) or way[child] is not None:
+                raise CertificateError(f"nodes[{n}]: {child} cannot be its child")
+            decision = (
+                Decision(node.resource, "at most", node.robots)
+                if child == node.at_most
+                else Decision(node.resource, "at least", node.robots + 1)
+            )
+            way[child] = (*decisions, decision)
+    return found
+
+
+def price_proof(
+    model: Model, proof: ProofFile, progress: Callable[[int, int], None] = lambda done, total: None
+) -> Pricing:
+    """Upper bound on J that a proof proves: the largest bound of its leaves."""
+    for n, node in enumerate(proof.nodes):
+        if isinstance(node, Branch):
+            if wrong := misuse(model, node.resource):
+                raise CertificateError(f"nodes[{n}].resource.{wrong}")
+            if node.robots < 0:
+                raise CertificateError(f"nodes[{n}].robots: must be >= 0, not {node.robots}")
+    worst = Pricing(-math.inf, 0.0)
+    found = leaves(proof)
+    for done, (n, decisions) in enumerate(found):
+        leaf = proof.nodes[n]
+        assert isinstance(leaf, Leaf)
+        try:
+            worst = max(worst, price(model, leaf.certificate, decisions))
+        except CertificateError as error:
+            raise CertificateError(f"nodes[{n}].{error}") from error
+        progress(done + 1, len(found))
+    return worst
+
+
+def verify_proof(
+    problem: Problem,
+    proof: ProofFile,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> Pricing:
+    """Recompute a proof's bound from the problem alone, with fresh coverage.
+
+    Raises
+    ------
+    CertificateError
+        If it belongs to another scene, is no tree, a leaf is not valid, or it claims less
+        than it proves.
+    """
+    if proof.digest != problem_digest(problem):
+        raise CertificateError("digest: the proof belongs to another scene")
+    pricing = price_proof(Model(problem, use_cache=False), proof, progress)
+    if not pricing.bound <= proof.proved:
+        raise CertificateError(
+            f"bound: claims {proof.proved!r}, but the leaves prove only {pricing.bound!r}"
+        )
+    return pricing

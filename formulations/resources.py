@@ -1,0 +1,202 @@
+"""Resources: what robots can use at a step, and what using it costs.
+
+Every rule between robots is a row "at most one robot uses this resource"; every branching
+decision is a row "at most k" or "at least k + 1 robots use this resource". Whatever the rows,
+their multipliers are charges on places, moves and states of one robot's graph, so that
+pricing stays value iteration.
+"""
+
+from collections import defaultdict
+from collections.abc import Iterable, Mapping
+from typing import NamedTuple
+
+import msgspec
+
+from cocap_opt.constraints import place_of
+from cocap_opt.model import Model, Path, RobotClass
+from cocap_opt.problem import Cell, Problem, State
+from cocap_opt.timegraph import Charges
+
+CellPath = tuple[Cell, ...]  # T+1 cells
+
+
+class _Resource(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    t: int
+
+
+class Cells(_Resource, frozen=True, tag="cells"):
+    """To be in one of these cells at step t."""
+
+    cells: tuple[Cell, ...]
+    robots: int | None = None  # number of a robot class; None: all robots
+
+
+class Swap(_Resource, frozen=True, tag="swap"):
+    """To move between these two cells, either way, from t to t+1."""
+
+    cells: tuple[Cell, Cell]
+
+
+class Visit(_Resource, frozen=True, tag="visit"):
+    """To be in this state at step t, for the robots of one class."""
+
+    state: State
+    robots: int
+
+
+class Move(_Resource, frozen=True, tag="move"):
+    """To move from the first cell to the second from t to t+1, for the robots of one class."""
+
+    cells: tuple[Cell, Cell]
+    robots: int
+
+
+Resource = Cells | Swap | Visit | Move
+
+
+class Flight(NamedTuple):
+    """A path as resources see it."""
+
+    robots: int  # number of the robot's class
+    path: Path
+    cells: CellPath
+
+
+def flight_of(model: Model, robot: int, path: Path) -> Flight:
+    """A robot's path of state numbers with its cells."""
+    group = model.class_of[robot]
+    number = model.classes.index(group)
+    of, n_places = model.cells[number], group.graph.n_places
+    return Flight(number, path, tuple([of[state % n_places] for state in path]))
+
+
+def uses(model: Model, resource: Resource, flight: Flight) -> bool:
+    """Whether a path uses a resource."""
+    t, cells = resource.t, flight.cells
+    if isinstance(resource, Swap):
+        return cells[t] != cells[t + 1] and {cells[t], cells[t + 1]} == set(resource.cells)
+    if resource.robots not in (None, flight.robots):
+        return False
+    if isinstance(resource, Cells):
+        return cells[t] in resource.cells
+    if isinstance(resource, Visit):
+        graph = model.classes[flight.robots].graph
+        return flight.path[t] == graph.index(resource.state)
+    return (cells[t], cells[t + 1]) == resource.cells
+
+
+def charges_of(model: Model, number: int, costs: Iterable[tuple[Resource, float]]) -> Charges:
+    """What resources with these costs charge the robots of class `number`."""
+    group = model.classes[number]
+    places: defaultdict[tuple[int, int], float] = defaultdict(float)
+    moves: defaultdict[tuple[int, int, int], float] = defaultdict(float)
+    states: defaultdict[tuple[int, int], float] = defaultdict(float)
+    for resource, cost in costs:
+        t = resource.t
+        if isinstance(resource, Swap):
+            one, other = (place_of(model, group, cell) for cell in resource.cells)
+            if one is not None and other is not None:
+                moves[t, one, other] += cost
+                moves[t, other, one] += cost
+        elif resource.robots not in (None, number):
+            continue
+        elif isinstance(resource, Visit):
+            states[t, group.graph.index(resource.state)] += cost
+        elif isinstance(resource, Move):
+            tail, head = (place_of(model, group, cell) for cell in resource.cells)
+            if tail is not None and head is not None:
+                moves[t, tail, head] += cost
+        else:
+            for cell in resource.cells:
+                place = place_of(model, group, cell)
+                if place is not None:
+                    places[t, place] += cost
+    return Charges(dict(places), dict(moves), dict(states))
+
+
+def broken_rules(
+    model: Model, flights: Iterable[tuple[Flight, float]], tolerance: float
+) -> list[Cells | Swap]:
+    """Resources that a mixture of paths uses more than once, though at most one robot may.
+
+    Parameters
+    ----------
+    flights : paths and how much of each is used
+    tolerance : uses in excess of 1 that are left alone
+    """
+    problem = model.problem
+    if problem.rules.none:
+        return []
+    occupied: defaultdict[tuple[int, Cell], float] = defaultdict(float)
+    crossed: defaultdict[tuple[int, Cell, Cell], float] = defaultdict(float)
+    for flight, amount in flights:
+        cells = flight.cells
+        for t, cell in enumerate(cells):
+            occupied[t, cell] += amount
+            if t and cells[t - 1] != cell:
+                pair = sorted((cells[t - 1], cell))
+                crossed[t - 1, pair[0], pair[1]] += amount
+    found: list[Cells | Swap] = []
+    for t, cell in list(occupied):
+        cells = _clique(problem, t, cell, occupied) if problem.rules.separation else (cell,)
+        if sum(occupied[t, c] for c in cells) > 1 + tolerance:
+            found.append(Cells(t, cells))
+    if problem.rules.swap:
+        found += [Swap(t, (a, b)) for (t, a, b), used in crossed.items() if used > 1 + tolerance]
+    return list(dict.fromkeys(found))
+
+
+def _clique(
+    problem: Problem, t: int, cell: Cell, occupied: Mapping[tuple[int, Cell], float]
+) -> CellPath:
+    """Cells around `cell` of which any two conflict, the most used first; sorted."""
+    near = [c for (step, c) in occupied if step == t and c != cell and problem.too_close(c, cell)]
+    clique = [cell]
+    for candidate in sorted(near, key=lambda c: (-occupied[t, c], c)):
+        if all(problem.too_close(candidate, member) for member in clique):
+            clique.append(candidate)
+    return tuple(sorted(clique))
+
+
+def misuse(model: Model, resource: Resource) -> str:
+    """What is wrong with a resource read from a file; empty where it exists in this problem."""
+    problem = model.problem
+    last = problem.horizon - isinstance(resource, (Swap, Move))
+    if not 0 <= resource.t <= last:
+        return f"t: must be 0..{last}, not {resource.t}"
+    if not isinstance(resource, Swap) and resource.robots is not None:
+        if not 0 <= resource.robots < len(model.classes):
+            return f"robots: must be 0..{len(model.classes) - 1}, not {resource.robots}"
+        if isinstance(resource, Visit):
+            return _misuse_of_state(problem, model.classes[resource.robots], resource.state)
+    if isinstance(resource, Visit):
+        return "robots: must name a class"
+    width, depth = problem.height_map.shape
+    for x, y, layer in resource.cells:
+        if not (0 <= x < width and 0 <= y < depth and 0 <= layer < len(problem.layers)):
+            return f"cells: ({x}, {y}, {layer}) is outside the map"
+    if len(set(resource.cells)) != len(resource.cells):
+        return "cells: must differ"
+    return ""
+
+
+def _misuse_of_state(problem: Problem, group: RobotClass, state: State) -> str:
+    spec = group.spec
+    sizes = (
+        *problem.height_map.shape,
+        len(spec.motion.layers),
+        spec.motion.headings,
+        len(spec.camera.tilts),
+    )
+    inside = all(0 <= value < size for value, size in zip(state, sizes, strict=True))
+    return "" if inside else f"state: {tuple(state)} is none of the class's states"
+
+
+def misruled(problem: Problem, resource: Resource) -> str:
+    """Why two robots may use a resource at once; empty where the rules forbid it."""
+    if isinstance(resource, Swap):
+        return "" if problem.rules.swap else "the scene has no swap rule"
+    if not isinstance(resource, Cells) or resource.robots is not None:
+        return "must be cells or a swap, of all robots"
+    apart = not all(problem.too_close(a, b) for a in resource.cells for b in resource.cells)
+    return "cells: two robots may be in these cells at once" if apart else ""

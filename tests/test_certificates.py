@@ -1,0 +1,599 @@
+import json
+import math
+from fractions import Fraction
+from itertools import pairwise, product
+
+import msgspec
+import numpy as np
+import pytest
+from brute_force import all_paths, bonus_of, optimum, pixels_of, weights_of
+from hypothesis import given
+from hypothesis import strategies as st
+from strategies import examples, problems, tiny
+
+from cocap_opt.check import broken_rules
+from cocap_opt.model import Model, compiled
+from cocap_opt.motion import time_expanded_graph
+from cocap_opt.plan import Plan
+from cocap_opt.problem import NO_RULES, Cell, Problem, State
+from cocap_opt.reward import no_pixels
+from formulations import BOUNDS, envelope
+from formulations.branch_and_price import branch_and_price
+from formulations.certificate import (
+    CertificateError,
+    CertificateFile,
+    Decision,
+    EnvelopeCut,
+    Multipliers,
+    ReferencePixels,
+    Row,
+    certify,
+    price,
+    verify,
+)
+from formulations.pricing import largest_roots
+from formulations.proof import Branch, Leaf, ProofFile, leaves, price_proof, verify_proof
+from formulations.resources import Cells, Move, Resource, Swap, Visit, flight_of, uses
+
+Rows = tuple[tuple[float, ...], ...]
+
+
+def as_rows(array: np.ndarray) -> Rows:
+    """Nested tuples of a 2-D array."""
+    return tuple(map(tuple, array.tolist()))
+
+
+def all_cells(problem: Problem) -> list[Cell]:
+    """All cells of a problem's map and layers."""
+    width, depth = problem.height_map.shape
+    layers = range(len(problem.layers))
+    return [Cell(*at) for at in product(range(width), range(depth), layers)]
+
+
+def random_rows(problem: Problem, rng: np.random.Generator) -> list[Row]:
+    """Valid conflict rows with random multipliers."""
+    if problem.rules.none:
+        return []
+    cells, rows = all_cells(problem), []
+    for cell in cells:
+        clique = [cell]
+        for other in cells:
+            if other not in clique and all(problem.too_close(other, c) for c in clique):
+                clique.append(other)
+        t = int(rng.integers(problem.horizon + 1))
+        rows.append(Row(Cells(t, tuple(clique)), float(rng.choice([0.0, 1.0, 50.0]))))
+        if problem.rules.swap and len(cells) > 1:
+            other = cells[(cells.index(cell) + 1) % len(cells)]
+            t = int(rng.integers(problem.horizon))
+            rows.append(Row(Swap(t, (cell, other)), float(rng.choice([0.5, 20.0]))))
+    return rows
+
+
+def random_cuts(problem: Problem, rng: np.random.Generator) -> list[EnvelopeCut]:
+    """Envelope cuts of some groups, with random values and shares."""
+    largest = largest_roots(compiled(problem)).reshape(problem.horizon + 1, -1)
+    cuts = []
+    for t, face in np.argwhere(largest > 0).tolist():
+        for _ in range(int(rng.integers(3))):
+            top = float(largest[t, face]) * 1.001
+            roots = np.append(np.sort(rng.uniform(0.05, 0.95, rng.integers(0, 4))), 1.0) * top
+            values = rng.uniform(0.0, 1.0, len(roots)) * top
+            share = float(rng.choice([0.0, 0.2, 0.5]))
+            cuts.append(EnvelopeCut(t, face, tuple(roots.tolist()), tuple(values.tolist()), share))
+    return cuts
+
+
+def random_resource(problem: Problem, rng: np.random.Generator) -> Resource:
+    """Something that robots can use."""
+    model = compiled(problem)
+    cells = all_cells(problem)
+    one, other = (cells[int(k)] for k in rng.integers(len(cells), size=2))
+    number = int(rng.integers(len(model.classes)))
+    graph = model.classes[number].graph
+    t = int(rng.integers(problem.horizon + 1))
+    kind = rng.integers(4)
+    if kind == 0 or (kind > 1 and (one == other or t == problem.horizon)):
+        return Cells(t, (one,), None if rng.integers(2) else number)
+    if kind == 1:
+        free = np.flatnonzero(np.tile(graph.free, graph.n_orientations))
+        return Visit(t, graph.state(int(rng.choice(free))), number)
+    return Swap(t, (one, other)) if kind == 2 else Move(t, (one, other), number)
+
+
+def random_multipliers(
+    problem: Problem, rng: np.random.Generator, decisions: int = 0
+) -> Multipliers:
+    """Multipliers of all kinds, none of them good."""
+    shape = (problem.horizon + 1, len(problem.face_weights))
+    return Multipliers(
+        alpha=as_rows(rng.choice([0.0, 0.3, 1.0, 2.0], size=shape)),
+        beta=as_rows(rng.choice([1e-4, 0.01, 1.0], size=shape)),
+        rows=tuple(random_rows(problem, rng)),
+        cuts=tuple(random_cuts(problem, rng)),
+        decisions=tuple(rng.choice([0.0, 0.5, 30.0], size=decisions).tolist()),
+    )
+
+
+def optimum_under(problem: Problem, decisions: tuple[Decision, ...]) -> float:
+    """Best J of the plans that obey the rules and the decisions, by going through all."""
+    model, best = compiled(problem), -math.inf
+    robots = range(len(problem.robots))
+    paths = [all_paths(problem, robot) for robot in robots]
+    pixels = [pixels_of(problem, robot, paths[robot]) for robot in robots]
+    flights = [
+        [flight_of(model, i, tuple(model.class_of[i].graph.index(s) for s in path)) for path in own]
+        for i, own in enumerate(paths)
+    ]
+    for chosen in product(*(range(len(own)) for own in paths)):
+        counts = [
+            sum(uses(model, d.resource, flights[i][k]) for i, k in enumerate(chosen))
+            for d in decisions
+        ]
+        if any(d.sign * (count - d.robots) > 0 for d, count in zip(decisions, counts, strict=True)):
+            continue
+        plan = Plan(paths=tuple(paths[i][k] for i, k in enumerate(chosen)))
+        if not broken_rules(problem, plan):
+            seen = sum(pixels[i][k] for i, k in enumerate(chosen))
+            value = float((weights_of(problem) * np.sqrt(seen)).sum())
+            best = max(best, value + sum(bonus_of(problem, path) for path in plan.paths))
+    return best
+
+
+@examples(40)
+@given(problem=problems(), seed=st.integers(0, 1000))
+def test_any_multipliers_give_a_bound(problem: Problem, seed: int) -> None:
+    """However badly a solver converged: non-negative multipliers are a valid certificate."""
+    rng = np.random.default_rng(seed)
+    best = optimum(problem).value
+    assert price(compiled(problem), random_multipliers(problem, rng)).bound >= best
+    shape = (problem.horizon + 1, len(problem.face_weights))
+    reference = ReferencePixels(as_rows(rng.choice([0.0, 10.0, 1e4], size=shape)))
+    assert price(compiled(problem), reference).bound >= best
+
+
+@examples(40)
+@given(problem=problems(most_plans=400), seed=st.integers(0, 1000))
+def test_any_multipliers_bound_the_plans_of_their_leaf(problem: Problem, seed: int) -> None:
+    """Under decisions the bound holds for the plans that obey them: cells, states, moves."""
+    rng = np.random.default_rng(seed)
+    decisions = tuple(
+        Decision(
+            random_resource(problem, rng),
+            "at most" if rng.integers(2) else "at least",
+            int(rng.integers(3)),
+        )
+        for _ in range(int(rng.integers(1, 4)))
+    )
+    bound = price(
+        compiled(problem), random_multipliers(problem, rng, len(decisions)), decisions
+    ).bound
+    assert bound >= optimum_under(problem, decisions)
+
+
+# -- envelope cuts ------------------------------------------------------------------------
+
+
+@examples(40)
+@given(
+    roots=st.lists(st.floats(0.1, 50.0), min_size=1, max_size=5, unique=True),
+    values=st.lists(st.floats(0.0, 40.0), min_size=5, max_size=5),
+    robots=st.integers(1, 5),
+    seed=st.integers(0, 1000),
+)
+def test_an_envelope_cut_holds_for_all_roots(
+    roots: list[float], values: list[float], robots: int, seed: int
+) -> None:
+    """The constant is taken at breakpoints only, and holds between them as well."""
+    points, phi = np.sort(roots), np.array(values[: len(roots)])
+    constant = envelope.constant_of(points, phi, robots)
+    rng = np.random.default_rng(seed)
+    seen = rng.uniform(0.0, points[-1], (200, robots)) * (rng.random((200, robots)) < 0.7)
+    bound = constant + envelope.phi(points, phi, seen).sum(axis=1)
+    assert (np.sqrt((seen**2).sum(axis=1)) <= bound * (1 + 1e-12) + 1e-12).all()
+
+
+@examples(30)
+@given(seed=st.integers(0, 10_000), robots=st.integers(2, 4))
+def test_the_best_cut_is_valid_and_no_weaker_than_single_view(seed: int, robots: int) -> None:
+    """It lies above every integer point, and at a mixture not above the cuts that it replaces."""
+    rng = np.random.default_rng(seed)
+    roots = np.sort(rng.uniform(1.0, 10.0, 4))
+    amounts = rng.dirichlet(np.ones(5))[:4] * robots
+    cut = envelope.best_cut(roots, amounts, 10.0, robots)
+    assert cut is not None
+    points, values, height = cut
+    assert height <= min(float(amounts @ roots), math.sqrt(amounts @ roots**2)) * (1 + 1e-3)
+    constant = envelope.constant_of(points, values, robots)
+    for chosen in product([0.0, *roots], repeat=robots):
+        at = np.array(chosen)
+        above = constant + float(envelope.phi(points, values, at).sum())
+        assert math.sqrt(float((at**2).sum())) <= above * (1 + 1e-12)
+
+
+def test_for_two_robots_the_cut_is_the_antitone_coupling() -> None:
+    """Two robots half here and half there: the best mixture pairs much with little."""
+    roots, amounts = np.array([1.0, 4.0, 9.0]), np.array([0.5, 0.75, 0.5])
+    cut = envelope.best_cut(roots, amounts, 9.0, 2)
+    assert cut is not None
+    # Amounts 0: 0.25, 1: 0.5, 4: 0.75, 9: 0.5, most paired with least: 9-0, 9-1, 4-1, 4-4.
+    pairs = [(0.25, 9, 0), (0.25, 9, 1), (0.25, 4, 1), (0.25, 4, 4)]
+    best = sum(p * math.hypot(a, b) for p, a, b in pairs)
+    assert cut[2] == pytest.approx(best, rel=1e-4)
+
+
+def test_multisets_are_all_and_distinct() -> None:
+    """As many as the formula says, none twice, none too large."""
+    for points, size in ((1, 4), (3, 2), (4, 5)):
+        counts = envelope.multisets(points, size)
+        assert len(counts) == envelope.number_of_multisets(points, size)
+        assert len(np.unique(counts, axis=0)) == len(counts)
+        assert counts.min() >= 0
+        assert counts.sum(axis=1).max() == size
+
+
+# -- exact arithmetic ---------------------------------------------------------------------
+
+BITS = 160
+
+
+def root_below(value: Fraction) -> Fraction:
+    """Largest multiple of 2^-BITS whose square is at most a value."""
+    return Fraction(math.isqrt(int(value * 4**BITS)), 2**BITS)
+
+
+def exact_optimum(problem: Problem) -> Fraction:
+    """Best J in rational arithmetic, roots rounded down by less than 2^-BITS each."""
+    robots = range(len(problem.robots))
+    paths = [all_paths(problem, robot) for robot in robots]
+    if not all(paths):
+        return Fraction(-1)
+    pixels = [pixels_of(problem, robot, paths[robot]).reshape(len(paths[robot]), -1)
+              for robot in robots]  # fmt: skip
+    weights = [Fraction(w) for w in np.tile(weights_of(problem), problem.horizon + 1).tolist()]
+    bonus = Fraction(problem.objective.stationarity)
+    best = Fraction(-1)
+    for chosen in product(*(range(len(own)) for own in paths)):
+        plan = Plan(paths=tuple(paths[i][k] for i, k in enumerate(chosen)))
+        if broken_rules(problem, plan):
+            continue
+        seen = [sum((Fraction(pixels[i][k][g]) for i, k in enumerate(chosen)), Fraction(0))
+                for g in range(len(weights))]  # fmt: skip
+        value = sum((w * root_below(z) for w, z in zip(weights, seen, strict=True)), Fraction(0))
+        stays = sum(a == b for path in plan.paths for a, b in pairwise(path))
+        best = max(best, value + bonus * stays)
+    return best
+
+
+def exact_price(problem: Problem, certificate: Multipliers) -> Fraction:
+    """What multipliers without cuts prove, in rational arithmetic, within 2^-BITS a root.
+
+    Written from the formula in `formulations.certificate` alone, over the networkx graph.
+    """
+    weights = [Fraction(w) for w in weights_of(problem).tolist()]
+    alpha = [[Fraction(a) for a in row] for row in certificate.alpha]
+    beta = [[Fraction(b) for b in row] for row in certificate.beta]
+    model = Model(problem, use_cache=False)
+    seen = {int(g) for group in model.classes for g in model.coverage(group).groups}
+    steps, faces = range(problem.horizon + 1), range(len(weights))
+    total = sum((Fraction(row.multiplier) for row in certificate.rows), Fraction(0))
+    for t, f in product(steps, faces):
+        if t * len(weights) + f in seen and alpha[t][f] < 1:
+            total += weights[f] * (1 - alpha[t][f]) ** 2 / (4 * beta[t][f])
+    for robot, spec in enumerate(problem.robots):
+        graph = time_expanded_graph(problem, robot)
+        group = model.class_of[robot]
+        table = model.coverage(group)
+
+        def paid(state: State, t: int, group=group, table=table) -> Fraction:  # type: ignore[no-untyped-def]
+            groups, pixels = table.row(t * group.graph.n_states + group.graph.index(state))
+            value = Fraction(0)
+            for g, c in zip(groups.tolist(), pixels.tolist(), strict=True):
+                f = g % len(weights)
+                root = root_below(Fraction(c))
+                value += weights[f] * (alpha[t][f] * root + beta[t][f] * Fraction(c))
+            return value
+
+        worth: dict[tuple[State, int], Fraction] = {}
+        for state, t in sorted(graph, key=lambda node: -node[1]):
+            cell = problem.cell(robot, state)
+            charge = sum(
+                (Fraction(row.multiplier) for row in certificate.rows
+                 if isinstance(row.resource, Cells) and row.resource.t == t
+                 and cell in row.resource.cells), Fraction(0)
+            )  # fmt: skip
+            ahead = []
+            for head, _ in graph[state, t] if t < problem.horizon else ():
+                other = problem.cell(robot, head)
+                swap = sum(
+                    (Fraction(row.multiplier) for row in certificate.rows
+                     if isinstance(row.resource, Swap) and row.resource.t == t and other != cell
+                     and {other, cell} == set(row.resource.cells)), Fraction(0)
+                )  # fmt: skip
+                stay = Fraction(problem.objective.stationarity) if head == state else Fraction(0)
+                ahead.append(worth[head, t + 1] + stay - swap)
+            worth[state, t] = paid(state, t) - charge + max(ahead, default=Fraction(0))
+        total += worth[spec.start, 0]
+    return total
+
+
+@examples(15)
+@given(problem=problems(most_plans=300, goals=False), seed=st.integers(0, 1000))
+def test_rounding_is_bounded_against_exact_arithmetic(problem: Problem, seed: int) -> None:
+    """The rounded bound is above the exact value of the same multipliers, and barely."""
+    rng = np.random.default_rng(seed)
+    certificate = msgspec.structs.replace(random_multipliers(problem, rng), cuts=())
+    rounded, exact = price(compiled(problem), certificate), exact_price(problem, certificate)
+    slack = Fraction(2) ** (-BITS + 20)
+    assert Fraction(rounded.bound) >= exact - slack
+    assert Fraction(rounded.bound) - exact <= 3 * Fraction(rounded.rounding) + slack
+
+
+@examples(15)
+@given(problem=problems(most_plans=300))
+def test_proved_optima_hold_in_exact_arithmetic(problem: Problem) -> None:
+    """The proved bound is at least the optimum also where nothing is rounded."""
+    result = branch_and_price(problem)
+    best = exact_optimum(problem)
+    if best >= 0:
+        assert Fraction(result.bound) >= best
+
+
+# -- files --------------------------------------------------------------------------------
+
+
+def small_certificate() -> tuple[Problem, CertificateFile]:
+    """A certificate with all its parts, of the tiny instance."""
+    problem = tiny()
+    rng = np.random.default_rng(1)
+    shape = (problem.horizon + 1, len(problem.face_weights))
+    certificate = Multipliers(
+        as_rows(rng.uniform(0.2, 0.9, shape)),
+        as_rows(rng.uniform(0.01, 0.1, shape)),
+        tuple(random_rows(problem, rng)),
+        tuple(random_cuts(problem, rng)),
+    )
+    return problem, certify(problem, compiled(problem), "test", certificate)
+
+
+def small_proof() -> tuple[Problem, ProofFile]:
+    """A proof by hand with three leaves: a cell, then a state in it."""
+    problem = tiny()
+    model = compiled(problem)
+    rng = np.random.default_rng(2)
+    result = BOUNDS["column-generation"](problem)
+    assert isinstance(result.certificate, CertificateFile)
+    root = result.certificate.certificate
+    assert isinstance(root, Multipliers)
+
+    def leaf(*multipliers: float) -> Leaf:
+        return Leaf(msgspec.structs.replace(root, decisions=multipliers))
+
+    nodes = (
+        Branch(Cells(1, (Cell(1, 0),)), 0, 1, 2),
+        leaf(0.0),
+        Branch(Visit(1, State(1, 0, heading=1), 0), 0, 3, 4),
+        leaf(2.0, 0.0),
+        leaf(float(rng.uniform()), 5.0),
+    )
+    proof = ProofFile(
+        scene="tiny", digest=result.certificate.digest, method="test", bound=0.0, nodes=nodes
+    )
+    return problem, msgspec.structs.replace(proof, bound=price_proof(model, proof).bound)
+
+
+def numbers(content: object, path: tuple = ()) -> list[tuple]:
+    """Paths to all numbers in plain data."""
+    if isinstance(content, dict):
+        return [p for key, value in content.items() for p in numbers(value, (*path, key))]
+    if isinstance(content, list):
+        return [p for k, value in enumerate(content) for p in numbers(value, (*path, k))]
+    return [path] if isinstance(content, (int, float)) else []
+
+
+def altered(plain: object, path: tuple, change: float) -> object:
+    """Plain data with one number changed."""
+    result = msgspec.json.decode(msgspec.json.encode(plain))
+    inner = result
+    for key in path[:-1]:
+        inner = inner[key]
+    old = inner[path[-1]]
+    inner[path[-1]] = int(old + change) if isinstance(old, int) else old + change
+    return result
+
+
+CHANGES = [-1.0, -1e-3, 1e-3, 1.0, 1e6, 1e300]
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_an_altered_number_is_refused_or_the_claim_still_holds(change: float) -> None:
+    """Whatever single number of a certificate is changed, verify never accepts a false bound."""
+    problem, file = small_certificate()
+    best = optimum(problem).value
+    plain = msgspec.to_builtins(file)
+    for path in numbers(plain):
+        try:
+            claim = msgspec.convert(altered(plain, path, change), CertificateFile)
+            verify(problem, claim)
+        except (CertificateError, msgspec.ValidationError):
+            continue
+        assert claim.proved >= best, path
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_an_altered_proof_is_refused_or_the_claim_still_holds(change: float) -> None:
+    """Whatever number of a proof is changed, its tree included."""
+    problem, file = small_proof()
+    verify_proof(problem, file)
+    best = optimum(problem).value
+    plain = msgspec.to_builtins(file)
+    for path in numbers(plain):
+        try:
+            claim = msgspec.convert(altered(plain, path, change), ProofFile)
+            verify_proof(problem, claim)
+        except (CertificateError, msgspec.ValidationError):
+            continue
+        assert claim.proved >= best, path
+
+
+def test_a_proof_needs_all_its_leaves() -> None:
+    """A leaf removed, a child named twice, a node that nobody names: no tree, no proof."""
+    problem, file = small_proof()
+    nodes = file.nodes
+    root, inner = nodes[0], nodes[2]
+    assert isinstance(root, Branch)
+    assert isinstance(inner, Branch)
+
+    def replaced(branch: Branch, **children: int) -> Branch:
+        return msgspec.structs.replace(branch, **children)
+
+    broken = [
+        nodes[:-1],
+        nodes[:1],
+        (),
+        (nodes[0], nodes[1], nodes[3], nodes[3], nodes[4]),
+        (*nodes, nodes[1]),
+        (replaced(root, at_most=2), *nodes[1:]),
+        (replaced(root, at_most=0), *nodes[1:]),
+        (replaced(root, at_least=99), *nodes[1:]),
+        (*nodes[:2], replaced(inner, at_most=1), *nodes[3:]),
+    ]
+    for some in broken:
+        with pytest.raises(CertificateError, match=r"node|decisions"):
+            verify_proof(problem, msgspec.structs.replace(file, nodes=tuple(some)))
+
+
+def test_a_proof_without_a_branching_row_is_refused() -> None:
+    """A leaf may not use a decision that its branch does not make."""
+    problem, file = small_proof()
+    leaf = file.nodes[3]
+    assert isinstance(leaf, Leaf)
+    alone = msgspec.structs.replace(file, nodes=(leaf,))
+    with pytest.raises(CertificateError, match="decisions"):
+        verify_proof(problem, alone)
+    fewer = Leaf(msgspec.structs.replace(leaf.certificate, decisions=(0.0,)))
+    nodes = (*file.nodes[:3], fewer, file.nodes[4])
+    with pytest.raises(CertificateError, match="decisions"):
+        verify_proof(problem, msgspec.structs.replace(file, nodes=nodes))
+
+
+def test_the_leaves_of_a_proof_carry_their_decisions() -> None:
+    """From the root down, with the right side of each branch."""
+    _, file = small_proof()
+    senses = {n: [(d.sense, d.robots) for d in way] for n, way in leaves(file)}
+    assert senses == {
+        1: [("at most", 0)],
+        3: [("at least", 1), ("at most", 0)],
+        4: [("at least", 1), ("at least", 1)],
+    }
+
+
+def test_a_claim_beyond_the_proof_is_refused() -> None:
+    """The claimed bound may be weaker than what the numbers prove, never stronger."""
+    problem, file = small_certificate()
+    verify(problem, msgspec.structs.replace(file, bound=file.proved * 1.01))
+    for bound in (file.proved * (1 - 1e-9), math.nan, None):
+        with pytest.raises(CertificateError, match="bound"):
+            verify(problem, msgspec.structs.replace(file, bound=bound))
+    problem, proof = small_proof()
+    verify_proof(problem, msgspec.structs.replace(proof, bound=proof.proved * 1.01))
+    for bound in (proof.proved * (1 - 1e-9), math.nan, None):
+        with pytest.raises(CertificateError, match="bound"):
+            verify_proof(problem, msgspec.structs.replace(proof, bound=bound))
+
+
+def test_files_of_another_scene_are_refused() -> None:
+    """A certificate or proof belongs to one problem, its rules included."""
+    problem, file = small_certificate()
+    _, proof = small_proof()
+    for other in (problem.replace(rules=NO_RULES), problem.replace(face_samples=3)):
+        with pytest.raises(CertificateError, match="another scene"):
+            verify(other, file)
+        with pytest.raises(CertificateError, match="another scene"):
+            verify_proof(other, proof)
+
+
+def test_proofs_survive_writing_and_reading() -> None:
+    """What is read is what was written."""
+    _, proof = small_proof()
+    assert msgspec.json.decode(msgspec.json.encode(proof), type=ProofFile) == proof
+    assert "at_least" in json.loads(msgspec.json.encode(proof))["nodes"][0]
+
+
+@pytest.mark.parametrize(
+    ("row", "words"),
+    [
+        (Row(Cells(0, (Cell(0, 0), Cell(0, 1))), 1.0), "at once"),
+        (Row(Cells(3, (Cell(0, 0),)), 1.0), "t: must be"),
+        (Row(Cells(-1, (Cell(0, 0),)), 1.0), "t: must be"),
+        (Row(Cells(1, (Cell(0, 9),)), 1.0), "outside"),
+        (Row(Cells(1, (Cell(0, 0), Cell(0, 0))), 1.0), "differ"),
+        (Row(Cells(1, (Cell(0, 0),)), -1.0), "multiplier"),
+        (Row(Cells(1, (Cell(0, 0),)), math.nan), "multiplier"),
+        (Row(Cells(1, (Cell(0, 0),), 0), 1.0), "of all robots"),
+        (Row(Swap(2, (Cell(0, 0), Cell(0, 1))), 1.0), "t: must be"),
+        (Row(Swap(0, (Cell(0, 0), Cell(0, 0))), 1.0), "differ"),
+        (Row(Visit(1, State(0, 0), 0), 1.0), "of all robots"),
+        (Row(Visit(1, State(9, 0), 0), 1.0), "state"),
+        (Row(Visit(1, State(0, 0), 5), 1.0), "robots: must be"),
+        (Row(Move(1, (Cell(0, 0), Cell(0, 1)), 0), 1.0), "of all robots"),
+    ],
+)
+def test_rows_that_a_plan_may_break_are_refused(row: Row, words: str) -> None:
+    """Only rows that every allowed plan obeys may carry a multiplier."""
+    problem, file = small_certificate()
+    assert isinstance(file.certificate, Multipliers)
+    certificate = msgspec.structs.replace(file.certificate, rows=(row,))
+    with pytest.raises(CertificateError, match=words):
+        price(compiled(problem), certificate)
+
+
+def cut_of(
+    t: int = 1, face: int = 0, share: float = 0.5, **other: tuple[float, ...]
+) -> EnvelopeCut:
+    """A cut with one field changed."""
+    fields = {"roots": (1e3, 1e4), "values": (1e3, 1e4), **other}
+    return EnvelopeCut(t, face, fields["roots"], fields["values"], share)
+
+
+@pytest.mark.parametrize(
+    ("cut", "words"),
+    [
+        (cut_of(t=3), "no group"),
+        (cut_of(face=99), "no group"),
+        (cut_of(face=-1), "no group"),
+        (cut_of(share=1.5), "share"),
+        (cut_of(share=math.nan), "share"),
+        (cut_of(roots=()), "roots"),
+        (cut_of(roots=(2.0, 1.0)), "roots"),
+        (cut_of(roots=(0.0, 1.0)), "roots"),
+        (cut_of(roots=(1.0, math.inf)), "roots"),
+        (cut_of(values=(1.0,)), "values"),
+        (cut_of(values=(-1.0, 1.0)), "values"),
+        (cut_of(values=(1.0, math.inf)), "values"),
+        (cut_of(roots=(1e-3, 2e-3)), "below what can be seen"),
+        (cut_of(roots=tuple(range(1, 400)), values=(1.0,) * 399), "too many"),
+    ],
+)
+def test_cuts_that_are_none_are_refused(cut: EnvelopeCut, words: str) -> None:
+    """A cut must belong to a group and cover all roots in it."""
+    problem, file = small_certificate()
+    assert isinstance(file.certificate, Multipliers)
+    certificate = msgspec.structs.replace(file.certificate, cuts=(cut,))
+    with pytest.raises(CertificateError, match=words):
+        price(compiled(problem), certificate)
+
+
+def test_rows_need_their_rule() -> None:
+    """Without collision rules no conflict row is valid."""
+    problem, file = small_certificate()
+    free = problem.replace(rules=NO_RULES)
+    with pytest.raises(CertificateError, match="rows"):
+        price(compiled(free), file.certificate)
+
+
+def test_reference_pixels_of_nobody_are_the_bound_alone() -> None:
+    """Gains over nothing are what each robot sees alone."""
+    problem = tiny()
+    none = as_rows(no_pixels(problem).reshape(problem.horizon + 1, -1))
+    alone = BOUNDS["alone"](problem).bound
+    assert price(compiled(problem), ReferencePixels(none)).bound == alone
