@@ -59,9 +59,13 @@ def check(problem: Problem, plan: Plan) -> Verdict:
 
 
 def view_rewards(problem: Problem, plan: Plan) -> list[list[float]]:
-    """View reward of every step and face [T+1][F]."""
+    """View reward of every step and face [T+1][F].
+
+    Where pixels add up over time, a step's reward is what it adds to that of the steps before.
+    """
     geometry = FaceGeometry(problem)
     rewards = []
+    before = [0.0 for _ in problem.face_weights]
     for t in range(problem.horizon + 1):
         pixels = [0.0 for _ in problem.face_weights]
         for i, robot in enumerate(problem.robots):
@@ -69,7 +73,14 @@ def view_rewards(problem: Problem, plan: Plan) -> list[list[float]]:
                 coverage = _coverage(problem, geometry, robot, t, plan.paths[i][t])
                 pixels = [a + b for a, b in zip(pixels, coverage, strict=True)]
         weights = problem.face_weights.tolist()
-        rewards.append([w * math.sqrt(z) for w, z in zip(weights, pixels, strict=True)])
+        if problem.objective.over_time:
+            pixels = [a + b for a, b in zip(before, pixels, strict=True)]
+        gained = [w * math.sqrt(z) for w, z in zip(weights, pixels, strict=True)]
+        if problem.objective.over_time:
+            so_far = [w * math.sqrt(z) for w, z in zip(weights, before, strict=True)]
+            gained = [a - b for a, b in zip(gained, so_far, strict=True)]
+            before = pixels
+        rewards.append(gained)
     return rewards
 
 

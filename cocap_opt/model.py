@@ -122,6 +122,8 @@ class Model:
             table = cached_table(key, make)
         else:
             table = make()
+        if table is not None and problem.objective.over_time:
+            table = table._replace(groups=table.groups % max(self.n_faces, 1))
         if table is not None:
             self._tables[sight] = table
         return limit

@@ -406,10 +406,16 @@ class Objective(_Data, frozen=True):
 
     J = sum over t, actors, faces of w sqrt(pixels of all robots at t, in px/m2)
       + stationarity * number of (robot, t) with an unchanged state.
+
+    With `over_time` the pixels of a face add up over all steps before the root is taken, the
+    other reading of CoCap's eq. 1: J = sum over actors, faces of w sqrt(pixels of all robots
+    at all t) + stationarity as before. Planning one robot is then no dynamic program any more;
+    bounds and exact methods hold.
     """
 
     stationarity: float = 0.0  # reward for each step in which a robot's state does not change
     count_start: bool = False  # True: the views at t = 0 count too (a constant)
+    over_time: bool = False  # True: pixels add up over time as well as over robots
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -539,6 +545,20 @@ class Problem(_Data, frozen=True, eq=False, dict=True):
         owner = np.repeat(np.arange(len(counts)), counts)
         owner.setflags(write=False)
         return owner
+
+    @property
+    def group_steps(self) -> int:
+        """Number of steps whose pixels are kept apart: T+1, or 1 where they add up over time.
+
+        A group is a face at such a step, number step * F + face; J sums the groups' roots.
+        """
+        return 1 if self.objective.over_time else self.horizon + 1
+
+    def groups_at(self, t: int) -> slice:
+        """Groups to which the pixels of step t are added, face by face."""
+        faces = len(self.face_weights)
+        first = 0 if self.objective.over_time else t * faces
+        return slice(first, first + faces)
 
     @property
     def first_step(self) -> int:

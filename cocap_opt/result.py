@@ -1,13 +1,14 @@
 """What a planner or a solver returns, and why it stopped, in two words that do not mix."""
 
 import math
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
 from cocap_opt.plan import Plan
 from cocap_opt.stop import Limit
+
+NO_GAP = 1e-7  # px^0.5/m; J of a single face well seen is in the hundreds
 
 
 class UnsupportedError(ValueError):
@@ -45,10 +46,10 @@ class Result:
 
 
 def relative_gap(value: float, bound: float) -> float:
-    """(bound - value) / bound; infinite where one is infinite.
+    """(bound - value) / bound; infinite where one is infinite, 0 where they differ by NO_GAP.
 
-    A bound of 0 is rounded up to the least positive number, which is no gap.
+    The last is for plans that can see nothing: no solver proves a bound of exactly 0.
     """
     if not (math.isfinite(value) and math.isfinite(bound)):
         return math.inf
-    return (bound - value) / max(bound, sys.float_info.min)
+    return 0.0 if abs(bound - value) <= NO_GAP else (bound - value) / bound

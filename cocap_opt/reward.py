@@ -5,7 +5,8 @@ With z[t, f] the pixels (px/m2) that all robots together have on face f at step 
     J = sum_t sum_f w[f] sqrt(z[t, f]) + stationarity * number of unchanged states.
 
 The view reward is monotone and submodular in the set of robot paths. Arrays over groups
-(t, f) are flat [G], G = (T+1) F, group t F + f.
+(t, f) are flat [G], G = (T+1) F, group t F + f; where pixels add up over time there is one
+group per face, G = F.
 """
 
 from collections.abc import Sequence
@@ -20,7 +21,7 @@ from cocap_opt.problem import FloatArray, Problem
 
 def no_pixels(problem: Problem) -> FloatArray:
     """Pixels [G] that nobody has seen yet."""
-    return np.zeros((problem.horizon + 1) * len(problem.face_weights))
+    return np.zeros(problem.group_steps * len(problem.face_weights))
 
 
 def path_pixels(problem: Problem, table: CoverageTable, path: Path, n_states: int) -> FloatArray:
@@ -39,14 +40,16 @@ def robot_pixels(model: Model, robot: int, path: Path) -> FloatArray:
 
 def group_weights(problem: Problem) -> FloatArray:
     """Weight w of every group [G]; 0 for steps that do not count."""
+    if problem.objective.over_time:  # pixels of steps that do not count are not added
+        return problem.face_weights
     counts = np.arange(problem.horizon + 1) >= problem.first_step
     return (counts[:, None] * problem.face_weights).ravel()
 
 
 def view_reward(problem: Problem, pixels: FloatArray) -> FloatArray:
-    """Reward of each step and face [T+1, F] for the pixels [G] of all robots together."""
+    """Reward of each group [group_steps, F] for the pixels [G] of all robots together."""
     reward = group_weights(problem) * np.sqrt(pixels)
-    return reward.reshape(problem.horizon + 1, -1)
+    return reward.reshape(problem.group_steps, -1)
 
 
 def unchanged(paths: Sequence[Path]) -> int:

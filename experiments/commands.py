@@ -91,7 +91,17 @@ def scenes(*, json: Json = False) -> int:
 
 
 @app.command
-def export(scene: str, /, *, output: Output, seed: Seed = 0, json: Json = False) -> int:
+def export(
+    scene: str,
+    /,
+    *,
+    output: Output,
+    seed: Seed = 0,
+    over_time: Annotated[
+        bool, Parameter(negative="", help="pixels add up over time as well as over robots")
+    ] = False,
+    json: Json = False,
+) -> int:
     """Write any scene as a cocap-opt scene file.
 
     Example: cocap-opt export corridor --seed 3 -o corridor-3.json
@@ -100,6 +110,8 @@ def export(scene: str, /, *, output: Output, seed: Seed = 0, json: Json = False)
         raise UsageError("-o: name the file to write")
     check_output(output)
     problem = _load(scene, seed)
+    if over_time:
+        problem = problem.replace(objective=problem.objective.replace(over_time=True))
     write(output, lambda: save_problem(output, problem))
     print_result({"scene": problem.name, "seed": seed, "file": str(output)}, json)
     return 0

@@ -20,11 +20,12 @@ from cocap_opt.model import compiled
 from cocap_opt.plan import Plan
 from cocap_opt.problem import Problem
 from cocap_opt.stop import Limit, Stop, never
-from formulations.branching import amounts_of, fractional, whole_paths
+from formulations.branching import WHOLE, amounts_of, fractional, whole_paths
 from formulations.certificate import Decision
 from formulations.column_generation import (
     Relaxation,
     Search,
+    cutoff_of,
     result_of,
     root_relaxation,
     use_start,
@@ -40,6 +41,7 @@ from formulations.resources import Resource
 from formulations.result import OPTIMALITY, CertifiedResult, Report, no_bound, silent
 
 METHOD = "branch-and-price"
+NEARLY_WHOLE = 1e-7  # amounts that count as whole where nothing else is left to branch on
 ROUGH = 0.1  # of what is open to the cutoff: less is not worth converging to before branching
 
 
@@ -109,9 +111,8 @@ class _Tree:
 
     def cutoff(self) -> float:
         """Bound at which a node is of no more interest; J >= 0 where there is no plan yet."""
-        value = self.search.value
         # Half of the gap is left to rounding.
-        return value * (1 + self._gap / 2) if np.isfinite(value) else -np.finfo(float).tiny
+        return cutoff_of(self.search, self._gap / 2)
 
     def grow(self) -> Limit:
         """Solve the open nodes, the largest bound first."""
@@ -138,11 +139,12 @@ class _Tree:
                 return limit
             if node.best.bound > self.cutoff():
                 self._look_for_plans(relaxation)
-            branched = node.best.bound <= self.cutoff() or self._branch(number, relaxation)
-            if not branched:  # nothing is fractional: what is open is a matter of accuracy
+            if node.best.bound > self.cutoff() and not self._branch(number, relaxation, WHOLE):
+                # Nothing is clearly fractional: what is open is a matter of accuracy.
                 relaxation.solve(self.cutoff, 0.0, others, self.solved)
                 node.best = relaxation.best
-                if node.best.bound > self.cutoff() and not self._branch(number, relaxation):
+                is_open = node.best.bound > self.cutoff()
+                if is_open and not self._branch(number, relaxation, NEARLY_WHOLE):
                     return Limit.NUMERICS
             self.search.report(self.search.snapshot(self.bound, self.solved))
         return Limit.NONE
@@ -195,13 +197,13 @@ class _Tree:
         if self.solved & (self.solved - 1) == 0:  # nodes 1, 2, 4, 8, ..
             search.offer(dive(search, relaxation.master, solution))
 
-    def _branch(self, number: int, relaxation: Relaxation) -> bool:
+    def _branch(self, number: int, relaxation: Relaxation, whole: float) -> bool:
         """Make the two children of a node; False where there is nothing to branch on."""
         solution, node = relaxation.solution, self._nodes[number]
         if solution is None:
             return False
         columns = solution.columns
-        choices = fractional(amounts_of(self.search.model, columns, solution.mixture))
+        choices = fractional(amounts_of(self.search.model, columns, solution.mixture), whole)
         if not choices:
             return False
         # The most fractional; ties go to the earlier step.

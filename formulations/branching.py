@@ -16,7 +16,7 @@ from cocap_opt.problem import FloatArray
 from formulations.master import Column
 from formulations.resources import Cells, Move, Resource, Visit
 
-WHOLE = 1e-4  # amounts nearer than this to a whole number count as whole
+WHOLE = 1e-4
 
 Amounts = dict[Resource, float]  # how many robots of a mixture use a resource
 
@@ -41,10 +41,15 @@ def amounts_of(model: Model, columns: Sequence[Column], mixture: FloatArray) -> 
     return [dict(part) for part in (cells, own, states, moves)]
 
 
-def fractional(amounts: Iterable[Amounts]) -> list[tuple[Resource, float]]:
-    """Fractionally used resources of the first kind that has any."""
+def fractional(amounts: Iterable[Amounts], whole: float = WHOLE) -> list[tuple[Resource, float]]:
+    """Fractionally used resources of the first kind that has any.
+
+    Parameters
+    ----------
+    whole : amounts nearer than this to a whole number count as whole
+    """
     for part in amounts:
-        found = [(r, a) for r, a in part.items() if abs(a - round(a)) > WHOLE]
+        found = [(r, a) for r, a in part.items() if abs(a - round(a)) > whole]
         if found:
             return found
     return []

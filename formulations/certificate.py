@@ -88,8 +88,8 @@ class EnvelopeCut(_Part, frozen=True):
 class Multipliers(_Part, frozen=True, tag="multipliers", omit_defaults=True):
     """Multipliers of the groups, of the conflict rows and of decisions."""
 
-    alpha: tuple[tuple[float, ...], ...]  # [T+1][F]
-    beta: tuple[tuple[float, ...], ...]  # [T+1][F] m/px^0.5
+    alpha: tuple[tuple[float, ...], ...]  # [T+1][F]; [1][F] over time
+    beta: tuple[tuple[float, ...], ...]  # likewise, m/px^0.5
     rows: tuple[Row, ...] = ()
     cuts: tuple[EnvelopeCut, ...] = ()
     decisions: tuple[float, ...] = ()  # one per decision that is given, in their order
@@ -98,7 +98,7 @@ class Multipliers(_Part, frozen=True, tag="multipliers", omit_defaults=True):
 class ReferencePixels(_Part, frozen=True, tag="reference"):
     """Pixels at which the marginal gains are taken; a plan's pixels give the online bound."""
 
-    pixels: tuple[tuple[float, ...], ...]  # [T+1][F] px/m2
+    pixels: tuple[tuple[float, ...], ...]  # [T+1][F] or [1][F], px/m2
 
 
 Certificate = Multipliers | ReferencePixels
@@ -194,7 +194,10 @@ def price(model: Model, certificate: Certificate, decisions: Sequence[Decision] 
         if -math.inf in best:  # a robot without any path: there is no plan
             return Pricing(-math.inf, 0.0)
         total += math.fsum(best)
-        magnitude += len(best) * (_largest_path(model, reward) + charged.magnitude)
+        # The same with all numbers counted as positive: what a path's sum is made of.
+        sizes = [(r, -abs(c) if math.isfinite(c) else c) for r, c in charged.costs]
+        made_of = _plain_sweep(model, group, reward, charges_of(model, number, sizes))
+        magnitude += math.fsum(float(made_of[start]) for start in group.starts)
     # Every number above is a sum of at most `terms` terms, each the result of a few
     # operations: the error is below gamma_n times the sum of absolute values (Higham,
     # Accuracy and Stability of Numerical Algorithms, 2002, section 3.1), doubled for safety.
@@ -244,7 +247,7 @@ def _charged(model: Model, certificate: Multipliers, decisions: Sequence[Decisio
 
 
 def _array(model: Model, values: tuple[tuple[float, ...], ...], field: str) -> FloatArray:
-    shape = (model.problem.horizon + 1, model.n_faces)
+    shape = (model.problem.group_steps, model.n_faces)
     if len(values) != shape[0] or any(len(row) != shape[1] for row in values):
         raise CertificateError(f"{field}: must hold {shape[0]} rows of {shape[1]} numbers")
     array = np.array(values, dtype=np.float64).reshape(-1)
@@ -255,7 +258,7 @@ def _array(model: Model, values: tuple[tuple[float, ...], ...], field: str) -> F
 
 def _visible_groups(model: Model) -> FloatArray:
     """1.0 for groups that some robot can see and that count [G]; others add nothing to J."""
-    visible = np.zeros((model.problem.horizon + 1) * model.n_faces)
+    visible = np.zeros(model.problem.group_steps * model.n_faces)
     for group in model.classes:
         visible[model.coverage(group).groups] = 1.0
     return np.where(group_weights(model.problem) > 0, visible, 0.0)
@@ -307,6 +310,8 @@ def _usable_cuts(
 ) -> list[tuple[int, EnvelopeCut, float]]:
     """Cuts with the number of their group and the constant that makes them valid."""
     steps, faces, robots = model.problem.horizon + 1, model.n_faces, len(model.problem.robots)
+    if cuts and model.problem.objective.over_time:
+        raise CertificateError("certificate.cuts: none hold where pixels add up over time")
     found = []
     for n, cut in enumerate(cuts):
         field = f"certificate.cuts[{n}]"
@@ -400,9 +405,3 @@ def _check_rows(model: Model, rows: tuple[Row, ...]) -> None:
         wrong = misuse(model, row.resource) or misruled(model.problem, row.resource)
         if wrong:
             raise CertificateError(f"{field}.{wrong}")
-
-
-def _largest_path(model: Model, reward: FloatArray) -> float:
-    """Bound on the sum of absolute values along any path, charges left aside."""
-    paid = math.fsum(reward.max(axis=1).tolist())
-    return paid + model.problem.objective.stationarity * model.problem.horizon

@@ -45,7 +45,7 @@ def _from_pixels(problem: Problem, stop: Stop, start: Plan | None, method: str) 
     if start is not None:
         for robot, path in enumerate(model.paths(start)):
             pixels = pixels + robot_pixels(model, robot, path)
-    table = np.reshape(pixels, (problem.horizon + 1, -1)).tolist()
+    table = np.reshape(pixels, (problem.group_steps, -1)).tolist()
     certificate = ReferencePixels(tuple(tuple(row) for row in table))
     file = certify(problem, model, method, certificate)
     return bounded(file, Limit.NONE, begin)

@@ -14,7 +14,7 @@ import numpy as np
 from cocap_opt.model import Model, compiled
 from cocap_opt.plan import Plan
 from cocap_opt.problem import FloatArray, Problem
-from cocap_opt.result import Reason, relative_gap
+from cocap_opt.result import NO_GAP, Reason, relative_gap
 from cocap_opt.reward import group_weights, no_pixels
 from cocap_opt.stop import Limit, Stop, never, seconds_left
 from formulations import envelope
@@ -38,6 +38,7 @@ from formulations.result import (
 
 METHOD = "column-generation"
 ACCURACY = 2e-7  # of the bound: where bound and master agree to this, they have converged
+INFEASIBLE = 1e-6  # of what all robots see alone: a bound so far below 0 proves it
 BROKEN = 1e-6  # uses of a resource in excess of the rule that are left alone
 LEAST_CUT = 2e-6  # of the bound: what an envelope cut must cut off
 MOST_CUT_ROUNDS = 20
@@ -69,6 +70,7 @@ class Search:
         self.pricer = Pricer(self.model)
         self.largest = largest_roots(self.model)
         self.weights = group_weights(self.model.problem)
+        self.scale = max(1.0, self.alone().bound)
 
     @property
     def value(self) -> float:
@@ -197,6 +199,8 @@ class Relaxation:
         """Take in the envelope cuts that the mixture breaks; False if there are none."""
         search, found = self.search, 0
         robots = len(search.model.problem.robots)
+        if search.model.problem.objective.over_time:  # a robot sees a group more than once
+            return False
         self.master.drop_cuts(solution.duals)
         known: dict[int, list[Cut]] = {}
         for cut in self.master.cuts:
@@ -255,6 +259,16 @@ def root_relaxation(search: Search) -> Relaxation:
     return Relaxation(search, master, best)
 
 
+def cutoff_of(search: Search, gap: float) -> float:
+    """Bound at which a node is of no more interest: it holds no better plan, or none at all.
+
+    J >= 0, so that a bound clearly below 0 proves that there is no plan.
+    """
+    if search.incumbent is None:
+        return -INFEASIBLE * search.scale
+    return search.value + max(gap * search.value, NO_GAP / 2)
+
+
 def use_start(search: Search, start: Plan | None) -> str:
     """Begin with a plan; returns why it is rejected, if it is."""
     plan, message = usable_start(search.model.problem, start)
@@ -288,7 +302,7 @@ def column_generation(
     message = use_start(search, start)
     root = root_relaxation(search)
     if root.best.bound > -np.inf:
-        root.solve(lambda: max(search.value * (1 + OPTIMALITY / 2), 0.0))
+        root.solve(lambda: cutoff_of(search, OPTIMALITY / 2))
         if root.solution is not None and root.limit is Limit.NONE:
             search.offer(
                 improved(

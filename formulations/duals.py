@@ -23,7 +23,7 @@ class Duals:
 
     def certificate(self, model: Model) -> Multipliers:
         """The multipliers as they stand in a certificate."""
-        steps = model.problem.horizon + 1
+        steps = model.problem.group_steps
         kept = [(cut, share) for cut, share in self.cuts if share > 0]
         return Multipliers(
             alpha=tuple(map(tuple, self.alpha.reshape(steps, -1).tolist())),

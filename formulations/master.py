@@ -327,7 +327,7 @@ class Master:
             alpha_part / weights,
             (cones[:, 0] + cones[:, 2]) / (weights * seen.scale),
             np.maximum(1 - taken, 0.0),
-            np.sqrt(len(self.model.problem.robots)) * seen.scale,  # no root can be larger
+            self._most_views() * seen.scale,  # no root can be larger
         )
         slack = x[n : n + len(rows) + len(decisions)]
         rows, decisions = (np.nan_to_num(np.maximum(p, 0.0)) * unit for p in (rows, decisions))
@@ -346,6 +346,12 @@ class Master:
             ),
             solved=str(solution.status) in ("Solved", "AlmostSolved"),
         )
+
+    def _most_views(self) -> float:
+        """Root of how many views a group's pixels can be made of."""
+        problem = self.model.problem
+        steps = problem.horizon + 1 if problem.objective.over_time else 1
+        return math.sqrt(len(problem.robots) * steps)
 
     def _all_decisions(self, multipliers: FloatArray) -> FloatArray:
         """Multipliers of all decisions; those that close a resource need none."""

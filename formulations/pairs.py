@@ -37,6 +37,8 @@ def best_pair(
     The swap rule between the two is not looked at. None if a robot has no path, or if there
     are too many pairs of states.
     """
+    if model.problem.objective.over_time:  # steps are not separate then
+        return None
     arcs = list(arcs)
     sides = [_side(model, robot, arcs, others) for robot in robots]
     a, b = sides

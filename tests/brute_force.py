@@ -59,6 +59,14 @@ def bonus_of(problem: Problem, path: StatePath) -> float:
     return problem.objective.stationarity * stays
 
 
+def views_of(problem: Problem, pixels: FloatArray) -> FloatArray:
+    """View rewards [n] of the pixels [n, T+1, F] of whole plans."""
+    if problem.objective.over_time:
+        pixels = pixels.sum(axis=1, keepdims=True)
+    values: FloatArray = (np.sqrt(pixels) * weights_of(problem)).sum(axis=(1, 2))
+    return values
+
+
 def weights_of(problem: Problem) -> FloatArray:
     """Weight of every face [F], taken from the actors themselves."""
     return np.array(
@@ -73,7 +81,7 @@ def weights_of(problem: Problem) -> FloatArray:
 def objective_from_scratch(problem: Problem, plan: Plan) -> float:
     """J of a plan."""
     pixels = sum(pixels_of(problem, i, [path])[0] for i, path in enumerate(plan.paths))
-    views = math.fsum((weights_of(problem) * np.sqrt(pixels)).ravel())
+    views = float(views_of(problem, np.asarray(pixels)[None])[0])
     return views + sum(bonus_of(problem, path) for path in plan.paths)
 
 
@@ -90,7 +98,7 @@ def optimum(problem: Problem) -> Optimum:
         pixels = (pixels[:, None] + seen[None]).reshape(len(bonus) * len(own), steps, faces)
         extra = np.array([bonus_of(problem, path) for path in own])
         bonus = (bonus[:, None] + extra[None]).ravel()
-    values = (np.sqrt(pixels) * weights_of(problem)).sum(axis=(1, 2)) + bonus
+    values = views_of(problem, pixels) + bonus
     for best in np.argsort(-values, kind="stable"):
         which = np.unravel_index(best, shape)
         plan = Plan(paths=tuple(own[int(i)] for own, i in zip(paths, which, strict=True)))

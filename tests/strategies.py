@@ -145,8 +145,12 @@ def problems(
     robots: st.SearchStrategy[int] = st.sampled_from([2, 2, 3, 1]),
     most_plans: int = MOST_PLANS,
     goals: bool = True,
+    over_time: bool = False,
 ) -> Problem:
-    """Problems small enough to go through all plans: several classes, rules, goals, layers."""
+    """Problems small enough to go through all plans: several classes, rules, goals, layers.
+
+    With `over_time` some of them add pixels up over time.
+    """
     height_map = draw(height_maps())
     kinds = [
         (draw(motions()), draw(cameras())) for _ in range(draw(st.sampled_from([1, 1, 2])))
@@ -154,7 +158,9 @@ def problems(
     horizon = draw(st.integers(1, 3))
     seen = [draw(actors(height_map, horizon)) for _ in range(draw(st.sampled_from([0, 1, 1, 2])))]
     objective = Objective(
-        stationarity=draw(st.sampled_from([0.0, 0.0, 0.5, 40.0])), count_start=draw(st.booleans())
+        stationarity=draw(st.sampled_from([0.0, 0.0, 0.5, 40.0])),
+        count_start=draw(st.booleans()),
+        over_time=over_time and draw(st.booleans()),
     )
     try:
         problem = Problem(

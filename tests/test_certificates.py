@@ -6,7 +6,7 @@ from itertools import pairwise, product
 import msgspec
 import numpy as np
 import pytest
-from brute_force import all_paths, bonus_of, optimum, pixels_of, weights_of
+from brute_force import all_paths, bonus_of, optimum, pixels_of, views_of, weights_of
 from hypothesis import given
 from hypothesis import strategies as st
 from strategies import examples, problems, tiny
@@ -15,7 +15,7 @@ from cocap_opt.check import broken_rules
 from cocap_opt.model import Model, compiled
 from cocap_opt.motion import time_expanded_graph
 from cocap_opt.plan import Plan
-from cocap_opt.problem import NO_RULES, Cell, Problem, State
+from cocap_opt.problem import NO_RULES, Cell, Objective, Problem, State
 from cocap_opt.reward import no_pixels
 from formulations import BOUNDS, envelope
 from formulations.branch_and_price import branch_and_price
@@ -71,6 +71,8 @@ def random_rows(problem: Problem, rng: np.random.Generator) -> list[Row]:
 
 def random_cuts(problem: Problem, rng: np.random.Generator) -> list[EnvelopeCut]:
     """Envelope cuts of some groups, with random values and shares."""
+    if problem.objective.over_time:
+        return []
     largest = largest_roots(compiled(problem)).reshape(problem.horizon + 1, -1)
     cuts = []
     for t, face in np.argwhere(largest > 0).tolist():
@@ -104,7 +106,7 @@ def random_multipliers(
     problem: Problem, rng: np.random.Generator, decisions: int = 0
 ) -> Multipliers:
     """Multipliers of all kinds, none of them good."""
-    shape = (problem.horizon + 1, len(problem.face_weights))
+    shape = (problem.group_steps, len(problem.face_weights))
     return Multipliers(
         alpha=as_rows(rng.choice([0.0, 0.3, 1.0, 2.0], size=shape)),
         beta=as_rows(rng.choice([1e-4, 0.01, 1.0], size=shape)),
@@ -133,26 +135,26 @@ def optimum_under(problem: Problem, decisions: tuple[Decision, ...]) -> float:
             continue
         plan = Plan(paths=tuple(paths[i][k] for i, k in enumerate(chosen)))
         if not broken_rules(problem, plan):
-            seen = sum(pixels[i][k] for i, k in enumerate(chosen))
-            value = float((weights_of(problem) * np.sqrt(seen)).sum())
+            seen = np.sum([pixels[i][k] for i, k in enumerate(chosen)], axis=0)
+            value = float(views_of(problem, seen[None])[0])
             best = max(best, value + sum(bonus_of(problem, path) for path in plan.paths))
     return best
 
 
 @examples(40)
-@given(problem=problems(), seed=st.integers(0, 1000))
+@given(problem=problems(over_time=True), seed=st.integers(0, 1000))
 def test_any_multipliers_give_a_bound(problem: Problem, seed: int) -> None:
     """However badly a solver converged: non-negative multipliers are a valid certificate."""
     rng = np.random.default_rng(seed)
     best = optimum(problem).value
     assert price(compiled(problem), random_multipliers(problem, rng)).bound >= best
-    shape = (problem.horizon + 1, len(problem.face_weights))
+    shape = (problem.group_steps, len(problem.face_weights))
     reference = ReferencePixels(as_rows(rng.choice([0.0, 10.0, 1e4], size=shape)))
     assert price(compiled(problem), reference).bound >= best
 
 
 @examples(40)
-@given(problem=problems(most_plans=400), seed=st.integers(0, 1000))
+@given(problem=problems(most_plans=400, over_time=True), seed=st.integers(0, 1000))
 def test_any_multipliers_bound_the_plans_of_their_leaf(problem: Problem, seed: int) -> None:
     """Under decisions the bound holds for the plans that obey them: cells, states, moves."""
     rng = np.random.default_rng(seed)
@@ -345,7 +347,7 @@ def small_certificate() -> tuple[Problem, CertificateFile]:
     """A certificate with all its parts, of the tiny instance."""
     problem = tiny()
     rng = np.random.default_rng(1)
-    shape = (problem.horizon + 1, len(problem.face_weights))
+    shape = (problem.group_steps, len(problem.face_weights))
     certificate = Multipliers(
         as_rows(rng.uniform(0.2, 0.9, shape)),
         as_rows(rng.uniform(0.01, 0.1, shape)),
@@ -581,6 +583,17 @@ def test_cuts_that_are_none_are_refused(cut: EnvelopeCut, words: str) -> None:
     certificate = msgspec.structs.replace(file.certificate, cuts=(cut,))
     with pytest.raises(CertificateError, match=words):
         price(compiled(problem), certificate)
+
+
+def test_over_time_no_cut_holds() -> None:
+    """A robot's views add up over the steps, so that a cut for single views may be wrong."""
+    problem, file = small_certificate()
+    other = problem.replace(objective=Objective(over_time=True))
+    assert isinstance(file.certificate, Multipliers)
+    one_step = {"alpha": file.certificate.alpha[:1], "beta": file.certificate.beta[:1]}
+    certificate = msgspec.structs.replace(file.certificate, **one_step)
+    with pytest.raises(CertificateError, match="over time"):
+        price(compiled(other), certificate)
 
 
 def test_rows_need_their_rule() -> None:

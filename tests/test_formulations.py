@@ -52,7 +52,7 @@ def assert_sandwich(problem: Problem, result: CertifiedResult) -> None:
 
 @pytest.mark.parametrize("method", METHODS)
 @examples(15)
-@given(problem=problems())
+@given(problem=problems(over_time=True))
 def test_sandwich(method: str, problem: Problem) -> None:
     """plan <= optimum <= bound, for every method, rule, class of robots and goal."""
     best = optimum(problem)
@@ -63,7 +63,7 @@ def test_sandwich(method: str, problem: Problem) -> None:
 
 @pytest.mark.parametrize("method", EXACT)
 @examples(15)
-@given(problem=st.one_of(problems(), meetings(), meetings(team=3)))
+@given(problem=st.one_of(problems(over_time=True), meetings(), meetings(team=3)))
 def test_exact_methods_find_the_optimum(method: str, problem: Problem) -> None:
     """Whatever the rules, goals and classes: optimal, or proved that there is no plan."""
     result = EXACT[method](problem)

@@ -12,7 +12,7 @@ from cocap_opt.constraints import forbid
 from cocap_opt.model import compiled
 from cocap_opt.plan import Conflict, Plan, conflicts
 from cocap_opt.planners.single import LowLevel, SingleRobotTask
-from cocap_opt.planners.team import Team, no_plan, stopped
+from cocap_opt.planners.team import Team, no_plan, remark, stopped
 from cocap_opt.planners.value_iteration import value_iteration
 from cocap_opt.problem import Problem
 from cocap_opt.result import Reason, Result
@@ -126,4 +126,7 @@ def _child(
 
 def _found(plan: Plan, node: Node, begin: float, counts: Counts) -> Result:
     seconds = time.perf_counter() - begin
-    return Result(plan, node.value, Reason.FINISHED, seconds=seconds, statistics=asdict(counts))
+    return Result(
+        plan, node.value, Reason.FINISHED, seconds=seconds,
+        message=remark(node.team.model.problem), statistics=asdict(counts),
+    )  # fmt: skip

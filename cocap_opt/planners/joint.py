@@ -41,6 +41,8 @@ def joint(problem: Problem, stop: Stop = never) -> Result:
     model = compiled(problem)
     if len(problem.robots) > 2:
         raise UnsupportedError(f"joint planning takes one or two robots, not {len(problem.robots)}")
+    if problem.objective.over_time:
+        raise UnsupportedError("joint planning takes no pixels that add up over time")
     paths: tuple[Path, ...] | None = None
     limit = model.prepare_all(stop)
     limit = stop() if limit is Limit.NONE else limit

@@ -8,7 +8,7 @@ import numpy as np
 
 from cocap_opt.model import Model, Path
 from cocap_opt.planners.single import LowLevel, SingleRobotPath, SingleRobotTask
-from cocap_opt.problem import FloatArray
+from cocap_opt.problem import FloatArray, Problem
 from cocap_opt.result import Reason, Result
 from cocap_opt.reward import no_pixels, objective
 from cocap_opt.stop import Limit
@@ -71,6 +71,7 @@ def team_result(team: Team, limit: Limit, begin: float) -> Result:
         reason=Reason.FINISHED if limit is Limit.NONE else Reason.STOPPED,
         limit=limit,
         seconds=time.perf_counter() - begin,
+        message=remark(team.model.problem),
         statistics={"evaluated": team.evaluated},
     )
 
@@ -83,8 +84,15 @@ def hover(model: Model, robot: int) -> SingleRobotPath:
         return SingleRobotPath(None, pixels, 0)
     views, state = model.views(group), np.array([model.start(robot)])
     for t in range(problem.first_step, problem.horizon + 1):
-        pixels[t * model.n_faces : (t + 1) * model.n_faces] = views.coverage(t, state)[0]
+        pixels[problem.groups_at(t)] += views.coverage(t, state)[0]
     return SingleRobotPath((model.start(robot),) * (problem.horizon + 1), pixels, views.evaluated)
+
+
+def remark(problem: Problem) -> str:
+    """What is to be said of plans made robot by robot, step by step."""
+    if problem.objective.over_time:
+        return "a heuristic: pixels add up over time, and this planner looks at one step at a time"
+    return ""
 
 
 def stopped(model: Model, limit: Limit, begin: float, statistics: Mapping[str, float]) -> Result:

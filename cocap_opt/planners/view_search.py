@@ -79,10 +79,10 @@ class ViewSearch:
     def _path_pixels(
         self, model: Model, coverage: LazyCoverage, path: tuple[int, ...]
     ) -> FloatArray:
-        pixels = no_pixels(model.problem).reshape(len(path), -1)
+        pixels = no_pixels(model.problem)
         for t in range(model.problem.first_step, len(path)):
-            pixels[t] = coverage(t, np.array([path[t]]))[0]
-        return pixels.ravel()
+            pixels[model.problem.groups_at(t)] += coverage(t, np.array([path[t]]))[0]
+        return pixels
 
     def _search(
         self, task: SingleRobotTask, coverage: LazyCoverage
@@ -90,8 +90,7 @@ class ViewSearch:
         problem, graph = task.model.problem, task.model.class_of[task.robot].graph
         horizon, bonus = problem.horizon, problem.objective.stationarity
         gamma = FINAL_DISCOUNT ** (1 / horizon) if self.gamma is None else self.gamma
-        weights = group_weights(problem).reshape(horizon + 1, -1)
-        seen = task.pixels.reshape(horizon + 1, -1)
+        weights = group_weights(problem)
         may_enter = _goal_filter(task)
         start = task.model.start(task.robot)
         parent: dict[tuple[int, int], int] = {}
@@ -115,8 +114,9 @@ class ViewSearch:
             heads = heads[[may_enter(k, state, int(head)) for head in heads]]
             if not len(heads):
                 continue  # a dead end: the queue holds the alternatives
-            gains = marginal_gain(seen[k + 1], coverage(k + 1, heads))
-            rewards = (gains * weights[k + 1]).sum(axis=1) + bonus * (heads == state)
+            groups = problem.groups_at(k + 1)
+            gains = marginal_gain(task.pixels[groups], coverage(k + 1, heads))
+            rewards = (gains * weights[groups]).sum(axis=1) + bonus * (heads == state)
             for head, reward in zip(heads.tolist(), rewards.tolist(), strict=True):
                 total = best[k, state] + reward
                 node = (k + 1, head)
