@@ -140,6 +140,11 @@ class Views:
         result[state, face] = area * share[pair] / faces.areas[face]
         return result
 
+    def by_place(self, states: IntArray) -> IntArray:
+        """The states in an order in which those of one place, which share rays, are together."""
+        result: IntArray = states[np.argsort(states % self._graph.n_places, kind="stable")]
+        return result
+
     def batch(self, t: int) -> int:
         """Number of states that can be evaluated at step t in a fraction of a second."""
         rays = int(self._geometry.at(t).samples.counts.sum())
@@ -212,7 +217,7 @@ def coverage_table(
     nodes, counts, groups, pixels = [], [], [], []
     n_steps, n_states = reachable.shape
     for t in range(first_step, n_steps):
-        states, size = np.flatnonzero(reachable[t]), views.batch(t)
+        states, size = views.by_place(np.flatnonzero(reachable[t])), views.batch(t)
         for start in range(0, len(states), size):
             limit = stop()
             if limit is not Limit.NONE:
@@ -227,10 +232,15 @@ def coverage_table(
             pixels.append(coverage[row, face])
         progress(t + 1, n_steps)
     none = np.zeros(0, dtype=np.int64)
+    all_nodes, sizes = np.concatenate([none, *nodes]), np.concatenate([none, *counts])
+    order = np.argsort(all_nodes)
+    first, sizes = (np.cumsum(sizes) - sizes)[order], sizes[order]
+    indptr = np.concatenate([[0], np.cumsum(sizes)])
+    entries = np.arange(indptr[-1]) + np.repeat(first - indptr[:-1], sizes)
     table = CoverageTable(
-        nodes=np.concatenate([none, *nodes]),
-        indptr=np.concatenate([[0], np.cumsum(np.concatenate([none, *counts]))]),
-        groups=np.concatenate([none, *groups]),
-        pixels=np.concatenate([np.zeros(0), *pixels]),
+        nodes=all_nodes[order],
+        indptr=indptr,
+        groups=np.concatenate([none, *groups])[entries],
+        pixels=np.concatenate([np.zeros(0), *pixels])[entries],
     )
     return table, Limit.NONE

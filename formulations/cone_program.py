@@ -21,7 +21,7 @@ from scipy import sparse
 
 from cocap_opt.model import Model, compiled
 from cocap_opt.plan import Plan
-from cocap_opt.problem import FloatArray, Problem
+from cocap_opt.problem import FloatArray, IntArray, Problem
 from cocap_opt.reward import group_weights
 from cocap_opt.stop import Limit, Stop, never, seconds_left
 from formulations import envelope as envelopes
@@ -256,7 +256,7 @@ class _ConeProgram:
         import cvxpy as cp
 
         rows, constants = self._cut_rows(cuts)
-        where = np.searchsorted(self.roots.used, [cut.group for cut in cuts])
+        where = np.searchsorted(self.roots.used, [cut.group for cut in cuts]).astype(np.int64)
         cut = self.u[where] <= constants + rows @ self.x if cuts else None
         constraints = [*self._constraints, *([] if cut is None else [cut])]
         program = cp.Problem(self._goal, constraints)
@@ -287,7 +287,7 @@ class _ConeProgram:
         )
 
     def _duals(
-        self, cuts: Sequence[envelopes.Cut], where: FloatArray, multipliers: FloatArray
+        self, cuts: Sequence[envelopes.Cut], where: IntArray, multipliers: FloatArray
     ) -> Duals:
         """Multipliers in px and metres, repaired where the solver left them out of range."""
         roots, weights = self.roots, self.roots.weights / self._unit
