@@ -13,6 +13,7 @@ import time
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 
 from cocap_opt.io import problem_digest
@@ -35,7 +36,7 @@ from formulations.duals import Duals
 from formulations.envelope import Cut
 from formulations.master import Column, Master, make_column
 from formulations.pricing import Priced
-from formulations.primal import improved, incumbent_of, respond
+from formulations.primal import incumbent_of, respond
 from formulations.proof import Branch, Leaf, ProofFile, price_proof
 from formulations.resources import Resource
 from formulations.result import OPTIMALITY, CertifiedResult, Report, no_bound, silent
@@ -53,12 +54,14 @@ class Node:
     ----------
     best : its best bound so far; at first the parent's, which holds for it as well
     inherited : columns, conflict rows and cuts to begin with
+    solved : whether its relaxation has been looked at
     branch : what it was branched on; None for a leaf
     """
 
     decisions: tuple[Decision, ...]
     best: Priced
     inherited: "Inherited | None"
+    solved: bool = False
     branch: Branch | None = None
 
 
@@ -131,7 +134,7 @@ class _Tree:
             assert relaxation is not None
             others = -self._queue[0][0] if self._queue else -np.inf
             relaxation.solve(self.cutoff, ROUGH, others, self.solved)
-            self.solved += 1
+            self.solved, node.solved = self.solved + 1, True
             self.iterations += relaxation.iterations
             node.best, node.inherited = relaxation.best, None
             limit = relaxation.limit
@@ -169,11 +172,6 @@ class _Tree:
         for cut in inherited.cuts:
             master.add_cut(cut)
         # Every robot needs a column: its best path under the decisions.
-        node.best = min(
-            node.best,
-            self.search.pricer(node.best.duals, node.decisions),
-            key=lambda priced: priced.bound,
-        )
         priced = self.search.pricer(node.best.duals, node.decisions)
         for column in priced.columns:
             master.add(column)
@@ -191,9 +189,7 @@ class _Tree:
             )
             if plan is not None:
                 search.offer(respond(search.model, plan.columns, search.stop))
-        search.offer(
-            improved(search.model, columns, solution.mixture, relaxation.master.arcs, search.stop)
-        )
+        relaxation.look_for_plans()
         if self.solved & (self.solved - 1) == 0:  # nodes 1, 2, 4, 8, ..
             search.offer(dive(search, relaxation.master, solution))
 
@@ -228,19 +224,38 @@ class _Tree:
 
     def proof(self, problem: Problem) -> ProofFile:
         """The tree as a file, with the bound that it proves."""
-        model = self.search.model
-        nodes = tuple(
-            node.branch or Leaf(node.best.duals.certificate(model)) for node in self._nodes
-        )
+        model, nodes = self.search.model, list[Branch | Leaf]()
+        self._write(0, nodes)
         unpriced = ProofFile(
-            scene=problem.name, digest=problem_digest(problem), method=METHOD, bound=None,
-            nodes=nodes,
-        )  # fmt: skip
+            scene=problem.name,
+            digest=problem_digest(problem),
+            method=METHOD,
+            bound=None,
+            nodes=tuple(nodes),
+        )
         bound = price_proof(model, unpriced).bound
-        return ProofFile(
-            scene=unpriced.scene, digest=unpriced.digest, method=METHOD,
-            bound=None if bound == -np.inf else bound, nodes=nodes,
-        )  # fmt: skip
+        return msgspec.structs.replace(unpriced, bound=None if bound == -np.inf else bound)
+
+    def _write(self, number: int, nodes: list[Branch | Leaf]) -> None:
+        """Append a node and those below it.
+
+        A branch with nothing solved below it proves no more than it did as a leaf.
+        """
+        todo = [(number, -1, "")]  # node, its parent's number in the file, its side there
+        while todo:
+            number, parent, side = todo.pop()
+            node, place = self._nodes[number], len(nodes)
+            if parent >= 0:
+                nodes[parent] = msgspec.structs.replace(nodes[parent], **{side: place})
+            branch = node.branch
+            if branch is None or not (
+                self._nodes[branch.at_most].solved or self._nodes[branch.at_least].solved
+            ):
+                nodes.append(Leaf(node.best.duals.certificate(self.search.model)))
+                continue
+            nodes.append(branch)
+            todo.append((branch.at_least, place, "at_least"))
+            todo.append((branch.at_most, place, "at_most"))
 
 
 def _with_decision(duals: Duals) -> Duals:

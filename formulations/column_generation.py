@@ -19,11 +19,11 @@ from cocap_opt.reward import group_weights, no_pixels
 from cocap_opt.stop import Limit, Stop, never, seconds_left
 from formulations import envelope
 from formulations.certificate import CertificateFile, Decision, certify
-from formulations.duals import Duals
+from formulations.duals import Duals, blended
 from formulations.envelope import Cut
 from formulations.master import Column, Master, Solution, make_column
 from formulations.pricing import Priced, Pricer, largest_roots
-from formulations.primal import Incumbent, best_response, improved, incumbent_of, respond
+from formulations.primal import Incumbent, best_response, improved, incumbent_of
 from formulations.proof import ProofFile
 from formulations.resources import broken_rules
 from formulations.result import (
@@ -45,6 +45,8 @@ MOST_CUT_ROUNDS = 20
 TAIL = 1e-5  # of the bound: what a round of cuts must gain for another one
 TAIL_OPEN = 0.05  # of what is open to the cutoff, likewise
 MOST_PENALTY_RAISES = 8
+SMOOTHING = 0.5
+FIRST_PLAN = 8  # iterations, and twice as many each time, after which plans are looked for
 MOST_IDLE = 12  # solves after which an unused column is dropped
 
 
@@ -102,7 +104,7 @@ class Search:
                 break
             obeying.append(answer)
         if len(obeying) == len(robots):
-            self.offer(respond(self.model, obeying, self.stop))
+            self.offer(incumbent_of(self.model, obeying))
         return [*obeying, *(() if self.incumbent is None else self.incumbent.columns)]
 
 
@@ -151,8 +153,13 @@ class Relaxation:
             solution = self.solution = self.master.solve(seconds_left(search.stop))
             priced = search.pricer(solution.duals, self.decisions)
             improves = priced.bound < self.best.bound
-            if improves:
-                self.best = priced
+            # Half way to the best multipliers so far (Wentges 1997): they oscillate less.
+            between = blended(solution.duals, self.best.duals, SMOOTHING)
+            smooth = search.pricer(between, self.decisions)
+            self.best = min(self.best, priced, smooth, key=lambda some: some.bound)
+            priced = priced._replace(columns=[*priced.columns, *smooth.columns])
+            if self.iterations >= FIRST_PLAN and self.iterations & (self.iterations - 1) == 0:
+                self.look_for_plans()
             search.report(search.snapshot(max(self.best.bound, others), nodes))
             open_gap = self.best.bound - solution.value
             open_ = self.best.bound - cutoff()
@@ -181,6 +188,16 @@ class Relaxation:
             self.cut_rounds += 1
             if not self._add_cuts(solution):
                 return
+
+    def look_for_plans(self) -> None:
+        """Offer what rounding and local search make of the last mixture."""
+        search, solution = self.search, self.solution
+        if solution is not None:
+            search.offer(
+                improved(
+                    search.model, solution.columns, solution.mixture, self.master.arcs, search.stop
+                )
+            )
 
     def _add(self, priced: Priced, solution: Solution, columns_too: bool) -> bool:
         """Take in broken conflict rows and new columns; False if there are none."""
@@ -213,7 +230,7 @@ class Relaxation:
             for cut in known.get(group, []):
                 height = min(height, cut.constant + float(amounts @ cut.phi(roots)))
             least = LEAST_CUT * abs(self.best.bound) / weight
-            if _is_whole(roots, amounts):
+            if _is_whole(roots, amounts) or height - envelope.coupled(roots, amounts) < least:
                 continue
             best = envelope.best_cut(roots, amounts, float(search.largest[group]), robots)
             if best is not None and height - best[2] > least:
@@ -303,12 +320,8 @@ def column_generation(
     root = root_relaxation(search)
     if root.best.bound > -np.inf:
         root.solve(lambda: cutoff_of(search, OPTIMALITY / 2))
-        if root.solution is not None and root.limit is Limit.NONE:
-            search.offer(
-                improved(
-                    model, root.solution.columns, root.solution.mixture, root.master.arcs, stop
-                )
-            )
+        if root.limit is Limit.NONE:
+            root.look_for_plans()
     file = certify(problem, model, METHOD, root.best.duals.certificate(model))
     return result_of(search, file, root.limit, OPTIMALITY, message, {
         "iterations": root.iterations, "columns": search.columns,

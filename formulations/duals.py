@@ -1,6 +1,8 @@
 """Multipliers as solvers give them, and the certificate that they make."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
+from typing import TypeVar
 
 import numpy as np
 
@@ -9,6 +11,8 @@ from cocap_opt.problem import FloatArray
 from formulations.certificate import EnvelopeCut, Multipliers, Row
 from formulations.envelope import Cut
 from formulations.resources import Resource
+
+_K = TypeVar("_K")
 
 
 @dataclass(frozen=True)
@@ -40,6 +44,27 @@ class Duals:
             ),
             decisions=tuple(self.decisions.tolist()),
         )
+
+
+def blended(first: Duals, second: Duals, weight: float) -> Duals:
+    """weight * first + (1 - weight) * second; rows and cuts that one lacks count as 0 there."""
+
+    def mix(a: Iterable[tuple[_K, float]], b: Iterable[tuple[_K, float]]) -> dict[_K, float]:
+        mixed: dict[_K, float] = {}
+        for part, share in ((a, weight), (b, 1 - weight)):
+            for key, value in part:
+                mixed[key] = mixed.get(key, 0.0) + share * value
+        return mixed
+
+    cuts = {id(cut): cut for duals in (first, second) for cut, _ in duals.cuts}
+    shares = mix(*(((id(cut), share) for cut, share in duals.cuts) for duals in (first, second)))
+    return Duals(
+        alpha=weight * first.alpha + (1 - weight) * second.alpha,
+        beta=weight * first.beta + (1 - weight) * second.beta,
+        rows=tuple(mix(first.rows, second.rows).items()),
+        cuts=tuple((cuts[key], share) for key, share in shares.items()),
+        decisions=weight * first.decisions + (1 - weight) * second.decisions,
+    )
 
 
 def repaired(

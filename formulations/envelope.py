@@ -17,8 +17,9 @@ is exact there); for more it is exact for robots that may exchange their amounts
 """
 
 import math
+from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -29,13 +30,15 @@ SEPARATION_MULTISETS = 20_000  # that the separation looks at
 GENERATED = 60  # multisets taken into its linear program at a time
 MOST_ROUNDS = 4
 TOLERANCE = 1e-5  # of the largest root
+SCENARIOS = 64
 LEAST_MASS = 1e-6  # a little mass everywhere keeps phi low where there is none
 
 if TYPE_CHECKING:
     import highspy
 
 
-class Cut(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Cut:
     """An envelope cut of a group."""
 
     group: int
@@ -43,9 +46,15 @@ class Cut(NamedTuple):
     values: FloatArray  # [K] phi
     constant: float
 
+    def __post_init__(self) -> None:
+        """Put the breakpoint 0 in front, once."""
+        object.__setattr__(self, "_points", np.append(0.0, self.roots))
+        object.__setattr__(self, "_heights", np.append(0.0, self.values))
+
     def phi(self, roots: FloatArray) -> FloatArray:
-        """phi at any roots."""
-        return phi(self.roots, self.values, roots)
+        """phi at any roots up to the last breakpoint."""
+        result: FloatArray = np.interp(roots, self._points, self._heights)  # type: ignore[attr-defined]
+        return result
 
 
 @lru_cache(maxsize=64)
@@ -94,6 +103,24 @@ def phi(roots: FloatArray, values: FloatArray, at: FloatArray) -> FloatArray:
     """phi at any roots up to the last breakpoint."""
     result: FloatArray = np.interp(at, np.append(0.0, roots), np.append(0.0, values))
     return result
+
+
+def coupled(roots: FloatArray, amounts: FloatArray) -> float:
+    """Mean root that one way of giving the amounts to robots has: no cut is lower than this.
+
+    Amounts are dealt to SCENARIOS equal scenarios, large roots first, each to those that have
+    least so far. (For more scenarios than robots allow it is an estimate.)
+    """
+    sums = np.zeros(SCENARIOS)
+    for k in np.argsort(-roots, kind="stable").tolist():
+        everywhere, some = divmod(float(amounts[k]) * SCENARIOS, SCENARIOS)
+        pixels = roots[k] ** 2
+        sums += everywhere * pixels
+        least = np.argsort(sums, kind="stable")
+        whole = int(some)
+        sums[least[:whole]] += pixels
+        sums[least[whole]] += pixels * (some - whole)
+    return float(np.sqrt(sums).mean())
 
 
 def best_cut(
