@@ -1,0 +1,251 @@
+"""The parts of branch and price one by one."""
+
+import numpy as np
+import pytest
+from brute_force import optimum
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from strategies import examples, meetings, problems, tiny
+
+from cocap_opt.check import check
+from cocap_opt.model import Model, compiled
+from cocap_opt.plan import conflicts
+from cocap_opt.problem import NO_RULES, CollisionRules, Problem
+from cocap_opt.reward import objective_of
+from cocap_opt.timegraph import CLOSED
+from formulations.branching import amounts_of, fractional, whole_paths
+from formulations.certificate import Decision, price
+from formulations.column_generation import Search, root_relaxation, seen_in
+from formulations.diving import dive
+from formulations.duals import blended
+from formulations.master import Arc, Master, arcs_of, make_column
+from formulations.pairs import best_pair
+from formulations.pricing import Pricer
+from formulations.primal import best_response, improved, in_conflict, incumbent_of
+from formulations.resources import Cells, Move, Swap, Visit, charges_of, flight_of, uses
+from scenarios import load_scene
+
+
+def all_arcs(model: Model) -> list[Arc]:
+    """Every step that any robot can make."""
+    arcs = []
+    for number, group in enumerate(model.classes):
+        reached = model.reachable(group)
+        for t in range(model.problem.horizon):
+            for tail in np.flatnonzero(reached[t]).tolist():
+                arcs += [
+                    Arc(number, t, tail, head) for head in group.graph.successors(tail).tolist()
+                ]
+    return arcs
+
+
+def random_path(model: Model, robot: int, rng: np.random.Generator) -> tuple[int, ...]:
+    """A random walk of a robot; its goal is ignored."""
+    path = [model.start(robot)]
+    for _ in range(model.problem.horizon):
+        path.append(int(rng.choice(model.class_of[robot].graph.successors(path[-1]))))
+    return tuple(path)
+
+
+@examples(25)
+@given(problem=st.one_of(meetings(), problems(robots=st.just(2), goals=False)))
+def test_the_best_pair_over_all_arcs_is_the_joint_optimum(problem: Problem) -> None:
+    """Two robots, every arc allowed, no swap rule: joint value iteration is exact."""
+    rules = CollisionRules(swap=False, separation=problem.rules.separation)
+    problem = problem.replace(rules=NO_RULES if problem.rules.none else rules)
+    problem = problem.replace(robots=tuple(r.replace(goal=None) for r in problem.robots))
+    model, best = compiled(problem), optimum(problem)
+    pair = best_pair(model, (0, 1), all_arcs(model), [])
+    if pair is None:
+        assert best.plan is None
+        return
+    value = objective_of(model, [column.path for column in pair])
+    assert value == pytest.approx(best.value, rel=1e-9, abs=1e-9)
+    assert check(problem, model.plan([column.path for column in pair])).valid
+
+
+@examples(25)
+@given(
+    problem=st.one_of(problems(robots=st.sampled_from([2, 3])), meetings()), seed=st.integers(0, 99)
+)
+def test_columns_in_conflict_are_those_that_make_a_conflict(problem: Problem, seed: int) -> None:
+    """`in_conflict` says of two paths what `conflicts` says of the plan."""
+    model, rng = compiled(problem), np.random.default_rng(seed)
+    robots = range(len(problem.robots))
+    columns = [make_column(model, i, random_path(model, i, rng)) for i in robots]
+    found = next(conflicts(problem, model.plan([c.path for c in columns])), None) is not None
+    pairs = [in_conflict(model, a, b) for a in columns for b in columns if a.robot < b.robot]
+    assert any(pairs) == found
+
+
+@examples(25)
+@given(problem=problems(robots=st.sampled_from([2, 3]), goals=False), seed=st.integers(0, 99))
+def test_charges_cost_a_path_what_it_uses(problem: Problem, seed: int) -> None:
+    """The charge that a sweep takes from a path is the cost of the resources that it uses."""
+    model, rng = compiled(problem), np.random.default_rng(seed)
+    robot = int(rng.integers(len(problem.robots)))
+    group, flight = model.class_of[robot], flight_of(model, robot, random_path(model, robot, rng))
+    number, t = flight.robots, int(rng.integers(problem.horizon))
+    here, there = flight.cells[t], flight.cells[t + 1]
+    resources = [Cells(t, (here,)), Cells(t + 1, (there,), number), Cells(t, (here,), number + 1),
+                 Visit(t, group.graph.state(flight.path[t]), number)]  # fmt: skip
+    if here != there:
+        resources += [Swap(t, (there, here)), Move(t, (here, there), number),
+                      Move(t, (there, here), number)]  # fmt: skip
+    costs = rng.uniform(-5, 5, len(resources)).tolist()
+    used = sum(c for r, c in zip(resources, costs, strict=True) if uses(model, r, flight))
+    # Only this path is open: all other states are closed.
+    reward = np.full((problem.horizon + 1, group.graph.n_states), CLOSED)
+    reward[np.arange(problem.horizon + 1), list(flight.path)] = 1.0
+    charges = charges_of(model, number, zip(resources, costs, strict=True))
+    value = group.graph.backward_sweep(reward, charges=charges)
+    assert value[0, flight.path[0]] == pytest.approx(problem.horizon + 1 - used)
+
+
+@examples(15)
+@given(problem=problems(over_time=True))
+def test_pricing_and_certificate_agree(problem: Problem) -> None:
+    """What pricing calls a bound is what the certificate proves, up to rounding."""
+    model = compiled(problem)
+    search = Search(model)
+    assume(search.alone().bound > -np.inf)
+    root = root_relaxation(search)
+    for column in root.best.columns:
+        root.master.add(column)
+    solution = root.master.solve()
+    for duals in (solution.duals, blended(solution.duals, root.best.duals, 0.3)):
+        bound = Pricer(model)(duals).bound
+        assert price(model, duals.certificate(model)).bound == pytest.approx(
+            bound, rel=1e-9, abs=1e-6
+        )
+        assert bound >= solution.value - 1e-6 * abs(solution.value) - 1e-6 or solution.slack > 1e-6
+
+
+def test_the_master_recombines_paths_that_meet() -> None:
+    """Arcs of two paths of a robot that cross give all four combinations."""
+    problem = load_scene("corridor", 0)
+    model, search = compiled(problem), Search(compiled(problem))
+    master = Master(model, 1e6)
+    columns = search.first_columns()
+    for column in columns:
+        master.add(column)
+    arcs = {arc for column in columns for arc in arcs_of(column.flight)}
+    assert set(master.arcs) == arcs
+    assert not master.add(columns[0])
+    solution = master.solve()
+    assert {arc for c in solution.columns for arc in arcs_of(c.flight)} <= arcs
+    totals = np.bincount([c.robot for c in solution.columns], solution.mixture)
+    assert totals == pytest.approx(np.ones(len(problem.robots)), abs=1e-5)
+
+
+def test_idle_arcs_are_dropped_and_the_rest_still_leads_to_the_end() -> None:
+    """Without what was not used for long, the master's value is the same."""
+    problem = load_scene("bottleneck", 1)
+    root = root_relaxation(Search(compiled(problem)))
+    for _ in range(4):
+        solution = root.master.solve()
+        for column in root.search.pricer(solution.duals).columns:
+            root.master.add(column)
+    before, arcs = root.master.solve(), len(root.master.arcs)
+    root.master.drop_idle(0)
+    assert len(root.master.arcs) < arcs
+    assert root.master.solve().value == pytest.approx(before.value, rel=1e-5)
+
+
+def test_a_decision_is_kept_by_the_master_and_by_pricing() -> None:
+    """At most none: no column through there; at least one: a robot goes there."""
+    problem = load_scene("corridor", 0)
+    model, search = compiled(problem), Search(compiled(problem))
+    column = search.first_columns()[0]
+    resource = Cells(3, (column.flight.cells[3],))
+    closed = Decision(resource, "at most", 0)
+    master = Master(model, 1e6, (closed,))
+    assert not master.add(column)
+    alone = search.alone()
+    duals = type(alone.duals)(alone.duals.alpha, alone.duals.beta, decisions=np.zeros(1))
+    for other in Pricer(model)(duals, (closed,)).columns:
+        assert not uses(model, resource, other.flight)
+    rewarded = type(alone.duals)(alone.duals.alpha, alone.duals.beta, decisions=np.array([1e6]))
+    wanted = Pricer(model)(rewarded, (Decision(resource, "at least", 1),)).columns
+    assert any(uses(model, resource, other.flight) for other in wanted)
+
+
+def test_whole_mixtures_become_paths_with_the_same_reward() -> None:
+    """Paths that cross may swap their tails, which changes nothing of J."""
+    problem = load_scene("corridor", 0)
+    model = compiled(problem)
+    columns = Search(model).first_columns()[:2]
+    paths = whole_paths(model, columns, np.ones(2))
+    assert paths is not None
+    assert objective_of(model, paths) == pytest.approx(
+        objective_of(model, [c.path for c in columns])
+    )
+    half = [*columns, *columns]
+    assert whole_paths(model, half, np.full(4, 0.5)) == paths
+    assert not fractional(amounts_of(model, half, np.full(4, 0.5)))
+
+
+def test_fractions_are_found_kind_by_kind() -> None:
+    """Cells of all robots first; where they are whole, states."""
+    problem = load_scene("bottleneck", 0)
+    search = Search(compiled(problem))
+    root = root_relaxation(search)
+    root.solve(lambda: 0.0)
+    assert root.solution is not None
+    found = fractional(amounts_of(search.model, root.solution.columns, root.solution.mixture))
+    assert found
+    assert all(isinstance(resource, Cells) for resource, _ in found)
+    assert all(1e-4 < amount % 1 < 1 - 1e-4 for _, amount in found)
+
+
+@pytest.mark.parametrize("name", ["corridor-tight", "bottleneck", "passage"])
+def test_plans_from_mixtures_obey_the_rules(name: str) -> None:
+    """Rounding, best pairs and diving give plans that the referee accepts."""
+    problem = load_scene(name, 1)
+    search = Search(compiled(problem))
+    root = root_relaxation(search)
+    for _ in range(3):
+        solution = root.master.solve()
+        for column in search.pricer(solution.duals).columns:
+            root.master.add(column)
+    found = [
+        improved(search.model, solution.columns, solution.mixture, root.master.arcs),
+        dive(search, root.master, solution),
+    ]
+    for plan in found:
+        assert plan is not None
+        verdict = check(problem, search.model.plan(plan.paths))
+        assert verdict.valid
+        assert verdict.reward == pytest.approx(plan.value)
+
+
+def test_a_best_response_avoids_the_others() -> None:
+    """It conflicts with none of them, and no other path of the robot is better."""
+    problem = tiny()
+    model = compiled(problem)
+    other = make_column(model, 1, (model.start(1),) * 3)
+    answer = best_response(model, 0, [other])
+    assert answer is not None
+    assert not in_conflict(model, answer, other)
+    rng = np.random.default_rng(0)
+    value = objective_of(model, [answer.path, other.path])
+    for _ in range(50):
+        column = make_column(model, 0, random_path(model, 0, rng))
+        if incumbent_of(model, [column, other]) is not None:
+            assert objective_of(model, [column.path, other.path]) <= value + 1e-9
+
+
+def test_a_mixture_is_split_by_group() -> None:
+    """Every column's roots come with its weight."""
+    problem = load_scene("corridor", 0)
+    columns = Search(compiled(problem)).first_columns()[:2]
+    mixture = np.array([0.25, 0.75])
+    parts = {group: (roots, amounts) for group, roots, amounts in seen_in(columns, mixture)}
+    assert set(parts) == {int(g) for c in columns for g in c.groups}
+    for group, (roots, amounts) in parts.items():
+        total = sum(
+            weight * float(np.sqrt(c.pixels[c.groups == group]).sum())
+            for c, weight in zip(columns, mixture.tolist(), strict=True)
+        )
+        assert float(roots @ amounts) == pytest.approx(total)
+    assert seen_in(columns, np.zeros(2)) == []
