@@ -165,7 +165,7 @@ def _potentials(points: FloatArray, mass: FloatArray, robots: int) -> FloatArray
     # Means concentrate: first those whose pixels are near what the mass has on the whole.
     mean = max(float(mass @ points**2), 1e-12)
     far = (pixels + mean) / (2 * math.sqrt(mean)) - norms
-    chosen = _smallest(far, GENERATED)
+    chosen = np.union1d(0, _smallest(far, GENERATED))  # with none, which is always within mass
     for _ in range(MOST_ROUNDS):
         solution = _transport(counts[chosen], norms[chosen], np.maximum(mass, LEAST_MASS))
         if solution is None:  # not to be expected; phi = 0 is valid and cuts nothing off
