@@ -1,14 +1,13 @@
 """What a planner or a solver returns, and why it stopped, in two words that do not mix."""
 
 import math
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
 from cocap_opt.plan import Plan
 from cocap_opt.stop import Limit
-
-NO_GAP = 1e-7  # px^0.5/m; J of a single face well seen is in the hundreds
 
 
 class UnsupportedError(ValueError):
@@ -46,10 +45,10 @@ class Result:
 
 
 def relative_gap(value: float, bound: float) -> float:
-    """(bound - value) / bound; infinite where one is infinite, 0 where they differ by NO_GAP.
+    """(bound - value) / bound; infinite where one is infinite.
 
-    The last is for plans that can see nothing: no solver proves a bound of exactly 0.
+    A bound of 0 is rounded up to the least positive number, which is no gap.
     """
     if not (math.isfinite(value) and math.isfinite(bound)):
         return math.inf
-    return 0.0 if abs(bound - value) <= NO_GAP else (bound - value) / bound
+    return (bound - value) / max(bound, sys.float_info.min)

@@ -39,7 +39,7 @@ from formulations.pricing import Priced
 from formulations.primal import incumbent_of, respond
 from formulations.proof import Branch, Leaf, ProofFile, price_proof
 from formulations.resources import Resource
-from formulations.result import OPTIMALITY, CertifiedResult, Report, no_bound, silent
+from formulations.result import OPTIMALITY, CertifiedResult, Report, only_start, silent
 
 METHOD = "branch-and-price"
 NEARLY_WHOLE = 1e-7  # amounts that count as whole where nothing else is left to branch on
@@ -89,7 +89,7 @@ def branch_and_price(
     model = compiled(problem)
     limit = model.prepare_all(stop)
     if limit is not Limit.NONE:
-        return no_bound(limit, time.perf_counter() - begin)
+        return only_start(problem, start, limit, time.perf_counter() - begin)
     search = Search(model, stop, report, begin)
     message = use_start(search, start)
     tree = _Tree(search, gap)
@@ -125,11 +125,12 @@ class _Tree:
             return Limit.NONE
         self._open(0)
         relaxation: Relaxation | None = root
+        stuck = Limit.NONE
         while self._queue:
             bound, number = heapq.heappop(self._queue)
             node = self._nodes[number]
             if -bound <= self.cutoff():
-                return Limit.NONE  # and so are all others
+                break  # and so are all others
             relaxation = relaxation if number == 0 else self._relaxation(node)
             assert relaxation is not None
             others = -self._queue[0][0] if self._queue else -np.inf
@@ -146,11 +147,13 @@ class _Tree:
                 # Nothing is clearly fractional: what is open is a matter of accuracy.
                 relaxation.solve(self.cutoff, 0.0, others, self.solved)
                 node.best = relaxation.best
+                if relaxation.limit not in (Limit.NONE, Limit.NUMERICS):
+                    return relaxation.limit
                 is_open = node.best.bound > self.cutoff()
                 if is_open and not self._branch(number, relaxation, NEARLY_WHOLE):
-                    return Limit.NUMERICS
+                    stuck = Limit.NUMERICS  # the node stays a leaf with the bound it has
             self.search.report(self.search.snapshot(self.bound, self.solved))
-        return Limit.NONE
+        return stuck
 
     @property
     def bound(self) -> float:

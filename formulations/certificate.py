@@ -204,7 +204,7 @@ def price(model: Model, certificate: Certificate, decisions: Sequence[Decision] 
     # Marginal gains at reference pixels z are differences of roots up to sqrt(z + c); the
     # constant holds w sqrt(z), so that what cancels is counted too.
     terms = (problem.horizon + 1) * (model.n_faces + 2) + len(charged.costs)
-    terms += 8 * len(problem.robots) + 64
+    terms += 8 * len(problem.robots) + 64 + 2 * offer.cuts
     rounding = 2 * terms * UNIT_ROUNDOFF / (1 - terms * UNIT_ROUNDOFF) * magnitude
     return Pricing(math.nextafter(total + rounding, math.inf), rounding)
 
@@ -215,6 +215,7 @@ class _Offer(NamedTuple):
     constant: float
     magnitude: float  # sum of the absolute values that the constant is made of
     pay: Callable[[IntArray, FloatArray], FloatArray]  # groups [n], pixels [n] -> before weights
+    cuts: int = 0  # how many there are
 
 
 class _Charged(NamedTuple):
@@ -269,9 +270,12 @@ def _offer_of_multipliers(model: Model, certificate: Multipliers) -> _Offer:
     beta = _array(model, certificate.beta, "certificate.beta")
     weights = group_weights(model.problem)
     cuts = _usable_cuts(model, certificate.cuts)
-    rest = np.ones_like(alpha)
+    shares: dict[int, list[float]] = {}
     for group, cut, _ in cuts:
-        rest[group] -= cut.share
+        shares.setdefault(group, []).append(-cut.share)
+    rest = np.ones_like(alpha)
+    for group, own_shares in shares.items():
+        rest[group] = math.nextafter(math.fsum([1.0, *own_shares]), math.inf)
     needed = np.flatnonzero((_visible_groups(model) > 0) & (alpha < rest))
     if (beta[needed] == 0).any():
         raise CertificateError("certificate.beta: must be > 0 where alpha < 1")
@@ -281,7 +285,7 @@ def _offer_of_multipliers(model: Model, certificate: Multipliers) -> _Offer:
     # What the cuts' constants are made of: norms of as many roots as there are robots.
     size = len(model.problem.robots)
     made_of = [
-        float(weights[group]) * cut.share * size * (cut.roots[-1] + max(cut.values))
+        float(weights[group]) * size * (cut.roots[-1] + cut.share * max(cut.values))
         for group, cut, _ in cuts
     ]
     by_group: dict[int, list[EnvelopeCut]] = {}
@@ -302,7 +306,7 @@ def _offer_of_multipliers(model: Model, certificate: Multipliers) -> _Offer:
                 paid[entries] += cut.share * envelope.phi(points, values, roots[entries])
         return paid
 
-    return _Offer(sum(terms), sum(terms) + sum(made_of), pay)
+    return _Offer(sum(terms), sum(terms) + sum(made_of), pay, len(cuts))
 
 
 def _usable_cuts(
@@ -324,7 +328,9 @@ def _usable_cuts(
             raise CertificateError(f"{field}.values: must hold a finite number >= 0 per root")
         if not 0 <= cut.share <= 1:
             raise CertificateError(f"{field}.share: must be 0..1, not {cut.share}")
-        if envelope.number_of_multisets(len(cut.roots), robots) > envelope.MOST_MULTISETS:
+        too_long = len(cut.roots) > envelope.MOST_POINTS
+        many = 0 if too_long else envelope.number_of_multisets(len(cut.roots), robots)
+        if too_long or many > envelope.MOST_MULTISETS:
             raise CertificateError(f"{field}.roots: too many for {robots} robots")
         constant = envelope.constant_of(np.array(cut.roots), np.array(cut.values), robots)
         found.append((cut.t * faces + cut.face, cut, constant))
@@ -335,7 +341,14 @@ def _offer_of_reference(model: Model, certificate: ReferencePixels) -> _Offer:
     pixels = _array(model, certificate.pixels, "certificate.pixels")
     roots = group_weights(model.problem) * np.sqrt(pixels)
     constant = math.fsum(roots.tolist())
-    return _Offer(constant, constant, lambda groups, seen: marginal_gain(pixels[groups], seen))
+    # Every gain is a difference of roots that may be as large as the constant's.
+    gains = len(model.problem.robots)
+    gains *= model.problem.horizon + 1 if model.problem.objective.over_time else 1
+
+    def pay(groups: IntArray, seen: FloatArray) -> FloatArray:
+        return marginal_gain(pixels[groups], seen)
+
+    return _Offer(constant, (gains + 1) * constant, pay)
 
 
 def _node_rewards(model: Model, group: RobotClass, offer: _Offer) -> FloatArray:

@@ -14,7 +14,7 @@ import numpy as np
 from cocap_opt.model import Model, compiled
 from cocap_opt.plan import Plan
 from cocap_opt.problem import FloatArray, Problem
-from cocap_opt.result import NO_GAP, Reason, relative_gap
+from cocap_opt.result import Reason, relative_gap
 from cocap_opt.reward import group_weights, no_pixels
 from cocap_opt.stop import Limit, Stop, never, seconds_left
 from formulations import envelope
@@ -31,13 +31,14 @@ from formulations.result import (
     CertifiedResult,
     Report,
     Snapshot,
-    no_bound,
+    only_start,
     silent,
     usable_start,
 )
 
 METHOD = "column-generation"
 ACCURACY = 2e-7  # of the bound: where bound and master agree to this, they have converged
+EXACT = 2e-8  # of what all robots see alone: no solver is more accurate than that
 INFEASIBLE = 1e-6  # of what all robots see alone: a bound so far below 0 proves it
 BROKEN = 1e-6  # uses of a resource in excess of the rule that are left alone
 LEAST_CUT = 2e-6  # of the bound: what an envelope cut must cut off
@@ -72,7 +73,8 @@ class Search:
         self.pricer = Pricer(self.model)
         self.largest = largest_roots(self.model)
         self.weights = group_weights(self.model.problem)
-        self.scale = max(1.0, self.alone().bound)
+        alone = self.alone().bound
+        self.scale = alone if 0 < alone < np.inf else 1.0
 
     @property
     def value(self) -> float:
@@ -97,8 +99,11 @@ class Search:
     def first_columns(self) -> list[Column]:
         """Each robot's best path given the earlier ones: with the rules, and ignoring them."""
         robots = range(len(self.model.problem.robots))
+        self.offer(self.hovering())
         obeying: list[Column] = []
         for robot in robots:
+            if self.stop() is not Limit.NONE:
+                break
             answer = best_response(self.model, robot, obeying)
             if answer is None:
                 break
@@ -106,6 +111,14 @@ class Search:
         if len(obeying) == len(robots):
             self.offer(incumbent_of(self.model, obeying))
         return [*obeying, *(() if self.incumbent is None else self.incumbent.columns)]
+
+    def hovering(self) -> Incumbent | None:
+        """The plan in which nobody moves: starts obey all rules. None where a goal is elsewhere."""
+        problem, model = self.model.problem, self.model
+        if any(r.goal not in (None, (r.start.x, r.start.y)) for r in problem.robots):
+            return None
+        stay = [(model.start(i),) * (problem.horizon + 1) for i in range(len(problem.robots))]
+        return incumbent_of(model, [make_column(model, i, path) for i, path in enumerate(stay)])
 
 
 @dataclass
@@ -268,7 +281,7 @@ def root_relaxation(search: Search) -> Relaxation:
     """The relaxation without decisions, with its first columns."""
     best = search.alone()
     # Twice what all robots can see is more than a broken rule can mostly bring.
-    master = Master(search.model, penalty=max(2 * best.bound, 1.0))
+    master = Master(search.model, penalty=2 * search.scale)
     for column in search.first_columns():
         master.add(column)
     for column in best.columns:
@@ -283,7 +296,7 @@ def cutoff_of(search: Search, gap: float) -> float:
     """
     if search.incumbent is None:
         return -INFEASIBLE * search.scale
-    return search.value + max(gap * search.value, NO_GAP / 2)
+    return search.value + max(gap * search.value, EXACT / 2 * search.scale)
 
 
 def use_start(search: Search, start: Plan | None) -> str:
@@ -314,7 +327,7 @@ def column_generation(
     model = compiled(problem)
     limit = model.prepare_all(stop)
     if limit is not Limit.NONE:
-        return no_bound(limit, time.perf_counter() - begin)
+        return only_start(problem, start, limit, time.perf_counter() - begin)
     search = Search(model, stop, report, begin)
     message = use_start(search, start)
     root = root_relaxation(search)
@@ -340,7 +353,7 @@ def result_of(
     """The result of a search: its plan, and the bound that a file proves."""
     reason = Reason.FINISHED if limit is Limit.NONE else Reason.STOPPED
     reached = relative_gap(search.value, file.proved)
-    if reached <= OPTIMALITY:
+    if reached <= OPTIMALITY or file.proved - search.value <= EXACT * search.scale:
         reason, limit = Reason.OPTIMAL, Limit.NONE
     elif file.proved < 0:  # J >= 0
         reason, limit = Reason.INFEASIBLE, Limit.NONE

@@ -36,6 +36,8 @@ def dive(search: Search, master: Master, solution: Solution) -> Incumbent | None
         decisions = (*decisions, *(Decision(r, "at least", k) for r, k in new.items()))
         master = _under(search, master, solution, decisions)
         solution = _priced_again(search, master)
+    if search.stop() is not Limit.NONE:
+        return None
     paths = whole_paths(search.model, solution.columns, solution.mixture)
     if paths is not None:
         made = [make_column(search.model, i, path) for i, path in enumerate(paths)]

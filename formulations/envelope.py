@@ -25,6 +25,7 @@ import numpy as np
 
 from cocap_opt.problem import FloatArray, IntArray
 
+MOST_POINTS = 64  # breakpoints of a cut
 MOST_MULTISETS = 50_000  # that a cut's constant is taken over
 SEPARATION_MULTISETS = 20_000  # that the separation looks at
 GENERATED = 60  # multisets taken into its linear program at a time
@@ -82,7 +83,7 @@ def number_of_multisets(points: int, size: int) -> int:
 def most_points(size: int, limit: int) -> int:
     """Largest number of breakpoints whose multisets stay within a limit; 0 where none does."""
     points = 0
-    while points < 64 and number_of_multisets(points + 1, size) <= limit:
+    while points < MOST_POINTS and number_of_multisets(points + 1, size) <= limit:
         points += 1
     return points
 
@@ -106,10 +107,10 @@ def phi(roots: FloatArray, values: FloatArray, at: FloatArray) -> FloatArray:
 
 
 def coupled(roots: FloatArray, amounts: FloatArray) -> float:
-    """Mean root that one way of giving the amounts to robots has: no cut is lower than this.
+    """Mean root that one way of giving the amounts to robots has: an estimate of the best cut.
 
     Amounts are dealt to SCENARIOS equal scenarios, large roots first, each to those that have
-    least so far. (For more scenarios than robots allow it is an estimate.)
+    least so far; that a scenario has no more elements than there are robots is not looked at.
     """
     sums = np.zeros(SCENARIOS)
     for k in np.argsort(-roots, kind="stable").tolist():
@@ -231,7 +232,9 @@ def _solver() -> "highspy.Highs":
 
 def _breakpoints(roots: FloatArray, amounts: FloatArray, largest: float, size: int) -> FloatArray:
     """At most `size` breakpoints: the largest root and the most used ones."""
-    points, which = np.unique(np.minimum(np.round(roots, 3), largest), return_inverse=True)
+    # Roots that differ by less than a millionth of the largest are one breakpoint.
+    shares = np.minimum(np.round(roots / largest, 6), 1.0)
+    points, which = np.unique(shares * largest, return_inverse=True)
     mass = np.bincount(which, amounts)
     top = largest * (1 + 1e-9)
     keep = points < top * (1 - 1e-3)

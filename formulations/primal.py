@@ -53,7 +53,7 @@ def improved(
     stop: Stop = never,
 ) -> Incumbent | None:
     """The best plan found from a mixture of columns; None if none was found."""
-    chosen = _rounded(model, columns, mixture)
+    chosen = _rounded(model, columns, mixture, stop)
     if chosen is None:
         return None
     return polished(model, respond(model, chosen, stop), arcs, stop)
@@ -107,7 +107,9 @@ def _with_best_pair(
     return incumbent_of(model, changed)
 
 
-def _rounded(model: Model, columns: Sequence[Column], mixture: FloatArray) -> list[Column] | None:
+def _rounded(
+    model: Model, columns: Sequence[Column], mixture: FloatArray, stop: Stop
+) -> list[Column] | None:
     """One column per robot without conflicts: the most used first, then best responses."""
     chosen: dict[int, Column] = {}
     for n in np.argsort(-mixture, kind="stable").tolist():
@@ -120,7 +122,8 @@ def _rounded(model: Model, columns: Sequence[Column], mixture: FloatArray) -> li
             chosen[column.robot] = column
     for robot in range(len(model.problem.robots)):
         if robot not in chosen:
-            answer = best_response(model, robot, list(chosen.values()))
+            late = stop() is not Limit.NONE
+            answer = None if late else best_response(model, robot, list(chosen.values()))
             if answer is None:
                 return None
             chosen[robot] = answer

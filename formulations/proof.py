@@ -7,7 +7,7 @@ largest of its leaves'.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Literal
 
 import msgspec
@@ -53,7 +53,7 @@ class ProofFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
         return -math.inf if self.bound is None else self.bound
 
 
-def leaves(proof: ProofFile) -> list[tuple[int, tuple[Decision, ...]]]:
+def leaves(proof: ProofFile) -> Iterator[tuple[int, tuple[Decision, ...]]]:
     """Numbers of the leaves, each with the decisions on the way to it.
 
     Raises
@@ -64,26 +64,31 @@ def leaves(proof: ProofFile) -> list[tuple[int, tuple[Decision, ...]]]:
     """
     if not 1 <= len(proof.nodes) <= MOST_NODES:
         raise CertificateError(f"nodes: must be 1..{MOST_NODES} nodes")
-    way: list[tuple[Decision, ...] | None] = [None] * len(proof.nodes)
-    way[0] = ()
-    found = []
+    parents: list[tuple[int, Decision] | None] = [None] * len(proof.nodes)
     for n, node in enumerate(proof.nodes):
-        decisions = way[n]
-        if decisions is None:
+        if n and parents[n] is None:
             raise CertificateError(f"nodes[{n}]: is the child of no branch before it")
-        if isinstance(node, Leaf):
-            found.append((n, decisions))
-            continue
-        for child in (node.at_most, node.at_least):
-            if not n < child < len(proof.nodes) or way[child] is not None:
-                raise CertificateError(f"nodes[{n}]: {child} cannot be its child")
-            decision = (
-                Decision(node.resource, "at most", node.robots)
-                if child == node.at_most
-                else Decision(node.resource, "at least", node.robots + 1)
+        if isinstance(node, Branch):
+            sides = (
+                (node.at_most, Decision(node.resource, "at most", node.robots)),
+                (node.at_least, Decision(node.resource, "at least", node.robots + 1)),
             )
-            way[child] = (*decisions, decision)
-    return found
+            for child, decision in sides:
+                if not n < child < len(proof.nodes) or parents[child] is not None:
+                    raise CertificateError(f"nodes[{n}]: {child} cannot be its child")
+                parents[child] = n, decision
+    for n, node in enumerate(proof.nodes):
+        if isinstance(node, Leaf):
+            yield n, _way(parents, n)
+
+
+def _way(parents: list[tuple[int, Decision] | None], n: int) -> tuple[Decision, ...]:
+    """Decisions from the root down to a node."""
+    decisions = []
+    while (parent := parents[n]) is not None:
+        n, decision = parent
+        decisions.append(decision)
+    return tuple(reversed(decisions))
 
 
 def price_proof(
@@ -97,15 +102,15 @@ def price_proof(
             if node.robots < 0:
                 raise CertificateError(f"nodes[{n}].robots: must be >= 0, not {node.robots}")
     worst = Pricing(-math.inf, 0.0)
-    found = leaves(proof)
-    for done, (n, decisions) in enumerate(found):
+    total = sum(isinstance(node, Leaf) for node in proof.nodes)
+    for done, (n, decisions) in enumerate(leaves(proof)):
         leaf = proof.nodes[n]
         assert isinstance(leaf, Leaf)
         try:
             worst = max(worst, price(model, leaf.certificate, decisions))
         except CertificateError as error:
             raise CertificateError(f"nodes[{n}].{error}") from error
-        progress(done + 1, len(found))
+        progress(done + 1, total)
     return worst
 
 

@@ -106,3 +106,14 @@ def bounded(
 def no_bound(limit: Limit, seconds: float) -> CertifiedResult:
     """What a method returns that was stopped before it had any bound."""
     return CertifiedResult(None, -math.inf, Reason.STOPPED, limit, seconds=seconds)
+
+
+def only_start(
+    problem: Problem, start: Plan | None, limit: Limit, seconds: float
+) -> CertifiedResult:
+    """What a method returns that was stopped before it could do more than look at its start."""
+    plan, message = usable_start(problem, start)
+    value = -math.inf if plan is None else check(problem, plan).reward
+    return CertifiedResult(
+        plan, value, Reason.STOPPED, limit, seconds=seconds, message=message
+    )  # fmt: skip

@@ -585,6 +585,25 @@ def test_cuts_that_are_none_are_refused(cut: EnvelopeCut, words: str) -> None:
         price(compiled(problem), certificate)
 
 
+def test_many_tiny_shares_do_not_get_lost_in_rounding() -> None:
+    """The same cut 20 000 times with a share that vanishes beside 1: the bound still holds."""
+    problem = tiny().replace(horizon=1)
+    problem = problem.replace(robots=problem.robots[:1])
+    best = optimum(problem).value
+    largest = largest_roots(compiled(problem)).reshape(2, -1)
+    shape = (2, len(problem.face_weights))
+    cuts = tuple(
+        EnvelopeCut(1, face, (float(root) * 1.001,), (0.0,), 0.501 * 2.0**-53)
+        for face, root in enumerate(largest[1].tolist())
+        for _ in range(4000 * (root > 0))
+    )
+    certificate = Multipliers(as_rows(np.ones(shape)), as_rows(np.zeros(shape)), cuts=cuts)
+    try:
+        assert price(compiled(problem), certificate).bound >= best
+    except CertificateError as error:
+        assert "beta" in str(error)
+
+
 def test_over_time_no_cut_holds() -> None:
     """A robot's views add up over the steps, so that a cut for single views may be wrong."""
     problem, file = small_certificate()

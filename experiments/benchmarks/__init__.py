@@ -1,1 +1,4 @@
-"""Benchmarks: ratios measured within one run. `python -m experiments.benchmarks`."""
+"""Benchmarks: `python -m experiments.benchmarks`, and its commands `solvers` and `growth`.
+
+What is measured is a ratio within one run, or a median over seeds: machines are slow and busy.
+"""

@@ -1,166 +1,109 @@
-"""Measure what the project promises about speed: `python -m experiments.benchmarks`.
+"""The command line of the benchmarks: `python -m experiments.benchmarks --help`."""
 
-Each figure is a median over repeated runs, printed with its target. Ratios compare two
-things done in the same process, so they hold on slow and busy machines; seconds do not.
-"""
-
-import json
-import os
-import resource
-import statistics
-import subprocess
+import math
 import sys
-import tempfile
-import time
-from collections.abc import Callable
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Annotated
 
-from rich.console import Console
-from rich.table import Table
+from cyclopts import App, CycloptsError, Parameter
 
-from cocap_opt.model import Model, compiled
-from cocap_opt.planners import PLANNERS
-from cocap_opt.reward import marginal_reward, no_pixels
-from cocap_opt.stop import never
-from scenarios import load_scene
+from cocap_opt.io import FileError
+from experiments.streams import say
 
-SEEDS = range(10)
-
-Figure = tuple[str, float, str, str]  # what, measured, unit, target
-
-
-def median_seconds(run: Callable[[], object], repeats: int) -> float:
-    """Median wall time of a call, after one call that is not counted."""
-    run()
-    times = []
-    for _ in range(repeats):
-        begin = time.perf_counter()
-        run()
-        times.append(time.perf_counter() - begin)
-    return statistics.median(times)
+app = App(
+    name="python -m experiments.benchmarks",
+    help="Measure what the project promises about speed.",
+    help_format="plaintext",
+    version_flags=[],
+    suppress_keyboard_interrupt=False,
+)
+Out = Annotated[Path | None, Parameter(help="folder for the results")]
+Seeds = Annotated[str | None, Parameter(help="such as 0-4; without it, each row has its own")]
 
 
-def in_new_process(code: str, repeats: int) -> tuple[float, float]:
-    """Median wall seconds of a Python program, and of starting Python alone."""
+@app.default
+def spine() -> int:
+    """Measure coverage, planners and the command line."""
+    from experiments.benchmarks.spine import print_figures
 
-    def run(program: str) -> Callable[[], object]:
-        return lambda: subprocess.run(
-            [sys.executable, "-c", program], check=True, capture_output=True
-        )
-
-    return median_seconds(run(code), repeats), median_seconds(run("pass"), repeats)
+    print_figures()
+    return 0
 
 
-def value_iteration_ratio() -> list[Figure]:
-    """A backward sweep on the corridor against copying its reward array."""
-    model = compiled(load_scene("corridor", 0))
-    group = model.classes[0]
-    reward = marginal_reward(model, group, no_pixels(model.problem))
-    # In turns, so that both meet the same noise.
-    ratios = [
-        median_seconds(lambda: group.graph.backward_sweep(reward), 50)
-        / median_seconds(reward.copy, 50)
-        for _ in range(11)
-    ]
-    ratio = statistics.median(ratios)
-    return [("value iteration / copying the reward array", ratio, "x", "< 20")]
+@app.command
+def solvers(
+    *,
+    rows: Annotated[
+        list[str] | None, Parameter(consume_multiple=True, help="which rows; without it, all")
+    ] = None,
+    seeds: Seeds = None,
+    limit: Annotated[
+        float | None,
+        Parameter(help="seconds: cuts the rows' limits short, and sets that of the comparisons"),
+    ] = None,
+    large: Annotated[
+        Path | None, Parameter(help="seq.yaml of Greedy Perspectives' scene `large`")
+    ] = None,
+    out: Out = None,
+) -> int:
+    """Measure bounds and exact methods against their targets and against the generic way.
+
+    Example: python -m experiments.benchmarks solvers --rows corridor cone-program --limit 20
+    """
+    from experiments.benchmarks.rows import Options
+    from experiments.benchmarks.solvers import solvers as measure
+    from experiments.benchmarks.tables import numbers
+
+    wanted = None if seeds is None else numbers("--seeds", seeds)
+    if limit is not None:
+        _require_positive(limit)
+    return 0 if measure(rows or [], Options(wanted, limit, large), out) else 1
 
 
-def coverage_seconds() -> list[Figure]:
-    """Coverage of all reachable states of the corridor, without the cache."""
-    problem = load_scene("corridor", 0)
+@app.command
+def growth(
+    *,
+    robots: str = "2,4,8,16,32,64",
+    steps: str = "8,16,32,64,80",
+    cells: str = "15,30,48,64,96",
+    seeds: Annotated[str, Parameter(help="medians are taken over them")] = "0-4",
+    limit: Annotated[float, Parameter(help="seconds for each run")] = 60.0,
+    out: Out = None,
+) -> int:
+    """Measure how column generation grows with robots, steps and cells.
 
-    def run() -> None:
-        model = Model(problem, use_cache=False)
-        model.coverage(model.classes[0])
+    Example: python -m experiments.benchmarks growth --seeds 0 --limit 20 --out growth
+    """
+    from experiments.benchmarks.growth import growth as measure
+    from experiments.benchmarks.tables import numbers
 
-    return [("coverage of the corridor", median_seconds(run, 5), "s", "< 3")]
-
-
-def joint_figures() -> list[Figure]:
-    """Joint value iteration on the corridor in a process of its own, for its memory."""
-    code = (
-        "import json, resource, time\n"
-        "from cocap_opt.model import compiled\n"
-        "from cocap_opt.planners import PLANNERS\n"
-        "from cocap_opt.stop import never\n"
-        "from scenarios import load_scene\n"
-        "problem = load_scene('corridor', 0)\n"
-        "model = compiled(problem)\n"
-        "model.coverage(model.classes[0])\n"
-        "begin = time.perf_counter()\n"
-        "result = PLANNERS['joint'](problem, never)\n"
-        "assert result.reason == 'optimal'\n"
-        "print(json.dumps([time.perf_counter() - begin,"
-        " resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6]))\n"
-    )
-    runs = [
-        json.loads(subprocess.run([sys.executable, "-c", code], check=True,
-                                  capture_output=True).stdout)
-        for _ in range(3)
-    ]  # fmt: skip
-    seconds, gigabytes = (statistics.median(column) for column in zip(*runs, strict=True))
-    return [
-        ("joint value iteration, corridor, both rules", seconds, "s", "< 5"),
-        ("... its memory", gigabytes, "GB", "< 2"),
-    ]
+    _require_positive(limit)
+    sizes = {
+        "robots": numbers("--robots", robots),
+        "steps": numbers("--steps", steps),
+        "cells": numbers("--cells", cells),
+    }
+    return 0 if measure(sizes, numbers("--seeds", seeds), limit, out) else 1
 
 
-def cocap_ratio() -> list[Figure]:
-    """CoCap with value iteration against sequential planning on the bottleneck."""
-    ratios = []
-    for seed in SEEDS:
-        problem = load_scene("bottleneck", seed)
-        model = compiled(problem)
-        for group in model.classes:
-            model.coverage(group)
-        cocap = median_seconds(lambda p=problem: PLANNERS["cocap"](p, never), 3)  # type: ignore[misc]
-        sequential = median_seconds(lambda p=problem: PLANNERS["sequential"](p, never), 3)  # type: ignore[misc]
-        ratios.append(cocap / sequential)
-    return [
-        ("CoCap / sequential, bottleneck, median of 10 seeds", statistics.median(ratios), "x",
-         "< 3 (paper: 8.3)"),
-        ("... the slowest seed", max(ratios), "x", ""),
-    ]  # fmt: skip
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command; returns 0, 1 where a row or a run failed, or 2 for wrong input."""
+    try:
+        code = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
+    except (CycloptsError, FileError) as error:
+        say(str(error))
+        return 2
+    except KeyboardInterrupt:
+        say("interrupted")
+        return 130
+    return int(code or 0)
 
 
-def command_seconds() -> list[Figure]:
-    """The command line: importing it, and the corridor's gap table."""
-    imports, bare = in_new_process("import experiments.commands", 5)
-    gap = "from experiments.cli import main; main(['gap', 'corridor', '--seeds', '0'])"
-    warm, _ = in_new_process(gap, 3)
-    with tempfile.TemporaryDirectory() as empty:
-        begin = time.perf_counter()
-        subprocess.run([sys.executable, "-c", gap], check=True, capture_output=True,
-                       env=os.environ | {"COCAP_OPT_CACHE": empty})  # fmt: skip
-        cold = time.perf_counter() - begin
-    return [
-        ("importing the command line", imports - bare, "s", "< 2"),
-        ("gap corridor --seeds 0", warm, "s", "< 10"),
-        ("... with an empty coverage cache", cold, "s", "< 10"),
-    ]
-
-
-BENCHMARKS = [
-    value_iteration_ratio,
-    coverage_seconds,
-    joint_figures,
-    cocap_ratio,
-    command_seconds,
-]
-
-
-def main() -> None:
-    """Run all benchmarks and print their figures."""
-    table = Table("figure", "measured", "target", title="benchmarks (medians; one thread)")
-    for benchmark in BENCHMARKS:
-        for what, value, unit, target in benchmark():
-            table.add_row(what, f"{value:.3g} {unit}", target)
-    Console(soft_wrap=True).print(table)
-    peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1e6
-    Console().print(f"largest process started: {peak:.2f} GB; Python {sys.version.split()[0]}")
+def _require_positive(limit: float) -> None:
+    if not (limit > 0 and math.isfinite(limit)):
+        raise FileError(f"--limit: must be positive, not {limit:g}")
 
 
 if __name__ == "__main__":
-    os.chdir(Path(__file__).parents[2])
-    main()
+    sys.exit(main())
