@@ -1,5 +1,8 @@
 """Bounds and exact optima. To add one: one file, and one line in a registry below."""
 
+from importlib import import_module
+from typing import Any
+
 from formulations.branch_and_price import branch_and_price
 from formulations.brute_force import brute_force
 from formulations.cheap import alone, online
@@ -9,13 +12,29 @@ from formulations.result import BoundMethod, CertifiedResult, ExactMethod
 __all__ = ["BOUNDS", "EXACT", "BoundMethod", "CertifiedResult", "ExactMethod"]
 
 
+def _lazy(module: str, function: str) -> Any:
+    """A method that is imported when it is first called: cvxpy and OR-tools take seconds."""
+
+    def method(*arguments: Any, **options: Any) -> CertifiedResult:
+        result: CertifiedResult = getattr(import_module(module), function)(*arguments, **options)
+        return result
+
+    return method
+
+
 BOUNDS: dict[str, BoundMethod] = {
     "alone": alone,
     "online": online,
+    "concave": _lazy("formulations.cone_program", "concave"),
+    "single-view": _lazy("formulations.cone_program", "single_view"),
+    "envelope": _lazy("formulations.cone_program", "envelope"),
     "column-generation": column_generation,
 }
 
 EXACT: dict[str, ExactMethod] = {
-    "branch-and-price": branch_and_price,
     "brute-force": brute_force,
+    "branch-and-price": branch_and_price,
+    "highs": _lazy("formulations.mathopt", "highs"),
+    "scip": _lazy("formulations.mathopt", "scip"),
+    "cp-sat": _lazy("formulations.cp_sat", "cp_sat"),
 }

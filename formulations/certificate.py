@@ -193,11 +193,13 @@ def price(model: Model, certificate: Certificate, decisions: Sequence[Decision] 
         best = [float(value[start]) for start in group.starts]
         if -math.inf in best:  # a robot without any path: there is no plan
             return Pricing(-math.inf, 0.0)
-        total += math.fsum(best)
+        total += sum(best)
         # The same with all numbers counted as positive: what a path's sum is made of.
         sizes = [(r, -abs(c) if math.isfinite(c) else c) for r, c in charged.costs]
         made_of = _plain_sweep(model, group, reward, charges_of(model, number, sizes))
-        magnitude += math.fsum(float(made_of[start]) for start in group.starts)
+        magnitude += sum(float(made_of[start]) for start in group.starts)
+    if not (math.isfinite(total) and math.isfinite(magnitude)):
+        raise CertificateError("certificate: too large, the bound is infinite")
     # Every number above is a sum of at most `terms` terms, each the result of a few
     # operations: the error is below gamma_n times the sum of absolute values (Higham,
     # Accuracy and Stability of Numerical Algorithms, 2002, section 3.1), doubled for safety.
@@ -354,11 +356,15 @@ def _offer_of_reference(model: Model, certificate: ReferencePixels) -> _Offer:
 def _node_rewards(model: Model, group: RobotClass, offer: _Offer) -> FloatArray:
     """What the certificate pays for being in a state [T+1, S]."""
     table = model.coverage(group)
-    paid = offer.pay(table.groups, table.pixels) * group_weights(model.problem)[table.groups]
-    if not np.isfinite(paid).all():
-        raise CertificateError("certificate: too large, the bound is infinite")
+    with np.errstate(over="ignore"):
+        paid = offer.pay(table.groups, table.pixels) * group_weights(model.problem)[table.groups]
     rewards = np.zeros((model.problem.horizon + 1, group.graph.n_states))
-    rewards.reshape(-1)[table.nodes] = table.row_sums(paid)
+    with np.errstate(over="ignore"):
+        rewards.reshape(-1)[table.nodes] = table.row_sums(paid)
+        # What no path can exceed: where this is finite, nothing in the sweep overflows.
+        largest = float(rewards.max(axis=1).sum())
+    if not (np.isfinite(paid).all() and math.isfinite(largest)):
+        raise CertificateError("certificate: too large, the bound is infinite")
     return rewards
 
 

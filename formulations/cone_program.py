@@ -79,7 +79,9 @@ def envelope(
     UnsupportedError
         If the scene is too large for a flow model (see `formulations.flow`).
     """
-    return relax(problem, stop, report, "envelope", violated_cuts)
+    # Over time a robot sees a group more than once, and no cut for single views holds.
+    cuts = no_cuts if problem.objective.over_time else violated_cuts
+    return relax(problem, stop, report, "envelope", cuts)
 
 
 class Point(NamedTuple):

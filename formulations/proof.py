@@ -99,17 +99,20 @@ def price_proof(
         if isinstance(node, Branch):
             if wrong := misuse(model, node.resource):
                 raise CertificateError(f"nodes[{n}].resource.{wrong}")
-            if node.robots < 0:
-                raise CertificateError(f"nodes[{n}].robots: must be >= 0, not {node.robots}")
+            most = len(model.problem.robots)
+            if not 0 <= node.robots <= most:
+                raise CertificateError(f"nodes[{n}].robots: must be 0..{most}")
     worst = Pricing(-math.inf, 0.0)
     total = sum(isinstance(node, Leaf) for node in proof.nodes)
     for done, (n, decisions) in enumerate(leaves(proof)):
         leaf = proof.nodes[n]
         assert isinstance(leaf, Leaf)
         try:
-            worst = max(worst, price(model, leaf.certificate, decisions))
+            pricing = price(model, leaf.certificate, decisions)
         except CertificateError as error:
             raise CertificateError(f"nodes[{n}].{error}") from error
+        if not pricing.bound <= worst.bound:
+            worst = pricing
         progress(done + 1, total)
     return worst
 

@@ -111,8 +111,11 @@ def no_bound(limit: Limit, seconds: float) -> CertifiedResult:
 def only_start(
     problem: Problem, start: Plan | None, limit: Limit, seconds: float
 ) -> CertifiedResult:
-    """What a method returns that was stopped before it could do more than look at its start."""
+    """What a method returns that was stopped at once: its start, or that nobody moves."""
     plan, message = usable_start(problem, start)
+    if plan is None and all(r.goal in (None, (r.start.x, r.start.y)) for r in problem.robots):
+        # Nobody moves: starts obey all rules.
+        plan = Plan(paths=tuple((r.start,) * (problem.horizon + 1) for r in problem.robots))
     value = -math.inf if plan is None else check(problem, plan).reward
     return CertifiedResult(
         plan, value, Reason.STOPPED, limit, seconds=seconds, message=message

@@ -133,8 +133,8 @@ def scene_of_plan(name_or_path: str, problem: Problem, plan: Plan) -> Problem:
     return problem
 
 
-def _starts(plan: Plan) -> list[State]:
-    return [path[0] for path in plan.paths]
+def _starts(plan: Plan) -> list[State | None]:
+    return [path[0] if path else None for path in plan.paths]
 
 
 def _problem_starts(problem: Problem) -> list[State]:

@@ -478,6 +478,34 @@ def test_a_proof_without_a_branching_row_is_refused() -> None:
         verify_proof(problem, msgspec.structs.replace(file, nodes=nodes))
 
 
+@pytest.mark.parametrize("size", [1e150, 1e300, 1e304, 1e306, 3e306, 1.7e308])
+def test_numbers_that_overflow_prove_nothing(size: float) -> None:
+    """Infinite rewards at closed places are no numbers: such a leaf must not be passed over."""
+    problem, file = small_proof()
+    root = file.nodes[1]
+    assert isinstance(root, Leaf)
+    huge = [[size for _ in row] for row in root.certificate.alpha]
+    for decisions in ((0.0,), (size,)):
+        leaf = Leaf(
+            msgspec.structs.replace(
+                root.certificate, alpha=as_rows(np.array(huge)), decisions=decisions
+            )
+        )
+        forged = msgspec.structs.replace(
+            file, nodes=(file.nodes[0], leaf, *file.nodes[2:]), bound=None
+        )
+        with pytest.raises(CertificateError):
+            verify_proof(problem, forged)
+        goal = problem.replace(robots=tuple(r.replace(goal=(0, 0)) for r in problem.robots))
+        alone = msgspec.structs.replace(
+            root.certificate, alpha=as_rows(np.array(huge)), decisions=()
+        )
+        try:
+            assert price(compiled(goal), alone).bound >= optimum(goal).value
+        except CertificateError as error:
+            assert "infinite" in str(error)
+
+
 def test_the_leaves_of_a_proof_carry_their_decisions() -> None:
     """From the root down, with the right side of each branch."""
     _, file = small_proof()

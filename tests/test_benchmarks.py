@@ -1,0 +1,208 @@
+import csv
+import math
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from cocap_opt.problem import Problem
+from cocap_opt.result import Reason
+from cocap_opt.stop import Limit, Stop
+from experiments.benchmarks import growth as growth_module
+from experiments.benchmarks import solvers as solvers_module
+from experiments.benchmarks.__main__ import main
+from experiments.benchmarks.figures import Figure, at_least, below
+from experiments.benchmarks.points import MEASURES, Point, exponent
+from experiments.benchmarks.rows import Options
+from experiments.benchmarks.runs import Moment, Run, RunError, measured, run, scene
+from formulations.branch_and_price import branch_and_price
+from formulations.result import CertifiedResult
+
+MADE = [Figure("seconds", 1.5, "s", below(2), below(1), note="a, note"), Figure("more", 3.0, "x")]
+
+
+def finished(seconds: float, limit: Limit = Limit.NONE) -> Run:
+    """A run that found its plan at once and lowered its bound twice."""
+    moments = (Moment(1.0, 90.0, 200.0), Moment(2.0, 90.0, 100.0), Moment(3.0, 99.5, 100.0))
+    return Run(moments, 99.5, 100.0, Reason.FINISHED, limit, seconds)
+
+
+def rows_of(path: Path) -> list[dict[str, str]]:
+    """Rows of a CSV file."""
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def replaced(monkeypatch: pytest.MonkeyPatch, **rows: Callable[[Options], list[Figure]]) -> None:
+    """Have the command know these rows only."""
+    monkeypatch.setattr(solvers_module, "ROWS", rows)
+
+
+def dying(problem: Problem, stop: Stop) -> CertifiedResult:
+    """A method that ends its process."""
+    raise SystemExit(3)
+
+
+def test_solvers_command_measures_a_row(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """A real row runs in processes of its own, is printed, and is in the CSV file."""
+    assert main(["solvers", "--rows", "corridor", "--seeds", "0", "--out", str(tmp_path)]) == 0
+    rows = rows_of(tmp_path / "solvers.csv")
+    assert {row["row"] for row in rows} == {"corridor"}
+    figures = {row["figure"]: row for row in rows}
+    assert figures["proved optima"]["value"] == "1"
+    assert figures["proved optima"]["met"] == "must"
+    assert math.isfinite(float(figures["median seconds to proof"]["value"]))
+    printed = capsys.readouterr()
+    assert "median seconds to proof" in printed.out and "< 0.3 s" in printed.out
+    assert "corridor seed 0: optimal" in printed.err
+
+
+def test_a_row_that_fails_stops_no_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> None:
+    """It says why; what was measured before it and after it is there; the exit code is 1."""
+
+    def failing(options: Options) -> list[Figure]:
+        raise RunError("out of luck")
+
+    replaced(monkeypatch, first=lambda o: MADE, bad=failing, last=lambda o: MADE)
+    assert main(["solvers", "--out", str(tmp_path)]) == 1
+    rows = rows_of(tmp_path / "solvers.csv")
+    assert [row["row"] for row in rows] == ["first", "first", "bad", "last", "last"]
+    assert "out of luck" in rows[2]["note"]
+    assert [row["met"] for row in rows[:2]] == ["must", ""]
+    assert "out of luck" in capsys.readouterr().out
+
+
+def test_the_file_is_whole_after_each_row(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An interrupt in a later row leaves the earlier ones, and no other file."""
+
+    def interrupted(options: Options) -> list[Figure]:
+        raise KeyboardInterrupt
+
+    replaced(monkeypatch, first=lambda o: MADE, second=interrupted)
+    assert main(["solvers", "--out", str(tmp_path)]) == 130
+    assert [row["row"] for row in rows_of(tmp_path / "solvers.csv")] == ["first", "first"]
+    assert [path.name for path in tmp_path.iterdir()] == ["solvers.csv"]
+
+
+def test_rows_measured_alone_join_those_of_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A row is replaced where it is measured again; the file keeps the others."""
+    replaced(monkeypatch, one=lambda o: MADE, two=lambda o: MADE[:1])
+    for names in (["two"], ["one"], ["two"]):
+        assert main(["solvers", "--rows", *names, "--out", str(tmp_path)]) == 0
+    assert [r["row"] for r in rows_of(tmp_path / "solvers.csv")] == ["one", "one", "two"]
+
+
+def test_large_is_skipped_without_its_file(capsys: pytest.CaptureFixture) -> None:
+    """The scene is not ours to bring: the row says what it needs, which is no failure."""
+    assert main(["solvers", "--rows", "large"]) == 0
+    assert "--large FILE" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (["solvers", "--rows", "nonsense"], "nonsense"),
+        (["solvers", "--seeds", "a-b"], "--seeds"),
+        (["solvers", "--limit", "0"], "--limit"),
+        (["growth", "--robots", ""], "--robots"),
+        (["growth", "--limit", "nan"], "--limit"),
+    ],
+)
+def test_wrong_options_are_named(
+    arguments: list[str], named: str, capsys: pytest.CaptureFixture
+) -> None:
+    """Wrong input is one line that names it, before any work, and exit code 2."""
+    assert main(arguments) == 2
+    assert named in capsys.readouterr().err
+
+
+def test_growth_writes_table_and_figure(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> None:
+    """Each size on each axis is a row with the exponents, and the figure is a picture.
+
+    What the limit stopped is counted, and left out of the fit.
+    """
+
+    def made(build: partial[Problem], method: object, seconds: float) -> Run:
+        steps, robots = build.keywords["steps"], build.keywords["robots"]
+        return finished(0.1 * steps * robots**2, Limit.TIME if steps == 64 else Limit.NONE)
+
+    monkeypatch.setattr(growth_module, "run", made)
+    arguments = ["growth", "--robots", "2,4,8", "--steps", "8,16,32,64", "--cells", "15,30,48"]
+    assert main([*arguments, "--seeds", "0-1", "--out", str(tmp_path)]) == 0
+    rows = rows_of(tmp_path / "growth.csv")
+    assert [row["axis"] for row in rows] == ["robots"] * 3 + ["steps"] * 4 + ["cells"] * 3
+    slopes = {row["axis"]: float(row["exponent_of_seconds"]) for row in rows}
+    assert slopes == pytest.approx({"robots": 2, "steps": 1, "cells": 0}, abs=1e-9)
+    assert [row["at_limit"] for row in rows[3:7]] == ["0", "0", "0", "2"]
+    assert (tmp_path / "growth.png").read_bytes().startswith(b"\x89PNG")
+    assert "fitted exponents" in capsys.readouterr().out
+
+
+def test_growth_outlives_a_failed_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A size that fails is left out, said by the exit code, and all others are there."""
+
+    def made(build: partial[Problem], method: object, seconds: float) -> Run:
+        if build.keywords["robots"] == 4:
+            raise RunError("its process died")
+        return finished(1.0)
+
+    monkeypatch.setattr(growth_module, "run", made)
+    arguments = ["growth", "--robots", "2,4", "--steps", "8", "--cells", "15", "--seeds", "0"]
+    assert main([*arguments, "--out", str(tmp_path)]) == 1
+    sizes = [(row["axis"], row["size"]) for row in rows_of(tmp_path / "growth.csv")]
+    assert sizes == [("robots", "2"), ("steps", "8"), ("cells", "15")]
+    assert (tmp_path / "growth.png").exists()
+
+
+def test_a_process_that_dies_is_an_error_in_words() -> None:
+    """Also one that says nothing before it ends."""
+    with pytest.raises(RunError, match="exit code 3"):
+        run(partial(scene, "corridor", 0, 2), dying, 1.0)
+
+
+def test_a_run_is_judged_and_traced() -> None:
+    """Truncated scenes are proved as a whole; each improvement is a moment before the end."""
+    result = measured(partial(scene, "corridor", 0, 3), branch_and_price, 10.0)
+    assert result.reason is Reason.OPTIMAL
+    assert result.value <= result.bound
+    assert result.seconds_to_gap(0.5) <= result.moments[-1].seconds <= result.seconds
+    assert result.seconds_to_proof == result.seconds
+
+
+def test_what_a_run_says_of_its_course() -> None:
+    """Gaps and times come from the moments, and from the end where they came only there."""
+    late = finished(10.0)
+    assert late.gap_after(0.5) == math.inf
+    assert late.gap_after(2.5) == pytest.approx(0.1)
+    assert late.gap_after(10.0) == pytest.approx(0.005)
+    assert late.seconds_to_gap(0.2) == 2.0
+    assert late.seconds_to_gap(0.01) == 3.0
+    assert late.seconds_to_gap(0.001) == math.inf
+    assert late.seconds_to_bound(150.0) == 2.0
+    assert late.seconds_to_bound(99.0) == math.inf
+    assert late.seconds_to_proof == math.inf
+
+
+def test_exponents_are_those_of_power_laws() -> None:
+    """The slope is exact on a power law, and unknown from two sizes."""
+    points = [Point("robots", n, (finished(0.5 * n**1.5),)) for n in (2, 8, 32)]
+    assert exponent(points, MEASURES["seconds"]) == pytest.approx(1.5)
+    assert math.isnan(exponent(points[:2], MEASURES["seconds"]))
+    stopped = Point("robots", 64, (finished(1.0, Limit.TIME),))
+    assert exponent([*points, stopped], MEASURES["seconds"]) == pytest.approx(1.5)
+
+
+def test_targets() -> None:
+    """The most that is met is named; a number that is missing meets nothing."""
+    assert Figure("", 0.1, "s", below(2), below(1)).met == "moonshot"
+    assert Figure("", 1.5, "s", below(2), below(1)).met == "must"
+    assert Figure("", math.inf, "s", below(2), below(1)).met == "missed"
+    assert Figure("", math.nan, "x", at_least(50)).met == "missed"
+    assert Figure("", 3.0, "s").met == ""

@@ -1,0 +1,339 @@
+import math
+import subprocess
+import sys
+import time
+from itertools import product
+
+import numpy as np
+import pytest
+from brute_force import all_paths, objective_from_scratch, optimum
+from hypothesis import given
+from hypothesis import strategies as st
+from strategies import examples, meetings, problems, tiny
+
+from cocap_opt.check import check
+from cocap_opt.model import compiled
+from cocap_opt.plan import Plan
+from cocap_opt.problem import NO_RULES, Problem
+from cocap_opt.result import Reason, UnsupportedError
+from cocap_opt.stop import Limit, TimeLimit, never
+from formulations import mathopt, scip_nonlinear
+from formulations.certificate import verify
+from formulations.column_generation import column_generation
+from formulations.cp_sat import cp_sat
+from formulations.cp_sat import solve as solve_by_cp_sat
+from formulations.flow import by_class, by_robot
+from formulations.mathopt import Worker, highs, scip
+from formulations.outer_approximation import (
+    Answer,
+    Call,
+    Program,
+    Solver,
+    certified_root,
+    no_root,
+    outer_approximation,
+)
+from formulations.result import OPTIMALITY, CertifiedResult, ExactMethod, Snapshot, silent
+from scenarios import load_scene
+
+MILPS: dict[str, ExactMethod] = {"highs": highs, "scip": scip, "cp-sat": cp_sat}
+needs_pyscipopt = pytest.mark.skipif(
+    not scip_nonlinear.available(), reason="PySCIPOpt is not installed (extra pyscipopt)"
+)
+ALL = [*MILPS, pytest.param("scip-nonlinear", marks=needs_pyscipopt)]
+METHODS = MILPS | {"scip-nonlinear": scip_nonlinear.scip_nonlinear}
+
+
+@pytest.mark.parametrize("method", ALL)
+@examples(8)
+@given(problem=st.one_of(problems(), meetings(), meetings(3)))
+def test_milps_equal_brute_force(method: str, problem: Problem) -> None:
+    """plan <= optimum <= bound; "optimal" is optimal and "infeasible" is infeasible."""
+    best, result = optimum(problem), METHODS[method](problem)
+    assert result.reason is (Reason.INFEASIBLE if best.plan is None else Reason.OPTIMAL)
+    assert result.bound >= best.value
+    if best.plan is None:
+        assert result.plan is None and result.value == -math.inf
+    else:
+        assert result.value == pytest.approx(best.value, rel=OPTIMALITY, abs=1e-9)
+        assert check(problem, result.plan).valid
+        assert objective_from_scratch(problem, result.plan) == pytest.approx(result.value)
+        # CP-SAT's numbers are rounded up; those of the others are real.
+        slack = 0.0 if method == "cp-sat" else 1e-6
+        assert best.value * (1 - slack) <= result.statistics.get("solver_bound", math.inf) + 1e-9
+    if result.certificate:
+        assert verify(problem, result.certificate).bound == result.bound
+
+
+@examples(10)
+@given(problem=st.one_of(problems(), meetings(3)))
+def test_one_flow_per_class_has_the_optimum_of_one_per_robot(problem: Problem) -> None:
+    """Aggregating the robots of a class changes no optimum; nor does the generic way."""
+    results = [
+        outer_approximation(
+            problem, never, None, silent, OPTIMALITY, solve_by_cp_sat, no_root, split
+        )
+        for split in (by_class, by_robot)
+    ]
+    assert results[0].reason is results[1].reason
+    assert results[0].value == pytest.approx(results[1].value, rel=2 * OPTIMALITY, abs=1e-8)
+    assert results[0].bound == math.inf and results[0].certificate is None
+
+
+# -- starts ------------------------------------------------------------------------------------
+
+
+def stay(problem: Problem) -> Plan:
+    """Nobody moves."""
+    return Plan(paths=tuple((robot.start,) * (problem.horizon + 1) for robot in problem.robots))
+
+
+@pytest.mark.parametrize("method", ALL)
+def test_a_start_is_where_it_begins(method: str) -> None:
+    """A plan that is given is the first value that is reported, and the optimum is found."""
+    problem, seen = load_scene("tiny-trap"), list[Snapshot]()
+    result = METHODS[method](problem, never, stay(problem), seen.append)
+    assert seen[0].value == check(problem, stay(problem)).reward
+    assert [s.value for s in seen] == sorted(s.value for s in seen)
+    assert (result.reason, result.message) == (Reason.OPTIMAL, "")
+    assert result.value == pytest.approx(optimum(problem).value)
+
+
+@pytest.mark.parametrize("method", ALL)
+def test_a_start_that_breaks_a_rule_is_rejected_in_words(method: str) -> None:
+    """The message says what is wrong with it; the solver goes on without."""
+    problem = load_scene("tiny-trap")
+    path = (problem.robots[0].start, problem.robots[1].start)
+    crash = Plan(paths=(path, (problem.robots[1].start,) * 2))
+    result = METHODS[method](problem, never, crash)
+    assert result.message.startswith("start rejected: ")
+    assert result.reason is Reason.OPTIMAL
+    assert result.value == pytest.approx(optimum(problem).value)
+
+
+# -- limits ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("method", ALL)
+def test_no_time_at_all(method: str) -> None:
+    """A time limit of 0 gives the start back, or nothing, and no exception."""
+    problem = tiny()
+    for start in (None, stay(problem)):
+        result = METHODS[method](problem, TimeLimit(0), start)
+        assert (result.reason, result.limit) == (Reason.STOPPED, Limit.TIME)
+        assert result.plan == start
+        assert result.value == (check(problem, start).reward if start else -math.inf)
+        assert result.bound >= optimum(problem).value
+
+
+class After:
+    """Ctrl-C so many seconds after the first question."""
+
+    def __init__(self, seconds: float) -> None:
+        self._seconds, self._begin = seconds, math.inf
+
+    def __call__(self) -> Limit:
+        """Say whether it was pressed."""
+        self._begin = min(self._begin, time.monotonic())
+        late = time.monotonic() > self._begin + self._seconds
+        return Limit.INTERRUPT if late else Limit.NONE
+
+
+@pytest.mark.parametrize("method", ALL)
+def test_an_interrupt_ends_a_long_solve(method: str) -> None:
+    """Ctrl-C gives the best plan so far, soon, though the solver would go on for long."""
+    problem = load_scene("corridor").replace(horizon=4)
+    certified_root(problem, never)  # so that coverage and imports are not measured
+    begin = time.monotonic()
+    result = METHODS[method](problem, After(0.3), stay(problem))
+    assert (result.reason, result.limit) == (Reason.STOPPED, Limit.INTERRUPT)
+    assert time.monotonic() - begin < 6.0
+    assert result.plan is not None and check(problem, result.plan).valid
+    assert result.value >= check(problem, stay(problem)).reward
+    assert result.bound < math.inf
+
+
+@pytest.mark.parametrize("method", ["highs", "scip"])
+def test_a_time_limit_ends_a_solve(method: str) -> None:
+    """Solvers get the time that is left, and the result says that it was too little."""
+    problem = load_scene("bottleneck").replace(horizon=4)
+    result = METHODS[method](problem, TimeLimit(1.0), stay(problem))
+    assert (result.reason, result.limit) == (Reason.STOPPED, Limit.TIME)
+    assert result.plan is not None
+
+
+# -- solvers that fail or lie ------------------------------------------------------------------
+
+
+def solved_by(solver: Solver, problem: Problem, start: Plan | None = None) -> CertifiedResult:
+    """Result of outer approximation with some function as its solver."""
+    return outer_approximation(problem, never, start, silent, OPTIMALITY, solver, no_root)
+
+
+def test_a_bound_below_a_known_plan_is_not_believed() -> None:
+    """What a solver claims is refuted by any plan that has more."""
+    problem = load_scene("tiny-trap")
+
+    def liar(program: Program, call: Call) -> Answer:
+        return Answer(None, None, 1.0)
+
+    def denier(program: Program, call: Call) -> Answer:
+        return Answer(None, None, -math.inf)
+
+    for solver in (liar, denier):
+        result = solved_by(solver, problem, stay(problem))
+        assert (result.reason, result.limit) == (Reason.STOPPED, Limit.NUMERICS)
+        assert "a plan has J" in result.message
+    # The root's own plan refutes as well, though it is not taken over.
+    result = outer_approximation(problem, never, None, silent, OPTIMALITY, denier)
+    assert (result.reason, result.plan) == (Reason.STOPPED, None)
+
+
+def test_solutions_that_are_none_are_dropped() -> None:
+    """A solution that is not whole, or whose robots collide, is no plan."""
+    problem = load_scene("tiny-queue")
+    model = compiled(problem)
+
+    def half(program: Program, call: Call) -> Answer:
+        flow = program.flow
+        x, y = np.full(flow.n_nodes, 0.4), np.full(flow.n_edges, 0.4)
+        return Answer(x, y, 1e6, Limit.NUMERICS, message="half a robot")
+
+    def crash(program: Program, call: Call) -> Answer:
+        paths = product(*(all_paths(problem, robot) for robot in range(2)))
+        plans = (Plan(paths=pair) for pair in paths)
+        colliding = next(plan for plan in plans if check(problem, plan).conflicts)
+        x, y = program.flow.amounts(model.paths(colliding))
+        return Answer(x, y, 1e6, Limit.NUMERICS)
+
+    for solver in (half, crash):
+        result = solved_by(solver, problem)
+        assert (result.reason, result.limit) == (Reason.STOPPED, Limit.NUMERICS)
+        assert result.plan is None and result.value == -math.inf
+
+
+def test_a_gap_that_does_not_close_ends_the_search() -> None:
+    """A solver whose bound stays open at its own solution is not asked for ever."""
+    problem, asked = load_scene("tiny-trap"), []
+
+    def lazy(program: Program, call: Call) -> Answer:
+        asked.append(call.tolerance)
+        x, y = program.flow.amounts(compiled(problem).paths(stay(problem)))
+        return Answer(x, y, 1e6)
+
+    result = solved_by(lazy, problem)
+    assert (result.reason, result.limit) == (Reason.STOPPED, Limit.NUMERICS)
+    assert result.plan == stay(problem)
+    assert asked == sorted(asked, reverse=True) and len(asked) < 30
+
+
+def test_what_goes_wrong_in_the_solvers_process_is_told() -> None:
+    """A request that no solver takes is an answer, and the process goes on."""
+    from ortools.math_opt import parameters_pb2, rpc_pb2
+
+    unknown = rpc_pb2.SolveRequest(
+        solver_type=parameters_pb2.SolverTypeProto.Value("SOLVER_TYPE_GUROBI")
+    )
+    problem = load_scene("tiny-trap")
+    with Worker() as worker:
+        for _ in range(2):
+            data, limit = worker.solve(unknown.SerializeToString(), never, lambda: None)
+            assert limit is Limit.NONE
+
+            def told(program: Program, call: Call, data: bytes | None = data) -> Answer:
+                return mathopt.answer_of(program, data, Limit.NONE)
+
+            result = solved_by(told, problem)
+            assert result.limit is Limit.NUMERICS and "the solver failed" in result.message
+        # And one that ends the process.
+        data, _ = worker.solve(b"\xff", never, lambda: None)
+        assert data is None
+
+
+def test_a_proof_at_the_time_limit_is_not_believed() -> None:
+    """HiGHS calls its start optimal, with no bound, where its time ends in the root node."""
+    problem, answers = load_scene("tiny-trap"), list[Answer]()
+    with Worker() as worker:
+
+        def solver(program: Program, call: Call) -> Answer:
+            data, _ = worker.solve(mathopt.request_of("HIGHS", program, call), never, call.tick)
+            late = mathopt.answer_of(program, data, Limit.TIME)
+            answers.append(late)
+            return late
+
+        result = solved_by(solver, problem, stay(problem))
+    assert (result.reason, result.limit) == (Reason.STOPPED, Limit.TIME)
+    assert answers[0].bound == math.inf and answers[0].x is not None
+    assert result.value > check(problem, stay(problem)).reward
+
+
+def test_cp_sat_does_not_cut_the_optimum_off() -> None:
+    """Presolve of CP-SAT 9.15 does, with its default parameters: or-tools issue 5293."""
+    problem = load_scene("corridor").replace(horizon=2)
+    result = solved_by(solve_by_cp_sat, problem)
+    assert result.reason is Reason.OPTIMAL
+    assert result.value == pytest.approx(column_generation(problem).value, rel=OPTIMALITY)
+
+
+# -- special cases -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("method", ALL)
+def test_a_robot_without_a_path_is_a_proof(method: str) -> None:
+    """There is no plan where one robot cannot reach its goal; the certificate says so."""
+    problem = tiny().replace(horizon=1)
+    robots = tuple(robot.replace(goal=(0, 0)) for robot in problem.robots)
+    result = METHODS[method](problem.replace(robots=robots))
+    assert (result.reason, result.bound) == (Reason.INFEASIBLE, -math.inf)
+
+
+@pytest.mark.parametrize("method", ALL)
+def test_several_robots_in_one_state(method: str) -> None:
+    """Without rules any number of robots may share a state, from the start on."""
+    problem = tiny().replace(rules=NO_RULES)
+    crowd = problem.replace(robots=(problem.robots[0],) * 3)
+    result = METHODS[method](crowd)
+    assert result.value == pytest.approx(optimum(crowd).value, rel=OPTIMALITY)
+
+
+def test_a_coarse_gap_is_enough_where_it_is_asked_for() -> None:
+    """`gap` says when to stop."""
+    problem = load_scene("tiny-trap")
+    result = cp_sat(problem, never, stay(problem), silent, 0.9)
+    assert result.reason is Reason.OPTIMAL
+    assert result.value >= 0.1 * optimum(problem).value
+
+
+def test_scip_nonlinear_says_what_it_needs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without PySCIPOpt the method is refused in words."""
+    monkeypatch.setattr(scip_nonlinear, "available", lambda: False)
+    with pytest.raises(UnsupportedError, match="pyscipopt"):
+        scip_nonlinear.scip_nonlinear(tiny())
+
+
+IMPORTS = {
+    "cvxpy": "import cvxpy as cp; x = cp.Variable(2, nonneg=True); "
+    "p = cp.Problem(cp.Maximize(cp.sum(x)), [x <= 3]); "
+    "assert abs(p.solve(solver=cp.HIGHS) - 6) < 1e-6; "
+    "assert abs(p.solve(solver=cp.CLARABEL) - 6) < 1e-6",
+    "ortools": "from ortools.math_opt.python import mathopt as m; q = m.Model(); "
+    "y = q.add_integer_variable(lb=0, ub=2.5); q.maximize(y); "
+    "assert m.solve(q, m.SolverType.HIGHS).objective_value() == 2; "
+    "assert m.solve(q, m.SolverType.GSCIP).objective_value() == 2; "
+    "from ortools.sat.python import cp_model; c = cp_model.CpModel(); v = c.new_int_var(0, 5, ''); "
+    "c.maximize(v); s = cp_model.CpSolver(); s.solve(c); assert s.objective_value == 5",
+    "highspy": "import highspy; h = highspy.Highs(); h.setOptionValue('output_flag', False); "
+    "z = h.addVariable(ub=4.0); h.maximize(z); assert h.getObjectiveValue() == 4",
+}
+
+
+@pytest.mark.parametrize(
+    "order", [("cvxpy", "highspy", "ortools"), ("ortools", "highspy", "cvxpy")]
+)
+def test_solvers_bear_one_another_in_one_process(order: tuple[str, ...]) -> None:
+    """cvxpy's HiGHS and OR-tools' clashed where highspy was 1.15; hence the pin."""
+    script = "\n".join(IMPORTS[name] for name in (*order, *order))
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr

@@ -1,0 +1,328 @@
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from brute_force import all_paths, optimum
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from strategies import examples, meetings, problems, tiny
+
+from cocap_opt.check import broken_rules
+from cocap_opt.model import Model, Path, compiled
+from cocap_opt.problem import (
+    NO_RULES,
+    PAPER_RULES,
+    CollisionRules,
+    HeightMap,
+    Motion,
+    Objective,
+    Problem,
+    Robot,
+    State,
+)
+from cocap_opt.result import Reason, UnsupportedError
+from cocap_opt.reward import objective_of
+from cocap_opt.stop import Limit, TimeLimit, never
+from formulations import flow as flows
+from formulations.certificate import verify
+from formulations.cone_program import concave, envelope, no_cuts, relax, single_view
+from formulations.envelope import best_cut
+from formulations.flow import Flow, by_class, by_robot, conflict_rows, make_flow
+from formulations.resources import misruled, misuse
+from formulations.result import Snapshot, silent
+from scenarios import load_scene
+
+RELAXATIONS = {"concave": concave, "single-view": single_view, "envelope": envelope}
+ACCURACY = {"rel": 1e-4, "abs": 1e-3}  # of an interior-point solution, certified
+
+
+def any_problem() -> st.SearchStrategy[Problem]:
+    """Small problems of all kinds, half of them with robots in one another's way."""
+    return st.one_of(problems(), meetings(), meetings(3))
+
+
+@examples(25)
+@given(problem=any_problem())
+def test_relaxations_are_ordered_and_above_the_optimum(problem: Problem) -> None:
+    """concave >= single view >= envelope >= optimum, each proved by its certificate."""
+    best = optimum(problem)
+    bounds = []
+    for relaxation in RELAXATIONS.values():
+        result = relaxation(problem)
+        assert result.bound >= best.value
+        assert result.reason in (Reason.FINISHED, Reason.INFEASIBLE)
+        if result.reason is Reason.INFEASIBLE:
+            assert best.plan is None
+        assert verify(problem, result.certificate).bound == result.bound
+        bounds.append(result.bound)
+    if min(bounds) > 0:
+        for weaker, stronger in pairwise(bounds):
+            assert weaker >= stronger * (1 - ACCURACY["rel"]) - ACCURACY["abs"]
+
+
+@examples(10)
+@given(problem=any_problem())
+def test_one_flow_per_class_is_as_tight_as_one_per_robot(problem: Problem) -> None:
+    """Aggregating the robots of a class loses nothing, with and without single-view cuts."""
+    for single in (False, True):
+        results = [
+            relax(problem, never, silent, "test", no_cuts, single, split)
+            for split in (by_class, by_robot)
+        ]
+        assert results[0].reason is results[1].reason
+        if results[0].bound > 0:
+            assert results[0].bound == pytest.approx(results[1].bound, **ACCURACY)
+
+
+@examples(10)
+@given(problem=problems(robots=st.just(1)))
+def test_single_view_cuts_are_exact_for_one_robot(problem: Problem) -> None:
+    """For one robot the relaxation with single-view cuts is the shortest-path polytope."""
+    best = optimum(problem).value
+    for relaxation in (single_view, envelope):
+        bound = relaxation(problem).bound
+        if math.isfinite(best):
+            assert bound == pytest.approx(best, rel=1e-5, abs=1e-4)
+        else:
+            assert bound < 0
+
+
+@examples(10)
+@given(problem=problems(robots=st.sampled_from([2, 3]), goals=False), face=st.integers(0, 4))
+def test_one_face_at_one_step_leaves_no_gap(problem: Problem, face: int) -> None:
+    """Cells that robots can share out at one step form a transversal matroid.
+
+    So the plan that takes the best cells one after the other has the most pixels of all
+    mixtures, and even the plain relaxation is exact. (With more faces or steps it is not, be
+    there ever so few robots: an envelope is exact for each root, not for their sum.)
+    """
+    assume(problem.actors)
+    weights = np.eye(len(problem.actors[0].face_weights))[face % 3].tolist()
+    one = problem.robots[0]
+    alone = problem.replace(
+        horizon=1,
+        actors=(problem.actors[0].replace(weights=tuple(weights)),),
+        robots=tuple(one.replace(start=robot.start) for robot in problem.robots),
+        rules=PAPER_RULES,
+        objective=Objective(),
+    ) if same_states(problem) else None  # fmt: skip
+    assume(alone is not None)
+    best = optimum(alone).value
+    for relaxation in RELAXATIONS.values():
+        assert relaxation(alone).bound == pytest.approx(best, rel=1e-5, abs=1e-4)
+
+
+def same_states(problem: Problem) -> bool:
+    """Whether all robots' starts are states of the first, and no two in one cell."""
+    cells = [problem.cell(i, robot.start) for i, robot in enumerate(problem.robots)]
+    alike = len({(robot.motion, robot.camera) for robot in problem.robots}) == 1
+    return alike and len(set(cells)) == len(cells)
+
+
+@examples(40)
+@given(
+    roots=st.lists(st.floats(0.5, 40.0), min_size=1, max_size=9, unique=True),
+    shares=st.lists(st.floats(0.01, 1.0), min_size=9, max_size=9),
+    total=st.floats(0.1, 2.0),
+)
+def test_the_envelope_of_two_robots_is_the_antitone_coupling(
+    roots: list[float], shares: list[float], total: float
+) -> None:
+    """The best of one robot meets the worst of the other: no mixture of pairs has more."""
+    points = np.sort(np.array(roots))
+    assume(len(points) == 1 or np.diff(points).min() > 0.05)
+    amounts = np.array(shares[: len(points)])
+    amounts *= total / amounts.sum()
+    cut = best_cut(points, amounts, float(points[-1]), 2)
+    assert cut is not None
+    # Each of the two has half of the amounts; what is left over sees nothing.
+    values = np.append(0.0, points)
+    ends = np.cumsum(np.append(2.0 - total, amounts)) / 2
+    steps = np.unique(np.clip(np.concatenate([[0.0], ends, 1 - ends, [1.0]]), 0, 1))
+    middle = (steps[1:] + steps[:-1]) / 2
+    upper = values[np.minimum(np.searchsorted(ends, middle), len(points))]
+    lower = values[np.minimum(np.searchsorted(ends, 1 - middle), len(points))]
+    expected = float((np.diff(steps) * np.hypot(upper, lower)).sum())
+    assert cut[2] == pytest.approx(expected, rel=1e-3)
+    assert cut[2] >= expected * (1 - 1e-6)
+
+
+# -- flows -------------------------------------------------------------------------------------
+
+
+def flow_of(problem: Problem) -> Flow:
+    """Flow of a problem."""
+    flow, limit = make_flow(compiled(problem))
+    assert flow is not None and limit is Limit.NONE
+    return flow
+
+
+def random_paths(model: Model, rng: np.random.Generator) -> list[Path] | None:
+    """A path for each robot, whatever the rules; None where one has none."""
+    chosen = []
+    for robot in range(len(model.problem.robots)):
+        paths = all_paths(model.problem, robot)
+        if not paths:
+            return None
+        graph = model.class_of[robot].graph
+        path = paths[int(rng.integers(len(paths)))]
+        chosen.append(tuple(graph.index(state) for state in path))
+    return chosen
+
+
+@examples(30)
+@given(problem=any_problem(), seed=st.integers(0, 1000))
+def test_paths_and_flows_go_over_into_one_another(problem: Problem, seed: int) -> None:
+    """A flow's paths begin where the robots do, have its J and break rules where its rows do."""
+    model, rng = compiled(problem), np.random.default_rng(seed)
+    flow = flow_of(problem)
+    paths = random_paths(model, rng)
+    assert flow.serves_all == (paths is not None)
+    assume(paths is not None)
+    x, y = flow.amounts(paths)
+    assert (flow.entering @ y + flow.supply == x).all()
+    again = flow.paths(y)
+    assert [path[0] for path in again] == [model.start(i) for i in range(len(again))]
+    assert objective_of(model, again) == pytest.approx(objective_of(model, paths))
+    rows = conflict_rows(flow)
+    used = np.concatenate([rows.at_nodes @ x, rows.crossing @ y])
+    for plan in (model.plan(paths), model.plan(again)):
+        assert bool(broken_rules(problem, plan)) == bool((used > 1).any())
+    for row in range(len(used)):
+        resource = rows.resource(row)
+        assert not misuse(model, resource) and not misruled(problem, resource)
+
+
+def test_a_fractional_flow_of_whole_nodes_is_made_whole() -> None:
+    """Half stay and half change places: a robot's path takes one way, the one that pays."""
+    motion = Motion(headings=1)
+    robots = (Robot(start=State(0, 0), motion=motion), Robot(start=State(1, 0), motion=motion))
+    problem = Problem(
+        name="pair", height_map=HeightMap(heights=np.zeros((2, 1))), robots=robots, actors=(),
+        horizon=1, rules=NO_RULES, objective=Objective(stationarity=1.0),
+    )  # fmt: skip
+    flow, model = flow_of(problem), compiled(problem)
+    stay = tuple((model.start(i), model.start(i)) for i in range(2))
+    change = tuple((model.start(i), model.start(1 - i)) for i in range(2))
+    x, half = (flow.amounts(stay)[k] / 2 + flow.amounts(change)[k] / 2 for k in range(2))
+    assert flow.paths(half, x) == stay
+    with pytest.raises(ValueError, match="whole"):
+        flow.paths(half * 0.4)
+
+
+@pytest.mark.parametrize("cells", [0.0, 1.2, 1.6, 2.1, 2.9, 3.7])
+def test_separation_rows_hold_every_pair_that_is_too_close(cells: float) -> None:
+    """Cliques are laid over all cells, so that any two that conflict are in one of them."""
+    camera, motion = tiny().robots[0].camera, Motion(headings=1, layers=(5.0, 11.0), radius=6)
+    problem = Problem(
+        name="wide", height_map=HeightMap(heights=np.zeros((6, 5)), resolution=4.0), actors=(),
+        robots=tuple(
+            Robot(start=State(*at), motion=motion, camera=camera) for at in ((0, 0), (5, 4))
+        ),
+        horizon=1, rules=CollisionRules(swap=False, separation=4.0 * cells),
+    )  # fmt: skip
+    flow = flow_of(problem)
+    rows = conflict_rows(flow).at_nodes.toarray() > 0
+    last = np.flatnonzero(flow.steps == 1)
+    for n in last:
+        for m in last:
+            a, b = flow.cell(int(flow.places[n])), flow.cell(int(flow.places[m]))
+            together = bool((rows[:, n] & rows[:, m]).any())
+            assert together == problem.too_close(a, b)
+
+
+def test_large_scenes_are_refused_in_words(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A flow model says what it takes before it fills the memory."""
+    monkeypatch.setattr(flows, "MOST_EDGES", 10)
+    with pytest.raises(UnsupportedError, match="at most 10 edges"):
+        single_view(tiny())
+    monkeypatch.undo()
+    monkeypatch.setattr(flows, "MOST_ENTRIES", 1)
+    problem = tiny().replace(rules=CollisionRules(separation=5.0))
+    with pytest.raises(UnsupportedError, match="separation rows"):
+        single_view(problem)
+
+
+# -- limits ------------------------------------------------------------------------------------
+
+
+class Calls:
+    """A limit that is reached when it has been asked so many times."""
+
+    def __init__(self, most: int) -> None:
+        self.left = most
+
+    def __call__(self) -> Limit:
+        """Count down."""
+        self.left -= 1
+        return Limit.TIME if self.left < 0 else Limit.NONE
+
+
+@pytest.mark.parametrize("method", RELAXATIONS)
+def test_wherever_it_is_stopped_there_is_a_certified_bound(method: str) -> None:
+    """A limit ends every part of the work, building included, with a bound and no exception."""
+    problem = load_scene("tiny-share")
+    best, calls = optimum(problem).value, 0
+    while True:
+        result = RELAXATIONS[method](problem, Calls(calls))
+        assert result.bound >= best
+        if result.reason is Reason.FINISHED:
+            break
+        assert (result.reason, result.limit) == (Reason.STOPPED, Limit.TIME)
+        calls += 1
+    assert calls > 5
+
+
+@pytest.mark.parametrize("method", RELAXATIONS)
+def test_no_time_at_all(method: str) -> None:
+    """With a time limit of 0 the reason is the limit."""
+    problem = tiny()
+    result = RELAXATIONS[method](problem, TimeLimit(0))
+    assert (result.reason, result.limit) == (Reason.STOPPED, Limit.TIME)
+    assert result.bound >= optimum(problem).value
+
+
+def test_progress_never_goes_back() -> None:
+    """Each round reports its bound; the last is the result's."""
+    seen: list[Snapshot] = []
+    result = envelope(load_scene("tiny-trap"), never, None, seen.append)
+    bounds = [snapshot.bound for snapshot in seen]
+    assert bounds == sorted(bounds, reverse=True) and bounds[-1] == result.bound
+
+
+# -- special cases -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("method", RELAXATIONS)
+def test_nothing_to_see_and_nowhere_to_go(method: str) -> None:
+    """No actors: the bound is the stationarity's. No path for a robot: there is no plan."""
+    problem = tiny()
+    empty = problem.replace(actors=())
+    assert RELAXATIONS[method](empty).bound == pytest.approx(0.0, abs=1e-6)
+    still = empty.replace(objective=Objective(stationarity=2.0))
+    assert RELAXATIONS[method](still).bound == pytest.approx(8.0)
+    robots = tuple(robot.replace(goal=(0, 0)) for robot in problem.robots)
+    result = RELAXATIONS[method](problem.replace(horizon=1, robots=robots))
+    assert (result.bound, result.reason) == (-math.inf, Reason.INFEASIBLE)
+
+
+@pytest.mark.parametrize("method", RELAXATIONS)
+def test_faces_of_no_weight_do_not_count(method: str) -> None:
+    """A weight of 0 takes a face out of the bound, all of them everything."""
+    problem = tiny()
+    blind = problem.actors[0].replace(weights=(0.0,) * 5)
+    assert RELAXATIONS[method](problem.replace(actors=(blind,))).bound == pytest.approx(
+        0.0, abs=1e-6
+    )
+    counted = problem.replace(objective=Objective(count_start=True))
+    assert RELAXATIONS[method](counted).bound >= optimum(counted).value
+
+
+def test_rows_that_no_flow_obeys_prove_that_there_is_no_plan() -> None:
+    """Where two robots must end in one cell, a negative bound says so."""
+    problem = tiny().replace(horizon=2)
+    robots = tuple(robot.replace(goal=(0, 2)) for robot in problem.robots)
+    crowded = problem.replace(robots=robots, rules=PAPER_RULES)
+    assert optimum(crowded).plan is None
+    assert single_view(crowded).reason is Reason.INFEASIBLE
