@@ -4,7 +4,8 @@ Robots with the same motion, camera and goal form a class: they differ only in t
 share one graph and one coverage table, and one sweep prices them all.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -42,6 +43,7 @@ class Model:
     ----------
     classes : the robot classes
     class_of : [R] class of each robot
+    is_apart : whether every robot is a class of its own, though others may be like it
     """
 
     def __init__(self, problem: Problem, use_cache: bool = True) -> None:
@@ -50,12 +52,25 @@ class Model:
         self._geometry = FaceGeometry(problem)
         self._tables: dict[tuple[Motion, Camera], CoverageTable] = {}
         self.progress: Callable[[int, int], None] = lambda done, total: None
+        self.is_apart = False
         members: dict[tuple[object, ...], list[int]] = {}
         for i, robot in enumerate(problem.robots):
             members.setdefault((robot.motion, robot.camera, robot.goal), []).append(i)
-        self.classes = tuple(self._make_class(robots) for robots in members.values())
+        self._divide(members.values())
+
+    def apart(self) -> "Model":
+        """The same model with every robot as a class of its own; coverage is shared."""
+        other = copy(self)
+        other.__dict__.pop("cells", None)
+        other.is_apart = True
+        other._divide([i] for i in range(len(self.problem.robots)))
+        return other
+
+    def _divide(self, classes: Iterable[list[int]]) -> None:
+        """Put the robots into classes."""
+        self.classes = tuple(self._make_class(robots) for robots in classes)
         of = {i: group for group in self.classes for i in group.robots}
-        self.class_of = tuple(of[i] for i in range(len(problem.robots)))
+        self.class_of = tuple(of[i] for i in range(len(self.problem.robots)))
 
     def _make_class(self, robots: list[int]) -> RobotClass:
         spec = self.problem.robots[robots[0]]
@@ -168,3 +183,9 @@ def _sight(group: RobotClass) -> tuple[Motion, Camera]:
 def compiled(problem: Problem) -> Model:
     """The model of a problem, made once per process."""
     return Model(problem)
+
+
+@lru_cache(maxsize=8)
+def compiled_apart(problem: Problem) -> Model:
+    """The same, with every robot as a class of its own."""
+    return compiled(problem).apart()

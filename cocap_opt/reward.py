@@ -97,3 +97,12 @@ def spread(model: Model, group: RobotClass, values: FloatArray) -> FloatArray:
     reward = group.graph.no_reward(model.problem.horizon)
     reward.reshape(-1)[model.coverage(group).nodes] = values
     return reward
+
+
+def largest_roots(model: Model) -> FloatArray:
+    """Largest root of the pixels of one robot, by class and group [C, G], px^0.5/m."""
+    largest = np.zeros((len(model.classes), len(group_weights(model.problem))))
+    for row, group in zip(largest, model.classes, strict=True):
+        table = model.coverage(group)
+        np.maximum.at(row, table.groups, table.pixels)
+    return np.sqrt(largest)

@@ -28,7 +28,7 @@ from formulations.column_generation import (
     Search,
     cutoff_of,
     result_of,
-    root_relaxation,
+    solved_root,
     use_start,
 )
 from formulations.diving import dive
@@ -95,6 +95,7 @@ def branch_and_price(
     tree = _Tree(search, gap)
     limit = tree.grow()
     proof = tree.proof(problem)
+    search = tree.search
     return result_of(search, proof, limit, gap, message, {
         "nodes": tree.solved, "leaves": sum(isinstance(n, Leaf) for n in proof.nodes),
         "columns": search.columns, "iterations": tree.iterations,
@@ -119,24 +120,23 @@ class _Tree:
 
     def grow(self) -> Limit:
         """Solve the open nodes, the largest bound first."""
-        root = root_relaxation(self.search)
-        self._nodes = [Node((), root.best, None)]
-        if root.best.bound == -np.inf:
-            return Limit.NONE
+        root = solved_root(self.search, self._gap / 2, ROUGH)
+        self.search = root.search
+        self._nodes = [Node((), root.best, None, solved=True)]
+        self.solved, self.iterations = 1, root.iterations
         self._open(0)
-        relaxation: Relaxation | None = root
         stuck = Limit.NONE
         while self._queue:
             bound, number = heapq.heappop(self._queue)
             node = self._nodes[number]
             if -bound <= self.cutoff():
                 break  # and so are all others
-            relaxation = relaxation if number == 0 else self._relaxation(node)
-            assert relaxation is not None
             others = -self._queue[0][0] if self._queue else -np.inf
-            relaxation.solve(self.cutoff, ROUGH, others, self.solved)
-            self.solved, node.solved = self.solved + 1, True
-            self.iterations += relaxation.iterations
+            relaxation = root if number == 0 else self._relaxation(node)
+            if number:
+                relaxation.solve(self.cutoff, ROUGH, others, self.solved)
+                self.solved, node.solved = self.solved + 1, True
+                self.iterations += relaxation.iterations
             node.best, node.inherited = relaxation.best, None
             limit = relaxation.limit
             if limit not in (Limit.NONE, Limit.NUMERICS):
@@ -233,6 +233,7 @@ class _Tree:
             scene=problem.name,
             digest=problem_digest(problem),
             method=METHOD,
+            classes="single" if model.is_apart else "alike",
             bound=None,
             nodes=tuple(nodes),
         )

@@ -12,8 +12,9 @@ one (alpha, beta) per group (t, face) and a multiplier mu >= 0 per conflict row,
                                                  + stationarity - mu on rows used ].
 
 A share theta of a group's root may be bounded by an envelope cut instead (formulations.
-envelope): r <= constant + sum phi(sqrt(c_i)). Then only rho = 1 - sum theta is left for
-alpha and beta, and kappa = max(0, rho - alpha)^2 / (4 beta).
+envelope): r <= constant + sum phi_k(i)(sqrt(c_i)), with one phi_k per class k of robots. Then
+only rho = 1 - sum theta is left for alpha and beta, and kappa = max(0, rho - alpha)^2 /
+(4 beta).
 
 Decisions "at most k" or "at least k robots use this" of a branch-and-price tree are rows as
 well; multipliers nu >= 0 make them +nu k or -nu k, and a charge or a reward on the use.
@@ -41,6 +42,7 @@ from cocap_opt.problem import FloatArray, IntArray, Problem
 from cocap_opt.reward import group_weights, marginal_gain
 from cocap_opt.timegraph import NO_CHARGES, Charges
 from formulations import envelope
+from formulations.envelope import Cut
 from formulations.resources import Resource, charges_of, misruled, misuse
 
 UNIT_ROUNDOFF = 2.0**-53
@@ -75,13 +77,20 @@ class Decision(_Part, frozen=True):
         return 1 if self.sense == "at most" else -1
 
 
+class Curve(_Part, frozen=True):
+    """Function phi of one class of robots: linear between breakpoints, then of slope 1."""
+
+    robots: int  # number of the class
+    roots: tuple[float, ...]  # [K] breakpoints > 0, increasing, px^0.5/m
+    values: tuple[float, ...]  # [K] phi at them, >= 0
+
+
 class EnvelopeCut(_Part, frozen=True):
-    """A function phi that bounds the root of group (t, face); its constant is recomputed."""
+    """Functions phi that bound the root of group (t, face); the constant is recomputed."""
 
     t: int
     face: int
-    roots: tuple[float, ...]  # [K] breakpoints > 0, increasing, px^0.5/m
-    values: tuple[float, ...]  # [K] phi at them, >= 0
+    curves: tuple[Curve, ...]  # of classes in increasing order; the others have phi(s) = s
     share: float  # theta
 
 
@@ -103,6 +112,10 @@ class ReferencePixels(_Part, frozen=True, tag="reference"):
 
 Certificate = Multipliers | ReferencePixels
 
+# What numbers of classes in a file count: robots that differ only in their start are one
+# class, or every robot is a class of its own.
+Classes = Literal["alike", "single"]
+
 
 class CertificateFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """A certificate with the bound it claims and the digest of its scene."""
@@ -112,6 +125,7 @@ class CertificateFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, k
     scene: str
     digest: str  # of the problem
     method: str
+    classes: Classes = "alike"
     bound: float | None  # None: -infinity, there is no plan
     certificate: Certificate
 
@@ -141,9 +155,16 @@ def certify(problem: Problem, model: Model, method: str, certificate: Certificat
         scene=problem.name,
         digest=problem_digest(problem),
         method=method,
+        classes="single" if model.is_apart else "alike",
         bound=None if bound == -math.inf else bound,
         certificate=certificate,
     )
+
+
+def model_of(problem: Problem, classes: Classes) -> Model:
+    """A problem compiled anew for checking, its coverage computed and not taken from a cache."""
+    model = Model(problem, use_cache=False)
+    return model.apart() if classes == "single" else model
 
 
 def verify(problem: Problem, file: CertificateFile) -> Pricing:
@@ -156,7 +177,7 @@ def verify(problem: Problem, file: CertificateFile) -> Pricing:
     """
     if file.digest != problem_digest(problem):
         raise CertificateError("digest: the certificate belongs to another scene")
-    pricing = price(Model(problem, use_cache=False), file.certificate)
+    pricing = price(model_of(problem, file.classes), file.certificate)
     if not pricing.bound <= file.proved:
         raise CertificateError(
             f"bound: claims {file.proved!r}, but the multipliers prove only {pricing.bound!r}"
@@ -188,7 +209,7 @@ def price(model: Model, certificate: Certificate, decisions: Sequence[Decision] 
     if not math.isfinite(magnitude):
         raise CertificateError("certificate: multipliers too large, the bound is infinite")
     for number, group in enumerate(model.classes):
-        reward = _node_rewards(model, group, offer)
+        reward = _node_rewards(model, number, offer)
         value = _plain_sweep(model, group, reward, charges_of(model, number, charged.costs))
         best = [float(value[start]) for start in group.starts]
         if -math.inf in best:  # a robot without any path: there is no plan
@@ -216,7 +237,8 @@ class _Offer(NamedTuple):
 
     constant: float
     magnitude: float  # sum of the absolute values that the constant is made of
-    pay: Callable[[IntArray, FloatArray], FloatArray]  # groups [n], pixels [n] -> before weights
+    # Number of a class, groups [n], pixels [n] -> what it is paid for them, before weights.
+    pay: Callable[[int, IntArray, FloatArray], FloatArray]
     cuts: int = 0  # how many there are
 
 
@@ -271,10 +293,10 @@ def _offer_of_multipliers(model: Model, certificate: Multipliers) -> _Offer:
     alpha = _array(model, certificate.alpha, "certificate.alpha")
     beta = _array(model, certificate.beta, "certificate.beta")
     weights = group_weights(model.problem)
-    cuts = _usable_cuts(model, certificate.cuts)
+    cuts = usable_cuts(model, certificate.cuts)
     shares: dict[int, list[float]] = {}
-    for group, cut, _ in cuts:
-        shares.setdefault(group, []).append(-cut.share)
+    for cut, share in cuts:
+        shares.setdefault(cut.group, []).append(-share)
     rest = np.ones_like(alpha)
     for group, own_shares in shares.items():
         rest[group] = math.nextafter(math.fsum([1.0, *own_shares]), math.inf)
@@ -283,39 +305,37 @@ def _offer_of_multipliers(model: Model, certificate: Multipliers) -> _Offer:
         raise CertificateError("certificate.beta: must be > 0 where alpha < 1")
     kappa = (rest[needed] - alpha[needed]) ** 2 / (4 * beta[needed])
     terms = (weights[needed] * kappa).tolist()
-    terms += [float(weights[group]) * cut.share * constant for group, cut, constant in cuts]
+    terms += [float(weights[cut.group]) * share * cut.constant for cut, share in cuts]
     # What the cuts' constants are made of: norms of as many roots as there are robots.
-    size = len(model.problem.robots)
     made_of = [
-        float(weights[group]) * size * (cut.roots[-1] + cut.share * max(cut.values))
-        for group, cut, _ in cuts
+        float(weights[cut.group])
+        * len(model.classes[number].robots)
+        * float(curve.roots.max(initial=0.0) + curve.values.max(initial=0.0))
+        for cut, _ in cuts
+        for number, curve in cut.curves.items()
     ]
-    by_group: dict[int, list[EnvelopeCut]] = {}
-    for group, cut, _ in cuts:
-        by_group.setdefault(group, []).append(cut)
+    by_group: dict[int, list[tuple[Cut, float]]] = {}
+    for cut, share in cuts:
+        by_group.setdefault(cut.group, []).append((cut, share))
 
-    def pay(groups: IntArray, pixels: FloatArray) -> FloatArray:
+    def pay(number: int, groups: IntArray, pixels: FloatArray) -> FloatArray:
         roots = np.sqrt(pixels)
         paid: FloatArray = alpha[groups] * roots + beta[groups] * pixels
         order = np.argsort(groups, kind="stable")
         bounds = np.searchsorted(groups[order], np.arange(len(alpha) + 1))
         for group, own in by_group.items():
             entries = order[bounds[group] : bounds[group + 1]]
-            for cut in own:
-                if len(entries) and roots[entries].max() > cut.roots[-1]:
-                    raise CertificateError("certificate.cuts: roots end below what can be seen")
-                points, values = np.array(cut.roots), np.array(cut.values)
-                paid[entries] += cut.share * envelope.phi(points, values, roots[entries])
+            for cut, share in own:
+                paid[entries] += share * cut.phi(number, roots[entries])
         return paid
 
     return _Offer(sum(terms), sum(terms) + sum(made_of), pay, len(cuts))
 
 
-def _usable_cuts(
-    model: Model, cuts: tuple[EnvelopeCut, ...]
-) -> list[tuple[int, EnvelopeCut, float]]:
-    """Cuts with the number of their group and the constant that makes them valid."""
-    steps, faces, robots = model.problem.horizon + 1, model.n_faces, len(model.problem.robots)
+def usable_cuts(model: Model, cuts: tuple[EnvelopeCut, ...]) -> list[tuple[Cut, float]]:
+    """Cuts with the constants that make them valid, and their shares."""
+    steps, faces = model.problem.horizon + 1, model.n_faces
+    sizes = tuple(len(group.robots) for group in model.classes)
     if cuts and model.problem.objective.over_time:
         raise CertificateError("certificate.cuts: none hold where pixels add up over time")
     found = []
@@ -323,20 +343,33 @@ def _usable_cuts(
         field = f"certificate.cuts[{n}]"
         if not (0 <= cut.t < steps and 0 <= cut.face < faces):
             raise CertificateError(f"{field}: there is no group ({cut.t}, {cut.face})")
-        points = (0.0, *cut.roots)
-        if len(points) < 2 or not all(a < b < math.inf for a, b in pairwise(points)):
-            raise CertificateError(f"{field}.roots: must be > 0, finite and increasing")
-        if len(cut.values) != len(cut.roots) or not all(0 <= v < math.inf for v in cut.values):
-            raise CertificateError(f"{field}.values: must hold a finite number >= 0 per root")
         if not 0 <= cut.share <= 1:
             raise CertificateError(f"{field}.share: must be 0..1, not {cut.share}")
-        too_long = len(cut.roots) > envelope.MOST_POINTS
-        many = 0 if too_long else envelope.number_of_multisets(len(cut.roots), robots)
-        if too_long or many > envelope.MOST_MULTISETS:
-            raise CertificateError(f"{field}.roots: too many for {robots} robots")
-        constant = envelope.constant_of(np.array(cut.roots), np.array(cut.values), robots)
-        found.append((cut.t * faces + cut.face, cut, constant))
+        numbers = (-1, *(curve.robots for curve in cut.curves), len(sizes))
+        if not all(a < b for a, b in pairwise(numbers)):
+            raise CertificateError(
+                f"{field}.curves: robots must be increasing, 0..{len(sizes) - 1}"
+            )
+        for k, curve in enumerate(cut.curves):
+            _check_curve(curve, f"{field}.curves[{k}]")
+        curves = {
+            curve.robots: envelope.Curve(np.array(curve.roots), np.array(curve.values))
+            for curve in cut.curves
+        }
+        if envelope.work_of(curves, sizes) > envelope.MOST_WORK:
+            raise CertificateError(f"{field}.curves: too many roots for so many robots")
+        constant = envelope.constant_of(curves, sizes)
+        found.append((Cut(cut.t * faces + cut.face, curves, constant), cut.share))
     return found
+
+
+def _check_curve(curve: Curve, field: str) -> None:
+    """Refuse a curve that is no function."""
+    points = (0.0, *curve.roots)
+    if len(points) < 2 or not all(a < b < math.inf for a, b in pairwise(points)):
+        raise CertificateError(f"{field}.roots: must be > 0, finite and increasing")
+    if len(curve.values) != len(curve.roots) or not all(0 <= v < math.inf for v in curve.values):
+        raise CertificateError(f"{field}.values: must hold a finite number >= 0 per root")
 
 
 def _offer_of_reference(model: Model, certificate: ReferencePixels) -> _Offer:
@@ -347,17 +380,21 @@ def _offer_of_reference(model: Model, certificate: ReferencePixels) -> _Offer:
     gains = len(model.problem.robots)
     gains *= model.problem.horizon + 1 if model.problem.objective.over_time else 1
 
-    def pay(groups: IntArray, seen: FloatArray) -> FloatArray:
+    def pay(number: int, groups: IntArray, seen: FloatArray) -> FloatArray:
         return marginal_gain(pixels[groups], seen)
 
     return _Offer(constant, (gains + 1) * constant, pay)
 
 
-def _node_rewards(model: Model, group: RobotClass, offer: _Offer) -> FloatArray:
-    """What the certificate pays for being in a state [T+1, S]."""
+def _node_rewards(model: Model, number: int, offer: _Offer) -> FloatArray:
+    """What the certificate pays a class for being in a state [T+1, S]."""
+    group = model.classes[number]
     table = model.coverage(group)
     with np.errstate(over="ignore"):
-        paid = offer.pay(table.groups, table.pixels) * group_weights(model.problem)[table.groups]
+        paid = (
+            offer.pay(number, table.groups, table.pixels)
+            * group_weights(model.problem)[table.groups]
+        )
     rewards = np.zeros((model.problem.horizon + 1, group.graph.n_states))
     with np.errstate(over="ignore"):
         rewards.reshape(-1)[table.nodes] = table.row_sums(paid)

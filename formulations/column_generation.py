@@ -7,7 +7,7 @@ mixture is a source of plans (`primal`).
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -15,17 +15,17 @@ from cocap_opt.model import Model, compiled
 from cocap_opt.plan import Plan
 from cocap_opt.problem import FloatArray, Problem
 from cocap_opt.result import Reason, relative_gap
-from cocap_opt.reward import group_weights, no_pixels
+from cocap_opt.reward import group_weights, largest_roots, no_pixels
 from cocap_opt.stop import Limit, Stop, never, seconds_left
 from formulations import envelope
 from formulations.certificate import CertificateFile, Decision, certify
 from formulations.duals import Duals, blended
-from formulations.envelope import Cut
+from formulations.envelope import Cut, Seen
 from formulations.master import Column, Master, Solution, make_column
-from formulations.pricing import Priced, Pricer, largest_roots
+from formulations.pricing import Priced, Pricer
 from formulations.primal import Incumbent, best_response, improved, incumbent_of
 from formulations.proof import ProofFile
-from formulations.resources import broken_rules
+from formulations.resources import broken_rules, flight_of
 from formulations.result import (
     OPTIMALITY,
     CertifiedResult,
@@ -48,6 +48,8 @@ TAIL_OPEN = 0.05  # of what is open to the cutoff, likewise
 MOST_PENALTY_RAISES = 8
 SMOOTHING = 0.5
 FIRST_PLAN = 8  # iterations, and twice as many each time, after which plans are looked for
+MOST_APART = 20_000_000  # robots x steps x states up to which robots may be apart
+APART_GAIN = 0.1  # of what is open, that the first round of cuts of robots apart must close
 MOST_IDLE = 12  # solves after which an unused column is dropped
 
 
@@ -112,6 +114,14 @@ class Search:
             self.offer(incumbent_of(self.model, obeying))
         return [*obeying, *(() if self.incumbent is None else self.incumbent.columns)]
 
+    def apart(self) -> "Search":
+        """The same search with every robot as a class of its own."""
+        model = self.model.apart()
+        other = Search(model, self.stop, self.report, self.begin, columns=self.columns)
+        if self.incumbent is not None:
+            other.incumbent = _incumbent_of_model(model, self.incumbent)
+        return other
+
     def hovering(self) -> Incumbent | None:
         """The plan in which nobody moves: starts obey all rules. None where a goal is elsewhere."""
         problem, model = self.model.problem, self.model
@@ -147,6 +157,7 @@ class Relaxation:
         rough: float = 0.0,
         others: float = -np.inf,
         nodes: int = 0,
+        rounds: int = MOST_CUT_ROUNDS,
     ) -> None:
         """Solve and price in turn until the bound is at most the cutoff, or has converged.
 
@@ -156,6 +167,7 @@ class Relaxation:
         rough : share of what is open to the cutoff that convergence may leave
         others, nodes : largest bound of the other nodes and how many have been solved, for
             the report
+        rounds : most rounds of cuts
         """
         search, raises, before = self.search, 0, np.inf
         while self.best.bound > cutoff():
@@ -196,7 +208,7 @@ class Relaxation:
             gain = before - self.best.bound
             before = self.best.bound
             tailing = gain < max(TAIL * abs(before), TAIL_OPEN * min(open_, abs(before)))
-            if (tailing and self.cut_rounds) or self.cut_rounds >= MOST_CUT_ROUNDS:
+            if (tailing and self.cut_rounds) or self.cut_rounds >= rounds:
                 return
             self.cut_rounds += 1
             if not self._add_cuts(solution):
@@ -228,53 +240,49 @@ class Relaxation:
     def _add_cuts(self, solution: Solution) -> bool:
         """Take in the envelope cuts that the mixture breaks; False if there are none."""
         search, found = self.search, 0
-        robots = len(search.model.problem.robots)
+        sizes = tuple(len(group.robots) for group in search.model.classes)
         if search.model.problem.objective.over_time:  # a robot sees a group more than once
             return False
         self.master.drop_cuts(solution.duals)
         known: dict[int, list[Cut]] = {}
         for cut in self.master.cuts:
             known.setdefault(cut.group, []).append(cut)
-        for group, roots, amounts in seen_in(solution.columns, solution.mixture):
+        for group, seen in seen_in(solution.columns, solution.mixture):
             weight = float(search.weights[group])
             if weight == 0 or search.stop() is not Limit.NONE:
                 continue
-            height = min(float(np.sqrt(amounts @ roots**2)), float(amounts @ roots))
-            for cut in known.get(group, []):
-                height = min(height, cut.constant + float(amounts @ cut.phi(roots)))
+            height = min(
+                float(np.sqrt(seen.amounts @ seen.roots**2)), float(seen.amounts @ seen.roots)
+            )
+            height = min([height, *(seen.height(cut) for cut in known.get(group, []))])
             least = LEAST_CUT * abs(self.best.bound) / weight
-            if _is_whole(roots, amounts) or height - envelope.coupled(roots, amounts) < least:
+            if seen.is_exact(sizes) or height - envelope.coupled(seen, sizes) < least:
                 continue
-            best = envelope.best_cut(roots, amounts, float(search.largest[group]), robots)
-            if best is not None and height - best[2] > least:
-                points, values, _ = best
-                constant = envelope.constant_of(points, values, robots)
-                self.master.add_cut(Cut(group, points, values, constant))
+            largest = search.largest[:, group]
+            best = envelope.best_cut(group, seen, largest, sizes, height, least)
+            if best is not None:
+                self.master.add_cut(best[0])
                 found += 1
         return found > 0
 
 
-def seen_in(
-    columns: Sequence[Column], mixture: FloatArray
-) -> list[tuple[int, FloatArray, FloatArray]]:
-    """Groups that a mixture sees, each with its columns' roots and how much of each is used."""
+def seen_in(columns: Sequence[Column], mixture: FloatArray) -> list[tuple[int, Seen]]:
+    """Groups that a mixture sees, and what it sees of them."""
     used = np.flatnonzero(mixture > 1e-7).tolist()
     groups = np.concatenate([np.zeros(0, dtype=np.int64), *(columns[n].groups for n in used)])
     if not len(groups):
         return []
     roots = np.sqrt(np.concatenate([columns[n].pixels for n in used]))
-    amounts = np.repeat(mixture[used], [len(columns[n].groups) for n in used])
+    counts = [len(columns[n].groups) for n in used]
+    amounts = np.repeat(mixture[used], counts)
+    classes = np.repeat([columns[n].flight.robots for n in used], counts)
     order = np.argsort(groups, kind="stable")
     distinct, first = np.unique(groups[order], return_index=True)
     parts = np.split(order, first[1:])
-    return [(g, roots[p], amounts[p]) for g, p in zip(distinct.tolist(), parts, strict=True)]
-
-
-def _is_whole(roots: FloatArray, amounts: FloatArray) -> bool:
-    """Whether whole robots see a group, all equally well: then there is nothing to cut."""
-    alike = roots.max() - roots.min() < 1e-9 * roots.max()
-    total = float(amounts.sum())
-    return bool(alike) and abs(total - round(total)) < 1e-6
+    return [
+        (g, Seen(classes[p], roots[p], amounts[p]))
+        for g, p in zip(distinct.tolist(), parts, strict=True)
+    ]
 
 
 def root_relaxation(search: Search) -> Relaxation:
@@ -287,6 +295,89 @@ def root_relaxation(search: Search) -> Relaxation:
     for column in best.columns:
         master.add(column)
     return Relaxation(search, master, best)
+
+
+def apart(relaxation: Relaxation) -> Relaxation:
+    """The same relaxation with every robot as a class of its own: its envelopes are lower."""
+    model, old = relaxation.search.model, relaxation.master
+    search = relaxation.search.apart()
+
+    def own(cut: Cut) -> Cut:
+        curves = {
+            robot: cut.curves[number]
+            for number, group in enumerate(model.classes) if number in cut.curves
+            for robot in group.robots
+        }  # fmt: skip
+        return Cut(cut.group, dict(sorted(curves.items())), cut.constant)
+
+    cuts = {id(cut): own(cut) for cut, _ in relaxation.best.duals.cuts}
+    cuts |= {id(cut): own(cut) for cut in old.cuts if id(cut) not in cuts}
+    master = Master(search.model, old.penalty)
+    used = [] if relaxation.solution is None else relaxation.solution.columns
+    incumbent = () if search.incumbent is None else search.incumbent.columns
+    for column in (*used, *incumbent, *old.used_columns(2)):
+        master.add(_of_model(search.model, column))
+    for resource in old.rows:
+        master.add_row(resource)
+    for cut in old.cuts:
+        master.add_cut(cuts[id(cut)])
+    duals = relaxation.best.duals
+    duals = replace(duals, cuts=tuple((cuts[id(cut)], share) for cut, share in duals.cuts))
+    best = relaxation.best._replace(duals=duals)
+    return Relaxation(search, master, best, iterations=relaxation.iterations)
+
+
+def _incumbent_of_model(model: Model, incumbent: Incumbent) -> Incumbent:
+    """A plan by another model's classes."""
+    columns = tuple(_of_model(model, column) for column in incumbent.columns)
+    return Incumbent(incumbent.value, columns)
+
+
+def _of_model(model: Model, column: Column) -> Column:
+    """A column with its flight by another model's classes."""
+    return column._replace(flight=flight_of(model, column.robot, column.path))
+
+
+def solved_root(search: Search, gap: float, rough: float = 0.0) -> Relaxation:
+    """The relaxation without decisions, solved; with every robot apart where that is tighter.
+
+    Robots apart need more columns and larger masters. Whether that pays is tried with one
+    round of cuts: where robots start side by side they are as good as exchangeable.
+
+    Parameters
+    ----------
+    gap, rough : as in `cutoff_of` and `Relaxation.solve`
+    """
+    root = root_relaxation(search)
+    if root.best.bound > -np.inf:
+        root.solve(lambda: cutoff_of(search, gap), rough)
+    if root.limit is not Limit.NONE or not _may_pay_apart(root, gap):
+        return root
+    root.look_for_plans()
+    other = apart(root)
+    own = other.search
+    before = root.best.bound
+    other.solve(lambda: cutoff_of(own, gap), rough, rounds=1)
+    if other.limit is Limit.NONE:
+        gain = before - other.best.bound
+        if gain < APART_GAIN * (before - cutoff_of(own, gap)):
+            if own.incumbent is not None:
+                search.offer(_incumbent_of_model(search.model, own.incumbent))
+            return root
+        other.solve(lambda: cutoff_of(own, gap), rough)
+    return other
+
+
+def _may_pay_apart(root: Relaxation, gap: float) -> bool:
+    """Whether the root is still open, its robots are not apart yet, and they are not too many."""
+    model = root.search.model
+    states = sum(len(group.robots) * group.graph.n_states for group in model.classes)
+    return (
+        root.best.bound > cutoff_of(root.search, gap)
+        and root.search.incumbent is not None
+        and len(model.classes) < len(model.problem.robots)
+        and states * (model.problem.horizon + 1) <= MOST_APART
+    )
 
 
 def cutoff_of(search: Search, gap: float) -> float:
@@ -330,11 +421,10 @@ def column_generation(
         return only_start(problem, start, limit, time.perf_counter() - begin)
     search = Search(model, stop, report, begin)
     message = use_start(search, start)
-    root = root_relaxation(search)
-    if root.best.bound > -np.inf:
-        root.solve(lambda: cutoff_of(search, OPTIMALITY / 2))
-        if root.limit is Limit.NONE:
-            root.look_for_plans()
+    root = solved_root(search, OPTIMALITY / 2)
+    search, model = root.search, root.search.model
+    if root.limit is Limit.NONE:
+        root.look_for_plans()
     file = certify(problem, model, METHOD, root.best.duals.certificate(model))
     return result_of(search, file, root.limit, OPTIMALITY, message, {
         "iterations": root.iterations, "columns": search.columns,

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from scipy import sparse
 
-from cocap_opt.model import Model, compiled
+from cocap_opt.model import Model, compiled, compiled_apart
 from cocap_opt.plan import Plan
 from cocap_opt.problem import FloatArray, IntArray, Problem
 from cocap_opt.reward import group_weights
@@ -27,7 +27,7 @@ from cocap_opt.stop import Limit, Stop, never, seconds_left
 from formulations import envelope as envelopes
 from formulations.certificate import CertificateFile, certify
 from formulations.duals import Duals, repaired
-from formulations.flow import ConflictRows, Flow, Roots, Split, by_class, conflict_rows, make_flow
+from formulations.flow import ConflictRows, Flow, Roots, conflict_rows, make_flow
 from formulations.result import CertifiedResult, Report, Snapshot, bounded, no_bound, silent
 
 if TYPE_CHECKING:
@@ -74,6 +74,9 @@ def envelope(
 ) -> CertifiedResult:
     """Bound of the relaxation with envelope cuts, added until none is violated.
 
+    One flow per robot: the envelope of robots that start elsewhere is lower than that of
+    robots that may exchange what they see.
+
     Raises
     ------
     UnsupportedError
@@ -81,7 +84,7 @@ def envelope(
     """
     # Over time a robot sees a group more than once, and no cut for single views holds.
     cuts = no_cuts if problem.objective.over_time else violated_cuts
-    return relax(problem, stop, report, "envelope", cuts)
+    return relax(problem, stop, report, "envelope", cuts, compile_=compiled_apart)
 
 
 class Point(NamedTuple):
@@ -94,32 +97,33 @@ class Point(NamedTuple):
     solved: bool
 
 
-Separation = Callable[[Roots, Point, int], list[envelopes.Cut]]
+Separation = Callable[[Flow, Roots, Point], list[envelopes.Cut]]
+Compile = Callable[[Problem], Model]
 
 
-def no_cuts(roots: Roots, point: Point, robots: int) -> list[envelopes.Cut]:
+def no_cuts(flow: Flow, roots: Roots, point: Point) -> list[envelopes.Cut]:
     """Separate nothing."""
     return []
 
 
-def violated_cuts(roots: Roots, point: Point, robots: int) -> list[envelopes.Cut]:
+def violated_cuts(flow: Flow, roots: Roots, point: Point) -> list[envelopes.Cut]:
     """Envelope cuts that a solution violates, the tightest one of each group."""
-    found = []
+    found, sizes = [], tuple(len(group.robots) for group in flow.model.classes)
     for g, group in enumerate(roots.used.tolist()):
         nodes, seen = roots.entries(g)
         amounts = point.x[nodes]
         used = amounts > 1e-7
         if used.sum() < 2:
             continue  # one view: the single-view cut is tight
-        scale = float(roots.scale[g])
-        largest = float(roots.largest[g])
-        best = envelopes.best_cut(seen[used], amounts[used], largest, robots)
-        if best is None:
+        mixture = envelopes.Seen(flow.owner[nodes[used]], seen[used], amounts[used])
+        if mixture.is_exact(sizes):
             continue
-        points, values, height = best
-        if height < float(point.u[g]) * scale * (1 - VIOLATION):
-            constant = envelopes.constant_of(points, values, robots)
-            found.append(envelopes.Cut(group, points, values, constant))
+        height = float(point.u[g]) * float(roots.scale[g])
+        best = envelopes.best_cut(
+            group, mixture, roots.largest[:, g], sizes, height, VIOLATION * height
+        )
+        if best is not None:
+            found.append(best[0])
     return found
 
 
@@ -130,7 +134,7 @@ def relax(
     name: str,
     separate: Separation,
     single_view: bool = True,
-    split: Split = by_class,
+    compile_: Compile = compiled,
 ) -> CertifiedResult:
     """Solve a relaxation, again and again as long as there are cuts that it violates.
 
@@ -138,17 +142,18 @@ def relax(
     ----------
     name : of the method, for the certificate
     separate : finds the cuts
-    split : one flow per class, or one per robot (the same value, in a larger model)
+    compile_ : makes the model: one flow per class, or one per robot (without envelope cuts
+        the same value, in a larger program)
     """
     begin = time.perf_counter()
-    model = compiled(problem)
+    model = compile_(problem)
     limit = model.prepare_all(stop)
     if limit is not Limit.NONE:
         return no_bound(limit, time.perf_counter() - begin)
     # The bound of robots alone, for where a robot has no path or the solver gives up.
     best = certify(problem, model, name, _alone(model).certificate(model))
     report(Snapshot(-np.inf, best.proved, time.perf_counter() - begin))
-    flow, limit = make_flow(model, stop, split)
+    flow, limit = make_flow(model, stop)
     statistics: dict[str, float] = {}
     if flow is not None and flow.serves_all:
         best, limit, statistics = _rounds(flow, best, stop, report, separate, single_view, begin)
@@ -187,7 +192,7 @@ def _rounds(
             return best, limit if limit is not Limit.NONE else Limit.NUMERICS, statistics
         if best.proved < 0 or (cuts and best.proved > before * (1 - PROGRESS)):
             break
-        found = separate(program.roots, point, len(problem.robots))
+        found = separate(flow, program.roots, point)
         if not found:
             break
         cuts += found
@@ -279,7 +284,7 @@ class _ConeProgram:
         data, columns, counts = [np.zeros(0)], [np.zeros(0, dtype=np.int64)], [0]
         for g, cut in zip(where, cuts, strict=True):
             nodes, seen = self.roots.entries(g)
-            data.append(cut.phi(seen) / self.roots.scale[g])
+            data.append(self.flow.phi(cut, nodes, seen) / self.roots.scale[g])
             columns.append(nodes)
             counts.append(len(nodes))
         shape = (len(cuts), self.flow.n_nodes)

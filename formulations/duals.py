@@ -8,7 +8,7 @@ import numpy as np
 
 from cocap_opt.model import Model
 from cocap_opt.problem import FloatArray
-from formulations.certificate import EnvelopeCut, Multipliers, Row
+from formulations.certificate import Curve, EnvelopeCut, Multipliers, Row
 from formulations.envelope import Cut
 from formulations.resources import Resource
 
@@ -36,8 +36,10 @@ class Duals:
             cuts=tuple(
                 EnvelopeCut(
                     *divmod(cut.group, model.n_faces),
-                    tuple(cut.roots.tolist()),
-                    tuple(cut.values.tolist()),
+                    tuple(
+                        Curve(number, tuple(curve.roots.tolist()), tuple(curve.values.tolist()))
+                        for number, curve in sorted(cut.curves.items())
+                    ),
                     share,
                 )
                 for cut, share in kept

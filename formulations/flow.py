@@ -12,7 +12,7 @@ Sources: Yu and LaValle 2013 (anonymous path finding as integer flow); Royset an
 (search models whose size does not grow with the number of searchers).
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise, product
@@ -24,9 +24,10 @@ from scipy.optimize import linear_sum_assignment
 from cocap_opt.model import Model, Path, RobotClass
 from cocap_opt.problem import BoolArray, Cell, FloatArray, IntArray, Problem
 from cocap_opt.result import UnsupportedError
-from cocap_opt.reward import group_weights
+from cocap_opt.reward import group_weights, largest_roots
 from cocap_opt.stop import Limit, Stop, never
 from cocap_opt.timegraph import CLOSED, TimeGraph
+from formulations.envelope import Cut
 from formulations.resources import Cells, Resource, Swap
 
 MOST_EDGES = 400_000  # of the time-expanded graph
@@ -34,41 +35,14 @@ MOST_ENTRIES = 500_000  # of the separation rows
 UNUSED = 1e-6  # amounts below are rounding errors
 
 
-@dataclass(frozen=True)
-class Commodity:
-    """Robots that share one flow; all belong to one class."""
-
-    group: RobotClass
-    robots: tuple[int, ...]
-    starts: tuple[int, ...]  # state number of each robot's start
-
-
-Split = Callable[[Model], list[Commodity]]
-
-
-def by_class(model: Model) -> list[Commodity]:
-    """One commodity per class of robots that differ only in their start."""
-    return [Commodity(group, group.robots, group.starts) for group in model.classes]
-
-
-def by_robot(model: Model) -> list[Commodity]:
-    """One commodity per robot: a larger model with the same values."""
-    return [
-        Commodity(group, (robot,), (start,))
-        for group in model.classes
-        for robot, start in zip(group.robots, group.starts, strict=True)
-    ]
-
-
 @dataclass(frozen=True, eq=False)
 class Flow:
     """Nodes and edges that lie on a path from some start to the end (or the goal)."""
 
     model: Model
-    commodities: tuple[Commodity, ...]
-    owner: IntArray  # [N] commodity of each node
+    owner: IntArray  # [N] class of each node
     steps: IntArray  # [N] t
-    states: IntArray  # [N] state number in its commodity's graph
+    states: IntArray  # [N] state number in its class's graph
     tails: IntArray  # [E] nodes
     heads: IntArray  # [E] nodes
     supply: FloatArray  # [N] robots that start there
@@ -103,24 +77,32 @@ class Flow:
         """1.0 where an edge keeps the state [E]."""
         return np.asarray(self.states[self.tails] == self.states[self.heads], dtype=np.float64)
 
+    def phi(self, cut: Cut, nodes: IntArray, roots: FloatArray) -> FloatArray:
+        """What an envelope cut grants robots in nodes [n] that see its group with roots [n]."""
+        values, numbers = np.empty(len(nodes)), self.owner[nodes]
+        for number in np.unique(numbers).tolist():
+            own = numbers == number
+            values[own] = cut.phi(number, roots[own])
+        return values
+
     @cached_property
     def capacity(self) -> FloatArray:
-        """Robots that can be in a node by the vertex rule and the size of its commodity [N]."""
+        """Robots that can be in a node by the vertex rule and the size of its class [N]."""
         if not self.model.problem.rules.none:
             return np.ones(self.n_nodes)
-        sizes = np.array([len(part.robots) for part in self.commodities], dtype=np.float64)
+        sizes = np.array([len(group.robots) for group in self.model.classes], dtype=np.float64)
         return sizes[self.owner]
 
     @cached_property
     def places(self) -> IntArray:
         """Number of the cell of each node [N], comparable between commodities."""
         found = np.zeros(self.n_nodes, dtype=np.int64)
-        for k, part in enumerate(self.commodities):
+        for k, group in enumerate(self.model.classes):
             own = self.owner == k
-            graph = part.group.graph
+            graph = group.graph
             layer, x, y = graph.coordinates(self.states[own] % graph.n_places)
             layers = np.array(
-                [self.model.problem.layers.index(h) for h in part.group.spec.motion.layers]
+                [self.model.problem.layers.index(h) for h in group.spec.motion.layers]
             )
             found[own] = np.ravel_multi_index((layers[layer], x, y), self._cells)
         return found
@@ -139,10 +121,10 @@ class Flow:
         """Pixels [G, N] that a robot in a node has of each group."""
         n_groups = len(group_weights(self.model.problem))
         rows, columns, pixels = [], [], []
-        for k, part in enumerate(self.commodities):
+        for k, group in enumerate(self.model.classes):
             own = np.flatnonzero(self.owner == k)
-            table = self.model.coverage(part.group)
-            nodes = self.steps[own] * part.group.graph.n_states + self.states[own]
+            table = self.model.coverage(group)
+            nodes = self.steps[own] * group.graph.n_states + self.states[own]
             _, of, row = np.intersect1d(nodes, table.nodes, return_indices=True)
             counts = table.indptr[row + 1] - table.indptr[row]
             ends = np.cumsum(counts)
@@ -160,8 +142,8 @@ class Flow:
     def amounts(self, paths: Sequence[Path]) -> tuple[FloatArray, FloatArray]:
         """Robots in each node [N] and along each edge [E] for one path per robot."""
         x, y = np.zeros(self.n_nodes), np.zeros(self.n_edges)
-        for k, part in enumerate(self.commodities):
-            for robot in part.robots:
+        for k, group in enumerate(self.model.classes):
+            for robot in group.robots:
                 nodes = [self._node(k, t, state) for t, state in enumerate(paths[robot])]
                 np.add.at(x, nodes, 1.0)
                 for tail, head in pairwise(nodes):
@@ -169,8 +151,8 @@ class Flow:
                     y[low + int(np.flatnonzero(self.heads[low:high] == head)[0])] += 1.0
         return x, y
 
-    def _node(self, commodity: int, t: int, state: int) -> int:
-        first, end = np.searchsorted(self.owner, [commodity, commodity + 1])
+    def _node(self, number: int, t: int, state: int) -> int:
+        first, end = np.searchsorted(self.owner, [number, number + 1])
         low, high = first + np.searchsorted(self.steps[first:end], [t, t + 1])
         return int(low + np.searchsorted(self.states[low:high], state))
 
@@ -190,14 +172,14 @@ class Flow:
         """
         whole = np.rint(self.supply + self.entering @ y if x is None else x).astype(np.int64)
         paths: dict[int, list[int]] = {}
-        for k, part in enumerate(self.commodities):
-            at = [self._node(k, 0, start) for start in part.starts]
+        for k, group in enumerate(self.model.classes):
+            at = [self._node(k, 0, start) for start in group.starts]
             ways = [[node] for node in at]
             for _ in range(self.model.problem.horizon):
                 at = self._step(at, whole, y)
                 for way, node in zip(ways, at, strict=True):
                     way.append(node)
-            for robot, way in zip(part.robots, ways, strict=True):
+            for robot, way in zip(group.robots, ways, strict=True):
                 paths[robot] = self.states[way].tolist()
         return tuple(tuple(paths[robot]) for robot in range(len(paths)))
 
@@ -222,9 +204,7 @@ class Flow:
         return [slots[k] for k in chosen.tolist()]
 
 
-def make_flow(
-    model: Model, stop: Stop = never, split: Split = by_class
-) -> tuple[Flow | None, Limit]:
+def make_flow(model: Model, stop: Stop = never) -> tuple[Flow | None, Limit]:
     """Flow of a model; None and the limit that was reached before it was whole.
 
     Raises
@@ -232,15 +212,14 @@ def make_flow(
     UnsupportedError
         If the time-expanded graph has more than MOST_EDGES edges.
     """
-    parts = split(model)
     owner, steps, states, supply, tails, heads = ([] for _ in range(6))
     n_nodes = n_edges = 0
-    for k, part in enumerate(parts):
-        useful = _useful(model, part)
+    for k, group in enumerate(model.classes):
+        useful = _useful(model, group)
         t, state = np.nonzero(useful)
         own = np.zeros(len(t))
-        np.add.at(own, [np.searchsorted(state[t == 0], s) for s in part.starts if useful[0, s]], 1)
-        for one, other in _edges(part.group.graph, useful):
+        np.add.at(own, [np.searchsorted(state[t == 0], s) for s in group.starts if useful[0, s]], 1)
+        for one, other in _edges(group.graph, useful):
             if (limit := stop()) is not Limit.NONE:
                 return None, limit
             n_edges += len(one)
@@ -257,17 +236,17 @@ def make_flow(
         supply.append(own)
         n_nodes += len(t)
     flow = Flow(
-        model, tuple(parts), _joined(owner), _joined(steps), _joined(states), _joined(tails),
+        model, _joined(owner), _joined(steps), _joined(states), _joined(tails),
         _joined(heads), np.concatenate(supply),
     )  # fmt: skip
     return flow, Limit.NONE
 
 
-def _useful(model: Model, part: Commodity) -> BoolArray:
+def _useful(model: Model, group: RobotClass) -> BoolArray:
     """States [T+1, S] on a path from one of the starts to the end (or the goal)."""
-    graph, horizon = part.group.graph, model.problem.horizon
-    to_go = graph.backward_sweep(graph.no_reward(horizon), goal=part.group.goal)
-    found: BoolArray = graph.reachable(part.starts, horizon) & (to_go > CLOSED)
+    graph, horizon = group.graph, model.problem.horizon
+    to_go = graph.backward_sweep(graph.no_reward(horizon), goal=group.goal)
+    found: BoolArray = graph.reachable(group.starts, horizon) & (to_go > CLOSED)
     return found
 
 
@@ -316,7 +295,7 @@ class Roots:
 
     used: IntArray  # [g] groups
     scale: FloatArray  # [g] px^0.5/m, root of the best single view
-    largest: FloatArray  # [g] px^0.5/m, the same over views that lead nowhere as well
+    largest: FloatArray  # [C, g] px^0.5/m, of each class, views that lead nowhere as well
     weights: FloatArray  # [g] of the root in these units
     pixels: sparse.csr_array  # [g, N] in units of scale^2
     seen: sparse.csr_array  # [g, N] roots of pixels
@@ -330,13 +309,8 @@ class Roots:
         used = np.flatnonzero((best > 0) & (weights > 0))
         scale = np.sqrt(best[used])
         pixels = sparse.csr_array(sparse.diags_array(1 / scale**2) @ coverage[used])
-        largest = np.zeros(len(weights))
-        for group in flow.model.classes:
-            table = flow.model.coverage(group)
-            np.maximum.at(largest, table.groups, table.pixels)
-        return cls(
-            used, scale, np.sqrt(largest[used]), weights[used] * scale, pixels, pixels.sqrt()
-        )
+        largest = largest_roots(flow.model)[:, used]
+        return cls(used, scale, largest, weights[used] * scale, pixels, pixels.sqrt())
 
     def entries(self, g: int) -> tuple[IntArray, FloatArray]:
         """Nodes that see a group, and their roots px^0.5/m."""
@@ -413,10 +387,10 @@ def _reach(flow: Flow, slots: IntArray) -> sparse.csr_array:
     """1 where a robot can be in a slot [K, R]."""
     problem, n_places = flow.model.problem, _n_places(flow)
     rows, columns = [], []
-    for k, part in enumerate(flow.commodities):
+    for k, group in enumerate(flow.model.classes):
         own = np.flatnonzero(flow.owner == k)
-        for robot, start in zip(part.robots, part.starts, strict=True):
-            seen = part.group.graph.reachable([start], problem.horizon)
+        for robot, start in zip(group.robots, group.starts, strict=True):
+            seen = group.graph.reachable([start], problem.horizon)
             mine = own[seen[flow.steps[own], flow.states[own]]]
             found = np.unique(flow.steps[mine] * n_places + flow.places[mine])
             at = np.flatnonzero(np.isin(slots, found))

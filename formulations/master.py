@@ -209,10 +209,14 @@ class Master:
         unit = max(float(weights.max(initial=0.0)), float(bonus.max())) or 1.0
         n_rows = len(self._rows) + len(self._open)
         cost = np.concatenate([-bonus, np.full(n_rows, self.penalty), -weights]) / unit
+        cost = np.append(cost, np.zeros(len(weights)))
         blocks, rhs, cones, sizes = self._constraints(arcs, seen)
         settings = clarabel.DefaultSettings()
         settings.verbose = False
         settings.max_threads = 1
+        # Multipliers are certified whatever they are: the last digits are not worth their time.
+        settings.direct_solve_method = "faer"
+        settings.iterative_refinement_reltol = settings.iterative_refinement_abstol = 1e-8
         settings.time_limit = min(seconds, NO_TIME_LIMIT)
         solution = clarabel.DefaultSolver(
             sparse.csc_matrix((len(cost), len(cost))), cost, blocks, rhs, cones, settings
@@ -245,25 +249,30 @@ class Master:
         rows.start(n_groups)
         rows.put(seen.at, seen.of, -seen.roots)
         rows.put(each, first + each, np.ones(n_groups))
-        constants = self._put_cuts(rows, seen, first)
+        constants = self._put_cuts(rows, arcs, seen, first)
+        # z <= pixels; a variable of its own keeps the cones small.
+        pixels = first + n_groups
+        rows.start(n_groups)
+        rows.put(seen.at, seen.of, -(seen.roots**2))
+        rows.put(each, pixels + each, np.ones(n_groups))
         # Per group the cone (1 + z, 2 u, z - 1): u^2 <= z.
         rows.start(3 * n_groups)
-        rows.put(3 * seen.at, seen.of, -(seen.roots**2))
-        rows.put(3 * seen.at + 2, seen.of, -(seen.roots**2))
+        rows.put(3 * each, pixels + each, -np.ones(n_groups))
+        rows.put(3 * each + 2, pixels + each, -np.ones(n_groups))
         rows.put(3 * each + 1, first + each, np.full(n_groups, -2.0))
         rhs = np.concatenate(
             [
-                units, limits, np.zeros(n + n_rows + n_groups), constants,
+                units, limits, np.zeros(n + n_rows + n_groups), constants, np.zeros(n_groups),
                 np.tile([1.0, 0.0, -1.0], n_groups),
             ]
         )  # fmt: skip
         cones: list[object] = [
             clarabel.ZeroConeT(len(units)),
-            clarabel.NonnegativeConeT(2 * n_rows + n + n_groups + len(constants)),
+            clarabel.NonnegativeConeT(2 * n_rows + n + 2 * n_groups + len(constants)),
             *(clarabel.SecondOrderConeT(3) for _ in range(n_groups)),
         ]
         sizes = [len(units), len(self._rows), len(self._open), n + n_rows, n_groups]
-        return rows.matrix(first + n_groups), rhs, cones, [*sizes, len(constants)]
+        return rows.matrix(first + 2 * n_groups), rhs, cones, [*sizes, len(constants), n_groups]
 
     def _put_conservation(self, rows: "_Rows", arcs: list[Arc]) -> FloatArray:
         """One unit leaves each start, and what enters a state before step T leaves it."""
@@ -281,18 +290,23 @@ class Master:
                 units[nodes[number, 0, start]] += 1
         return units
 
-    def _put_cuts(self, rows: "_Rows", seen: "_Seen", first: int) -> FloatArray:
+    def _put_cuts(self, rows: "_Rows", arcs: list[Arc], seen: "_Seen", first: int) -> FloatArray:
         """Rows u <= constant + sum of phi(roots); returns the constants in units of the roots."""
         order = np.argsort(seen.at, kind="stable")
         bounds = np.searchsorted(seen.at[order], np.arange(len(seen.used) + 1))
         rows.start(len(self._cuts))
         constants = np.zeros(len(self._cuts))
+        robots = np.array([arc.robots for arc in arcs])
         where, present = self._cut_groups(seen)
         for k in np.flatnonzero(present).tolist():
             cut, g = self._cuts[k], int(where[k])
             scale = seen.scale[g]
             entries = order[bounds[g] : bounds[g + 1]]
-            values = cut.phi(seen.roots[entries] * scale) / scale
+            values = np.empty(len(entries))
+            numbers = robots[seen.of[entries]]
+            for number in np.unique(numbers).tolist():
+                own = numbers == number
+                values[own] = cut.phi(number, seen.roots[entries[own]] * scale) / scale
             rows.put(np.full(len(entries), k), seen.of[entries], -values)
             rows.put(np.array([k]), np.array([first + g]), np.ones(1))
             constants[k] = cut.constant / scale
@@ -313,7 +327,7 @@ class Master:
         x, y = np.nan_to_num(np.array(solution.x)), np.array(solution.z)
         parts = np.split(y, np.cumsum(sizes))
         rows, decisions, alpha_part, cut_part = parts[1], parts[2], parts[4], parts[5]
-        cones = parts[6].reshape(n_groups, 3)
+        beta_part = parts[6]
         weights = self._weights[seen.used] * seen.scale / unit
         alpha, beta = np.ones_like(self._weights), np.zeros_like(self._weights)
         where, present = self._cut_groups(seen)
@@ -325,7 +339,7 @@ class Master:
         shares[present] /= np.maximum(taken, 1.0)[where[present]]
         alpha[seen.used], beta[seen.used] = repaired(
             alpha_part / weights,
-            (cones[:, 0] + cones[:, 2]) / (weights * seen.scale),
+            beta_part / (weights * seen.scale),
             np.maximum(1 - taken, 0.0),
             self._most_views() * seen.scale,  # no root can be larger
         )

@@ -30,15 +30,13 @@ from cocap_opt.problem import FloatArray, IntArray, Problem
 from cocap_opt.result import Reason
 from cocap_opt.reward import objective_of
 from cocap_opt.stop import FirstOf, Limit, Stop, TimeLimit, seconds_left
-from formulations.certificate import CertificateFile, Multipliers
+from formulations.certificate import CertificateFile, Multipliers, usable_cuts
 from formulations.column_generation import column_generation
-from formulations.envelope import Cut, constant_of
+from formulations.envelope import Cut
 from formulations.flow import (
     ConflictRows,
     Flow,
     Roots,
-    Split,
-    by_class,
     conflict_rows,
     make_flow,
 )
@@ -150,7 +148,8 @@ class Program:
         entries = [self.roots.entries(g) for g in where.tolist()]
         scales = self.roots.scale[where]
         data = [
-            cut.phi(seen) / s for cut, (_, seen), s in zip(self.cuts, entries, scales, strict=True)
+            self.flow.phi(cut, nodes, seen) / s
+            for cut, (nodes, seen), s in zip(self.cuts, entries, scales, strict=True)
         ]
         counts = np.cumsum([0, *(len(nodes) for nodes, _ in entries)])
         parts = (
@@ -166,25 +165,23 @@ class Program:
 
     def _take(self, root: Multipliers) -> None:
         """Take over what makes the root's certificate: its cuts, and tangents of its slopes."""
-        faces, robots = self.flow.model.n_faces, self.n_robots
+        model, robots = self.flow.model, self.n_robots
         alpha, beta = (
             np.array(part, dtype=np.float64).reshape(-1)[self.roots.used]
             for part in (root.alpha, root.beta)
         )
         rest = np.ones(len(alpha))
-        for cut in root.cuts:
-            group = cut.t * faces + cut.face
-            at = int(np.searchsorted(self.roots.used, group))
-            if at < len(self.roots.used) and self.roots.used[at] == group:
-                points, values = np.array(cut.roots), np.array(cut.values)
-                constant = constant_of(points, values, robots)
-                self.cuts.append(Cut(group, points, values, constant))
-                rest[at] -= cut.share
+        for cut, share in usable_cuts(model, root.cuts):
+            at = int(np.searchsorted(self.roots.used, cut.group))
+            if at < len(self.roots.used) and self.roots.used[at] == cut.group:
+                self.cuts.append(cut)
+                rest[at] -= share
         curved = np.flatnonzero((rest - alpha > 1e-6) & (beta > 0))
         slope = beta[curved] * self.roots.scale[curved] / (rest - alpha)[curved]
         self._add(curved, np.clip(1 / (4 * slope**2), 1e-6, robots))
 
 
+Compile = Callable[[Problem], Model]
 Root = Callable[[Problem, Stop], CertifiedResult]
 
 
@@ -210,7 +207,7 @@ def outer_approximation(
     gap: float,
     solver: Solver,
     root: Root = certified_root,
-    split: Split = by_class,
+    compile_: Compile = compiled,
 ) -> CertifiedResult:
     """Best plan by solving programs until its true J meets the solver's bound.
 
@@ -218,26 +215,33 @@ def outer_approximation(
     ----------
     solver : solves the programs
     root : gives the certificate, and cuts that the programs begin with
-    split : one flow per class, or one per robot (the same optimum, in a larger program)
+    compile_ : makes the model: one flow per class, or one per robot (the same optimum, in a
+        larger program)
 
     Raises
     ------
     UnsupportedError
         If the scene is too large for a flow model (see `formulations.flow`).
     """
-    search = _Search(problem, stop, start, report, gap)
-    return search.run(solver, root, split)
+    search = _Search(problem, compile_(problem), stop, start, report, gap)
+    return search.run(solver, root)
 
 
 class _Search:
     """State of one run: the best plan, the bounds, and when they were reported."""
 
     def __init__(
-        self, problem: Problem, stop: Stop, start: Plan | None, report: Report, gap: float
+        self,
+        problem: Problem,
+        model: Model,
+        stop: Stop,
+        start: Plan | None,
+        report: Report,
+        gap: float,
     ) -> None:
         self.begin = time.perf_counter()
         self.problem, self.stop, self.report, self.gap = problem, stop, report, gap
-        self.model: Model = compiled(problem)
+        self.model = model
         self.plan, self.message = usable_start(problem, start)
         self.paths: tuple[Path, ...] | None = None
         self.value = -math.inf
@@ -247,7 +251,7 @@ class _Search:
         self.statistics: dict[str, float] = {"rounds": 0, "nodes": 0}
         self._reported = -math.inf
 
-    def run(self, solver: Solver, make_root: Root, split: Split) -> CertifiedResult:
+    def run(self, solver: Solver, make_root: Root) -> CertifiedResult:
         """Search until the gap is closed or a limit is reached."""
         limit = self.model.prepare_all(self.stop)
         if limit is not Limit.NONE:
@@ -256,7 +260,7 @@ class _Search:
             return self._result(Reason.STOPPED, limit)
         if self.plan is not None:
             self._keep(self.model.paths(self.plan))
-        flow, limit = make_flow(self.model, self.stop, split)
+        flow, limit = make_flow(self.model, self.stop)
         root = make_root(self.problem, self.stop)
         if isinstance(root.certificate, CertificateFile):
             self.file, self.bound = root.certificate, root.bound

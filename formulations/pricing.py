@@ -41,7 +41,7 @@ class Pricer:
         """Bound of these multipliers for plans that obey the decisions, and new columns."""
         model, bonus = self.model, self.model.problem.objective.stationarity
         bound, costs = self._constant(duals, decisions)
-        columns = []
+        columns, self._base = [], dict[int, FloatArray]()
         for number, group in enumerate(model.classes):
             reward = spread(model, group, self._paid(number, duals))
             charges = charges_of(model, number, costs)
@@ -80,11 +80,16 @@ class Pricer:
         """What the nodes of a class's coverage table are paid [n]."""
         entries = self._entries[number]
         table = self.model.coverage(self.model.classes[number])
-        paid = duals.alpha[table.groups] * entries.roots + duals.beta[table.groups] * table.pixels
+        base = self._base.get(id(table))  # classes that see alike share it
+        if base is None:
+            base = duals.alpha[table.groups] * entries.roots
+            base += duals.beta[table.groups] * table.pixels
+            self._base[id(table)] = base
+        paid = base.copy()
         for cut, share in duals.cuts:
             if share > 0:
                 own = entries.of_group(cut.group)
-                paid[own] += share * cut.phi(entries.roots[own])
+                paid[own] += share * cut.phi(number, entries.roots[own])
         return table.row_sums(paid * self._weights[table.groups])
 
 
@@ -105,12 +110,3 @@ class _Entries(NamedTuple):
 
     def of_group(self, group: int) -> IntArray:
         return self.order[self.bounds[group] : self.bounds[group + 1]]
-
-
-def largest_roots(model: Model) -> FloatArray:
-    """Largest root that any robot can have in each group [G]."""
-    largest = np.zeros(len(group_weights(model.problem)))
-    for group in model.classes:
-        table = model.coverage(group)
-        np.maximum.at(largest, table.groups, table.pixels)
-    return np.sqrt(largest)

@@ -15,7 +15,15 @@ import msgspec
 from cocap_opt.io import problem_digest
 from cocap_opt.model import Model
 from cocap_opt.problem import Problem
-from formulations.certificate import CertificateError, Decision, Multipliers, Pricing, price
+from formulations.certificate import (
+    CertificateError,
+    Classes,
+    Decision,
+    Multipliers,
+    Pricing,
+    model_of,
+    price,
+)
 from formulations.resources import Resource, misuse
 
 MOST_NODES = 1_000_000
@@ -44,6 +52,7 @@ class ProofFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     scene: str
     digest: str  # of the problem
     method: str
+    classes: Classes = "alike"
     bound: float | None  # None: -infinity, there is no plan
     nodes: tuple[Branch | Leaf, ...]  # the first is the root; children come after their parent
 
@@ -132,7 +141,7 @@ def verify_proof(
     """
     if proof.digest != problem_digest(problem):
         raise CertificateError("digest: the proof belongs to another scene")
-    pricing = price_proof(Model(problem, use_cache=False), proof, progress)
+    pricing = price_proof(model_of(problem, proof.classes), proof, progress)
     if not pricing.bound <= proof.proved:
         raise CertificateError(
             f"bound: claims {proof.proved!r}, but the leaves prove only {pricing.bound!r}"

@@ -7,21 +7,23 @@ import msgspec
 import numpy as np
 import pytest
 from brute_force import all_paths, bonus_of, optimum, pixels_of, views_of, weights_of
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
+from scipy.optimize import linprog
 from strategies import examples, problems, tiny
 
 from cocap_opt.check import broken_rules
-from cocap_opt.model import Model, compiled
+from cocap_opt.model import Model, compiled, compiled_apart
 from cocap_opt.motion import time_expanded_graph
 from cocap_opt.plan import Plan
 from cocap_opt.problem import NO_RULES, Cell, Objective, Problem, State
-from cocap_opt.reward import no_pixels
+from cocap_opt.reward import largest_roots, no_pixels
 from formulations import BOUNDS, envelope
 from formulations.branch_and_price import branch_and_price
 from formulations.certificate import (
     CertificateError,
     CertificateFile,
+    Curve,
     Decision,
     EnvelopeCut,
     Multipliers,
@@ -31,7 +33,6 @@ from formulations.certificate import (
     price,
     verify,
 )
-from formulations.pricing import largest_roots
 from formulations.proof import Branch, Leaf, ProofFile, leaves, price_proof, verify_proof
 from formulations.resources import Cells, Move, Resource, Swap, Visit, flight_of, uses
 
@@ -69,25 +70,34 @@ def random_rows(problem: Problem, rng: np.random.Generator) -> list[Row]:
     return rows
 
 
-def random_cuts(problem: Problem, rng: np.random.Generator) -> list[EnvelopeCut]:
+def some_model(problem: Problem, rng: np.random.Generator) -> Model:
+    """A problem with its robots in classes, or each apart."""
+    return compiled_apart(problem) if rng.integers(2) else compiled(problem)
+
+
+def random_curve(number: int, top: float, rng: np.random.Generator) -> Curve:
+    """A curve with random breakpoints up to somewhere near a root."""
+    roots = np.sort(rng.uniform(0.05, 1.2, rng.integers(1, 5))) * top
+    return Curve(number, tuple(roots.tolist()), tuple(rng.uniform(0, top, len(roots)).tolist()))
+
+
+def random_cuts(model: Model, rng: np.random.Generator) -> list[EnvelopeCut]:
     """Envelope cuts of some groups, with random values and shares."""
-    if problem.objective.over_time:
+    if model.problem.objective.over_time:
         return []
-    largest = largest_roots(compiled(problem)).reshape(problem.horizon + 1, -1)
+    largest = largest_roots(model).max(axis=0).reshape(model.problem.horizon + 1, -1)
     cuts = []
     for t, face in np.argwhere(largest > 0).tolist():
         for _ in range(int(rng.integers(3))):
-            top = float(largest[t, face]) * 1.001
-            roots = np.append(np.sort(rng.uniform(0.05, 0.95, rng.integers(0, 4))), 1.0) * top
-            values = rng.uniform(0.0, 1.0, len(roots)) * top
-            share = float(rng.choice([0.0, 0.2, 0.5]))
-            cuts.append(EnvelopeCut(t, face, tuple(roots.tolist()), tuple(values.tolist()), share))
+            numbers = np.flatnonzero(rng.random(len(model.classes)) < 0.8).tolist()
+            curves = tuple(random_curve(k, float(largest[t, face]), rng) for k in numbers)
+            cuts.append(EnvelopeCut(t, face, curves, float(rng.choice([0.0, 0.2, 0.5]))))
     return cuts
 
 
-def random_resource(problem: Problem, rng: np.random.Generator) -> Resource:
+def random_resource(model: Model, rng: np.random.Generator) -> Resource:
     """Something that robots can use."""
-    model = compiled(problem)
+    problem = model.problem
     cells = all_cells(problem)
     one, other = (cells[int(k)] for k in rng.integers(len(cells), size=2))
     number = int(rng.integers(len(model.classes)))
@@ -102,23 +112,22 @@ def random_resource(problem: Problem, rng: np.random.Generator) -> Resource:
     return Swap(t, (one, other)) if kind == 2 else Move(t, (one, other), number)
 
 
-def random_multipliers(
-    problem: Problem, rng: np.random.Generator, decisions: int = 0
-) -> Multipliers:
+def random_multipliers(model: Model, rng: np.random.Generator, decisions: int = 0) -> Multipliers:
     """Multipliers of all kinds, none of them good."""
+    problem = model.problem
     shape = (problem.group_steps, len(problem.face_weights))
     return Multipliers(
         alpha=as_rows(rng.choice([0.0, 0.3, 1.0, 2.0], size=shape)),
         beta=as_rows(rng.choice([1e-4, 0.01, 1.0], size=shape)),
         rows=tuple(random_rows(problem, rng)),
-        cuts=tuple(random_cuts(problem, rng)),
+        cuts=tuple(random_cuts(model, rng)),
         decisions=tuple(rng.choice([0.0, 0.5, 30.0], size=decisions).tolist()),
     )
 
 
-def optimum_under(problem: Problem, decisions: tuple[Decision, ...]) -> float:
+def optimum_under(model: Model, decisions: tuple[Decision, ...]) -> float:
     """Best J of the plans that obey the rules and the decisions, by going through all."""
-    model, best = compiled(problem), -math.inf
+    problem, best = model.problem, -math.inf
     robots = range(len(problem.robots))
     paths = [all_paths(problem, robot) for robot in robots]
     pixels = [pixels_of(problem, robot, paths[robot]) for robot in robots]
@@ -146,8 +155,8 @@ def optimum_under(problem: Problem, decisions: tuple[Decision, ...]) -> float:
 def test_any_multipliers_give_a_bound(problem: Problem, seed: int) -> None:
     """However badly a solver converged: non-negative multipliers are a valid certificate."""
     rng = np.random.default_rng(seed)
-    best = optimum(problem).value
-    assert price(compiled(problem), random_multipliers(problem, rng)).bound >= best
+    best, model = optimum(problem).value, some_model(problem, rng)
+    assert price(model, random_multipliers(model, rng)).bound >= best
     shape = (problem.group_steps, len(problem.face_weights))
     reference = ReferencePixels(as_rows(rng.choice([0.0, 10.0, 1e4], size=shape)))
     assert price(compiled(problem), reference).bound >= best
@@ -158,40 +167,85 @@ def test_any_multipliers_give_a_bound(problem: Problem, seed: int) -> None:
 def test_any_multipliers_bound_the_plans_of_their_leaf(problem: Problem, seed: int) -> None:
     """Under decisions the bound holds for the plans that obey them: cells, states, moves."""
     rng = np.random.default_rng(seed)
+    model = some_model(problem, rng)
     decisions = tuple(
         Decision(
-            random_resource(problem, rng),
+            random_resource(model, rng),
             "at most" if rng.integers(2) else "at least",
             int(rng.integers(3)),
         )
         for _ in range(int(rng.integers(1, 4)))
     )
-    bound = price(
-        compiled(problem), random_multipliers(problem, rng, len(decisions)), decisions
-    ).bound
-    assert bound >= optimum_under(problem, decisions)
+    bound = price(model, random_multipliers(model, rng, len(decisions)), decisions).bound
+    assert bound >= optimum_under(model, decisions)
 
 
 # -- envelope cuts ------------------------------------------------------------------------
 
 
-@examples(40)
-@given(
-    roots=st.lists(st.floats(0.1, 50.0), min_size=1, max_size=5, unique=True),
-    values=st.lists(st.floats(0.0, 40.0), min_size=5, max_size=5),
-    robots=st.integers(1, 5),
-    seed=st.integers(0, 1000),
-)
+@st.composite
+def curves_of_classes(draw: st.DrawFn) -> tuple[dict[int, envelope.Curve], tuple[int, ...]]:
+    """Curves of some classes, and how many robots each class has."""
+    sizes = tuple(draw(st.lists(st.integers(1, 3), min_size=1, max_size=3)))
+    curves = {}
+    for number in draw(st.sets(st.sampled_from(range(len(sizes))))):
+        roots = draw(st.lists(st.floats(0.1, 50.0), min_size=1, max_size=4, unique=True))
+        values = draw(st.lists(st.floats(0.0, 40.0), min_size=len(roots), max_size=len(roots)))
+        curves[number] = envelope.Curve(np.sort(roots), np.array(values))
+    return curves, sizes
+
+
+@examples(60)
+@given(drawn=curves_of_classes(), seed=st.integers(0, 1000))
 def test_an_envelope_cut_holds_for_all_roots(
-    roots: list[float], values: list[float], robots: int, seed: int
+    drawn: tuple[dict[int, envelope.Curve], tuple[int, ...]], seed: int
 ) -> None:
-    """The constant is taken at breakpoints only, and holds between them as well."""
-    points, phi = np.sort(roots), np.array(values[: len(roots)])
-    constant = envelope.constant_of(points, phi, robots)
+    """The constant is taken at breakpoints only, and holds between and beyond them as well."""
+    curves, sizes = drawn
+    cut = envelope.Cut(0, curves, envelope.constant_of(curves, sizes))
     rng = np.random.default_rng(seed)
-    seen = rng.uniform(0.0, points[-1], (200, robots)) * (rng.random((200, robots)) < 0.7)
-    bound = constant + envelope.phi(points, phi, seen).sum(axis=1)
+    classes = np.repeat(np.arange(len(sizes)), sizes)
+    seen = rng.uniform(0.0, 60.0, (200, len(classes))) * (rng.random((200, len(classes))) < 0.7)
+    bound = cut.constant + sum(
+        cut.phi(number, seen[:, n]) for n, number in enumerate(classes.tolist())
+    )
     assert (np.sqrt((seen**2).sum(axis=1)) <= bound * (1 + 1e-12) + 1e-12).all()
+
+
+@examples(60)
+@given(drawn=curves_of_classes())
+def test_a_cuts_constant_is_its_largest_excess_at_breakpoints(
+    drawn: tuple[dict[int, envelope.Curve], tuple[int, ...]],
+) -> None:
+    """What dynamic programming finds is what going through all corners finds."""
+    curves, sizes = drawn
+    robots = [curves[k] for k in curves for _ in range(sizes[k])]
+    most = 0.0
+    for corner in product(*([(0.0, 0.0), *zip(c.roots, c.values, strict=True)] for c in robots)):
+        norm = math.sqrt(sum(root**2 for root, _ in corner))
+        most = max(most, norm - sum(value for _, value in corner))
+    constant = envelope.constant_of(curves, sizes)
+    assert constant >= most - 1e-9
+    assert constant == pytest.approx(most, rel=1e-9, abs=1e-9)
+
+
+def test_constants_of_many_corners_are_rounded_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where corners are merged for there are too many, the cut stays valid."""
+    rng = np.random.default_rng(3)
+    curves = {}
+    for number in range(5):
+        roots = np.sort(rng.uniform(0.1, 10.0, 8))
+        curves[number] = envelope.Curve(roots, 0.4 * roots + 0.01 * roots**2)
+    exact = envelope.constant_of(curves, (1,) * 5)
+    monkeypatch.setattr(envelope, "MOST_CORNERS", 4)
+    merged = envelope.constant_of(curves, (1,) * 5)
+    assert exact <= merged <= 3 * exact
+    assert merged > exact
+
+
+def seen_by(number: int, roots: np.ndarray, amounts: np.ndarray) -> envelope.Seen:
+    """What one class sees."""
+    return envelope.Seen(np.full(len(roots), number), roots, amounts)
 
 
 @examples(30)
@@ -201,33 +255,49 @@ def test_the_best_cut_is_valid_and_no_weaker_than_single_view(seed: int, robots:
     rng = np.random.default_rng(seed)
     roots = np.sort(rng.uniform(1.0, 10.0, 4))
     amounts = rng.dirichlet(np.ones(5))[:4] * robots
-    cut = envelope.best_cut(roots, amounts, 10.0, robots)
-    assert cut is not None
-    points, values, height = cut
+    cut, height = envelope.best_cut(0, seen_by(0, roots, amounts), np.array([10.0]), (robots,))
     assert height <= min(float(amounts @ roots), math.sqrt(amounts @ roots**2)) * (1 + 1e-3)
-    constant = envelope.constant_of(points, values, robots)
     for chosen in product([0.0, *roots], repeat=robots):
         at = np.array(chosen)
-        above = constant + float(envelope.phi(points, values, at).sum())
+        above = cut.constant + float(cut.phi(0, at).sum())
         assert math.sqrt(float((at**2).sum())) <= above * (1 + 1e-12)
+
+
+@examples(30)
+@given(seed=st.integers(0, 10_000))
+def test_the_best_cut_of_robots_apart_is_the_best_coupling(seed: int) -> None:
+    """As high as the best joint distribution of three robots with these amounts, no higher."""
+    rng = np.random.default_rng(seed)
+    roots = np.sort(rng.uniform(1.0, 10.0, (3, 2)), axis=1)
+    assume((np.diff(roots) > 0.2).all())
+    amounts = np.array([rng.dirichlet(np.ones(3))[:2] for _ in range(3)])
+    seen = envelope.Seen(np.repeat(np.arange(3), 2), roots.ravel(), amounts.ravel())
+    _, height = envelope.best_cut(0, seen, np.full(3, 10.0), (1, 1, 1))
+    corners = list(product(range(3), repeat=3))
+    values = np.column_stack([np.zeros(3), roots])
+    shares = np.column_stack([1 - amounts.sum(axis=1), amounts])
+    norms = [math.sqrt(sum(values[i, k] ** 2 for i, k in enumerate(c))) for c in corners]
+    rows = [[float(c[i] == k) for c in corners] for i in range(3) for k in range(3)]
+    best = linprog(-np.array(norms), A_eq=np.array(rows), b_eq=shares.ravel())
+    assert height == pytest.approx(-best.fun, rel=1e-3)
+    assert height >= -best.fun * (1 - 1e-6)
 
 
 def test_for_two_robots_the_cut_is_the_antitone_coupling() -> None:
     """Two robots half here and half there: the best mixture pairs much with little."""
-    roots, amounts = np.array([1.0, 4.0, 9.0]), np.array([0.5, 0.75, 0.5])
-    cut = envelope.best_cut(roots, amounts, 9.0, 2)
-    assert cut is not None
+    seen = seen_by(0, np.array([1.0, 4.0, 9.0]), np.array([0.5, 0.75, 0.5]))
+    _, height = envelope.best_cut(0, seen, np.array([9.0]), (2,))
     # Amounts 0: 0.25, 1: 0.5, 4: 0.75, 9: 0.5, most paired with least: 9-0, 9-1, 4-1, 4-4.
     pairs = [(0.25, 9, 0), (0.25, 9, 1), (0.25, 4, 1), (0.25, 4, 4)]
     best = sum(p * math.hypot(a, b) for p, a, b in pairs)
-    assert cut[2] == pytest.approx(best, rel=1e-4)
+    assert height == pytest.approx(best, rel=1e-4)
 
 
 def test_multisets_are_all_and_distinct() -> None:
     """As many as the formula says, none twice, none too large."""
     for points, size in ((1, 4), (3, 2), (4, 5)):
         counts = envelope.multisets(points, size)
-        assert len(counts) == envelope.number_of_multisets(points, size)
+        assert len(counts) == math.comb(size + points, points)
         assert len(np.unique(counts, axis=0)) == len(counts)
         assert counts.min() >= 0
         assert counts.sum(axis=1).max() == size
@@ -323,7 +393,7 @@ def exact_price(problem: Problem, certificate: Multipliers) -> Fraction:
 def test_rounding_is_bounded_against_exact_arithmetic(problem: Problem, seed: int) -> None:
     """The rounded bound is above the exact value of the same multipliers, and barely."""
     rng = np.random.default_rng(seed)
-    certificate = msgspec.structs.replace(random_multipliers(problem, rng), cuts=())
+    certificate = msgspec.structs.replace(random_multipliers(compiled(problem), rng), cuts=())
     rounded, exact = price(compiled(problem), certificate), exact_price(problem, certificate)
     slack = Fraction(2) ** (-BITS + 20)
     assert Fraction(rounded.bound) >= exact - slack
@@ -352,7 +422,7 @@ def small_certificate() -> tuple[Problem, CertificateFile]:
         as_rows(rng.uniform(0.2, 0.9, shape)),
         as_rows(rng.uniform(0.01, 0.1, shape)),
         tuple(random_rows(problem, rng)),
-        tuple(random_cuts(problem, rng)),
+        tuple(random_cuts(compiled(problem), rng)),
     )
     return problem, certify(problem, compiled(problem), "test", certificate)
 
@@ -578,11 +648,15 @@ def test_rows_that_a_plan_may_break_are_refused(row: Row, words: str) -> None:
 
 
 def cut_of(
-    t: int = 1, face: int = 0, share: float = 0.5, **other: tuple[float, ...]
+    t: int = 1,
+    face: int = 0,
+    share: float = 0.5,
+    robots: int = 0,
+    roots: tuple[float, ...] = (1e3, 1e4),
+    values: tuple[float, ...] = (1e3, 1e4),
 ) -> EnvelopeCut:
     """A cut with one field changed."""
-    fields = {"roots": (1e3, 1e4), "values": (1e3, 1e4), **other}
-    return EnvelopeCut(t, face, fields["roots"], fields["values"], share)
+    return EnvelopeCut(t, face, (Curve(robots, roots, values),), share)
 
 
 @pytest.mark.parametrize(
@@ -593,6 +667,9 @@ def cut_of(
         (cut_of(face=-1), "no group"),
         (cut_of(share=1.5), "share"),
         (cut_of(share=math.nan), "share"),
+        (cut_of(robots=1), "robots"),
+        (cut_of(robots=-1), "robots"),
+        (EnvelopeCut(1, 0, (Curve(0, (1.0,), (1.0,)),) * 2, 0.5), "robots"),
         (cut_of(roots=()), "roots"),
         (cut_of(roots=(2.0, 1.0)), "roots"),
         (cut_of(roots=(0.0, 1.0)), "roots"),
@@ -600,12 +677,11 @@ def cut_of(
         (cut_of(values=(1.0,)), "values"),
         (cut_of(values=(-1.0, 1.0)), "values"),
         (cut_of(values=(1.0, math.inf)), "values"),
-        (cut_of(roots=(1e-3, 2e-3)), "below what can be seen"),
         (cut_of(roots=tuple(range(1, 400)), values=(1.0,) * 399), "too many"),
     ],
 )
 def test_cuts_that_are_none_are_refused(cut: EnvelopeCut, words: str) -> None:
-    """A cut must belong to a group and cover all roots in it."""
+    """A cut must belong to a group, and be functions of the robots that there are."""
     problem, file = small_certificate()
     assert isinstance(file.certificate, Multipliers)
     certificate = msgspec.structs.replace(file.certificate, cuts=(cut,))
@@ -621,7 +697,7 @@ def test_many_tiny_shares_do_not_get_lost_in_rounding() -> None:
     largest = largest_roots(compiled(problem)).reshape(2, -1)
     shape = (2, len(problem.face_weights))
     cuts = tuple(
-        EnvelopeCut(1, face, (float(root) * 1.001,), (0.0,), 0.501 * 2.0**-53)
+        EnvelopeCut(1, face, (Curve(0, (float(root),), (0.0,)),), 0.501 * 2.0**-53)
         for face, root in enumerate(largest[1].tolist())
         for _ in range(4000 * (root > 0))
     )

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from strategies import examples, meetings, problems, tiny
 
 from cocap_opt.check import check
-from cocap_opt.model import compiled
+from cocap_opt.model import compiled, compiled_apart
 from cocap_opt.plan import Plan
 from cocap_opt.problem import NO_RULES, Problem
 from cocap_opt.result import Reason, UnsupportedError
@@ -22,7 +22,6 @@ from formulations.certificate import verify
 from formulations.column_generation import column_generation
 from formulations.cp_sat import cp_sat
 from formulations.cp_sat import solve as solve_by_cp_sat
-from formulations.flow import by_class, by_robot
 from formulations.mathopt import Worker, highs, scip
 from formulations.outer_approximation import (
     Answer,
@@ -71,9 +70,9 @@ def test_one_flow_per_class_has_the_optimum_of_one_per_robot(problem: Problem) -
     """Aggregating the robots of a class changes no optimum; nor does the generic way."""
     results = [
         outer_approximation(
-            problem, never, None, silent, OPTIMALITY, solve_by_cp_sat, no_root, split
+            problem, never, None, silent, OPTIMALITY, solve_by_cp_sat, no_root, compile_
         )
-        for split in (by_class, by_robot)
+        for compile_ in (compiled, compiled_apart)
     ]
     assert results[0].reason is results[1].reason
     assert results[0].value == pytest.approx(results[1].value, rel=2 * OPTIMALITY, abs=1e-8)

@@ -240,7 +240,7 @@ def test_a_mixture_is_split_by_group() -> None:
     problem = load_scene("corridor", 0)
     columns = Search(compiled(problem)).first_columns()[:2]
     mixture = np.array([0.25, 0.75])
-    parts = {group: (roots, amounts) for group, roots, amounts in seen_in(columns, mixture)}
+    parts = {group: (seen.roots, seen.amounts) for group, seen in seen_in(columns, mixture)}
     assert set(parts) == {int(g) for c in columns for g in c.groups}
     for group, (roots, amounts) in parts.items():
         total = sum(
