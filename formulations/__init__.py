@@ -3,17 +3,13 @@
 from importlib import import_module
 from typing import Any
 
-from formulations.branch_and_price import branch_and_price
-from formulations.brute_force import brute_force
-from formulations.cheap import alone, online
-from formulations.column_generation import column_generation
 from formulations.result import BoundMethod, CertifiedResult, ExactMethod
 
 __all__ = ["BOUNDS", "EXACT", "BoundMethod", "CertifiedResult", "ExactMethod"]
 
 
 def _lazy(module: str, function: str) -> Any:
-    """A method that is imported when it is first called: cvxpy and OR-tools take seconds."""
+    """A method whose module is imported when it is first called: some solvers take seconds."""
 
     def method(*arguments: Any, **options: Any) -> CertifiedResult:
         result: CertifiedResult = getattr(import_module(module), function)(*arguments, **options)
@@ -23,17 +19,17 @@ def _lazy(module: str, function: str) -> Any:
 
 
 BOUNDS: dict[str, BoundMethod] = {
-    "alone": alone,
-    "online": online,
+    "alone": _lazy("formulations.cheap", "alone"),
+    "online": _lazy("formulations.cheap", "online"),
     "concave": _lazy("formulations.cone_program", "concave"),
     "single-view": _lazy("formulations.cone_program", "single_view"),
     "envelope": _lazy("formulations.cone_program", "envelope"),
-    "column-generation": column_generation,
+    "column-generation": _lazy("formulations.column_generation", "column_generation"),
 }
 
 EXACT: dict[str, ExactMethod] = {
-    "brute-force": brute_force,
-    "branch-and-price": branch_and_price,
+    "brute-force": _lazy("formulations.brute_force", "brute_force"),
+    "branch-and-price": _lazy("formulations.branch_and_price", "branch_and_price"),
     "highs": _lazy("formulations.mathopt", "highs"),
     "scip": _lazy("formulations.mathopt", "scip"),
     "cp-sat": _lazy("formulations.cp_sat", "cp_sat"),

@@ -44,6 +44,7 @@ from formulations.result import OPTIMALITY, CertifiedResult, Report, only_start,
 METHOD = "branch-and-price"
 NEARLY_WHOLE = 1e-7  # amounts that count as whole where nothing else is left to branch on
 ROUGH = 0.1  # of what is open to the cutoff: less is not worth converging to before branching
+ROUGH_ROOT = 0.02  # likewise, at the root, whose bound holds for all
 
 
 @dataclass
@@ -120,7 +121,7 @@ class _Tree:
 
     def grow(self) -> Limit:
         """Solve the open nodes, the largest bound first."""
-        root = solved_root(self.search, self._gap / 2, ROUGH)
+        root = solved_root(self.search, self._gap / 2, ROUGH_ROOT)
         self.search = root.search
         self._nodes = [Node((), root.best, None, solved=True)]
         self.solved, self.iterations = 1, root.iterations

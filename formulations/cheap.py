@@ -5,6 +5,7 @@ best path per robot.
 """
 
 import time
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from cocap_opt.problem import Problem
 from cocap_opt.reward import no_pixels, robot_pixels
 from cocap_opt.stop import Limit, Stop, never
 from formulations.certificate import ReferencePixels, certify
-from formulations.result import CertifiedResult, Report, bounded, no_bound, silent
+from formulations.result import CertifiedResult, Report, bounded, no_bound, silent, usable_start
 
 
 def alone(
@@ -27,12 +28,16 @@ def alone(
 def online(
     problem: Problem, stop: Stop = never, start: Plan | None = None, report: Report = silent
 ) -> CertifiedResult:
-    """Online bound from any plan P: J(P) + sum over robots of max_path gain(path | P).
+    """Online bound from a plan P: J(P) + sum over robots of max_path gain(path | P).
 
-    Without a plan it is the bound `alone`. The plan may break collision rules. (The
-    stationarity part of J(P) is bounded by the paths' own, so it is not counted twice.)
+    Where the bound `alone` is lower, or without a plan, it is that. (The stationarity part of
+    J(P) is bounded by the paths' own, so it is not counted twice.)
     """
-    return _from_pixels(problem, stop, start, "online")
+    plan, message = usable_start(problem, start)
+    results = [_from_pixels(problem, stop, some, "online") for some in {None, plan}]
+    best = min(results, key=lambda result: result.bound)
+    seconds = sum(result.seconds for result in results)
+    return replace(best, message=message, seconds=seconds)
 
 
 def _from_pixels(problem: Problem, stop: Stop, start: Plan | None, method: str) -> CertifiedResult:

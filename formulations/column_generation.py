@@ -6,7 +6,7 @@ mixture is a source of plans (`primal`).
 """
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -21,9 +21,9 @@ from formulations import envelope
 from formulations.certificate import CertificateFile, Decision, certify
 from formulations.duals import Duals, blended
 from formulations.envelope import Cut, Seen
-from formulations.master import Column, Master, Solution, make_column
+from formulations.master import BEST_ACCURACY, Arc, Column, Master, Solution, make_column
 from formulations.pricing import Priced, Pricer
-from formulations.primal import Incumbent, best_response, improved, incumbent_of
+from formulations.primal import Incumbent, best_response, improved, incumbent_of, kicked
 from formulations.proof import ProofFile
 from formulations.resources import broken_rules, flight_of
 from formulations.result import (
@@ -46,10 +46,15 @@ MOST_CUT_ROUNDS = 20
 TAIL = 1e-5  # of the bound: what a round of cuts must gain for another one
 TAIL_OPEN = 0.05  # of what is open to the cutoff, likewise
 MOST_PENALTY_RAISES = 8
-SMOOTHING = 0.5
+SMOOTHING = (0.25, 0.5, 0.75)
+WORST_ACCURACY = 1e-5  # of the master
+KICK = 4  # iterations after which the incumbent is kicked
 FIRST_PLAN = 8  # iterations, and twice as many each time, after which plans are looked for
 MOST_APART = 20_000_000  # robots x steps x states up to which robots may be apart
-APART_GAIN = 0.1  # of what is open, that the first round of cuts of robots apart must close
+APART_GAIN = 0.12  # of what is open, that the first round of cuts of robots apart must close
+# for every time that it makes the master larger
+FAR = 0.005  # gap that no tree closes soon: any gain is welcome, if it is more than
+APART_GAIN_FAR = 0.02  # of what is open
 MOST_IDLE = 12  # solves after which an unused column is dropped
 
 
@@ -73,6 +78,7 @@ class Search:
     def __post_init__(self) -> None:
         """Compile what pricing needs."""
         self.pricer = Pricer(self.model)
+        self.rng = np.random.default_rng(0)
         self.largest = largest_roots(self.model)
         self.weights = group_weights(self.model.problem)
         alone = self.alone().bound
@@ -121,6 +127,11 @@ class Search:
         if self.incumbent is not None:
             other.incumbent = _incumbent_of_model(model, self.incumbent)
         return other
+
+    def kick(self, arcs: Collection[Arc]) -> None:
+        """Offer what local search makes of the incumbent after some robots are planned anew."""
+        if self.incumbent is not None:
+            self.offer(kicked(self.model, self.incumbent, arcs, self.rng, self.stop))
 
     def hovering(self) -> Incumbent | None:
         """The plan in which nobody moves: starts obey all rules. None where a goal is elsewhere."""
@@ -175,21 +186,28 @@ class Relaxation:
             if self.limit is not Limit.NONE:
                 return
             self.iterations += 1
-            solution = self.solution = self.master.solve(seconds_left(search.stop))
-            priced = search.pricer(solution.duals, self.decisions)
-            improves = priced.bound < self.best.bound
-            # Half way to the best multipliers so far (Wentges 1997): they oscillate less.
-            between = blended(solution.duals, self.best.duals, SMOOTHING)
-            smooth = search.pricer(between, self.decisions)
-            self.best = min(self.best, priced, smooth, key=lambda some: some.bound)
-            priced = priced._replace(columns=[*priced.columns, *smooth.columns])
-            if self.iterations >= FIRST_PLAN and self.iterations & (self.iterations - 1) == 0:
-                self.look_for_plans()
-            search.report(search.snapshot(max(self.best.bound, others), nodes))
-            open_gap = self.best.bound - solution.value
             open_ = self.best.bound - cutoff()
             least = rough * open_ if np.isfinite(open_) else 0.0
             wanted = max(ACCURACY * abs(self.best.bound), least)
+            accuracy = min(max(wanted / 10 / search.scale, BEST_ACCURACY), WORST_ACCURACY)
+            solution = self.solution = self.master.solve(seconds_left(search.stop), accuracy)
+            priced = search.pricer(solution.duals, self.decisions)
+            improves = priced.bound < self.best.bound
+            # Half way to the best multipliers so far (Wentges 1997): they oscillate less.
+            best = self.best.duals
+            between = [
+                search.pricer(blended(solution.duals, best, share), self.decisions)
+                for share in SMOOTHING
+            ]
+            self.best = min(self.best, priced, *between, key=lambda some: some.bound)
+            columns = [column for some in (priced, *between) for column in some.columns]
+            priced = priced._replace(columns=columns)
+            if self.iterations >= FIRST_PLAN and self.iterations & (self.iterations - 1) == 0:
+                self.look_for_plans()
+            elif self.iterations >= FIRST_PLAN and self.iterations % KICK == 0:
+                search.kick(self.master.arcs)
+            search.report(search.snapshot(max(self.best.bound, others), nodes))
+            open_gap = self.best.bound - solution.value
             changed = self._add(priced, solution, open_gap > wanted)
             if changed:
                 continue
@@ -338,6 +356,14 @@ def _of_model(model: Model, column: Column) -> Column:
     return column._replace(flight=flight_of(model, column.robot, column.path))
 
 
+def aggregated_root(search: Search, gap: float, rough: float = 0.0) -> Relaxation:
+    """The relaxation without decisions, solved, with the classes of robots as they are."""
+    root = root_relaxation(search)
+    if root.best.bound > -np.inf:
+        root.solve(lambda: cutoff_of(search, gap), rough)
+    return root
+
+
 def solved_root(search: Search, gap: float, rough: float = 0.0) -> Relaxation:
     """The relaxation without decisions, solved; with every robot apart where that is tighter.
 
@@ -348,9 +374,7 @@ def solved_root(search: Search, gap: float, rough: float = 0.0) -> Relaxation:
     ----------
     gap, rough : as in `cutoff_of` and `Relaxation.solve`
     """
-    root = root_relaxation(search)
-    if root.best.bound > -np.inf:
-        root.solve(lambda: cutoff_of(search, gap), rough)
+    root = aggregated_root(search, gap, rough)
     if root.limit is not Limit.NONE or not _may_pay_apart(root, gap):
         return root
     root.look_for_plans()
@@ -359,8 +383,10 @@ def solved_root(search: Search, gap: float, rough: float = 0.0) -> Relaxation:
     before = root.best.bound
     other.solve(lambda: cutoff_of(own, gap), rough, rounds=1)
     if other.limit is Limit.NONE:
-        gain = before - other.best.bound
-        if gain < APART_GAIN * (before - cutoff_of(own, gap)):
+        open_ = before - cutoff_of(own, gap)
+        larger = len(other.master.arcs) / len(root.master.arcs)
+        share = APART_GAIN * larger if open_ < FAR * before else APART_GAIN_FAR
+        if before - other.best.bound < share * open_:
             if own.incumbent is not None:
                 search.offer(_incumbent_of_model(search.model, own.incumbent))
             return root
@@ -405,8 +431,13 @@ def column_generation(
     stop: Stop = never,
     start: Plan | None = None,
     report: Report = silent,
+    make_root: Callable[[Search, float], Relaxation] = solved_root,
 ) -> CertifiedResult:
     """Bound of the relaxation with all cuts at the root, and the best plan found on the way.
+
+    Parameters
+    ----------
+    make_root : solves the relaxation to a relative gap
 
     Returns
     -------
@@ -421,7 +452,7 @@ def column_generation(
         return only_start(problem, start, limit, time.perf_counter() - begin)
     search = Search(model, stop, report, begin)
     message = use_start(search, start)
-    root = solved_root(search, OPTIMALITY / 2)
+    root = make_root(search, OPTIMALITY / 2)
     search, model = root.search, root.search.model
     if root.limit is Limit.NONE:
         root.look_for_plans()

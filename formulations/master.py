@@ -31,6 +31,7 @@ from formulations.envelope import Cut
 from formulations.resources import Cells, Flight, Resource, Swap, Visit, flight_of, uses
 
 NO_TIME_LIMIT = 1e9  # s, Clarabel takes no infinity
+BEST_ACCURACY = 1e-8
 USED = 1e-7  # flow on an arc that counts as use
 
 
@@ -199,8 +200,13 @@ class Master:
             if all(fresh[self._arcs[arc]] for arc in arcs_of(column.flight))
         ]
 
-    def solve(self, seconds: float = math.inf) -> Solution:
-        """Solve by Clarabel's interior-point method (one thread)."""
+    def solve(self, seconds: float = math.inf, accuracy: float = BEST_ACCURACY) -> Solution:
+        """Solve by Clarabel's interior-point method (one thread).
+
+        Parameters
+        ----------
+        accuracy : relative, of the value
+        """
         arcs = list(self._arcs)
         seen = self._seen.of(arcs)
         stays = np.array([arc.tail == arc.head for arc in arcs], dtype=np.float64)
@@ -214,7 +220,8 @@ class Master:
         settings = clarabel.DefaultSettings()
         settings.verbose = False
         settings.max_threads = 1
-        # Multipliers are certified whatever they are: the last digits are not worth their time.
+        # Multipliers are certified whatever they are: digits cost time, no more.
+        settings.tol_gap_rel = settings.tol_gap_abs = settings.tol_feas = accuracy
         settings.direct_solve_method = "faer"
         settings.iterative_refinement_reltol = settings.iterative_refinement_abstol = 1e-8
         settings.time_limit = min(seconds, NO_TIME_LIMIT)

@@ -31,7 +31,7 @@ from cocap_opt.result import Reason
 from cocap_opt.reward import objective_of
 from cocap_opt.stop import FirstOf, Limit, Stop, TimeLimit, seconds_left
 from formulations.certificate import CertificateFile, Multipliers, usable_cuts
-from formulations.column_generation import column_generation
+from formulations.column_generation import aggregated_root, column_generation
 from formulations.envelope import Cut
 from formulations.flow import (
     ConflictRows,
@@ -191,7 +191,8 @@ def certified_root(problem: Problem, stop: Stop) -> CertifiedResult:
     Its plan is left to it: a method that is to check another must find its own.
     """
     most = TimeLimit(ROOT_SHARE * seconds_left(stop))
-    return column_generation(problem, FirstOf(stop, most))
+    # Flows are by class, and so must the root's cuts be.
+    return column_generation(problem, FirstOf(stop, most), make_root=aggregated_root)
 
 
 def no_root(problem: Problem, stop: Stop) -> CertifiedResult:

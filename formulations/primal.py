@@ -22,6 +22,8 @@ from formulations.master import Arc, Column, arcs_of, make_column
 from formulations.pairs import best_pair
 
 MOST_PARTNERS = 5  # robots with which each is paired
+KICKED = 3  # robots that are planned anew at a time
+PROMISING = 0.01  # relative loss up to which a local optimum is worth best pairs
 LEAST_GAIN = 1e-12  # relative, so that rounding is no gain
 
 
@@ -75,6 +77,34 @@ def polished(
             if better is not None and better.value > best.value * (1 + LEAST_GAIN):
                 best = respond(model, better.columns, stop) or better
     return best
+
+
+def kicked(
+    model: Model,
+    plan: Incumbent,
+    arcs: Collection[Arc],
+    rng: np.random.Generator,
+    stop: Stop = never,
+) -> Incumbent | None:
+    """What becomes of a plan when a few of its robots are planned anew, one after the other.
+
+    Iterated local search: best responses lead to another local optimum, best pairs on from it
+    if it is nearly as good. None where the robots leave one another no way.
+    """
+    robots = len(plan.columns)
+    if robots < 2:
+        return None
+    anew = rng.permutation(robots)[: min(KICKED, robots - 1)].tolist()
+    columns = [column for column in plan.columns if column.robot not in anew]
+    for robot in anew:
+        answer = best_response(model, robot, columns)
+        if answer is None:
+            return None
+        columns.append(answer)
+    best = respond(model, sorted(columns, key=lambda column: column.robot), stop)
+    if best is None or best.value < plan.value * (1 - PROMISING):
+        return best
+    return polished(model, best, arcs, stop)
 
 
 def _pairs(model: Model, plan: Incumbent) -> list[tuple[int, int]]:
