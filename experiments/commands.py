@@ -28,7 +28,7 @@ from experiments.files import (
     write,
 )
 from experiments.gap_table import gap_cell, save_rows, told_apart
-from experiments.printing import print_gap_table, print_json, print_result, print_table
+from experiments.printing import path_text, print_gap_table, print_json, print_result, print_table
 from experiments.progress import watching
 from experiments.report import (
     SOLVERS,
@@ -113,7 +113,7 @@ def export(
     if over_time:
         problem = problem.replace(objective=problem.objective.replace(over_time=True))
     write(output, lambda: save_problem(output, problem))
-    print_result({"scene": problem.name, "seed": seed, "file": str(output)}, json)
+    print_result({"scene": problem.name, "seed": seed, "file": path_text(output)}, json)
     return 0
 
 
@@ -258,7 +258,7 @@ def verify_files(
             continue
         content = read_claim(path, problem)
         if isinstance(content, CertificateFile | ProofFile):
-            with watching(str(path)) as watch:
+            with watching(path_text(path)) as watch:
                 verify_bound(
                     problem, content, answer, lambda done, all_: watch.count("leaf", done, all_)
                 )
@@ -356,7 +356,7 @@ def show(
     else:
         picture = png(plan_figure(problem, shown, verdict, problem.horizon))
     write(output, lambda: write_atomically(output, picture))
-    print_result({"scene": problem.name, "seed": seed, "file": str(output)}, json)
+    print_result({"scene": problem.name, "seed": seed, "file": path_text(output)}, json)
     return 0
 
 
@@ -400,7 +400,7 @@ def _write_plan(
     row["file"] = None
     if path is not None and judged.result.plan is not None:
         save_plan(path, problem, planner, judged)
-        row["file"] = str(path)
+        row["file"] = path_text(path)
     elif path is not None:
         _add_message(row, f"{path} was not written: there is no plan")
 
@@ -410,7 +410,7 @@ def _write_certificate(row: Row, key: str, path: Path | None, result: CertifiedR
     row[key] = None
     if path is not None and result.certificate is not None:
         save(path, result.certificate)
-        row[key] = str(path)
+        row[key] = path_text(path)
     elif path is not None:
         _add_message(row, f"{path} was not written: there is no certificate")
 

@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import msgspec
@@ -29,6 +30,11 @@ def _console() -> Console:
 def print_json(content: Any) -> None:
     """One JSON object on one line; infinite numbers are null."""
     sys.stdout.write(msgspec.json.encode(content).decode() + "\n")
+
+
+def path_text(path: Path) -> str:
+    """A path as text; bytes that are no text are escaped."""
+    return str(path).encode("utf-8", "backslashreplace").decode()
 
 
 def print_result(row: Row, json: bool) -> None:

@@ -1,5 +1,6 @@
 """Bounds and exact optima. To add one: one file, and one line in a registry below."""
 
+from functools import partial
 from importlib import import_module
 from typing import Any
 
@@ -8,14 +9,14 @@ from formulations.result import BoundMethod, CertifiedResult, ExactMethod
 __all__ = ["BOUNDS", "EXACT", "BoundMethod", "CertifiedResult", "ExactMethod"]
 
 
+def _call(module: str, function: str, *arguments: Any, **options: Any) -> CertifiedResult:
+    result: CertifiedResult = getattr(import_module(module), function)(*arguments, **options)
+    return result
+
+
 def _lazy(module: str, function: str) -> Any:
     """A method whose module is imported when it is first called: some solvers take seconds."""
-
-    def method(*arguments: Any, **options: Any) -> CertifiedResult:
-        result: CertifiedResult = getattr(import_module(module), function)(*arguments, **options)
-        return result
-
-    return method
+    return partial(_call, module, function)
 
 
 BOUNDS: dict[str, BoundMethod] = {

@@ -48,7 +48,8 @@ TAIL_OPEN = 0.05  # of what is open to the cutoff, likewise
 MOST_PENALTY_RAISES = 8
 SMOOTHING = (0.25, 0.5, 0.75)
 WORST_ACCURACY = 1e-5  # of the master
-KICK = 4  # iterations after which the incumbent is kicked
+KICK = 4  # iterations after which the incumbent is kicked, in masters of at most
+MANY_ARCS = 2000
 FIRST_PLAN = 8  # iterations, and twice as many each time, after which plans are looked for
 MOST_APART = 20_000_000  # robots x steps x states up to which robots may be apart
 APART_GAIN = 0.12  # of what is open, that the first round of cuts of robots apart must close
@@ -204,8 +205,10 @@ class Relaxation:
             priced = priced._replace(columns=columns)
             if self.iterations >= FIRST_PLAN and self.iterations & (self.iterations - 1) == 0:
                 self.look_for_plans()
-            elif self.iterations >= FIRST_PLAN and self.iterations % KICK == 0:
-                search.kick(self.master.arcs)
+            elif self.iterations >= FIRST_PLAN:
+                large = len(self.master.arcs) > MANY_ARCS  # kicks are cheap beside its solves
+                if large or self.iterations % KICK == 0:
+                    search.kick(self.master.arcs)
             search.report(search.snapshot(max(self.best.bound, others), nodes))
             open_gap = self.best.bound - solution.value
             changed = self._add(priced, solution, open_gap > wanted)

@@ -70,6 +70,20 @@ def files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> tuple[Path, Pat
     return plan, certificate
 
 
+def test_a_path_that_is_no_text_is_shown_escaped(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """JSON is text: a byte that is none in a file's name is escaped in it, not in the name."""
+    path = tmp_path / "\udcff.json"
+    try:
+        path.touch()
+    except (OSError, UnicodeEncodeError):
+        pytest.skip("this file system takes text only")
+    run = Run(capsys, "plan", "tiny-share", "-o", path, "--json")
+    assert run.code == 0 and path.stat().st_size > 0
+    assert run.json["file"].endswith("\\udcff.json")
+
+
 def test_gap_prints_and_writes_the_keys_that_do_not_change(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

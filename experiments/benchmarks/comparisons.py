@@ -16,6 +16,7 @@ from experiments.benchmarks.figures import Figure, at_least
 from experiments.benchmarks.rows import SEEDS, Options, told
 from experiments.benchmarks.runs import Build, Run, RunError, run, scene
 from experiments.streams import say
+from formulations import BOUNDS
 from formulations.branch_and_price import branch_and_price
 from formulations.column_generation import column_generation
 from formulations.cone_program import single_view
@@ -25,6 +26,8 @@ from scenarios import load_scene
 LIMIT = 300.0  # s
 BOTTLENECK_STEPS = (2, 4, 6, 8, 11)
 CORRIDOR_STEPS = range(2, 9)
+RELAXED = {"corridor": 4, "bottleneck": 4}  # scenes and steps, small enough for one program
+RELAXATIONS = ("concave", "single-view", "envelope", "column-generation")
 REPEATS = 3  # of ours, which takes a fraction of a second
 SAME = 1e-7  # relative, by which bounds differ that are the same
 
@@ -82,6 +85,29 @@ def _largest_cone_program(seed: int, limit: float) -> tuple[int, Run, str]:
         raise RunError(f"the cone program takes not even {steps} steps within {limit:g} s")
     why = f"; {steps} not within {limit:g} s" if steps > best[0] else ""
     return *best, why
+
+
+def relaxations(options: Options) -> list[Figure]:
+    """How far each relaxation is above the proved optimum, and how much it closes of the worst."""
+    figures = []
+    for name, steps in RELAXED.items():
+        above: dict[str, list[float]] = {}
+        for seed in options.seeds_or(SEEDS):
+            build = partial(scene, name, seed, steps)
+            best = told(name, seed, run(build, branch_and_price, options.limit_or(LIMIT)))
+            for method in RELAXATIONS:
+                result = _try(build, BOUNDS[method], options.limit_or(LIMIT), method, seed)
+                bound = math.nan if result is None else result.bound
+                above.setdefault(method, []).append(100 * (bound - best.value) / bound)
+        worst = median(above[RELAXATIONS[0]])
+        for method, shares in above.items():
+            closed = 100 * (1 - median(shares) / worst) if worst > 0 else math.nan
+            note = f"closes {closed:.1f} % of what {RELAXATIONS[0]} leaves"
+            figures.append(
+                Figure(f"{name}, {steps} steps: {method} above the optimum, median",
+                       median(shares), "%", None, None, note)
+            )  # fmt: skip
+    return figures
 
 
 def milps(options: Options) -> list[Figure]:

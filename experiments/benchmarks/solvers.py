@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from cocap_opt.io import FileError
-from experiments.benchmarks.comparisons import cone_program, milps, rooted_milps
+from experiments.benchmarks.comparisons import cone_program, milps, relaxations, rooted_milps
 from experiments.benchmarks.figures import Figure, number, target
 from experiments.benchmarks.rows import (
     Options,
@@ -32,6 +32,7 @@ ROWS: dict[str, Row] = {
     "large": large,
     "field-long": field_long,
     "field-large": field_large,
+    "relaxations": relaxations,
     "cone-program": cone_program,
     "milp": milps,
     "milp-with-our-root": rooted_milps,
