@@ -252,7 +252,8 @@ class Relaxation:
         broken = broken_rules(self.search.model, flights, BROKEN)
         new = [self.master.add_row(resource) for resource in broken]
         if columns_too or any(new):
-            self.master.drop_idle(MOST_IDLE)
+            # The longer it takes, the longer arcs are kept: else the same ones come and go.
+            self.master.drop_idle(MOST_IDLE + self.iterations // 8)
             added = sum(self.master.add(column) for column in priced.columns)
             self.search.columns += added
             return any(new) or added > 0

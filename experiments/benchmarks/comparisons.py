@@ -26,7 +26,7 @@ from scenarios import load_scene
 LIMIT = 300.0  # s
 BOTTLENECK_STEPS = (2, 4, 6, 8, 11)
 CORRIDOR_STEPS = range(2, 9)
-RELAXED = {"corridor": 4, "bottleneck": 4}  # scenes and steps, small enough for one program
+RELAXED = {"corridor": 5, "field": 3}  # scenes and steps, small enough for one program
 RELAXATIONS = ("concave", "single-view", "envelope", "column-generation")
 REPEATS = 3  # of ours, which takes a fraction of a second
 SAME = 1e-7  # relative, by which bounds differ that are the same
