@@ -1,6 +1,6 @@
 """Branch and price: proved optima.
 
-A tree of decisions (`branching`) over the relaxation of `column_generation`, the node of the
+A tree of decisions (`branching`) over relaxations (`relaxation`), the node of the
 largest bound first. A node is a leaf where its bound is at most the incumbent's J. The tree
 with the multipliers of its leaves is the proof (`proof`), whatever stopped the search: the
 leaves of an unfinished tree merely prove less.
@@ -23,14 +23,6 @@ from cocap_opt.problem import Problem
 from cocap_opt.stop import Limit, Stop, never
 from formulations.branching import WHOLE, amounts_of, fractional, whole_paths
 from formulations.certificate import Decision
-from formulations.column_generation import (
-    Relaxation,
-    Search,
-    cutoff_of,
-    result_of,
-    solved_root,
-    use_start,
-)
 from formulations.diving import dive
 from formulations.duals import Duals
 from formulations.envelope import Cut
@@ -38,8 +30,11 @@ from formulations.master import Column, Master, make_column
 from formulations.pricing import Priced
 from formulations.primal import incumbent_of, respond
 from formulations.proof import Branch, Leaf, ProofFile, price_proof
+from formulations.relaxation import Relaxation
 from formulations.resources import Resource
 from formulations.result import OPTIMALITY, CertifiedResult, Report, only_start, silent
+from formulations.root import solved_root
+from formulations.search import Search, cutoff_of, result_of, use_start
 
 METHOD = "branch-and-price"
 NEARLY_WHOLE = 1e-7  # amounts that count as whole where nothing else is left to branch on

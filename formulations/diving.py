@@ -10,10 +10,10 @@ import math
 from cocap_opt.stop import Limit, seconds_left
 from formulations.branching import amounts_of, whole_paths
 from formulations.certificate import Decision
-from formulations.column_generation import Search
 from formulations.master import Master, Solution, make_column
 from formulations.primal import Incumbent, improved, incumbent_of, respond
 from formulations.resources import Resource
+from formulations.search import Search
 
 NEARLY = 0.75  # fraction of a robot from which on a state is decided
 SHARE = 0.15  # of the undecided states, at least, that are decided in a round

@@ -31,7 +31,7 @@ from cocap_opt.result import Reason
 from cocap_opt.reward import objective_of
 from cocap_opt.stop import FirstOf, Limit, Stop, TimeLimit, seconds_left
 from formulations.certificate import CertificateFile, Multipliers, usable_cuts
-from formulations.column_generation import aggregated_root, column_generation
+from formulations.column_generation import column_generation
 from formulations.envelope import Cut
 from formulations.flow import (
     ConflictRows,
@@ -41,6 +41,7 @@ from formulations.flow import (
     make_flow,
 )
 from formulations.result import CertifiedResult, Report, Snapshot, no_bound, usable_start
+from formulations.root import aggregated_root
 
 TANGENTS = 5  # per group at the beginning, each at a quarter of the pixels of the one before
 SLACK = 1e-9  # relative, by which a root may be overestimated at a plan

@@ -15,14 +15,16 @@ from cocap_opt.reward import objective_of
 from cocap_opt.timegraph import CLOSED
 from formulations.branching import amounts_of, fractional, whole_paths
 from formulations.certificate import Decision, price
-from formulations.column_generation import Search, root_relaxation, seen_in
 from formulations.diving import dive
 from formulations.duals import blended
 from formulations.master import Arc, Master, arcs_of, make_column
 from formulations.pairs import best_pair
 from formulations.pricing import Pricer
 from formulations.primal import best_response, improved, in_conflict, incumbent_of
+from formulations.relaxation import seen_in
 from formulations.resources import Cells, Move, Swap, Visit, charges_of, flight_of, uses
+from formulations.root import root_relaxation
+from formulations.search import Search
 from scenarios import load_scene
 
 

@@ -1,0 +1,201 @@
+"""The relaxation of a node of the search, solved over the paths that matter.
+
+Restricted master (`master`) and pricing (`pricing`) take turns. Every iteration's multipliers
+are a certificate; conflict rows and envelope cuts are added when a mixture breaks them; every
+mixture is a source of plans (`primal`).
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cocap_opt.problem import FloatArray
+from cocap_opt.stop import Limit, seconds_left
+from formulations import envelope
+from formulations.certificate import Decision
+from formulations.duals import blended
+from formulations.envelope import Cut, Seen
+from formulations.master import BEST_ACCURACY, Column, Master, Solution
+from formulations.pricing import Priced
+from formulations.primal import improved
+from formulations.resources import broken_rules
+from formulations.search import Search
+
+ACCURACY = 2e-7  # of the bound: where bound and master agree to this, they have converged
+WORST_ACCURACY = 1e-5  # of the master
+BROKEN = 1e-6  # uses of a resource in excess of the rule that are left alone
+LEAST_CUT = 2e-6  # of the bound: what an envelope cut must cut off
+MOST_CUT_ROUNDS = 20
+TAIL = 1e-5  # of the bound: what a round of cuts must gain for another one
+TAIL_OPEN = 0.05  # of what is open to the cutoff, likewise
+MOST_PENALTY_RAISES = 8
+SMOOTHING = (0.25, 0.5, 0.75)  # shares of the master's multipliers; the best ones have the rest
+FIRST_PLAN = 8  # iterations, and twice as many each time, after which plans are looked for
+KICK = 4  # iterations after which the incumbent is kicked; every one where the master is large
+MANY_ARCS = 2000  # of a large master
+MOST_IDLE = 12  # solves after which an unused column is dropped
+
+
+@dataclass
+class Relaxation:
+    """The relaxation under some decisions: a node of the search.
+
+    Attributes
+    ----------
+    best : the best bound so far with its multipliers
+    solution : the last mixture
+    limit : what stopped it; NONE where it has converged or is cut off
+    """
+
+    search: Search
+    master: Master
+    best: Priced
+    decisions: tuple[Decision, ...] = ()
+    solution: Solution | None = None
+    limit: Limit = Limit.NONE
+    iterations: int = 0
+    cut_rounds: int = 0
+
+    def solve(
+        self,
+        cutoff: Callable[[], float],
+        rough: float = 0.0,
+        others: float = -np.inf,
+        nodes: int = 0,
+        rounds: int = MOST_CUT_ROUNDS,
+    ) -> None:
+        """Solve and price in turn until the bound is at most the cutoff, or has converged.
+
+        Parameters
+        ----------
+        cutoff : bound from which on the node is of no interest; it may rise meanwhile
+        rough : share of what is open to the cutoff that convergence may leave
+        others, nodes : largest bound of the other nodes and how many have been solved, for
+            the report
+        rounds : most rounds of cuts
+        """
+        search, raises, before = self.search, 0, np.inf
+        while self.best.bound > cutoff():
+            self.limit = search.stop()
+            if self.limit is not Limit.NONE:
+                return
+            self.iterations += 1
+            open_ = self.best.bound - cutoff()
+            least = rough * open_ if np.isfinite(open_) else 0.0
+            wanted = max(ACCURACY * abs(self.best.bound), least)
+            accuracy = min(max(wanted / 10 / search.scale, BEST_ACCURACY), WORST_ACCURACY)
+            solution = self.solution = self.master.solve(seconds_left(search.stop), accuracy)
+            priced = search.pricer(solution.duals, self.decisions)
+            improves = priced.bound < self.best.bound
+            # Half way to the best multipliers so far (Wentges 1997): they oscillate less.
+            best = self.best.duals
+            between = [
+                search.pricer(blended(solution.duals, best, share), self.decisions)
+                for share in SMOOTHING
+            ]
+            self.best = min(self.best, priced, *between, key=lambda some: some.bound)
+            columns = [column for some in (priced, *between) for column in some.columns]
+            priced = priced._replace(columns=columns)
+            if self.iterations >= FIRST_PLAN and self.iterations & (self.iterations - 1) == 0:
+                self.look_for_plans()
+            elif self.iterations >= FIRST_PLAN:
+                large = len(self.master.arcs) > MANY_ARCS  # kicks are cheap beside its solves
+                if large or self.iterations % KICK == 0:
+                    search.kick(self.master.arcs)
+            search.report(search.snapshot(max(self.best.bound, others), nodes))
+            open_gap = self.best.bound - solution.value
+            changed = self._add(priced, solution, open_gap > wanted)
+            if changed:
+                continue
+            if not solution.solved and not improves:
+                self.limit = search.stop()
+                self.limit = self.limit if self.limit is not Limit.NONE else Limit.NUMERICS
+                return
+            if solution.slack > BROKEN * 10:
+                # Rows are still paid for: either there is no plan or the penalty is too low.
+                if raises == MOST_PENALTY_RAISES:
+                    self.limit = Limit.NUMERICS
+                    return
+                self.master.penalty *= 10
+                raises += 1
+                continue
+            gain = before - self.best.bound
+            before = self.best.bound
+            tailing = gain < max(TAIL * abs(before), TAIL_OPEN * min(open_, abs(before)))
+            if (tailing and self.cut_rounds) or self.cut_rounds >= rounds:
+                return
+            self.cut_rounds += 1
+            if not self._add_cuts(solution):
+                return
+
+    def look_for_plans(self) -> None:
+        """Offer what rounding and local search make of the last mixture."""
+        search, solution = self.search, self.solution
+        if solution is not None:
+            search.offer(
+                improved(
+                    search.model, solution.columns, solution.mixture, self.master.arcs, search.stop
+                )
+            )
+
+    def _add(self, priced: Priced, solution: Solution, columns_too: bool) -> bool:
+        """Take in broken conflict rows and new columns; False if there are none."""
+        pairs = zip(solution.columns, solution.mixture.tolist(), strict=True)
+        flights = [(column.flight, amount) for column, amount in pairs if amount > 1e-9]
+        broken = broken_rules(self.search.model, flights, BROKEN)
+        new = [self.master.add_row(resource) for resource in broken]
+        if columns_too or any(new):
+            # The longer it takes, the longer arcs are kept: else the same ones come and go.
+            self.master.drop_idle(MOST_IDLE + self.iterations // 8)
+            added = sum(self.master.add(column) for column in priced.columns)
+            self.search.columns += added
+            return any(new) or added > 0
+        return False
+
+    def _add_cuts(self, solution: Solution) -> bool:
+        """Take in the envelope cuts that the mixture breaks; False if there are none."""
+        search, found = self.search, 0
+        sizes = tuple(len(group.robots) for group in search.model.classes)
+        if search.model.problem.objective.over_time:  # a robot sees a group more than once
+            return False
+        self.master.drop_cuts(solution.duals)
+        known: dict[int, list[Cut]] = {}
+        for cut in self.master.cuts:
+            known.setdefault(cut.group, []).append(cut)
+        for group, seen in seen_in(solution.columns, solution.mixture):
+            weight = float(search.weights[group])
+            if weight == 0 or search.stop() is not Limit.NONE:
+                continue
+            height = min(
+                float(np.sqrt(seen.amounts @ seen.roots**2)), float(seen.amounts @ seen.roots)
+            )
+            height = min([height, *(seen.height(cut) for cut in known.get(group, []))])
+            least = LEAST_CUT * abs(self.best.bound) / weight
+            if seen.is_exact(sizes) or height - envelope.coupled(seen, sizes) < least:
+                continue
+            largest = search.largest[:, group]
+            best = envelope.best_cut(group, seen, largest, sizes, height, least)
+            if best is not None:
+                self.master.add_cut(best[0])
+                found += 1
+        return found > 0
+
+
+def seen_in(columns: Sequence[Column], mixture: FloatArray) -> list[tuple[int, Seen]]:
+    """Groups that a mixture sees, and what it sees of them."""
+    used = np.flatnonzero(mixture > 1e-7).tolist()
+    groups = np.concatenate([np.zeros(0, dtype=np.int64), *(columns[n].groups for n in used)])
+    if not len(groups):
+        return []
+    roots = np.sqrt(np.concatenate([columns[n].pixels for n in used]))
+    counts = [len(columns[n].groups) for n in used]
+    amounts = np.repeat(mixture[used], counts)
+    classes = np.repeat([columns[n].flight.robots for n in used], counts)
+    order = np.argsort(groups, kind="stable")
+    distinct, first = np.unique(groups[order], return_index=True)
+    parts = np.split(order, first[1:])
+    return [
+        (g, Seen(classes[p], roots[p], amounts[p]))
+        for g, p in zip(distinct.tolist(), parts, strict=True)
+    ]
