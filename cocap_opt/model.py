@@ -83,6 +83,11 @@ class Model:
         """F, over all actors."""
         return len(self.problem.face_weights)
 
+    @property
+    def class_sizes(self) -> tuple[int, ...]:
+        """How many robots each class has."""
+        return tuple(len(group.robots) for group in self.classes)
+
     @cached_property
     def cells(self) -> tuple[tuple[Cell, ...], ...]:
         """Cell of every place of every class; border places lie outside the map."""

@@ -21,14 +21,13 @@ from cocap_opt.model import compiled
 from cocap_opt.plan import Plan
 from cocap_opt.problem import Problem
 from cocap_opt.stop import Limit, Stop, never
-from formulations.branching import WHOLE, amounts_of, fractional, whole_paths
+from formulations.branching import WHOLE, amounts_of, fractional
 from formulations.certificate import Decision
-from formulations.diving import dive
+from formulations.diving import decided, dive
 from formulations.duals import Duals
 from formulations.envelope import Cut
-from formulations.master import Column, Master, make_column
+from formulations.master import Column, Master
 from formulations.pricing import Priced
-from formulations.primal import incumbent_of, respond
 from formulations.proof import Branch, Leaf, ProofFile, price_proof
 from formulations.relaxation import Relaxation
 from formulations.resources import Resource
@@ -180,14 +179,7 @@ class _Tree:
         search, solution = self.search, relaxation.solution
         if solution is None:
             return
-        columns = solution.columns
-        paths = whole_paths(search.model, columns, solution.mixture)
-        if paths is not None:
-            plan = incumbent_of(
-                search.model, [make_column(search.model, i, p) for i, p in enumerate(paths)]
-            )
-            if plan is not None:
-                search.offer(respond(search.model, plan.columns, search.stop))
+        search.offer(decided(search, solution))
         relaxation.look_for_plans()
         if self.solved & (self.solved - 1) == 0:  # nodes 1, 2, 4, 8, ..
             search.offer(dive(search, relaxation.master, solution))

@@ -335,7 +335,7 @@ def _offer_of_multipliers(model: Model, certificate: Multipliers) -> _Offer:
 def usable_cuts(model: Model, cuts: tuple[EnvelopeCut, ...]) -> list[tuple[Cut, float]]:
     """Cuts with the constants that make them valid, and their shares."""
     steps, faces = model.problem.horizon + 1, model.n_faces
-    sizes = tuple(len(group.robots) for group in model.classes)
+    sizes = model.class_sizes
     if cuts and model.problem.objective.over_time:
         raise CertificateError("certificate.cuts: none hold where pixels add up over time")
     found = []

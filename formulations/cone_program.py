@@ -27,7 +27,15 @@ from cocap_opt.stop import Limit, Stop, never, seconds_left
 from formulations import envelope as envelopes
 from formulations.certificate import CertificateFile, certify
 from formulations.duals import Duals, repaired
-from formulations.flow import ConflictRows, Flow, Roots, conflict_rows, make_flow
+from formulations.flow import (
+    Compile,
+    ConflictRows,
+    Flow,
+    Roots,
+    conflict_rows,
+    cut_rows,
+    make_flow,
+)
 from formulations.result import CertifiedResult, Report, Snapshot, bounded, no_bound, silent
 
 if TYPE_CHECKING:
@@ -98,7 +106,6 @@ class Point(NamedTuple):
 
 
 Separation = Callable[[Flow, Roots, Point], list[envelopes.Cut]]
-Compile = Callable[[Problem], Model]
 
 
 def no_cuts(flow: Flow, roots: Roots, point: Point) -> list[envelopes.Cut]:
@@ -108,7 +115,7 @@ def no_cuts(flow: Flow, roots: Roots, point: Point) -> list[envelopes.Cut]:
 
 def violated_cuts(flow: Flow, roots: Roots, point: Point) -> list[envelopes.Cut]:
     """Envelope cuts that a solution violates, the tightest one of each group."""
-    found, sizes = [], tuple(len(group.robots) for group in flow.model.classes)
+    found, sizes = [], flow.model.class_sizes
     for g, group in enumerate(roots.used.tolist()):
         nodes, seen = roots.entries(g)
         amounts = point.x[nodes]
@@ -262,8 +269,7 @@ class _ConeProgram:
         """Solve with these cuts; None where a limit or the solver leaves no multipliers."""
         import cvxpy as cp
 
-        rows, constants = self._cut_rows(cuts)
-        where = np.searchsorted(self.roots.used, [cut.group for cut in cuts]).astype(np.int64)
+        rows, constants, where = cut_rows(self.flow, self.roots, cuts)
         cut = self.u[where] <= constants + rows @ self.x if cuts else None
         constraints = [*self._constraints, *([] if cut is None else [cut])]
         program = cp.Problem(self._goal, constraints)
@@ -277,21 +283,6 @@ class _ConeProgram:
         x = np.maximum(np.nan_to_num(self.x.value), 0.0)
         u = np.nan_to_num(self.u.value) if len(self.roots.used) else np.zeros(0)
         return Point(x, u, duals, answer.value * self._unit, answer.solved)
-
-    def _cut_rows(self, cuts: Sequence[envelopes.Cut]) -> tuple[sparse.csr_array, FloatArray]:
-        """phi of the nodes [cuts, N] and constants [cuts], in units of the roots."""
-        where = np.searchsorted(self.roots.used, [cut.group for cut in cuts]).tolist()
-        data, columns, counts = [np.zeros(0)], [np.zeros(0, dtype=np.int64)], [0]
-        for g, cut in zip(where, cuts, strict=True):
-            nodes, seen = self.roots.entries(g)
-            data.append(self.flow.phi(cut, nodes, seen) / self.roots.scale[g])
-            columns.append(nodes)
-            counts.append(len(nodes))
-        shape = (len(cuts), self.flow.n_nodes)
-        parts = (np.concatenate(data), np.concatenate(columns), np.cumsum(counts))
-        return sparse.csr_array(parts, shape=shape), np.array(
-            [cut.constant / self.roots.scale[g] for g, cut in zip(where, cuts, strict=True)]
-        )
 
     def _duals(
         self, cuts: Sequence[envelopes.Cut], where: IntArray, multipliers: FloatArray

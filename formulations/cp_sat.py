@@ -15,7 +15,14 @@ from cocap_opt.plan import Plan
 from cocap_opt.problem import BoolArray, FloatArray, IntArray, Problem
 from cocap_opt.stop import Limit, Stop, never, seconds_left
 from formulations.attending import attend
-from formulations.outer_approximation import Answer, Call, Program, outer_approximation
+from formulations.outer_approximation import (
+    Answer,
+    Call,
+    Program,
+    Root,
+    certified_root,
+    outer_approximation,
+)
 from formulations.result import OPTIMALITY, CertifiedResult, Report, silent
 
 ROUNDING = 1e-8  # of the largest J, all roundings together
@@ -29,6 +36,7 @@ def cp_sat(
     start: Plan | None = None,
     report: Report = silent,
     gap: float = OPTIMALITY,
+    root: Root = certified_root,
 ) -> CertifiedResult:
     """Optimum by outer approximation with CP-SAT; one worker, so that runs can be repeated.
 
@@ -37,7 +45,7 @@ def cp_sat(
     UnsupportedError
         If the scene is too large for a flow model (see `formulations.flow`).
     """
-    return outer_approximation(problem, stop, start, report, gap, solve)
+    return outer_approximation(problem, stop, start, report, gap, solve, root)
 
 
 def solve(program: Program, call: Call) -> Answer:

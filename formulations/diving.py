@@ -10,8 +10,8 @@ import math
 from cocap_opt.stop import Limit, seconds_left
 from formulations.branching import amounts_of, whole_paths
 from formulations.certificate import Decision
-from formulations.master import Master, Solution, make_column
-from formulations.primal import Incumbent, improved, incumbent_of, respond
+from formulations.master import Master, Solution
+from formulations.primal import Incumbent, improved, incumbent_along, respond
 from formulations.resources import Resource
 from formulations.search import Search
 
@@ -38,13 +38,17 @@ def dive(search: Search, master: Master, solution: Solution) -> Incumbent | None
         solution = _priced_again(search, master)
     if search.stop() is not Limit.NONE:
         return None
-    paths = whole_paths(search.model, solution.columns, solution.mixture)
-    if paths is not None:
-        made = [make_column(search.model, i, path) for i, path in enumerate(paths)]
-        plan = incumbent_of(search.model, made)
-        if plan is not None:
-            return respond(search.model, plan.columns, search.stop)
+    found = decided(search, solution)
+    if found is not None:
+        return found
     return improved(search.model, solution.columns, solution.mixture, master.arcs, search.stop)
+
+
+def decided(search: Search, solution: Solution) -> Incumbent | None:
+    """What becomes of a mixture in which whole robots use every state; None where they do not."""
+    paths = whole_paths(search.model, solution.columns, solution.mixture)
+    plan = None if paths is None else incumbent_along(search.model, paths)
+    return None if plan is None else respond(search.model, plan.columns, search.stop)
 
 
 def _nearly_decided(

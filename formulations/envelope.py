@@ -93,6 +93,14 @@ class Cut:
         """phi of the robots of class `number` at any roots."""
         return self.curves.get(number, IDENTITY)(roots)
 
+    def phi_of(self, classes: IntArray, roots: FloatArray) -> FloatArray:
+        """phi of robots of these classes [n] at their roots [n]."""
+        values = np.empty(len(roots))
+        for number in np.unique(classes).tolist():
+            own = classes == number
+            values[own] = self.phi(number, roots[own])
+        return values
+
 
 class Seen:
     """What a mixture sees of one group.
@@ -109,11 +117,7 @@ class Seen:
 
     def height(self, cut: Cut) -> float:
         """Right side of a cut at the mixture."""
-        total = cut.constant
-        for number in np.unique(self.classes).tolist():
-            own = self.classes == number
-            total += float(self.amounts[own] @ cut.phi(number, self.roots[own]))
-        return total
+        return cut.constant + float(self.amounts @ cut.phi_of(self.classes, self.roots))
 
     def is_exact(self, sizes: tuple[int, ...]) -> bool:
         """Whether there is nothing to cut: one robot's views, or whole ones, all equally good.

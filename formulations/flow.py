@@ -12,7 +12,7 @@ Sources: Yu and LaValle 2013 (anonymous path finding as integer flow); Royset an
 (search models whose size does not grow with the number of searchers).
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise, product
@@ -32,6 +32,8 @@ from formulations.resources import Cells, Resource, Swap
 
 MOST_EDGES = 400_000  # of the time-expanded graph
 MOST_ENTRIES = 500_000  # of the separation rows
+Compile = Callable[[Problem], Model]  # one class of robots for all that are alike, or each apart
+
 UNUSED = 1e-6  # amounts below are rounding errors
 
 
@@ -77,21 +79,12 @@ class Flow:
         """1.0 where an edge keeps the state [E]."""
         return np.asarray(self.states[self.tails] == self.states[self.heads], dtype=np.float64)
 
-    def phi(self, cut: Cut, nodes: IntArray, roots: FloatArray) -> FloatArray:
-        """What an envelope cut grants robots in nodes [n] that see its group with roots [n]."""
-        values, numbers = np.empty(len(nodes)), self.owner[nodes]
-        for number in np.unique(numbers).tolist():
-            own = numbers == number
-            values[own] = cut.phi(number, roots[own])
-        return values
-
     @cached_property
     def capacity(self) -> FloatArray:
         """Robots that can be in a node by the vertex rule and the size of its class [N]."""
         if not self.model.problem.rules.none:
             return np.ones(self.n_nodes)
-        sizes = np.array([len(group.robots) for group in self.model.classes], dtype=np.float64)
-        return sizes[self.owner]
+        return np.array(self.model.class_sizes, dtype=np.float64)[self.owner]
 
     @cached_property
     def places(self) -> IntArray:
@@ -317,6 +310,31 @@ class Roots:
         part = slice(self.seen.indptr[g], self.seen.indptr[g + 1])
         nodes: IntArray = self.seen.indices[part].astype(np.int64)
         return nodes, self.seen.data[part] * self.scale[g]
+
+
+def cut_rows(
+    flow: Flow, roots: Roots, cuts: Sequence[Cut]
+) -> tuple[sparse.csr_array, FloatArray, IntArray]:
+    """Envelope cuts as rows, in units of the roots.
+
+    Returns
+    -------
+    phi of the nodes [k, N], constants [k], and each cut's position among `roots.used` [k].
+    """
+    where = np.searchsorted(roots.used, [cut.group for cut in cuts]).astype(np.int64)
+    entries = [roots.entries(g) for g in where.tolist()]
+    scales = roots.scale[where]
+    data = [
+        cut.phi_of(flow.owner[nodes], seen) / scale
+        for cut, (nodes, seen), scale in zip(cuts, entries, scales, strict=True)
+    ]
+    parts = (
+        np.concatenate([np.zeros(0), *data]),
+        np.concatenate([np.zeros(0, dtype=np.int64), *(nodes for nodes, _ in entries)]),
+        np.cumsum([0, *(len(nodes) for nodes, _ in entries)]),
+    )
+    rows = sparse.csr_array(parts, shape=(len(cuts), flow.n_nodes))
+    return rows, np.array([cut.constant for cut in cuts]) / scales, where
 
 
 # -- collision rules ---------------------------------------------------------------------------

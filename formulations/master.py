@@ -309,11 +309,7 @@ class Master:
             cut, g = self._cuts[k], int(where[k])
             scale = seen.scale[g]
             entries = order[bounds[g] : bounds[g + 1]]
-            values = np.empty(len(entries))
-            numbers = robots[seen.of[entries]]
-            for number in np.unique(numbers).tolist():
-                own = numbers == number
-                values[own] = cut.phi(number, seen.roots[entries[own]] * scale) / scale
+            values = cut.phi_of(robots[seen.of[entries]], seen.roots[entries] * scale) / scale
             rows.put(np.full(len(entries), k), seen.of[entries], -values)
             rows.put(np.array([k]), np.array([first + g]), np.ones(1))
             constants[k] = cut.constant / scale

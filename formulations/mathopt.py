@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -34,59 +35,40 @@ from formulations.result import OPTIMALITY, CertifiedResult, Report, silent
 GRACE = 1.0  # s for a solver to come to an end after its limit, or after it was told to
 
 
-def highs(
+def mathopt(
     problem: Problem,
     stop: Stop = never,
     start: Plan | None = None,
     report: Report = silent,
     gap: float = OPTIMALITY,
-) -> CertifiedResult:
-    """Optimum by outer approximation with HiGHS. What it finds while it is interrupted is lost.
-
-    Raises
-    ------
-    UnsupportedError
-        If the scene is too large for a flow model (see `formulations.flow`).
-    """
-    return solve("HIGHS", problem, stop, start, report, gap)
-
-
-def scip(
-    problem: Problem,
-    stop: Stop = never,
-    start: Plan | None = None,
-    report: Report = silent,
-    gap: float = OPTIMALITY,
-) -> CertifiedResult:
-    """Optimum by outer approximation with SCIP.
-
-    Raises
-    ------
-    UnsupportedError
-        If the scene is too large for a flow model (see `formulations.flow`).
-    """
-    return solve("GSCIP", problem, stop, start, report, gap)
-
-
-def solve(
-    name: str,
-    problem: Problem,
-    stop: Stop,
-    start: Plan | None,
-    report: Report,
-    gap: float,
     root: Root = certified_root,
+    *,
+    solver: str,
 ) -> CertifiedResult:
-    """Optimum by outer approximation with a solver by the name that MathOpt has for it."""
+    """Optimum by outer approximation.
+
+    Parameters
+    ----------
+    solver : the name that MathOpt has for it
+
+    Raises
+    ------
+    UnsupportedError
+        If the scene is too large for a flow model (see `formulations.flow`).
+    """
     with Worker() as worker:
 
-        def solver(program: Program, call: Call) -> Answer:
-            request = request_of(name, program, call)
+        def solve(program: Program, call: Call) -> Answer:
+            request = request_of(solver, program, call)
             response, limit = worker.solve(request, call.stop, call.tick)
             limit = limit if limit is not Limit.NONE else call.stop()
             return answer_of(program, response, limit)
 
-        return outer_approximation(problem, stop, start, report, gap, solver, root)
+        return outer_approximation(problem, stop, start, report, gap, solve, root)
+
+
+highs = partial(mathopt, solver="HIGHS")  # what it finds while it is interrupted is lost
+scip = partial(mathopt, solver="GSCIP")
 
 
 class Worker:

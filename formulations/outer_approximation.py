@@ -34,10 +34,12 @@ from formulations.certificate import CertificateFile, Multipliers, usable_cuts
 from formulations.column_generation import column_generation
 from formulations.envelope import Cut
 from formulations.flow import (
+    Compile,
     ConflictRows,
     Flow,
     Roots,
     conflict_rows,
+    cut_rows,
     make_flow,
 )
 from formulations.result import CertifiedResult, Report, Snapshot, no_bound, usable_start
@@ -144,22 +146,8 @@ class Program:
         return len(wrong)
 
     def cut_rows(self) -> tuple[sparse.csr_array, FloatArray, IntArray]:
-        """phi of the nodes [k, N], constants [k] and groups [k] of the envelope cuts."""
-        where = np.searchsorted(self.roots.used, [cut.group for cut in self.cuts]).astype(np.int64)
-        entries = [self.roots.entries(g) for g in where.tolist()]
-        scales = self.roots.scale[where]
-        data = [
-            self.flow.phi(cut, nodes, seen) / s
-            for cut, (nodes, seen), s in zip(self.cuts, entries, scales, strict=True)
-        ]
-        counts = np.cumsum([0, *(len(nodes) for nodes, _ in entries)])
-        parts = (
-            np.concatenate([np.zeros(0), *data]),
-            np.concatenate([np.zeros(0, dtype=np.int64), *(nodes for nodes, _ in entries)]),
-            counts,
-        )
-        rows = sparse.csr_array(parts, shape=(len(self.cuts), self.flow.n_nodes))
-        return rows, np.array([cut.constant for cut in self.cuts]) / scales, where
+        """The envelope cuts as rows (`flow.cut_rows`)."""
+        return cut_rows(self.flow, self.roots, self.cuts)
 
     def _add(self, groups: IntArray, z0: FloatArray) -> None:
         self._tangents += zip(groups.tolist(), z0.tolist(), strict=True)
@@ -182,7 +170,6 @@ class Program:
         self._add(curved, np.clip(1 / (4 * slope**2), 1e-6, robots))
 
 
-Compile = Callable[[Problem], Model]
 Root = Callable[[Problem, Stop], CertifiedResult]
 
 

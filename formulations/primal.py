@@ -47,6 +47,11 @@ def incumbent_of(model: Model, columns: Sequence[Column]) -> Incumbent | None:
     return Incumbent(objective_of(model, paths), tuple(columns))
 
 
+def incumbent_along(model: Model, paths: Sequence[Path]) -> Incumbent | None:
+    """The plan of one path per robot; None if it breaks a rule."""
+    return incumbent_of(model, [make_column(model, i, path) for i, path in enumerate(paths)])
+
+
 def improved(
     model: Model,
     columns: Sequence[Column],

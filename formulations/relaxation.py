@@ -156,9 +156,9 @@ class Relaxation:
     def _add_cuts(self, solution: Solution) -> bool:
         """Take in the envelope cuts that the mixture breaks; False if there are none."""
         search, found = self.search, 0
-        sizes = tuple(len(group.robots) for group in search.model.classes)
         if search.model.problem.objective.over_time:  # a robot sees a group more than once
             return False
+        sizes = search.model.class_sizes
         self.master.drop_cuts(solution.duals)
         known: dict[int, list[Cut]] = {}
         for cut in self.master.cuts:

@@ -87,6 +87,13 @@ def usable_start(problem: Problem, start: Plan | None) -> tuple[Plan | None, str
     return None, f"start rejected: {(*verdict.violations, *verdict.conflicts)[0]}"
 
 
+def hovering(problem: Problem) -> Plan | None:
+    """The plan in which nobody moves: starts obey all rules. None where a goal is elsewhere."""
+    if any(r.goal not in (None, (r.start.x, r.start.y)) for r in problem.robots):
+        return None
+    return Plan(paths=tuple((r.start,) * (problem.horizon + 1) for r in problem.robots))
+
+
 def bounded(
     file: CertificateFile | ProofFile,
     limit: Limit,
@@ -113,9 +120,7 @@ def only_start(
 ) -> CertifiedResult:
     """What a method returns that was stopped at once: its start, or that nobody moves."""
     plan, message = usable_start(problem, start)
-    if plan is None and all(r.goal in (None, (r.start.x, r.start.y)) for r in problem.robots):
-        # Nobody moves: starts obey all rules.
-        plan = Plan(paths=tuple((r.start,) * (problem.horizon + 1) for r in problem.robots))
+    plan = hovering(problem) if plan is None else plan
     value = -math.inf if plan is None else check(problem, plan).reward
     return CertifiedResult(
         plan, value, Reason.STOPPED, limit, seconds=seconds, message=message

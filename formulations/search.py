@@ -13,9 +13,15 @@ from cocap_opt.reward import group_weights, largest_roots, no_pixels
 from cocap_opt.stop import Limit, Stop, never
 from formulations.certificate import CertificateFile
 from formulations.duals import Duals
-from formulations.master import Arc, Column, make_column
+from formulations.master import Arc, Column
 from formulations.pricing import Priced, Pricer
-from formulations.primal import Incumbent, best_response, incumbent_of, kicked
+from formulations.primal import (
+    Incumbent,
+    best_response,
+    incumbent_along,
+    incumbent_of,
+    kicked,
+)
 from formulations.proof import ProofFile
 from formulations.resources import flight_of
 from formulations.result import (
@@ -23,6 +29,7 @@ from formulations.result import (
     CertifiedResult,
     Report,
     Snapshot,
+    hovering,
     silent,
     usable_start,
 )
@@ -80,7 +87,7 @@ class Search:
     def first_columns(self) -> list[Column]:
         """Each robot's best path given the earlier ones: with the rules, and ignoring them."""
         robots = range(len(self.model.problem.robots))
-        self.offer(self.hovering())
+        self.offer(_incumbent_of_plan(self.model, hovering(self.model.problem)))
         obeying: list[Column] = []
         for robot in robots:
             if self.stop() is not Limit.NONE:
@@ -105,14 +112,6 @@ class Search:
         """Offer what local search makes of the incumbent after some robots are planned anew."""
         if self.incumbent is not None:
             self.offer(kicked(self.model, self.incumbent, arcs, self.rng, self.stop))
-
-    def hovering(self) -> Incumbent | None:
-        """The plan in which nobody moves: starts obey all rules. None where a goal is elsewhere."""
-        problem, model = self.model.problem, self.model
-        if any(r.goal not in (None, (r.start.x, r.start.y)) for r in problem.robots):
-            return None
-        stay = [(model.start(i),) * (problem.horizon + 1) for i in range(len(problem.robots))]
-        return incumbent_of(model, [make_column(model, i, path) for i, path in enumerate(stay)])
 
 
 def incumbent_in(model: Model, incumbent: Incumbent) -> Incumbent:
@@ -139,11 +138,12 @@ def cutoff_of(search: Search, gap: float) -> float:
 def use_start(search: Search, start: Plan | None) -> str:
     """Begin with a plan; returns why it is rejected, if it is."""
     plan, message = usable_start(search.model.problem, start)
-    if plan is not None:
-        paths = search.model.paths(plan)
-        columns = [make_column(search.model, i, path) for i, path in enumerate(paths)]
-        search.offer(incumbent_of(search.model, columns))
+    search.offer(_incumbent_of_plan(search.model, plan))
     return message
+
+
+def _incumbent_of_plan(model: Model, plan: Plan | None) -> Incumbent | None:
+    return None if plan is None else incumbent_along(model, model.paths(plan))
 
 
 def result_of(

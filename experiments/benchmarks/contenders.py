@@ -7,45 +7,17 @@ generation, and is done once its plan meets that bound.
 
 from functools import partial
 
-from cocap_opt.plan import Plan
-from cocap_opt.problem import Problem
-from cocap_opt.stop import Stop, never
-from formulations import cp_sat as cp_sat_solver
-from formulations.mathopt import solve
-from formulations.outer_approximation import Root, certified_root, no_root, outer_approximation
-from formulations.result import OPTIMALITY, BoundMethod, CertifiedResult, Report, silent
-
-
-def _mathopt(
-    problem: Problem,
-    stop: Stop = never,
-    start: Plan | None = None,
-    report: Report = silent,
-    *,
-    solver: str,
-    root: Root,
-) -> CertifiedResult:
-    return solve(solver, problem, stop, start, report, OPTIMALITY, root)
-
-
-def _cp_sat(
-    problem: Problem,
-    stop: Stop = never,
-    start: Plan | None = None,
-    report: Report = silent,
-    *,
-    root: Root,
-) -> CertifiedResult:
-    return outer_approximation(
-        problem, stop, start, report, OPTIMALITY, cp_sat_solver.solve, root
-    )  # fmt: skip
+from formulations.cp_sat import cp_sat
+from formulations.mathopt import highs, scip
+from formulations.outer_approximation import Root, certified_root, no_root
+from formulations.result import BoundMethod
 
 
 def _all(root: Root) -> dict[str, BoundMethod]:
     return {
-        "highs": partial(_mathopt, solver="HIGHS", root=root),
-        "scip": partial(_mathopt, solver="GSCIP", root=root),
-        "cp-sat": partial(_cp_sat, root=root),
+        "highs": partial(highs, root=root),
+        "scip": partial(scip, root=root),
+        "cp-sat": partial(cp_sat, root=root),
     }
 
 
