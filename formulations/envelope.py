@@ -34,12 +34,12 @@ SEPARATION_WORK = 96  # likewise, in the cuts that are looked for
 MOST_CORNERS = 20_000  # partial ones that are kept apart where a cut's constant is found
 STAGE_CHOICES = 10_000  # multisets of a class that are gone through at once
 TANGENTS = 16  # of the root, in bounds of what completions can have
-SOME_CORNERS = 1000
+SOME_CORNERS = 1000  # partial ones that are kept where columns are looked for
 GENERATED = 200  # corners taken into its linear program at a time
 MOST_ROUNDS = 50
 TOLERANCE = 1e-5  # of the largest root
-NEARLY = 0.05
-SCENARIOS = 64
+NEARLY = 0.05  # of what a cut can cut off, that may be left
+SCENARIOS = 64  # equally likely ones in which amounts are dealt to robots
 SWEEPS = 2  # of the rearrangement
 LEAST_MASS = 1e-6  # a little mass everywhere keeps phi low where there is none
 
@@ -188,6 +188,7 @@ def _stages(curves: Mapping[int, Curve], sizes: tuple[int, ...]) -> list[_Stage]
 class _Corners:
     """The corners at which |s| - sum phi is largest, by dynamic programming over the stages.
 
+    All that may have the largest, or, for columns, `some` of those that exceed `least`.
     A partial sum of pixels z and value v = -sum phi is dropped where another has no less of
     both, and where no completion can exceed what is asked for: sqrt(z) is at most any tangent
     theta z + 1 / (4 theta), for which the best completion is found stage by stage. Of very
@@ -195,7 +196,7 @@ class _Corners:
 
     Attributes
     ----------
-    heights : [n] largest values of |s| - sum phi, and of `merged` no less
+    heights : [n] |s| - sum phi of the corners, or more where corners were merged
     """
 
     def __init__(
@@ -207,9 +208,8 @@ class _Corners:
         thetas = 0.5 / np.sqrt(max(top, 1e-300) * np.geomspace(1e-4, 1.0, TANGENTS))
         gains = [(stage.pixels * thetas[:, None] - stage.values).max(axis=1) for stage in stages]
         rest = np.cumsum([np.zeros(TANGENTS), *gains[::-1]], axis=0)[::-1] + 0.25 / thetas
-        self.unit = math.sqrt(top)
         if least is None:
-            least = _ascent(stages) - 1e-12 * self.unit
+            least = _ascent(stages) - 1e-12 * math.sqrt(top)
         pixels, values = np.zeros(1), np.zeros(1)
         for k, stage in enumerate(stages):
             width = len(stage.pixels)
@@ -335,10 +335,9 @@ def best_cut(
     values = _potentials(shares, sizes, known, least)
     if values is None:
         return None
-    ends = np.cumsum([len(share.points) for share in shares.values()])[:-1]
     curves = {
-        number: Curve(share.points, np.minimum.accumulate(own[::-1])[::-1])
-        for (number, share), own in zip(shares.items(), np.split(values, ends), strict=True)
+        number: Curve(curve.roots, np.minimum.accumulate(curve.values[::-1])[::-1])
+        for number, curve in _curves(shares, values).items()
     }
     cut = Cut(group, curves, constant_of(curves, sizes))
     height = seen.height(cut)
@@ -432,7 +431,6 @@ def _potentials(
     mass = np.maximum(np.concatenate([share.mass for share in shares.values()]), LEAST_MASS)
     unit = float(points.max())
     counts = np.unique(_first_corners(shares, sizes), axis=0)
-    ends = np.cumsum([len(share.points) for share in shares.values()])[:-1]
     values = np.zeros(len(points))
     program = _Transport(mass)
     for _ in range(MOST_ROUNDS):
@@ -440,21 +438,26 @@ def _potentials(
         if solution is None:  # not to be expected; any phi is valid
             break
         values, total = solution[0] * unit, solution[1] * unit
-        curves = {
-            number: Curve(share.points, own)
-            for (number, share), own in zip(shares.items(), np.split(values, ends), strict=True)
-        }
         height = total + float(mass @ values)
         if known - height < least:
             return None
         enough = NEARLY * (known - height) if known < math.inf else 0.0
         above = total + max(enough, TOLERANCE * unit)
-        better = _Corners(_stages(curves, sizes), above, some=True)
+        better = _Corners(_stages(_curves(shares, values), sizes), above, some=True)
         found = np.flatnonzero(better.heights > above)
         if not len(found):
             break
         counts = better.counts(found[_smallest(-better.heights[found], GENERATED)])
     return values
+
+
+def _curves(shares: Mapping[int, _Share], values: FloatArray) -> dict[int, Curve]:
+    """Curves with these values at the breakpoints of all classes."""
+    ends = np.cumsum([len(share.points) for share in shares.values()])[:-1]
+    return {
+        number: Curve(share.points, own)
+        for (number, share), own in zip(shares.items(), np.split(values, ends), strict=True)
+    }
 
 
 def _first_corners(shares: Mapping[int, _Share], sizes: tuple[int, ...]) -> IntArray:
@@ -470,9 +473,8 @@ def _first_corners(shares: Mapping[int, _Share], sizes: tuple[int, ...]) -> IntA
     entries = np.concatenate(rows)
     points = np.append(np.concatenate([share.points for share in shares.values()]), 0.0)
     dealt = np.take_along_axis(entries, _rearranged(points[entries] ** 2), axis=1)
-    counts = np.zeros((SCENARIOS + 1, len(points)), dtype=np.int64)
+    counts = np.zeros((SCENARIOS + 1, len(points)), dtype=np.int64)  # the last has none
     np.add.at(counts, (np.arange(SCENARIOS)[None, :], dealt), 1)
-    counts[-1] = 0
     return counts[:, :-1]
 
 

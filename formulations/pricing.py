@@ -11,7 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cocap_opt.model import Model, RobotClass
+from cocap_opt.coverage import CoverageTable
+from cocap_opt.model import Model
 from cocap_opt.problem import FloatArray, IntArray
 from cocap_opt.reward import group_weights, spread
 from cocap_opt.timegraph import CLOSED
@@ -35,15 +36,22 @@ class Pricer:
     def __init__(self, model: Model) -> None:
         self.model = model
         self._weights = group_weights(model.problem)
-        self._entries = [_Entries.of(model, group) for group in model.classes]
+        tables = [model.coverage(group) for group in model.classes]  # some classes share one
+        distinct = {id(table): table for table in tables}
+        self._shared = {
+            at: _Entries.of(table, len(self._weights)) for at, table in distinct.items()
+        }
+        self._entries = [self._shared[id(table)] for table in tables]
 
     def __call__(self, duals: Duals, decisions: Sequence[Decision] = ()) -> Priced:
         """Bound of these multipliers for plans that obey the decisions, and new columns."""
         model, bonus = self.model, self.model.problem.objective.stationarity
         bound, costs = self._constant(duals, decisions)
-        columns, self._base = [], dict[int, FloatArray]()
+        base = {at: entries.base(duals) for at, entries in self._shared.items()}
+        columns = []
         for number, group in enumerate(model.classes):
-            reward = spread(model, group, self._paid(number, duals))
+            own = base[id(model.coverage(group))]
+            reward = spread(model, group, self._paid(number, duals, own))
             charges = charges_of(model, number, costs)
             value = group.graph.backward_sweep(reward, bonus, charges, group.goal)
             for robot, start in zip(group.robots, group.starts, strict=True):
@@ -76,37 +84,40 @@ class Pricer:
                 costs.append((decision.resource, decision.sign * nu))
         return total, costs
 
-    def _paid(self, number: int, duals: Duals) -> FloatArray:
-        """What the nodes of a class's coverage table are paid [n]."""
-        entries = self._entries[number]
-        table = self.model.coverage(self.model.classes[number])
-        base = self._base.get(id(table))  # classes that see alike share it
-        if base is None:
-            base = duals.alpha[table.groups] * entries.roots
-            base += duals.beta[table.groups] * table.pixels
-            self._base[id(table)] = base
-        paid = base.copy()
+    def _paid(self, number: int, duals: Duals, base: FloatArray) -> FloatArray:
+        """What the nodes of a class's coverage table are paid [n].
+
+        Parameters
+        ----------
+        base : [nnz] what every class that shares the table is paid for its entries
+        """
+        entries, paid = self._entries[number], base.copy()
         for cut, share in duals.cuts:
             if share > 0:
                 own = entries.of_group(cut.group)
                 paid[own] += share * cut.phi(number, entries.roots[own])
-        return table.row_sums(paid * self._weights[table.groups])
+        return entries.table.row_sums(paid * self._weights[entries.table.groups])
 
 
 class _Entries(NamedTuple):
     """The entries of a coverage table, group by group."""
 
+    table: CoverageTable
     roots: FloatArray  # [nnz] px^0.5/m
     order: IntArray  # [nnz] entries sorted by group
     bounds: IntArray  # [G+1] where each group's begin in `order`
 
     @classmethod
-    def of(cls, model: Model, group: RobotClass) -> "_Entries":
-        table = model.coverage(group)
+    def of(cls, table: CoverageTable, n_groups: int) -> "_Entries":
         order = np.argsort(table.groups, kind="stable")
-        n_groups = len(group_weights(model.problem))
         bounds = np.searchsorted(table.groups[order], np.arange(n_groups + 1))
-        return cls(np.sqrt(table.pixels), order, bounds)
+        return cls(table, np.sqrt(table.pixels), order, bounds)
+
+    def base(self, duals: Duals) -> FloatArray:
+        """What each entry is paid by alpha and beta [nnz], before weights and cuts."""
+        paid: FloatArray = duals.alpha[self.table.groups] * self.roots
+        paid += duals.beta[self.table.groups] * self.table.pixels
+        return paid
 
     def of_group(self, group: int) -> IntArray:
         return self.order[self.bounds[group] : self.bounds[group + 1]]

@@ -32,8 +32,8 @@ TAIL_OPEN = 0.05  # of what is open to the cutoff, likewise
 MOST_PENALTY_RAISES = 8
 SMOOTHING = (0.25, 0.5, 0.75)  # shares of the master's multipliers; the best ones have the rest
 FIRST_PLAN = 8  # iterations, and twice as many each time, after which plans are looked for
-KICK = 4  # iterations after which the incumbent is kicked; every one where the master is large
-MANY_ARCS = 2000  # of a large master
+KICK = 4  # iterations after which the incumbent is kicked
+MANY_ARCS = 2000  # of a master beside whose solves kicks are cheap: then every one
 MOST_IDLE = 12  # solves after which an unused column is dropped
 
 
@@ -88,7 +88,7 @@ class Relaxation:
             solution = self.solution = self.master.solve(seconds_left(search.stop), accuracy)
             priced = search.pricer(solution.duals, self.decisions)
             improves = priced.bound < self.best.bound
-            # Half way to the best multipliers so far (Wentges 1997): they oscillate less.
+            # Some way to the best multipliers so far (Wentges 1997): they oscillate less.
             best = self.best.duals
             between = [
                 search.pricer(blended(solution.duals, best, share), self.decisions)
@@ -96,16 +96,11 @@ class Relaxation:
             ]
             self.best = min(self.best, priced, *between, key=lambda some: some.bound)
             columns = [column for some in (priced, *between) for column in some.columns]
-            priced = priced._replace(columns=columns)
-            if self.iterations >= FIRST_PLAN and self.iterations & (self.iterations - 1) == 0:
-                self.look_for_plans()
-            elif self.iterations >= FIRST_PLAN:
-                large = len(self.master.arcs) > MANY_ARCS  # kicks are cheap beside its solves
-                if large or self.iterations % KICK == 0:
-                    search.kick(self.master.arcs)
+            if self.iterations >= FIRST_PLAN:
+                self._improve_plans()
             search.report(search.snapshot(max(self.best.bound, others), nodes))
             open_gap = self.best.bound - solution.value
-            changed = self._add(priced, solution, open_gap > wanted)
+            changed = self._add(columns, solution, open_gap > wanted)
             if changed:
                 continue
             if not solution.solved and not improves:
@@ -129,6 +124,13 @@ class Relaxation:
             if not self._add_cuts(solution):
                 return
 
+    def _improve_plans(self) -> None:
+        """Now and then look for plans in the mixture, and between kick the best one."""
+        if self.iterations & (self.iterations - 1) == 0:  # 8, 16, 32, ..
+            self.look_for_plans()
+        elif len(self.master.arcs) > MANY_ARCS or self.iterations % KICK == 0:
+            self.search.kick(self.master.arcs)
+
     def look_for_plans(self) -> None:
         """Offer what rounding and local search make of the last mixture."""
         search, solution = self.search, self.solution
@@ -139,7 +141,7 @@ class Relaxation:
                 )
             )
 
-    def _add(self, priced: Priced, solution: Solution, columns_too: bool) -> bool:
+    def _add(self, columns: Sequence[Column], solution: Solution, columns_too: bool) -> bool:
         """Take in broken conflict rows and new columns; False if there are none."""
         pairs = zip(solution.columns, solution.mixture.tolist(), strict=True)
         flights = [(column.flight, amount) for column, amount in pairs if amount > 1e-9]
@@ -148,7 +150,7 @@ class Relaxation:
         if columns_too or any(new):
             # The longer it takes, the longer arcs are kept: else the same ones come and go.
             self.master.drop_idle(MOST_IDLE + self.iterations // 8)
-            added = sum(self.master.add(column) for column in priced.columns)
+            added = sum(self.master.add(column) for column in columns)
             self.search.columns += added
             return any(new) or added > 0
         return False

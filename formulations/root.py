@@ -92,8 +92,8 @@ def apart(relaxation: Relaxation) -> Relaxation:
         }  # fmt: skip
         return Cut(cut.group, dict(sorted(curves.items())), cut.constant)
 
-    cuts = {id(cut): own(cut) for cut, _ in relaxation.best.duals.cuts}
-    cuts |= {id(cut): own(cut) for cut in old.cuts if id(cut) not in cuts}
+    duals = relaxation.best.duals
+    cuts = {id(cut): own(cut) for cut in (*old.cuts, *(cut for cut, _ in duals.cuts))}
     master = Master(search.model, old.penalty)
     used = [] if relaxation.solution is None else relaxation.solution.columns
     incumbent = () if search.incumbent is None else search.incumbent.columns
@@ -103,7 +103,6 @@ def apart(relaxation: Relaxation) -> Relaxation:
         master.add_row(resource)
     for cut in old.cuts:
         master.add_cut(cuts[id(cut)])
-    duals = relaxation.best.duals
     duals = replace(duals, cuts=tuple((cuts[id(cut)], share) for cut, share in duals.cuts))
     best = relaxation.best._replace(duals=duals)
     return Relaxation(search, master, best, iterations=relaxation.iterations)
