@@ -4,13 +4,10 @@ A file's name is the digest of all that the table depends on, the code included;
 bytes are the digest of the rest, so a damaged file is noticed and made again.
 """
 
-import errno
 import hashlib
 import io
 import logging
 import os
-import stat
-import tempfile
 from collections.abc import Callable
 from contextlib import suppress
 from importlib.metadata import version
@@ -20,6 +17,7 @@ import msgspec
 import numpy as np
 
 from cocap_opt import coverage, motion, problem, projection, timegraph, visibility
+from cocap_opt.atomic_write import write_atomically
 from cocap_opt.coverage import CoverageTable
 
 log = logging.getLogger(__name__)
@@ -102,42 +100,3 @@ def _write(path: Path, table: CoverageTable) -> None:
         write_atomically(path, content)
     except OSError as error:  # a full or read-only disk costs speed, not the run
         log.warning("cannot write cache file %s: %s", path, error)
-
-
-def write_atomically(path: Path, content: bytes) -> None:
-    """Write a file whole or not at all: to a temporary file beside it, then renamed.
-
-    Raises
-    ------
-    OSError
-        If it cannot be written, or there is something else, such as a folder or a device.
-    """
-    target = file_to_write(path)
-    # The target's own name may be as long as names can be.
-    handle, name = tempfile.mkstemp(dir=target.parent, prefix=".cocap-opt-")
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(content)
-        # mkstemp makes private files; give it the mode any other new file would get.
-        umask = os.umask(0)
-        os.umask(umask)
-        os.chmod(name, 0o666 & ~umask)
-        os.replace(name, target)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
-
-
-def file_to_write(path: Path) -> Path:
-    """The regular file, there or not, that a path leads to through symbolic links.
-
-    Raises
-    ------
-    OSError
-        If links lead in a circle, a name is too long, or there is no regular file.
-    """
-    target = Path(os.path.realpath(path))
-    with suppress(FileNotFoundError):
-        if not stat.S_ISREG(target.stat().st_mode):
-            raise OSError(errno.EINVAL, "must be a regular file, not a folder, device or pipe")
-    return target

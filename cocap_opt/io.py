@@ -7,7 +7,7 @@ from typing import Any, Literal, TypeVar
 import msgspec
 import numpy as np
 
-from cocap_opt.cache import write_atomically
+from cocap_opt.atomic_write import write_atomically
 from cocap_opt.plan import Plan
 from cocap_opt.problem import Problem, ProblemError
 

@@ -8,9 +8,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
+import msgspec
 from cyclopts import App, CycloptsError, Parameter
 
-from cocap_opt.cache import write_atomically
+from cocap_opt.atomic_write import write_atomically
 from cocap_opt.check import check
 from cocap_opt.io import FileError, PlanFile, save_problem
 from cocap_opt.plan import Plan
@@ -21,13 +22,14 @@ from experiments.claims import conclude, verify_bound, verify_plan
 from experiments.files import (
     check_output,
     make_folder,
+    plan_file,
     read_claim,
     read_plan,
-    save,
-    save_plan,
+    save_csv,
+    save_together,
     write,
 )
-from experiments.gap_table import gap_cell, save_rows, told_apart
+from experiments.gap_table import gap_cell, told_apart
 from experiments.printing import path_text, print_gap_table, print_json, print_result, print_table
 from experiments.progress import watching
 from experiments.report import (
@@ -143,7 +145,7 @@ def plan(
         if judged.result.reason is Reason.UNSUPPORTED:
             raise UsageError(f"--planner: {judged.result.message}")
         row = plan_row(problem, seed, planner, judged) | _freed(free)
-        _write_plan(row, output, problem, planner, judged)
+        _save(row, _Wanted("file", output, "plan", plan_file(problem, planner, judged)))
     row |= judged.result.statistics
     if judged.verdict:
         row["reward_at_start"] = judged.verdict.reward_at_start
@@ -178,7 +180,7 @@ def bound(
         stop = FirstOf(interrupt, TimeLimit(time_limit))
         judged = _certified(task, seed, method, stop, OPTIMALITY)
         row = certified_row(task.problem, seed, method, judged) | task.about
-        _write_certificate(row, "file", output, judged.result)
+        _save(row, _Wanted("file", output, "certificate", judged.result.certificate))
     print_result({**row, **judged.result.statistics}, json)
     return 0
 
@@ -226,8 +228,11 @@ def solve(
         stop = FirstOf(interrupt, TimeLimit(time_limit))
         judged = _certified(task, seed, method, stop, max(gap, OPTIMALITY))
         row = certified_row(task.problem, seed, method, judged) | task.about
-        _write_plan(row, output, task.problem, method, judged)
-        _write_certificate(row, "certificate", certificate, judged.result)
+        _save(
+            row,
+            _Wanted("file", output, "plan", plan_file(task.problem, method, judged)),
+            _Wanted("certificate", certificate, "certificate", judged.result.certificate),
+        )
     print_result({**row, **judged.result.statistics}, json)
     return 0
 
@@ -308,7 +313,7 @@ def gap_table(
     _positive("--bound-limit", bound_limit)
     cells = list(dict.fromkeys((name, seed) for name in scene for seed in _parse_seeds(seeds)))
     problems = told_apart({(name, seed): _load(name, seed) for name, seed in cells})
-    make_folder(out)
+    make_folder(out, "certificates", "plans")
     rows: list[Row] = []
     with catch_interrupt() as interrupt, watching("gap", parts=len(cells)) as watch:
         for name, seed in cells:
@@ -321,7 +326,7 @@ def gap_table(
                 out, watch,
             )  # fmt: skip
             if out is not None:
-                save_rows(out / "results.csv", rows)
+                save_csv(out / "results.csv", rows)
             watch.finish()
             if interrupt() is not Limit.NONE:
                 break
@@ -393,26 +398,26 @@ def _certified(
             raise UsageError(f"--method {method}: {error}") from error
 
 
-def _write_plan(
-    row: Row, path: Path | None, problem: Problem, planner: str, judged: Judged[Any]
-) -> None:
-    """Write a plan if there is one; the row says where it is, or that it is not."""
-    row["file"] = None
-    if path is not None and judged.result.plan is not None:
-        save_plan(path, problem, planner, judged)
-        row["file"] = path_text(path)
-    elif path is not None:
-        _add_message(row, f"{path} was not written: there is no plan")
+class _Wanted(NamedTuple):
+    """A file that an option names, and what is to be in it, if there is that."""
+
+    key: str  # of the row, which says where the file is
+    path: Path | None
+    kind: str
+    content: msgspec.Struct | None
 
 
-def _write_certificate(row: Row, key: str, path: Path | None, result: CertifiedResult) -> None:
-    """Write a certificate or proof if there is one; the row says where, under a key."""
-    row[key] = None
-    if path is not None and result.certificate is not None:
-        save(path, result.certificate)
-        row[key] = path_text(path)
-    elif path is not None:
-        _add_message(row, f"{path} was not written: there is no certificate")
+def _save(row: Row, *files: _Wanted) -> None:
+    """Write the files together; the row says where each is, or that it is not."""
+    contents = {}
+    for key, path, kind, content in files:
+        row[key] = None
+        if path is not None and content is not None:
+            contents[path] = content
+            row[key] = path_text(path)
+        elif path is not None:
+            _add_message(row, f"{path} was not written: there is no {kind}")
+    save_together(contents)
 
 
 def _add_message(row: Row, message: str) -> None:

@@ -1,12 +1,14 @@
 """Files of the command line: plans and certificates in, everything out whole or not at all."""
 
+import csv
+import io
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import msgspec
 
-from cocap_opt.cache import file_to_write, write_atomically
+from cocap_opt.atomic_write import file_to_write, write_atomically, write_together
 from cocap_opt.check import check
 from cocap_opt.io import (
     FileError,
@@ -20,7 +22,7 @@ from cocap_opt.io import (
 from cocap_opt.plan import Plan
 from cocap_opt.problem import Problem
 from cocap_opt.result import Result
-from experiments.report import Judged
+from experiments.report import Judged, Row
 from formulations.certificate import CertificateFile
 from formulations.proof import ProofFile
 from scenarios import read_foreign_plan, scene_of_plan
@@ -34,20 +36,35 @@ KINDS: dict[str, type[PlanFile] | type[CertificateFile] | type[ProofFile]] = {
 
 def save(path: Path, content: msgspec.Struct) -> None:
     """Write a plan, a certificate or a proof."""
-    write(path, lambda: write_atomically(path, encode(content)))
+    save_together({path: content})
 
 
-def save_plan(path: Path, problem: Problem, planner: str, judged: Judged[Result]) -> None:
-    """Write a plan with the reward that the referee gave it."""
-    assert judged.result.plan is not None
-    content = PlanFile(
+def save_together(contents: Mapping[Path, msgspec.Struct]) -> None:
+    """Write files that belong together: all new ones, or the old ones are left."""
+    encoded = {path: encode(content) for path, content in contents.items()}
+    write(" and ".join(map(str, contents)), lambda: write_together(encoded))
+
+
+def save_csv(path: Path, rows: Sequence[Row]) -> None:
+    """Write rows that all have the keys of the first as CSV."""
+    text = io.StringIO(newline="")
+    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    write(path, lambda: write_atomically(path, text.getvalue().encode()))
+
+
+def plan_file(problem: Problem, planner: str, judged: Judged[Result]) -> PlanFile | None:
+    """A plan with the reward that the referee gave it; None where there is no plan."""
+    if judged.result.plan is None:
+        return None
+    return PlanFile(
         scene=problem.name,
         digest=problem_digest(problem),
         planner=planner,
         reward=judged.reward,
         plan=judged.result.plan,
     )
-    save(path, content)
 
 
 def check_output(path: Path | None) -> None:
@@ -64,22 +81,22 @@ def check_output(path: Path | None) -> None:
         raise FileError(f"{path}: the folder {folder} cannot be written to")
 
 
-def make_folder(path: Path | None) -> None:
-    """Make the folder of a gap table, with its two folders inside."""
+def make_folder(path: Path | None, *parts: str) -> None:
+    """Make a folder for results, with folders inside, before the work for them is done."""
     if path is not None:
         try:
-            for part in ("certificates", "plans"):
+            for part in (".", *parts):
                 (path / part).mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise FileError(f"{path}: cannot be made a folder: {error.strerror}") from error
 
 
-def write(path: Path, action: Callable[[], None]) -> None:
-    """Do what writes a file; a failure names the file."""
+def write(name: Path | str, action: Callable[[], None]) -> None:
+    """Do what writes files; a failure names them."""
     try:
         action()
     except OSError as error:
-        raise FileError(f"{path}: cannot be written: {error.strerror}") from error
+        raise FileError(f"{name}: cannot be written: {error.strerror}") from error
 
 
 def read_claim(path: Path, problem: Problem) -> PlanFile | CertificateFile | ProofFile | Plan:

@@ -1,8 +1,6 @@
 """The gap table, cell by cell: a scene and a seed, a plan per planner, and what bounds them."""
 
-import csv
 import hashlib
-import io
 import math
 import re
 from collections.abc import Callable, Sequence
@@ -11,13 +9,12 @@ from pathlib import Path
 
 import msgspec
 
-from cocap_opt.cache import write_atomically
 from cocap_opt.io import problem_digest
 from cocap_opt.model import compiled
 from cocap_opt.problem import Problem
 from cocap_opt.result import Reason, Result, relative_gap
 from cocap_opt.stop import Limit, Stop
-from experiments.files import save, save_plan, write
+from experiments.files import plan_file, save
 from experiments.progress import Watch
 from experiments.report import (
     BOUND_METHOD,
@@ -53,8 +50,9 @@ def gap_cell(
     for name in planners:
         watch.show(name)
         plans[name] = judged = run_planner(problem, name, planner_limits())
-        if folder is not None and judged.result.plan is not None:
-            save_plan(folder / f"plans/{stem}-{name}.json", problem, name, judged)
+        content = plan_file(problem, name, judged)
+        if folder is not None and content is not None:
+            save(folder / f"plans/{stem}-{name}.json", content)
     under, free = bounds_of(problem, list(plans.values()), bound_limits, watch)
     bounded = Bounded(under, _save_certificate(folder, stem, under.result))
     if free is under:
@@ -161,12 +159,3 @@ def _file_name(scene: str) -> str:
     if plain == scene:
         return plain
     return f"{plain}-{hashlib.sha256(scene.encode()).hexdigest()[:12]}"
-
-
-def save_rows(path: Path, rows: Sequence[Row]) -> None:
-    """Write rows as CSV."""
-    text = io.StringIO()
-    writer = csv.DictWriter(text, fieldnames=list(rows[0]) if rows else [])
-    writer.writeheader()
-    writer.writerows(rows)
-    write(path, lambda: write_atomically(path, text.getvalue().encode()))

@@ -29,7 +29,8 @@ one plain sweep over the time-expanded graph and no solver.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
 from itertools import pairwise
 from typing import Literal, NamedTuple
 
@@ -352,15 +353,25 @@ def usable_cuts(model: Model, cuts: tuple[EnvelopeCut, ...]) -> list[tuple[Cut, 
             )
         for k, curve in enumerate(cut.curves):
             _check_curve(curve, f"{field}.curves[{k}]")
-        curves = {
-            curve.robots: envelope.Curve(np.array(curve.roots), np.array(curve.values))
-            for curve in cut.curves
-        }
-        if envelope.work_of(curves, sizes) > envelope.MOST_WORK:
+        functions, constant = _functions(cut.curves, sizes)
+        if constant is None:
             raise CertificateError(f"{field}.curves: too many roots for so many robots")
-        constant = envelope.constant_of(curves, sizes)
-        found.append((Cut(cut.t * faces + cut.face, curves, constant), cut.share))
+        found.append((Cut(cut.t * faces + cut.face, functions, constant), cut.share))
     return found
+
+
+@lru_cache(maxsize=4096)  # the leaves of a proof share most of their cuts
+def _functions(
+    curves: tuple[Curve, ...], sizes: tuple[int, ...]
+) -> tuple[Mapping[int, envelope.Curve], float | None]:
+    """Functions of a cut by class, and its constant; None where that takes too long."""
+    functions = {
+        curve.robots: envelope.Curve(np.array(curve.roots), np.array(curve.values))
+        for curve in curves
+    }
+    if envelope.work_of(functions, sizes) > envelope.MOST_WORK:
+        return functions, None
+    return functions, envelope.constant_of(functions, sizes)
 
 
 def _check_curve(curve: Curve, field: str) -> None:

@@ -20,7 +20,7 @@ exchange their amounts.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
@@ -155,7 +155,7 @@ def constant_of(curves: Mapping[int, Curve], sizes: tuple[int, ...]) -> float:
     ----------
     sizes : robots of each class, by its number
     """
-    return float(_Corners(_stages(curves, sizes)).heights.max(initial=0.0))
+    return _highest(_stages(curves, sizes))
 
 
 def work_of(curves: Mapping[int, Curve], sizes: tuple[int, ...]) -> int:
@@ -185,56 +185,46 @@ def _stages(curves: Mapping[int, Curve], sizes: tuple[int, ...]) -> list[_Stage]
     return stages
 
 
-class _Corners:
-    """The corners at which |s| - sum phi is largest, by dynamic programming over the stages.
+# Positions to keep, of pixels [n], values [n] and what completions can have at most [n], and
+# the pixels and values that these are given.
+_Thin = Callable[[FloatArray, FloatArray, FloatArray], tuple[IntArray, FloatArray, FloatArray]]
 
-    All that may have the largest, or, for columns, `some` of those that exceed `least`.
-    A partial sum of pixels z and value v = -sum phi is dropped where another has no less of
-    both, and where no completion can exceed what is asked for: sqrt(z) is at most any tangent
-    theta z + 1 / (4 theta), for which the best completion is found stage by stage. Of very
-    many, neighbours are merged, their pixels rounded up: heights are never too small.
+
+class _Corners:
+    """Corners at which |s| - sum phi is large, stage by stage of a dynamic program.
+
+    A partial sum of pixels z and value v = -sum phi is dropped where no completion can exceed
+    what is asked for: sqrt(z) is at most any tangent theta z + 1 / (4 theta), for which the
+    best completion is found stage by stage. `thin` drops more of them.
+
+    Parameters
+    ----------
+    least : heights that are asked for
+    thin : which to keep after each stage
 
     Attributes
     ----------
-    heights : [n] |s| - sum phi of the corners, or more where corners were merged
+    heights : [n] |s| - sum phi of the corners, or more where `thin` merged some
     """
 
-    def __init__(
-        self, stages: Sequence[_Stage], least: float | None = None, some: bool = False
-    ) -> None:
+    def __init__(self, stages: Sequence[_Stage], least: float, thin: _Thin) -> None:
         self._stages = stages
         self._steps: list[tuple[IntArray, IntArray]] = []  # parent and choice of each
         top = sum(float(stage.pixels.max()) for stage in stages)
         thetas = 0.5 / np.sqrt(max(top, 1e-300) * np.geomspace(1e-4, 1.0, TANGENTS))
         gains = [(stage.pixels * thetas[:, None] - stage.values).max(axis=1) for stage in stages]
         rest = np.cumsum([np.zeros(TANGENTS), *gains[::-1]], axis=0)[::-1] + 0.25 / thetas
-        if least is None:
-            least = _ascent(stages) - 1e-12 * math.sqrt(top)
         pixels, values = np.zeros(1), np.zeros(1)
         for k, stage in enumerate(stages):
-            width = len(stage.pixels)
             z = (pixels[:, None] + stage.pixels).ravel()
             v = (values[:, None] - stage.values).ravel()
             most = np.full(len(z), np.inf)
             for theta, left in zip(thetas, rest[k + 1], strict=True):
                 np.minimum(most, theta * z + v + left, out=most)
-            kept = np.flatnonzero(most >= least)
-            if some:
-                kept = kept[_smallest(-most[kept], SOME_CORNERS)]
-                pixels, values = z[kept], v[kept]
-                self._steps.append((kept // width, kept % width))
-                continue
-            # With the most pixels first, those with more value than all before.
-            kept = kept[np.lexsort((-v[kept], -z[kept]))]
-            highest = np.maximum.accumulate(v[kept])
-            kept = kept[np.append(True, highest[1:] > highest[:-1])] if len(kept) else kept
-            pixels, values = z[kept], v[kept]
-            if len(kept) > MOST_CORNERS:
-                # Pixels fall and values rise along these: of neighbours, both maxima.
-                first = np.arange(0, len(kept), -(-len(kept) // MOST_CORNERS))
-                last = np.append(first[1:], len(kept)) - 1
-                pixels, values, kept = pixels[first], values[last], kept[last]
-            self._steps.append((kept // width, kept % width))
+            able = np.flatnonzero(most >= least)
+            which, pixels, values = thin(z[able], v[able], most[able])
+            kept = able[which]
+            self._steps.append((kept // len(stage.pixels), kept % len(stage.pixels)))
         self.heights = np.sqrt(pixels) + values
 
     def counts(self, which: IntArray) -> IntArray:
@@ -249,6 +239,40 @@ class _Corners:
             ]
             which = parents[which]
         return counts
+
+
+def _highest(stages: Sequence[_Stage]) -> float:
+    """The largest |s| - sum phi of all corners, or little more."""
+    top = sum(float(stage.pixels.max()) for stage in stages)
+    corners = _Corners(stages, _ascent(stages) - 1e-12 * math.sqrt(top), _undominated)
+    return float(corners.heights.max(initial=0.0))
+
+
+def _undominated(
+    pixels: FloatArray, values: FloatArray, most: FloatArray
+) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Those than which no other has no less of both.
+
+    Of very many, neighbours are merged, their pixels rounded up: heights are never too small.
+    """
+    # With the most pixels first, those with more value than all before.
+    kept = np.lexsort((-values, -pixels))
+    highest = np.maximum.accumulate(values[kept])
+    kept = kept[np.append(True, highest[1:] > highest[:-1])] if len(kept) else kept
+    if len(kept) <= MOST_CORNERS:
+        return kept, pixels[kept], values[kept]
+    # Pixels fall and values rise along these: of neighbours, both maxima.
+    first = np.arange(0, len(kept), -(-len(kept) // MOST_CORNERS))
+    last = np.append(first[1:], len(kept)) - 1
+    return kept[last], pixels[kept[first]], values[kept[last]]
+
+
+def _most_promising(
+    pixels: FloatArray, values: FloatArray, most: FloatArray
+) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Some of those whose completions can have most."""
+    kept = _smallest(-most, SOME_CORNERS)
+    return kept, pixels[kept], values[kept]
 
 
 def _ascent(stages: Sequence[_Stage]) -> float:
@@ -443,7 +467,7 @@ def _potentials(
             return None
         enough = NEARLY * (known - height) if known < math.inf else 0.0
         above = total + max(enough, TOLERANCE * unit)
-        better = _Corners(_stages(_curves(shares, values), sizes), above, some=True)
+        better = _Corners(_stages(_curves(shares, values), sizes), above, _most_promising)
         found = np.flatnonzero(better.heights > above)
         if not len(found):
             break

@@ -9,14 +9,13 @@ from functools import partial
 from pathlib import Path
 from statistics import median
 
-from cocap_opt.cache import write_atomically
+from cocap_opt.atomic_write import write_atomically
 from cocap_opt.stop import Limit
 from experiments.benchmarks.growth_figure import growth_figure
 from experiments.benchmarks.points import BASES, MEASURES, SIZES, Field, Point, exponent
 from experiments.benchmarks.runs import Run, RunError, run
-from experiments.benchmarks.tables import make_folder, save_csv
 from experiments.figures import png
-from experiments.files import write
+from experiments.files import make_folder, save_csv, write
 from experiments.printing import print_table
 from experiments.report import Row
 from experiments.streams import say

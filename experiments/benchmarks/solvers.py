@@ -20,7 +20,8 @@ from experiments.benchmarks.rows import (
     large,
     passage,
 )
-from experiments.benchmarks.tables import commit, make_folder, read_csv, save_csv
+from experiments.benchmarks.tables import commit, read_csv
+from experiments.files import make_folder, save_csv
 from experiments.printing import print_table
 from experiments.report import Row as Record
 from experiments.streams import say

@@ -1,28 +1,13 @@
-"""CSV files of benchmarks, written whole after each row, and options that are numbers."""
+"""Tables of earlier runs, what code is measured, and options that are numbers."""
 
 import csv
-import io
 import subprocess
-from collections.abc import Sequence
 from pathlib import Path
 
-from cocap_opt.cache import write_atomically
 from cocap_opt.io import FileError
 from experiments.report import Row
 
 LARGEST = 10**9
-
-
-def save_csv(path: Path, rows: Sequence[Row]) -> None:
-    """Write rows that all have the keys of the first, as a whole or not at all."""
-    text = io.StringIO(newline="")
-    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    try:
-        write_atomically(path, text.getvalue().encode())
-    except OSError as error:
-        raise FileError(f"{path}: cannot be written: {error.strerror}") from error
 
 
 def read_csv(path: Path) -> list[Row]:
@@ -34,15 +19,6 @@ def read_csv(path: Path) -> list[Row]:
         return []
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise FileError(f"{path}: cannot be read: {error}") from error
-
-
-def make_folder(path: Path | None) -> None:
-    """Make the folder for results before the work for them is done."""
-    if path is not None:
-        try:
-            path.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise FileError(f"{path}: cannot be made a folder: {error.strerror}") from error
 
 
 def commit() -> str:

@@ -1,0 +1,64 @@
+"""Files that are written whole or not at all."""
+
+import errno
+import os
+import stat
+import tempfile
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+
+
+def write_atomically(path: Path, content: bytes) -> None:
+    """Write a file whole or not at all: to a temporary file beside it, then renamed.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written, or there is something else, such as a folder or a device.
+    """
+    write_together({path: content})
+
+
+def write_together(contents: Mapping[Path, bytes]) -> None:
+    """Write files whole or not at all; none takes its name before all are written.
+
+    Raises
+    ------
+    OSError
+        If one cannot be written, or there is something else, such as a folder or a device.
+    """
+    written: list[tuple[str, Path]] = []
+    try:
+        for path, content in contents.items():
+            target = file_to_write(path)
+            # The target's own name may be as long as names can be.
+            handle, name = tempfile.mkstemp(dir=target.parent, prefix=".cocap-opt-")
+            written.append((name, target))
+            with os.fdopen(handle, "wb") as file:
+                file.write(content)
+            # mkstemp makes private files; give it the mode any other new file would get.
+            umask = os.umask(0)
+            os.umask(umask)
+            os.chmod(name, 0o666 & ~umask)
+        for name, target in written:
+            os.replace(name, target)
+    except BaseException:
+        for name, _ in written:
+            Path(name).unlink(missing_ok=True)
+        raise
+
+
+def file_to_write(path: Path) -> Path:
+    """The regular file, there or not, that a path leads to through symbolic links.
+
+    Raises
+    ------
+    OSError
+        If links lead in a circle, a name is too long, or there is no regular file.
+    """
+    target = Path(os.path.realpath(path))
+    with suppress(FileNotFoundError):
+        if not stat.S_ISREG(target.stat().st_mode):
+            raise OSError(errno.EINVAL, "must be a regular file, not a folder, device or pipe")
+    return target
