@@ -47,11 +47,14 @@ def verify_bound(
 ) -> None:
     """Price a certificate, or all leaves of a proof, and hold that against the claimed bound.
 
+    The answer has the lowest bound of all that hold.
+
     Parameters
     ----------
     progress : told how many leaves are done, and of how many
     """
-    answer["method"], answer["bound"] = content.method, None
+    answer.setdefault("method", None)
+    answer.setdefault("bound", None)
     try:
         if isinstance(content, ProofFile):
             verify_proof(problem, content, progress)
@@ -62,7 +65,8 @@ def verify_bound(
         answer["violations"].append(f"{kind}: {error}")
         return
     # What has been proved is what the file claims.
-    answer["bound"] = content.bound
+    if answer["bound"] is None or content.proved < answer["bound"]:
+        answer["method"], answer["bound"] = content.method, content.bound
     if content.proved < 0:  # J >= 0
         answer["message"] = NO_PLAN
 

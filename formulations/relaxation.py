@@ -56,6 +56,7 @@ class Relaxation:
     limit: Limit = Limit.NONE
     iterations: int = 0
     cut_rounds: int = 0
+    raises: int = 0  # of the penalty
 
     def solve(
         self,
@@ -75,48 +76,32 @@ class Relaxation:
             the report
         rounds : most rounds of cuts
         """
-        search, raises, before = self.search, 0, np.inf
-        while self.best.bound > cutoff():
+        search, before = self.search, np.inf
+        while (open_ := self.best.bound - cutoff()) > 0:
             self.limit = search.stop()
             if self.limit is not Limit.NONE:
                 return
-            self.iterations += 1
-            open_ = self.best.bound - cutoff()
-            least = rough * open_ if np.isfinite(open_) else 0.0
-            wanted = max(ACCURACY * abs(self.best.bound), least)
-            accuracy = min(max(wanted / 10 / search.scale, BEST_ACCURACY), WORST_ACCURACY)
-            solution = self.solution = self.master.solve(seconds_left(search.stop), accuracy)
-            priced = search.pricer(solution.duals, self.decisions)
-            improves = priced.bound < self.best.bound
-            # Some way to the best multipliers so far (Wentges 1997): they oscillate less.
-            best = self.best.duals
-            between = [
-                search.pricer(blended(solution.duals, best, share), self.decisions)
-                for share in SMOOTHING
-            ]
-            self.best = min(self.best, priced, *between, key=lambda some: some.bound)
-            columns = [column for some in (priced, *between) for column in some.columns]
-            if self.iterations >= FIRST_PLAN:
-                self._improve_plans()
+            wanted = max(ACCURACY * abs(self.best.bound), rough * open_)
+            solution, columns, improves = self._iterate(wanted)
+            self._improve_plans()
             search.report(search.snapshot(max(self.best.bound, others), nodes))
-            open_gap = self.best.bound - solution.value
-            changed = self._add(columns, solution, open_gap > wanted)
-            if changed:
+            converged = self.best.bound - solution.value <= wanted
+            rows = self._add_rows(solution)
+            if (rows or not converged) and self._add_columns(columns) + rows:
                 continue
             if not solution.solved and not improves:
-                self.limit = search.stop()
-                self.limit = self.limit if self.limit is not Limit.NONE else Limit.NUMERICS
+                limit = search.stop()
+                self.limit = Limit.NUMERICS if limit is Limit.NONE else limit
                 return
             if solution.slack > BROKEN * 10:
                 # Rows are still paid for: either there is no plan or the penalty is too low.
-                if raises == MOST_PENALTY_RAISES:
+                if self.raises == MOST_PENALTY_RAISES:
                     self.limit = Limit.NUMERICS
                     return
                 self.master.penalty *= 10
-                raises += 1
+                self.raises += 1
                 continue
-            gain = before - self.best.bound
-            before = self.best.bound
+            gain, before = before - self.best.bound, self.best.bound
             tailing = gain < max(TAIL * abs(before), TAIL_OPEN * min(open_, abs(before)))
             if (tailing and self.cut_rounds) or self.cut_rounds >= rounds:
                 return
@@ -124,8 +109,32 @@ class Relaxation:
             if not self._add_cuts(solution):
                 return
 
+    def _iterate(self, wanted: float) -> tuple[Solution, list[Column], bool]:
+        """Solve the master, price its multipliers and some between them and the best so far.
+
+        Returns
+        -------
+        solution, columns : of the master, and of the pricing
+        improves : whether the master's own multipliers are the best so far
+        """
+        search, best = self.search, self.best
+        self.iterations += 1
+        accuracy = min(max(wanted / 10 / search.scale, BEST_ACCURACY), WORST_ACCURACY)
+        solution = self.solution = self.master.solve(seconds_left(search.stop), accuracy)
+        priced = search.pricer(solution.duals, self.decisions)
+        # Some way to the best multipliers so far (Wentges 1997): they oscillate less.
+        between = [
+            search.pricer(blended(solution.duals, best.duals, share), self.decisions)
+            for share in SMOOTHING
+        ]
+        self.best = min(best, priced, *between, key=lambda some: some.bound)
+        columns = [column for some in (priced, *between) for column in some.columns]
+        return solution, columns, priced.bound < best.bound
+
     def _improve_plans(self) -> None:
         """Now and then look for plans in the mixture, and between kick the best one."""
+        if self.iterations < FIRST_PLAN:
+            return
         if self.iterations & (self.iterations - 1) == 0:  # 8, 16, 32, ..
             self.look_for_plans()
         elif len(self.master.arcs) > MANY_ARCS or self.iterations % KICK == 0:
@@ -141,19 +150,20 @@ class Relaxation:
                 )
             )
 
-    def _add(self, columns: Sequence[Column], solution: Solution, columns_too: bool) -> bool:
-        """Take in broken conflict rows and new columns; False if there are none."""
+    def _add_rows(self, solution: Solution) -> int:
+        """Take in the conflict rows that the mixture breaks, and return how many."""
         pairs = zip(solution.columns, solution.mixture.tolist(), strict=True)
         flights = [(column.flight, amount) for column, amount in pairs if amount > 1e-9]
         broken = broken_rules(self.search.model, flights, BROKEN)
-        new = [self.master.add_row(resource) for resource in broken]
-        if columns_too or any(new):
-            # The longer it takes, the longer arcs are kept: else the same ones come and go.
-            self.master.drop_idle(MOST_IDLE + self.iterations // 8)
-            added = sum(self.master.add(column) for column in columns)
-            self.search.columns += added
-            return any(new) or added > 0
-        return False
+        return sum(self.master.add_row(resource) for resource in broken)
+
+    def _add_columns(self, columns: Sequence[Column]) -> int:
+        """Take in columns, and return how many are new; what has long been idle is dropped."""
+        # The longer it takes, the longer arcs are kept: else the same ones come and go.
+        self.master.drop_idle(MOST_IDLE + self.iterations // 8)
+        added = sum(self.master.add(column) for column in columns)
+        self.search.columns += added
+        return added
 
     def _add_cuts(self, solution: Solution) -> bool:
         """Take in the envelope cuts that the mixture breaks; False if there are none."""

@@ -476,6 +476,21 @@ def test_verify_says_whether_a_plan_is_optimal(
     assert [answer["optimal"] for answer in answers] == [True, False, None, None]
 
 
+def test_verify_keeps_the_lower_of_two_bounds(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Two certificates may stand together, in any order; the lower bound is the one shown."""
+    loose, tight = tmp_path / "loose.json", tmp_path / "tight.json"
+    Run(capsys, "bound", "tiny-share", "--method", "alone", "-o", loose)
+    Run(capsys, "solve", "tiny-share", "--certificate", tight)
+    alone, *both = (
+        Run(capsys, "verify", "tiny-share", *files, "--json").json
+        for files in ((tight,), (loose, tight), (tight, loose))
+    )
+    for answer in both:
+        assert (answer["bound"], answer["method"]) == (alone["bound"], "branch-and-price")
+
+
 def test_progress_is_a_plain_line_now_and_then(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
