@@ -36,6 +36,10 @@ class RobotClass:
         return self.spec.goal
 
 
+def nobody(done: int, total: int) -> None:
+    """Tell nobody how far it is."""
+
+
 class Model:
     """What planners and formulations share of one problem. Coverage is made when asked for.
 
@@ -44,6 +48,7 @@ class Model:
     classes : the robot classes
     class_of : [R] class of each robot
     is_apart : whether every robot is a class of its own, though others may be like it
+    progress : told how many steps' coverage is there, and of how many
     """
 
     def __init__(self, problem: Problem, use_cache: bool = True) -> None:
@@ -51,7 +56,7 @@ class Model:
         self._use_cache = use_cache
         self._geometry = FaceGeometry(problem)
         self._tables: dict[tuple[Motion, Camera], CoverageTable] = {}
-        self.progress: Callable[[int, int], None] = lambda done, total: None
+        self.progress: Callable[[int, int], None] = nobody
         self.is_apart = False
         members: dict[tuple[object, ...], list[int]] = {}
         for i, robot in enumerate(problem.robots):

@@ -46,6 +46,11 @@ def group_weights(problem: Problem) -> FloatArray:
     return (counts[:, None] * problem.face_weights).ravel()
 
 
+def most_views(problem: Problem) -> int:
+    """How many views, of one robot at one step, a group's pixels can be made of."""
+    return len(problem.robots) * (problem.horizon + 1 if problem.objective.over_time else 1)
+
+
 def view_reward(problem: Problem, pixels: FloatArray) -> FloatArray:
     """Reward of each group [group_steps, F] for the pixels [G] of all robots together."""
     reward = group_weights(problem) * np.sqrt(pixels)

@@ -3,13 +3,13 @@
 import math
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
 from rich.text import Text
 
-from cocap_opt.model import compiled
+from cocap_opt.model import Model, compiled, nobody
 from cocap_opt.problem import Problem
 from experiments.streams import say
 from formulations.result import Report, Snapshot
@@ -33,6 +33,7 @@ class Watch:
         self._plain = plain
         self._finished = 0
         self._status = ""
+        self._models: list[Model] = []
         self._begin = self._last = time.monotonic()
 
     def begin(self, task: str) -> None:
@@ -57,7 +58,14 @@ class Watch:
 
     def coverage_of(self, problem: Problem) -> None:
         """Show how far the coverage of a problem is, while it is being computed."""
-        compiled(problem).progress = lambda done, total: self.count("coverage", done, total)
+        model = compiled(problem)
+        model.progress = lambda done, total: self.count("coverage", done, total)
+        self._models.append(model)
+
+    def close(self) -> None:
+        """Have nothing told to it any more."""
+        for model in self._models:
+            model.progress = nobody
 
     def report(self, name: str = "") -> Report:
         """Show what a solver reports, after a name."""
@@ -98,8 +106,9 @@ def watching(task: str, parts: int | None = None) -> Iterator[Watch]:
     """
     console = Console(stderr=True)
     watch = Watch(task, parts, plain=not console.is_terminal)
-    if not console.is_terminal:
-        yield watch
-        return
-    with Live(console=console, get_renderable=watch.lines, transient=True):
-        yield watch
+    live = Live(console=console, get_renderable=watch.lines, transient=True)
+    with live if console.is_terminal else nullcontext():
+        try:
+            yield watch
+        finally:
+            watch.close()

@@ -8,11 +8,18 @@ import numpy as np
 
 from cocap_opt.model import Model, Path, compiled
 from cocap_opt.plan import Plan, conflicts
-from cocap_opt.problem import Problem
+from cocap_opt.problem import FloatArray, Problem
 from cocap_opt.result import Reason, UnsupportedError
 from cocap_opt.reward import objective, robot_pixels
 from cocap_opt.stop import Limit, Stop, never
-from formulations.result import OPTIMALITY, CertifiedResult, Report, silent, usable_start
+from formulations.result import (
+    OPTIMALITY,
+    CertifiedResult,
+    Report,
+    only_start,
+    silent,
+    usable_start,
+)
 
 MOST_PLANS = 2_000_000
 
@@ -36,15 +43,21 @@ def brute_force(
     begin = time.perf_counter()
     model = compiled(problem)
     robots = range(len(problem.robots))
-    plans = math.prod(count_paths(model, robot) for robot in robots)
-    if plans > MOST_PLANS:
-        raise UnsupportedError(
-            f"brute force tries at most {MOST_PLANS} plans, here there are {plans}"
-        )
+    plans = 1
+    for robot in robots:
+        plans *= count_paths(model, robot)
+        if plans > MOST_PLANS:
+            raise UnsupportedError(f"brute force tries at most {MOST_PLANS} plans, here are more")
+    limit = model.prepare_all(stop)
     paths = [all_paths(model, robot) for robot in robots]
-    pixels = [[robot_pixels(model, i, path) for path in paths[i]] for i in robots]
+    pixels: list[list[FloatArray]] = [[] for _ in robots]
+    for robot in robots:
+        for path in paths[robot]:
+            limit = limit if limit is not Limit.NONE else stop()
+            if limit is not Limit.NONE:
+                return only_start(problem, start, limit, time.perf_counter() - begin)
+            pixels[robot].append(robot_pixels(model, robot, path))
     best_value, best = -math.inf, None
-    limit = Limit.NONE
     for choice in product(*(range(len(some)) for some in paths)):
         limit = stop()
         if limit is not Limit.NONE:
@@ -56,6 +69,8 @@ def brute_force(
             plan = model.plan(chosen)
             if next(conflicts(problem, plan), None) is None:
                 best_value, best = value, plan
+    if best is None and limit is not Limit.NONE:
+        return only_start(problem, start, limit, time.perf_counter() - begin)
     reason = Reason.STOPPED
     if limit is Limit.NONE:
         reason = Reason.INFEASIBLE if best is None else Reason.OPTIMAL

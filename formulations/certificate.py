@@ -47,6 +47,7 @@ from formulations.envelope import Cut
 from formulations.resources import Resource, charges_of, misruled, misuse
 
 UNIT_ROUNDOFF = 2.0**-53
+LARGEST_ROOT = 1e50  # of a curve, far beyond any camera's, and its square is finite
 
 
 class _Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -377,10 +378,12 @@ def _functions(
 def _check_curve(curve: Curve, field: str) -> None:
     """Refuse a curve that is no function."""
     points = (0.0, *curve.roots)
-    if len(points) < 2 or not all(a < b < math.inf for a, b in pairwise(points)):
-        raise CertificateError(f"{field}.roots: must be > 0, finite and increasing")
-    if len(curve.values) != len(curve.roots) or not all(0 <= v < math.inf for v in curve.values):
-        raise CertificateError(f"{field}.values: must hold a finite number >= 0 per root")
+    if len(points) < 2 or not all(a < b <= LARGEST_ROOT for a, b in pairwise(points)):
+        raise CertificateError(f"{field}.roots: must be > 0, <= {LARGEST_ROOT:g} and increasing")
+    if len(curve.values) != len(curve.roots) or not all(
+        0 <= value <= LARGEST_ROOT for value in curve.values
+    ):
+        raise CertificateError(f"{field}.values: must hold a number 0..{LARGEST_ROOT:g} per root")
 
 
 def _offer_of_reference(model: Model, certificate: ReferencePixels) -> _Offer:

@@ -34,7 +34,7 @@ def online(
     J(P) is bounded by the paths' own, so it is not counted twice.)
     """
     plan, message = usable_start(problem, start)
-    results = [_from_pixels(problem, stop, some, "online") for some in {None, plan}]
+    results = [_from_pixels(problem, stop, some, "online") for some in (None, plan)]
     best = min(results, key=lambda result: result.bound)
     seconds = sum(result.seconds for result in results)
     return replace(best, message=message, seconds=seconds)

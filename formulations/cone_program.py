@@ -22,7 +22,7 @@ from scipy import sparse
 from cocap_opt.model import Model, compiled, compiled_apart
 from cocap_opt.plan import Plan
 from cocap_opt.problem import FloatArray, IntArray, Problem
-from cocap_opt.reward import group_weights
+from cocap_opt.reward import group_weights, most_views
 from cocap_opt.stop import Limit, Stop, never, seconds_left
 from formulations import envelope as envelopes
 from formulations.certificate import CertificateFile, certify
@@ -225,7 +225,7 @@ class _ConeProgram:
         import cvxpy as cp  # a second, which not every method needs
 
         self.flow, self.roots, self.conflicts = flow, roots, conflicts
-        self._robots = len(flow.model.problem.robots)
+        self._views = most_views(flow.model.problem)
         bonus = flow.model.problem.objective.stationarity
         self._unit = max(float(roots.weights.max(initial=0.0)), bonus) or 1.0
         self.x = cp.Variable(flow.n_nodes, nonneg=True)
@@ -248,7 +248,7 @@ class _ConeProgram:
         constraints += [self._capacity] if self.n_rows else []
         # A broken row costs more than all there is to gain, so that a solution exists.
         horizon = flow.model.problem.horizon
-        penalty = self._robots * (float(roots.weights.sum()) + bonus * horizon + self._unit)
+        penalty = self._views * (float(roots.weights.sum()) + bonus * horizon + self._unit)
         profit = bonus * flow.stays @ self.y - penalty * cp.sum(slack)
         if len(roots.used):
             profit = profit + roots.weights @ self.u
@@ -300,7 +300,7 @@ class _ConeProgram:
                 np.asarray(single) / weights,
                 np.asarray(self._pixels.dual_value) / (weights * roots.scale),
                 np.maximum(1 - taken, 0.0),
-                np.sqrt(self._robots) * roots.scale,  # no group's root can be larger
+                np.sqrt(self._views) * roots.scale,  # no group's root can be larger
             )
         charges = np.zeros(0)
         if self.n_rows:
@@ -315,6 +315,8 @@ class _ConeProgram:
 
     def _fix_start(self, alpha: FloatArray, beta: FloatArray) -> None:
         """Where step 0 counts, it is given: the tangents of its roots are exact."""
+        if self.flow.model.problem.objective.over_time:  # later steps add to the same groups
+            return
         pixels = self.roots.pixels @ (self.flow.supply * (self.flow.steps == 0))
         pixels = pixels * self.roots.scale**2
         known = np.flatnonzero(pixels > 0)

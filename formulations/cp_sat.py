@@ -58,6 +58,7 @@ def solve(program: Program, call: Call) -> Answer:
     solver = cp_model.CpSolver()
     solver.parameters.num_workers = 1
     solver.parameters.random_seed = SEED
+    solver.parameters.catch_sigint_signal = False  # its handler aborts the process
     # Roots are worth millions: one worker that looks for better and better plans would go up
     # by ones. This one lowers the bound instead, with all rows in its linear relaxation.
     solver.parameters.use_objective_lb_search = True
@@ -118,7 +119,8 @@ class _Translated:
         flow, roots = program.flow, program.roots
         horizon = flow.model.problem.horizon
         n_terms = len(roots.used) * (program.n_robots + 2) + program.n_robots * horizon + 1
-        most = float(roots.weights.sum()) * math.sqrt(program.n_robots)
+        largest = math.sqrt(program.n_views)  # root, in units of the best view's
+        most = float(roots.weights.sum()) * largest
         most += program.bonus * program.n_robots * horizon
         self.scale = min(n_terms / ROUNDING, MOST) / most if most > 0 else 1.0
         self.model = cp_model.CpModel()
@@ -128,9 +130,7 @@ class _Translated:
         self.x = self._variables(low, high)
         self.y = self._variables(np.zeros(flow.n_edges), flow.capacity[flow.tails])
         self.worth = self.scale * roots.weights  # of the roots in the program's units
-        self.v = self._variables(
-            np.zeros(len(roots.used)), _up(self.worth * math.sqrt(program.n_robots))
-        )
+        self.v = self._variables(np.zeros(len(roots.used)), _up(self.worth * largest))
         self._flow_rows()
         self._root_rows()
         bonus = int(_up(np.array([self.scale * program.bonus]))[0])

@@ -7,7 +7,7 @@ nothing more is to be decided. What comes out is rounded and improved (`primal`)
 
 import math
 
-from cocap_opt.stop import Limit, seconds_left
+from cocap_opt.stop import Limit
 from formulations.branching import amounts_of, whole_paths
 from formulations.certificate import Decision
 from formulations.master import Master, Solution
@@ -93,11 +93,11 @@ def _under(
 
 def _priced_again(search: Search, master: Master) -> Solution:
     """Solve, with new columns."""
-    solution = master.solve(seconds_left(search.stop))
+    solution = master.solve(search.stop)
     for _ in range(PRICINGS):
         priced = search.pricer(solution.duals, master.decisions)
         new = [master.add(column) for column in priced.columns]
         if not any(new):
             break
-        solution = master.solve(seconds_left(search.stop))
+        solution = master.solve(search.stop)
     return solution

@@ -23,7 +23,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -42,9 +42,7 @@ NEARLY = 0.05  # of what a cut can cut off, that may be left
 SCENARIOS = 64  # equally likely ones in which amounts are dealt to robots
 SWEEPS = 2  # of the rearrangement
 LEAST_MASS = 1e-6  # a little mass everywhere keeps phi low where there is none
-
-if TYPE_CHECKING:
-    import highspy
+SOLVER_OPTIONS = {"output_flag": False, "threads": 1, "presolve": "off", "solver": "simplex"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,8 +242,9 @@ class _Corners:
 def _highest(stages: Sequence[_Stage]) -> float:
     """The largest |s| - sum phi of all corners, or little more."""
     top = sum(float(stage.pixels.max()) for stage in stages)
-    corners = _Corners(stages, _ascent(stages) - 1e-12 * math.sqrt(top), _undominated)
-    return float(corners.heights.max(initial=0.0))
+    known = _ascent(stages)
+    corners = _Corners(stages, known - 1e-12 * math.sqrt(top), _undominated)
+    return float(corners.heights.max(initial=max(known, 0.0)))
 
 
 def _undominated(
@@ -519,8 +518,9 @@ class _Transport:
     def __init__(self, mass: FloatArray) -> None:
         import highspy  # a quarter of a second, which not every bound needs
 
-        self._solver, self._optimal = _solver(), highspy.HighsModelStatus.kOptimal
-        self._solver.clearModel()
+        self._solver, self._optimal = highspy.Highs(), highspy.HighsModelStatus.kOptimal
+        for option, value in SOLVER_OPTIONS.items():
+            self._solver.setOptionValue(option, value)
         none, rows = np.zeros(0, dtype=np.int32), len(mass) + 1
         lower = np.append(np.full(len(mass), -highspy.kHighsInf), 1.0)
         self._solver.addRows(
@@ -541,15 +541,3 @@ class _Transport:
             return None
         multipliers = -np.array(self._solver.getSolution().row_dual)
         return np.maximum(multipliers[:-1], 0.0), float(multipliers[-1])
-
-
-@lru_cache(maxsize=1)
-def _solver() -> "highspy.Highs":
-    import highspy
-
-    solver = highspy.Highs()
-    for option, value in (
-        ("output_flag", False), ("threads", 1), ("presolve", "off"), ("solver", "simplex"),
-    ):  # fmt: skip
-        solver.setOptionValue(option, value)
-    return solver

@@ -24,7 +24,8 @@ from scipy import sparse
 
 from cocap_opt.model import Model, Path
 from cocap_opt.problem import BoolArray, FloatArray, IntArray
-from cocap_opt.reward import group_weights, robot_pixels, unchanged
+from cocap_opt.reward import group_weights, most_views, robot_pixels, unchanged
+from cocap_opt.stop import Limit, Stop, never, seconds_left
 from formulations.certificate import Decision
 from formulations.duals import Duals, repaired
 from formulations.envelope import Cut
@@ -200,7 +201,7 @@ class Master:
             if all(fresh[self._arcs[arc]] for arc in arcs_of(column.flight))
         ]
 
-    def solve(self, seconds: float = math.inf, accuracy: float = BEST_ACCURACY) -> Solution:
+    def solve(self, stop: Stop = never, accuracy: float = BEST_ACCURACY) -> Solution:
         """Solve by Clarabel's interior-point method (one thread).
 
         Parameters
@@ -224,10 +225,12 @@ class Master:
         settings.tol_gap_rel = settings.tol_gap_abs = settings.tol_feas = accuracy
         settings.direct_solve_method = "faer"
         settings.iterative_refinement_reltol = settings.iterative_refinement_abstol = 1e-8
-        settings.time_limit = min(seconds, NO_TIME_LIMIT)
-        solution = clarabel.DefaultSolver(
+        settings.time_limit = min(seconds_left(stop), NO_TIME_LIMIT)
+        solver = clarabel.DefaultSolver(
             sparse.csc_matrix((len(cost), len(cost))), cost, blocks, rhs, cones, settings
-        ).solve()
+        )
+        solver.set_termination_callback(lambda info: stop() is not Limit.NONE)
+        solution = solver.solve()
         result = self._solution(solution, arcs, seen, sizes, unit)
         used = np.nan_to_num(np.array(solution.x)[: len(arcs)]) > USED
         self._idle = np.where(used, 0, self._idle + 1)
@@ -344,7 +347,7 @@ class Master:
             alpha_part / weights,
             beta_part / (weights * seen.scale),
             np.maximum(1 - taken, 0.0),
-            self._most_views() * seen.scale,  # no root can be larger
+            math.sqrt(most_views(self.model.problem)) * seen.scale,  # no root can be larger
         )
         slack = x[n : n + len(rows) + len(decisions)]
         rows, decisions = (np.nan_to_num(np.maximum(p, 0.0)) * unit for p in (rows, decisions))
@@ -363,12 +366,6 @@ class Master:
             ),
             solved=str(solution.status) in ("Solved", "AlmostSolved"),
         )
-
-    def _most_views(self) -> float:
-        """Root of how many views a group's pixels can be made of."""
-        problem = self.model.problem
-        steps = problem.horizon + 1 if problem.objective.over_time else 1
-        return math.sqrt(len(problem.robots) * steps)
 
     def _all_decisions(self, multipliers: FloatArray) -> FloatArray:
         """Multipliers of all decisions; those that close a resource need none."""

@@ -27,8 +27,8 @@ from cocap_opt.check import check
 from cocap_opt.model import Model, Path, compiled
 from cocap_opt.plan import Plan, conflicts
 from cocap_opt.problem import FloatArray, IntArray, Problem
-from cocap_opt.result import Reason
-from cocap_opt.reward import objective_of
+from cocap_opt.result import Reason, relative_gap
+from cocap_opt.reward import group_weights, largest_roots, most_views, objective_of
 from cocap_opt.stop import FirstOf, Limit, Stop, TimeLimit, seconds_left
 from formulations.certificate import CertificateFile, Multipliers, usable_cuts
 from formulations.column_generation import column_generation
@@ -42,14 +42,21 @@ from formulations.flow import (
     cut_rows,
     make_flow,
 )
-from formulations.result import CertifiedResult, Report, Snapshot, no_bound, usable_start
+from formulations.result import (
+    OPTIMALITY,
+    CertifiedResult,
+    Report,
+    Snapshot,
+    first_plan,
+    no_bound,
+)
 from formulations.root import aggregated_root
 
 TANGENTS = 5  # per group at the beginning, each at a quarter of the pixels of the one before
 SLACK = 1e-9  # relative, by which a root may be overestimated at a plan
 REFUTED = 1e-6  # relative, by which a plan's J must exceed a bound to refute it
 FIRST_TOLERANCE = 1e-2  # relative, of the first solve
-LEAST_TOLERANCE = 1e-9  # relative; no solver's bound is more accurate
+LEAST_TOLERANCE = 1e-9  # of what can be seen; no solver's bound is more accurate
 ROOT_SHARE = 0.5  # of the time that is left goes to the root relaxation at most
 SECONDS_BETWEEN_REPORTS = 1.0
 BY_THE_SOLVER = "by the solver's word"
@@ -99,6 +106,7 @@ class Program:
         self.bonus = flow.model.problem.objective.stationarity
         self.unit = max(float(roots.weights.max(initial=0.0)), self.bonus) or 1.0
         self.n_robots = len(flow.model.problem.robots)
+        self.n_views = most_views(flow.model.problem)
         # Without swaps, whole numbers of robots in the nodes are enough: between two steps
         # the rest is a transport problem.
         self.whole_edges = conflicts.crossing.shape[0] > 0
@@ -106,7 +114,7 @@ class Program:
         self._tangents: list[tuple[int, float]] = []
         groups = np.arange(len(roots.used))
         for k in range(TANGENTS):
-            self._add(groups, np.full(len(groups), self.n_robots / 4.0**k))
+            self._add(groups, np.full(len(groups), self.n_views / 4.0**k))
         if root is not None:
             self._take(root)
 
@@ -154,7 +162,7 @@ class Program:
 
     def _take(self, root: Multipliers) -> None:
         """Take over what makes the root's certificate: its cuts, and tangents of its slopes."""
-        model, robots = self.flow.model, self.n_robots
+        model = self.flow.model
         alpha, beta = (
             np.array(part, dtype=np.float64).reshape(-1)[self.roots.used]
             for part in (root.alpha, root.beta)
@@ -167,7 +175,7 @@ class Program:
                 rest[at] -= share
         curved = np.flatnonzero((rest - alpha > 1e-6) & (beta > 0))
         slope = beta[curved] * self.roots.scale[curved] / (rest - alpha)[curved]
-        self._add(curved, np.clip(1 / (4 * slope**2), 1e-6, robots))
+        self._add(curved, np.clip(1 / (4 * slope**2), 1e-6, self.n_views))
 
 
 Root = Callable[[Problem, Stop], CertifiedResult]
@@ -231,12 +239,13 @@ class _Search:
         self.begin = time.perf_counter()
         self.problem, self.stop, self.report, self.gap = problem, stop, report, gap
         self.model = model
-        self.plan, self.message = usable_start(problem, start)
+        self.plan, self.message = first_plan(problem, start)
         self.paths: tuple[Path, ...] | None = None
         self.value = -math.inf
         self.known = -math.inf  # J of any plan, be it the root's: no true bound is below
         self.file: CertificateFile | None = None
         self.bound = self.solver_bound = math.inf
+        self.scale = 0.0  # J if one robot saw all at its best
         self.statistics: dict[str, float] = {"rounds": 0, "nodes": 0}
         self._reported = -math.inf
 
@@ -247,6 +256,8 @@ class _Search:
             if self.plan is not None:
                 self.value = check(self.problem, self.plan).reward
             return self._result(Reason.STOPPED, limit)
+        largest = largest_roots(self.model).max(axis=0)
+        self.scale = float(group_weights(self.problem) @ largest)
         if self.plan is not None:
             self._keep(self.model.paths(self.plan))
         flow, limit = make_flow(self.model, self.stop)
@@ -258,9 +269,11 @@ class _Search:
         if root.reason is Reason.INFEASIBLE:
             return self._result(Reason.INFEASIBLE, Limit.NONE)
         if self._closed(self.bound):
-            return self._result(Reason.OPTIMAL, Limit.NONE)
+            return self._result(Reason.FINISHED, Limit.NONE)
         if flow is None or (limit := self.stop()) is not Limit.NONE:
             return self._result(Reason.STOPPED, limit)
+        if not flow.serves_all:
+            return self._result(Reason.INFEASIBLE, Limit.NONE, "a robot has no path")
         multipliers = None if self.file is None else self.file.certificate
         program = Program(
             flow, Roots.of(flow), conflict_rows(flow),
@@ -284,13 +297,15 @@ class _Search:
             self.solver_bound = min(self.solver_bound, answer.bound)
             self._tell()
             if self._closed(self.bound):
-                return self._result(Reason.OPTIMAL, Limit.NONE)
+                return self._result(Reason.FINISHED, Limit.NONE)
             if self.known > self.solver_bound + REFUTED * abs(self.known):
                 refuted = f"a plan has J = {self.known}, more than the solver's bound"
                 return self._result(Reason.STOPPED, Limit.NUMERICS, refuted)
             if self.solver_bound == -math.inf:
                 return self._result(Reason.INFEASIBLE, Limit.NONE, f"no plan {BY_THE_SOLVER}")
             if self._closed(self.solver_bound):
+                if not self._proves(self.solver_bound):
+                    return self._result(Reason.FINISHED, Limit.NONE)
                 return self._result(Reason.OPTIMAL, Limit.NONE, f"optimal {BY_THE_SOLVER}")
             if (limit := self.stop()) is not Limit.NONE:
                 return self._result(Reason.STOPPED, limit)
@@ -329,7 +344,12 @@ class _Search:
         return max(self.solver_bound - self.value, 0.0) / self.solver_bound
 
     def _closed(self, bound: float) -> bool:
-        return self.value >= bound - max(self.gap * abs(bound), LEAST_TOLERANCE)
+        return self.value >= bound - max(self.gap * abs(bound), LEAST_TOLERANCE * self.scale)
+
+    def _proves(self, bound: float) -> bool:
+        """Whether a bound leaves nothing open."""
+        least = LEAST_TOLERANCE * self.scale
+        return relative_gap(self.value, bound) <= OPTIMALITY or bound - self.value <= least
 
     def _tick(self) -> None:
         if time.perf_counter() - self._reported > SECONDS_BETWEEN_REPORTS:
@@ -347,6 +367,8 @@ class _Search:
     def _result(self, reason: Reason, limit: Limit, message: str = "") -> CertifiedResult:
         if math.isfinite(self.solver_bound):
             self.statistics["solver_bound"] = self.solver_bound
+        if self._proves(self.bound):
+            reason, limit, message = Reason.OPTIMAL, Limit.NONE, ""
         return CertifiedResult(
             plan=self.plan, value=self.value, reason=reason, limit=limit, bound=self.bound,
             seconds=time.perf_counter() - self.begin,

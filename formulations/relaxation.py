@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cocap_opt.problem import FloatArray
-from cocap_opt.stop import Limit, seconds_left
+from cocap_opt.stop import Limit
 from formulations import envelope
 from formulations.certificate import Decision
 from formulations.duals import blended
@@ -120,7 +120,7 @@ class Relaxation:
         search, best = self.search, self.best
         self.iterations += 1
         accuracy = min(max(wanted / 10 / search.scale, BEST_ACCURACY), WORST_ACCURACY)
-        solution = self.solution = self.master.solve(seconds_left(search.stop), accuracy)
+        solution = self.solution = self.master.solve(search.stop, accuracy)
         priced = search.pricer(solution.duals, self.decisions)
         # Some way to the best multipliers so far (Wentges 1997): they oscillate less.
         between = [

@@ -94,6 +94,12 @@ def hovering(problem: Problem) -> Plan | None:
     return Plan(paths=tuple((r.start,) * (problem.horizon + 1) for r in problem.robots))
 
 
+def first_plan(problem: Problem, start: Plan | None) -> tuple[Plan | None, str]:
+    """A plan to begin with: the start if it is usable, else that nobody moves; and why not."""
+    plan, message = usable_start(problem, start)
+    return (hovering(problem) if plan is None else plan), message
+
+
 def bounded(
     file: CertificateFile | ProofFile,
     limit: Limit,
@@ -118,9 +124,8 @@ def no_bound(limit: Limit, seconds: float) -> CertifiedResult:
 def only_start(
     problem: Problem, start: Plan | None, limit: Limit, seconds: float
 ) -> CertifiedResult:
-    """What a method returns that was stopped at once: its start, or that nobody moves."""
-    plan, message = usable_start(problem, start)
-    plan = hovering(problem) if plan is None else plan
+    """What an exact method returns that was stopped at once: its start, or that nobody moves."""
+    plan, message = first_plan(problem, start)
     value = -math.inf if plan is None else check(problem, plan).reward
     return CertifiedResult(
         plan, value, Reason.STOPPED, limit, seconds=seconds, message=message

@@ -27,11 +27,24 @@ from cocap_opt.problem import (
     State,
     TriangulatedCuboid,
 )
+from cocap_opt.stop import Limit
 
 WALL = 20.0  # m, higher than anything flies
 MOST_PLANS = 20_000  # combinations of paths that brute force goes through
 
 _FACTOR = int(os.environ.get("COCAP_OPT_EXAMPLES", "1"))
+
+
+class Calls:
+    """A limit that is reached when it has been asked so many times."""
+
+    def __init__(self, most: float = math.inf) -> None:
+        self.asked, self._most = 0, most
+
+    def __call__(self) -> Limit:
+        """Say whether it is reached."""
+        self.asked += 1
+        return Limit.TIME if self.asked > self._most else Limit.NONE
 
 
 def examples(count: int) -> settings:

@@ -3,6 +3,7 @@ import subprocess
 import sys
 import time
 from itertools import product
+from typing import Any
 
 import numpy as np
 import pytest
@@ -32,10 +33,10 @@ from formulations.outer_approximation import (
     no_root,
     outer_approximation,
 )
-from formulations.result import OPTIMALITY, CertifiedResult, ExactMethod, Snapshot, silent
+from formulations.result import OPTIMALITY, CertifiedResult, Snapshot, silent
 from scenarios import load_scene
 
-MILPS: dict[str, ExactMethod] = {"highs": highs, "scip": scip, "cp-sat": cp_sat}
+MILPS: dict[str, Any] = {"highs": highs, "scip": scip, "cp-sat": cp_sat}
 needs_pyscipopt = pytest.mark.skipif(
     not scip_nonlinear.available(), reason="PySCIPOpt is not installed (extra pyscipopt)"
 )
@@ -45,7 +46,7 @@ METHODS = MILPS | {"scip-nonlinear": scip_nonlinear.scip_nonlinear}
 
 @pytest.mark.parametrize("method", ALL)
 @examples(8)
-@given(problem=st.one_of(problems(), meetings(), meetings(3)))
+@given(problem=st.one_of(problems(), problems(over_time=True), meetings(), meetings(3)))
 def test_milps_equal_brute_force(method: str, problem: Problem) -> None:
     """plan <= optimum <= bound; "optimal" is optimal and "infeasible" is infeasible."""
     best, result = optimum(problem), METHODS[method](problem)
@@ -115,13 +116,14 @@ def test_a_start_that_breaks_a_rule_is_rejected_in_words(method: str) -> None:
 
 @pytest.mark.parametrize("method", ALL)
 def test_no_time_at_all(method: str) -> None:
-    """A time limit of 0 gives the start back, or nothing, and no exception."""
+    """A time limit of 0 gives the start back, or that nobody moves, and no exception."""
     problem = tiny()
-    for start in (None, stay(problem)):
-        result = METHODS[method](problem, TimeLimit(0), start)
+    start = optimum(problem).plan
+    for given_, expected in ((None, stay(problem)), (start, start)):
+        result = METHODS[method](problem, TimeLimit(0), given_)
         assert (result.reason, result.limit) == (Reason.STOPPED, Limit.TIME)
-        assert result.plan == start
-        assert result.value == (check(problem, start).reward if start else -math.inf)
+        assert result.plan == expected
+        assert result.value == check(problem, expected).reward
         assert result.bound >= optimum(problem).value
 
 
@@ -142,14 +144,50 @@ class After:
 def test_an_interrupt_ends_a_long_solve(method: str) -> None:
     """Ctrl-C gives the best plan so far, soon, though the solver would go on for long."""
     problem = load_scene("bottleneck")  # far more than these solvers close in seconds
-    certified_root(problem, never)  # so that coverage and imports are not measured
+    column_generation(problem, TimeLimit(1.0))  # so that coverage and imports are not measured
     begin = time.monotonic()
-    result = METHODS[method](problem, After(0.3), stay(problem))
+    result = METHODS[method](problem, After(3.0), stay(problem), root=no_root)
     assert (result.reason, result.limit) == (Reason.STOPPED, Limit.INTERRUPT)
+    assert result.statistics["rounds"] >= 1  # the solver had begun
     assert time.monotonic() - begin < 60.0  # minutes would be needed to the end
     assert result.plan is not None and check(problem, result.plan).valid
     assert result.value >= check(problem, stay(problem)).reward
-    assert result.bound < math.inf
+
+
+INTERRUPTED = """
+import os, signal, threading
+from cocap_opt.stop import catch_interrupt
+from formulations import EXACT
+from formulations.outer_approximation import no_root
+from scenarios import load_scene
+
+problem = load_scene("bottleneck").replace(horizon=9)
+with catch_interrupt() as interrupt:
+    threading.Timer(5.0, os.kill, (os.getpid(), signal.SIGINT)).start()
+    result = EXACT[{method!r}](problem, interrupt, root=no_root)
+print(result.reason, result.limit, result.statistics["rounds"])
+"""
+
+
+@pytest.mark.parametrize("method", MILPS)
+def test_the_signal_of_an_interrupt_ends_no_process(method: str) -> None:
+    """Solvers have signal handlers of their own; Ctrl-C still gives a result."""
+    said = subprocess.run(
+        [sys.executable, "-c", INTERRUPTED.format(method=method)], check=True,
+        capture_output=True, text=True, timeout=120,
+    ).stdout  # fmt: skip
+    reason, limit, rounds = said.split()
+    assert (reason, limit) == ("stopped", "interrupt") and int(rounds) >= 1
+
+
+@pytest.mark.parametrize("method", ALL)
+def test_an_interrupt_in_the_root_keeps_its_bound(method: str) -> None:
+    """Before the solver has begun, the bound is that of the root so far."""
+    problem = load_scene("bottleneck")
+    column_generation(problem, TimeLimit(1.0))
+    result = METHODS[method](problem, After(0.5), stay(problem))
+    assert (result.reason, result.limit) == (Reason.STOPPED, Limit.INTERRUPT)
+    assert result.value <= result.bound < math.inf
 
 
 @pytest.mark.parametrize("method", ["highs", "scip"])
@@ -186,7 +224,7 @@ def test_a_bound_below_a_known_plan_is_not_believed() -> None:
         assert "a plan has J" in result.message
     # The root's own plan refutes as well, though it is not taken over.
     result = outer_approximation(problem, never, None, silent, OPTIMALITY, denier)
-    assert (result.reason, result.plan) == (Reason.STOPPED, None)
+    assert (result.reason, result.plan) == (Reason.STOPPED, stay(problem))
 
 
 def test_solutions_that_are_none_are_dropped() -> None:
@@ -209,7 +247,7 @@ def test_solutions_that_are_none_are_dropped() -> None:
     for solver in (half, crash):
         result = solved_by(solver, problem)
         assert (result.reason, result.limit) == (Reason.STOPPED, Limit.NUMERICS)
-        assert result.plan is None and result.value == -math.inf
+        assert result.plan == stay(problem)
 
 
 def test_a_gap_that_does_not_close_ends_the_search() -> None:
@@ -285,6 +323,8 @@ def test_a_robot_without_a_path_is_a_proof(method: str) -> None:
     robots = tuple(robot.replace(goal=(0, 0)) for robot in problem.robots)
     result = METHODS[method](problem.replace(robots=robots))
     assert (result.reason, result.bound) == (Reason.INFEASIBLE, -math.inf)
+    alone = METHODS[method](problem.replace(robots=robots), root=no_root)
+    assert alone.reason is Reason.INFEASIBLE
 
 
 @pytest.mark.parametrize("method", ALL)
@@ -300,8 +340,9 @@ def test_a_coarse_gap_is_enough_where_it_is_asked_for() -> None:
     """`gap` says when to stop."""
     problem = load_scene("tiny-trap")
     result = cp_sat(problem, never, stay(problem), silent, 0.9)
-    assert result.reason is Reason.OPTIMAL
-    assert result.value >= 0.1 * optimum(problem).value
+    assert result.value >= 0.1 * result.bound
+    proved = result.gap <= OPTIMALITY
+    assert result.reason is (Reason.OPTIMAL if proved else Reason.FINISHED)
 
 
 def test_scip_nonlinear_says_what_it_needs(monkeypatch: pytest.MonkeyPatch) -> None:

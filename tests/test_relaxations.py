@@ -6,7 +6,7 @@ import pytest
 from brute_force import all_paths, optimum
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from strategies import examples, meetings, problems, tiny
+from strategies import Calls, examples, meetings, problems, tiny
 
 from cocap_opt.check import broken_rules
 from cocap_opt.model import Model, Path, compiled, compiled_apart
@@ -39,7 +39,7 @@ ACCURACY = {"rel": 1e-4, "abs": 1e-3}  # of an interior-point solution, certifie
 
 def any_problem() -> st.SearchStrategy[Problem]:
     """Small problems of all kinds, half of them with robots in one another's way."""
-    return st.one_of(problems(), meetings(), meetings(3))
+    return st.one_of(problems(), problems(over_time=True), meetings(), meetings(3))
 
 
 @examples(25)
@@ -245,18 +245,6 @@ def test_large_scenes_are_refused_in_words(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 # -- limits ------------------------------------------------------------------------------------
-
-
-class Calls:
-    """A limit that is reached when it has been asked so many times."""
-
-    def __init__(self, most: int) -> None:
-        self.left = most
-
-    def __call__(self) -> Limit:
-        """Count down."""
-        self.left -= 1
-        return Limit.TIME if self.left < 0 else Limit.NONE
 
 
 @pytest.mark.parametrize("method", RELAXATIONS)
