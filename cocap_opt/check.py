@@ -29,6 +29,7 @@ class Verdict:
     reward: float  # J
     reward_at_start: float  # view reward at t = 0; 0 where it does not count
     reward_per_step: tuple[float, ...]  # view reward at t = 1..T, without stationarity
+    reward_stationarity: float  # for states that do not change
     face_reward: tuple[float, ...]  # [F] view reward of each face over all steps
 
     @property
@@ -41,19 +42,21 @@ def check(problem: Problem, plan: Plan) -> Verdict:
     """Judge a plan."""
     violations = broken_motions(problem, plan)
     if violations:
-        return Verdict(tuple(violations), (), math.nan, math.nan, (), ())
+        return Verdict(tuple(violations), (), math.nan, math.nan, (), math.nan, ())
     rewards = view_rewards(problem, plan)
     unchanged = 0
     for path in plan.paths:
         for t in range(problem.horizon):
             unchanged += path[t] == path[t + 1]
     per_step = [math.fsum(row) for row in rewards]
+    stationarity = problem.objective.stationarity * unchanged
     return Verdict(
         violations=(),
         conflicts=tuple(broken_rules(problem, plan)),
-        reward=math.fsum([*per_step, problem.objective.stationarity * unchanged]),
+        reward=math.fsum([*per_step, stationarity]),
         reward_at_start=per_step[0],
         reward_per_step=tuple(per_step[1:]),
+        reward_stationarity=stationarity,
         face_reward=tuple(math.fsum(column) for column in zip(*rewards, strict=True)),
     )
 

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 
-from cocap_opt.check import check
+from cocap_opt.check import Verdict, check
 from cocap_opt.io import PlanFile, problem_digest
 from cocap_opt.plan import Plan
 from cocap_opt.problem import Problem
@@ -16,6 +16,17 @@ from formulations.result import OPTIMALITY
 NO_PLAN = "proved: there is no plan"
 
 
+def reward_parts(verdict: Verdict) -> Row:
+    """What J is made of; the last only where a scene rewards it."""
+    parts: Row = {
+        "reward_at_start": verdict.reward_at_start,
+        "reward_per_step": verdict.reward_per_step,
+    }
+    if verdict.reward_stationarity:
+        parts["reward_stationarity"] = verdict.reward_stationarity
+    return parts
+
+
 def verify_plan(problem: Problem, content: PlanFile | Plan, answer: Row) -> None:
     """Judge a plan afresh and hold it against what its file claims."""
     claimed = content if isinstance(content, PlanFile) else None
@@ -23,14 +34,15 @@ def verify_plan(problem: Problem, content: PlanFile | Plan, answer: Row) -> None
     answer["violations"] += [*verdict.violations, *verdict.conflicts]
     answer["planner"] = claimed.planner if claimed else None
     answer["conflicts"] = len(verdict.conflicts)
-    answer["reward"] = None if verdict.violations else verdict.reward
-    answer["reward_at_start"] = None if verdict.violations else verdict.reward_at_start
-    answer["reward_per_step"] = verdict.reward_per_step
-    answer["reward_per_face"] = verdict.face_reward
+    answer["reward"] = None
+    if not verdict.violations:
+        answer["reward"] = verdict.reward
+        answer |= reward_parts(verdict) | {"reward_per_face": verdict.face_reward}
     if claimed is None:
         return
     if claimed.digest != problem_digest(problem):
-        answer["violations"].append("digest: the plan belongs to another scene, seed or rules")
+        what = "scene, seed, rules or objective"
+        answer["violations"].append(f"digest: the plan belongs to another {what}")
     if verdict.violations:
         return
     if not math.isclose(claimed.reward, verdict.reward, rel_tol=1e-9):
@@ -42,6 +54,7 @@ def verify_plan(problem: Problem, content: PlanFile | Plan, answer: Row) -> None
 def verify_bound(
     problem: Problem,
     content: CertificateFile | ProofFile,
+    name: str,
     answer: Row,
     progress: Callable[[int, int], None],
 ) -> None:
@@ -51,6 +64,7 @@ def verify_bound(
 
     Parameters
     ----------
+    name : of the file
     progress : told how many leaves are done, and of how many
     """
     answer.setdefault("method", None)
@@ -61,8 +75,7 @@ def verify_bound(
         else:
             verify(problem, content)
     except CertificateError as error:
-        kind = "proof" if isinstance(content, ProofFile) else "certificate"
-        answer["violations"].append(f"{kind}: {error}")
+        answer["violations"].append(f"{name}: {error}")
         return
     # What has been proved is what the file claims.
     if answer["bound"] is None or content.proved < answer["bound"]:

@@ -18,7 +18,7 @@ from cocap_opt.plan import Plan
 from cocap_opt.problem import Problem, ProblemError
 from cocap_opt.result import Reason, UnsupportedError
 from cocap_opt.stop import FirstOf, Limit, Stop, TimeLimit, catch_interrupt
-from experiments.claims import conclude, verify_bound, verify_plan
+from experiments.claims import conclude, reward_parts, verify_bound, verify_plan
 from experiments.files import (
     check_output,
     make_folder,
@@ -113,7 +113,8 @@ def export(
     check_output(output)
     problem = _load(scene, seed)
     if over_time:
-        problem = problem.replace(objective=problem.objective.replace(over_time=True))
+        objective = problem.objective.replace(over_time=True)
+        problem = problem.replace(name=f"{problem.name}-over-time", objective=objective)
     write(output, lambda: save_problem(output, problem))
     print_result({"scene": problem.name, "seed": seed, "file": path_text(output)}, json)
     return 0
@@ -148,8 +149,7 @@ def plan(
         _save(row, _Wanted("file", output, "plan", plan_file(problem, planner, judged)))
     row |= judged.result.statistics
     if judged.verdict:
-        row["reward_at_start"] = judged.verdict.reward_at_start
-        row["reward_per_step"] = judged.verdict.reward_per_step
+        row |= reward_parts(judged.verdict)
         row["violations"] = judged.verdict.conflicts
     print_result(row, json)
     return 0
@@ -240,36 +240,35 @@ def solve(
 @app.command(name="verify")
 def verify_files(
     scene: str,
-    plan: Path,
-    certificate: Path | None = None,
     /,
-    *,
+    *file: Path,
     seed: Seed = 0,
     free: Free = False,
     json: Json = False,
 ) -> int:
-    """Check plan and certificate (or proof), trusting nobody: exit 0 only if all claims hold.
+    """Check a plan, certificates and proofs, trusting nobody: exit 0 only if all claims hold.
 
-    The plan may also be in a scene format's own plan format.
-    A certificate or proof alone may stand in place of the plan.
+    The plan may also be in a scene format's own plan format. Of several
+    bounds the lowest is shown.
 
     Example: cocap-opt verify corridor plan.json certificate.json --seed 0
     """
+    if not file:
+        raise UsageError("FILE: name a plan, a certificate or a proof")
     problem = _variant(_load(scene, seed), free)
     answer: Row = {"scene": problem.name, "seed": seed, "valid": True, "violations": []}
     answer |= _freed(free)
-    for path in (plan, certificate):
-        if path is None:
-            continue
+    for path in file:
         content = read_claim(path, problem)
         if isinstance(content, CertificateFile | ProofFile):
             with watching(path_text(path)) as watch:
                 verify_bound(
-                    problem, content, answer, lambda done, all_: watch.count("leaf", done, all_)
-                )
+                    problem, content, path_text(path), answer,
+                    lambda done, all_: watch.count("leaf", done, all_),
+                )  # fmt: skip
             continue
-        if path is certificate:
-            raise FileError(f"{path}: must be a certificate or a proof, not a plan")
+        if "planner" in answer:
+            raise FileError(f"{path}: must be a certificate or a proof, not a second plan")
         plan_in_file = content.plan if isinstance(content, PlanFile) else content
         fitting = scene_of_plan(scene, problem, plan_in_file)
         if fitting is not problem:
@@ -429,7 +428,7 @@ def _add_message(row: Row, message: str) -> None:
 
 def _load(scene: str, seed: int) -> Problem:
     if not 0 <= seed <= LARGEST_SEED:
-        raise UsageError(f"--seed: must be 0..{LARGEST_SEED}")
+        raise UsageError(f"--seed: must be 0..{LARGEST_SEED}, not {seed}")
     return load_scene(scene, seed)
 
 

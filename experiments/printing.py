@@ -13,6 +13,7 @@ from rich.table import Table
 
 from experiments.report import Row
 
+FOLDED = 16  # columns of text that goes on in the next line, at least
 WIDE = 200  # columns of a table that goes to a file or a pipe
 OPEN = "*"  # marks a bound that a limit stopped
 PROVED = ("optimal", "infeasible")
@@ -23,8 +24,11 @@ class _Output(Console):
         raise BrokenPipeError  # rich would exit with 1, which here means a false claim
 
 
-def _console() -> Console:
-    return _Output() if sys.stdout.isatty() else _Output(width=WIDE)
+def _console(least: int = 0) -> Console:
+    """Standard output, of at least so many columns: what is too long goes on in the next line."""
+    console = _Output() if sys.stdout.isatty() else _Output(width=WIDE)
+    console.width = max(console.width, least)
+    return console
 
 
 def print_json(content: Any) -> None:
@@ -51,15 +55,21 @@ def print_result(row: Row, json: bool) -> None:
 
 def print_table(title: str, rows: Sequence[Row]) -> None:
     """Rows that all have the keys of the first."""
+    widest = {
+        key: max(len(part) for row in rows for part in (key, *_text(key, row[key]).splitlines()))
+        for key in (rows[0] if rows else ())
+    }
     table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False,
                   collapse_padding=True)  # fmt: skip
     for key, value in rows[0].items() if rows else ():
         wraps = key in ("scene", "about", "message")
         table.add_column(key, justify="left" if isinstance(value, str) else "right",
-                         no_wrap=not wraps, overflow="fold")  # fmt: skip
+                         no_wrap=not wraps, overflow="fold",
+                         min_width=min(FOLDED, widest[key]) if wraps else widest[key])  # fmt: skip
     for row in rows:
         table.add_row(*(escape(_text(key, value)) for key, value in row.items()))
-    _console().print(table)
+    console = _console()
+    _console(console.measure(table).minimum).print(table)
 
 
 class Marked(NamedTuple):
@@ -82,7 +92,7 @@ def print_gap_table(rows: Sequence[Row]) -> None:
         for key, reason in (("bound", "bound_reason"), ("gap_free", "bound_free_reason")):
             is_open = row[reason] not in PROVED
             any_open = any_open or is_open
-            shown[key] = Marked(row[key], OPEN if is_open else " ")
+            shown[key] = Marked(row[key], OPEN if is_open and row[key] is not None else " ")
     print_table(gap_title(rows), table)
     if any_open:
         _console().print(

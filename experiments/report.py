@@ -133,7 +133,7 @@ def plan_row(problem: Problem, seed: int, planner: str | None, judged: Judged[Re
         "reason": str(reason),
         "limit": str(result.limit),
         "seconds": result.seconds,
-        "conflicts": judged.conflicts,
+        "conflicts": judged.conflicts if judged.verdict else None,
         "message": "; ".join(messages),
     }
 
@@ -143,8 +143,8 @@ def certified_row(problem: Problem, seed: int, method: str, judged: Judged[Certi
     result = judged.result
     row = plan_row(problem, seed, method if result.plan else None, judged)
     messages = [row["message"]] if row["message"] else []
-    if result.reason is Reason.INFEASIBLE:
-        messages.append("proved: no plan obeys the rules")
+    if result.reason is Reason.INFEASIBLE and result.bound < 0:
+        messages.append("proved: no plan obeys the rules, no J is below 0")
     if result.certificate is None and math.isfinite(result.bound):
         messages.append(f"no certificate: the bound is what {method} proves by itself")
     row |= {

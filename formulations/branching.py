@@ -30,14 +30,14 @@ def amounts_of(model: Model, columns: Sequence[Column], mixture: FloatArray) -> 
     several = len(model.classes) > 1
     for n in np.flatnonzero(mixture > 1e-9).tolist():
         flight, amount = columns[n].flight, float(mixture[n])
-        graph = model.classes[flight.robots].graph
+        graph = model.classes[flight.robot_class].graph
         for t, (number, cell) in enumerate(zip(flight.path, flight.cells, strict=True)):
             cells[Cells(t, (cell,))] += amount
             if several:
-                own[Cells(t, (cell,), flight.robots)] += amount
-            states[Visit(t, graph.state(number), flight.robots)] += amount
+                own[Cells(t, (cell,), flight.robot_class)] += amount
+            states[Visit(t, graph.state(number), flight.robot_class)] += amount
             if t and cell != flight.cells[t - 1]:
-                moves[Move(t - 1, (flight.cells[t - 1], cell), flight.robots)] += amount
+                moves[Move(t - 1, (flight.cells[t - 1], cell), flight.robot_class)] += amount
     return [dict(part) for part in (cells, own, states, moves)]
 
 
@@ -72,11 +72,12 @@ def whole_paths(model: Model, columns: Sequence[Column], mixture: FloatArray) ->
             along: defaultdict[tuple[int, int], float] = defaultdict(float)
             for n in np.flatnonzero(mixture > 1e-9).tolist():
                 flight = columns[n].flight
-                if flight.robots == number:
+                if flight.robot_class == number:
                     along[flight.path[t], flight.path[t + 1]] += float(mixture[n])
             heads: list[int] = []
             for resource, amount in states.items():
-                if isinstance(resource, Visit) and (resource.t, resource.robots) == (t + 1, number):
+                assert isinstance(resource, Visit)
+                if (resource.t, resource.robot_class) == (t + 1, number):
                     heads += [group.graph.index(resource.state)] * round(amount)
             if len(heads) != len(group.robots):
                 return None

@@ -82,7 +82,7 @@ class Decision(_Part, frozen=True):
 class Curve(_Part, frozen=True):
     """Function phi of one class of robots: linear between breakpoints, then of slope 1."""
 
-    robots: int  # number of the class
+    robot_class: int  # its number
     roots: tuple[float, ...]  # [K] breakpoints > 0, increasing, px^0.5/m
     values: tuple[float, ...]  # [K] phi at them, >= 0
 
@@ -123,7 +123,7 @@ class CertificateFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, k
     """A certificate with the bound it claims and the digest of its scene."""
 
     format: Literal["cocap-opt certificate"] = "cocap-opt certificate"
-    version: Literal[2] = 2
+    version: Literal[3] = 3
     scene: str
     digest: str  # of the problem
     method: str
@@ -347,10 +347,10 @@ def usable_cuts(model: Model, cuts: tuple[EnvelopeCut, ...]) -> list[tuple[Cut, 
             raise CertificateError(f"{field}: there is no group ({cut.t}, {cut.face})")
         if not 0 <= cut.share <= 1:
             raise CertificateError(f"{field}.share: must be 0..1, not {cut.share}")
-        numbers = (-1, *(curve.robots for curve in cut.curves), len(sizes))
+        numbers = (-1, *(curve.robot_class for curve in cut.curves), len(sizes))
         if not all(a < b for a, b in pairwise(numbers)):
             raise CertificateError(
-                f"{field}.curves: robots must be increasing, 0..{len(sizes) - 1}"
+                f"{field}.curves: robot_class must be increasing, 0..{len(sizes) - 1}"
             )
         for k, curve in enumerate(cut.curves):
             _check_curve(curve, f"{field}.curves[{k}]")
@@ -367,7 +367,7 @@ def _functions(
 ) -> tuple[Mapping[int, envelope.Curve], float | None]:
     """Functions of a cut by class, and its constant; None where that takes too long."""
     functions = {
-        curve.robots: envelope.Curve(np.array(curve.roots), np.array(curve.values))
+        curve.robot_class: envelope.Curve(np.array(curve.roots), np.array(curve.values))
         for curve in curves
     }
     if envelope.work_of(functions, sizes) > envelope.MOST_WORK:

@@ -34,7 +34,11 @@ def online(
     J(P) is bounded by the paths' own, so it is not counted twice.)
     """
     plan, message = usable_start(problem, start)
-    results = [_from_pixels(problem, stop, some, "online") for some in (None, plan)]
+    if plan is None:
+        message = message or "no plan to start from"
+        message += "; the bound is that of `alone`"
+    plans = (None,) if plan is None else (None, plan)
+    results = [_from_pixels(problem, stop, some, "online") for some in plans]
     best = min(results, key=lambda result: result.bound)
     seconds = sum(result.seconds for result in results)
     return replace(best, message=message, seconds=seconds)

@@ -14,6 +14,7 @@ on paths and takes any size.
 import time
 import warnings
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -158,13 +159,16 @@ def relax(
     if limit is not Limit.NONE:
         return no_bound(limit, time.perf_counter() - begin)
     # The bound of robots alone, for where a robot has no path or the solver gives up.
-    best = certify(problem, model, name, _alone(model).certificate(model))
+    best = alone = certify(problem, model, name, _alone(model).certificate(model))
     report(Snapshot(-np.inf, best.proved, time.perf_counter() - begin))
     flow, limit = make_flow(model, stop)
     statistics: dict[str, float] = {}
     if flow is not None and flow.serves_all:
         best, limit, statistics = _rounds(flow, best, stop, report, separate, single_view, begin)
-    return bounded(best, limit, begin, statistics)
+    result = bounded(best, limit, begin, statistics)
+    if limit is not Limit.NONE and best is alone:
+        result = replace(result, message="the bound is that of `alone`: nothing better in time")
+    return result
 
 
 def _rounds(
@@ -193,7 +197,8 @@ def _rounds(
         before = best.proved
         best = min(best, file, key=lambda some: some.proved)
         statistics |= {"rounds": statistics["rounds"] + 1, "cuts": len(cuts)}
-        statistics["solver_value"] = point.value
+        if point.solved:
+            statistics["solver_value"] = point.value
         report(Snapshot(-np.inf, best.proved, time.perf_counter() - begin))
         if (limit := stop()) is not Limit.NONE or not point.solved:
             return best, limit if limit is not Limit.NONE else Limit.NUMERICS, statistics

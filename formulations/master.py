@@ -78,7 +78,7 @@ class Solution(NamedTuple):
 class Arc(NamedTuple):
     """A step of the robots of one class."""
 
-    robots: int  # number of the class
+    robot_class: int  # its number
     t: int
     tail: int  # state at t
     head: int  # state at t+1
@@ -173,23 +173,24 @@ class Master:
     def _leading_on(self, arcs: list[Arc]) -> list[Arc]:
         """Those of the arcs that lie on a path of such arcs from a start to the last step."""
         horizon = self.model.problem.horizon
-        ends = {(arc.robots, horizon, arc.head) for arc in arcs if arc.t == horizon - 1}
+        ends = {(arc.robot_class, horizon, arc.head) for arc in arcs if arc.t == horizon - 1}
         for arc in sorted(arcs, key=lambda arc: -arc.t):
-            if (arc.robots, arc.t + 1, arc.head) in ends:
-                ends.add((arc.robots, arc.t, arc.tail))
+            if (arc.robot_class, arc.t + 1, arc.head) in ends:
+                ends.add((arc.robot_class, arc.t, arc.tail))
         begun = {
             (number, 0, start)
             for number, group in enumerate(self.model.classes)
             for start in group.starts
         }
         for arc in sorted(arcs, key=lambda arc: arc.t):
-            if (arc.robots, arc.t, arc.tail) in begun:
-                begun.add((arc.robots, arc.t + 1, arc.head))
+            if (arc.robot_class, arc.t, arc.tail) in begun:
+                begun.add((arc.robot_class, arc.t + 1, arc.head))
         on = begun & ends
         return [
             arc
             for arc in arcs
-            if (arc.robots, arc.t, arc.tail) in on and (arc.robots, arc.t + 1, arc.head) in on
+            if (arc.robot_class, arc.t, arc.tail) in on
+            and (arc.robot_class, arc.t + 1, arc.head) in on
         ]
 
     def used_columns(self, most_idle: int) -> list[Column]:
@@ -287,9 +288,9 @@ class Master:
     def _put_conservation(self, rows: "_Rows", arcs: list[Arc]) -> FloatArray:
         """One unit leaves each start, and what enters a state before step T leaves it."""
         nodes: dict[tuple[int, int, int], int] = {}
-        leaving = [nodes.setdefault((a.robots, a.t, a.tail), len(nodes)) for a in arcs]
+        leaving = [nodes.setdefault((a.robot_class, a.t, a.tail), len(nodes)) for a in arcs]
         inner = [k for k, a in enumerate(arcs) if a.t + 1 < self.model.problem.horizon]
-        entering = [nodes[arcs[k].robots, arcs[k].t + 1, arcs[k].head] for k in inner]
+        entering = [nodes[arcs[k].robot_class, arcs[k].t + 1, arcs[k].head] for k in inner]
         rows.start(len(nodes))
         rows.put(np.array(leaving), np.arange(len(arcs)), np.ones(len(arcs)))
         rows.put(np.array(entering, dtype=np.int64), np.array(inner, dtype=np.int64),
@@ -306,13 +307,13 @@ class Master:
         bounds = np.searchsorted(seen.at[order], np.arange(len(seen.used) + 1))
         rows.start(len(self._cuts))
         constants = np.zeros(len(self._cuts))
-        robots = np.array([arc.robots for arc in arcs])
+        classes = np.array([arc.robot_class for arc in arcs])
         where, present = self._cut_groups(seen)
         for k in np.flatnonzero(present).tolist():
             cut, g = self._cuts[k], int(where[k])
             scale = seen.scale[g]
             entries = order[bounds[g] : bounds[g + 1]]
-            values = cut.phi_of(robots[seen.of[entries]], seen.roots[entries] * scale) / scale
+            values = cut.phi_of(classes[seen.of[entries]], seen.roots[entries] * scale) / scale
             rows.put(np.full(len(entries), k), seen.of[entries], -values)
             rows.put(np.array([k]), np.array([first + g]), np.ones(1))
             constants[k] = cut.constant / scale
@@ -378,7 +379,7 @@ class Master:
         left = {arc: f for arc, f in zip(arcs, flow.tolist(), strict=True) if f > USED}
         leaving: dict[tuple[int, int, int], list[Arc]] = {}
         for arc in left:
-            leaving.setdefault((arc.robots, arc.t, arc.tail), []).append(arc)
+            leaving.setdefault((arc.robot_class, arc.t, arc.tail), []).append(arc)
         columns: list[Column] = []
         amounts: list[float] = []
         for robot in range(len(self.model.problem.robots)):
@@ -424,7 +425,7 @@ def _widest(
 def arcs_of(flight: Flight) -> list[Arc]:
     """Steps of a path."""
     path = flight.path
-    return [Arc(flight.robots, t, path[t], path[t + 1]) for t in range(len(path) - 1)]
+    return [Arc(flight.robot_class, t, path[t], path[t + 1]) for t in range(len(path) - 1)]
 
 
 def _users(model: Model, resources: Sequence[Resource], arcs: list[Arc]) -> list[list[int]]:
@@ -432,13 +433,13 @@ def _users(model: Model, resources: Sequence[Resource], arcs: list[Arc]) -> list
     into: dict[tuple[int, int, int], list[int]] = {}
     along: dict[tuple[int, int, int, int], list[int]] = {}
     for k, arc in enumerate(arcs):
-        graph = model.classes[arc.robots].graph
+        graph = model.classes[arc.robot_class].graph
         tail, head = arc.tail % graph.n_places, arc.head % graph.n_places
-        into.setdefault((arc.robots, arc.t + 1, head), []).append(k)
+        into.setdefault((arc.robot_class, arc.t + 1, head), []).append(k)
         if arc.t == 0:
-            into.setdefault((arc.robots, 0, tail), []).append(k)
+            into.setdefault((arc.robot_class, 0, tail), []).append(k)
         if tail != head:
-            along.setdefault((arc.robots, arc.t, tail, head), []).append(k)
+            along.setdefault((arc.robot_class, arc.t, tail, head), []).append(k)
     return [_users_of(model, resource, arcs, into, along) for resource in resources]
 
 
@@ -453,7 +454,7 @@ def _users_of(
 
     t, found = resource.t, list[int]()
     for number, group in enumerate(model.classes):
-        if not isinstance(resource, Swap) and resource.robots not in (None, number):
+        if not isinstance(resource, Swap) and resource.robot_class not in (None, number):
             continue
         if isinstance(resource, Visit):
             state = group.graph.index(resource.state)
@@ -495,7 +496,7 @@ class _Views:
         parts: list[tuple[IntArray, IntArray, FloatArray]] = []
         for number, group in enumerate(self._model.classes):
             table = self._model.coverage(group)
-            own = [(k, a) for k, a in enumerate(arcs) if a.robots == number]
+            own = [(k, a) for k, a in enumerate(arcs) if a.robot_class == number]
             first = [(k, a.tail) for k, a in own if a.t == 0]
             n_states = group.graph.n_states
             nodes = [(a.t + 1) * n_states + a.head for _, a in own] + [s for _, s in first]

@@ -88,7 +88,7 @@ def _side(model: Model, robot: int, arcs: Iterable[Arc], others: Sequence[Column
     closed = avoid_paths(model, group, paths)
     by_step: list[list[Arc]] = [[] for _ in range(horizon)]
     for arc in arcs:
-        if arc.robots == number and not _is_closed(arc, closed, graph.n_places):
+        if arc.robot_class == number and not _is_closed(arc, closed, graph.n_places):
             by_step[arc.t].append(arc)
     reached = [{model.start(robot)}]
     for t in range(horizon):

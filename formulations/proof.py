@@ -48,7 +48,7 @@ class ProofFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     """A proof with the bound it claims and the digest of its scene."""
 
     format: Literal["cocap-opt proof"] = "cocap-opt proof"
-    version: Literal[1] = 1
+    version: Literal[2] = 2
     scene: str
     digest: str  # of the problem
     method: str

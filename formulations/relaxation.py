@@ -203,7 +203,7 @@ def seen_in(columns: Sequence[Column], mixture: FloatArray) -> list[tuple[int, S
     roots = np.sqrt(np.concatenate([columns[n].pixels for n in used]))
     counts = [len(columns[n].groups) for n in used]
     amounts = np.repeat(mixture[used], counts)
-    classes = np.repeat([columns[n].flight.robots for n in used], counts)
+    classes = np.repeat([columns[n].flight.robot_class for n in used], counts)
     order = np.argsort(groups, kind="stable")
     distinct, first = np.unique(groups[order], return_index=True)
     parts = np.split(order, first[1:])

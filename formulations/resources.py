@@ -28,7 +28,7 @@ class Cells(_Resource, frozen=True, tag="cells"):
     """To be in one of these cells at step t."""
 
     cells: tuple[Cell, ...]
-    robots: int | None = None  # number of a robot class; None: all robots
+    robot_class: int | None = None  # its number; None: all robots
 
 
 class Swap(_Resource, frozen=True, tag="swap"):
@@ -41,14 +41,14 @@ class Visit(_Resource, frozen=True, tag="visit"):
     """To be in this state at step t, for the robots of one class."""
 
     state: State
-    robots: int
+    robot_class: int
 
 
 class Move(_Resource, frozen=True, tag="move"):
     """To move from the first cell to the second from t to t+1, for the robots of one class."""
 
     cells: tuple[Cell, Cell]
-    robots: int
+    robot_class: int
 
 
 Resource = Cells | Swap | Visit | Move
@@ -57,7 +57,7 @@ Resource = Cells | Swap | Visit | Move
 class Flight(NamedTuple):
     """A path as resources see it."""
 
-    robots: int  # number of the robot's class
+    robot_class: int  # its number
     path: Path
     cells: CellPath
 
@@ -75,12 +75,12 @@ def uses(model: Model, resource: Resource, flight: Flight) -> bool:
     t, cells = resource.t, flight.cells
     if isinstance(resource, Swap):
         return cells[t] != cells[t + 1] and {cells[t], cells[t + 1]} == set(resource.cells)
-    if resource.robots not in (None, flight.robots):
+    if resource.robot_class not in (None, flight.robot_class):
         return False
     if isinstance(resource, Cells):
         return cells[t] in resource.cells
     if isinstance(resource, Visit):
-        graph = model.classes[flight.robots].graph
+        graph = model.classes[flight.robot_class].graph
         return flight.path[t] == graph.index(resource.state)
     return (cells[t], cells[t + 1]) == resource.cells
 
@@ -98,7 +98,7 @@ def charges_of(model: Model, number: int, costs: Iterable[tuple[Resource, float]
             if one is not None and other is not None:
                 moves[t, one, other] += cost
                 moves[t, other, one] += cost
-        elif resource.robots not in (None, number):
+        elif resource.robot_class not in (None, number):
             continue
         elif isinstance(resource, Visit):
             states[t, group.graph.index(resource.state)] += cost
@@ -164,13 +164,13 @@ def misuse(model: Model, resource: Resource) -> str:
     last = problem.horizon - isinstance(resource, (Swap, Move))
     if not 0 <= resource.t <= last:
         return f"t: must be 0..{last}, not {resource.t}"
-    if not isinstance(resource, Swap) and resource.robots is not None:
-        if not 0 <= resource.robots < len(model.classes):
-            return f"robots: must be 0..{len(model.classes) - 1}, not {resource.robots}"
+    if not isinstance(resource, Swap) and resource.robot_class is not None:
+        if not 0 <= resource.robot_class < len(model.classes):
+            return f"robot_class: must be 0..{len(model.classes) - 1}, not {resource.robot_class}"
         if isinstance(resource, Visit):
-            return _misuse_of_state(problem, model.classes[resource.robots], resource.state)
+            return _misuse_of_state(problem, model.classes[resource.robot_class], resource.state)
     if isinstance(resource, Visit):
-        return "robots: must name a class"
+        return "robot_class: must name a class"
     width, depth = problem.height_map.shape
     for x, y, layer in resource.cells:
         if not (0 <= x < width and 0 <= y < depth and 0 <= layer < len(problem.layers)):
@@ -196,7 +196,7 @@ def misruled(problem: Problem, resource: Resource) -> str:
     """Why two robots may use a resource at once; empty where the rules forbid it."""
     if isinstance(resource, Swap):
         return "" if problem.rules.swap else "the scene has no swap rule"
-    if not isinstance(resource, Cells) or resource.robots is not None:
+    if not isinstance(resource, Cells) or resource.robot_class is not None:
         return "must be cells or a swap, of all robots"
     apart = not all(problem.too_close(a, b) for a in resource.cells for b in resource.cells)
     return "cells: two robots may be in these cells at once" if apart else ""

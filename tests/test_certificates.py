@@ -636,7 +636,7 @@ def test_proofs_survive_writing_and_reading() -> None:
         (Row(Swap(0, (Cell(0, 0), Cell(0, 0))), 1.0), "differ"),
         (Row(Visit(1, State(0, 0), 0), 1.0), "of all robots"),
         (Row(Visit(1, State(9, 0), 0), 1.0), "state"),
-        (Row(Visit(1, State(0, 0), 5), 1.0), "robots: must be"),
+        (Row(Visit(1, State(0, 0), 5), 1.0), "robot_class: must be"),
         (Row(Move(1, (Cell(0, 0), Cell(0, 1)), 0), 1.0), "of all robots"),
     ],
 )
@@ -653,12 +653,12 @@ def cut_of(
     t: int = 1,
     face: int = 0,
     share: float = 0.5,
-    robots: int = 0,
+    robot_class: int = 0,
     roots: tuple[float, ...] = (1e3, 1e4),
     values: tuple[float, ...] = (1e3, 1e4),
 ) -> EnvelopeCut:
     """A cut with one field changed."""
-    return EnvelopeCut(t, face, (Curve(robots, roots, values),), share)
+    return EnvelopeCut(t, face, (Curve(robot_class, roots, values),), share)
 
 
 @pytest.mark.parametrize(
@@ -669,9 +669,9 @@ def cut_of(
         (cut_of(face=-1), "no group"),
         (cut_of(share=1.5), "share"),
         (cut_of(share=math.nan), "share"),
-        (cut_of(robots=1), "robots"),
-        (cut_of(robots=-1), "robots"),
-        (EnvelopeCut(1, 0, (Curve(0, (1.0,), (1.0,)),) * 2, 0.5), "robots"),
+        (cut_of(robot_class=1), "robot_class"),
+        (cut_of(robot_class=-1), "robot_class"),
+        (EnvelopeCut(1, 0, (Curve(0, (1.0,), (1.0,)),) * 2, 0.5), "robot_class"),
         (cut_of(roots=()), "roots"),
         (cut_of(roots=(2.0, 1.0)), "roots"),
         (cut_of(roots=(0.0, 1.0)), "roots"),

@@ -417,7 +417,7 @@ def test_altered_proofs_are_refused(tmp_path: Path, capsys: pytest.CaptureFixtur
         run = Run(capsys, "verify", "tiny-share", altered, "--json")
         assert "Traceback" not in run.err
         if run.code == 1:
-            assert run.json["violations"][0].startswith("proof: ")
+            assert run.json["violations"][0].startswith(f"{altered}: ")
             assert run.json["bound"] is None
         return run.code
 

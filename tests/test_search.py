@@ -87,7 +87,7 @@ def test_charges_cost_a_path_what_it_uses(problem: Problem, seed: int) -> None:
     model, rng = compiled(problem), np.random.default_rng(seed)
     robot = int(rng.integers(len(problem.robots)))
     group, flight = model.class_of[robot], flight_of(model, robot, random_path(model, robot, rng))
-    number, t = flight.robots, int(rng.integers(problem.horizon))
+    number, t = flight.robot_class, int(rng.integers(problem.horizon))
     here, there = flight.cells[t], flight.cells[t + 1]
     resources = [Cells(t, (here,)), Cells(t + 1, (there,), number), Cells(t, (here,), number + 1),
                  Visit(t, group.graph.state(flight.path[t]), number)]  # fmt: skip

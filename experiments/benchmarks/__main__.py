@@ -35,7 +35,13 @@ def spine() -> int:
 def solvers(
     *,
     rows: Annotated[
-        list[str] | None, Parameter(consume_multiple=True, help="which rows; without it, all")
+        list[str] | None,
+        Parameter(
+            consume_multiple=True,
+            negative="",
+            help="which of corridor, bottleneck, passage, large, field-long, field-large, "
+            "relaxations, cone-program, milp, milp-with-our-root; without it, all: hours",
+        ),
     ] = None,
     seeds: Seeds = None,
     limit: Annotated[
