@@ -8,7 +8,7 @@ from cocap_opt.io import PlanFile, problem_digest
 from cocap_opt.plan import Plan
 from cocap_opt.problem import Problem
 from cocap_opt.result import relative_gap
-from experiments.report import Row, finite
+from experiments.report import ROUNDING, Row, finite
 from formulations.certificate import CertificateError, CertificateFile, verify
 from formulations.proof import ProofFile, verify_proof
 from formulations.result import OPTIMALITY
@@ -93,8 +93,7 @@ def conclude(answer: Row) -> None:
     if reward is not None and bound is not None and not violations:
         gap = relative_gap(reward, bound)
         answer["gap"] = finite(gap)
-        # The referee's J and the bound are both rounded sums.
-        if reward > bound + 1e-9 * abs(bound):
+        if reward > bound + ROUNDING * abs(bound):
             violations.append("reward: above the bound, one of the two is wrong")
         answer["optimal"] = gap <= OPTIMALITY and not violations
     answer["valid"] = not violations

@@ -30,6 +30,7 @@ from experiments.files import (
     write,
 )
 from experiments.gap_table import gap_cell, told_apart
+from experiments.numbers import LARGEST, numbers
 from experiments.printing import path_text, print_gap_table, print_json, print_result, print_table
 from experiments.progress import watching
 from experiments.report import (
@@ -52,8 +53,6 @@ from formulations.result import OPTIMALITY, CertifiedResult
 from scenarios import FORMATS, SCENES, load_scene, scene_of_plan
 
 DEFAULT_SECONDS = 60.0
-MOST_SEEDS = 100_000
-LARGEST_SEED = 2**63 - 1  # what JSON readers can take
 OWN_STARTS: Row = {"seed": None, "starts": "those in the scene's own file"}
 AT_THE_ROOT = "column-generation"  # a bound that comes with a plan
 SOLVE_METHODS = (*EXACT, AT_THE_ROOT)
@@ -310,7 +309,9 @@ def gap_table(
     bound_limit = time_limit if bound_limit is None else bound_limit
     _positive("--time-limit", time_limit)
     _positive("--bound-limit", bound_limit)
-    cells = list(dict.fromkeys((name, seed) for name in scene for seed in _parse_seeds(seeds)))
+    cells = list(
+        dict.fromkeys((name, seed) for name in scene for seed in numbers("--seeds", seeds))
+    )
     problems = told_apart({(name, seed): _load(name, seed) for name, seed in cells})
     make_folder(out, "certificates", "plans")
     rows: list[Row] = []
@@ -427,8 +428,8 @@ def _add_message(row: Row, message: str) -> None:
 
 
 def _load(scene: str, seed: int) -> Problem:
-    if not 0 <= seed <= LARGEST_SEED:
-        raise UsageError(f"--seed: must be 0..{LARGEST_SEED}, not {seed}")
+    if not 0 <= seed <= LARGEST:
+        raise UsageError(f"--seed: must be 0..{LARGEST}, not {seed}")
     return load_scene(scene, seed)
 
 
@@ -448,25 +449,6 @@ def _choose(option: str, value: str, allowed: Any) -> None:
 def _positive(option: str, value: float) -> None:
     if not (value >= 0 and math.isfinite(value)):
         raise UsageError(f"{option}: must be a finite number of seconds >= 0, not {value}")
-
-
-def _parse_seeds(text: str) -> list[int]:
-    """Seeds of a list of numbers and ranges, "0-9,12"."""
-    seeds: list[int] = []
-    for part in text.split(","):
-        first, dash, last = part.partition("-")
-        numbers = (first, last) if dash else (first,)
-        if not all(number.isdecimal() for number in numbers):
-            raise UsageError(f"--seeds: must be numbers and ranges such as 0-9,12, not {text!r}")
-        if max(map(len, numbers)) >= len(str(LARGEST_SEED)):
-            raise UsageError(f"--seeds: must be 0..{LARGEST_SEED}")
-        wanted = range(int(first), int(last or first) + 1)
-        if len(seeds) + len(wanted) > MOST_SEEDS:
-            raise UsageError(f"--seeds: must be at most {MOST_SEEDS} seeds")
-        seeds += wanted
-    if not seeds:
-        raise UsageError(f"--seeds: {text!r} holds no seed")
-    return seeds
 
 
 def _first_line(build: Callable[..., Problem]) -> str:

@@ -22,6 +22,7 @@ R = TypeVar("R", bound=Result)
 R_co = TypeVar("R_co", bound=Result, covariant=True)
 
 BOUND_METHOD = "branch-and-price"  # of the gap table; at any limit it has a bound
+ROUNDING = 1e-9  # relative, of J and of bounds: both are rounded sums
 MEANS = ("reward", "bound", "gap", "gap_free", "seconds")
 
 SOLVERS: Mapping[str, Callable[[Problem, Stop], Result]] = {**PLANNERS, **EXACT}
@@ -74,7 +75,7 @@ def judge(name: str, problem: Problem, result: R) -> Judged[R]:
 
 def hold_against(name: str, reward: float, bound: float) -> None:
     """Refuse a bound that is below the J of a plan that obeys the rules, but for rounding."""
-    if reward > bound + 1e-8 * abs(bound):
+    if reward > bound + ROUNDING * abs(bound):
         raise RefereeError(f"{name}: bound {bound!r} is below J = {reward!r}")
 
 

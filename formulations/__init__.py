@@ -34,4 +34,5 @@ EXACT: dict[str, ExactMethod] = {
     "highs": _lazy("formulations.mathopt", "highs"),
     "scip": _lazy("formulations.mathopt", "scip"),
     "cp-sat": _lazy("formulations.cp_sat", "cp_sat"),
+    "scip-nonlinear": _lazy("formulations.scip_nonlinear", "scip_nonlinear"),  # needs PySCIPOpt
 }

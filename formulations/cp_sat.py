@@ -15,14 +15,8 @@ from cocap_opt.plan import Plan
 from cocap_opt.problem import BoolArray, FloatArray, IntArray, Problem
 from cocap_opt.stop import Limit, Stop, never, seconds_left
 from formulations.attending import attend
-from formulations.outer_approximation import (
-    Answer,
-    Call,
-    Program,
-    Root,
-    certified_root,
-    outer_approximation,
-)
+from formulations.outer_approximation import Root, certified_root, outer_approximation
+from formulations.program import Answer, Call, Program
 from formulations.result import OPTIMALITY, CertifiedResult, Report, silent
 
 ROUNDING = 1e-8  # of the largest J, all roundings together

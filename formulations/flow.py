@@ -118,13 +118,9 @@ class Flow:
             own = np.flatnonzero(self.owner == k)
             table = self.model.coverage(group)
             nodes = self.steps[own] * group.graph.n_states + self.states[own]
-            _, of, row = np.intersect1d(nodes, table.nodes, return_indices=True)
-            counts = table.indptr[row + 1] - table.indptr[row]
-            ends = np.cumsum(counts)
-            within = np.arange(counts.sum()) - np.repeat(ends - counts, counts)
-            entries = np.repeat(table.indptr[row], counts) + within
+            which, entries = table.entries(nodes)
             rows.append(table.groups[entries])
-            columns.append(np.repeat(own[of], counts))
+            columns.append(own[which])
             pixels.append(table.pixels[entries])
         at = (_joined(rows), _joined(columns))
         values = np.concatenate([np.zeros(0), *pixels])

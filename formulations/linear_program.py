@@ -1,4 +1,4 @@
-"""Programs of `outer_approximation` as matrices, for solvers that take real numbers.
+"""Programs (`program`) as matrices, for solvers that take real numbers.
 
 Variables are x [N] robots in each node, y [E] robots along each edge, z [g] pixels, s [g] sums
 of roots and u [g] roots, in this order: rows on pixels then have two entries each instead of
@@ -12,7 +12,7 @@ import numpy as np
 from scipy import sparse
 
 from cocap_opt.problem import BoolArray, FloatArray, IntArray
-from formulations.outer_approximation import Program
+from formulations.program import Program
 
 
 class LinearProgram(NamedTuple):

@@ -29,7 +29,7 @@ from cocap_opt.stop import Limit, Stop, never, seconds_left
 from formulations.certificate import Decision
 from formulations.duals import Duals, repaired
 from formulations.envelope import Cut
-from formulations.resources import Cells, Flight, Resource, Swap, Visit, flight_of, uses
+from formulations.resources import Flight, Resource, flight_of, footprint, uses
 
 NO_TIME_LIMIT = 1e9  # s, Clarabel takes no infinity
 BEST_ACCURACY = 1e-8
@@ -440,38 +440,20 @@ def _users(model: Model, resources: Sequence[Resource], arcs: list[Arc]) -> list
             into.setdefault((arc.robot_class, 0, tail), []).append(k)
         if tail != head:
             along.setdefault((arc.robot_class, arc.t, tail, head), []).append(k)
-    return [_users_of(model, resource, arcs, into, along) for resource in resources]
-
-
-def _users_of(
-    model: Model,
-    resource: Resource,
-    arcs: list[Arc],
-    into: dict[tuple[int, int, int], list[int]],
-    along: dict[tuple[int, int, int, int], list[int]],
-) -> list[int]:
-    from cocap_opt.constraints import place_of
-
-    t, found = resource.t, list[int]()
-    for number, group in enumerate(model.classes):
-        if not isinstance(resource, Swap) and resource.robot_class not in (None, number):
-            continue
-        if isinstance(resource, Visit):
-            state = group.graph.index(resource.state)
-            for k in into.get((number, t, state % group.graph.n_places), []):
-                if (arcs[k].head if t else arcs[k].tail) == state:
-                    found.append(k)
-            continue
-        places = [place_of(model, group, cell) for cell in resource.cells]
-        if isinstance(resource, Cells):
-            for place in places:
-                if place is not None:
-                    found += into.get((number, t, place), [])
-        elif places[0] is not None and places[1] is not None:
-            found += along.get((number, t, places[0], places[1]), [])
-            if isinstance(resource, Swap):
-                found += along.get((number, t, places[1], places[0]), [])
-    return found
+    users = []
+    for resource in resources:
+        t, found = resource.t, list[int]()
+        for number, group in enumerate(model.classes):
+            used = footprint(model, number, resource)
+            for place in used.places:
+                found += into.get((number, t, place), [])
+            for one, other in used.moves:
+                found += along.get((number, t, one, other), [])
+            for state in used.states:
+                near = into.get((number, t, state % group.graph.n_places), [])
+                found += [k for k in near if (arcs[k].head if t else arcs[k].tail) == state]
+        users.append(found)
+    return users
 
 
 class _Seen(NamedTuple):

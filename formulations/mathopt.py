@@ -22,14 +22,8 @@ from cocap_opt.problem import FloatArray, Problem
 from cocap_opt.stop import Limit, Stop, never, seconds_left
 from formulations.attending import attend
 from formulations.linear_program import LinearProgram, linear_program
-from formulations.outer_approximation import (
-    Answer,
-    Call,
-    Program,
-    Root,
-    certified_root,
-    outer_approximation,
-)
+from formulations.outer_approximation import Root, certified_root, outer_approximation
+from formulations.program import Answer, Call, Program
 from formulations.result import OPTIMALITY, CertifiedResult, Report, silent
 
 GRACE = 1.0  # s for a solver to come to an end after its limit, or after it was told to

@@ -19,7 +19,7 @@ from formulations.envelope import Cut, Seen
 from formulations.master import BEST_ACCURACY, Column, Master, Solution
 from formulations.pricing import Priced
 from formulations.primal import improved
-from formulations.resources import broken_rules
+from formulations.resources import violated_rows
 from formulations.search import Search
 
 ACCURACY = 2e-7  # of the bound: where bound and master agree to this, they have converged
@@ -154,7 +154,7 @@ class Relaxation:
         """Take in the conflict rows that the mixture breaks, and return how many."""
         pairs = zip(solution.columns, solution.mixture.tolist(), strict=True)
         flights = [(column.flight, amount) for column, amount in pairs if amount > 1e-9]
-        broken = broken_rules(self.search.model, flights, BROKEN)
+        broken = violated_rows(self.search.model, flights, BROKEN)
         return sum(self.master.add_row(resource) for resource in broken)
 
     def _add_columns(self, columns: Sequence[Column]) -> int:

@@ -85,36 +85,48 @@ def uses(model: Model, resource: Resource, flight: Flight) -> bool:
     return (cells[t], cells[t + 1]) == resource.cells
 
 
+class Footprint(NamedTuple):
+    """What a resource is in the graph of one class, at its step."""
+
+    places: tuple[int, ...] = ()
+    moves: tuple[tuple[int, int], ...] = ()  # (tail, head) places
+    states: tuple[int, ...] = ()
+
+
+def footprint(model: Model, number: int, resource: Resource) -> Footprint:
+    """A resource in the graph of class `number`; empty where it has nothing of it."""
+    group = model.classes[number]
+    if not isinstance(resource, Swap) and resource.robot_class not in (None, number):
+        return Footprint()
+    if isinstance(resource, Visit):
+        return Footprint(states=(group.graph.index(resource.state),))
+    places = [place_of(model, group, cell) for cell in resource.cells]
+    inside = tuple(place for place in places if place is not None)
+    if isinstance(resource, Cells):
+        return Footprint(places=inside)
+    if len(inside) < 2:
+        return Footprint()
+    one, other = inside
+    return Footprint(moves=((one, other), (other, one))[: 1 + isinstance(resource, Swap)])
+
+
 def charges_of(model: Model, number: int, costs: Iterable[tuple[Resource, float]]) -> Charges:
     """What resources with these costs charge the robots of class `number`."""
-    group = model.classes[number]
     places: defaultdict[tuple[int, int], float] = defaultdict(float)
     moves: defaultdict[tuple[int, int, int], float] = defaultdict(float)
     states: defaultdict[tuple[int, int], float] = defaultdict(float)
     for resource, cost in costs:
-        t = resource.t
-        if isinstance(resource, Swap):
-            one, other = (place_of(model, group, cell) for cell in resource.cells)
-            if one is not None and other is not None:
-                moves[t, one, other] += cost
-                moves[t, other, one] += cost
-        elif resource.robot_class not in (None, number):
-            continue
-        elif isinstance(resource, Visit):
-            states[t, group.graph.index(resource.state)] += cost
-        elif isinstance(resource, Move):
-            tail, head = (place_of(model, group, cell) for cell in resource.cells)
-            if tail is not None and head is not None:
-                moves[t, tail, head] += cost
-        else:
-            for cell in resource.cells:
-                place = place_of(model, group, cell)
-                if place is not None:
-                    places[t, place] += cost
+        used = footprint(model, number, resource)
+        for place in used.places:
+            places[resource.t, place] += cost
+        for tail, head in used.moves:
+            moves[resource.t, tail, head] += cost
+        for state in used.states:
+            states[resource.t, state] += cost
     return Charges(dict(places), dict(moves), dict(states))
 
 
-def broken_rules(
+def violated_rows(
     model: Model, flights: Iterable[tuple[Flight, float]], tolerance: float
 ) -> list[Cells | Swap]:
     """Resources that a mixture of paths uses more than once, though at most one robot may.
@@ -169,8 +181,6 @@ def misuse(model: Model, resource: Resource) -> str:
             return f"robot_class: must be 0..{len(model.classes) - 1}, not {resource.robot_class}"
         if isinstance(resource, Visit):
             return _misuse_of_state(problem, model.classes[resource.robot_class], resource.state)
-    if isinstance(resource, Visit):
-        return "robot_class: must name a class"
     width, depth = problem.height_map.shape
     for x, y, layer in resource.cells:
         if not (0 <= x < width and 0 <= y < depth and 0 <= layer < len(problem.layers)):

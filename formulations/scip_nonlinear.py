@@ -17,17 +17,12 @@ from cocap_opt.result import UnsupportedError
 from cocap_opt.stop import Limit, Stop, never, seconds_left
 from formulations.attending import attend
 from formulations.linear_program import LinearProgram, linear_program
-from formulations.outer_approximation import (
-    Answer,
-    Call,
-    Program,
-    Root,
-    certified_root,
-    outer_approximation,
-)
+from formulations.outer_approximation import Root, certified_root, outer_approximation
+from formulations.program import Answer, Call, Program
 from formulations.result import OPTIMALITY, CertifiedResult, Report, silent
 
 NO_TIME_LIMIT = 1e20  # s, SCIP's own infinity
+MOST_VARIABLES = 20_000  # beyond, SCIP may not hear of a limit for minutes
 
 
 def available() -> bool:
@@ -57,7 +52,11 @@ def scip_nonlinear(
 
 def solve(program: Program, call: Call) -> Answer:
     """Solve a program with u^2 <= z besides its rows."""
-    translated = _Translated(program)
+    linear = linear_program(program)
+    if len(linear.gain) > MOST_VARIABLES:
+        message = f"scip-nonlinear takes at most {MOST_VARIABLES} variables, here are "
+        return Answer(None, None, math.inf, Limit.MEMORY, message=f"{message}{len(linear.gain)}")
+    translated = _Translated(program, linear)
     model = translated.model
     model.setParam("limits/gap", call.tolerance)
     model.setParam("limits/time", min(seconds_left(call.stop), NO_TIME_LIMIT))
@@ -70,14 +69,13 @@ def solve(program: Program, call: Call) -> Answer:
 class _Translated:
     """A program as PySCIPOpt has it."""
 
-    def __init__(self, program: Program) -> None:
+    def __init__(self, program: Program, linear: LinearProgram) -> None:
         from pyscipopt import SCIP_PARAMSETTING, Model
 
         self.program = program
         self.model: Any = Model()
         self.model.hideOutput()
         self.model.setPresolve(SCIP_PARAMSETTING.OFF)  # takes longer than all the rest
-        linear = linear_program(program)
         kinds = np.where(linear.whole, "I", "C").tolist()
         self.variables = [
             self.model.addVar(lb=low, ub=None if math.isinf(high) else high, vtype=kind, obj=gain)

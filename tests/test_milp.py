@@ -24,15 +24,8 @@ from formulations.column_generation import column_generation
 from formulations.cp_sat import cp_sat
 from formulations.cp_sat import solve as solve_by_cp_sat
 from formulations.mathopt import Worker, highs, scip
-from formulations.outer_approximation import (
-    Answer,
-    Call,
-    Program,
-    Solver,
-    certified_root,
-    no_root,
-    outer_approximation,
-)
+from formulations.outer_approximation import certified_root, no_root, outer_approximation
+from formulations.program import Answer, Call, Program, Solver
 from formulations.result import OPTIMALITY, CertifiedResult, Snapshot, silent
 from scenarios import load_scene
 
@@ -140,7 +133,7 @@ class After:
         return Limit.INTERRUPT if late else Limit.NONE
 
 
-@pytest.mark.parametrize("method", ALL)
+@pytest.mark.parametrize("method", MILPS)
 def test_an_interrupt_ends_a_long_solve(method: str) -> None:
     """Ctrl-C gives the best plan so far, soon, though the solver would go on for long."""
     problem = load_scene("bottleneck")  # far more than these solvers close in seconds
@@ -343,6 +336,16 @@ def test_a_coarse_gap_is_enough_where_it_is_asked_for() -> None:
     assert result.value >= 0.1 * result.bound
     proved = result.gap <= OPTIMALITY
     assert result.reason is (Reason.OPTIMAL if proved else Reason.FINISHED)
+
+
+@needs_pyscipopt
+def test_scip_nonlinear_leaves_large_scenes_alone() -> None:
+    """It might not hear of a limit for minutes: the root's bound and the start are returned."""
+    problem = load_scene("bottleneck")
+    result = METHODS["scip-nonlinear"](problem, TimeLimit(20.0), stay(problem))
+    assert (result.reason, result.limit) == (Reason.STOPPED, Limit.MEMORY)
+    assert "at most" in result.message
+    assert result.value <= result.bound < math.inf
 
 
 def test_scip_nonlinear_says_what_it_needs(monkeypatch: pytest.MonkeyPatch) -> None:

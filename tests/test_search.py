@@ -17,13 +17,14 @@ from formulations.branching import amounts_of, fractional, whole_paths
 from formulations.certificate import Decision, price
 from formulations.diving import dive
 from formulations.duals import blended
-from formulations.master import Arc, Master, arcs_of, make_column
+from formulations.master import Arc, Master, _users, arcs_of, make_column
 from formulations.pairs import best_pair
 from formulations.pricing import Pricer
 from formulations.primal import best_response, improved, in_conflict, incumbent_of
 from formulations.relaxation import seen_in
 from formulations.resources import Cells, Move, Swap, Visit, charges_of, flight_of, uses
-from formulations.root import root_relaxation
+from formulations.result import OPTIMALITY
+from formulations.root import aggregated_root, root_relaxation, solved_root
 from formulations.search import Search
 from scenarios import load_scene
 
@@ -185,6 +186,42 @@ def test_whole_mixtures_become_paths_with_the_same_reward() -> None:
     half = [*columns, *columns]
     assert whole_paths(model, half, np.full(4, 0.5)) == paths
     assert not fractional(amounts_of(model, half, np.full(4, 0.5)))
+
+
+@examples(25)
+@given(problem=st.one_of(problems(), meetings()), seed=st.integers(0, 10_000))
+def test_masters_and_paths_agree_on_what_uses_a_resource(problem: Problem, seed: int) -> None:
+    """Of a path's arcs exactly one is in a resource's row where the path uses it, else none."""
+    model, rng = Model(problem), np.random.default_rng(seed)
+    for robot in range(len(problem.robots)):
+        flight = flight_of(model, robot, random_path(model, robot, rng))
+        other = flight_of(model, robot, random_path(model, robot, rng))
+        number, graph = flight.robot_class, model.class_of[robot].graph
+        t = int(rng.integers(problem.horizon))
+        moved = (other.cells[t], other.cells[t + 1])
+        resources = [
+            Cells(t + 1, (other.cells[t + 1],)),
+            Cells(t, tuple({flight.cells[t], other.cells[t]}), number),
+            Visit(t + 1, graph.state(other.path[t + 1]), number),
+            Visit(0, problem.robots[robot].start, number),
+        ]
+        if moved[0] != moved[1]:
+            resources += [Move(t, moved, number), Swap(t, moved), Swap(t, moved[::-1])]
+        rows = _users(model, resources, arcs_of(flight))
+        assert [len(row) for row in rows] == [uses(model, r, flight) for r in resources]
+
+
+@pytest.mark.parametrize(("name", "horizon", "is_apart"), [
+    ("bottleneck-tight", 3, True), ("corridor-tight", 4, False),
+])  # fmt: skip
+def test_robots_are_taken_apart_where_that_pays(name: str, horizon: int, is_apart: bool) -> None:
+    """Whichever it is, the bound is no higher than that of robots by class."""
+    problem = load_scene(name, 0).replace(horizon=horizon)
+    by_class = aggregated_root(Search(compiled(problem)), OPTIMALITY)
+    root = solved_root(Search(compiled(problem)), OPTIMALITY)
+    assert root.search.model.is_apart == is_apart
+    assert root.best.bound <= by_class.best.bound * (1 + 1e-6)
+    assert root.search.value >= by_class.search.value
 
 
 def test_fractions_are_found_kind_by_kind() -> None:

@@ -9,6 +9,7 @@ from typing import Annotated
 from cyclopts import App, CycloptsError, Parameter
 
 from cocap_opt.io import FileError
+from experiments.numbers import numbers
 from experiments.streams import say
 
 app = App(
@@ -59,7 +60,6 @@ def solvers(
     """
     from experiments.benchmarks.rows import Options
     from experiments.benchmarks.solvers import solvers as measure
-    from experiments.benchmarks.tables import numbers
 
     wanted = None if seeds is None else numbers("--seeds", seeds)
     if limit is not None:
@@ -82,7 +82,6 @@ def growth(
     Example: python -m experiments.benchmarks growth --seeds 0 --limit 20 --out growth
     """
     from experiments.benchmarks.growth import growth as measure
-    from experiments.benchmarks.tables import numbers
 
     _require_positive(limit)
     sizes = {

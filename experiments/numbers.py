@@ -1,0 +1,31 @@
+"""Options that are lists of numbers."""
+
+from cocap_opt.io import FileError
+
+LARGEST = 2**63 - 1  # what JSON readers can take
+MOST = 100_000  # numbers in a list
+
+
+def numbers(option: str, text: str) -> tuple[int, ...]:
+    """Numbers of a list of numbers and ranges, "0-9,12", each once.
+
+    Raises
+    ------
+    FileError
+        If it is no such list; the message names the option.
+    """
+    found: list[int] = []
+    for part in text.split(","):
+        first, dash, last = part.partition("-")
+        ends = (first, last) if dash else (first,)
+        if not all(end.isdecimal() for end in ends):
+            raise FileError(f"{option}: must be numbers and ranges such as 0-9,12, not {text!r}")
+        if max(map(len, ends)) >= len(str(LARGEST)):
+            raise FileError(f"{option}: must be 0..{LARGEST}")
+        wanted = range(int(first), int(last or first) + 1)
+        if len(found) + len(wanted) > MOST:
+            raise FileError(f"{option}: must be at most {MOST} numbers")
+        found += wanted
+    if not found:
+        raise FileError(f"{option}: {text!r} holds no number")
+    return tuple(dict.fromkeys(found))
