@@ -12,7 +12,7 @@ from statistics import median
 from cocap_opt.atomic_write import write_atomically
 from cocap_opt.stop import Limit
 from experiments.benchmarks.growth_figure import growth_figure
-from experiments.benchmarks.points import BASES, MEASURES, SIZES, Field, Point, exponent
+from experiments.benchmarks.points import BASES, GAP, MEASURES, SIZES, Field, Point, exponent
 from experiments.benchmarks.runs import Run, RunError, run
 from experiments.figures import png
 from experiments.files import make_folder, save_csv, write
@@ -97,7 +97,7 @@ def _print(points: Sequence[Point], limit: float) -> None:
             "axis": point.axis,
             "size": point.size,
             "to the end (s)": f"{median(point.seconds):.2f}{'' if point.finished else ' *'}",
-            "to a gap of 1 % (s)": _number(median(point.seconds_to_gap)),
+            f"to a gap of {100 * GAP:g} % (s)": _number(median(point.seconds_to_gap)),
             "gap (%)": f"{median(point.gaps):.4f}",
             "peak (GB)": f"{max(r.gigabytes for r in point.runs):.2f}",
         }
@@ -108,13 +108,13 @@ def _print(points: Sequence[Point], limit: float) -> None:
         {
             "axis": axis,
             "to the end": _number(exponent(some, MEASURES["seconds"])),
-            "to a gap of 1 %": _number(exponent(some, MEASURES["seconds_to_1_percent"])),
+            f"to a gap of {100 * GAP:g} %": _number(exponent(some, MEASURES["seconds_to_gap"])),
             "of the gap": _number(exponent(some, MEASURES["gap_percent"])),
         }
         for axis in SIZES
         if (some := [p for p in points if p.axis == axis])
     ]
-    print_table("fitted exponents (of sizes that came to their end)", slopes)
+    print_table("fitted exponents (times: of sizes that got there; gap: of all sizes)", slopes)
 
 
 def _number(value: float) -> str:

@@ -46,14 +46,14 @@ def draw_seconds(ax: Axes, points: Sequence[Point], limit: float) -> Axes:
                 fontsize=8, color="grey", va="bottom")  # fmt: skip
     draw_measure(ax, points, MEASURES["seconds"], "to the end", TO_END, "o")
     name = f"to a gap of {100 * GAP:g} %"
-    draw_measure(ax, points, MEASURES["seconds_to_1_percent"], name, TO_GAP, "s")
+    draw_measure(ax, points, MEASURES["seconds_to_gap"], name, TO_GAP, "s")
     return _finish(ax, any(not point.finished for point in points))
 
 
 def draw_gaps(ax: Axes, points: Sequence[Point]) -> Axes:
     """Certified gap at the end or at the limit."""
-    draw_measure(ax, points, MEASURES["gap_percent"], "gap at the end", GAP_COLOUR, "o")
-    return _finish(ax, any(not point.finished for point in points))
+    draw_measure(ax, points, MEASURES["gap_percent"], "gap at the end or the limit", GAP_COLOUR, "o")
+    return _finish(ax, spoilt=False)
 
 
 def draw_measure(
