@@ -52,7 +52,8 @@ def draw_seconds(ax: Axes, points: Sequence[Point], limit: float) -> Axes:
 
 def draw_gaps(ax: Axes, points: Sequence[Point]) -> Axes:
     """Certified gap at the end or at the limit."""
-    draw_measure(ax, points, MEASURES["gap_percent"], "gap at the end or the limit", GAP_COLOUR, "o")
+    name = "gap at the end or the limit"
+    draw_measure(ax, points, MEASURES["gap_percent"], name, GAP_COLOUR, "o")
     return _finish(ax, spoilt=False)
 
 
