@@ -6,7 +6,9 @@ nothing.
 
     coverage = projected area, clipped to the image / area of the face x visible share
 
-The visible share depends on the camera's place only, not on where it looks.
+Sample points spread over a face say whether all or none of it is visible: that depends on the
+camera's place only, not on where it looks. In between, and where the image cuts a face that
+is not all visible, points spread over its image say how much.
 """
 
 from collections.abc import Callable
@@ -16,14 +18,22 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.problem import BoolArray, Camera, FloatArray, IntArray, Problem
-from cocap_opt.projection import camera_axes, dot, image_area
+from cocap_opt.projection import (
+    camera_axes,
+    dot,
+    frustum_distances,
+    image_area,
+    image_samples,
+)
 from cocap_opt.stop import Limit, Stop, never
 from cocap_opt.timegraph import TimeGraph
 from cocap_opt.visibility import (
     Occluders,
     Samples,
     fan_triangles,
+    rays_arrive,
     sample_points,
+    spans,
     terrain_triangles,
     visible_share,
 )
@@ -40,19 +50,31 @@ class Faces(NamedTuple):
     normals: FloatArray  # [F, 3] outward, unit length
     areas: FloatArray  # [F] m2
     samples: Samples  # where rays are sent
-    occluders: list[Occluders]  # terrain and the actors of this step
+    terrain: Occluders
+    actors: Occluders
+    triangle_faces: IntArray  # [n] face of each triangle of `actors`
+
+    @property
+    def occluders(self) -> list[Occluders]:
+        """All that hides faces."""
+        return [self.terrain, self.actors]
 
 
 class FaceGeometry:
-    """Faces of a problem's actors at every step, made when first asked for."""
+    """Faces of a problem's actors at every step, made when first asked for.
+
+    Attributes
+    ----------
+    origin : [3] m, of the coordinates in which rays are cast
+    """
 
     def __init__(self, problem: Problem) -> None:
         self._problem = problem
         width, depth = problem.height_map.shape
         # The local origin for the float32 rays: the middle of the map.
         x, y = problem.height_map.centre(width // 2, depth // 2)
-        self._origin = np.array([x, y, float(np.median(problem.height_map.heights))])
-        self._terrain = Occluders(terrain_triangles(problem.height_map), self._origin)
+        self.origin = np.array([x, y, float(np.median(problem.height_map.heights))])
+        self._terrain = Occluders(terrain_triangles(problem.height_map), self.origin)
         self.at = lru_cache(maxsize=None)(self._at)
 
     def _at(self, t: int) -> Faces:
@@ -68,7 +90,8 @@ class FaceGeometry:
         lengths = [float(np.sqrt(dot(vector, vector))) for vector in doubled]
         samples = [sample_points(polygon, self._problem.face_samples) for polygon in polygons]
         fans = [fan_triangles(polygon) for polygon in polygons]
-        owners = np.repeat(self._problem.face_owner, [len(fan) for fan in fans])
+        triangle_faces = np.repeat(np.arange(len(fans)), [len(fan) for fan in fans])
+        owners = self._problem.face_owner[triangle_faces]
         triangles = np.concatenate([np.empty((0, 3, 3)), *fans])
         return Faces(
             polygons=np.array(
@@ -83,7 +106,9 @@ class FaceGeometry:
                 shares=np.concatenate([np.empty(0), *(shares for _, shares in samples)]),
                 counts=np.array([len(points) for points, _ in samples], dtype=np.int64),
             ),
-            occluders=[self._terrain, Occluders(triangles, self._origin, owners)],
+            terrain=self._terrain,
+            actors=Occluders(triangles, self.origin, owners),
+            triangle_faces=triangle_faces,
         )
 
 
@@ -111,6 +136,7 @@ class Views:
         self._axes = camera_axes(graph.motion.headings, camera)
         self._n_faces = len(problem.face_weights)
         self._owners = problem.face_owner
+        self._samples = problem.face_samples
         self.evaluated = 0
 
     def coverage(self, t: int, states: IntArray) -> FloatArray:
@@ -136,9 +162,36 @@ class Views:
         state, face, area = state[seen], face[seen], area[seen]
         pairs, pair = np.unique(which[state] * self._n_faces + face, return_inverse=True)
         eye, target = np.divmod(pairs, self._n_faces)
-        share = visible_share(faces.occluders, eyes[eye], faces.samples, target, self._owners)
-        result[state, face] = area * share[pair] / faces.areas[face]
+        whole = visible_share(faces.occluders, eyes[eye], faces.samples, target, self._owners)
+        share, in_camera = whole[pair], in_camera[seen]
+        inside = (frustum_distances(in_camera, self._camera) >= 0).all(axis=(1, 2))
+        some = np.flatnonzero((share < 1) & ((share > 0) | ~inside))
+        share[some] = self._share_in_image(
+            faces, in_camera[some], eyes[eye[pair[some]]], axes[seen][some, 0], face[some]
+        )
+        result[state, face] = area * share / faces.areas[face]
         return result
+
+    def _share_in_image(
+        self, faces: Faces, polygons: FloatArray, eyes: FloatArray, axes: FloatArray, of: IntArray
+    ) -> FloatArray:
+        """Visible share [n] of the images of faces, by rays through points spread over them.
+
+        Parameters
+        ----------
+        polygons : [n, V, 3] m, the faces in camera coordinates
+        eyes, axes : [n, 3] m and [n, 3, 3], of the camera
+        of : [n] which faces they are
+        """
+        points, weights = image_samples(polygons, self._camera, self._samples)
+        which, sample = np.nonzero(weights)
+        local = points[which, sample]
+        at = eyes[which]
+        for k in range(3):
+            at = at + local[:, k, None] * axes[which, k]
+        seen = rays_arrive(faces.occluders, eyes[which], at, self._owners[of[which]])
+        share = np.bincount(which, weights=weights[which, sample] * seen, minlength=len(of))
+        return np.minimum(share, 1.0)
 
     def by_place(self, states: IntArray) -> IntArray:
         """The states in an order in which those of one place, which share rays, are together."""
@@ -190,9 +243,7 @@ class CoverageTable(NamedTuple):
         which = np.flatnonzero(self.nodes[at] == nodes)
         first = self.indptr[at[which]]
         counts = self.indptr[at[which] + 1] - first
-        ends = np.cumsum(counts)
-        entries = np.arange(int(counts.sum())) + np.repeat(first + counts - ends, counts)
-        return np.repeat(which, counts), entries
+        return np.repeat(which, counts), spans(first, counts)
 
     def row_sums(self, values: FloatArray) -> FloatArray:
         """Sum of `values` [nnz] over each row [n]; rows are never empty."""
@@ -236,7 +287,7 @@ def coverage_table(
     order = np.argsort(all_nodes)
     first, sizes = (np.cumsum(sizes) - sizes)[order], sizes[order]
     indptr = np.concatenate([[0], np.cumsum(sizes)])
-    entries = np.arange(indptr[-1]) + np.repeat(first - indptr[:-1], sizes)
+    entries = spans(first, sizes)
     table = CoverageTable(
         nodes=all_nodes[order],
         indptr=indptr,

@@ -10,6 +10,8 @@ import numpy as np
 
 from cocap_opt.problem import Camera, FloatArray
 
+SMALLEST_DEPTH = 1e-9  # m
+
 
 def camera_axes(headings: int, camera: Camera) -> FloatArray:
     """Right, up and forward unit vectors of every orientation [headings * pitches, 3, 3].
@@ -61,11 +63,54 @@ def image_area(polygons: FloatArray, camera: Camera) -> FloatArray:
     seen = np.flatnonzero((distances > 0).any(axis=1).all(axis=-1))
     whole = (distances[seen] >= 0).all(axis=(1, 2))
     area[seen[whole]] = _projected_area(polygons[seen[whole]], camera)
-    cut = polygons[seen[~whole]]
-    for side in range(4):
-        cut = _clip(cut, frustum_distances(cut, camera)[..., side])
-    area[seen[~whole]] = _projected_area(cut, camera)
+    area[seen[~whole]] = _projected_area(_clipped(polygons[seen[~whole]], camera), camera)
     return area
+
+
+def image_samples(
+    polygons: FloatArray, camera: Camera, samples: int
+) -> tuple[FloatArray, FloatArray]:
+    """Points spread evenly over the images of convex polygons [n, V, 3], clipped.
+
+    Each triangle of the fan of an image is cut into `samples` squared equal triangles; the
+    points are those of the polygon that are seen at their centroids.
+
+    Returns
+    -------
+    points : [n, M, 3] m, in camera coordinates
+    weights : [n, M] share of the image of each; 0 where a triangle is none
+    """
+    cut = _clipped(polygons, camera)
+    inverse = 1 / np.maximum(cut[..., 2:], SMALLEST_DEPTH)
+    image = np.concatenate([cut[..., :2] * inverse, inverse], axis=-1)  # linear in the image
+    a, b = (weight[:, None] for weight in centroids(samples))
+    origin = image[:, None, None, 0]
+    first, second = ((side - image[:, :1])[:, :, None] for side in (image[:, 1:-1], image[:, 2:]))
+    at = (origin + a * first + b * second).reshape(len(cut), (image.shape[1] - 2) * len(a), 3)
+    area = np.abs(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])
+    weights = np.repeat(area[..., 0], len(a), axis=1)
+    total = weights.sum(axis=1, keepdims=True)
+    points = np.concatenate([at[..., :2], np.ones_like(at[..., :1])], axis=-1) / at[..., 2:]
+    return points, weights / np.where(total > 0, total, 1.0)
+
+
+def centroids(samples: int) -> tuple[FloatArray, FloatArray]:
+    """Barycentric coordinates [n] of the centroids of `samples` squared parts of a triangle."""
+    rows = [
+        (i + third, j + third)
+        for third, size in ((1 / 3, samples), (2 / 3, samples - 1))
+        for i in range(size)
+        for j in range(size - i)
+    ]
+    a, b = (np.array(rows) / samples).T
+    return a, b
+
+
+def _clipped(polygons: FloatArray, camera: Camera) -> FloatArray:
+    """The parts of polygons [n, V, 3] that are in the image [n, V+4, 3]."""
+    for side in range(4):
+        polygons = _clip(polygons, frustum_distances(polygons, camera)[..., side])
+    return polygons
 
 
 def _clip(polygons: FloatArray, inside: FloatArray) -> FloatArray:

@@ -12,10 +12,11 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore import EmbreeDevice
 from embreex.rtcore_scene import EmbreeScene
 
-from cocap_opt.problem import FloatArray, HeightMap, IntArray
-from cocap_opt.projection import dot
+from cocap_opt.problem import BoolArray, FloatArray, HeightMap, IntArray
+from cocap_opt.projection import centroids, dot
 
 RAYS = 100_000  # rays cast at once, to bound the memory
+ALL = 1e-9  # of a face, less than which is not left out
 TOUCH = 1e-3  # m; a hit this near to the sample point is the sampled face itself
 
 
@@ -74,13 +75,7 @@ def sample_points(polygon: FloatArray, samples: int) -> tuple[FloatArray, FloatA
     Each triangle of the polygon's fan is cut into `samples` squared equal triangles; their
     centroids are the points.
     """
-    rows = [
-        (i + third, j + third)
-        for third, size in ((1 / 3, samples), (2 / 3, samples - 1))
-        for i in range(size)
-        for j in range(size - i)
-    ]
-    a, b = (np.array(rows) / samples).T
+    a, b = centroids(samples)
     points, areas = [], []
     for triangle in fan_triangles(polygon):
         first, second = triangle[1] - triangle[0], triangle[2] - triangle[0]
@@ -104,6 +99,10 @@ class Occluders:
     triangles : [n, 3, 3] m
     origin : [3] m, subtracted from all points
     owners : [n] actor of each triangle; -1 for terrain
+
+    Attributes
+    ----------
+    triangles : [n, 3, 3] m
     """
 
     def __init__(
@@ -111,10 +110,31 @@ class Occluders:
     ) -> None:
         self._origin = origin
         self._owners = np.full(len(triangles), -1) if owners is None else owners
+        self.triangles = triangles
         self._scene: EmbreeScene | None = None
         if len(triangles):
             self._scene = EmbreeScene(_device(), robust=True)
             TriangleMesh(self._scene, (triangles - origin).astype(np.float32))
+
+    def first_hit(self, eyes: FloatArray, ways: FloatArray) -> tuple[FloatArray, IntArray]:
+        """Distance in m at which rays first meet something, and which triangle.
+
+        Parameters
+        ----------
+        eyes : [n, 3] m, where the rays begin
+        ways : [n, 3] unit vectors
+
+        Returns
+        -------
+        distances, triangles : [n] each; inf and -1 where there is nothing
+        """
+        if self._scene is None or not len(eyes):
+            return np.full(len(eyes), np.inf), np.full(len(eyes), -1)
+        hit = self._scene.run(
+            (eyes - self._origin).astype(np.float32), ways.astype(np.float32), output=True
+        )
+        triangles = hit["primID"].astype(np.int64)
+        return np.where(triangles >= 0, hit["tfar"].astype(np.float64), np.inf), triangles
 
     def free_share(
         self, eyes: FloatArray, targets: FloatArray, target_owners: IntArray | None = None
@@ -124,19 +144,13 @@ class Occluders:
         Below 1 it is the share of the distance at which the ray is stopped. A face that is
         turned to the camera cannot be hidden by its own (convex) actor, `target_owners` [n].
         """
-        if self._scene is None or not len(eyes):
-            return np.ones(len(eyes))
         ways = targets - eyes
         length = np.maximum(np.sqrt(dot(ways, ways)), TOUCH)  # a nearer one arrives
-        hit = self._scene.run(
-            (eyes - self._origin).astype(np.float32),
-            (ways / length[:, None]).astype(np.float32),
-            output=True,
-        )
-        distance = hit["tfar"].astype(np.float64)
+        distance, triangle = self.first_hit(eyes, ways / length[:, None])
         arrives = distance >= length - TOUCH
         if target_owners is not None:
-            arrives |= self._owners[hit["primID"]] == target_owners
+            hits = np.flatnonzero(triangle >= 0)
+            arrives[hits] |= self._owners[triangle[hits]] == target_owners[hits]
         return np.where(arrives, 1.0, distance / length)
 
 
@@ -146,6 +160,13 @@ class Samples(NamedTuple):
     points: FloatArray  # [M, 3] m
     shares: FloatArray  # [M] share of its face's area that each point stands for
     counts: IntArray  # [F] number of points of each face
+
+
+def spans(first: IntArray, counts: IntArray) -> IntArray:
+    """Numbers first, first + 1, .. of each of the spans [n], one after the other."""
+    ends = np.cumsum(counts)
+    result: IntArray = np.arange(int(counts.sum())) + np.repeat(first + counts - ends, counts)
+    return result
 
 
 def visible_share(
@@ -182,13 +203,19 @@ def _visible_share(
     # One ray for each sample point of each pair, pair by pair.
     counts, first = samples.counts[faces], np.cumsum(samples.counts) - samples.counts
     pair = np.repeat(np.arange(len(faces)), counts)
-    point = np.arange(len(pair)) + (first[faces] - (np.cumsum(counts) - counts))[pair]
-    arrives = np.ones(len(pair), dtype=bool)
-    for occluder in occluders:
-        rest = np.flatnonzero(arrives)
-        ray, target = pair[rest], point[rest]
-        free = occluder.free_share(eyes[ray], samples.points[target], owners[faces[ray]])
-        arrives[rest] = free >= 1.0
+    point = spans(first[faces], counts)
+    arrives = rays_arrive(occluders, eyes[pair], samples.points[point], owners[faces[pair]])
     # It adds up in this order, so that the result does not depend on n.
     seen = np.bincount(pair, weights=arrives * samples.shares[point], minlength=len(faces))
-    return np.minimum(seen, 1.0)
+    return np.where(seen < 1 - ALL, seen, 1.0)
+
+
+def rays_arrive(
+    occluders: list[Occluders], eyes: FloatArray, targets: FloatArray, owners: IntArray
+) -> BoolArray:
+    """Whether each ray [n] gets from its eye to its target, on a face of the actor `owners`."""
+    arrives = np.ones(len(eyes), dtype=bool)
+    for occluder in occluders:
+        rest = np.flatnonzero(arrives)
+        arrives[rest] = occluder.free_share(eyes[rest], targets[rest], owners[rest]) >= 1.0
+    return arrives

@@ -15,7 +15,7 @@ from cocap_opt.atomic_write import write_atomically
 from cocap_opt.check import check
 from cocap_opt.io import FileError, PlanFile, save_problem
 from cocap_opt.plan import Plan
-from cocap_opt.problem import Problem, ProblemError
+from cocap_opt.problem import MOST_PIXELS, Problem, ProblemError
 from cocap_opt.result import Reason, UnsupportedError
 from cocap_opt.stop import FirstOf, Limit, Stop, TimeLimit, catch_interrupt
 from experiments.claims import conclude, reward_parts, verify_bound, verify_plan
@@ -362,6 +362,43 @@ def show(
         picture = png(plan_figure(problem, shown, verdict, problem.horizon))
     write(output, lambda: write_atomically(output, picture))
     print_result({"scene": problem.name, "seed": seed, "file": path_text(output)}, json)
+    return 0
+
+
+@app.command
+def render(
+    scene: str,
+    plan: Path,
+    /,
+    *,
+    output: Annotated[Path | None, Parameter(name=["-o", "--output"], help="folder to write to")],
+    seed: Seed = 0,
+    width: Annotated[int, Parameter(help="of the pictures, px")] = 800,
+    pixel_step: Annotated[
+        int, Parameter(help="count one pixel of each block of so many by so many; 1 is exact")
+    ] = 1,
+    json: Json = False,
+) -> int:
+    """Render what each drone sees, and compare planned coverage with what is in the pictures.
+
+    The folder gets a PNG per drone and step, and coverage.csv with a row
+    for each face in a picture.
+
+    Example: cocap-opt render corridor plan.json -o views
+    """
+    from experiments.rendering import write_views  # matplotlib is slow to import
+
+    if output is None:
+        raise UsageError("-o: name the folder to write to")
+    for option, value, most in (("--width", width, MOST_PIXELS), ("--pixel-step", pixel_step, 100)):
+        if not 1 <= value <= most:
+            raise UsageError(f"{option}: must be 1..{most}, not {value}")
+    problem, shown = read_plan(plan, scene, _load(scene, seed))
+    make_folder(output)
+    with watching(f"{problem.name} seed {seed}") as watch:
+        row = write_views(output, problem, shown, width, pixel_step,
+                          lambda done, all_: watch.count("view", done, all_))  # fmt: skip
+    print_result({"scene": problem.name, "seed": seed, "folder": path_text(output)} | row, json)
     return 0
 
 

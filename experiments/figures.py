@@ -28,6 +28,12 @@ def robot_colour(robot: int) -> tuple[float, float, float, float]:
     return colour
 
 
+def actor_colour(actor: int) -> tuple[float, float, float]:
+    """Colour of an actor where each has one of its own."""
+    red, green, blue, _ = mpl.colormaps["tab10"](actor % 10)
+    return red, green, blue
+
+
 def position(problem: Problem, state: State) -> tuple[float, float]:
     """World coordinates (m) of a state."""
     return problem.height_map.centre(state.x, state.y)

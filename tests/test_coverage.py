@@ -531,33 +531,6 @@ def test_table_holds_what_is_seen_and_nothing_else(problem: Problem) -> None:
         assert (np.repeat(steps, np.diff(table.indptr)) * model.n_faces <= table.groups).all()
 
 
-@examples(15)
-@given(scenes())
-def test_visible_share_does_not_depend_on_where_the_camera_looks(problem: Problem) -> None:
-    """With an image that holds everything ahead, terrain hides the same in all headings."""
-    camera = Camera(width=10**5, height=10**5, focal=30.0, tilts=(0.4,))
-    robot = problem.robots[0].replace(camera=camera, start=State(0, 0))
-    wide = problem.replace(robots=(robot,))
-    open_ = wide.replace(
-        height_map=problem.height_map.replace(heights=np.zeros((5, 5))),
-        actors=problem.actors[:1],
-    )
-    wide = wide.replace(face_samples=2)
-    faces = len(problem.actors[0].shape.faces())
-    with_walls, without = all_views(wide)[..., :faces], all_views(open_)[..., :faces]
-    flown = np.zeros(without.shape[:3], dtype=bool)  # cameras outside the columns
-    for k, layer in enumerate(robot.motion.layers):
-        flown[..., k] = problem.height_map.heights < layer
-    share = np.where(without > 0, with_walls / np.where(without > 0, without, 1.0), np.nan)
-    assert (with_walls[flown] <= without[flown] * (1 + 1e-9)).all()
-    for place in np.argwhere(flown):
-        at = share[tuple(place)].reshape(-1, faces)
-        for column in at.T:
-            known = column[~np.isnan(column)]
-            if len(known):
-                assert np.ptp(known) < 1e-6
-
-
 # -- clipping -----------------------------------------------------------------------------
 
 Point = tuple[float, float, float]

@@ -8,7 +8,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from strategies import Calls, examples, meetings, problems, tiny
 
-from cocap_opt.check import violated_rows
+from cocap_opt.check import broken_rules
 from cocap_opt.model import Model, Path, compiled, compiled_apart
 from cocap_opt.problem import (
     NO_RULES,
@@ -188,7 +188,7 @@ def test_paths_and_flows_go_over_into_one_another(problem: Problem, seed: int) -
     rows = conflict_rows(flow)
     used = np.concatenate([rows.at_nodes @ x, rows.crossing @ y])
     for plan in (model.plan(paths), model.plan(again)):
-        assert bool(violated_rows(problem, plan)) == bool((used > 1).any())
+        assert bool(broken_rules(problem, plan)) == bool((used > 1).any())
     for row in range(len(used)):
         resource = rows.resource(row)
         assert not misuse(model, resource) and not misruled(problem, resource)

@@ -212,7 +212,7 @@ def test_masters_and_paths_agree_on_what_uses_a_resource(problem: Problem, seed:
 
 
 @pytest.mark.parametrize(("name", "horizon", "is_apart"), [
-    ("bottleneck-tight", 3, True), ("corridor-tight", 4, False),
+    ("bottleneck-tight", 3, True), ("corridor", 8, False),
 ])  # fmt: skip
 def test_robots_are_taken_apart_where_that_pays(name: str, horizon: int, is_apart: bool) -> None:
     """Whichever it is, the bound is no higher than that of robots by class."""

@@ -92,6 +92,28 @@ def growth(
     return 0 if measure(sizes, numbers("--seeds", seeds), limit, out) else 1
 
 
+@app.command
+def views(
+    *,
+    scene: Annotated[
+        list[str] | None, Parameter(negative="", consume_multiple=True, help="scenes or files")
+    ] = None,
+    poses: Annotated[int, Parameter(help="random poses in each scene")] = 1000,
+    samples: Annotated[str, Parameter(help="sample points along a triangle of a face")] = "1-6",
+    out: Out = None,
+) -> int:
+    """Measure planned against rendered coverage, and what more sample points cost.
+
+    Example: python -m experiments.benchmarks views --scene corridor --poses 100 --out views
+    """
+    from experiments.benchmarks.views import views as measure
+
+    measure(
+        scene or ["corridor", "bottleneck", "passage"], poses, numbers("--samples", samples), out
+    )
+    return 0
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; returns 0, 1 where a row or a run failed, or 2 for wrong input."""
     try:
