@@ -294,6 +294,9 @@ def gap_table(
     out: Annotated[
         Path | None, Parameter(help="folder for results.csv, plans and certificates")
     ] = None,
+    rendered: Annotated[
+        bool, Parameter(negative="", help="J of each plan's rendered pixels beside the planned J")
+    ] = False,
     json: Json = False,
 ) -> int:
     """Print the gap table: every planner's J against the best certified bound.
@@ -323,7 +326,7 @@ def gap_table(
                 problem, seed, planner or default_planners(problem),
                 lambda: FirstOf(interrupt, TimeLimit(time_limit)),
                 lambda: FirstOf(interrupt, TimeLimit(bound_limit)),
-                out, watch,
+                out, watch, rendered,
             )  # fmt: skip
             if out is not None:
                 save_csv(out / "results.csv", rows)

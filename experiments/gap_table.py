@@ -12,6 +12,7 @@ import msgspec
 from cocap_opt.io import problem_digest
 from cocap_opt.model import compiled
 from cocap_opt.problem import Problem
+from cocap_opt.render import Renderer
 from cocap_opt.result import Reason, Result, relative_gap
 from cocap_opt.stop import Limit, Stop
 from experiments.files import plan_file, save
@@ -41,8 +42,14 @@ def gap_cell(
     bound_limits: Limits,
     folder: Path | None,
     watch: Watch,
+    rendered: bool = False,
 ) -> list[Row]:
-    """Rows of one scene and seed; with a folder, the plans and the certificates as files."""
+    """Rows of one scene and seed; with a folder, the plans and the certificates as files.
+
+    Parameters
+    ----------
+    rendered : J of each plan's rendered pixels is wanted, too
+    """
     stem = f"{_file_name(problem.name)}-{seed}"
     watch.coverage_of(problem)
     compiled(problem).prepare_all(planner_limits())  # no planner's seconds hold it
@@ -59,10 +66,25 @@ def gap_cell(
         bounded_free = bounded
     else:
         bounded_free = Bounded(free, _save_certificate(folder, f"{stem}-free", free.result))
-    return [
-        gap_row(problem, seed, name, judged, bounded, bounded_free)
-        for name, judged in plans.items()
-    ]
+    rows = []
+    for name, judged in plans.items():
+        row = gap_row(problem, seed, name, judged, bounded, bounded_free)
+        if rendered:
+            watch.show(f"rendering the plan of {name}")
+            row["reward_rendered"] = _rendered(problem, judged)
+        rows.append(row)
+    return rows
+
+
+def _rendered(problem: Problem, judged: Judged[Result]) -> float | None:
+    """J of a plan's rendered pixels; None where there is no plan."""
+    from experiments.rendering import face_views, poses_of, rendered_reward  # matplotlib is slow
+
+    if judged.result.plan is None or judged.verdict is None:
+        return None
+    poses = poses_of(judged.result.plan, problem.first_step)
+    views = face_views(compiled(problem), Renderer(problem), poses)
+    return rendered_reward(problem, views, judged.verdict.reward_stationarity)
 
 
 def _save_certificate(folder: Path | None, stem: str, result: CertifiedResult) -> str:

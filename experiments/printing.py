@@ -81,8 +81,9 @@ class Marked(NamedTuple):
 
 def print_gap_table(rows: Sequence[Row]) -> None:
     """The gap table."""
-    keys = ["scene", "seed", "planner", "reward", "bound", "gap", "gap_free", "conflicts"]
-    keys.append("reason")
+    keys = ["scene", "seed", "planner", "reward"]
+    keys += ["reward_rendered"] if rows and "reward_rendered" in rows[0] else []
+    keys += ["bound", "gap", "gap_free", "conflicts", "reason"]
     if any(row["limit"] != "none" for row in rows):
         keys.append("limit")
     keys.append("seconds")

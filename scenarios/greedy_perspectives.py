@@ -50,6 +50,10 @@ from cocap_opt.problem import (
 )
 from scenarios._text import integer, naming, number, one_line, read_table, read_text
 
+# Of their triangles: with 6 samples the rewards of whole plans differ by 0.003 % from those
+# with their pixels, and those of steps by less than 2 %; with 3 by 0.14 % and a little more.
+FACE_SAMPLES = 6
+
 # msgspec has no constraint "finite"; a million kilometres stand for it.
 Coordinate = Annotated[float, Meta(ge=-1e9, le=1e9)]
 Length = Annotated[float, Meta(ge=1e-3, le=1e9)]
@@ -171,6 +175,7 @@ def read(
             horizon=world.time.horizon - 1,
             rules=PAPER_RULES,
             objective=Objective(count_start=True),
+            face_samples=FACE_SAMPLES,
         )
 
 
@@ -208,6 +213,45 @@ def read_plan(path: Path, problem: Problem) -> tuple[tuple[State, ...], ...]:
                     f"but has none for step {missing[0]}"
                 )
     return tuple(tuple(states[i, t] for t in steps) for i in range(len(problem.robots)))
+
+
+# Their numbers of the faces that ours are, in the order of `TriangulatedCuboid`: front (x = .5),
+# left (y = .5), back, right and top. 0 and 1 are the bottom.
+THEIR_FACES = (7, 6, 8, 9, 2, 3, 4, 5, 11, 10)
+
+
+def read_coverage(path: Path, problem: Problem) -> dict[tuple[int, State], FloatArray]:
+    """Read the coverage that Greedy Perspectives' planner rendered for a problem made by `read`.
+
+    The file has columns x, y, h, t, actor, face, ppa, one row per face that a state sees.
+
+    Returns
+    -------
+    dict
+        Coverage [F] in px/m2 by step and state.
+
+    Raises
+    ------
+    ProblemError
+        If a value is not a number or not part of the problem; one line, naming the file.
+    """
+    columns = ("x", "y", "h", "t", "actor", "face")
+    headings, per_actor = problem.robots[0].motion.headings, len(THEIR_FACES)
+    ours = {theirs: k for k, theirs in enumerate(THEIR_FACES)}
+    found: dict[tuple[int, State], FloatArray] = {}
+    with naming(path):
+        if len(problem.face_weights) != per_actor * len(problem.actors):
+            raise ProblemError("the scene must have been read with triangles")
+        for line, row in read_table(path, (*columns, "ppa")):
+            x, y, heading, t, actor, face = (integer(row[c], f"line {line}, {c}") for c in columns)
+            _check_index(t, problem.horizon + 1, f"line {line}, t")
+            _check_index(actor, len(problem.actors), f"line {line}, actor")
+            _check_index(face, per_actor + 2, f"line {line}, face")
+            key = t, State(x, y, heading=_our_heading(heading, headings))
+            if face in ours:
+                values = found.setdefault(key, np.zeros(len(problem.face_weights)))
+                values[actor * per_actor + ours[face]] = number(row["ppa"], f"line {line}, ppa")
+    return found
 
 
 def heading_index(theta: float, headings: int = 8) -> int:

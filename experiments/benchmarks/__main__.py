@@ -9,6 +9,7 @@ from typing import Annotated
 from cyclopts import App, CycloptsError, Parameter
 
 from cocap_opt.io import FileError
+from cocap_opt.problem import ProblemError
 from experiments.numbers import numbers
 from experiments.streams import say
 
@@ -114,11 +115,29 @@ def views(
     return 0
 
 
+@app.command
+def peers(
+    scene: Path,
+    coverage: Path,
+    /,
+    *,
+    states: Annotated[int, Parameter(help="how many random ones are compared")] = 500,
+) -> int:
+    """Compare coverage with what Greedy Perspectives' program rendered, state by state.
+
+    Example: python -m experiments.benchmarks peers seq.yaml peer_coverage.csv
+    """
+    from experiments.benchmarks.peers import peers as measure
+
+    measure(scene, coverage, states)
+    return 0
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; returns 0, 1 where a row or a run failed, or 2 for wrong input."""
     try:
         code = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
-    except (CycloptsError, FileError) as error:
+    except (CycloptsError, FileError, ProblemError) as error:
         say(str(error))
         return 2
     except KeyboardInterrupt:
