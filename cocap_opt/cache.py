@@ -16,7 +16,16 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from cocap_opt import coverage, motion, problem, projection, timegraph, visibility
+from cocap_opt import (
+    coverage,
+    faces,
+    motion,
+    problem,
+    projection,
+    timegraph,
+    views,
+    visibility,
+)
 from cocap_opt.atomic_write import write_atomically
 from cocap_opt.coverage import CoverageTable
 
@@ -43,7 +52,7 @@ def cache_folder() -> Path | None:
 def code_digest() -> bytes:
     """Digest of the code that computes coverage."""
     digest = hashlib.sha256(version("embreex").encode())
-    for module in (problem, motion, timegraph, coverage, projection, visibility):
+    for module in (problem, motion, timegraph, coverage, faces, projection, views, visibility):
         digest.update(Path(str(module.__file__)).read_bytes())
     return digest.digest()
 

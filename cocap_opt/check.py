@@ -10,10 +10,11 @@ from fractions import Fraction
 
 import numpy as np
 
-from cocap_opt.coverage import FaceGeometry, Views
+from cocap_opt.faces import FaceGeometry
 from cocap_opt.plan import Plan
 from cocap_opt.problem import Problem, Robot, State
 from cocap_opt.timegraph import time_graph
+from cocap_opt.views import make_views
 
 
 @dataclass(frozen=True)
@@ -75,7 +76,7 @@ def view_rewards(problem: Problem, plan: Plan) -> list[list[float]]:
             if t >= problem.first_step:
                 coverage = _coverage(problem, geometry, robot, t, plan.paths[i][t])
                 pixels = [a + b for a, b in zip(pixels, coverage, strict=True)]
-        weights = problem.face_weights.tolist()
+        weights = problem.step_weights[t].tolist()
         if problem.objective.over_time:
             pixels = [a + b for a, b in zip(before, pixels, strict=True)]
         gained = [w * math.sqrt(z) for w, z in zip(weights, pixels, strict=True)]
@@ -91,7 +92,7 @@ def _coverage(
     problem: Problem, geometry: FaceGeometry, robot: Robot, t: int, state: State
 ) -> list[float]:
     graph = time_graph(problem.height_map, robot.motion, len(robot.camera.tilts))
-    views = Views(geometry, problem, graph, robot.camera)
+    views = make_views(geometry, problem, graph, robot.camera)
     coverage: list[float] = views.coverage(t, np.array([graph.index(state)]))[0].tolist()
     return coverage
 

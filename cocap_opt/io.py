@@ -26,7 +26,7 @@ class SceneFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     """A scene file."""
 
     format: Literal["cocap-opt scene"] = "cocap-opt scene"
-    version: Literal[1] = 1
+    version: Literal[2] = 2
     problem: Problem
 
 

@@ -12,11 +12,13 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from cocap_opt.cache import cached_table, content_key
-from cocap_opt.coverage import CoverageTable, FaceGeometry, Views, coverage_table
+from cocap_opt.coverage import CoverageTable, coverage_table
+from cocap_opt.faces import FaceGeometry
 from cocap_opt.plan import Plan
-from cocap_opt.problem import BoolArray, Camera, Cell, Motion, Problem, Robot
+from cocap_opt.problem import AnyCamera, BoolArray, Cell, Motion, Problem, Robot
 from cocap_opt.stop import Limit, Stop, never
 from cocap_opt.timegraph import TimeGraph, time_graph
+from cocap_opt.views import Views, make_views
 
 Path = tuple[int, ...]  # T+1 state numbers of one robot
 
@@ -55,7 +57,7 @@ class Model:
         self.problem = problem
         self._use_cache = use_cache
         self._geometry = FaceGeometry(problem)
-        self._tables: dict[tuple[Motion, Camera], CoverageTable] = {}
+        self._tables: dict[tuple[Motion, AnyCamera], CoverageTable] = {}
         self.progress: Callable[[int, int], None] = nobody
         self.is_apart = False
         members: dict[tuple[object, ...], list[int]] = {}
@@ -104,7 +106,7 @@ class Model:
 
     def views(self, group: RobotClass) -> Views:
         """A fresh source of coverage that evaluates only what it is asked for."""
-        return Views(self._geometry, self.problem, group.graph, group.spec.camera)
+        return make_views(self._geometry, self.problem, group.graph, group.spec.camera)
 
     def reachable(self, group: RobotClass) -> BoolArray:
         """States [T+1, S] that some robot with this class's motion and camera can reach."""
@@ -132,7 +134,12 @@ class Model:
         def make() -> CoverageTable | None:
             nonlocal limit
             table, limit = coverage_table(
-                self.views(group), self.reachable(group), problem.first_step, stop, self.progress
+                self.views(group),
+                group.graph.n_places,
+                self.reachable(group),
+                problem.first_step,
+                stop,
+                self.progress,
             )
             return table
 
@@ -184,7 +191,7 @@ def _cells(problem: Problem, group: RobotClass) -> tuple[Cell, ...]:
     return tuple(Cell(*at) for at in zip(x, y, inside, strict=True))
 
 
-def _sight(group: RobotClass) -> tuple[Motion, Camera]:
+def _sight(group: RobotClass) -> tuple[Motion, AnyCamera]:
     """What the coverage of a class depends on, besides its starts."""
     return group.spec.motion, group.spec.camera
 

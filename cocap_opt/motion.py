@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, cast
 import networkx as nx
 import numpy as np
 
-from cocap_opt.problem import BoolArray, Camera, HeightMap, Motion, Problem, State
+from cocap_opt.problem import AnyCamera, BoolArray, HeightMap, Motion, Problem, State
 
 Move = tuple[int, int, int]  # (layers, cells along x, cells along y)
 Place = tuple[int, int, int]  # (layer, x, y)
@@ -104,7 +104,7 @@ def turned(index: int, most: int, size: int, cyclic: bool) -> set[int]:
     return set(range(max(0, index - most), min(size, index + most + 1)))
 
 
-def orientation_graph(motion: Motion, camera: Camera) -> Graph:
+def orientation_graph(motion: Motion, camera: AnyCamera) -> Graph:
     """Directed graph of orientations: nodes (heading, pitch), self-loops included.
 
     Headings are a ring, pitches a line.

@@ -195,7 +195,7 @@ class Motion(_Data, frozen=True):
         _require(increasing, "layers", "flight heights must increase")
 
 
-class Camera(_Data, frozen=True):
+class Camera(_Data, frozen=True, tag="pinhole"):
     """A pinhole camera with square pixels and its principal point in the middle.
 
     More than one tilt makes a gimbal: the pitch index is then part of the motion state.
@@ -218,13 +218,47 @@ class Camera(_Data, frozen=True):
             # False for nan, too.
             _require(abs(tilt) <= math.pi / 2, "tilts", f"must be within +-pi/2 rad, not {tilt}")
 
+    @property
+    def half_angle(self) -> float:
+        """Half of the horizontal angle of view, in rad."""
+        return math.atan(self.width / 2 / self.focal)
+
+
+class Cone(_Data, frozen=True, tag="cone"):
+    """Sensor of Hughes et al. 2024: neither image nor obstacles nor range.
+
+    It detects the actors whose foot point is ahead, within half of the opening to either side.
+    Each of their faces, with normal n, then has |d.u| max(0, -d.n) / |d|^4 in place of px/m2,
+    d being the way to the middle of the face, dropped to the ground, and u the (level) look
+    direction.
+    """
+
+    opening: float = math.pi / 2  # rad
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _within(self.opening, 0, math.tau, "opening", "rad")
+
+    @property
+    def tilts(self) -> tuple[float, ...]:
+        """It looks level, and has no gimbal."""
+        return (0.0,)
+
+    @property
+    def half_angle(self) -> float:
+        """Half of the horizontal angle of view, in rad."""
+        return self.opening / 2
+
+
+AnyCamera = Camera | Cone
+
 
 class Robot(_Data, frozen=True):
     """One camera drone: start state, motion, camera and, if wanted, a goal cell at step T."""
 
     start: State
     motion: Motion = Motion()
-    camera: Camera = Camera()
+    camera: AnyCamera = Camera()
     goal: tuple[int, int] | None = None  # cell (x, y), any layer and orientation
 
     def __post_init__(self) -> None:
@@ -340,6 +374,7 @@ class Actor(_Data, frozen=True, eq=False, dict=True):
     poses: FloatArray  # [T+1, 4]: x, y, z of the foot point (m) and yaw (rad, from +x, ccw)
     shape: Shape = Cuboid()
     weights: tuple[float, ...] | None = None  # one per face of the shape; None: all 1
+    importance: tuple[float, ...] | None = None  # [>= T+1] factor of the weights; None: all 1
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -356,9 +391,12 @@ class Actor(_Data, frozen=True, eq=False, dict=True):
             for weight in self.weights:
                 _within(weight, 0, MOST_WEIGHT, "weights")
 
+        for value in self.importance or ():
+            _within(value, 0, MOST_WEIGHT, "importance")
+
     @cached_property
     def face_weights(self) -> FloatArray:
-        """Weight of each face of this actor [F of the shape]."""
+        """Weight of each face of this actor [F of the shape], before its importance."""
         if self.weights is None:
             return _read_only(np.ones(len(self.shape.faces())))
         return _read_only(np.array(self.weights, dtype=np.float64))
@@ -459,9 +497,25 @@ class Problem(_Data, frozen=True, eq=False, dict=True):
                 f"must have a row for each of the {self.horizon + 1} steps 0..{self.horizon}, "
                 f"not {rows}",
             )
+            self._check_importance(j, actor)
         for i, robot in enumerate(self.robots):
             self._check_robot(i, robot)
         self._check_starts_apart()
+
+    def _check_importance(self, j: int, actor: Actor) -> None:
+        if actor.importance is None:
+            return
+        field, steps = f"actors[{j}].importance", self.horizon + 1
+        _require(
+            len(actor.importance) >= steps,
+            field,
+            f"must have a number for each of the {steps} steps, not {len(actor.importance)}",
+        )
+        _require(
+            not self.objective.over_time or len(set(actor.importance[:steps])) == 1,
+            field,
+            "must not change where pixels add up over time",
+        )
 
     def _check_robot(self, i: int, robot: Robot) -> None:
         start, motion = robot.start, robot.motion
@@ -533,8 +587,17 @@ class Problem(_Data, frozen=True, eq=False, dict=True):
         return distance < self.rules.separation
 
     @cached_property
+    def step_weights(self) -> FloatArray:
+        """Weight of every face at every step [T+1, F]: the face's times its actor's importance."""
+        steps = self.horizon + 1
+        importance = np.array(
+            [(1.0,) * steps if a.importance is None else a.importance[:steps] for a in self.actors]
+        ).reshape(len(self.actors), steps)
+        return _read_only(importance.T[:, self.face_owner] * self.face_weights)
+
+    @cached_property
     def face_weights(self) -> FloatArray:
-        """Weight of every face [F], actors in order."""
+        """Weight of every face [F], actors in order, before the actors' importance."""
         weights = [actor.face_weights for actor in self.actors]
         return _read_only(np.concatenate(weights or [np.empty(0)]))
 

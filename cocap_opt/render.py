@@ -11,8 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cocap_opt.coverage import FaceGeometry, Faces
-from cocap_opt.problem import FloatArray, IntArray, Problem, Robot, State
+from cocap_opt.faces import FaceGeometry, Faces
+from cocap_opt.problem import Camera, FloatArray, IntArray, Problem, Robot, State
+from cocap_opt.result import UnsupportedError
 from cocap_opt.visibility import Occluders
 
 SKY, TERRAIN = -2, -1  # in place of a face
@@ -44,6 +45,8 @@ class Renderer:
     """
 
     def __init__(self, problem: Problem, step: int = 1) -> None:
+        for robot in problem.robots:
+            pinhole(robot)
         self._problem, self._step = problem, step
         self._geometry = FaceGeometry(problem)
         self._alone = lru_cache(maxsize=256)(self._only)
@@ -83,7 +86,7 @@ class Renderer:
         """The whole image, one pixel for each block."""
         faces = self._geometry.at(t)
         surfaces = (faces.actors, faces.terrain)
-        camera = robot.camera
+        camera = pinhole(robot)
         width, height = (-(-size // self._step) for size in (camera.width, camera.height))
         shown, shade = np.full(width * height, SKY), np.zeros(width * height)
         box = (0, 0, camera.width, camera.height)
@@ -106,7 +109,7 @@ class Renderer:
         self, faces: Faces, robot: Robot, state: State
     ) -> Iterator[tuple[int, tuple[int, int, int, int]]]:
         """Actors and the part of the image (left, top, right, bottom) in which each can be."""
-        camera, axes = robot.camera, _axes(robot, state)
+        camera, axes = pinhole(robot), _axes(robot, state)
         for actor in range(len(self._problem.actors)):
             corners = faces.polygons[self._problem.face_owner == actor].reshape(-1, 3)
             right, up, depth = axes @ (corners - eye(self._problem, robot, state)).T
@@ -134,7 +137,7 @@ class Renderer:
         surfaces: Sequence[Occluders],
     ) -> Iterator[tuple[IntArray, FloatArray, _Hits]]:
         """Rays of a box of pixels, some at a time: where in the image, ways [n, 3], and hits."""
-        camera, step, axes = robot.camera, self._step, _axes(robot, state)
+        camera, step, axes = pinhole(robot), self._step, _axes(robot, state)
         columns = np.arange(box[0] // step, -(-box[2] // step))
         width = -(-camera.width // step)
         rows_at_once = max(RAYS // max(len(columns), 1), 1)
@@ -152,6 +155,19 @@ class Renderer:
             ways /= np.linalg.norm(ways, axis=1)[:, None]
             eyes = np.tile(eye(self._problem, robot, state), (len(ways), 1))
             yield row * width + column, ways, _nearest(surfaces, eyes, ways)
+
+
+def pinhole(robot: Robot) -> Camera:
+    """A robot's camera.
+
+    Raises
+    ------
+    UnsupportedError
+        If it is none that makes pictures.
+    """
+    if not isinstance(robot.camera, Camera):
+        raise UnsupportedError("only pinhole cameras make pictures")
+    return robot.camera
 
 
 def eye(problem: Problem, robot: Robot, state: State) -> FloatArray:

@@ -41,9 +41,10 @@ def robot_pixels(model: Model, robot: int, path: Path) -> FloatArray:
 def group_weights(problem: Problem) -> FloatArray:
     """Weight w of every group [G]; 0 for steps that do not count."""
     if problem.objective.over_time:  # pixels of steps that do not count are not added
-        return problem.face_weights
+        always: FloatArray = problem.step_weights[0]
+        return always
     counts = np.arange(problem.horizon + 1) >= problem.first_step
-    return (counts[:, None] * problem.face_weights).ravel()
+    return (counts[:, None] * problem.step_weights).ravel()
 
 
 def most_views(problem: Problem) -> int:

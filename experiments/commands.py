@@ -399,8 +399,11 @@ def render(
     problem, shown = read_plan(plan, scene, _load(scene, seed))
     make_folder(output)
     with watching(f"{problem.name} seed {seed}") as watch:
-        row = write_views(output, problem, shown, width, pixel_step,
-                          lambda done, all_: watch.count("view", done, all_))  # fmt: skip
+        try:
+            row = write_views(output, problem, shown, width, pixel_step,
+                              lambda done, all_: watch.count("view", done, all_))  # fmt: skip
+        except UnsupportedError as error:
+            raise UsageError(f"{scene}: {error}") from error
     print_result({"scene": problem.name, "seed": seed, "folder": path_text(output)} | row, json)
     return 0
 

@@ -86,7 +86,7 @@ def draw_robots(ax: Axes, problem: Problem, plan: Plan, t: int) -> Axes:
         ax.plot(*track[: t + 1].T, color=colour, lw=1.8, zorder=4)
         ax.plot(*track[0], marker="o", mfc="none", mec=colour, ms=8, zorder=4)
         yaw = 360 * path[t].heading / robot.motion.headings
-        half = np.degrees(np.arctan(robot.camera.width / 2 / robot.camera.focal))
+        half = np.degrees(robot.camera.half_angle)
         cone = Wedge(
             tuple(track[t]), VIEW_LENGTH, yaw - half, yaw + half, color=colour, alpha=0.18, zorder=1
         )

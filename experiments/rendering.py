@@ -15,7 +15,7 @@ from cocap_opt.check import check
 from cocap_opt.model import Model, compiled
 from cocap_opt.plan import Plan
 from cocap_opt.problem import FloatArray, Problem, State
-from cocap_opt.render import TERRAIN, Picture, Renderer
+from cocap_opt.render import TERRAIN, Picture, Renderer, pinhole
 from experiments.figures import actor_colour
 from experiments.files import save_csv, write
 from experiments.report import Row
@@ -86,8 +86,8 @@ def rendered_reward(problem: Problem, views: Iterable[FaceView], stationarity: f
         if view.pose.t >= problem.first_step:
             t = 0 if problem.objective.over_time else view.pose.t
             seen[t, view.face] = seen.get((t, view.face), 0.0) + view.rendered / view.area
-    weights = problem.face_weights
-    return math.fsum([*(weights[f] * math.sqrt(z) for (_, f), z in seen.items()), stationarity])
+    weights = problem.step_weights
+    return math.fsum([*(weights[key] * math.sqrt(z) for key, z in seen.items()), stationarity])
 
 
 def error_row(views: Sequence[FaceView]) -> Row:
@@ -123,7 +123,7 @@ def write_views(
     verdict = check(problem, plan)
     for pose in poses_of(plan):
         robot = problem.robots[pose.robot]
-        step = max(round(robot.camera.width / width), 1)
+        step = max(round(pinhole(robot).width / width), 1)
         picture = Renderer(problem, step).picture(robot, pose.t, pose.state)
         name = folder / f"drone{pose.robot:02d}-step{pose.t:03d}.png"
         content = png(problem, picture)

@@ -72,7 +72,36 @@ def _read_movingai(path: Path, seed: int) -> Problem:
     return movingai.read(path, seed)
 
 
+def _is_hughes(path: Path) -> bool:
+    if not _ends(".json")(path):
+        return False
+    from scenarios import hughes
+
+    return hughes.is_scene(path)
+
+
+def _read_hughes(path: Path, seed: int) -> Problem:
+    from scenarios import hughes
+
+    return hughes.read(path)
+
+
+def _read_hughes_plan(path: Path, problem: Problem) -> Plan | None:
+    if not _ends(".json")(path):
+        return None
+    from scenarios import hughes
+
+    paths = hughes.read_plan(path)
+    return None if paths is None else Plan(paths=paths)
+
+
 FORMATS: dict[str, Format] = {
+    "hughes": Format(
+        "scene.json, a scene of Hughes et al. with a solution_*.json beside it (no seed)",
+        _is_hughes,
+        _read_hughes,
+        _read_hughes_plan,
+    ),
     "cocap-opt": Format(
         "*.json, cocap-opt's own scene file (no seed)",
         _ends(".json"),

@@ -11,11 +11,12 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.check import broken_motions, broken_rules
-from cocap_opt.coverage import FaceGeometry, Views
+from cocap_opt.faces import FaceGeometry
 from cocap_opt.motion import time_expanded_graph
 from cocap_opt.plan import Plan
 from cocap_opt.problem import FloatArray, Problem, State
 from cocap_opt.timegraph import time_graph
+from cocap_opt.views import make_views
 
 StatePath = tuple[State, ...]
 
@@ -41,7 +42,7 @@ def pixels_of(problem: Problem, robot: int, paths: list[StatePath]) -> FloatArra
     """Pixels [n, T+1, F] that a robot has along each of the paths [n]; 0 where none count."""
     spec = problem.robots[robot]
     graph = time_graph(problem.height_map, spec.motion, len(spec.camera.tilts))
-    views = Views(FaceGeometry(problem), problem, graph, spec.camera)
+    views = make_views(FaceGeometry(problem), problem, graph, spec.camera)
     seen: dict[tuple[int, State], FloatArray] = {}
     pixels = np.zeros((len(paths), problem.horizon + 1, len(problem.face_weights)))
     first = 0 if problem.objective.count_start else 1

@@ -13,8 +13,10 @@ from cocap_opt.problem import (
     NO_RULES,
     PAPER_RULES,
     Actor,
+    AnyCamera,
     Camera,
     CollisionRules,
+    Cone,
     Cuboid,
     HeightMap,
     Motion,
@@ -113,6 +115,12 @@ def cameras(draw: st.DrawFn) -> Camera:
     )
 
 
+def sensors() -> st.SearchStrategy[AnyCamera]:
+    """Cameras, and now and then a cone."""
+    cones = st.sampled_from([Cone(), Cone(opening=2.0)])
+    return st.one_of(cameras(), cameras(), cameras(), cones)
+
+
 def shapes() -> st.SearchStrategy[Shape]:
     """Actors of all shapes."""
     return st.sampled_from(
@@ -130,11 +138,14 @@ def actors(draw: st.DrawFn, height_map: HeightMap, horizon: int) -> Actor:
     yaw, turn = draw(st.integers(-20, 20)) / 6.0, draw(st.sampled_from([0.0, 0.9]))
     shape = draw(shapes())
     weights = draw(st.sampled_from([None, None, 0.0, 2.5]))
+    changing = tuple(draw(st.sampled_from([0.0, 1.0, 3.0])) for _ in range(horizon + 1))
+    importance = draw(st.sampled_from([None, None, (2.0,) * (horizon + 1), changing]))
     rows = [[x + t * step[0], y + t * step[1], 0.0, yaw + t * turn] for t in range(horizon + 1)]
     return Actor(
         poses=np.array(rows),
         shape=shape,
         weights=None if weights is None else (weights, 0.5, *[1.0] * (len(shape.faces()) - 2)),
+        importance=importance,
     )
 
 
@@ -166,7 +177,7 @@ def problems(
     """
     height_map = draw(height_maps())
     kinds = [
-        (draw(motions()), draw(cameras())) for _ in range(draw(st.sampled_from([1, 1, 2])))
+        (draw(motions()), draw(sensors())) for _ in range(draw(st.sampled_from([1, 1, 2])))
     ]  # [(motion, camera)]
     horizon = draw(st.integers(1, 3))
     seen = [draw(actors(height_map, horizon)) for _ in range(draw(st.sampled_from([0, 1, 1, 2])))]
@@ -198,7 +209,7 @@ def problems(
 def teams(
     draw: st.DrawFn,
     height_map: HeightMap,
-    kinds: list[tuple[Motion, Camera]],
+    kinds: list[tuple[Motion, AnyCamera]],
     size: int,
     goals: bool,
 ) -> tuple[Robot, ...]:

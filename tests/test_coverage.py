@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 from strategies import WALL, examples, problems, shapes
 
 from cocap_opt.check import check
-from cocap_opt.coverage import FaceGeometry, Views, coverage_table
+from cocap_opt.coverage import coverage_table
+from cocap_opt.faces import FaceGeometry
 from cocap_opt.model import Model
 from cocap_opt.plan import Plan
 from cocap_opt.planners.joint import joint
@@ -42,6 +43,7 @@ from cocap_opt.problem import (
 from cocap_opt.projection import camera_axes, image_area
 from cocap_opt.stop import Limit
 from cocap_opt.timegraph import time_graph
+from cocap_opt.views import make_views
 from cocap_opt.visibility import sample_points
 
 FRONT, LEFT, BACK, RIGHT, TOP = range(5)  # faces of a cuboid; the front looks along its heading
@@ -83,7 +85,7 @@ def seen_from(problem: Problem, *states: State, t: int = 1) -> FloatArray:
     """Coverage [n, F] of the first robot's states at step t."""
     robot = problem.robots[0]
     graph = time_graph(problem.height_map, robot.motion, len(robot.camera.tilts))
-    views = Views(FaceGeometry(problem), problem, graph, robot.camera)
+    views = make_views(FaceGeometry(problem), problem, graph, robot.camera)
     return views.coverage(t, np.array([graph.index(state) for state in states], dtype=np.int64))
 
 

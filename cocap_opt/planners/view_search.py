@@ -10,13 +10,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from cocap_opt.coverage import Views
 from cocap_opt.model import Model, RobotClass
 from cocap_opt.planners.single import SingleRobotPath, SingleRobotTask
 from cocap_opt.problem import FloatArray, IntArray
 from cocap_opt.reward import group_weights, marginal_gain, no_pixels
 from cocap_opt.stop import Limit
 from cocap_opt.timegraph import CLOSED
+from cocap_opt.views import Views
 
 # gamma ** T by default. Measured over 8 seeds with gamma from 0.6 to 1: near this value CoCap
 # gets 92-99 % of the J that it gets with value iteration and evaluates 17-40 % of the states

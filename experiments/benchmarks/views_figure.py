@@ -37,7 +37,7 @@ def draw_errors(ax: Axes, rows: Sequence[Row], key: str) -> Axes:
         for row in own:
             ax.annotate(str(row["samples"]), (row["seconds"], row[key]), fontsize=7,
                         xytext=(3, 3), textcoords="offset points", color=colour)  # fmt: skip
-    ax.set_xscale("log")
+    ax.set_xlim(left=0)
     ax.set_ylim(bottom=0)
     ax.set_xlabel("coverage of the whole scene (s)")
     ax.set_ylabel("error (%)")

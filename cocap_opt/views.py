@@ -1,0 +1,185 @@
+"""What single states see: coverage of every face, evaluated on demand.
+
+How a face counts depends on the robot's camera; `make_views` knows which is whose.
+"""
+
+from typing import Protocol
+
+import numpy as np
+
+from cocap_opt.faces import FaceGeometry, Faces
+from cocap_opt.problem import AnyCamera, Camera, Cone, FloatArray, HeightMap, IntArray, Problem
+from cocap_opt.projection import (
+    camera_axes,
+    dot,
+    frustum_distances,
+    image_area,
+    image_samples,
+)
+from cocap_opt.timegraph import TimeGraph
+from cocap_opt.visibility import rays_arrive, visible_share
+
+# What is evaluated at once at most, so that limits are asked for every 0.3 s or more often.
+BATCH_STATES = 1024
+BATCH_RAYS = 400_000  # if all faces of all states were in view
+ON_THE_EDGE = 1e-9  # rad, by which an actor may be beyond the edge of a cone
+
+
+class Views(Protocol):
+    """Coverage of single states, evaluated on demand.
+
+    Attributes
+    ----------
+    evaluated : number of states evaluated so far
+    """
+
+    evaluated: int
+
+    def coverage(self, t: int, states: IntArray) -> FloatArray:
+        """Coverage [n, F] in px/m2 of every face from each of the states [n] at step t."""
+
+    def batch(self, t: int) -> int:
+        """Number of states that can be evaluated at step t in a fraction of a second."""
+
+
+def make_views(
+    geometry: FaceGeometry, problem: Problem, graph: TimeGraph, camera: AnyCamera
+) -> Views:
+    """The source of coverage that goes with a camera."""
+    if isinstance(camera, Cone):
+        return ConeViews(geometry, problem, graph, camera)
+    return PinholeViews(geometry, problem, graph, camera)
+
+
+def eyes_at(height_map: HeightMap, graph: TimeGraph, places: IntArray) -> FloatArray:
+    """Camera positions [n, 3] in m: the middle of the cell at flight height."""
+    layer, x, y = graph.coordinates(places)
+    ox, oy = height_map.origin
+    return np.column_stack(
+        [
+            ox + (x + 0.5) * height_map.resolution,
+            oy + (y + 0.5) * height_map.resolution,
+            np.array(graph.motion.layers)[layer],
+        ]
+    )
+
+
+class PinholeViews:
+    """Coverage by a pinhole camera.
+
+        coverage = projected area, clipped to the image / area of the face x visible share
+
+    Sample points spread over a face say whether all or none of it is visible: that depends on
+    the camera's place only, not on where it looks. In between, and where the image cuts a face
+    that is not all visible, points spread over its image say how much.
+    """
+
+    def __init__(self, geometry: FaceGeometry, problem: Problem, graph: TimeGraph, camera: Camera):
+        self._geometry = geometry
+        self._map = problem.height_map
+        self._graph = graph
+        self._camera = camera
+        self._image = float(camera.width * camera.height)  # px
+        self._axes = camera_axes(graph.motion.headings, camera)
+        self._n_faces = len(problem.face_weights)
+        self._owners = problem.face_owner
+        self._samples = problem.face_samples
+        self.evaluated = 0
+
+    def coverage(self, t: int, states: IntArray) -> FloatArray:
+        """Coverage [n, F] in px/m2 of every face from each of the states [n] at step t."""
+        self.evaluated += len(states)
+        result = np.zeros((len(states), self._n_faces))
+        if not self._n_faces:
+            return result
+        faces = self._geometry.at(t)
+        orientation, place = np.divmod(states, self._graph.n_places)
+        places, which = np.unique(place, return_inverse=True)
+        eyes = eyes_at(self._map, self._graph, places)
+        # A face turned away is not seen; the rest of the work is for those that are not.
+        ahead = dot(eyes[:, None, :] - faces.polygons[None, :, 0], faces.normals[None]) > 0
+        state, face = np.nonzero(ahead[which])
+        relative = faces.polygons[face] - eyes[which[state]][:, None, :]
+        axes = self._axes[orientation[state]][:, None]
+        in_camera = np.stack([dot(relative, axes[:, :, k]) for k in range(3)], axis=-1)
+        # Of a face that all but touches the camera, rounding may leave more than an image, or nan.
+        with np.errstate(over="ignore", invalid="ignore"):
+            area = np.minimum(image_area(in_camera, self._camera), self._image)
+        seen = area > 0
+        state, face, area = state[seen], face[seen], area[seen]
+        pairs, pair = np.unique(which[state] * self._n_faces + face, return_inverse=True)
+        eye, target = np.divmod(pairs, self._n_faces)
+        whole = visible_share(faces.occluders, eyes[eye], faces.samples, target, self._owners)
+        share, in_camera = whole[pair], in_camera[seen]
+        inside = (frustum_distances(in_camera, self._camera) >= 0).all(axis=(1, 2))
+        some = np.flatnonzero((share < 1) & ((share > 0) | ~inside))
+        share[some] = self._share_in_image(
+            faces, in_camera[some], eyes[eye[pair[some]]], axes[seen][some, 0], face[some]
+        )
+        result[state, face] = area * share / faces.areas[face]
+        return result
+
+    def _share_in_image(
+        self, faces: Faces, polygons: FloatArray, eyes: FloatArray, axes: FloatArray, of: IntArray
+    ) -> FloatArray:
+        """Visible share [n] of the images of faces, by rays through points spread over them.
+
+        Parameters
+        ----------
+        polygons : [n, V, 3] m, the faces in camera coordinates
+        eyes, axes : [n, 3] m and [n, 3, 3], of the camera
+        of : [n] which faces they are
+        """
+        points, weights = image_samples(polygons, self._camera, self._samples)
+        which, sample = np.nonzero(weights)
+        local = points[which, sample]
+        at = eyes[which]
+        for k in range(3):
+            at = at + local[:, k, None] * axes[which, k]
+        seen = rays_arrive(faces.occluders, eyes[which], at, self._owners[of[which]])
+        share = np.bincount(which, weights=weights[which, sample] * seen, minlength=len(of))
+        return np.minimum(share, 1.0)
+
+    def batch(self, t: int) -> int:
+        """Number of states that can be evaluated at step t in a fraction of a second."""
+        rays = int(self._geometry.at(t).samples.counts.sum())
+        return min(max(BATCH_RAYS // max(rays, 1), 1), BATCH_STATES)
+
+
+class ConeViews:
+    """Coverage by a cone (`problem.Cone`): of all faces of the actors that it detects."""
+
+    def __init__(self, geometry: FaceGeometry, problem: Problem, graph: TimeGraph, cone: Cone):
+        self._geometry = geometry
+        self._problem = problem
+        self._graph = graph
+        self._cone = cone
+        self.evaluated = 0
+
+    def coverage(self, t: int, states: IntArray) -> FloatArray:
+        """Coverage [n, F] in 1/m2 of every face from each of the states [n] at step t."""
+        self.evaluated += len(states)
+        faces, owners = self._geometry.at(t), self._problem.face_owner
+        if not len(owners):
+            return np.zeros((len(states), 0))
+        orientation, place = np.divmod(states, self._graph.n_places)
+        eyes = eyes_at(self._problem.height_map, self._graph, place)
+        yaw = 2 * np.pi * orientation / self._graph.motion.headings
+        feet = np.array([actor.poses[t, :3] for actor in self._problem.actors])
+        ways = feet[None] - eyes[:, None]  # [n, A, 3]
+        off = np.arctan2(ways[..., 1], ways[..., 0]) - yaw[:, None]
+        off = np.abs((off + np.pi) % (2 * np.pi) - np.pi)
+        detected = off <= self._cone.opening / 2 + ON_THE_EDGE
+        # All faces count as if they were on the ground.
+        d = np.empty((len(states), len(owners), 3))
+        d[..., :2] = faces.centres[None, :, :2] - eyes[:, None, :2]
+        d[..., 2] = feet[owners, 2] - eyes[:, None, 2]
+        ahead = np.abs(d[..., 0] * np.cos(yaw)[:, None] + d[..., 1] * np.sin(yaw)[:, None])
+        square = dot(d, d)
+        turned = np.maximum(-dot(d, faces.normals[None]), 0.0)
+        result: FloatArray = detected[:, owners] * ahead * turned / square**2
+        return result
+
+    def batch(self, t: int) -> int:
+        """Number of states that can be evaluated at step t in a fraction of a second."""
+        return BATCH_STATES

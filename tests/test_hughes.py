@@ -1,0 +1,185 @@
+"""Scenes, solutions and reward of Hughes et al."""
+
+import csv
+import json
+import math
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from strategies import tiny
+
+from cocap_opt.check import check
+from cocap_opt.faces import FaceGeometry
+from cocap_opt.plan import Plan
+from cocap_opt.problem import Cone, Problem, ProblemError, State
+from cocap_opt.render import Renderer
+from cocap_opt.result import UnsupportedError
+from cocap_opt.stop import never
+from cocap_opt.timegraph import time_graph
+from cocap_opt.views import make_views
+from formulations import EXACT
+from scenarios import hughes, load_scene, read_foreign_plan
+
+DATA = Path(os.environ.get("COCAP_OPT_DATA", Path(__file__).parents[2] / "shared" / "data"))
+
+
+def actor(x: float, y: float, yaw: float, weight: float = 1.0) -> dict[str, Any]:
+    """An actor in a frame."""
+    return {"location": [x, y, 0.3], "rotation": [9.0, 9.0, yaw], "weight": weight}
+
+
+def solution(*paths: list[tuple[int, int, str]]) -> dict[str, Any]:
+    """A solution file."""
+    return {
+        "value": 0.0,
+        "elements": [
+            [k + 1, [{"state": {"x": x, "y": y, "heading": h}, "depth": t + 1, "horizon": 3}
+                     for t, (x, y, h) in enumerate(path)]]
+            for k, path in enumerate(paths)
+        ],
+    }  # fmt: skip
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A scene of two actors, three frames and two robots."""
+    place = tmp_path / "meeting"
+    place.mkdir()
+    frames = [[actor(3 + t, 4, 0.1 * t), actor(6, 6.5, 2.0, weight=t)] for t in range(3)]
+    scene = {
+        "scene": {"scale": {"x": 8.0, "y": 7.0, "z": 9.0}}, "filename": "", "robot_fovs": [1.0],
+        "sense_dist": 1.0, "num_targets": 2, "num_robots": 9, "num_frames": 3,
+        "actor_positions": frames,
+    }  # fmt: skip
+    (place / "scene.json").write_text(json.dumps(scene))
+    paths = [[(1, 1, "NE"), (3, 2, "NE"), (3, 4, "E")], [(8, 7, "W"), (8, 7, "SW"), (6, 7, "SW")]]
+    (place / "solution_greedy.json").write_text(json.dumps(solution(*paths)))
+    return place
+
+
+def reward(problem: Problem, frames: list[list[dict[str, Any]]], plan: Plan) -> list[float]:
+    """Their reward, from the text of their paper, frame by frame."""
+    totals = []
+    for t, frame in enumerate(frames):
+        total = 0.0
+        for body in frame:
+            x, y, yaw = body["location"][0], body["location"][1], body["rotation"][2]
+            a, side = 0.484, 2 * 0.484 * math.tan(math.pi / 6) * 1.8
+            faces = [
+                (x + a * math.cos(yaw + i * math.pi / 3), y + a * math.sin(yaw + i * math.pi / 3),
+                 (math.cos(yaw + i * math.pi / 3), math.sin(yaw + i * math.pi / 3), 0.0), side)
+                for i in range(1, 7)
+            ]  # fmt: skip
+            faces.append((x, y, (0.0, 0.0, 1.0), 6 * a * a * math.tan(math.pi / 6)))
+            for fx, fy, n, area in faces:
+                seen = 0.0
+                for path in plan.paths:
+                    rx, ry, look = path[t].x + 1, path[t].y + 1, path[t].heading * math.pi / 4
+                    bearing = math.remainder(math.atan2(y - ry, x - rx) - look, math.tau)
+                    if abs(bearing) <= math.pi / 4 + 1e-12:
+                        d = (fx - rx, fy - ry, -5.0)
+                        towards = abs(d[0] * math.cos(look) + d[1] * math.sin(look))
+                        turned = max(0.0, -sum(p * q for p, q in zip(d, n, strict=True)))
+                        seen += towards * turned / math.hypot(*d) ** 4
+                total += body["weight"] * area * math.sqrt(seen)
+        totals.append(total)
+    return totals
+
+
+def test_their_reward_is_that_of_the_referee(folder: Path) -> None:
+    """Step by step, with a weight that changes from frame to frame."""
+    problem = load_scene(str(folder / "scene.json"))
+    assert (problem.name, problem.horizon, len(problem.robots)) == ("meeting", 2, 2)
+    plan = read_foreign_plan(folder / "solution_greedy.json", problem)
+    assert plan is not None
+    assert plan.paths[0][1] == State(2, 1, heading=1)
+    verdict = check(problem, plan)
+    assert verdict.valid
+    frames = json.loads((folder / "scene.json").read_text())["actor_positions"]
+    mine = [verdict.reward_at_start, *verdict.reward_per_step]
+    assert mine == pytest.approx(reward(problem, frames, plan), rel=1e-12)
+    assert min(mine) > 0
+
+
+def test_their_scenes_are_solved(folder: Path) -> None:
+    """Planners and bounds need not know what a view is worth by which law."""
+    problem = load_scene(str(folder / "scene.json"))
+    plan = read_foreign_plan(folder / "solution_greedy.json", problem)
+    result = EXACT["branch-and-price"](problem, never, plan)
+    assert plan is not None and result.reason == "optimal"
+    assert check(problem, plan).reward <= result.value <= result.bound
+
+
+@pytest.mark.parametrize(
+    ("file", "change", "words"),
+    [
+        ("scene.json", lambda scene: scene["actor_positions"][1].pop(), "actor_positions[1]"),
+        ("scene.json", lambda scene: scene["scene"]["scale"].update(x=0), "x"),
+        ("scene.json", lambda scene: scene["actor_positions"][0][0].update(weight=-1), "weight"),
+        ("scene.json", lambda scene: scene["actor_positions"][0][0].pop("rotation"), "rotation"),
+        ("solution_greedy.json", lambda solved: solved["elements"].clear(), "elements"),
+        ("solution_greedy.json",
+         lambda solved: solved["elements"][0][1][0]["state"].update(heading="UP"), "heading"),
+        ("solution_greedy.json",
+         lambda solved: solved["elements"][0][1][0]["state"].update(x=99), "start.x"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_said(folder: Path, file: str, change: Any, words: str) -> None:
+    """One line with the file and the field."""
+    content = json.loads((folder / file).read_text())
+    change(content)
+    (folder / file).write_text(json.dumps(content))
+    with pytest.raises(ProblemError) as error:
+        hughes.read(folder / "scene.json")
+    assert words in str(error.value) and file in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_without_a_solution_nobody_knows_the_starts(folder: Path) -> None:
+    """The scene's own file does not say where the robots begin."""
+    (folder / "solution_greedy.json").unlink()
+    with pytest.raises(ProblemError, match="solution_"):
+        hughes.read(folder / "scene.json")
+
+
+def test_an_actor_on_the_edge_of_the_cone_is_detected() -> None:
+    """45 degrees to the side is inside, a little more is not."""
+    problem = tiny()
+    robot = problem.robots[0].replace(camera=Cone(), motion=problem.robots[0].motion)
+    x, y = problem.height_map.centre(0, 0)
+    seen = []
+    for off in (0.0, 1e-6, -1e-6):
+        poses = np.array([[x + 5, y + 5 + off, 0.0, 0.0]] * 3)
+        scene = problem.replace(robots=(robot,), actors=(problem.actors[0].replace(poses=poses),))
+        graph = time_graph(scene.height_map, robot.motion, 1)
+        views = make_views(FaceGeometry(scene), scene, graph, robot.camera)
+        seen.append(views.coverage(1, np.array([graph.index(State(0, 0))])).sum() > 0)
+    assert seen == [True, False, True]
+
+
+def test_a_cone_makes_no_picture() -> None:
+    """It has no image."""
+    problem = tiny()
+    robots = tuple(robot.replace(camera=Cone()) for robot in problem.robots)
+    with pytest.raises(UnsupportedError, match="pinhole"):
+        Renderer(problem.replace(robots=robots))
+
+
+@pytest.mark.parametrize("name", ["cross_mix", "heavy_mixing", "priority_speaker"])
+@pytest.mark.parametrize("planner", ["greedy", "multipleroundsgreedy"])
+def test_their_evaluation_is_reproduced(name: str, planner: str) -> None:
+    """Every step of their stored solutions, to more digits than they are read with."""
+    place = DATA / "hughes" / name
+    if not place.is_dir():
+        pytest.skip(f"needs {place}, scenes that others made")
+    problem = load_scene(str(place / "scene.json"))
+    plan = read_foreign_plan(place / f"solution_{planner}.json", problem)
+    assert plan is not None
+    with (place / "ppa_evaluation.csv").open() as file:
+        theirs = [float(row[planner]) for row in csv.DictReader(file)]
+    verdict = check(problem, plan)
+    assert verdict.valid
+    assert [verdict.reward_at_start, *verdict.reward_per_step] == pytest.approx(theirs, rel=1e-12)
