@@ -69,12 +69,17 @@ def views_of(problem: Problem, pixels: FloatArray) -> FloatArray:
 
 
 def weights_of(problem: Problem) -> FloatArray:
-    """Weight of every face [F], taken from the actors themselves."""
+    """Weight of every face [T+1, F] ([1, F] over time), taken from the actors themselves."""
+    steps = 1 if problem.objective.over_time else problem.horizon + 1
     return np.array(
         [
-            1.0 if actor.weights is None else actor.weights[face]
-            for actor in problem.actors
-            for face in range(len(actor.shape.faces()))
+            [
+                (1.0 if actor.weights is None else actor.weights[face])
+                * (1.0 if actor.importance is None else actor.importance[t])
+                for actor in problem.actors
+                for face in range(len(actor.shape.faces()))
+            ]
+            for t in range(steps)
         ]
     )
 

@@ -321,7 +321,7 @@ def exact_optimum(problem: Problem) -> Fraction:
         return Fraction(-1)
     pixels = [pixels_of(problem, robot, paths[robot]).reshape(len(paths[robot]), -1)
               for robot in robots]  # fmt: skip
-    weights = [Fraction(w) for w in np.tile(weights_of(problem), problem.horizon + 1).tolist()]
+    weights = [Fraction(w) for w in weights_of(problem).ravel().tolist()]
     bonus = Fraction(problem.objective.stationarity)
     best = Fraction(-1)
     for chosen in product(*(range(len(own)) for own in paths)):
@@ -341,16 +341,16 @@ def exact_price(problem: Problem, certificate: Multipliers) -> Fraction:
 
     Written from the formula in `formulations.certificate` alone, over the networkx graph.
     """
-    weights = [Fraction(w) for w in weights_of(problem).tolist()]
+    weights = [[Fraction(w) for w in row] for row in weights_of(problem).tolist()]
     alpha = [[Fraction(a) for a in row] for row in certificate.alpha]
     beta = [[Fraction(b) for b in row] for row in certificate.beta]
     model = Model(problem, use_cache=False)
     seen = {int(g) for group in model.classes for g in model.coverage(group).groups}
-    steps, faces = range(problem.horizon + 1), range(len(weights))
+    steps, faces = range(problem.horizon + 1), range(len(weights[0]))
     total = sum((Fraction(row.multiplier) for row in certificate.rows), Fraction(0))
     for t, f in product(steps, faces):
-        if t * len(weights) + f in seen and alpha[t][f] < 1:
-            total += weights[f] * (1 - alpha[t][f]) ** 2 / (4 * beta[t][f])
+        if t * len(faces) + f in seen and alpha[t][f] < 1:
+            total += weights[t][f] * (1 - alpha[t][f]) ** 2 / (4 * beta[t][f])
     for robot, spec in enumerate(problem.robots):
         graph = time_expanded_graph(problem, robot)
         group = model.class_of[robot]
@@ -360,9 +360,9 @@ def exact_price(problem: Problem, certificate: Multipliers) -> Fraction:
             groups, pixels = table.row(t * group.graph.n_states + group.graph.index(state))
             value = Fraction(0)
             for g, c in zip(groups.tolist(), pixels.tolist(), strict=True):
-                f = g % len(weights)
+                f = g % len(faces)
                 root = root_below(Fraction(c))
-                value += weights[f] * (alpha[t][f] * root + beta[t][f] * Fraction(c))
+                value += weights[t][f] * (alpha[t][f] * root + beta[t][f] * Fraction(c))
             return value
 
         worth: dict[tuple[State, int], Fraction] = {}

@@ -715,7 +715,8 @@ def test_limits_are_asked_for_often(actors: int, samples: int, most: int) -> Non
         return Limit.NONE
 
     reachable = model.reachable(model.classes[0])
-    table, _ = coverage_table(views, reachable, 1, stop)
+    graph = model.classes[0].graph
+    table, _ = coverage_table(views, graph.n_places, reachable, 1, stop)
     assert table is not None
     steps = np.diff([*asked, views.evaluated])
     assert steps.max() <= most

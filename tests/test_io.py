@@ -208,7 +208,7 @@ BAD_CONTENT: dict[str, tuple[str, Callable[[], dict[str, Any]]]] = {
     "focal huge": ("focal", lambda: changed(1e300, P, "robots", 0, "camera", "focal")),
     "weights huge": ("weights", lambda: changed([1e308] * 5, P, "actors", 0, "weights")),
     "stationarity huge": ("stationarity", lambda: scene(objective={"stationarity": 1e308})),
-    "wrong version": ("version", lambda: changed(2, "version")),
+    "wrong version": ("version", lambda: changed(9, "version")),
     "version as text": ("version", lambda: changed("1", "version")),
     "wrong format": ("format", lambda: changed("cocap-opt plan", "format")),
     "no problem": ("problem", lambda: without(scene(), "problem")),
