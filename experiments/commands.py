@@ -51,6 +51,7 @@ from formulations.certificate import CertificateFile
 from formulations.proof import ProofFile
 from formulations.result import OPTIMALITY, CertifiedResult
 from scenarios import FORMATS, SCENES, load_scene, scene_of_plan
+from scenarios.cameras import CAMERAS, with_camera, with_tilts
 
 DEFAULT_SECONDS = 60.0
 OWN_STARTS: Row = {"seed": None, "starts": "those in the scene's own file"}
@@ -77,17 +78,25 @@ class UsageError(ValueError):
 
 @app.command
 def scenes(*, json: Json = False) -> int:
-    """List the built-in scenes and the file formats that can be read.
+    """List the built-in scenes, the file formats that can be read, and cameras.
 
     Example: cocap-opt scenes
     """
     rows = [{"scene": name, "about": _first_line(build)} for name, build in SCENES.items()]
     formats = [{"format": name, "about": f.description} for name, f in FORMATS.items()]
+    cameras = [
+        {
+            "camera": name, "width": camera.width, "height": camera.height, "focal": camera.focal,
+            "angle of view (deg)": 2 * math.degrees(camera.half_angle),
+        }
+        for name, camera in CAMERAS.items()
+    ]  # fmt: skip
     if json:
-        print_json({"scenes": rows, "formats": formats})
+        print_json({"scenes": rows, "formats": formats, "cameras": cameras})
     else:
         print_table("built-in scenes", rows)
         print_table("files that can be read in place of a scene's name", formats)
+        print_table("cameras that `export` can put on a scene's robots (px)", cameras)
     return 0
 
 
@@ -101,6 +110,13 @@ def export(
     over_time: Annotated[
         bool, Parameter(negative="", help="pixels add up over time as well as over robots")
     ] = False,
+    camera: Annotated[
+        str | None, Parameter(help="another camera on all robots; `cocap-opt scenes` lists them")
+    ] = None,
+    tilts: Annotated[
+        str | None,
+        Parameter(help="degrees below the horizon, such as 10 or, for a gimbal, 10,30,60"),
+    ] = None,
     json: Json = False,
 ) -> int:
     """Write any scene as a cocap-opt scene file.
@@ -114,6 +130,10 @@ def export(
     if over_time:
         objective = problem.objective.replace(over_time=True)
         problem = problem.replace(name=f"{problem.name}-over-time", objective=objective)
+    if camera is not None:
+        problem = with_camera(problem, camera)
+    if tilts is not None:
+        problem = with_tilts(problem, _angles("--tilts", tilts))
     write(output, lambda: save_problem(output, problem))
     print_result({"scene": problem.name, "seed": seed, "file": path_text(output)}, json)
     return 0
@@ -492,6 +512,14 @@ def _choose(option: str, value: str, allowed: Any) -> None:
 def _positive(option: str, value: float) -> None:
     if not (value >= 0 and math.isfinite(value)):
         raise UsageError(f"{option}: must be a finite number of seconds >= 0, not {value}")
+
+
+def _angles(option: str, text: str) -> tuple[float, ...]:
+    """Numbers in a list."""
+    try:
+        return tuple(float(part) for part in text.split(","))
+    except ValueError:
+        raise UsageError(f"{option}: must be numbers such as 10,30,60, not {text!r}") from None
 
 
 def _first_line(build: Callable[..., Problem]) -> str:

@@ -1,0 +1,70 @@
+"""Real cameras by name, as pinholes: what their makers or others who calibrated them say.
+
+Lens distortion is left out, and the principal point is put in the middle of the image.
+"""
+
+import math
+
+from cocap_opt.problem import Camera, Problem, ProblemError
+
+CAMERAS: dict[str, Camera] = {
+    # PX4-gazebo-models, mono_cam/model.sdf (BSD-3): horizontal angle of view 1.74 rad
+    "px4-mono": Camera(width=1280, height=960, focal=539.9),
+    # PX4-gazebo-models, gimbal/model.sdf (BSD-3): 2.0 rad; pitch joint -2.356..0.785 rad
+    "px4-gimbal": Camera(width=1280, height=720, focal=410.9),
+    # PX4-gazebo-models, OakD-Lite/model.sdf (BSD-3): 1.204 rad, and 1.274 rad of the depth camera
+    "oak-d-lite-rgb": Camera(width=1920, height=1080, focal=1397.2),
+    "oak-d-lite-depth": Camera(width=640, height=480, focal=432.5),
+    # microsoft/AirSim, docs/settings.md, CaptureSettings: 90 degrees
+    "airsim": Camera(width=256, height=144, focal=128.0),
+    # Theta DroneModels (Apache-2.0): pixel pitch, with f = 8.8 mm and f = 4.7 mm
+    "dji-phantom-4-pro": Camera(width=5472, height=3648, focal=3752.2),
+    "dji-mavic-pro": Camera(width=4000, height=3000, focal=2971.4),
+    # YooJuno/ORB-SLAM3_Drone, README: calibrated; distortion k1 = .092, k2 = -.296 left out
+    "dji-spark-1080p": Camera(width=1920, height=1080, focal=1850.1),
+    # OpenSfM, camera_calibration.yaml: focal length over the width; sizes assumed
+    "dji-fc300s": Camera(width=4000, height=3000, focal=2372.3),
+    "skydio-2": Camera(width=4056, height=3040, focal=2389.2),
+    # Suresh et al., "Greedy Perspectives", 2024: what the papers' scenes and ours have
+    "greedy-perspectives": Camera(width=4000, height=3000, focal=2500.0),
+}
+
+
+def with_camera(problem: Problem, name: str) -> Problem:
+    """The problem with this camera on all robots; each keeps its tilts.
+
+    Raises
+    ------
+    ProblemError
+        If there is no camera of that name, or a robot has none that makes pictures.
+    """
+    if name not in CAMERAS:
+        raise ProblemError(f"camera: must be one of {', '.join(CAMERAS)}, not {name!r}")
+    robots = []
+    for i, robot in enumerate(problem.robots):
+        if not isinstance(robot.camera, Camera):
+            raise ProblemError(f"robots[{i}].camera: must be a pinhole camera to be exchanged")
+        robots.append(robot.replace(camera=CAMERAS[name].replace(tilts=robot.camera.tilts)))
+    return problem.replace(robots=tuple(robots))
+
+
+def with_tilts(problem: Problem, degrees: tuple[float, ...]) -> Problem:
+    """The problem with these tilts, in degrees below the horizon, on all robots' cameras.
+
+    More than one make a gimbal, which begins at the one nearest to the robot's old tilt.
+
+    Raises
+    ------
+    ProblemError
+        If a tilt is out of range, or a robot has no camera that makes pictures.
+    """
+    tilts = tuple(math.radians(angle) for angle in degrees)
+    robots = []
+    for i, robot in enumerate(problem.robots):
+        if not isinstance(robot.camera, Camera):
+            raise ProblemError(f"robots[{i}].camera: must be a pinhole camera to be tilted")
+        old = robot.camera.tilts[robot.start.pitch]
+        first = min(range(len(tilts)), key=lambda k: abs(tilts[k] - old), default=0)
+        start = robot.start._replace(pitch=first)
+        robots.append(robot.replace(start=start, camera=robot.camera.replace(tilts=tilts)))
+    return problem.replace(robots=tuple(robots))
