@@ -119,22 +119,27 @@ Certificate = Multipliers | ReferencePixels
 Classes = Literal["alike", "single"]
 
 
-class CertificateFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A certificate with the bound it claims and the digest of its scene."""
+class Claim(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """What files that prove a bound say of it, and of the scene that it belongs to."""
 
-    format: Literal["cocap-opt certificate"] = "cocap-opt certificate"
-    version: Literal[3] = 3
     scene: str
     digest: str  # of the problem
     method: str
     classes: Classes = "alike"
     bound: float | None  # None: -infinity, there is no plan
-    certificate: Certificate
 
     @property
     def proved(self) -> float:
         """The claimed bound as a number."""
         return -math.inf if self.bound is None else self.bound
+
+
+class CertificateFile(Claim, frozen=True, kw_only=True):
+    """A certificate with the bound it claims and the digest of its scene."""
+
+    format: Literal["cocap-opt certificate"] = "cocap-opt certificate"
+    version: Literal[3] = 3
+    certificate: Certificate
 
 
 class CertificateError(ValueError):

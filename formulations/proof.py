@@ -17,7 +17,7 @@ from cocap_opt.model import Model
 from cocap_opt.problem import Problem
 from formulations.certificate import (
     CertificateError,
-    Classes,
+    Claim,
     Decision,
     Multipliers,
     Pricing,
@@ -44,22 +44,12 @@ class Leaf(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="leaf"):
     certificate: Multipliers
 
 
-class ProofFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class ProofFile(Claim, frozen=True, kw_only=True):
     """A proof with the bound it claims and the digest of its scene."""
 
     format: Literal["cocap-opt proof"] = "cocap-opt proof"
     version: Literal[2] = 2
-    scene: str
-    digest: str  # of the problem
-    method: str
-    classes: Classes = "alike"
-    bound: float | None  # None: -infinity, there is no plan
     nodes: tuple[Branch | Leaf, ...]  # the first is the root; children come after their parent
-
-    @property
-    def proved(self) -> float:
-        """The claimed bound as a number."""
-        return -math.inf if self.bound is None else self.bound
 
 
 def leaves(proof: ProofFile) -> Iterator[tuple[int, tuple[Decision, ...]]]:
