@@ -13,7 +13,7 @@ from formulations.search import Search, column_in, cutoff_of, incumbent_in
 MOST_APART = 20_000_000  # robots x steps x states up to which robots may be apart
 APART_GAIN = 0.12  # of what is open, that the first cuts of robots apart must close, times by
 # how much they make the master larger
-FAR = 0.005  # gap that no tree closes soon: any gain is welcome, if it is more than
+FAR = 0.003  # gap that no tree closes soon: any gain is welcome, if it is more than
 APART_GAIN_FAR = 0.02  # of what is open
 
 
