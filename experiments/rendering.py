@@ -121,10 +121,11 @@ def write_views(
     pixel_step : of the renderer that counts pixels
     """
     verdict = check(problem, plan)
+    steps = [max(round(pinhole(robot).width / width), 1) for robot in problem.robots]
+    painters = {step: Renderer(problem, step) for step in set(steps)}
     for pose in poses_of(plan):
-        robot = problem.robots[pose.robot]
-        step = max(round(pinhole(robot).width / width), 1)
-        picture = Renderer(problem, step).picture(robot, pose.t, pose.state)
+        painter = painters[steps[pose.robot]]
+        picture = painter.picture(problem.robots[pose.robot], pose.t, pose.state)
         name = folder / f"drone{pose.robot:02d}-step{pose.t:03d}.png"
         content = png(problem, picture)
         write(name, partial(write_atomically, name, content))

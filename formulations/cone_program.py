@@ -18,16 +18,16 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from scipy import sparse
 
-from cocap_opt.model import Model, compiled, compiled_apart
+from cocap_opt.model import compiled, compiled_apart
 from cocap_opt.plan import Plan
 from cocap_opt.problem import FloatArray, IntArray, Problem
 from cocap_opt.reward import group_weights, most_views
-from cocap_opt.stop import Limit, Stop, never, seconds_left
+from cocap_opt.stop import Limit, Stop, never
 from formulations import envelope as envelopes
 from formulations.certificate import CertificateFile, certify
-from formulations.duals import Duals, repaired
+from formulations.cone_solver import solve_cones
+from formulations.duals import Duals, alone_duals, repaired
 from formulations.flow import (
     Compile,
     ConflictRows,
@@ -46,7 +46,6 @@ MOST_ROUNDS = 30  # of separation
 VIOLATION = 1e-5  # relative, of an envelope cut
 PROGRESS = 1e-6  # relative; rounds that bring less are the last
 LEAST_MULTIPLIER = 1e-8  # of the largest weight; smaller ones are left out of certificates
-NO_TIME_LIMIT = 1e9  # s, Clarabel takes no infinity
 
 
 def concave(
@@ -159,7 +158,7 @@ def relax(
     if limit is not Limit.NONE:
         return no_bound(limit, time.perf_counter() - begin)
     # The bound of robots alone, for where a robot has no path or the solver gives up.
-    best = alone = certify(problem, model, name, _alone(model).certificate(model))
+    best = alone = certify(problem, model, name, alone_duals(problem).certificate(model))
     report(Snapshot(-np.inf, best.proved, time.perf_counter() - begin))
     flow, limit = make_flow(model, stop)
     statistics: dict[str, float] = {}
@@ -209,12 +208,6 @@ def _rounds(
             break
         cuts += found
     return best, Limit.NONE, statistics
-
-
-def _alone(model: Model) -> Duals:
-    """Multipliers that count every view as if nobody else saw the face."""
-    n_groups = len(group_weights(model.problem))
-    return Duals(np.ones(n_groups), np.zeros(n_groups))
 
 
 class _ConeProgram:
@@ -348,21 +341,13 @@ def _clarabel(program: "cp.Problem", stop: Stop) -> _Answer | None:
         return None
     if stop() is not Limit.NONE:
         return None
-    dims, size = data["dims"], len(data["c"])
+    dims = data["dims"]
     cones = [
         *([clarabel.ZeroConeT(dims.zero)] if dims.zero else []),
         *([clarabel.NonnegativeConeT(dims.nonneg)] if dims.nonneg else []),
         *(clarabel.SecondOrderConeT(n) for n in dims.soc),
     ]
-    settings = clarabel.DefaultSettings()
-    settings.verbose = False
-    settings.max_threads = 1
-    settings.time_limit = min(seconds_left(stop), NO_TIME_LIMIT)
-    solver = clarabel.DefaultSolver(
-        sparse.csc_matrix((size, size)), data["c"], data["A"], data["b"], cones, settings
-    )
-    solver.set_termination_callback(lambda info: stop() is not Limit.NONE)
-    solution = solver.solve()
+    solution = solve_cones(data["c"], data["A"], data["b"], cones, stop)
     solved = str(solution.status) in ("Solved", "AlmostSolved")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # that it may be inaccurate

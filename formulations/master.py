@@ -25,13 +25,13 @@ from scipy import sparse
 from cocap_opt.model import Model, Path
 from cocap_opt.problem import BoolArray, FloatArray, IntArray
 from cocap_opt.reward import group_weights, most_views, robot_pixels, unchanged
-from cocap_opt.stop import Limit, Stop, never, seconds_left
+from cocap_opt.stop import Stop, never
 from formulations.certificate import Decision
+from formulations.cone_solver import solve_cones
 from formulations.duals import Duals, repaired
 from formulations.envelope import Cut
 from formulations.resources import Flight, Resource, flight_of, footprint, uses
 
-NO_TIME_LIMIT = 1e9  # s, Clarabel takes no infinity
 BEST_ACCURACY = 1e-8
 USED = 1e-7  # flow on an arc that counts as use
 
@@ -219,19 +219,13 @@ class Master:
         cost = np.concatenate([-bonus, np.full(n_rows, self.penalty), -weights]) / unit
         cost = np.append(cost, np.zeros(len(weights)))
         blocks, rhs, cones, sizes = self._constraints(arcs, seen)
-        settings = clarabel.DefaultSettings()
-        settings.verbose = False
-        settings.max_threads = 1
         # Multipliers are certified whatever they are: digits cost time, no more.
-        settings.tol_gap_rel = settings.tol_gap_abs = settings.tol_feas = accuracy
-        settings.direct_solve_method = "faer"
-        settings.iterative_refinement_reltol = settings.iterative_refinement_abstol = 1e-8
-        settings.time_limit = min(seconds_left(stop), NO_TIME_LIMIT)
-        solver = clarabel.DefaultSolver(
-            sparse.csc_matrix((len(cost), len(cost))), cost, blocks, rhs, cones, settings
-        )
-        solver.set_termination_callback(lambda info: stop() is not Limit.NONE)
-        solution = solver.solve()
+        solution = solve_cones(
+            cost, blocks, rhs, cones, stop,
+            tol_gap_rel=accuracy, tol_gap_abs=accuracy, tol_feas=accuracy,
+            direct_solve_method="faer",
+            iterative_refinement_reltol=1e-8, iterative_refinement_abstol=1e-8,
+        )  # fmt: skip
         result = self._solution(solution, arcs, seen, sizes, unit)
         used = np.nan_to_num(np.array(solution.x)[: len(arcs)]) > USED
         self._idle = np.where(used, 0, self._idle + 1)

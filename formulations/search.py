@@ -9,10 +9,10 @@ import numpy as np
 from cocap_opt.model import Model
 from cocap_opt.plan import Plan
 from cocap_opt.result import Reason, relative_gap
-from cocap_opt.reward import group_weights, largest_roots, no_pixels
+from cocap_opt.reward import group_weights, largest_roots
 from cocap_opt.stop import Limit, Stop, never
 from formulations.certificate import CertificateFile
-from formulations.duals import Duals
+from formulations.duals import alone_duals
 from formulations.master import Arc, Column
 from formulations.pricing import Priced, Pricer
 from formulations.primal import (
@@ -81,11 +81,13 @@ class Search:
 
     def alone(self) -> Priced:
         """The multipliers, and their worth, of the bound in which every robot is alone."""
-        zeros = no_pixels(self.model.problem)
-        return self.pricer(Duals(zeros + 1.0, zeros))
+        return self.pricer(alone_duals(self.model.problem))
 
     def first_columns(self) -> list[Column]:
-        """Each robot's best path given the earlier ones: with the rules, and ignoring them."""
+        """Each robot's best path that obeys the rules given the earlier ones, and the incumbent's.
+
+        What they make together is offered, and so is that nobody moves.
+        """
         robots = range(len(self.model.problem.robots))
         self.offer(_incumbent_of_plan(self.model, hovering(self.model.problem)))
         obeying: list[Column] = []

@@ -1,0 +1,39 @@
+"""Clarabel, called directly: on one thread, and asking for limits at each iteration."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import clarabel
+from scipy import sparse
+
+from cocap_opt.problem import FloatArray
+from cocap_opt.stop import Limit, Stop, seconds_left
+
+NO_TIME_LIMIT = 1e9  # s, Clarabel takes no infinity
+
+
+def solve_cones(
+    cost: FloatArray,
+    rows: sparse.csc_matrix,
+    rhs: FloatArray,
+    cones: Sequence[object],
+    stop: Stop,
+    **settings: Any,
+) -> Any:
+    """min cost x subject to rows x + s = rhs, s in the cones: Clarabel's solution.
+
+    Parameters
+    ----------
+    cost, rows, rhs : [n], [m, n] and [m]
+    settings : of Clarabel, besides its threads and limits
+    """
+    chosen = clarabel.DefaultSettings()
+    chosen.verbose = False
+    chosen.max_threads = 1
+    chosen.time_limit = min(seconds_left(stop), NO_TIME_LIMIT)
+    for name, value in settings.items():
+        setattr(chosen, name, value)
+    none = sparse.csc_matrix((len(cost), len(cost)))
+    solver = clarabel.DefaultSolver(none, cost, rows, rhs, cones, chosen)
+    solver.set_termination_callback(lambda info: stop() is not Limit.NONE)
+    return solver.solve()
