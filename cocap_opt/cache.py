@@ -17,20 +17,29 @@ import msgspec
 import numpy as np
 
 from cocap_opt import (
+    columns,
     coverage,
+    data,
     faces,
     motion,
+    polygons,
     problem,
     projection,
     timegraph,
     views,
     visibility,
+    workspace,
 )
 from cocap_opt.atomic_write import write_atomically
 from cocap_opt.coverage import CoverageTable
 
 log = logging.getLogger(__name__)
 
+# All code that a coverage table depends on.
+_CODE = (
+    data, polygons, columns, workspace, problem, motion, timegraph, coverage, faces, projection,
+    views, visibility,
+)  # fmt: skip
 _DIGEST_BYTES = hashlib.sha256().digest_size
 
 
@@ -52,7 +61,7 @@ def cache_folder() -> Path | None:
 def code_digest() -> bytes:
     """Digest of the code that computes coverage."""
     digest = hashlib.sha256(version("embreex").encode())
-    for module in (problem, motion, timegraph, coverage, faces, projection, views, visibility):
+    for module in _CODE:
         digest.update(Path(str(module.__file__)).read_bytes())
     return digest.digest()
 

@@ -91,7 +91,7 @@ def view_rewards(problem: Problem, plan: Plan) -> list[list[float]]:
 def _coverage(
     problem: Problem, geometry: FaceGeometry, robot: Robot, t: int, state: State
 ) -> list[float]:
-    graph = time_graph(problem.height_map, robot.motion, len(robot.camera.tilts))
+    graph = time_graph(problem.workspace, robot.motion, len(robot.camera.tilts))
     views = make_views(geometry, problem, graph, robot.camera)
     coverage: list[float] = views.coverage(t, np.array([graph.index(state)]))[0].tolist()
     return coverage
@@ -131,12 +131,24 @@ def _stands_free(problem: Problem, robot: Robot, state: State) -> bool:
         return False
     if not 0 <= state.pitch < len(robot.camera.tilts):
         return False
-    return _cell_free(problem, robot, state.x, state.y, state.layer)
+    altitude = _altitude(problem, robot, state)
+    return _is_free(problem, robot, state.x, state.y, (altitude, altitude))
 
 
-def _cell_free(problem: Problem, robot: Robot, x: int, y: int, layer: int) -> bool:
-    height = float(problem.height_map.heights[x, y])
-    return height < robot.motion.layers[layer] - robot.motion.clearance
+def _altitude(problem: Problem, robot: Robot, state: State) -> float:
+    return problem.height_map.altitude(state.x, state.y, robot.motion.layers[state.layer])
+
+
+def _is_free(
+    problem: Problem, robot: Robot, x: int, y: int, altitudes: tuple[float, float]
+) -> bool:
+    """True where nothing solid of a cell is between two altitudes or within the clearance."""
+    for bottom, top in problem.workspace.columns.at(x, y):
+        above = bottom > max(altitudes) + robot.motion.clearance
+        below = top < min(altitudes) - robot.motion.clearance
+        if not above and not below:
+            return False
+    return True
 
 
 def _broken_move(problem: Problem, robot: Robot, a: State, b: State) -> str:
@@ -151,12 +163,12 @@ def _broken_move(problem: Problem, robot: Robot, a: State, b: State) -> str:
     if abs(b.pitch - a.pitch) > motion.pitch_turn:
         return f"pitches more than {motion.pitch_turn} steps"
     if not motion.corner_cutting:
+        altitudes = _altitude(problem, robot, a), _altitude(problem, robot, b)
         for x in range(min(a.x, b.x), max(a.x, b.x) + 1):
             for y in range(min(a.y, b.y), max(a.y, b.y) + 1):
-                for layer in (a.layer, b.layer):
-                    blocked = not _cell_free(problem, robot, x, y, layer)
-                    if blocked and _line_touches(a, b, x, y):
-                        return f"passes the blocked cell ({x}, {y})"
+                blocked = not _is_free(problem, robot, x, y, altitudes)
+                if blocked and _line_touches(a, b, x, y):
+                    return f"passes the blocked cell ({x}, {y})"
     return ""
 
 
@@ -180,7 +192,7 @@ def broken_rules(problem: Problem, plan: Plan) -> list[str]:
 
     def position(robot: int, t: int) -> tuple[int, int, float]:
         state = plan.paths[robot][t]
-        return state.x, state.y, problem.robots[robot].motion.layers[state.layer]
+        return state.x, state.y, _altitude(problem, problem.robots[robot], state)
 
     def distance(a: tuple[int, int, float], b: tuple[int, int, float]) -> float:
         size = problem.height_map.resolution

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cocap_opt.problem import BoolArray, FloatArray, IntArray
+from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.stop import Limit, Stop, never
 from cocap_opt.views import Views
 from cocap_opt.visibility import spans

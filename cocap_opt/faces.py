@@ -5,7 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cocap_opt.problem import FloatArray, IntArray, Problem
+from cocap_opt.data import FloatArray, IntArray
+from cocap_opt.problem import Problem
 from cocap_opt.projection import dot
 from cocap_opt.visibility import (
     Occluders,
@@ -48,7 +49,8 @@ class FaceGeometry:
         # The local origin for the float32 rays: the middle of the map.
         x, y = problem.height_map.centre(width // 2, depth // 2)
         self.origin = np.array([x, y, float(np.median(problem.height_map.heights))])
-        self._terrain = Occluders(terrain_triangles(problem.height_map), self.origin)
+        solid = [terrain_triangles(problem.height_map), *(mesh.corners for mesh in problem.meshes)]
+        self._terrain = Occluders(np.concatenate(solid), self.origin)
         self.at = lru_cache(maxsize=None)(self._at)
 
     def _at(self, t: int) -> Faces:

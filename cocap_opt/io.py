@@ -8,8 +8,9 @@ import msgspec
 import numpy as np
 
 from cocap_opt.atomic_write import write_atomically
+from cocap_opt.data import ProblemError
 from cocap_opt.plan import Plan
-from cocap_opt.problem import Problem, ProblemError
+from cocap_opt.problem import Problem
 
 
 class FileError(ValueError):

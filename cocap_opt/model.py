@@ -13,9 +13,10 @@ import numpy as np
 
 from cocap_opt.cache import cached_table, content_key
 from cocap_opt.coverage import CoverageTable, coverage_table
+from cocap_opt.data import BoolArray
 from cocap_opt.faces import FaceGeometry
 from cocap_opt.plan import Plan
-from cocap_opt.problem import AnyCamera, BoolArray, Cell, Motion, Problem, Robot
+from cocap_opt.problem import AnyCamera, Cell, Motion, Problem, Robot
 from cocap_opt.stop import Limit, Stop, never
 from cocap_opt.timegraph import TimeGraph, time_graph
 from cocap_opt.views import Views, make_views
@@ -81,7 +82,7 @@ class Model:
 
     def _make_class(self, robots: list[int]) -> RobotClass:
         spec = self.problem.robots[robots[0]]
-        graph = time_graph(self.problem.height_map, spec.motion, len(spec.camera.tilts))
+        graph = time_graph(self.problem.workspace, spec.motion, len(spec.camera.tilts))
         starts = tuple(graph.index(self.problem.robots[i].start) for i in robots)
         return RobotClass(spec, tuple(robots), starts, graph)
 
@@ -148,7 +149,7 @@ class Model:
             poses = [actor.poses[: problem.horizon + 1] for actor in problem.actors]
             shapes = [actor.shape for actor in problem.actors]
             key = content_key(
-                problem.height_map, *sight, starts, problem.horizon, problem.face_samples,
+                problem.workspace, *sight, starts, problem.horizon, problem.face_samples,
                 problem.first_step, poses, shapes,
             )  # fmt: skip
             table = cached_table(key, make)

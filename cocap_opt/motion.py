@@ -14,7 +14,10 @@ from typing import TYPE_CHECKING, Any, cast
 import networkx as nx
 import numpy as np
 
-from cocap_opt.problem import AnyCamera, BoolArray, HeightMap, Motion, Problem, State
+from cocap_opt.columns import Columns
+from cocap_opt.data import BoolArray, FloatArray
+from cocap_opt.problem import AnyCamera, Motion, Problem, State
+from cocap_opt.workspace import Workspace
 
 Move = tuple[int, int, int]  # (layers, cells along x, cells along y)
 Place = tuple[int, int, int]  # (layer, x, y)
@@ -23,10 +26,10 @@ if TYPE_CHECKING:
     Graph = nx.DiGraph[Any]
 
 
-def free_places(height_map: HeightMap, motion: Motion) -> BoolArray:
-    """Places where a robot may be, [layer, X, Y]: H < flight height - clearance."""
-    floors = np.array(motion.layers) - motion.clearance
-    return height_map.heights[None, :, :] < floors[:, None, None]
+def free_places(workspace: Workspace, motion: Motion) -> BoolArray:
+    """Places where a robot may be, [layer, X, Y]: nothing solid within its clearance."""
+    altitudes = workspace.height_map.altitudes(motion.layers)
+    return ~workspace.columns.solid(altitudes - motion.clearance, altitudes + motion.clearance)
 
 
 def moves(motion: Motion) -> list[Move]:
@@ -51,36 +54,45 @@ def swept_cells(dx: int, dy: int) -> list[tuple[int, int]]:
     ]
 
 
-def allowed_starts(free: BoolArray, motion: Motion, move: Move) -> BoolArray:
-    """Places [layer, X, Y] from which `move` is allowed."""
-    allowed = free & shifted(free, move)
+def allowed_starts(workspace: Workspace, motion: Motion, move: Move) -> BoolArray:
+    """Places [layer, X, Y] from which `move` is allowed.
+
+    The cells that it passes must have nothing solid from the lower of its two altitudes to
+    the higher, nor within the clearance of these. With corner cutting only the two ends count.
+    """
     if motion.corner_cutting:
-        return allowed
-    climb, dx, dy = move
-    for layer in {0, climb}:
-        for i, j in swept_cells(dx, dy):
-            allowed &= shifted(free, (layer, i, j))
+        free = free_places(workspace, motion)
+        return free & (shifted(free.astype(float), move, 0.0) > 0)
+    _, dx, dy = move
+    columns, here = workspace.columns, workspace.height_map.altitudes(motion.layers)
+    there = shifted(here, move, np.nan)
+    low, high = np.minimum(here, there) - motion.clearance, np.maximum(here, there)
+    high += motion.clearance
+    allowed: BoolArray = ~np.isnan(there)  # it does not lead out of the map
+    for i, j in swept_cells(dx, dy):
+        below, above = (shifted(part, (0, i, j), np.nan) for part in columns)
+        allowed &= ~Columns(below, above).solid(low, high)
     return allowed
 
 
-def shifted(free: BoolArray, move: Move) -> BoolArray:
-    """`free` looked up at every place + `move`; False outside the map."""
-    result = np.zeros_like(free)
+def shifted(values: FloatArray, move: Move, outside: float) -> FloatArray:
+    """`values` [layer, X, Y] looked up at every place + `move`."""
+    result = np.full_like(values, outside)
     source, target = [], []
-    for step, size in zip(move, free.shape, strict=True):
+    for step, size in zip(move, values.shape, strict=True):
         source.append(slice(max(0, step), max(0, size + min(0, step))))
         target.append(slice(max(0, -step), max(0, size - max(0, step))))
-    result[tuple(target)] = free[tuple(source)]
+    result[tuple(target)] = values[tuple(source)]
     return result
 
 
-def place_graph(height_map: HeightMap, motion: Motion) -> Graph:
+def place_graph(workspace: Workspace, motion: Motion) -> Graph:
     """Directed graph of the cells a robot can fly in: nodes (layer, x, y), self-loops included."""
-    free = free_places(height_map, motion)
+    free = free_places(workspace, motion)
     _, width, depth = free.shape
     tails, heads = [], []
     for climb, dx, dy in moves(motion):
-        tails.append(np.flatnonzero(allowed_starts(free, motion, (climb, dx, dy))))
+        tails.append(np.flatnonzero(allowed_starts(workspace, motion, (climb, dx, dy))))
         heads.append(tails[-1] + (climb * width + dx) * depth + dy)
     tail, head = np.concatenate(tails), np.concatenate(heads)
     # There may be millions of edges: networkx takes them in half the time tail by tail, and in
@@ -123,7 +135,7 @@ def motion_graph(problem: Problem, robot: int) -> Graph:
     """Motion graph of one robot; nodes are `State`, an edge is one step of motion."""
     motion, camera = problem.robots[robot].motion, problem.robots[robot].camera
     graph = nx.tensor_product(
-        place_graph(problem.height_map, motion), orientation_graph(motion, camera)
+        place_graph(problem.workspace, motion), orientation_graph(motion, camera)
     )
     # The stubs of both functions say Graph where they return the type they are given.
     return cast("Graph", nx.relabel_nodes(graph, {node: _state(*node) for node in graph}))

@@ -13,30 +13,29 @@ multi-actor scenes in outdoor environments", 2024 (arXiv 2412.20695), and Suresh
 
 import math
 from functools import cached_property
-from typing import Any, NamedTuple, Self
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
-
-
-# Far beyond what any scene needs: a number outside is a mistake. Within them every coverage
-# and every J is a finite number, and a face at any place keeps some digits of its size.
-MOST_STEPS = 10_000
-MOST_TURN = 10_000  # indices per step
-MOST_PIXELS = 100_000  # along an edge of the image
-FOCAL = 1e-3, 1e9  # px
-SMALLEST = 1e-4  # m, edge of a cell or an actor
-LARGEST = 1e9  # m, coordinates and lengths; rad, yaw
-MOST_WEIGHT = 1e12
-
-
-class ProblemError(ValueError):
-    """A field of a problem has a value that is not allowed; the message names the field."""
+from cocap_opt.data import (
+    FOCAL,
+    LARGEST,
+    MOST_PIXELS,
+    MOST_STEPS,
+    MOST_TURN,
+    MOST_WEIGHT,
+    SMALLEST,
+    Data,
+    FloatArray,
+    IntArray,
+    frozen,
+    read_only,
+    require,
+    whole,
+    within,
+)
+from cocap_opt.workspace import HeightMap, Mesh, Workspace
 
 
 class State(NamedTuple):
@@ -61,110 +60,7 @@ class Cell(NamedTuple):
     layer: int = 0
 
 
-def _require(condition: bool, field: str, allowed: str) -> None:
-    if not condition:
-        raise ProblemError(f"{field}: {allowed}")
-
-
-def _within(value: float, low: float, high: float, field: str, unit: str = "") -> None:
-    # False for nan, too.
-    allowed = f"must be {low:g}..{high:g} {unit}".rstrip()
-    _require(low <= value <= high, field, f"{allowed}, not {value}")
-
-
-def _whole(value: object, field: str) -> None:
-    whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
-    _require(whole, field, f"must be a whole number, not {value!r}")
-
-
-def _plain(value: Any) -> Any:
-    """The same value with Python's own numbers and tuples; other objects as they are."""
-    if isinstance(value, np.generic):
-        return value.item()
-    if isinstance(value, (list, tuple)):
-        parts = [_plain(part) for part in value]
-        same = isinstance(value, tuple) and all(a is b for a, b in zip(parts, value, strict=True))
-        named = hasattr(value, "_fields")
-        return value if same else type(value)(*parts) if named else tuple(parts)
-    return value
-
-
-def _read_only(array: FloatArray) -> FloatArray:
-    array.setflags(write=False)
-    return array
-
-
-def _frozen(array: Any, field: str, ndim: int) -> FloatArray:
-    """Return a read-only float64 copy of `array` of `ndim` axes and numbers within +-LARGEST."""
-    try:
-        given = np.asarray(array)
-    except ValueError:  # rows of different length
-        given = np.asarray(None)
-    _require(given.dtype.kind in "iuf", field, f"must be a {ndim}-D array of numbers")
-    result = np.array(given, dtype=np.float64)
-    _require(result.ndim == ndim, field, f"must have {ndim} axes, not {result.ndim}")
-    _require(result.size > 0, field, "must not be empty")
-    inside = bool((np.abs(result) <= LARGEST).all())  # false for nan, too
-    _require(inside, field, f"must hold finite numbers within +-{LARGEST:g} only")
-    return _read_only(result)
-
-
-class _Data(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Base of all problem data: immutable, and a misspelt field in a file is an error."""
-
-    def __post_init__(self) -> None:
-        """Make NumPy's numbers plain and lists tuples, as reading them from a file would."""
-        for field in self.__struct_fields__:
-            value = getattr(self, field)
-            plain = _plain(value)
-            if plain is not value:
-                msgspec.structs.force_setattr(self, field, plain)
-
-    def replace(self, **changes: Any) -> Self:
-        """Return a checked copy with some fields changed."""
-        return msgspec.structs.replace(self, **changes)
-
-
-class HeightMap(_Data, frozen=True, eq=False, dict=True):
-    """A 2.5D map: `heights[x, y]` [X, Y] is the top of the solid column in a cell, in metres.
-
-    Cell (i, j) covers `origin + resolution * ([i, i+1) x [j, j+1))`.
-
-    Raises
-    ------
-    ProblemError
-        If the array is not 2-D, empty or not finite, or a number is out of range.
-    """
-
-    heights: FloatArray  # [X, Y] m
-    resolution: float = 1.0  # m, edge of a cell
-    origin: tuple[float, float] = (0.0, 0.0)  # m, corner of cell (0, 0)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        msgspec.structs.force_setattr(self, "heights", _frozen(self.heights, "heights", 2))
-        _within(self.resolution, SMALLEST, LARGEST, "resolution", "m")
-        for value in self.origin:
-            _within(value, -LARGEST, LARGEST, "origin", "m")
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """Number of cells along x and y."""
-        x, y = self.heights.shape
-        return x, y
-
-    def centre(self, x: int, y: int) -> tuple[float, float]:
-        """World coordinates (m) of the middle of cell (x, y)."""
-        ox, oy = self.origin
-        return ox + (x + 0.5) * self.resolution, oy + (y + 0.5) * self.resolution
-
-    def cell_of(self, x: float, y: float) -> tuple[int, int]:
-        """Cell that holds the world point (x, y) in metres; it may lie outside the map."""
-        ox, oy = self.origin
-        return math.floor((x - ox) / self.resolution), math.floor((y - oy) / self.resolution)
-
-
-class Motion(_Data, frozen=True):
+class Motion(Data, frozen=True):
     """What a robot can do in one step: move up to `radius` cells and turn.
 
     The default is Greedy Perspectives' action set: 3x3 cells times yaw -45, 0, +45 degrees.
@@ -173,29 +69,29 @@ class Motion(_Data, frozen=True):
     radius: int = 1  # cells along each axis per step
     headings: int = 8  # number of headings in a full turn
     turn: int = 1  # heading indices per step, either way
-    layers: tuple[float, ...] = (5.0,)  # m, flight heights, increasing
+    layers: tuple[float, ...] = (5.0,)  # m above the map's datum, flight heights, increasing
     climb: int = 1  # layers per step, either way
     pitch_turn: int = 1  # gimbal pitch indices per step, either way
-    clearance: float = 0.0  # m, a cell is blocked where its height >= flight height - clearance
+    clearance: float = 0.0  # m, to solid matter above and below; touching it is too near
     corner_cutting: bool = False  # True: only the target cell of a move must be free (papers)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         for field in ("radius", "headings", "turn", "climb", "pitch_turn"):
-            _whole(getattr(self, field), field)
-        _within(self.radius, 0, 16, "radius", "cells")
-        _within(self.headings, 1, 360, "headings", "directions")
+            whole(getattr(self, field), field)
+        within(self.radius, 0, 16, "radius", "cells")
+        within(self.headings, 1, 360, "headings", "directions")
         for field in ("turn", "climb", "pitch_turn"):
-            _within(getattr(self, field), 0, MOST_TURN, field, "indices per step")
-        _within(self.clearance, 0, LARGEST, "clearance", "m")
-        _require(len(self.layers) > 0, "layers", "must name at least one flight height")
+            within(getattr(self, field), 0, MOST_TURN, field, "indices per step")
+        within(self.clearance, 0, LARGEST, "clearance", "m")
+        require(len(self.layers) > 0, "layers", "must name at least one flight height")
         for height in self.layers:
-            _within(height, -LARGEST, LARGEST, "layers", "m")
+            within(height, -LARGEST, LARGEST, "layers", "m")
         increasing = all(a < b for a, b in zip(self.layers, self.layers[1:], strict=False))
-        _require(increasing, "layers", "flight heights must increase")
+        require(increasing, "layers", "flight heights must increase")
 
 
-class Camera(_Data, frozen=True, tag="pinhole"):
+class Camera(Data, frozen=True, tag="pinhole"):
     """A pinhole camera with square pixels and its principal point in the middle.
 
     More than one tilt makes a gimbal: the pitch index is then part of the motion state.
@@ -208,15 +104,15 @@ class Camera(_Data, frozen=True, tag="pinhole"):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _whole(self.width, "width")
-        _whole(self.height, "height")
-        _within(self.width, 1, MOST_PIXELS, "width", "px")
-        _within(self.height, 1, MOST_PIXELS, "height", "px")
-        _within(self.focal, *FOCAL, "focal", "px")
-        _require(len(self.tilts) > 0, "tilts", "must hold at least one tilt")
+        whole(self.width, "width")
+        whole(self.height, "height")
+        within(self.width, 1, MOST_PIXELS, "width", "px")
+        within(self.height, 1, MOST_PIXELS, "height", "px")
+        within(self.focal, *FOCAL, "focal", "px")
+        require(len(self.tilts) > 0, "tilts", "must hold at least one tilt")
         for tilt in self.tilts:
             # False for nan, too.
-            _require(abs(tilt) <= math.pi / 2, "tilts", f"must be within +-pi/2 rad, not {tilt}")
+            require(abs(tilt) <= math.pi / 2, "tilts", f"must be within +-pi/2 rad, not {tilt}")
 
     @property
     def half_angle(self) -> float:
@@ -224,7 +120,7 @@ class Camera(_Data, frozen=True, tag="pinhole"):
         return math.atan(self.width / 2 / self.focal)
 
 
-class Cone(_Data, frozen=True, tag="cone"):
+class Cone(Data, frozen=True, tag="cone"):
     """Sensor of Hughes et al. 2024: neither image nor obstacles nor range.
 
     It detects the actors whose foot point is ahead, within half of the opening to either side.
@@ -237,7 +133,7 @@ class Cone(_Data, frozen=True, tag="cone"):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _within(self.opening, 0, math.tau, "opening", "rad")
+        within(self.opening, 0, math.tau, "opening", "rad")
 
     @property
     def tilts(self) -> tuple[float, ...]:
@@ -253,7 +149,7 @@ class Cone(_Data, frozen=True, tag="cone"):
 AnyCamera = Camera | Cone
 
 
-class Robot(_Data, frozen=True):
+class Robot(Data, frozen=True):
     """One camera drone: start state, motion, camera and, if wanted, a goal cell at step T."""
 
     start: State
@@ -263,12 +159,12 @@ class Robot(_Data, frozen=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _require(isinstance(self.start, State), "start", "must be a State")
+        require(isinstance(self.start, State), "start", "must be a State")
         sizes = self.goal is None or len(self.goal) == 2
-        _require(sizes, "goal", "must be a cell (x, y)")
+        require(sizes, "goal", "must be a cell (x, y)")
 
 
-class Cuboid(_Data, frozen=True, tag="cuboid"):
+class Cuboid(Data, frozen=True, tag="cuboid"):
     """Box actor: four sides and a top. The bottom stands on the ground and is never seen."""
 
     length: float = 1.0  # m, along the actor's heading
@@ -287,7 +183,7 @@ class Cuboid(_Data, frozen=True, tag="cuboid"):
         return _prism_faces(base, z)
 
 
-class Prism(_Data, frozen=True, tag="prism"):
+class Prism(Data, frozen=True, tag="prism"):
     """Upright regular prism: `sides` side faces, the first facing the heading, and a top."""
 
     sides: int = 6
@@ -296,8 +192,8 @@ class Prism(_Data, frozen=True, tag="prism"):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _whole(self.sides, "sides")
-        _within(self.sides, 3, 64, "sides")
+        whole(self.sides, "sides")
+        within(self.sides, 3, 64, "sides")
         _require_sizes(self)
 
     def faces(self) -> list[FloatArray]:
@@ -310,7 +206,7 @@ class Prism(_Data, frozen=True, tag="prism"):
         return _prism_faces(base, self.height)
 
 
-class TriangulatedCuboid(_Data, frozen=True, tag="triangulated-cuboid"):
+class TriangulatedCuboid(Data, frozen=True, tag="triangulated-cuboid"):
     """Box whose sides and top are two triangles each, every triangle a face of its own.
 
     Greedy Perspectives counts its actors so: the square root of each triangle's coverage
@@ -348,7 +244,7 @@ Shape = Cuboid | Prism | TriangulatedCuboid
 def _require_sizes(shape: Shape) -> None:
     for field in ("length", "width", "apothem", "height"):
         if hasattr(shape, field):
-            _within(getattr(shape, field), SMALLEST, LARGEST, field, "m")
+            within(getattr(shape, field), SMALLEST, LARGEST, field, "m")
 
 
 def _prism_faces(base: FloatArray, height: float) -> list[FloatArray]:
@@ -361,7 +257,7 @@ def _prism_faces(base: FloatArray, height: float) -> list[FloatArray]:
     return [*sides, top]
 
 
-class Actor(_Data, frozen=True, eq=False, dict=True):
+class Actor(Data, frozen=True, eq=False, dict=True):
     """A moving person: a shape, its pose at every step, and a weight for each face.
 
     Raises
@@ -378,31 +274,31 @@ class Actor(_Data, frozen=True, eq=False, dict=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        msgspec.structs.force_setattr(self, "poses", _frozen(self.poses, "poses", 2))
+        msgspec.structs.force_setattr(self, "poses", frozen(self.poses, "poses", 2))
         columns = self.poses.shape[1]
-        _require(columns == 4, "poses", f"must have 4 columns x, y, z, yaw, not {columns}")
+        require(columns == 4, "poses", f"must have 4 columns x, y, z, yaw, not {columns}")
         if self.weights is not None:
             faces = len(self.shape.faces())
-            _require(
+            require(
                 len(self.weights) == faces,
                 "weights",
                 f"must hold one weight for each of the {faces} faces, not {len(self.weights)}",
             )
             for weight in self.weights:
-                _within(weight, 0, MOST_WEIGHT, "weights")
+                within(weight, 0, MOST_WEIGHT, "weights")
 
         for value in self.importance or ():
-            _within(value, 0, MOST_WEIGHT, "importance")
+            within(value, 0, MOST_WEIGHT, "importance")
 
     @cached_property
     def face_weights(self) -> FloatArray:
         """Weight of each face of this actor [F of the shape], before its importance."""
         if self.weights is None:
-            return _read_only(np.ones(len(self.shape.faces())))
-        return _read_only(np.array(self.weights, dtype=np.float64))
+            return read_only(np.ones(len(self.shape.faces())))
+        return read_only(np.array(self.weights, dtype=np.float64))
 
 
-class CollisionRules(_Data, frozen=True):
+class CollisionRules(Data, frozen=True):
     """Which inter-robot conflicts count. Planners, formulations and referee read only this.
 
     Vertex: two robots in one cell (layers count, headings do not) at one step. Swap: two
@@ -416,8 +312,8 @@ class CollisionRules(_Data, frozen=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _within(self.separation, 0, LARGEST, "separation", "m")
-        _require(
+        within(self.separation, 0, LARGEST, "separation", "m")
+        require(
             self.vertex or not (self.swap or self.separation),
             "vertex",
             "must be true where the swap or separation rule is on",
@@ -439,7 +335,7 @@ NO_RULES = CollisionRules(vertex=False, swap=False)
 PAPER_RULES = CollisionRules(vertex=True, swap=False)
 
 
-class Objective(_Data, frozen=True):
+class Objective(Data, frozen=True):
     """Weights of the objective besides the actors' face weights.
 
     J = sum over t, actors, faces of w sqrt(pixels of all robots at t, in px/m2)
@@ -457,10 +353,10 @@ class Objective(_Data, frozen=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _within(self.stationarity, 0, MOST_WEIGHT, "stationarity")
+        within(self.stationarity, 0, MOST_WEIGHT, "stationarity")
 
 
-class Problem(_Data, frozen=True, eq=False, dict=True):
+class Problem(Data, frozen=True, eq=False, dict=True):
     """One view-planning problem. Everything a planner, a bound or the referee needs to know.
 
     Raises
@@ -477,21 +373,22 @@ class Problem(_Data, frozen=True, eq=False, dict=True):
     rules: CollisionRules = CollisionRules()
     objective: Objective = Objective()
     face_samples: int = 3  # each triangle of a face gets this number squared of sight rays
+    meshes: tuple[Mesh, ...] = ()  # solid matter besides the height map
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _require(isinstance(self.name, str), "name", f"must be text, not {self.name!r}")
+        require(isinstance(self.name, str), "name", f"must be text, not {self.name!r}")
         # The name of a file may hold bytes that are no text, which no output takes.
         text = self.name.encode(errors="backslashreplace").decode()
         msgspec.structs.force_setattr(self, "name", text)
-        _whole(self.horizon, "horizon")
-        _whole(self.face_samples, "face_samples")
-        _within(self.horizon, 1, MOST_STEPS, "horizon", "steps")
-        _require(len(self.robots) > 0, "robots", "must hold at least one robot")
-        _within(self.face_samples, 1, 64, "face_samples")
+        whole(self.horizon, "horizon")
+        whole(self.face_samples, "face_samples")
+        within(self.horizon, 1, MOST_STEPS, "horizon", "steps")
+        require(len(self.robots) > 0, "robots", "must hold at least one robot")
+        within(self.face_samples, 1, 64, "face_samples")
         for j, actor in enumerate(self.actors):
             rows = len(actor.poses)
-            _require(
+            require(
                 rows > self.horizon,
                 f"actors[{j}].poses",
                 f"must have a row for each of the {self.horizon + 1} steps 0..{self.horizon}, "
@@ -506,12 +403,12 @@ class Problem(_Data, frozen=True, eq=False, dict=True):
         if actor.importance is None:
             return
         field, steps = f"actors[{j}].importance", self.horizon + 1
-        _require(
+        require(
             len(actor.importance) >= steps,
             field,
             f"must have a number for each of the {steps} steps, not {len(actor.importance)}",
         )
-        _require(
+        require(
             not self.objective.over_time or len(set(actor.importance[:steps])) == 1,
             field,
             "must not change where pixels add up over time",
@@ -522,26 +419,25 @@ class Problem(_Data, frozen=True, eq=False, dict=True):
         field = f"robots[{i}].start"
         sizes = (*self.height_map.shape, *orientation_sizes(robot))
         for name, value, size in zip(State._fields, start, sizes, strict=True):
-            _whole(value, f"{field}.{name}")
-            _require(0 <= value < size, f"{field}.{name}", f"must be 0..{size - 1}, not {value}")
-        _require(
+            whole(value, f"{field}.{name}")
+            require(0 <= value < size, f"{field}.{name}", f"must be 0..{size - 1}, not {value}")
+        require(
             not self.blocked(start.x, start.y, motion, start.layer),
             field,
-            f"cell ({start.x}, {start.y}) is blocked: height "
-            f"{self.height_map.heights[start.x, start.y]:g} m, flight height "
+            f"cell ({start.x}, {start.y}) is blocked: {self._solid_at(start)}, flight height "
             f"{motion.layers[start.layer]:g} m",
         )
         if robot.goal is not None:
             field, (x, y) = f"robots[{i}].goal", robot.goal
-            _whole(x, field)
-            _whole(y, field)
+            whole(x, field)
+            whole(y, field)
             width, depth = self.height_map.shape
-            _require(
+            require(
                 0 <= x < width and 0 <= y < depth,
                 field,
                 f"must lie inside the map of {width} x {depth} cells, not ({x}, {y})",
             )
-            _require(
+            require(
                 any(not self.blocked(x, y, motion, k) for k in range(len(motion.layers))),
                 field,
                 f"cell ({x}, {y}) is blocked at every flight height",
@@ -551,16 +447,32 @@ class Problem(_Data, frozen=True, eq=False, dict=True):
         for i, first in enumerate(self.robots):
             for k in range(i):
                 a, b = self.cell(k, self.robots[k].start), self.cell(i, first.start)
-                _require(
+                require(
                     not self.too_close(a, b),
                     f"robots[{i}].start",
                     f"conflicts with the start of robots[{k}] under the rules {self.rules}",
                 )
 
+    @property
+    def workspace(self) -> Workspace:
+        """All that is solid."""
+        return Workspace(self.height_map, self.meshes)
+
     def blocked(self, x: int, y: int, motion: Motion, layer: int) -> bool:
-        """True where a robot of this motion may not be: H >= flight height - clearance."""
-        height = float(self.height_map.heights[x, y])
-        return height >= motion.layers[layer] - motion.clearance
+        """True where a robot of this motion may not be: solid matter within its clearance."""
+        altitude = self.height_map.altitude(x, y, motion.layers[layer])
+        return any(
+            low <= altitude + motion.clearance and high >= altitude - motion.clearance
+            for low, high in self.workspace.columns.at(x, y)
+        )
+
+    def _solid_at(self, start: State) -> str:
+        """What is solid in a robot's start cell, in words."""
+        (_, height), *meshes = self.workspace.columns.at(start.x, start.y)
+        if not meshes:
+            return f"height {height:g} m"
+        spans = ", ".join(f"{low:g}..{high:g} m" for low, high in meshes)
+        return f"height {height:g} m and meshes at {spans}"
 
     @cached_property
     def layers(self) -> tuple[float, ...]:
@@ -578,11 +490,13 @@ class Problem(_Data, frozen=True, eq=False, dict=True):
             return False
         if a == b:
             return True
-        resolution = self.height_map.resolution
+        if not self.rules.separation:
+            return False
+        terrain, (first, second) = self.height_map, (self.layers[c.layer] for c in (a, b))
         distance = math.hypot(
-            (a.x - b.x) * resolution,
-            (a.y - b.y) * resolution,
-            self.layers[a.layer] - self.layers[b.layer],
+            (a.x - b.x) * terrain.resolution,
+            (a.y - b.y) * terrain.resolution,
+            terrain.altitude(a.x, a.y, first) - terrain.altitude(b.x, b.y, second),
         )
         return distance < self.rules.separation
 
@@ -593,13 +507,13 @@ class Problem(_Data, frozen=True, eq=False, dict=True):
         importance = np.array(
             [(1.0,) * steps if a.importance is None else a.importance[:steps] for a in self.actors]
         ).reshape(len(self.actors), steps)
-        return _read_only(importance.T[:, self.face_owner] * self.face_weights)
+        return read_only(importance.T[:, self.face_owner] * self.face_weights)
 
     @cached_property
     def face_weights(self) -> FloatArray:
         """Weight of every face [F], actors in order, before the actors' importance."""
         weights = [actor.face_weights for actor in self.actors]
-        return _read_only(np.concatenate(weights or [np.empty(0)]))
+        return read_only(np.concatenate(weights or [np.empty(0)]))
 
     @cached_property
     def face_owner(self) -> IntArray:

@@ -8,7 +8,9 @@ import math
 
 import numpy as np
 
-from cocap_opt.problem import Camera, FloatArray
+from cocap_opt.data import FloatArray
+from cocap_opt.polygons import clip
+from cocap_opt.problem import Camera
 
 SMALLEST_DEPTH = 1e-9  # m
 
@@ -109,30 +111,8 @@ def centroids(samples: int) -> tuple[FloatArray, FloatArray]:
 def _clipped(polygons: FloatArray, camera: Camera) -> FloatArray:
     """The parts of polygons [n, V, 3] that are in the image [n, V+4, 3]."""
     for side in range(4):
-        polygons = _clip(polygons, frustum_distances(polygons, camera)[..., side])
+        polygons = clip(polygons, frustum_distances(polygons, camera)[..., side])
     return polygons
-
-
-def _clip(polygons: FloatArray, inside: FloatArray) -> FloatArray:
-    """Keep the part of each polygon [n, V, 3] where `inside` [n, V] >= 0 (Sutherland-Hodgman).
-
-    The result is [n, V+1, 3]; unused vertices repeat the last used one.
-    """
-    n, size = inside.shape
-    following, ahead = np.roll(polygons, -1, axis=1), np.roll(inside, -1, axis=1)
-    crossing = (inside >= 0) != (ahead >= 0)
-    share = np.where(crossing, inside, 0.0) / np.where(crossing, inside - ahead, 1.0)
-    cuts = polygons + share[..., None] * (following - polygons)
-    # Each edge offers its first vertex and its cut, in order; what is not used moves last.
-    vertices = np.stack([polygons, cuts], axis=2).reshape(n, 2 * size, 3)
-    used = np.stack([inside >= 0, crossing], axis=2).reshape(n, 2 * size)
-    order = np.argsort(~used, axis=1, kind="stable")[:, : size + 1]
-    count = used.sum(axis=1)
-    last = np.minimum(np.arange(size + 1)[None, :], np.maximum(count - 1, 0)[:, None])
-    order = np.take_along_axis(order, last, axis=1)
-    clipped = np.take_along_axis(vertices, order[..., None], axis=1)
-    clipped[count == 0] = 0.0
-    return clipped
 
 
 def _projected_area(polygons: FloatArray, camera: Camera) -> FloatArray:

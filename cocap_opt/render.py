@@ -11,8 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.faces import FaceGeometry, Faces
-from cocap_opt.problem import Camera, FloatArray, IntArray, Problem, Robot, State
+from cocap_opt.problem import Camera, Problem, Robot, State
 from cocap_opt.result import UnsupportedError
 from cocap_opt.visibility import Occluders
 
@@ -172,9 +173,9 @@ def pinhole(robot: Robot) -> Camera:
 
 def eye(problem: Problem, robot: Robot, state: State) -> FloatArray:
     """Where the camera is [3], in m."""
-    return np.array(
-        [*problem.height_map.centre(state.x, state.y), robot.motion.layers[state.layer]]
-    )
+    x, y, terrain = state.x, state.y, problem.height_map
+    altitude = terrain.altitude(x, y, robot.motion.layers[state.layer])
+    return np.array([*terrain.centre(x, y), altitude])
 
 
 def _axes(robot: Robot, state: State) -> FloatArray:

@@ -15,8 +15,9 @@ from itertools import pairwise
 import numpy as np
 
 from cocap_opt.coverage import CoverageTable
+from cocap_opt.data import FloatArray
 from cocap_opt.model import Model, Path, RobotClass
-from cocap_opt.problem import FloatArray, Problem
+from cocap_opt.problem import Problem
 
 
 def no_pixels(problem: Problem) -> FloatArray:

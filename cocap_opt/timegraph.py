@@ -15,8 +15,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.motion import Move, Place, moves, place_graph, turned
-from cocap_opt.problem import BoolArray, FloatArray, HeightMap, IntArray, Motion, State
+from cocap_opt.problem import Motion, State
+from cocap_opt.workspace import Workspace
 
 CLOSED = -np.inf  # value of what must not or cannot be entered
 
@@ -48,8 +50,8 @@ class TimeGraph:
     neighbours : [K, P] place that each move leads to; -1 where the move is hidden
     """
 
-    def __init__(self, height_map: HeightMap, motion: Motion, pitches: int) -> None:
-        sizes = (len(motion.layers), *height_map.shape)
+    def __init__(self, workspace: Workspace, motion: Motion, pitches: int) -> None:
+        sizes = (len(motion.layers), *workspace.height_map.shape)
         climb = min(motion.climb, len(motion.layers) - 1)
         self.motion = motion
         self.border = (climb, motion.radius, motion.radius)
@@ -60,7 +62,7 @@ class TimeGraph:
         self.n_states = self.n_orientations * self.n_places
         self.strides = (padded[1] * padded[2], padded[2], 1)
         self.moves: list[Move] = moves(motion)
-        self.neighbours = self._compile(place_graph(height_map, motion).adj)
+        self.neighbours = self._compile(place_graph(workspace, motion).adj)
         self._compile_sweep()
 
     def _compile(self, ahead: Mapping[Place, Collection[Place]]) -> IntArray:
@@ -322,6 +324,6 @@ def _column(values: Iterable[int]) -> IntArray:
 
 
 @lru_cache(maxsize=16)
-def time_graph(height_map: HeightMap, motion: Motion, pitches: int) -> TimeGraph:
-    """Compiled graph of these motions on this map, made once and shared."""
-    return TimeGraph(height_map, motion, pitches)
+def time_graph(workspace: Workspace, motion: Motion, pitches: int) -> TimeGraph:
+    """Compiled graph of these motions in this workspace, made once and shared."""
+    return TimeGraph(workspace, motion, pitches)

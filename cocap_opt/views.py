@@ -7,8 +7,9 @@ from typing import Protocol
 
 import numpy as np
 
+from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.faces import FaceGeometry, Faces
-from cocap_opt.problem import AnyCamera, Camera, Cone, FloatArray, HeightMap, IntArray, Problem
+from cocap_opt.problem import AnyCamera, Camera, Cone, Problem
 from cocap_opt.projection import (
     camera_axes,
     dot,
@@ -18,6 +19,7 @@ from cocap_opt.projection import (
 )
 from cocap_opt.timegraph import TimeGraph
 from cocap_opt.visibility import rays_arrive, visible_share
+from cocap_opt.workspace import HeightMap
 
 # What is evaluated at once at most, so that limits are asked for every 0.3 s or more often.
 BATCH_STATES = 1024
@@ -59,7 +61,7 @@ def eyes_at(height_map: HeightMap, graph: TimeGraph, places: IntArray) -> FloatA
         [
             ox + (x + 0.5) * height_map.resolution,
             oy + (y + 0.5) * height_map.resolution,
-            np.array(graph.motion.layers)[layer],
+            height_map.altitudes(graph.motion.layers)[layer, x, y],
         ]
     )
 

@@ -12,8 +12,9 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore import EmbreeDevice
 from embreex.rtcore_scene import EmbreeScene
 
-from cocap_opt.problem import BoolArray, FloatArray, HeightMap, IntArray
+from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.projection import centroids, dot
+from cocap_opt.workspace import HeightMap
 
 RAYS = 100_000  # rays cast at once, to bound the memory
 ALL = 1e-9  # of a face, less than which is not left out

@@ -13,9 +13,10 @@ from cyclopts import App, CycloptsError, Parameter
 
 from cocap_opt.atomic_write import write_atomically
 from cocap_opt.check import check
+from cocap_opt.data import MOST_PIXELS, ProblemError
 from cocap_opt.io import FileError, PlanFile, save_problem
 from cocap_opt.plan import Plan
-from cocap_opt.problem import MOST_PIXELS, Problem, ProblemError
+from cocap_opt.problem import Problem
 from cocap_opt.result import Reason, UnsupportedError
 from cocap_opt.stop import FirstOf, Limit, Stop, TimeLimit, catch_interrupt
 from experiments.claims import conclude, reward_parts, verify_bound, verify_plan

@@ -13,11 +13,12 @@ from matplotlib.patches import Polygon, Wedge
 from PIL import Image
 
 from cocap_opt.check import Verdict
+from cocap_opt.motion import free_places
 from cocap_opt.plan import Plan
-from cocap_opt.problem import Problem, State
+from cocap_opt.problem import Motion, Problem, State
 
-GROUND, WALL, ACTOR = "#f4f1ea", "#6b6f76", "#d1495b"
-VIEW_LENGTH = 6.0  # m, how far view cones are drawn; cameras see farther
+GROUND, COVERED, WALL, ACTOR = "#f4f1ea", "#cfc8b8", "#6b6f76", "#d1495b"
+VIEW_LENGTH = 0.2  # of the map, how far view cones are drawn; cameras see farther
 FRAME_MILLISECONDS = 500
 
 
@@ -40,15 +41,21 @@ def position(problem: Problem, state: State) -> tuple[float, float]:
 
 
 def draw_terrain(ax: Axes, problem: Problem) -> Axes:
-    """Terrain from above: cells that block the lowest flight height are dark."""
+    """Terrain from above: cells that block the lowest flight height are dark.
+
+    Lighter are cells that are free there, with a mesh above.
+    """
     height_map = problem.height_map
     width, depth = height_map.shape
     (ox, oy), res = height_map.origin, height_map.resolution
     extent = (ox, ox + width * res, oy, oy + depth * res)
-    blocked = height_map.heights >= min(problem.layers)
+    lowest = Motion(layers=problem.layers[:1])
+    blocked = ~free_places(problem.workspace, lowest)[0]
+    covered = np.isfinite(problem.workspace.columns.low[1:]).any(axis=0)
+    kind = np.where(blocked, 2, np.where(covered, 1, 0))
     ax.imshow(
-        blocked.T, origin="lower", extent=extent, cmap=ListedColormap([GROUND, WALL]), vmin=0,
-        vmax=1, interpolation="nearest", zorder=0,
+        kind.T, origin="lower", extent=extent, cmap=ListedColormap([GROUND, COVERED, WALL]),
+        vmin=0, vmax=2, interpolation="nearest", zorder=0,
     )  # fmt: skip
     ax.set_aspect("equal")
     ax.set_xlim(*extent[:2])  # what is drawn later must not move the frame
@@ -79,6 +86,7 @@ def draw_actors(ax: Axes, problem: Problem, t: int) -> Axes:
 
 def draw_robots(ax: Axes, problem: Problem, plan: Plan, t: int) -> Axes:
     """Robots at step t with their view cones and tracks; a ring marks each start."""
+    length = VIEW_LENGTH * min(problem.height_map.shape) * problem.height_map.resolution
     for i, (robot, path) in enumerate(zip(problem.robots, plan.paths, strict=True)):
         colour = robot_colour(i)
         track = np.array([position(problem, state) for state in path])
@@ -88,7 +96,7 @@ def draw_robots(ax: Axes, problem: Problem, plan: Plan, t: int) -> Axes:
         yaw = 360 * path[t].heading / robot.motion.headings
         half = np.degrees(robot.camera.half_angle)
         cone = Wedge(
-            tuple(track[t]), VIEW_LENGTH, yaw - half, yaw + half, color=colour, alpha=0.18, zorder=1
+            tuple(track[t]), length, yaw - half, yaw + half, color=colour, alpha=0.18, zorder=1
         )
         ax.add_patch(cone)
         ax.plot(*track[t], marker="o", color=colour, mec="black", mew=0.6, ms=7, zorder=8)

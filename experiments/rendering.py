@@ -12,9 +12,10 @@ from PIL import Image
 
 from cocap_opt.atomic_write import write_atomically
 from cocap_opt.check import check
+from cocap_opt.data import FloatArray
 from cocap_opt.model import Model, compiled
 from cocap_opt.plan import Plan
-from cocap_opt.problem import FloatArray, Problem, State
+from cocap_opt.problem import Problem, State
 from cocap_opt.render import TERRAIN, Picture, Renderer, pinhole
 from experiments.figures import actor_colour
 from experiments.files import save_csv, write

@@ -11,8 +11,8 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from cocap_opt.data import FloatArray
 from cocap_opt.model import Model, Path
-from cocap_opt.problem import FloatArray
 from formulations.master import Column
 from formulations.resources import Cells, Move, Resource, Visit
 

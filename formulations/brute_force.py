@@ -6,9 +6,10 @@ from itertools import product
 
 import numpy as np
 
+from cocap_opt.data import FloatArray
 from cocap_opt.model import Model, Path, compiled
 from cocap_opt.plan import Plan, conflicts
-from cocap_opt.problem import FloatArray, Problem
+from cocap_opt.problem import Problem
 from cocap_opt.result import Reason, UnsupportedError
 from cocap_opt.reward import objective, robot_pixels
 from cocap_opt.stop import Limit, Stop, never

@@ -37,9 +37,10 @@ from typing import Literal, NamedTuple
 import msgspec
 import numpy as np
 
+from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.io import problem_digest
 from cocap_opt.model import Model, RobotClass
-from cocap_opt.problem import FloatArray, IntArray, Problem
+from cocap_opt.problem import Problem
 from cocap_opt.reward import group_weights, marginal_gain
 from cocap_opt.timegraph import NO_CHARGES, Charges
 from formulations import envelope

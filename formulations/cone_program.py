@@ -19,9 +19,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.model import compiled, compiled_apart
 from cocap_opt.plan import Plan
-from cocap_opt.problem import FloatArray, IntArray, Problem
+from cocap_opt.problem import Problem
 from cocap_opt.reward import group_weights, most_views
 from cocap_opt.stop import Limit, Stop, never
 from formulations import envelope as envelopes

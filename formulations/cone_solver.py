@@ -6,7 +6,7 @@ from typing import Any
 import clarabel
 from scipy import sparse
 
-from cocap_opt.problem import FloatArray
+from cocap_opt.data import FloatArray
 from cocap_opt.stop import Limit, Stop, seconds_left
 
 NO_TIME_LIMIT = 1e9  # s, Clarabel takes no infinity

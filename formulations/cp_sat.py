@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
+from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.plan import Plan
-from cocap_opt.problem import BoolArray, FloatArray, IntArray, Problem
+from cocap_opt.problem import Problem
 from cocap_opt.stop import Limit, Stop, never, seconds_left
 from formulations.attending import attend
 from formulations.outer_approximation import Root, certified_root, outer_approximation

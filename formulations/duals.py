@@ -6,8 +6,9 @@ from typing import TypeVar
 
 import numpy as np
 
+from cocap_opt.data import FloatArray
 from cocap_opt.model import Model
-from cocap_opt.problem import FloatArray, Problem
+from cocap_opt.problem import Problem
 from cocap_opt.reward import no_pixels
 from formulations.certificate import Curve, EnvelopeCut, Multipliers, Row
 from formulations.envelope import Cut

@@ -27,7 +27,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cocap_opt.problem import FloatArray, IntArray
+from cocap_opt.data import FloatArray, IntArray
 
 MOST_WORK = 256  # breakpoints of all classes, each counted once per robot of its class
 SEPARATION_WORK = 96  # likewise, in the cuts that are looked for

@@ -20,9 +20,11 @@ from itertools import pairwise, product
 import numpy as np
 from scipy import sparse
 from scipy.optimize import linear_sum_assignment
+from scipy.spatial import cKDTree
 
+from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.model import Model, Path, RobotClass
-from cocap_opt.problem import BoolArray, Cell, FloatArray, IntArray, Problem
+from cocap_opt.problem import Cell, Problem
 from cocap_opt.result import UnsupportedError
 from cocap_opt.reward import group_weights, largest_roots
 from cocap_opt.stop import Limit, Stop, never
@@ -418,6 +420,8 @@ def _cliques(problem: Problem, slots: IntArray, n_places: int) -> sparse.csr_arr
     """Sets of slots, any two too close, that hold all pairs of slots that are too close."""
     if not problem.rules.separation or not len(slots):
         return sparse.eye_array(len(slots), format="csr")
+    if problem.height_map.datum is not None:
+        return _pairs_too_close(problem, slots, n_places)
     sizes = (len(problem.layers), *problem.height_map.shape)
     t, place = np.divmod(slots, n_places)
     layer, x, y = np.unravel_index(place, sizes)
@@ -445,6 +449,34 @@ def _cliques(problem: Problem, slots: IntArray, n_places: int) -> sparse.csr_arr
             )
         blocks.append(_incidence(_joined(rows), _joined(columns), (len(origins), len(slots))))
     return _distinct(sparse.csr_array(sparse.vstack(blocks)))
+
+
+def _pairs_too_close(problem: Problem, slots: IntArray, n_places: int) -> sparse.csr_array:
+    """The slots, and all two of one step that are too close: what fits any terrain."""
+    sizes = (len(problem.layers), *problem.height_map.shape)
+    t, place = np.divmod(slots, n_places)
+    layer, x, y = np.unravel_index(place, sizes)
+    cells = [Cell(*at) for at in zip(x.tolist(), y.tolist(), layer.tolist(), strict=True)]
+    altitude = problem.height_map.altitudes(problem.layers)[layer, x, y]
+    # Steps are put so far apart that no two of different steps are near.
+    apart = 2 * problem.rules.separation
+    size = problem.height_map.resolution
+    points = np.column_stack([x * size, y * size, altitude, t * apart])
+    reach = problem.rules.separation * (1 + 1e-9)
+    near = cKDTree(points).query_pairs(reach, output_type="ndarray")
+    if 2 * len(near) > MOST_ENTRIES:
+        raise UnsupportedError(
+            f"a flow model takes at most {MOST_ENTRIES} entries of separation rows, here "
+            "there are more; column-generation adds the few that matter"
+        )
+    pairs = [(a, b) for a, b in near.tolist() if problem.too_close(cells[a], cells[b])]
+    one, other = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
+    number = np.arange(len(pairs))
+    rows, columns = np.concatenate([number, number]), np.concatenate([one, other])
+    alone = sparse.eye_array(len(slots), format="csr")
+    return sparse.csr_array(
+        sparse.vstack([alone, _incidence(rows, columns, (len(pairs), len(slots)))])
+    )
 
 
 Shape = list[tuple[int, int, int]]  # (layer, cells along x, cells along y)

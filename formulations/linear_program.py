@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import sparse
 
-from cocap_opt.problem import BoolArray, FloatArray, IntArray
+from cocap_opt.data import BoolArray, FloatArray, IntArray
 from formulations.program import Program
 
 

@@ -22,8 +22,8 @@ import clarabel
 import numpy as np
 from scipy import sparse
 
+from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.model import Model, Path
-from cocap_opt.problem import BoolArray, FloatArray, IntArray
 from cocap_opt.reward import group_weights, most_views, robot_pixels, unchanged
 from cocap_opt.stop import Stop, never
 from formulations.certificate import Decision

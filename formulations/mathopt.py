@@ -17,8 +17,9 @@ from typing import Any, Self
 
 import numpy as np
 
+from cocap_opt.data import FloatArray
 from cocap_opt.plan import Plan
-from cocap_opt.problem import FloatArray, Problem
+from cocap_opt.problem import Problem
 from cocap_opt.stop import Limit, Stop, never, seconds_left
 from formulations.attending import attend
 from formulations.linear_program import LinearProgram, linear_program

@@ -17,9 +17,10 @@ from collections.abc import Callable
 import numpy as np
 
 from cocap_opt.check import check
+from cocap_opt.data import FloatArray
 from cocap_opt.model import Model, Path, compiled
 from cocap_opt.plan import Plan, conflicts
-from cocap_opt.problem import FloatArray, Problem
+from cocap_opt.problem import Problem
 from cocap_opt.result import Reason, relative_gap
 from cocap_opt.reward import group_weights, largest_roots, objective_of
 from cocap_opt.stop import FirstOf, Limit, Stop, TimeLimit, seconds_left

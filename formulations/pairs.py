@@ -10,8 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.constraints import avoid_paths
+from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.model import Model, Path
-from cocap_opt.problem import Cell, FloatArray, IntArray
+from cocap_opt.problem import Cell
 from cocap_opt.reward import group_weights
 from cocap_opt.timegraph import CLOSED, Charges
 from formulations.master import Arc, Column, make_column

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.coverage import CoverageTable
+from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.model import Model
-from cocap_opt.problem import FloatArray, IntArray
 from cocap_opt.reward import group_weights, spread
 from cocap_opt.timegraph import CLOSED
 from formulations.certificate import Decision

@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.constraints import avoid_paths
+from cocap_opt.data import FloatArray
 from cocap_opt.model import Model, Path
 from cocap_opt.plan import conflicts
-from cocap_opt.problem import FloatArray
 from cocap_opt.reward import group_weights, marginal_reward, no_pixels, objective_of
 from cocap_opt.stop import Limit, Stop, never
 from formulations.master import Arc, Column, arcs_of, make_column

@@ -13,7 +13,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from scipy import sparse
 
-from cocap_opt.problem import FloatArray, IntArray
+from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.reward import most_views
 from cocap_opt.stop import Limit, Stop
 from formulations.certificate import Multipliers, usable_cuts

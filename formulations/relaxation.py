@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cocap_opt.problem import FloatArray
+from cocap_opt.data import FloatArray
 from cocap_opt.stop import Limit
 from formulations import envelope
 from formulations.certificate import Decision

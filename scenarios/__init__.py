@@ -5,9 +5,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+from cocap_opt.data import ProblemError
 from cocap_opt.io import FileError, load_problem
 from cocap_opt.plan import Plan
-from cocap_opt.problem import Problem, ProblemError, State
+from cocap_opt.problem import Problem, State
 from scenarios.bottleneck import bottleneck, bottleneck_tight
 from scenarios.corridor import corridor, corridor_tight
 from scenarios.field import field_large, field_long, field_small

@@ -5,7 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cocap_opt.problem import Actor, FloatArray, HeightMap, Motion, Robot, State
+from cocap_opt.data import FloatArray
+from cocap_opt.problem import Actor, Motion, Robot, State
+from cocap_opt.workspace import HeightMap
 
 SIZE = 30  # cells of 1 m along x and y
 WALL = 10.0  # m, twice the flight height: a wall stops drones and their views

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from cocap_opt.problem import ProblemError
+from cocap_opt.data import ProblemError
 
 
 @contextmanager

@@ -23,15 +23,10 @@ from typing import TYPE_CHECKING
 import networkx as nx
 import numpy as np
 
+from cocap_opt.data import BoolArray, ProblemError
 from cocap_opt.motion import swept_cells
-from cocap_opt.problem import (
-    Actor,
-    BoolArray,
-    HeightMap,
-    Motion,
-    Problem,
-    ProblemError,
-)
+from cocap_opt.problem import Actor, Motion, Problem
+from cocap_opt.workspace import HeightMap
 from scenarios._parts import WALL, Point, drones, walker
 from scenarios.movingai import GridCell, walking_graph
 

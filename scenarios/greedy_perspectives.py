@@ -32,22 +32,21 @@ import numpy as np
 import yaml
 from msgspec import Meta
 
+from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.problem import (
     PAPER_RULES,
     Actor,
     Camera,
     Cuboid,
-    FloatArray,
-    HeightMap,
     Motion,
     Objective,
     Problem,
-    ProblemError,
     Robot,
     Shape,
     State,
     TriangulatedCuboid,
 )
+from cocap_opt.workspace import HeightMap
 from scenarios._text import integer, naming, number, one_line, read_table, read_text
 
 # Of their triangles: with 6 samples the rewards of whole plans differ by 0.003 % from those

@@ -31,21 +31,9 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
-from cocap_opt.problem import (
-    LARGEST,
-    MOST_WEIGHT,
-    NO_RULES,
-    Actor,
-    Cone,
-    HeightMap,
-    Motion,
-    Objective,
-    Prism,
-    Problem,
-    ProblemError,
-    Robot,
-    State,
-)
+from cocap_opt.data import LARGEST, MOST_WEIGHT, ProblemError
+from cocap_opt.problem import NO_RULES, Actor, Cone, Motion, Objective, Prism, Problem, Robot, State
+from cocap_opt.workspace import HeightMap
 from scenarios._text import naming, one_line, read_text
 
 FLIGHT_HEIGHT = 5.0  # m

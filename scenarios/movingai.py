@@ -25,17 +25,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import networkx as nx
 import numpy as np
 
-from cocap_opt.problem import (
-    Actor,
-    BoolArray,
-    FloatArray,
-    HeightMap,
-    Motion,
-    Problem,
-    ProblemError,
-    Robot,
-    State,
-)
+from cocap_opt.data import BoolArray, FloatArray, ProblemError
+from cocap_opt.problem import Actor, Motion, Problem, Robot, State
+from cocap_opt.workspace import HeightMap
 from scenarios._text import integer, naming, number, read_text
 
 FREE = ".GS"

@@ -12,7 +12,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from cocap_opt.problem import Actor, Camera, HeightMap, Motion, Objective, Problem, Robot, State
+from cocap_opt.problem import Actor, Camera, Motion, Objective, Problem, Robot, State
+from cocap_opt.workspace import HeightMap
 
 WALL = 10.0  # m
 HALF = 0.5  # m, half an actor's length

@@ -1,5 +1,6 @@
 """Hypothesis strategies for small problems, and the one tiny instance used everywhere."""
 
+import itertools
 import math
 import os
 
@@ -8,6 +9,7 @@ import numpy as np
 from hypothesis import assume, settings
 from hypothesis import strategies as st
 
+from cocap_opt.data import ProblemError
 from cocap_opt.motion import free_places, time_expanded_graph
 from cocap_opt.problem import (
     NO_RULES,
@@ -18,18 +20,17 @@ from cocap_opt.problem import (
     CollisionRules,
     Cone,
     Cuboid,
-    HeightMap,
     Motion,
     Objective,
     Prism,
     Problem,
-    ProblemError,
     Robot,
     Shape,
     State,
     TriangulatedCuboid,
 )
 from cocap_opt.stop import Limit
+from cocap_opt.workspace import HeightMap, Mesh, Workspace
 
 WALL = 20.0  # m, higher than anything flies
 MOST_PLANS = 20_000  # combinations of paths that brute force goes through
@@ -86,7 +87,51 @@ def height_maps(draw: st.DrawFn, most_cells: int = 6, walls: bool = True) -> Hei
     depth = draw(st.integers(1, max(1, most_cells // width)))
     kinds = st.sampled_from([0.0, 0.0, 0.0, 0.0, 4.0, WALL] if walls else [0.0])
     heights = draw(st.lists(kinds, min_size=width * depth, max_size=width * depth))
-    return HeightMap(heights=np.reshape(heights, (width, depth)), resolution=4.0)
+    hills = st.lists(st.sampled_from([0.0, 0.5, 3.0]), min_size=depth, max_size=depth)
+    datum = draw(st.sampled_from([None, None, None, draw(hills)])) if walls else None
+    return HeightMap(
+        heights=np.reshape(heights, (width, depth)),
+        resolution=4.0,
+        datum=None if datum is None else np.tile(datum, (width, 1)),
+    )
+
+
+def box(low: tuple[float, float, float], high: tuple[float, float, float]) -> Mesh:
+    """A box from one corner to the opposite one (m)."""
+    corners = np.array(list(itertools.product(*zip(low, high, strict=True))))
+    sides = [
+        (0, 1, 3, 2),
+        (4, 6, 7, 5),
+        (0, 4, 5, 1),
+        (2, 3, 7, 6),
+        (0, 2, 6, 4),
+        (1, 5, 7, 3),
+    ]
+    triangles = [side[k] for side in sides for k in (0, 1, 2, 0, 2, 3)]
+    return Mesh(vertices=corners, triangles=np.reshape(triangles, (-1, 3)))
+
+
+def plate(low: tuple[float, float], high: tuple[float, float], z: float) -> Mesh:
+    """A level rectangle without thickness (m)."""
+    (x0, y0), (x1, y1) = low, high
+    vertices = np.array([[x0, y0, z], [x1, y0, z], [x1, y1, z], [x0, y1, z]])
+    return Mesh(vertices=vertices, triangles=np.array([[0, 1, 2], [0, 2, 3]]))
+
+
+@st.composite
+def meshes(draw: st.DrawFn, height_map: HeightMap) -> tuple[Mesh, ...]:
+    """Often none; otherwise a beam or a plate somewhere above the map, seldom both."""
+    width, depth = (n * height_map.resolution for n in height_map.shape)
+    made = []
+    for kind in draw(st.sampled_from(["", "", "", "", "b", "p", "bp"])):
+        x, y = (draw(st.integers(-1, 15)) / 16 * size + 0.071 for size in (width, depth))
+        long, wide = draw(st.sampled_from([(1.0, 3.0), (0.2, depth), (5.0, 2.0)]))
+        z = draw(st.sampled_from([1.0, 4.0, 7.0, 2.5]))
+        if kind == "b":
+            made.append(box((x, y, z), (x + long, y + wide, z + draw(st.sampled_from([0.3, 4.0])))))
+        else:
+            made.append(plate((x, y), (x + long, y + wide), z))
+    return tuple(made)
 
 
 @st.composite
@@ -186,11 +231,14 @@ def problems(
         count_start=draw(st.booleans()),
         over_time=over_time and draw(st.booleans()),
     )
+    solid = draw(meshes(height_map))
+    workspace = Workspace(height_map, solid)
     try:
         problem = Problem(
             name="random",
             height_map=height_map,
-            robots=draw(teams(height_map, kinds, draw(robots), goals)),
+            meshes=solid,
+            robots=draw(teams(workspace, kinds, draw(robots), goals)),
             actors=tuple(seen),
             horizon=horizon,
             rules=draw(rules()),
@@ -208,7 +256,7 @@ def problems(
 @st.composite
 def teams(
     draw: st.DrawFn,
-    height_map: HeightMap,
+    workspace: Workspace,
     kinds: list[tuple[Motion, AnyCamera]],
     size: int,
     goals: bool,
@@ -217,7 +265,7 @@ def teams(
     flown = [draw(st.sampled_from(kinds)) for _ in range(size)]
     starts = []
     for motion, camera in flown:
-        free = np.argwhere(free_places(height_map, motion)).tolist()
+        free = np.argwhere(free_places(workspace, motion)).tolist()
         taken = [(s.x, s.y) for s in starts]
         rest = [place for place in free if (place[1], place[2]) not in taken] or free
         assume(rest)

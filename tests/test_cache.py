@@ -18,17 +18,8 @@ from cocap_opt import cache
 from cocap_opt.cache import cache_folder, cached_table, code_digest, content_key
 from cocap_opt.coverage import CoverageTable
 from cocap_opt.model import Model
-from cocap_opt.problem import (
-    NO_RULES,
-    Camera,
-    Cuboid,
-    HeightMap,
-    Motion,
-    Objective,
-    Prism,
-    Problem,
-    State,
-)
+from cocap_opt.problem import NO_RULES, Camera, Cuboid, Motion, Objective, Prism, Problem, State
+from cocap_opt.workspace import HeightMap
 
 
 @pytest.fixture

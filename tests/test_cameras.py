@@ -9,8 +9,9 @@ import pytest
 from strategies import tiny
 
 from cocap_opt.check import check
+from cocap_opt.data import ProblemError
 from cocap_opt.planners import PLANNERS
-from cocap_opt.problem import Camera, Cone, ProblemError
+from cocap_opt.problem import Camera, Cone
 from cocap_opt.stop import never
 from experiments.commands import run
 from formulations import EXACT

@@ -16,21 +16,16 @@ from strategies import WALL, examples, problems, shapes
 
 from cocap_opt.check import check
 from cocap_opt.coverage import coverage_table
+from cocap_opt.data import FOCAL as FOCAL_RANGE
+from cocap_opt.data import LARGEST, MOST_PIXELS, MOST_WEIGHT, SMALLEST, FloatArray
 from cocap_opt.faces import FaceGeometry
 from cocap_opt.model import Model
 from cocap_opt.plan import Plan
 from cocap_opt.planners.joint import joint
-from cocap_opt.problem import FOCAL as FOCAL_RANGE
 from cocap_opt.problem import (
-    LARGEST,
-    MOST_PIXELS,
-    MOST_WEIGHT,
-    SMALLEST,
     Actor,
     Camera,
     Cuboid,
-    FloatArray,
-    HeightMap,
     Motion,
     Objective,
     Prism,
@@ -45,6 +40,7 @@ from cocap_opt.stop import Limit
 from cocap_opt.timegraph import time_graph
 from cocap_opt.views import make_views
 from cocap_opt.visibility import sample_points
+from cocap_opt.workspace import HeightMap
 
 FRONT, LEFT, BACK, RIGHT, TOP = range(5)  # faces of a cuboid; the front looks along its heading
 FLYING = 5.0  # m
@@ -84,7 +80,7 @@ def make_scene(
 def seen_from(problem: Problem, *states: State, t: int = 1) -> FloatArray:
     """Coverage [n, F] of the first robot's states at step t."""
     robot = problem.robots[0]
-    graph = time_graph(problem.height_map, robot.motion, len(robot.camera.tilts))
+    graph = time_graph(problem.workspace, robot.motion, len(robot.camera.tilts))
     views = make_views(FaceGeometry(problem), problem, graph, robot.camera)
     return views.coverage(t, np.array([graph.index(state) for state in states], dtype=np.int64))
 

@@ -12,9 +12,10 @@ import pytest
 from strategies import tiny
 
 from cocap_opt.check import check
+from cocap_opt.data import ProblemError
 from cocap_opt.faces import FaceGeometry
 from cocap_opt.plan import Plan
-from cocap_opt.problem import Cone, Problem, ProblemError, State
+from cocap_opt.problem import Cone, Problem, State
 from cocap_opt.render import Renderer
 from cocap_opt.result import UnsupportedError
 from cocap_opt.stop import never
@@ -154,7 +155,7 @@ def test_an_actor_on_the_edge_of_the_cone_is_detected() -> None:
     for off in (0.0, 1e-6, -1e-6):
         poses = np.array([[x + 5, y + 5 + off, 0.0, 0.0]] * 3)
         scene = problem.replace(robots=(robot,), actors=(problem.actors[0].replace(poses=poses),))
-        graph = time_graph(scene.height_map, robot.motion, 1)
+        graph = time_graph(scene.workspace, robot.motion, 1)
         views = make_views(FaceGeometry(scene), scene, graph, robot.camera)
         seen.append(views.coverage(1, np.array([graph.index(State(0, 0))])).sum() > 0)
     assert seen == [True, False, True]

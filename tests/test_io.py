@@ -13,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from strategies import examples, problems, tiny
 
+from cocap_opt.data import FOCAL, LARGEST, MOST_WEIGHT, SMALLEST
 from cocap_opt.io import (
     FileError,
     PlanFile,
@@ -27,15 +28,10 @@ from cocap_opt.io import (
 )
 from cocap_opt.plan import Plan
 from cocap_opt.problem import (
-    FOCAL,
-    LARGEST,
-    MOST_WEIGHT,
-    SMALLEST,
     Actor,
     Camera,
     CollisionRules,
     Cuboid,
-    HeightMap,
     Motion,
     Objective,
     Prism,
@@ -44,6 +40,7 @@ from cocap_opt.problem import (
     State,
     TriangulatedCuboid,
 )
+from cocap_opt.workspace import HeightMap
 
 FINITE = st.floats(-LARGEST, LARGEST)
 POSITIVE = st.floats(SMALLEST, LARGEST)

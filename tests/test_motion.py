@@ -22,7 +22,8 @@ from cocap_opt.motion import (
     turned,
 )
 from cocap_opt.plan import Plan
-from cocap_opt.problem import Camera, HeightMap, Motion, Problem, Robot, State
+from cocap_opt.problem import Camera, Motion, Problem, Robot, State
+from cocap_opt.workspace import HeightMap, Workspace
 
 PILLAR = HeightMap(heights=np.array([[0.0, 0.0], [0.0, 4.0]]))  # 4 m high in one corner of four
 
@@ -101,7 +102,7 @@ def test_with_corner_cutting_only_the_target_must_be_free() -> None:
     The move up and the move back down are the same line, so both are allowed or neither.
     """
     motion = Motion(layers=(3.0, 5.0), headings=1, corner_cutting=True)
-    graph = place_graph(PILLAR, motion)
+    graph = place_graph(Workspace(PILLAR), motion)
     low, high = (0, 0, 1), (1, 1, 1)  # beside the 4 m pillar, and above it
     assert graph.has_edge(high, low)
     assert graph.has_edge(low, high)
@@ -112,7 +113,7 @@ def test_no_corner_is_cut() -> None:
     heights = np.zeros((2, 2))
     heights[0, 1] = WALL
     for cutting in (False, True):
-        graph = place_graph(HeightMap(heights=heights), Motion(corner_cutting=cutting))
+        graph = place_graph(Workspace(HeightMap(heights=heights)), Motion(corner_cutting=cutting))
         assert graph.has_edge((0, 0, 0), (0, 1, 1)) == cutting
         assert graph.has_edge((0, 1, 1), (0, 0, 0)) == cutting
         assert graph.has_edge((0, 0, 0), (0, 1, 0))
@@ -124,15 +125,15 @@ def test_a_long_move_does_not_jump_a_wall() -> None:
     heights = np.zeros((3, 1))
     heights[1, 0] = WALL
     height_map = HeightMap(heights=heights)
-    assert not place_graph(height_map, Motion(radius=2)).has_edge((0, 0, 0), (0, 2, 0))
-    assert place_graph(height_map, Motion(radius=2, corner_cutting=True)).has_edge(
+    assert not place_graph(Workspace(height_map), Motion(radius=2)).has_edge((0, 0, 0), (0, 2, 0))
+    assert place_graph(Workspace(height_map), Motion(radius=2, corner_cutting=True)).has_edge(
         (0, 0, 0), (0, 2, 0)
     )
 
 
 def test_climbing_passes_no_blocked_layer() -> None:
     """A climbing move needs its cells free in both layers unless corners may be cut."""
-    graph = place_graph(PILLAR, Motion(layers=(3.0, 5.0)))
+    graph = place_graph(Workspace(PILLAR), Motion(layers=(3.0, 5.0)))
     assert not graph.has_edge((0, 0, 1), (1, 1, 1))
     assert not graph.has_edge((1, 1, 1), (0, 0, 1))
     assert graph.has_edge((1, 0, 1), (1, 1, 1))
@@ -167,8 +168,8 @@ def test_swept_cells_are_those_the_line_touches(dx: int, dy: int) -> None:
 @given(height_maps(most_cells=8), motions(most_radius=2))
 def test_place_graph_is_sound(height_map: HeightMap, motion: Motion) -> None:
     """Nodes are the free places, each may be stayed in, and no edge leaves map or radius."""
-    graph = place_graph(height_map, motion)
-    free = free_places(height_map, motion)
+    graph = place_graph(Workspace(height_map), motion)
+    free = free_places(Workspace(height_map), motion)
     assert set(graph) == set(map(tuple, np.argwhere(free).tolist()))
     for node in graph:
         assert graph.has_edge(node, node)
@@ -185,7 +186,7 @@ def test_edges_share_their_nodes() -> None:
 
     With tuples of their own they kept the garbage collector busy for minutes.
     """
-    graph = place_graph(PILLAR, Motion(radius=2, layers=(3.0, 5.0)))
+    graph = place_graph(Workspace(PILLAR), Motion(radius=2, layers=(3.0, 5.0)))
     nodes = {id(node) for node in graph}
     assert len(graph.edges) > 2 * len(nodes)
     assert all(id(node) in nodes for edge in graph.edges for node in edge)

@@ -17,12 +17,12 @@ from cocap_opt.problem import (
     Camera,
     Cell,
     CollisionRules,
-    HeightMap,
     Motion,
     Problem,
     Robot,
     State,
 )
+from cocap_opt.workspace import HeightMap
 
 HEADINGS = 8
 

@@ -40,7 +40,6 @@ from cocap_opt.problem import (
     Camera,
     CollisionRules,
     Cone,
-    HeightMap,
     Motion,
     Objective,
     Problem,
@@ -51,6 +50,7 @@ from cocap_opt.result import Reason, Result, UnsupportedError, relative_gap
 from cocap_opt.reward import no_pixels, objective_of, robot_pixels
 from cocap_opt.stop import FirstOf, Limit, TimeLimit, catch_interrupt, never, seconds_left
 from cocap_opt.timegraph import Charges
+from cocap_opt.workspace import HeightMap
 
 OBEY_RULES = {"sequential", "cocap", "cocap-vs", "joint"}
 COMPLETE = {"cocap", "cocap-vs", "joint"}  # without a plan only where there is none

@@ -13,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from strategies import WALL, examples, problems, standing, tiny
 
+from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.io import SceneFile, encode, problem_digest
 from cocap_opt.planners.greedy import greedy
 from cocap_opt.problem import (
@@ -23,18 +24,16 @@ from cocap_opt.problem import (
     Cell,
     CollisionRules,
     Cuboid,
-    FloatArray,
-    HeightMap,
     Motion,
     Objective,
     Prism,
     Problem,
-    ProblemError,
     Robot,
     Shape,
     State,
     TriangulatedCuboid,
 )
+from cocap_opt.workspace import HeightMap
 
 NAN, INF = math.nan, math.inf
 BOX = [[0.0, 0.0], [0.0, 0.0]]

@@ -13,16 +13,9 @@ import pytest
 from numpy.typing import NDArray
 
 from cocap_opt.check import check
+from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.plan import Plan
-from cocap_opt.problem import (
-    PAPER_RULES,
-    Cuboid,
-    FloatArray,
-    Problem,
-    ProblemError,
-    State,
-    TriangulatedCuboid,
-)
+from cocap_opt.problem import PAPER_RULES, Cuboid, Problem, State, TriangulatedCuboid
 from experiments.benchmarks.peers import differences
 from scenarios import greedy_perspectives, movingai
 from scenarios.greedy_perspectives import heading_index

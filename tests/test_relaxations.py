@@ -14,7 +14,6 @@ from cocap_opt.problem import (
     NO_RULES,
     PAPER_RULES,
     CollisionRules,
-    HeightMap,
     Motion,
     Objective,
     Problem,
@@ -24,6 +23,7 @@ from cocap_opt.problem import (
 from cocap_opt.result import Reason, UnsupportedError
 from cocap_opt.reward import objective_of
 from cocap_opt.stop import Limit, TimeLimit, never
+from cocap_opt.workspace import HeightMap
 from formulations import flow as flows
 from formulations.certificate import verify
 from formulations.cone_program import concave, envelope, no_cuts, relax, single_view

@@ -9,9 +9,10 @@ from PIL import Image
 from strategies import examples, problems, tiny
 
 from cocap_opt.model import Model
-from cocap_opt.problem import Actor, Camera, Cuboid, HeightMap, Motion, Problem, Robot, State
+from cocap_opt.problem import Actor, Camera, Cuboid, Motion, Problem, Robot, State
 from cocap_opt.render import SKY, TERRAIN, Renderer
 from cocap_opt.timegraph import time_graph
+from cocap_opt.workspace import HeightMap
 from experiments.commands import run
 from experiments.rendering import Pose, error_row, face_views, poses_of, rendered_reward
 from scenarios import load_scene
@@ -74,7 +75,7 @@ def test_planned_pixels_are_rendered_pixels(problem: Problem) -> None:
     model, renderer = Model(problem, use_cache=False), Renderer(problem)
     rng = np.random.default_rng(0)
     for i, robot in enumerate(problem.robots):
-        graph = time_graph(problem.height_map, robot.motion, len(robot.camera.tilts))
+        graph = time_graph(problem.workspace, robot.motion, len(robot.camera.tilts))
         reached = model.reachable(model.class_of[i])
         for t in range(1, problem.horizon + 1):
             state = graph.state(int(rng.choice(np.flatnonzero(reached[t]))))

@@ -11,9 +11,10 @@ from hypothesis import strategies as st
 from strategies import examples, problems, tiny
 
 from cocap_opt.check import check
+from cocap_opt.data import FloatArray
 from cocap_opt.model import Model, Path
 from cocap_opt.plan import Plan
-from cocap_opt.problem import FloatArray, Objective, Problem
+from cocap_opt.problem import Objective, Problem
 from cocap_opt.reward import (
     group_weights,
     marginal_gain,

@@ -15,20 +15,11 @@ import pytest
 from brute_force import optimum
 
 from cocap_opt.check import check
+from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.io import FileError, problem_digest, save_problem
 from cocap_opt.plan import Plan, conflicts
 from cocap_opt.planners import PLANNERS
-from cocap_opt.problem import (
-    NO_RULES,
-    Actor,
-    Camera,
-    CollisionRules,
-    Cuboid,
-    FloatArray,
-    Motion,
-    Problem,
-    ProblemError,
-)
+from cocap_opt.problem import NO_RULES, Actor, Camera, CollisionRules, Cuboid, Motion, Problem
 from cocap_opt.stop import never
 from formulations import BOUNDS
 from scenarios import FORMATS, SCENES, load_scene, read_foreign_plan, scene_of_plan

@@ -12,17 +12,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from strategies import WALL, cameras, examples, height_maps, motions
 
+from cocap_opt.data import FloatArray
 from cocap_opt.motion import motion_graph, time_expanded_graph
-from cocap_opt.problem import (
-    Camera,
-    FloatArray,
-    HeightMap,
-    Motion,
-    Problem,
-    Robot,
-    State,
-)
+from cocap_opt.problem import Camera, Motion, Problem, Robot, State
 from cocap_opt.timegraph import CLOSED, NO_CHARGES, Charges, TimeGraph, time_graph
+from cocap_opt.workspace import HeightMap, Workspace
 
 Node = tuple[State, int]
 
@@ -50,7 +44,7 @@ def make_case(
     """Case of one robot."""
     robot = Robot(start=start, motion=motion, camera=Camera(tilts=tilts), goal=goal)
     problem = Problem(name="", height_map=height_map, robots=(robot,), actors=(), horizon=horizon)
-    return Case(problem, TimeGraph(height_map, motion, len(tilts)))
+    return Case(problem, TimeGraph(Workspace(height_map), motion, len(tilts)))
 
 
 @st.composite
@@ -243,7 +237,7 @@ def test_closed_outside_the_free_states() -> None:
     """No reward array and no value is finite in a blocked cell or in the border."""
     heights = np.zeros((3, 3))
     heights[1, 1] = WALL
-    graph = TimeGraph(HeightMap(heights=heights), Motion(headings=2), 1)
+    graph = TimeGraph(Workspace(HeightMap(heights=heights)), Motion(headings=2), 1)
     free = np.tile(graph.free, graph.n_orientations)
     assert int(graph.free.sum()) == 8
     value = graph.backward_sweep(graph.no_reward(2))
@@ -253,7 +247,7 @@ def test_closed_outside_the_free_states() -> None:
 
 def test_ties_go_to_the_lowest_state() -> None:
     """Among equally good paths the one of lowest state numbers is read off."""
-    graph = TimeGraph(HeightMap(heights=np.zeros((3, 1))), Motion(headings=1), 1)
+    graph = TimeGraph(Workspace(HeightMap(heights=np.zeros((3, 1)))), Motion(headings=1), 1)
     value = graph.backward_sweep(graph.no_reward(2))
     path = graph.best_path(value, graph.index(State(1, 0)))
     assert path is not None
@@ -262,7 +256,7 @@ def test_ties_go_to_the_lowest_state() -> None:
 
 def test_a_closed_start_has_no_path() -> None:
     """Where the start itself is closed or all ways out are, there is no path."""
-    graph = TimeGraph(HeightMap(heights=np.zeros((2, 1))), Motion(headings=1), 1)
+    graph = TimeGraph(Workspace(HeightMap(heights=np.zeros((2, 1)))), Motion(headings=1), 1)
     here, there = graph.place(0, 0, 0), graph.place(0, 1, 0)
     for charges in (
         Charges({(0, here): math.inf}),
@@ -275,7 +269,7 @@ def test_a_closed_start_has_no_path() -> None:
 
 def test_a_charged_place_is_left_for_a_cheaper_one() -> None:
     """A finite charge is a price: it is paid where the reward is worth it, and only there."""
-    graph = TimeGraph(HeightMap(heights=np.zeros((2, 1))), Motion(headings=1), 1)
+    graph = TimeGraph(Workspace(HeightMap(heights=np.zeros((2, 1)))), Motion(headings=1), 1)
     here, there = graph.place(0, 0, 0), graph.place(0, 1, 0)
     reward = graph.no_reward(1)
     reward[1, there] = 1.0
@@ -288,7 +282,7 @@ def test_a_charged_place_is_left_for_a_cheaper_one() -> None:
 
 def test_staying_is_never_charged_as_a_move() -> None:
     """A charge on the move from a place to itself changes nothing, in the sweep or the path."""
-    graph = TimeGraph(HeightMap(heights=np.zeros((2, 1))), Motion(headings=2), 1)
+    graph = TimeGraph(Workspace(HeightMap(heights=np.zeros((2, 1)))), Motion(headings=2), 1)
     here = graph.place(0, 0, 0)
     for bonus in (0.0, 1.0):
         reward = graph.no_reward(2)
@@ -326,7 +320,7 @@ def test_extreme_motions(shape: tuple[int, int], motion: Motion) -> None:
 
 def test_long_horizons() -> None:
     """A thousand steps on a small map are no more than a thousand small sweeps."""
-    graph = TimeGraph(HeightMap(heights=np.zeros((3, 3))), Motion(headings=4), 1)
+    graph = TimeGraph(Workspace(HeightMap(heights=np.zeros((3, 3)))), Motion(headings=4), 1)
     reward = graph.no_reward(1000)
     reward[1000, graph.index(State(2, 2, 0, 2))] = 1.0
     value = graph.backward_sweep(reward)
@@ -338,15 +332,18 @@ def test_long_horizons() -> None:
 def test_long_moves_on_a_wide_map_are_compiled_in_seconds() -> None:
     """A million edges take a few seconds: once they took half a minute."""
     begin = time.perf_counter()
-    graph = TimeGraph(HeightMap(heights=np.zeros((40, 40))), Motion(radius=16, headings=1), 1)
+    graph = TimeGraph(
+        Workspace(HeightMap(heights=np.zeros((40, 40)))), Motion(radius=16, headings=1), 1
+    )
     assert int((graph.neighbours >= 0).sum()) == (40 * 33 - 16 * 17) ** 2
     assert time.perf_counter() - begin < 15
 
 
 def test_graphs_are_made_once() -> None:
     """The same map and motion give the same compiled graph; another map never does."""
-    height_map, motion = HeightMap(heights=np.zeros((3, 3))), Motion(headings=4)
-    assert time_graph(height_map, motion, 1) is time_graph(height_map, Motion(headings=4), 1)
-    other = HeightMap(heights=np.zeros((3, 3)))
-    assert time_graph(other, motion, 1) is not time_graph(height_map, motion, 1)
-    assert time_graph(height_map, motion, 2) is not time_graph(height_map, motion, 1)
+    workspace, motion = Workspace(HeightMap(heights=np.zeros((3, 3)))), Motion(headings=4)
+    again = Workspace(workspace.height_map)
+    assert time_graph(workspace, motion, 1) is time_graph(again, Motion(headings=4), 1)
+    other = Workspace(HeightMap(heights=np.zeros((3, 3))))
+    assert time_graph(other, motion, 1) is not time_graph(workspace, motion, 1)
+    assert time_graph(workspace, motion, 2) is not time_graph(workspace, motion, 1)

@@ -12,11 +12,12 @@ from functools import cached_property
 import numpy as np
 
 from cocap_opt.constraints import place_of, places_too_close
+from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.model import Model, Path, RobotClass, compiled
 from cocap_opt.planners.single import SingleRobotTask
 from cocap_opt.planners.team import no_plan, stopped
 from cocap_opt.planners.value_iteration import value_iteration
-from cocap_opt.problem import BoolArray, Cell, FloatArray, IntArray, Problem
+from cocap_opt.problem import Cell, Problem
 from cocap_opt.result import Reason, Result, UnsupportedError
 from cocap_opt.reward import group_weights, no_pixels, objective_of
 from cocap_opt.stop import Limit, Stop, never

@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from typing import NamedTuple
 
+from cocap_opt.data import FloatArray
 from cocap_opt.model import Model, Path
-from cocap_opt.problem import FloatArray
 from cocap_opt.stop import Limit, Stop, never
 from cocap_opt.timegraph import NO_CHARGES, Charges
 

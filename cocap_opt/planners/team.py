@@ -6,9 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cocap_opt.data import FloatArray
 from cocap_opt.model import Model, Path
 from cocap_opt.planners.single import LowLevel, SingleRobotPath, SingleRobotTask
-from cocap_opt.problem import FloatArray, Problem
+from cocap_opt.problem import Problem
 from cocap_opt.result import Reason, Result
 from cocap_opt.reward import no_pixels, objective
 from cocap_opt.stop import Limit

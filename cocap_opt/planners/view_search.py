@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.model import Model, RobotClass
 from cocap_opt.planners.single import SingleRobotPath, SingleRobotTask
-from cocap_opt.problem import FloatArray, IntArray
 from cocap_opt.reward import group_weights, marginal_gain, no_pixels
 from cocap_opt.stop import Limit
 from cocap_opt.timegraph import CLOSED

@@ -8,8 +8,8 @@ from typing import Annotated
 
 from cyclopts import App, CycloptsError, Parameter
 
+from cocap_opt.data import ProblemError
 from cocap_opt.io import FileError
-from cocap_opt.problem import ProblemError
 from experiments.numbers import numbers
 from experiments.streams import say
 

@@ -10,8 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.model import Model
-from cocap_opt.problem import FloatArray, Problem, ProblemError, State
+from cocap_opt.problem import Problem, State
 from cocap_opt.render import Renderer
 from experiments.printing import print_table
 from experiments.report import Row

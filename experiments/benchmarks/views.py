@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from cocap_opt.atomic_write import write_atomically
+from cocap_opt.data import FloatArray
 from cocap_opt.model import Model
-from cocap_opt.problem import FloatArray, Problem
+from cocap_opt.problem import Problem
 from cocap_opt.render import Renderer
 from experiments.benchmarks.views_figure import views_figure
 from experiments.figures import png

@@ -1,0 +1,97 @@
+"""What all problem data is made of: immutable structs whose fields are checked once.
+
+Units: metres, radians, pixels. Every message of a `ProblemError` names the field.
+"""
+
+from typing import Any, Self
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+
+# Far beyond what any scene needs: a number outside is a mistake. Within them every coverage
+# and every J is a finite number, and a face at any place keeps some digits of its size.
+MOST_STEPS = 10_000
+MOST_TURN = 10_000  # indices per step
+MOST_PIXELS = 100_000  # along an edge of the image
+FOCAL = 1e-3, 1e9  # px
+SMALLEST = 1e-4  # m, edge of a cell or an actor
+LARGEST = 1e9  # m, coordinates and lengths; rad, yaw
+MOST_WEIGHT = 1e12
+
+
+class ProblemError(ValueError):
+    """A field of a problem has a value that is not allowed; the message names the field."""
+
+
+def require(condition: bool, field: str, allowed: str) -> None:
+    """Raise a ProblemError unless the condition holds."""
+    if not condition:
+        raise ProblemError(f"{field}: {allowed}")
+
+
+def within(value: float, low: float, high: float, field: str, unit: str = "") -> None:
+    """Require low <= value <= high."""
+    # False for nan, too.
+    allowed = f"must be {low:g}..{high:g} {unit}".rstrip()
+    require(low <= value <= high, field, f"{allowed}, not {value}")
+
+
+def whole(value: object, field: str) -> None:
+    """Require a whole number."""
+    is_whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
+    require(is_whole, field, f"must be a whole number, not {value!r}")
+
+
+def _plain(value: Any) -> Any:
+    """The same value with Python's own numbers and tuples; other objects as they are."""
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, (list, tuple)):
+        parts = [_plain(part) for part in value]
+        same = isinstance(value, tuple) and all(a is b for a, b in zip(parts, value, strict=True))
+        named = hasattr(value, "_fields")
+        return value if same else type(value)(*parts) if named else tuple(parts)
+    return value
+
+
+def read_only(array: FloatArray) -> FloatArray:
+    """The same array, protected from changes."""
+    array.setflags(write=False)
+    return array
+
+
+def frozen(array: Any, field: str, ndim: int) -> FloatArray:
+    """Return a read-only float64 copy of `array` of `ndim` axes and numbers within +-LARGEST."""
+    try:
+        given = np.asarray(array)
+    except ValueError:  # rows of different length
+        given = np.asarray(None)
+    require(given.dtype.kind in "iuf", field, f"must be a {ndim}-D array of numbers")
+    result = np.array(given, dtype=np.float64)
+    require(result.ndim == ndim, field, f"must have {ndim} axes, not {result.ndim}")
+    require(result.size > 0, field, "must not be empty")
+    inside = bool((np.abs(result) <= LARGEST).all())  # false for nan, too
+    require(inside, field, f"must hold finite numbers within +-{LARGEST:g} only")
+    return read_only(result)
+
+
+class Data(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Base of all problem data: immutable, and a misspelt field in a file is an error."""
+
+    def __post_init__(self) -> None:
+        """Make NumPy's numbers plain and lists tuples, as reading them from a file would."""
+        for field in self.__struct_fields__:
+            value = getattr(self, field)
+            plain = _plain(value)
+            if plain is not value:
+                msgspec.structs.force_setattr(self, field, plain)
+
+    def replace(self, **changes: Any) -> Self:
+        """Return a checked copy with some fields changed."""
+        return msgspec.structs.replace(self, **changes)
