@@ -148,7 +148,8 @@ def _interior(vertices: FloatArray, triangles: IntArray, shape: tuple[int, int])
         sides = np.column_stack(
             [_left(vertices, numbers[:, k], numbers[:, (k + 1) % 3], point) for k in range(3)]
         )
-        up, down = sides.all(axis=1), ~sides.any(axis=1)
+        up = np.asarray(sides.all(axis=1))
+        down = ~np.asarray(sides.any(axis=1))
         hit = np.flatnonzero(up | down)
         altitude = _altitude(vertices[numbers[hit]], point[hit])
         # Seen from below, a solid is entered where its surface looks down.
