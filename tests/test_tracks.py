@@ -1,0 +1,534 @@
+"""People tracked by others: files, points at steps, headings, actors."""
+
+import logging
+import math
+import os
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from strategies import examples
+
+from cocap_opt.problem import Cuboid, FloatArray, Prism, ProblemError, TriangulatedCuboid
+from scenarios.tracks import Track, actor, at_steps, headings, present, read_tracks
+
+DATA = Path(os.environ.get("COCAP_OPT_DATA", Path(__file__).parents[2] / "shared" / "data"))
+
+ROWS = [(1, 0, 100.0, 250.0), (1, 1, 112.5, 250.0), (2, 1, -30.0, 0.5), (2, 2, -30.0, 1.5)]
+HEADED = "id,frame,x,y\n1,0,1,2\n1,1,1,3\n"
+
+
+def track(times: list[float], points: list[tuple[float, float]], height: float = 1.7) -> Track:
+    """A track of number 7."""
+    return Track(7, np.array(times), np.array(points), height)
+
+
+def walk(fps: float = 10.0, seconds: float = 10.0) -> Track:
+    """From (1, 2) at 1.5 m/s along x and -0.5 m/s along y."""
+    times = np.arange(round(seconds * fps) + 1) / fps
+    return Track("w", times, np.array([1.0, 2.0]) + np.outer(times, [1.5, -0.5]), None)
+
+
+def read(folder: Path, text: str, **options: Any) -> list[Track]:
+    """Tracks of a file with this text, byte by byte."""
+    path = folder / "walk.txt"
+    path.write_bytes(text.encode())
+    return read_tracks(path, **options)
+
+
+def same(first: list[Track], second: list[Track]) -> bool:
+    """Whether all is equal, to the last bit."""
+    return len(first) == len(second) and all(
+        (a.id, a.height) == (b.id, b.height)
+        and np.array_equal(a.times, b.times)
+        and np.array_equal(a.points, b.points)
+        for a, b in zip(first, second, strict=True)
+    )
+
+
+def rows(separator: str = " ", end: str = "\n") -> str:
+    """The four rows as text."""
+    return "".join(separator.join(f"{value:g}" for value in row) + end for row in ROWS)
+
+
+# -- files --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "options"),
+    [
+        (rows(), {}),
+        (rows("\t"), {}),
+        (rows(" \t "), {"delimiter": " "}),
+        (rows("\t"), {"delimiter": "\t"}),
+        (rows(","), {}),
+        (rows(" , "), {"delimiter": ","}),
+        (rows(";"), {}),
+        (rows(end="\r\n"), {}),
+        ("\ufeff" + rows(), {}),
+        ("# a comment\n\n" + rows().replace("\n", " # moves\n\n   \n"), {}),
+        ("\n \n" + rows(",").replace("\n", "\n  \n"), {}),
+        (rows()[:-1], {}),
+        ("ID FR X Y\n" + rows(), {}),
+        ("Ped_ID;frames;x/cm;y/cm\n" + rows(";"), {"unit": None}),
+        ("agent id,Frame,x [cm],y [cm]\n" + rows(","), {"unit": None}),
+        ('"id","frame","x","y"\n' + rows(","), {}),
+        (rows(",").replace("1,0,", '"1",0,'), {}),
+        (rows().replace("1 0 ", "1.0 0e0 "), {}),
+        ("# unit: cm\n" + rows(), {"unit": None}),
+        ("# x, y: the coordinates (in centimetres)\n" + rows(), {"unit": None}),
+        ("#framerate: 8.00\n" + rows(), {"fps": None}),
+        ("# framerate: 8 fps\n# id frame x/cm y/cm z/cm\n" + rows(), {"fps": None, "unit": None}),
+        ("# fps = 8\nid frame x y\n# in between\n" + rows(), {"fps": None}),
+        ("a b c d\n" + rows(), {"columns": ("id", "frame", "x", "y")}),
+        (rows(), {"columns": ("person", "FR", "X", "pos_y")}),
+        ("# framerate: 8.00\n" + rows(), {"fps": 8.00004}),
+    ],
+)
+def test_one_scene_in_many_spellings(tmp_path: Path, text: str, options: dict[str, Any]) -> None:
+    """However the file is written, ids, seconds and metres are the same."""
+    tracks = read(tmp_path, text, **{"unit": "cm", "fps": 8, **options})
+    assert [t.id for t in tracks] == [1, 2]
+    assert [t.height for t in tracks] == [None, None]
+    assert [t.times.tolist() for t in tracks] == [[0.0, 0.125], [0.125, 0.25]]
+    assert tracks[0].points.tolist() == [[1.0, 2.5], [1.125, 2.5]]
+    assert tracks[1].points.tolist() == [[-0.3, 0.005], [-0.3, 0.015]]
+    with pytest.raises(ValueError, match="read-only"):
+        tracks[0].points[0, 0] = 9.0
+
+
+@pytest.mark.parametrize(
+    ("text", "ids"),
+    [
+        ("id,frame,x,y,kind\n5,0,1,2,adult\n5,1,1,3,child\n", [5]),  # words in what is not read
+        ("id,frame,x,y,kind\n5,0,1,2,nan\n5,1,1,3,inf\n", [5]),
+        ("id,frame,x,y\nBob,0,1,2\nann,0,1,2\nBob,1,1,3\n", ["Bob", "ann"]),
+        ("Bob,0,1,2\nann,0,1,2\n3,1,1,3\n", ["3", "Bob", "ann"]),  # no header: it has numbers
+        ("y,x,speed,person,frame\n2,1,0,3,0\n3,1,9,3,1\n", [3]),
+        ("#frame id x y z a b\n0 4 1 2 0 7 7\n1 4 1 3 0 7 7\n", [4]),
+        ("# frame id x/m y/m\n0,4,1,2\n1,4,1,3\n", [4]),
+    ],
+)
+def test_columns_are_found_by_name(tmp_path: Path, text: str, ids: list[int | str]) -> None:
+    """In any order, among others; ids are numbers or words as in the first row."""
+    tracks = read(tmp_path, text, unit="m", fps=2)
+    assert [t.id for t in tracks] == ids
+    assert all(t.points[0].tolist() in ([1.0, 2.0], [1.0, 3.0]) for t in tracks)
+    assert max(t.times[-1] for t in tracks) <= 0.5
+
+
+def test_times_stand_for_frames(tmp_path: Path) -> None:
+    """A column of seconds needs no frame rate; with frames beside it, the caller chooses."""
+    text = "t,id,x,y\n1351038575.5,1,0,0\n1351038576,1,1,0\n"
+    assert read(tmp_path, text, unit="m")[0].times.tolist() == [1351038575.5, 1351038576.0]
+    both = "id,frame,time/s,x,y\n1,10,0.5,0,0\n1,20,1.5,1,0\n"
+    assert read(tmp_path, both, unit="m")[0].times.tolist() == [0.5, 1.5]
+    assert read(tmp_path, both, unit="m", fps=10)[0].times.tolist() == [1.0, 2.0]
+
+
+def test_height_is_the_median_of_z(tmp_path: Path) -> None:
+    """Heads bob; a z of 0 throughout is no height."""
+    text = "".join(f"{k} {t} 0 {t} {(k - 1) * (150 + t * t)}\n" for k in (1, 2) for t in range(5))
+    assert [t.height for t in read(tmp_path, text, unit="cm", fps=5)] == [None, 1.54]
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "words"),
+    [
+        ("", {}, "must hold at least one row"),
+        ("# nothing\n\n", {}, "must hold at least one row"),
+        ("id,frame,x,y\n", {}, "must hold at least one row"),
+        ("1 0 1 2\n1 1 1\n", {}, "line 2: must have 4 values, not 3"),
+        ("# c\n\n1 0 1 2\n1 1 1 2 3\n", {}, "line 4: must have 4 values, not 5"),
+        ("id,frame,x,y\n1,0,1,2,\n", {}, "line 2: must have 4 values, not 5"),
+        ("1 0 1 2\n# c\n1 1 one 2\n", {}, "line 3, x: must be a number, not 'one'"),
+        ("1 0 1 2\nBob 1 1 2\n", {}, "line 2, id: must be a number, not 'Bob'"),
+        ("Bob,0,1,2\n,1,1,2\n", {}, "line 2, id: must not be empty"),
+        ("1;0;1,5;2\n", {}, "line 1, x: must be a number, not '1,5'"),
+        ("1 0 1,5 2\n", {}, "line 1, x: must be a number, not '1,5'"),
+        ("1 0 1 2\n\n1 1 nan 2\n", {}, "line 3, x: must be a number within +-1e+09, not nan"),
+        ("1 0 1 2\n1 1 1 -inf\n", {}, "line 2, y: must be a number within +-1e+09, not -inf"),
+        ("1 0 1e10 2\n", {}, "line 1, x: must be a number within +-1e+09, not 1e+10"),
+        ("1 0 1 2\n1.5 1 1 2\n", {}, "line 2, id: must be a whole number"),
+        ("1 0 1 2\n1 0.5 1 2\n", {}, "line 2, frame: must be a whole number"),
+        ("Bob,0,1,2\nBob,1,1,inf\n", {}, "line 2, y: must be a number within"),
+        ("1 3 1 2\n2 3 1 2\n#\n1 3 1 2\n", {}, "line 4: must not be a second row for id 1 at 3 s"),
+        ("id,frame,x\n1,0,1\n", {}, "header: must name the columns id, frame or time, x and y"),
+        ("id,x,y\n1,0,1\n", {}, "header: must name the columns"),
+        ("id,frame,x,X,y\n1,0,1,1,1\n", {}, "header: must name one column x, not two"),
+        ("id,time [ms],x,y\n1,0,1,1\n", {}, "time: must be in s, not ms"),
+        ("id,t,x,y\n1,0,1,1\n", {}, "fps: must be left out"),
+        (HEADED, {"columns": ("id", "x", "y")}, "line 2: must have 3 values, not 4"),
+        (HEADED, {"columns": ("id", "-", "x", "y")}, "columns: must name the columns"),
+        ("1 0 1 2 3 4\n", {}, "columns: must be given"),
+        ("1 0 1\n", {}, "columns: must be given"),
+        (HEADED, {"unit": None}, "unit: must be given"),
+        (HEADED, {"fps": None}, "fps: must be given"),
+        ("# unit: cm\n" + HEADED, {}, "unit: must be cm, as the file states, not m"),
+        ("# framerate: 8\n" + HEADED, {}, "fps: must be 8.0, as the file states, not 1.0"),
+        ("# unit: cm\n# x in mm\n" + HEADED, {}, "unit: must be one, but the file states cm and"),
+        ("# fps: 8\n# fps: 9\n" + HEADED, {}, "fps: must be one, but the file states 8.0 and 9.0"),
+        ("# fps: 0\n" + HEADED, {"fps": None}, "fps: must be > 0"),
+        (HEADED, {"fps": 0}, "fps: must be > 0"),
+        (HEADED, {"fps": math.nan}, "fps: must be > 0"),
+        (HEADED, {"unit": "ft"}, "unit: must be m, cm, mm, not 'ft'"),
+        (HEADED, {"delimiter": "|"}, "delimiter: must be"),
+        ("\ud800", {}, "must be a text file"),
+    ],
+)
+def test_what_is_not_allowed_is_said(
+    tmp_path: Path, text: str, options: dict[str, Any], words: str
+) -> None:
+    """One line, with the file's name, and the row's line where it is a row's fault."""
+    path = tmp_path / "walk.txt"
+    path.write_bytes(text.encode("utf-8", "surrogatepass"))
+    with pytest.raises(ProblemError) as caught:
+        read_tracks(path, **{"unit": "m", "fps": 1, **options})
+    assert str(caught.value).startswith(f"{path}: {words}")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_missing_file_is_said(tmp_path: Path) -> None:
+    """It is wrong input, too."""
+    with pytest.raises(ProblemError, match="cannot be read"):
+        read_tracks(tmp_path / "none.txt", unit="m", fps=1)
+
+
+numbers = st.floats(-1e6, 1e6, allow_nan=False).map(lambda value: round(value, 4))
+
+
+@st.composite
+def walks(draw: st.DrawFn) -> list[Track]:
+    """A few people at whole frames of 4 fps."""
+    tracks = []
+    for name in draw(st.lists(st.integers(-5, 99), min_size=1, max_size=4, unique=True)):
+        frames = sorted(draw(st.sets(st.integers(-30, 30), min_size=1, max_size=8)))
+        points = draw(st.lists(st.tuples(numbers, numbers), min_size=len(frames),
+                               max_size=len(frames)))  # fmt: skip
+        tracks.append(Track(name, np.array(frames) / 4, np.array(points), None))
+    return sorted(tracks)
+
+
+@given(walks(), st.randoms(use_true_random=False), st.sampled_from([" ", "\t", ",", ";"]))
+@examples(60)
+def test_rows_in_any_order_and_among_words(
+    tmp_path_factory: pytest.TempPathFactory, tracks: list[Track], random: Any, separator: str
+) -> None:
+    """What was written is read: in any order, fast, and row by row where a column has words."""
+    lines = [
+        [f"{t.id}", f"{time * 4:g}", f"{x!r}", f"{y!r}"]
+        for t in tracks
+        for time, (x, y) in zip(t.times.tolist(), t.points.tolist(), strict=True)
+    ]
+    random.shuffle(lines)
+    folder = tmp_path_factory.mktemp("walk")
+    for extra, columns in (("0", "-"), ("word", "-"), ('"0"', "note")):
+        text = "".join(separator.join([*line, extra]) + "\n" for line in lines)
+        options: dict[str, Any] = {"columns": ("id", "frame", "x", "y", columns)}
+        assert same(read(folder, text, unit="m", fps=4, **options), tracks)
+
+
+# -- doubts -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("rows", "unit", "words"),
+    [
+        ([(0, 0, 170), (130, 0, 170)], "cm", []),
+        ([(0, 0, 170), (130, 0, 170)], "m", ["median speed 130 m/s: is the unit cm?",
+                                             "height of 1 of 1 people outside 0.4..2.6 m, 170 m "
+                                             "of 1: is the unit cm?"]),
+        ([(0, 0, 1.7), (1.3, 0, 1.7)], "cm", ["is the unit m?", "within 0.013 m"]),
+        ([(0, 0, 1.7), (1.3, 0, 1.7)], "m", []),
+        ([(0, 0, 1.7), (30, 0, 1.7)], "m", ["median speed 30 m/s: is the unit cm?"]),
+        ([(0, 0, 1.7), (15, 0, 1.7)], "m", ["median speed 15 m/s: is fps right?"]),
+        ([(0, 0, 12.0), (1, 0, 12.0)], "m", ["is z a height above the floor?"]),
+        ([(0, 0, 0), (5e5, 0, 0)], "m", ["median speed", "all points lie within 5e+05 m"]),
+    ],
+)  # fmt: skip
+def test_doubts_are_said(
+    tmp_path: Path,
+    caplog: pytest.LogCaptureFixture,
+    rows: list[tuple[float, float, float]],
+    unit: Any,
+    words: list[str],
+) -> None:
+    """A wrong unit is likely where people race, are giants or dwarfs, or fill no room."""
+    text = "".join(f"1 {t} {x} {y} {z}\n" for t, (x, y, z) in enumerate(rows))
+    with caplog.at_level(logging.WARNING, logger="scenarios.tracks"):
+        read(tmp_path, text, unit=unit, fps=1)
+    assert len(caplog.messages) == len(words)
+    for message, word in zip(caplog.messages, words, strict=True):
+        assert message.startswith(f"{tmp_path / 'walk.txt'}: ") and word in message
+
+
+def test_who_stands_does_not_make_the_rest_fast(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """The median is over those who move: a crowd that waits hides no wrong unit."""
+    standing = "".join(f"{k} {t} {k} 0\n" for k in range(5) for t in range(2))
+    read(tmp_path, standing + "9 0 0 0\n9 1 130 0\n", unit="m", fps=1)
+    assert "median speed 130 m/s" in caplog.text
+
+
+# -- at steps -----------------------------------------------------------------------------
+
+
+@given(
+    st.tuples(st.floats(-50, 50), st.floats(-50, 50)),
+    st.tuples(st.floats(-3, 3), st.floats(-3, 3)),
+    st.sampled_from([1.0, 2.5, 8.0, 16.0, 25.0, 29.97]),
+    st.integers(1, 12),
+    st.floats(0, 1),
+)
+@examples(100)
+def test_straight_walks_are_exact(
+    origin: tuple[float, float],
+    velocity: tuple[float, float],
+    fps: float,
+    steps: int,
+    begin: float,
+) -> None:
+    """At constant speed the points are those of the line, at any frame rate and half of it."""
+    step = (10.0 - begin) / steps / 1.2
+    times = np.arange(math.ceil(10 * fps) + 3) / fps
+    line = Track(1, times, np.array(origin) + np.outer(times, velocity), None)
+    halved = Track(1, times[::2], line.points[::2], None)
+    moments = begin + step * np.arange(steps + 1)
+    assume(moments[-1] <= halved.times[-1])
+    exact = np.array(origin) + np.outer(moments, velocity)
+    assert at_steps(line, begin, step, steps) == pytest.approx(exact, abs=1e-9)
+    if fps >= 2:  # else every second frame leaves gaps
+        assert at_steps(halved, begin, step, steps) == pytest.approx(exact, abs=1e-9)
+
+
+@given(st.lists(st.tuples(numbers, numbers), min_size=2, max_size=9), st.integers(1, 30))
+@examples(60)
+def test_frames_are_met_exactly(points: list[tuple[float, float]], fps: int) -> None:
+    """Steps at frames have their points, from the first to the last, whatever rounding does."""
+    tracked = track([k / fps for k in range(len(points))], points)
+    found = at_steps(tracked, 0.0, 1 / fps, len(points) - 1)
+    assert found == pytest.approx(np.array(points), rel=1e-9, abs=1e-6)
+    assert np.array_equal(at_steps(tracked, 0.0, 1 / fps, 1), points[:2])
+
+
+def test_rounding_takes_nobody_away() -> None:
+    """3 x 0.1 s is later than 3/10 s, where the track ends or a gap begins; and is there."""
+    ends = track([k / 10 for k in range(4)], [(k, 0.0) for k in range(4)])
+    gap = track([*ends.times, 3.0], [*ends.points, (9.0, 0.0)])
+    assert ends.times[-1] < 3 * 0.1
+    for tracked in (ends, gap):
+        assert at_steps(tracked, 0.0, 0.1, 3)[3] == pytest.approx([3.0, 0.0])
+
+
+def test_absence_is_said() -> None:
+    """Before the first frame, after the last, and when there are spans between."""
+    tracked = track([1.0, 2.0, 5.0, 5.5], [(0, 0)] * 4)
+    words = r"^track 7: must be there at step 2 \(3 s\), but is there from 1 to 2 s and from 5 to"
+    with pytest.raises(ProblemError, match=words):
+        at_steps(tracked, 1.0, 1.0, 4)
+    rare = track([60.0 * k for k in range(9)], [(0, 0)] * 9)
+    with pytest.raises(ProblemError, match=r"from 120 to 120 s and at 6 more times$"):
+        at_steps(rare, 0.0, 1.0, 1)
+    for begin, step in ((0.5, 0.5), (5.25, 0.5)):
+        with pytest.raises(ProblemError, match="must be there"):
+            at_steps(tracked, begin, step, 1)
+
+
+def test_gaps_are_not_walked_over() -> None:
+    """Nobody is there inside a gap of more than a second; at its ends they are."""
+    points = [(0.0, 0.0), (4.0, 0.0), (5.0, 0.0)]
+    short, long = track([0.0, 1.0, 2.0], points), track([0.0, 1.1, 2.0], points)
+    assert at_steps(short, 0.0, 0.5, 4)[1].tolist() == [2.0, 0.0]
+    with pytest.raises(ProblemError, match="must be there at step 1"):
+        at_steps(long, 0.0, 0.5, 4)
+    assert at_steps(long, 0.0, 1.1, 1).tolist() == [[0.0, 0.0], [4.0, 0.0]]
+    assert at_steps(track([0.0, 60.0], points[:2]), 0.0, 60.0, 1).tolist() == [[0, 0], [4, 0]]
+
+
+@given(walks(), st.integers(-30, 30), st.integers(1, 12), st.integers(1, 6))
+@examples(100)
+def test_present_are_those_who_can_walk(
+    tracks: list[Track], begin: int, step: int, steps: int
+) -> None:
+    """`present` keeps a track if and only if `at_steps` takes it; by brute force, too."""
+    times = [begin / 8 + t * step / 8 for t in range(steps + 1)]
+
+    def there(tracked: Track, time: float) -> bool:
+        spans = pairwise(tracked.times.tolist())
+        return time in tracked.times or any(a <= time <= b and b - a <= 1 for a, b in spans)
+
+    found = {t.id for t in present(tracks, begin / 8, step / 8, steps)}
+    assert found == {t.id for t in tracks if all(there(t, time) for time in times)}
+    for t in tracks:
+        if t.id in found:
+            assert at_steps(t, begin / 8, step / 8, steps).shape == (steps + 1, 2)
+        else:
+            with pytest.raises(ProblemError):
+                at_steps(t, begin / 8, step / 8, steps)
+
+
+@pytest.mark.parametrize(
+    ("begin", "step", "steps", "field"),
+    [
+        (math.nan, 1.0, 2, "begin"),
+        (0.0, 0.0, 2, "step"),
+        (0.0, math.nan, 2, "step"),
+        (0.0, -1.0, 2, "step"),
+        (0.0, 1.0, 0, "steps"),
+        (0.0, 1.0, 10_001, "steps"),
+    ],
+)
+def test_steps_are_checked(begin: float, step: float, steps: int, field: str) -> None:
+    """By both functions, also where there is nobody."""
+    for attempt in (
+        lambda: at_steps(walk(), begin, step, steps),
+        lambda: present([], begin, step, steps),
+    ):
+        with pytest.raises(ProblemError, match=f"^{field}: must be"):
+            attempt()
+
+
+# -- headings -----------------------------------------------------------------------------
+
+# Metres on a coarse grid, half a cell away from the distance that counts as standing.
+STEP, STILL = 1.0, 0.3
+paths = st.lists(st.tuples(st.integers(-4, 4), st.integers(-4, 4)), min_size=2, max_size=12).map(
+    lambda points: STEP * np.array(points, dtype=np.float64)
+)
+
+
+def turned(first: FloatArray, second: FloatArray) -> FloatArray:
+    """Difference of angles, in (-pi, pi]."""
+    return np.asarray(np.angle(np.exp(1j * (first - second))))
+
+
+def moves(path: FloatArray) -> bool:
+    """Whether anybody walks anywhere; who does not has heading 0 whichever way one looks."""
+    return bool((np.hypot(*np.gradient(path, axis=0).T) >= STILL).any())
+
+
+@given(paths, st.floats(-7, 7), st.floats(-100, 100))
+@examples(150)
+def test_headings_turn_with_the_walk(path: FloatArray, angle: float, shift: float) -> None:
+    """Turning turns them, mirroring mirrors them, shifting changes nothing."""
+    assume(moves(path))
+    c, s = math.cos(angle), math.sin(angle)
+    yaw = headings(path, STILL)
+    around = headings(path @ np.array([[c, s], [-s, c]]), STILL)
+    assert turned(around, yaw + angle) == pytest.approx(np.zeros(len(path)), abs=1e-9)
+    mirrored = headings(path * np.array([1.0, -1.0]), STILL)
+    assert turned(mirrored, -yaw) == pytest.approx(np.zeros(len(path)), abs=1e-9)
+    moved = headings(path + np.array([shift, -2 * shift]), STILL)
+    assert turned(moved, yaw) == pytest.approx(np.zeros(len(path)), abs=1e-9)
+    for found in (yaw, around, mirrored, moved):
+        assert (found > -math.pi).all() and (found <= math.pi).all()
+
+
+@given(paths)
+@examples(150)
+def test_headings_by_their_definition(path: FloatArray) -> None:
+    """From the step before to the step after, kept while standing: by slow, obvious loops."""
+    end = len(path) - 1
+    expected: list[float | None] = []
+    for t in range(len(path)):
+        before, after = max(t - 1, 0), min(t + 1, end)
+        dx, dy = (path[after] - path[before]) / (after - before)
+        standing = math.hypot(dx, dy) < STILL
+        expected.append((expected[-1] if t else None) if standing else math.atan2(dy, dx))
+    first = next((yaw for yaw in expected if yaw is not None), 0.0)
+    filled = np.array([first if yaw is None else yaw for yaw in expected])
+    assert turned(headings(path, STILL), filled) == pytest.approx(np.zeros(len(path)), abs=1e-12)
+
+
+def test_headings_of_known_walks() -> None:
+    """North, a halt with a wobble, then west; who never walks looks along +x."""
+    path = np.array([[0, 0], [0.01, 0], [0, 1], [0, 2], [0, 2.02], [0, 2], [-1, 2], [-2.0, 2.0]])
+    north, west = math.pi / 2, math.pi
+    assert headings(path, 0.1)[[0, 1, 2, 3, 4]] == pytest.approx([math.atan2(1, 0)] * 5, abs=0.02)
+    assert headings(path, 0.1)[5:] % math.tau == pytest.approx([west] * 3, abs=0.03)
+    assert headings(path[3:6], 0.1).tolist() == [0.0, 0.0, 0.0]
+    assert headings(path[3:6], 0.0)[0] == pytest.approx(north)
+    assert headings(np.zeros((4, 2)), 0.0).tolist() == [0.0] * 4
+    assert headings(path[[6, 7, 7, 7]], 0.0).tolist() == [math.pi] * 4
+    assert headings(np.array([[0.0, 0.0], [-1.0, -0.0]]), 0.1).tolist() == [math.pi] * 2
+    assert headings(np.array([[0.0, 0.0], [-1.0, -1e-300]]), 0.1).tolist() == [math.pi] * 2
+    assert headings(np.zeros((1, 2)), 0.1).tolist() == [0.0]
+    with pytest.raises(ProblemError, match="still: must be >= 0"):
+        headings(path, math.nan)
+
+
+# -- actors -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("shape", [Prism(), Cuboid(length=0.3, width=0.5), TriangulatedCuboid()])
+def test_an_actor_walks_its_track(shape: Prism | Cuboid | TriangulatedCuboid) -> None:
+    """Its feet are on the ground below the track, it looks ahead, and is as tall as the file says.
+
+    Where the file does not say, it is as tall as the caller's shape.
+    """
+    tracked = walk()
+    tall = tracked._replace(height=1.62)
+    walker = actor(tall, 1.0, 0.5, 4, shape=shape, ground=lambda x, y: x - y)
+    points = at_steps(tracked, 1.0, 0.5, 4)
+    assert walker.poses[:, :2].tolist() == points.tolist()
+    assert walker.poses[:, 2] == pytest.approx(points[:, 0] - points[:, 1])
+    assert walker.poses[:, 3] == pytest.approx(np.full(5, math.atan2(-0.5, 1.5)))
+    assert walker.shape == shape.replace(height=1.62)
+    plain = actor(tracked, 1.0, 0.5, 4, shape=shape)
+    assert plain.shape == shape
+    assert plain.poses[:, 2].tolist() == [0.0] * 5
+
+
+# -- files of others ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "people", "end", "largest"),
+    [
+        ("040_c_56_h-.txt", {}, 75, 66.24, 8.0),
+        ("uo-050-180-180.txt", {"unit": "cm", "fps": 16}, 61, 63.5625, 15.0),
+    ],
+)
+def test_their_files(
+    name: str,
+    options: dict[str, Any],
+    people: int,
+    end: float,
+    largest: float,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """People of human height walk at human speed through rooms of human size, without doubts."""
+    path = DATA / "pedestrians" / name
+    if not path.is_file():
+        pytest.skip(f"needs {path}, tracks that others made")
+    tracks = read_tracks(path, **options)
+    assert len(tracks) == people and not caplog.messages
+    assert max(t.times[-1] for t in tracks) == pytest.approx(end)
+    assert all(t.height is not None and 1.4 < t.height < 2.0 for t in tracks)
+    points = np.concatenate([t.points for t in tracks])
+    assert np.ptp(points, axis=0).max() < largest
+    there = present(tracks, 36.0, 0.5, 10)
+    assert len(there) > 3
+    for t in there:
+        walker = actor(t, 36.0, 0.5, 10)
+        speeds = np.hypot(*np.diff(walker.poses[:, :2], axis=0).T) / 0.5
+        assert speeds.max() < 3.0
+
+
+def test_their_units_are_held_against_ours(caplog: pytest.LogCaptureFixture) -> None:
+    """A file that states its unit is not read in another; one that does not raises doubts."""
+    stated, silent = (DATA / "pedestrians" / name for name in
+                      ("040_c_56_h-.txt", "uo-050-180-180.txt"))  # fmt: skip
+    if not (stated.is_file() and silent.is_file()):
+        pytest.skip(f"needs {stated} and {silent}, tracks that others made")
+    with pytest.raises(ProblemError, match="unit: must be m, as the file states, not cm"):
+        read_tracks(stated, unit="cm")
+    with pytest.raises(ProblemError, match=r"fps: must be 25\.0, as the file states, not 16"):
+        read_tracks(stated, fps=16)
+    read_tracks(silent, unit="m", fps=16)
+    assert "median speed 140 m/s: is the unit cm?" in caplog.text
