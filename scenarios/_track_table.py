@@ -19,7 +19,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from cocap_opt.problem import LARGEST, FloatArray, IntArray, ProblemError
+from cocap_opt.data import LARGEST, FloatArray, IntArray, ProblemError
 from scenarios._text import read_text
 
 PER_METRE = {"m": 1.0, "cm": 100.0, "mm": 1000.0}

@@ -21,17 +21,8 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from cocap_opt.problem import (
-    LARGEST,
-    MOST_STEPS,
-    Actor,
-    BoolArray,
-    FloatArray,
-    IntArray,
-    Prism,
-    ProblemError,
-    Shape,
-)
+from cocap_opt.data import LARGEST, MOST_STEPS, BoolArray, FloatArray, IntArray, ProblemError
+from cocap_opt.problem import Actor, Prism, Shape
 from scenarios._text import naming
 from scenarios._track_table import PER_METRE, Table, read_table
 

@@ -13,7 +13,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from strategies import examples
 
-from cocap_opt.problem import Cuboid, FloatArray, Prism, ProblemError, TriangulatedCuboid
+from cocap_opt.data import FloatArray, ProblemError
+from cocap_opt.problem import Cuboid, Prism, TriangulatedCuboid
 from scenarios.tracks import Track, actor, at_steps, headings, present, read_tracks
 
 DATA = Path(os.environ.get("COCAP_OPT_DATA", Path(__file__).parents[2] / "shared" / "data"))
