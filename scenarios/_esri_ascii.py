@@ -6,7 +6,6 @@ and `dy` are taken for cells that are not square.
 """
 
 from collections.abc import Iterator
-from itertools import count
 from pathlib import Path
 from typing import BinaryIO
 
@@ -41,7 +40,9 @@ def read(path: Path, nodata: float | None, window: Window | None) -> Raster:
 def _read_header(file: BinaryIO) -> Header:
     """Read the lines before the first that starts with a number."""
     header: Header = {}
-    for line in count(1):
+    line = 0
+    while True:
+        line += 1
         start = file.tell()
         text = file.readline(LONGEST)
         fields = text.decode("utf-8-sig", errors="replace").split()
@@ -53,7 +54,6 @@ def _read_header(file: BinaryIO) -> Header:
             if key in header:
                 raise ProblemError(f"line {line}: {key} must be given once")
             header[key] = value
-    raise AssertionError("count does not end")
 
 
 def _entry(fields: list[str], line: int) -> tuple[str, str]:

@@ -36,7 +36,7 @@ def read(path: Path, band: int | None, nodata: float | None, window: Window | No
                 return _read(dataset, band, nodata, window)
     except NotGeoreferencedWarning as error:
         raise _no_geotransform() from error
-    except (RasterioError, CRSError) as error:
+    except (RasterioError, CRSError, UnicodeError) as error:
         raise ProblemError(f"cannot be read: {one_line(_first_cause(error))}") from error
 
 
