@@ -14,6 +14,7 @@ from cyclopts import App, CycloptsError, Parameter
 from cocap_opt.atomic_write import write_atomically
 from cocap_opt.check import check
 from cocap_opt.data import MOST_PIXELS, ProblemError
+from cocap_opt.doubts import doubts
 from cocap_opt.io import FileError, PlanFile, save_problem
 from cocap_opt.plan import Plan
 from cocap_opt.problem import Problem
@@ -59,6 +60,7 @@ OWN_STARTS: Row = {"seed": None, "starts": "those in the scene's own file"}
 AT_THE_ROOT = "column-generation"  # a bound that comes with a plan
 SOLVE_METHODS = (*EXACT, AT_THE_ROOT)
 
+log = logging.getLogger(__name__)
 app = App(
     name="cocap-opt",
     help="Plan the views of several camera drones, and prove how good the plans are.",
@@ -494,7 +496,10 @@ def _add_message(row: Row, message: str) -> None:
 def _load(scene: str, seed: int) -> Problem:
     if not 0 <= seed <= LARGEST:
         raise UsageError(f"--seed: must be 0..{LARGEST}, not {seed}")
-    return load_scene(scene, seed)
+    problem = load_scene(scene, seed)
+    for doubt in doubts(problem):
+        log.warning("%s: %s", scene, doubt)
+    return problem
 
 
 def _variant(problem: Problem, free: bool) -> Problem:
@@ -523,6 +528,26 @@ def _angles(option: str, text: str) -> tuple[float, ...]:
         raise UsageError(f"{option}: must be numbers such as 10,30,60, not {text!r}") from None
 
 
+class _Once(logging.Filter):
+    """Lets a message through once: every seed of a scene has the same doubts."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._seen: set[str] = set()
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        message = record.getMessage()
+        new = message not in self._seen
+        self._seen.add(message)
+        return new
+
+
+def _log_to_stderr() -> None:
+    handler = logging.StreamHandler(sys.stderr)
+    handler.addFilter(_Once())
+    logging.basicConfig(handlers=[handler], level=logging.WARNING, format="cocap-opt: %(message)s")
+
+
 def _first_line(build: Callable[..., Problem]) -> str:
     return (build.__doc__ or "").strip().splitlines()[0]
 
@@ -532,7 +557,7 @@ def _first_line(build: Callable[..., Problem]) -> str:
 
 def run(arguments: Sequence[str] | None) -> int:
     """Run one command and return its exit code; wrong input is one line on standard error."""
-    logging.basicConfig(stream=sys.stderr, level=logging.WARNING, format="cocap-opt: %(message)s")
+    _log_to_stderr()
     try:
         code = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
     except (CycloptsError, UsageError, FileError, ProblemError) as error:

@@ -10,6 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon, Wedge
+from matplotlib.ticker import MaxNLocator, ScalarFormatter
 from PIL import Image
 
 from cocap_opt.check import Verdict
@@ -60,6 +61,11 @@ def draw_terrain(ax: Axes, problem: Problem) -> Axes:
     ax.set_aspect("equal")
     ax.set_xlim(*extent[:2])  # what is drawn later must not move the frame
     ax.set_ylim(*extent[2:])
+    for axis, corner in ((ax.xaxis, ox), (ax.yaxis, oy)):
+        axis.set_major_locator(MaxNLocator(6))
+        # Map coordinates have seven digits; what they share is said once.
+        shared = corner // 1000 * 1000 if abs(corner) >= 10_000 else 0.0
+        axis.set_major_formatter(ScalarFormatter(useOffset=shared))
     ax.set_xlabel("x (m)")
     ax.set_ylabel("y (m)")
     return ax

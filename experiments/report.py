@@ -119,6 +119,8 @@ def plan_row(problem: Problem, seed: int, planner: str | None, judged: Judged[Re
     """Row of a plan, without a bound: only certified bounds are printed."""
     result = judged.result
     reason, messages = result.reason, [result.message] if result.message else []
+    if judged.verdict and problem.actors and not any(judged.verdict.face_reward):
+        messages.append("no drone sees anybody at any step")
     if reason is Reason.OPTIMAL and math.isfinite(result.bound) and judged.gap > OPTIMALITY:
         # What is certified is less than what the method says.
         reason = Reason.FINISHED

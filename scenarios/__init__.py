@@ -10,6 +10,7 @@ from cocap_opt.io import FileError, load_problem
 from cocap_opt.plan import Plan
 from cocap_opt.problem import Problem, State
 from scenarios.bottleneck import bottleneck, bottleneck_tight
+from scenarios.bridge import bridge
 from scenarios.corridor import corridor, corridor_tight
 from scenarios.field import field_large, field_long, field_small
 from scenarios.passage import passage
@@ -21,6 +22,7 @@ SCENES: dict[str, Callable[[int], Problem]] = {
     "bottleneck": bottleneck,
     "bottleneck-tight": bottleneck_tight,
     "passage": passage,
+    "bridge": bridge,
     "field": field_small,
     "field-long": field_long,
     "field-large": field_large,
@@ -96,7 +98,18 @@ def _read_hughes_plan(path: Path, problem: Problem) -> Plan | None:
     return None if paths is None else Plan(paths=paths)
 
 
+def _read_recipe(path: Path, seed: int) -> Problem:
+    from scenarios import recipe
+
+    return recipe.read(path, seed)
+
+
 FORMATS: dict[str, Format] = {
+    "recipe": Format(
+        "*.toml, a scene of maps, meshes, tracks and drones (the seed places the drones)",
+        _ends(".toml"),
+        _read_recipe,
+    ),
     "hughes": Format(
         "scene.json, a scene of Hughes et al. with a solution_*.json beside it (no seed)",
         _is_hughes,

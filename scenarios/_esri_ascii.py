@@ -11,7 +11,7 @@ from typing import BinaryIO
 
 import numpy as np
 
-from cocap_opt.problem import FloatArray, ProblemError
+from cocap_opt.data import FloatArray, ProblemError
 from scenarios._raster import Axis, Raster, Window, cells_met, finished, mark_holes
 from scenarios._text import integer, number
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from cocap_opt.problem import ProblemError
+from cocap_opt.data import ProblemError
 from scenarios._raster import SLIVER, Axis, Raster, Window, cells_met, finished, mark_holes
 from scenarios._text import one_line
 

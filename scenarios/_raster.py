@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cocap_opt.problem import LARGEST, FloatArray, ProblemError
+from cocap_opt.data import LARGEST, FloatArray, ProblemError
 
 MOST_READ = 200_000_000  # cells, 1.6 GB: a small compressed file can spell far more
 LEAST_CELL = 0.01  # m; an edge of 10 to 30 arc seconds, taken for metres, is smaller

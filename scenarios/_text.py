@@ -10,12 +10,12 @@ from cocap_opt.data import ProblemError
 
 
 @contextmanager
-def naming(path: Path) -> Iterator[None]:
-    """Put the file's name before the message of a `ProblemError` raised inside."""
+def naming(place: Path | str) -> Iterator[None]:
+    """Put a file's or a field's name before the message of a `ProblemError` raised inside."""
     try:
         yield
     except ProblemError as error:
-        raise ProblemError(f"{path}: {error}") from error
+        raise ProblemError(f"{place}: {error}") from error
 
 
 def one_line(error: Exception) -> str:

@@ -16,7 +16,7 @@ import numpy as np
 import shapely
 import trimesh
 from msgspec import Meta
-from shapely import MultiPolygon, Polygon
+from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from cocap_opt.data import LARGEST, FloatArray, ProblemError
@@ -81,7 +81,7 @@ def read_mesh(
 
 def _load(path: Path) -> trimesh.Trimesh:
     try:
-        shape = trimesh.load_scene(path).to_mesh()
+        shape: trimesh.Trimesh = trimesh.load_scene(path).to_mesh()
     except OSError as error:
         raise ProblemError(f"cannot be read: {error.strerror or one_line(error)}") from error
     except Exception as error:  # trimesh names no set of errors for a damaged file
@@ -96,7 +96,8 @@ def _load(path: Path) -> trimesh.Trimesh:
 def _placed(vertices: FloatArray, turn: float, at: tuple[float, float, float]) -> FloatArray:
     c, s = math.cos(turn), math.sin(turn)
     x, y, z = vertices.T
-    return np.column_stack([c * x - s * y, s * x + c * y, z]) + np.array(at)
+    placed: FloatArray = np.column_stack([c * x - s * y, s * x + c * y, z]) + np.array(at)
+    return placed
 
 
 class _Plan(msgspec.Struct):
@@ -191,7 +192,7 @@ def _polygons(area: BaseGeometry) -> list[Polygon]:
 
 def _triangles(polygon: Polygon) -> list[FloatArray]:
     """Triangles [3, 2] of a polygon, counter-clockwise."""
-    pieces = _polygons(MultiPolygon(shapely.constrained_delaunay_triangles(polygon).geoms))
+    pieces = _polygons(shapely.constrained_delaunay_triangles(polygon))
     return [np.asarray(piece.exterior.coords)[:3] for piece in pieces]
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cocap_opt.problem import FloatArray, ProblemError
+from cocap_opt.data import FloatArray, ProblemError
 from scenarios import _esri_ascii, _geotiff
 from scenarios._raster import Raster, Window
 from scenarios._text import naming

@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from cocap_opt.problem import LARGEST, SMALLEST, FloatArray, ProblemError
+from cocap_opt.data import LARGEST, SMALLEST, FloatArray, ProblemError
 from scenarios._raster import Raster
 
 MOST_CELLS = 1_000_000  # of a grid; coverage of more cannot be computed

@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 from strategies import examples
 
-from cocap_opt.problem import HeightMap, ProblemError
+from cocap_opt.data import ProblemError
+from cocap_opt.workspace import HeightMap
 from scenarios import _esri_ascii, _raster
 from scenarios.rasters import Raster, read_raster, sample
 from scenarios.resample import to_grid

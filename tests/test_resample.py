@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from strategies import examples
 
-from cocap_opt.problem import FloatArray, HeightMap, ProblemError
+from cocap_opt.data import FloatArray, ProblemError
+from cocap_opt.workspace import HeightMap
 from scenarios.rasters import Raster
 from scenarios.resample import MOST_CELLS, Grid, How, filled, to_grid
 

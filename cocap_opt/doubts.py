@@ -1,0 +1,100 @@
+"""What in a problem is allowed but hardly meant: units mixed up, people inside walls.
+
+Nothing here changes a result. A scene in which nobody can be seen has J = 0 and a proof of it;
+this says why.
+"""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from cocap_opt.columns import mesh_spans
+from cocap_opt.problem import Actor, Problem
+
+SUNK = 0.3  # m, by which feet may be below what they stand on
+FLOATING = 1.0  # m, by which they may be above it
+PROBE = 1e-3  # m, width of what is looked at around the foot point
+HEIGHTS = 0.3, 4.0  # m, of people and what they ride
+FASTEST = 100.0  # m per step
+
+Pose = tuple[float, float, float, float]
+
+
+def doubts(problem: Problem) -> list[str]:
+    """Everything in a problem that is likely a mistake, in words, one line each."""
+    if not problem.actors:
+        return ["there are no actors, so that every view reward is 0"]
+    found = []
+    for j, actor in enumerate(problem.actors):
+        found += [f"actors[{j}] {doubt}" for doubt in _about(problem, actor)]
+    return found
+
+
+def _about(problem: Problem, actor: Actor) -> Iterator[str]:
+    """What is doubtful about an actor."""
+    poses = actor.poses[: problem.horizon + 1]
+    if not HEIGHTS[0] <= actor.shape.height <= HEIGHTS[1]:
+        yield f"is {actor.shape.height:.3g} m high: is the unit right?"
+    fastest = float(np.hypot(*np.diff(poses[:, :2], axis=0).T).max(initial=0.0))
+    if fastest > FASTEST:
+        yield f"moves by {fastest:.3g} m in one step: is the unit right?"
+    steps: list[Pose] = [(x, y, z, yaw) for x, y, z, yaw in poses.tolist()]
+    off = [t for t, (x, y, _, _) in enumerate(steps) if not _on_map(problem, x, y)]
+    if off:
+        x, y, _, _ = steps[off[0]]
+        yield _at(off, steps, "is off the map", f"at ({x:.7g}, {y:.7g}) m")
+    depths = {t: depth for t, pose in enumerate(steps) if (depth := _sunk(problem, actor, pose))}
+    if depths:
+        words = f"its feet are {next(iter(depths.values())):.3g} m below the top of what is there"
+        yield _at(list(depths), steps, "is inside an obstacle", words)
+    high = {t: up for t, pose in enumerate(steps) if (up := _floats(problem, actor, pose))}
+    if high:
+        words = f"its feet are {next(iter(high.values())):.3g} m above what is below"
+        yield _at(list(high), steps, "floats", words)
+
+
+def _at(when: list[int], steps: list[Pose], what: str, words: str) -> str:
+    return f"{what} at {len(when)} of {len(steps)} steps; at step {when[0]} {words}"
+
+
+def _on_map(problem: Problem, x: float, y: float) -> bool:
+    return problem.height_map.inside(*problem.height_map.cell_of(x, y))
+
+
+def _sunk(problem: Problem, actor: Actor, pose: Pose) -> float:
+    """How far (m) an actor's feet are below the top of what it is in; 0 where it is in nothing."""
+    x, y, z, _ = pose
+    if not _on_map(problem, x, y):
+        return 0.0
+    middle = z + actor.shape.height / 2
+    spans = problem.workspace.columns.at(*problem.height_map.cell_of(x, y))
+    if any(_holds(span, z, middle) for span in spans[1:]):
+        # Something of a mesh is in the cell; it need not be where the actor is.
+        spans = [spans[0], *_mesh_spans(problem, x, y)]
+    return max((top - z for low, top in spans if _holds((low, top), z, middle)), default=0.0)
+
+
+def _holds(span: tuple[float, float], foot: float, middle: float) -> bool:
+    return span[0] < middle and span[1] > foot + SUNK
+
+
+def _mesh_spans(problem: Problem, x: float, y: float) -> list[tuple[float, float]]:
+    """Altitudes at which meshes are solid at a point."""
+    found: list[tuple[float, float]] = []
+    for mesh in problem.meshes:
+        vertices = (mesh.vertices - np.array([x, y, 0.0])) / np.array([PROBE, PROBE, 1.0])
+        middle = np.array([0.5, 0.5, 0.0])
+        spans = mesh_spans(vertices + middle, mesh.triangles, (1, 1), mesh.is_solid)
+        found += zip(spans.low.tolist(), spans.high.tolist(), strict=True)
+    return found
+
+
+def _floats(problem: Problem, actor: Actor, pose: Pose) -> float:
+    """How far (m) an actor's feet are above anything; 0 where it stands on something."""
+    x, y, z, _ = pose
+    if not _on_map(problem, x, y):
+        return 0.0
+    spans = problem.workspace.columns.at(*problem.height_map.cell_of(x, y))
+    below = max((top for low, top in spans if low < z + actor.shape.height), default=math.inf)
+    return z - below if z - below > FLOATING else 0.0
