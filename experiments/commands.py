@@ -4,7 +4,7 @@ import logging
 import math
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -32,7 +32,7 @@ from experiments.files import (
     write,
 )
 from experiments.gap_table import gap_cell, told_apart
-from experiments.numbers import LARGEST, numbers
+from experiments.numbers import LARGEST, numbers, values
 from experiments.printing import path_text, print_gap_table, print_json, print_result, print_table
 from experiments.progress import watching
 from experiments.report import (
@@ -52,7 +52,7 @@ from formulations import BOUNDS, EXACT
 from formulations.certificate import CertificateFile
 from formulations.proof import ProofFile
 from formulations.result import OPTIMALITY, CertifiedResult
-from scenarios import FORMATS, SCENES, load_scene, scene_of_plan
+from scenarios import FORMATS, NOTHING, SCENES, load_scene, scene_of_plan
 from scenarios.cameras import CAMERAS, with_camera, with_tilts
 
 DEFAULT_SECONDS = 60.0
@@ -81,7 +81,7 @@ class UsageError(ValueError):
 
 @app.command
 def scenes(*, json: Json = False) -> int:
-    """List the built-in scenes, the file formats that can be read, and cameras.
+    """List the built-in scenes, the file formats that can be read, their options, and cameras.
 
     Example: cocap-opt scenes
     """
@@ -94,11 +94,17 @@ def scenes(*, json: Json = False) -> int:
         }
         for name, camera in CAMERAS.items()
     ]  # fmt: skip
+    options = [
+        {"option": name, "values": ", ".join(words), "of files": key}
+        for key, kind in FORMATS.items() if kind.options is not None
+        for name, words in kind.options.allowed.items()
+    ]  # fmt: skip
     if json:
-        print_json({"scenes": rows, "formats": formats, "cameras": cameras})
+        print_json({"scenes": rows, "formats": formats, "cameras": cameras, "options": options})
     else:
         print_table("built-in scenes", rows)
         print_table("files that can be read in place of a scene's name", formats)
+        print_table("options of `export`, as in --option triangles=no", options)
         print_table("cameras that `export` can put on a scene's robots (px)", cameras)
     return 0
 
@@ -120,6 +126,13 @@ def export(
         str | None,
         Parameter(help="degrees below the horizon, such as 10 or, for a gimbal, 10,30,60"),
     ] = None,
+    option: Annotated[
+        list[str] | None,
+        Parameter(
+            negative="",
+            help="NAME=VALUE, how a file is read; may be repeated; `cocap-opt scenes` lists them",
+        ),
+    ] = None,
     json: Json = False,
 ) -> int:
     """Write any scene as a cocap-opt scene file.
@@ -129,7 +142,7 @@ def export(
     if output is None:
         raise UsageError("-o: name the file to write")
     check_output(output)
-    problem = _load(scene, seed)
+    problem = _load(scene, seed, values("--option", option or []))
     if over_time:
         objective = problem.objective.replace(over_time=True)
         problem = problem.replace(name=f"{problem.name}-over-time", objective=objective)
@@ -493,10 +506,10 @@ def _add_message(row: Row, message: str) -> None:
 # -- reading options ----------------------------------------------------------------------
 
 
-def _load(scene: str, seed: int) -> Problem:
+def _load(scene: str, seed: int, options: Mapping[str, str] = NOTHING) -> Problem:
     if not 0 <= seed <= LARGEST:
         raise UsageError(f"--seed: must be 0..{LARGEST}, not {seed}")
-    problem = load_scene(scene, seed)
+    problem = load_scene(scene, seed, options)
     for doubt in doubts(problem):
         log.warning("%s: %s", scene, doubt)
     return problem

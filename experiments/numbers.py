@@ -1,4 +1,6 @@
-"""Options that are lists of numbers."""
+"""Options that are lists of numbers, or values by name."""
+
+from collections.abc import Sequence
 
 from cocap_opt.io import FileError
 
@@ -29,3 +31,22 @@ def numbers(option: str, text: str) -> tuple[int, ...]:
     if not found:
         raise FileError(f"{option}: {text!r} holds no number")
     return tuple(dict.fromkeys(found))
+
+
+def values(option: str, words: Sequence[str]) -> dict[str, str]:
+    """Values by name, from NAME=VALUE each.
+
+    Raises
+    ------
+    FileError
+        If one is no such pair, or a name is there twice; the message names the option.
+    """
+    found: dict[str, str] = {}
+    for word in words:
+        name, equals, value = word.partition("=")
+        if not equals:
+            raise FileError(f"{option}: must be NAME=VALUE, not {word!r}")
+        if name in found:
+            raise FileError(f"{option}: {name!r} must be given only once")
+        found[name] = value
+    return found

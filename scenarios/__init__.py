@@ -1,14 +1,16 @@
 """Built-in scenes and readers of scene files. To add one: one file, one line below."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 
 from cocap_opt.data import ProblemError
 from cocap_opt.io import FileError, load_problem
 from cocap_opt.plan import Plan
 from cocap_opt.problem import Problem, State
+from scenarios import conventions
 from scenarios.bottleneck import bottleneck, bottleneck_tight
 from scenarios.bridge import bridge
 from scenarios.corridor import corridor, corridor_tight
@@ -30,6 +32,16 @@ SCENES: dict[str, Callable[[int], Problem]] = {
 }
 
 
+NOTHING: Mapping[str, str] = MappingProxyType({})
+
+
+class Options(NamedTuple):
+    """What can be chosen about how a kind of scene file is read."""
+
+    allowed: Mapping[str, tuple[str, ...]]  # values in words by name
+    read: Callable[[Path, int, Mapping[str, str]], Problem]  # path, seed, values by name
+
+
 class Format(NamedTuple):
     """A kind of scene file."""
 
@@ -40,6 +52,7 @@ class Format(NamedTuple):
     read_plan: Callable[[Path, Problem], Plan | None] = lambda path, problem: None
     # The scene with the starts that its own file names, where a seed chooses others.
     read_own_starts: Callable[[Path], Problem] | None = None
+    options: Options | None = None
 
 
 def _ends(*suffixes: str) -> Callable[[Path], bool]:
@@ -55,10 +68,16 @@ def _read_greedy_perspectives(path: Path, seed: int) -> Problem:
     return greedy_perspectives.read(path, seed)
 
 
+def _read_greedy_perspectives_as(path: Path, seed: int, options: Mapping[str, str]) -> Problem:
+    from scenarios import greedy_perspectives
+
+    return greedy_perspectives.read(path, seed, conventions.conventions_of(options))
+
+
 def _read_greedy_perspectives_own_starts(path: Path) -> Problem:
     from scenarios import greedy_perspectives
 
-    return greedy_perspectives.read(path, starts="yaml")
+    return greedy_perspectives.read(path, conventions=conventions.OWN_STARTS)
 
 
 def _read_greedy_perspectives_plan(path: Path, problem: Problem) -> Plan | None:
@@ -127,6 +146,7 @@ FORMATS: dict[str, Format] = {
         _read_greedy_perspectives,
         _read_greedy_perspectives_plan,
         _read_greedy_perspectives_own_starts,
+        Options(conventions.ALLOWED, _read_greedy_perspectives_as),
     ),
     "movingai": Format(
         "*.scen, a scenario of the MovingAI benchmark (the seed orders its rows)",
@@ -136,25 +156,43 @@ FORMATS: dict[str, Format] = {
 }
 
 
-def load_scene(name_or_path: str, seed: int = 0) -> Problem:
+def load_scene(name_or_path: str, seed: int = 0, options: Mapping[str, str] = NOTHING) -> Problem:
     """Build a built-in scene, or read a scene file or a folder that holds a seq.yaml.
 
     A file whose name is that of a built-in scene is reached as ./NAME.
 
+    Parameters
+    ----------
+    options
+        Values by name, of those that the file's format has (`Format.options`).
+
     Raises
     ------
     FileError
-        If there is no such scene or file, or it cannot be used; one line.
+        If there is no such scene or file, or it cannot be used, or takes no such options;
+        one line.
     """
     if seed < 0:
         raise FileError(f"seed: must be >= 0, not {seed}")
     if build := SCENES.get(name_or_path):
+        _refuse(options, name_or_path)
         return build(seed)
     path, kind = _find_file(name_or_path)
+    if kind.options is None:
+        _refuse(options, name_or_path)
     try:
+        if options and kind.options is not None:
+            return kind.options.read(path, seed, options)
         return kind.read(path, seed)
     except ProblemError as error:
         raise FileError(str(error)) from error
+
+
+def _refuse(options: Mapping[str, str], scene: str) -> None:
+    """Refuse options, of which a scene has none."""
+    if options:
+        takers = ", ".join(key for key, kind in FORMATS.items() if kind.options is not None)
+        raise FileError(f"option {next(iter(options))!r}: {scene} takes none, only {takers} files")
 
 
 def scene_of_plan(name_or_path: str, problem: Problem, plan: Plan) -> Problem:

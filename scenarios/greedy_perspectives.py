@@ -2,30 +2,28 @@
 
 Source of the format and of its meaning: Suresh et al., "Greedy Perspectives", 2024 (arXiv
 2310.10863), repository GreedyPerspectives/GreedyPerspectives, `res/experiments`, and the
-behaviour of its planner. Differences between the two sets of conventions:
+behaviour of its planner. What is said in another notation there is translated:
 
 ========================  =====================================  ==============================
 what                      there                                  here
 ========================  =====================================  ==============================
 heading index 0           looks along +y                         looks along +x
 camera tilt               angle from straight down               angle below the horizon
-actor                     always a box of 1 x 1 x 2.5 m, of 12   `TriangulatedCuboid` of 10:
-                          triangles, whatever the file says      the bottom, which no camera
-                                                                 above ground sees, is left out
-horizon                   H rows, the start's views count        T = H - 1 moves, `count_start`
-collisions, corners       same cell only; corners may be cut     `PAPER_RULES`, `corner_cutting`
+horizon                   H rows                                 T = H - 1 moves
+actor                     box of 1 x 1 x 2.5 m, whatever the     the same
+                          file says
 ========================  =====================================  ==============================
 
-Both count headings counter-clockwise. Each robot keeps its own tilt (their coverage cache
-gives all robots the tilt of whoever reaches a state first), and their planner's bonus for
-moves with dx + dy = 0 is no part of the reward. `action_space`, `stepSize`, every `geometry`
-and `map.pose` are in the files but were never used, and are not read.
+Both count headings counter-clockwise. What can be meant in two ways (faces, start, tilts,
+rules, corners, start set) is a choice: `Conventions`. Their planner's bonus for moves with
+dx + dy = 0 is no part of the reward. `action_space`, `stepSize`, every `geometry` and
+`map.pose` are in the files but were never used, and are not read.
 """
 
 import math
 import os
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import msgspec
 import numpy as np
@@ -34,7 +32,6 @@ from msgspec import Meta
 
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.problem import (
-    PAPER_RULES,
     Actor,
     Camera,
     Cuboid,
@@ -42,12 +39,12 @@ from cocap_opt.problem import (
     Objective,
     Problem,
     Robot,
-    Shape,
     State,
     TriangulatedCuboid,
 )
 from cocap_opt.workspace import HeightMap
 from scenarios._text import integer, naming, number, one_line, read_table, read_text
+from scenarios.conventions import FAITHFUL, Conventions
 
 # Of their triangles: with 6 samples the rewards of whole plans differ by 0.003 % from those
 # with their pixels, and those of steps by less than 2 %; with 3 by 0.14 % and a little more.
@@ -121,13 +118,7 @@ class _Sequence(msgspec.Struct):
     planner: _Planner
 
 
-def read(
-    path: Path,
-    seed: int = 0,
-    *,
-    starts: Literal["auto", "yaml"] = "auto",
-    triangles: bool = True,
-) -> Problem:
+def read(path: Path, seed: int = 0, conventions: Conventions = FAITHFUL) -> Problem:
     """Read a scene; the map and, where there is one, `starts.csv` lie beside the file.
 
     Parameters
@@ -137,10 +128,8 @@ def read(
     seed
         Number of the start set: rows seed * R .. seed * R + R - 1 of `starts.csv` for R
         robots. Of no effect where the file's own start poses are used.
-    starts
-        "auto": `starts.csv` where it exists, else the file's own start poses; "yaml": these.
-    triangles
-        False: the actors have five rectangular faces (four sides and a top), not ten triangles.
+    conventions
+        How the scene is meant; `FAITHFUL` is as their program plans it.
 
     Raises
     ------
@@ -149,31 +138,28 @@ def read(
     """
     with naming(path):
         world = _world(read_text(path))
-        cameras = [_camera(item.agent.camera) for item in world.agents]
-        actors = _actors(world, TriangulatedCuboid(height=2.5) if triangles else Cuboid(height=2.5))
+        shape = TriangulatedCuboid if conventions.triangles else Cuboid
+        actors = _actors(world, shape(height=2.5))
+        cameras = _cameras(world, conventions)
+        headings = world.state_resolution.heading
+        motion = Motion(headings=headings, corner_cutting=conventions.corner_cutting)
         map_file = _map_file(path, world.map.file)
     with naming(map_file):
         height_map = HeightMap(heights=_heights(map_file), resolution=world.map.cell)
-    poses, source = [item.agent.start for item in world.agents], path
-    start_sets = path.with_name("starts.csv")
-    # Whatever has that name must be readable: a link that leads nowhere is no reason to skip it.
-    if starts == "auto" and os.path.lexists(start_sets):
-        source = start_sets
-        with naming(source):
-            poses = _start_set(source, seed, len(poses))
+    source, poses = _starts(path, world, seed, conventions)
     # All that can still be wrong is a start pose, so the errors name the file it came from.
     with naming(source):
         return Problem(
             name=path.resolve().parent.name,
             height_map=height_map,
             robots=tuple(
-                _robot(pose, camera, height_map, world.state_resolution.heading)
+                _robot(pose, camera, motion, height_map)
                 for pose, camera in zip(poses, cameras, strict=True)
             ),
             actors=actors,
             horizon=world.time.horizon - 1,
-            rules=PAPER_RULES,
-            objective=Objective(count_start=True),
+            rules=conventions.rules,
+            objective=Objective(count_start=conventions.count_start),
             face_samples=FACE_SAMPLES,
         )
 
@@ -291,13 +277,32 @@ def _world(text: str) -> _World:
         raise ProblemError(one_line(error)) from error
 
 
+def _starts(
+    path: Path, world: _World, seed: int, conventions: Conventions
+) -> tuple[Path, list[Pose]]:
+    """Start pose of each robot, and the file that says so."""
+    start_sets = path.with_name("starts.csv")
+    # Whatever has that name must be readable: a link that leads nowhere is no reason to skip it.
+    if conventions.start_set == "seed" and os.path.lexists(start_sets):
+        with naming(start_sets):
+            return start_sets, _start_set(start_sets, seed, len(world.agents))
+    return path, [item.agent.start for item in world.agents]
+
+
+def _cameras(world: _World, conventions: Conventions) -> list[Camera]:
+    cameras = [_camera(item.agent.camera) for item in world.agents]
+    if conventions.tilt == "first":
+        return [camera.replace(tilts=cameras[0].tilts) for camera in cameras]
+    return cameras
+
+
 def _camera(camera: _Camera) -> Camera:
     focal, width, height = camera.intrinsics
     tilt = math.pi / 2 - camera.tilt
     return Camera(focal=focal, width=width, height=height, tilts=(tilt,))
 
 
-def _actors(world: _World, shape: Shape) -> tuple[Actor, ...]:
+def _actors(world: _World, shape: Cuboid | TriangulatedCuboid) -> tuple[Actor, ...]:
     rows = world.time.horizon
     actors = []
     for j, item in enumerate(world.actors):
@@ -312,11 +317,12 @@ def _actors(world: _World, shape: Shape) -> tuple[Actor, ...]:
     return tuple(actors)
 
 
-def _robot(pose: Pose, camera: Camera, height_map: HeightMap, headings: int) -> Robot:
+def _robot(pose: Pose, camera: Camera, motion: Motion, height_map: HeightMap) -> Robot:
     x, y = height_map.cell_of(pose.x, pose.y)
-    heading = _our_heading(heading_index(pose.theta, headings), headings)
-    motion = Motion(headings=headings, layers=(pose.z,), corner_cutting=True)
-    return Robot(start=State(x, y, heading=heading), motion=motion, camera=camera)
+    heading = _our_heading(heading_index(pose.theta, motion.headings), motion.headings)
+    return Robot(
+        start=State(x, y, heading=heading), motion=motion.replace(layers=(pose.z,)), camera=camera
+    )
 
 
 def _map_file(path: Path, stated: str) -> Path:

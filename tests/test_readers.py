@@ -18,6 +18,7 @@ from cocap_opt.plan import Plan
 from cocap_opt.problem import PAPER_RULES, Cuboid, Problem, State, TriangulatedCuboid
 from experiments.benchmarks.peers import differences
 from scenarios import greedy_perspectives, movingai
+from scenarios.conventions import OURS, OWN_STARTS
 from scenarios.greedy_perspectives import heading_index
 
 DATA = Path(os.environ.get("COCAP_OPT_DATA", Path(__file__).parents[2] / "shared" / "data"))
@@ -133,7 +134,7 @@ def test_actor_is_a_box_whatever_the_file_says(sequence: Path) -> None:
     actor = greedy_perspectives.read(sequence).actors[0]
     assert actor.shape == TriangulatedCuboid(length=1, width=1, height=2.5)
     assert actor.poses.tolist() == [[2, 3.5, 0, 0], [3, 3.5, 0, 0.1], [4, 3.5, 0, 0.2]]
-    rectangles = greedy_perspectives.read(sequence, triangles=False).actors[0]
+    rectangles = greedy_perspectives.read(sequence, conventions=OURS).actors[0]
     assert rectangles.shape == Cuboid(length=1, width=1, height=2.5)
 
 
@@ -151,7 +152,7 @@ def test_own_starts_on_request(sequence: Path) -> None:
     """The file's own start poses are used on request, and where there is no starts.csv."""
     own = [robot.start for robot in greedy_perspectives.read(sequence, 99).robots]
     sequence.with_name("starts.csv").write_text(STARTS)
-    asked = greedy_perspectives.read(sequence, 99, starts="yaml")
+    asked = greedy_perspectives.read(sequence, 99, OWN_STARTS)
     assert [robot.start for robot in asked.robots] == own
 
 
@@ -160,7 +161,7 @@ def test_starts_that_are_a_broken_link_are_not_skipped(sequence: Path, target: s
     """A starts.csv that links to itself or to nothing is named: it is there, and of no use."""
     sequence.with_name("starts.csv").symlink_to(target)
     _one_line(lambda: greedy_perspectives.read(sequence), "starts.csv: cannot be read: ")
-    assert greedy_perspectives.read(sequence, starts="yaml").horizon == 2
+    assert greedy_perspectives.read(sequence, conventions=OWN_STARTS).horizon == 2
 
 
 def test_map_is_found_at_the_stated_path(sequence: Path) -> None:
@@ -320,7 +321,7 @@ def test_every_published_start_set_is_valid(name: str, robots: int) -> None:
 def test_published_plan_obeys_the_motion_model(name: str) -> None:
     """Their paths begin at the file's own starts, and move and turn by at most one."""
     path = _data(f"greedy_perspectives/{name}/peer_paths.csv")
-    problem = greedy_perspectives.read(path.with_name("seq.yaml"), starts="yaml")
+    problem = greedy_perspectives.read(path.with_name("seq.yaml"), conventions=OWN_STARTS)
     plan = greedy_perspectives.read_plan(path, problem)
     assert [states[0] for states in plan] == [robot.start for robot in problem.robots]
     for states in plan:
@@ -338,7 +339,7 @@ def test_published_views_agree_with_headings_tilts_and_poses() -> None:
     edge may cut, and small ones, where their 400 x 300 samples are too coarse.
     """
     path = _data("greedy_perspectives/corridor/peer_coverage.csv")
-    problem = greedy_perspectives.read(path.with_name("seq.yaml"), starts="yaml")
+    problem = greedy_perspectives.read(path.with_name("seq.yaml"), conventions=OWN_STARTS)
     ours = {4: 6, 5: 7, 6: 0, 7: 1}  # the triangles at -y and +x of the box
     ratios = []
     with path.open() as file:
@@ -516,7 +517,7 @@ def test_rewards_of_published_plans(name: str) -> None:
     sampling of both: their pixels come in steps of 80 px/m2.
     """
     folder = _data(f"greedy_perspectives/{name}/peer_reward.csv").parent
-    problem = greedy_perspectives.read(folder / "seq.yaml", starts="yaml")
+    problem = greedy_perspectives.read(folder / "seq.yaml", conventions=OWN_STARTS)
     plan = Plan(paths=greedy_perspectives.read_plan(folder / "peer_paths.csv", problem))
     with (folder / "peer_reward.csv").open() as file:
         theirs = [float(row["own_tilt_view_reward"]) for row in csv.DictReader(file)]
@@ -534,7 +535,7 @@ def test_rendered_pixels_are_those_of_their_renderer(name: str) -> None:
     Only in states in which another robot looked first, with another tilt, they have not.
     """
     folder = _data(f"greedy_perspectives/{name}/peer_coverage.csv").parent
-    problem = greedy_perspectives.read(folder / "seq.yaml", starts="yaml")
+    problem = greedy_perspectives.read(folder / "seq.yaml", conventions=OWN_STARTS)
     theirs = greedy_perspectives.read_coverage(folder / "peer_coverage.csv", problem)
     found, totals = differences(problem, theirs, 60)
     assert len(found) > 100
@@ -545,7 +546,7 @@ def test_rendered_pixels_are_those_of_their_renderer(name: str) -> None:
 
 def test_coverage_of_greedy_perspectives_is_read_face_by_face(sequence: Path) -> None:
     """Their faces are renumbered, their headings turned, and the bottom is left out."""
-    problem = greedy_perspectives.read(sequence, starts="yaml")
+    problem = greedy_perspectives.read(sequence, conventions=OWN_STARTS)
     path = sequence.with_name("coverage.csv")
     path.write_text("x,y,h,t,actor,face,ppa\n1,2,0,1,0,7,80\n1,2,0,1,0,10,200\n1,2,0,1,0,0,5\n")
     read = greedy_perspectives.read_coverage(path, problem)

@@ -17,6 +17,7 @@ from cocap_opt.render import Renderer
 from experiments.printing import print_table
 from experiments.report import Row
 from scenarios import greedy_perspectives
+from scenarios.conventions import OWN_STARTS
 
 THEIR_STEP = 10  # of our pixels along an edge of one of theirs
 PIXELS = 100.0  # that one of theirs stands for
@@ -33,7 +34,7 @@ class Difference(NamedTuple):
 
 def peers(scene: Path, coverage: Path, states: int) -> None:
     """Print how far planned and rendered coverage are from theirs, in some of the states."""
-    problem = greedy_perspectives.read(scene, starts="yaml")
+    problem = greedy_perspectives.read(scene, conventions=OWN_STARTS)
     theirs = greedy_perspectives.read_coverage(coverage, problem)
     found, totals = differences(problem, theirs, states)
     rows: list[Row] = []

@@ -1,0 +1,190 @@
+"""Conventions of Greedy Perspectives' scenes, theirs and ours, one by one and by name."""
+
+import csv
+import math
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from test_readers import SEQUENCE, STARTS
+
+from cocap_opt.check import check
+from cocap_opt.io import FileError, load_problem, problem_digest
+from cocap_opt.plan import Plan
+from cocap_opt.problem import CollisionRules, Problem, ProblemError
+from experiments.cli import main
+from scenarios import greedy_perspectives, load_scene
+from scenarios.conventions import ALLOWED, FAITHFUL, OURS, OWN_STARTS, conventions_of
+
+DATA = Path(os.environ.get("COCAP_OPT_DATA", Path(__file__).parents[2] / "shared" / "data"))
+
+
+@pytest.fixture
+def sequence(tmp_path: Path) -> Path:
+    """Two robots with tilts of their own, one actor between them, and two start sets."""
+    folder = tmp_path / "tiny"
+    folder.mkdir()
+    np.save(folder / "map.npy", np.zeros((6, 8)))
+    (folder / "seq.yaml").write_text(SEQUENCE)
+    (folder / "starts.csv").write_text(STARTS)
+    return folder / "seq.yaml"
+
+
+def hovering(problem: Problem) -> Plan:
+    """All robots stay where they are."""
+    steps = problem.horizon + 1
+    return Plan(paths=tuple((robot.start,) * steps for robot in problem.robots))
+
+
+def facts(problem: Problem) -> dict[str, Any]:
+    """What an option may change."""
+    return {
+        "triangles": problem.actors[0].shape,
+        "count-start": problem.objective,
+        "tilt": [robot.camera for robot in problem.robots],
+        "rules": problem.rules,
+        "corner-cutting": [robot.motion.corner_cutting for robot in problem.robots],
+        "start-set": [robot.start for robot in problem.robots],
+    }
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("triangles", "no"),
+        ("count-start", "no"),
+        ("tilt", "first"),
+        ("rules", "vertex+swap"),
+        ("corner-cutting", "no"),
+        ("start-set", "yaml"),
+    ],
+)
+def test_an_option_changes_what_it_says_and_nothing_else(
+    sequence: Path, name: str, value: str
+) -> None:
+    """Every convention is one choice; the first value of each is the faithful one."""
+    before, after = (facts(load_scene(str(sequence), 1, o)) for o in ({}, {name: value}))
+    assert [key for key in before if before[key] != after[key]] == [name]
+    theirs = {key: words[0] for key, words in ALLOWED.items()}
+    assert facts(load_scene(str(sequence), 1, theirs)) == before
+
+
+def test_the_tilt_of_the_first_robot_is_all_that_is_shared(sequence: Path) -> None:
+    """Their quirk is about tilts: focal lengths and image sizes stay each robot's own."""
+    own, first = (load_scene(str(sequence), 0, {"tilt": t}).robots for t in ("own", "first"))
+    assert first[0].camera == own[0].camera != first[1].camera
+    assert first[1].camera == own[1].camera.replace(tilts=own[0].camera.tilts)
+
+
+def test_the_start_that_does_not_count_is_a_constant(sequence: Path) -> None:
+    """Without `count_start` J of any plan is less by its views at step 0."""
+    counted = greedy_perspectives.read(sequence)
+    verdict = check(counted, hovering(counted))
+    left_out = greedy_perspectives.read(sequence, 0, FAITHFUL._replace(count_start=False))
+    assert verdict.reward_at_start > 0
+    rest = check(left_out, hovering(left_out)).reward
+    assert rest == pytest.approx(verdict.reward - verdict.reward_at_start)
+
+
+def test_triangles_count_for_more_than_their_rectangle(sequence: Path) -> None:
+    """sqrt(a) + sqrt(b) of two halves is at least sqrt of their mean, at most twice that.
+
+    Pixels per m2 of a rectangle are the mean of those of its triangles, which are equal in size.
+    """
+    triangles = greedy_perspectives.read(sequence)
+    rectangles = greedy_perspectives.read(sequence, 0, FAITHFUL._replace(triangles=False))
+    many, few = (check(p, hovering(p)).face_reward for p in (triangles, rectangles))
+    assert (len(many), len(few)) == (10, 5)
+    assert sum(few) > 0
+    for k, whole in enumerate(few):
+        halves = many[2 * k] + many[2 * k + 1]
+        assert math.sqrt(2) * whole <= halves * (1 + 1e-9)
+        assert halves <= 2 * whole * (1 + 1e-9)
+
+
+def test_conventions_by_name() -> None:
+    """`conventions` names those from which the other options differ, in any order."""
+    assert conventions_of({}) == conventions_of({"conventions": "theirs"}) == FAITHFUL
+    assert conventions_of({"start-set": "yaml"}) == OWN_STARTS
+    assert conventions_of({"conventions": "ours"}) == OURS
+    assert OURS.rules == CollisionRules() and not OURS.corner_cutting
+    mixed = conventions_of({"triangles": "yes", "conventions": "ours"})
+    assert mixed == OURS._replace(triangles=True)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"triangle": "no"}, ("'triangle'", "triangles, count-start, tilt")),
+        ({"triangles": "false"}, ("triangles", "yes, no", "'false'")),
+        ({"rules": "swap"}, ("rules", "vertex, vertex+swap", "'swap'")),
+        ({"tilt": ""}, ("tilt", "own, first", "''")),
+        ({"conventions": "mine"}, ("conventions", "theirs, ours", "'mine'")),
+    ],
+)
+def test_wrong_options_are_one_line(options: dict[str, str], words: tuple[str, ...]) -> None:
+    """What is not allowed is one line with what is."""
+    with pytest.raises(ProblemError) as caught:
+        conventions_of(options)
+    assert "\n" not in str(caught.value)
+    for word in words:
+        assert word in str(caught.value)
+
+
+def test_scenes_without_options_refuse_them(tmp_path: Path) -> None:
+    """Nothing that a user asks for is left aside without a word."""
+    (tmp_path / "a.scen").write_text("version 1\n")
+    for scene in ("corridor", str(tmp_path / "a.scen")):
+        with pytest.raises(FileError, match=r"'triangles': .* takes none"):
+            load_scene(scene, 0, {"triangles": "no"})
+
+
+def test_export_writes_the_scene_as_the_options_say(sequence: Path) -> None:
+    """Options reach the reader from the command line; the file is the same problem."""
+    file = sequence.with_name("scene.json")
+    words = ["--option", "conventions=ours", "--option", "start-set=yaml"]
+    with pytest.raises(SystemExit) as caught:
+        main(["export", str(sequence), *words, "-o", str(file)])
+    assert caught.value.code == 0
+    expected = greedy_perspectives.read(sequence, 0, OURS._replace(start_set="yaml"))
+    assert problem_digest(load_problem(file)) == problem_digest(expected)
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (["--option", "triangles"], "NAME=VALUE"),
+        (["--option", "tilt=own", "--option", "tilt=first"], "only once"),
+        (["--option", "tilt=mine"], "own, first"),
+    ],
+)
+def test_wrong_options_of_export_are_named(
+    sequence: Path, words: list[str], named: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Exit code 2, one line, and no file."""
+    file = sequence.with_name("scene.json")
+    with pytest.raises(SystemExit) as caught:
+        main(["export", str(sequence), *words, "-o", str(file)])
+    error = capsys.readouterr().err
+    assert caught.value.code == 2
+    assert named in error and error.count("\n") == 1
+    assert not file.exists()
+
+
+@pytest.mark.parametrize("name", ["corridor", "split"])
+def test_what_they_report_is_between_both_tilts(name: str) -> None:
+    """Their cache mixes the robots' tilts, so their J is between that of own and of one tilt."""
+    folder = DATA / "greedy_perspectives" / name
+    if not (folder / "peer_reward.csv").exists():
+        pytest.skip(f"needs {name} in the data folder (COCAP_OPT_DATA)")
+    rewards = []
+    for tilt in ("own", "first"):
+        options = {"tilt": tilt, "start-set": "yaml"}
+        problem = load_scene(str(folder), 0, options)
+        paths = greedy_perspectives.read_plan(folder / "peer_paths.csv", problem)
+        rewards.append(check(problem, Plan(paths=paths)).reward)
+    with (folder / "peer_reward.csv").open() as file:
+        reported = sum(float(row["reported_view_reward"]) for row in csv.DictReader(file))
+    assert min(rewards) < reported < max(rewards)
