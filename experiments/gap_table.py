@@ -3,7 +3,7 @@
 import hashlib
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -50,30 +50,57 @@ def gap_cell(
     ----------
     rendered : J of each plan's rendered pixels is wanted, too
     """
-    stem = f"{_file_name(problem.name)}-{seed}"
+    plans = plans_of(problem, seed, planners, planner_limits, folder, watch)
+    rows = rows_of(problem, seed, plans, bound_limits, folder, watch)
+    if rendered:
+        for row, (name, judged) in zip(rows, plans.items(), strict=True):
+            watch.show(f"rendering the plan of {name}")
+            row["reward_rendered"] = _rendered(problem, judged)
+    return rows
+
+
+def plans_of(
+    problem: Problem,
+    seed: int,
+    planners: Sequence[str],
+    limits: Limits,
+    folder: Path | None,
+    watch: Watch,
+) -> dict[str, Judged[Result]]:
+    """A judged plan by planner; coverage is computed before, so that no planner's seconds
+    hold it."""
     watch.coverage_of(problem)
-    compiled(problem).prepare_all(planner_limits())  # no planner's seconds hold it
+    compiled(problem).prepare_all(limits())
     plans = {}
     for name in planners:
         watch.show(name)
-        plans[name] = judged = run_planner(problem, name, planner_limits())
+        plans[name] = judged = run_planner(problem, name, limits())
         content = plan_file(problem, name, judged)
         if folder is not None and content is not None:
-            save(folder / f"plans/{stem}-{name}.json", content)
-    under, free = bounds_of(problem, list(plans.values()), bound_limits, watch)
+            save(folder / f"plans/{_stem(problem, seed)}-{name}.json", content)
+    return plans
+
+
+def rows_of(
+    problem: Problem,
+    seed: int,
+    plans: Mapping[str, Judged[Result]],
+    limits: Limits,
+    folder: Path | None,
+    watch: Watch,
+) -> list[Row]:
+    """Rows of plans, by whomever they are, against what bounds them all."""
+    under, free = bounds_of(problem, list(plans.values()), limits, watch)
+    stem = _stem(problem, seed)
     bounded = Bounded(under, _save_certificate(folder, stem, under.result))
     if free is under:
         bounded_free = bounded
     else:
         bounded_free = Bounded(free, _save_certificate(folder, f"{stem}-free", free.result))
-    rows = []
-    for name, judged in plans.items():
-        row = gap_row(problem, seed, name, judged, bounded, bounded_free)
-        if rendered:
-            watch.show(f"rendering the plan of {name}")
-            row["reward_rendered"] = _rendered(problem, judged)
-        rows.append(row)
-    return rows
+    return [
+        gap_row(problem, seed, name, judged, bounded, bounded_free)
+        for name, judged in plans.items()
+    ]
 
 
 def _rendered(problem: Problem, judged: Judged[Result]) -> float | None:
@@ -173,6 +200,10 @@ def told_apart(problems: dict[tuple[str, int], Problem]) -> dict[tuple[str, int]
         (scene, seed): problem.replace(name=scene) if len(claimed[problem.name]) > 1 else problem
         for (scene, seed), problem in problems.items()
     }
+
+
+def _stem(problem: Problem, seed: int) -> str:
+    return f"{_file_name(problem.name)}-{seed}"
 
 
 def _file_name(scene: str) -> str:

@@ -17,6 +17,7 @@ FOLDED = 16  # columns of text that goes on in the next line, at least
 WIDE = 200  # columns of a table that goes to a file or a pipe
 OPEN = "*"  # marks a bound that a limit stopped
 PROVED = ("optimal", "infeasible")
+SHARES = ("gap", "gap_free", "largest gap", "largest gap_free")  # printed in %
 
 
 class _Output(Console):
@@ -72,6 +73,17 @@ def print_table(title: str, rows: Sequence[Row]) -> None:
     _console(console.measure(table).minimum).print(table)
 
 
+def markdown(rows: Sequence[Row]) -> str:
+    """The table that `print_table` prints, in Markdown."""
+    if not rows:
+        return ""
+    lines = [list(rows[0]), ["---" if isinstance(v, str) else "--:" for v in rows[0].values()]]
+    lines += [[_text(key, value) for key, value in row.items()] for row in rows]
+    return "".join(
+        f"| {' | '.join(cell.replace('|', '&#124;') for cell in line)} |\n" for line in lines
+    )
+
+
 class Marked(NamedTuple):
     """A number with a mark behind it."""
 
@@ -125,7 +137,7 @@ def _text(key: str, value: Any) -> str:
         return _text(key, value.value) + value.mark
     if value is None:
         return "-"
-    if key in ("gap", "gap_free"):
+    if key in SHARES:
         return f"{100 * value:.3f} %"
     if key == "seconds":
         return f"{value:.3f}"

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Generic, NamedTuple, TypeVar
 
 from cocap_opt.check import Verdict, check
-from cocap_opt.plan import Plan
+from cocap_opt.plan import Plan, conflicts
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import NO_RULES, Problem
 from cocap_opt.result import Reason, Result, UnsupportedError, relative_gap
@@ -187,6 +187,7 @@ def gap_row(
         "bound": finite(bound.bound),
         "gap": _gap(judged, bound.bound),
         "gap_free": _gap(judged, bound_free.bound),
+        "colliding": colliding(problem, judged.result.plan),
         "robots": len(problem.robots),
         "actors": len(problem.actors),
         "steps": problem.horizon,
@@ -203,6 +204,13 @@ def gap_row(
         "certificate_free": free.path,
     }
     return row
+
+
+def colliding(problem: Problem, plan: Plan | None) -> int | None:
+    """Number of robots that take part in a conflict; None where there is no plan."""
+    if plan is None:
+        return None
+    return len({robot for conflict in conflicts(problem, plan) for robot in conflict.robots})
 
 
 def method_of(result: CertifiedResult) -> str:

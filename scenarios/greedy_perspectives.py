@@ -200,6 +200,35 @@ def read_plan(path: Path, problem: Problem) -> tuple[tuple[State, ...], ...]:
     return tuple(tuple(states[i, t] for t in steps) for i in range(len(problem.robots)))
 
 
+class Reported(NamedTuple):
+    """View reward of their plan at each step t = 0..T, as their program has it."""
+
+    as_reported: tuple[float, ...]  # with the tilts that their cache mixes up
+    own_tilt: tuple[float, ...]  # evaluated anew with each robot's own
+
+
+def read_reward(path: Path, problem: Problem) -> Reported:
+    """Read the view reward that Greedy Perspectives' program gave the plan of `read_plan`.
+
+    The file has columns t, reported_view_reward, own_tilt_view_reward, one row per step.
+
+    Raises
+    ------
+    ProblemError
+        If a value is no number, or the rows are not those of the steps in order; one line,
+        naming the file.
+    """
+    columns = ("reported_view_reward", "own_tilt_view_reward")
+    with naming(path):
+        rows = read_table(path, ("t", *columns))
+        steps = [integer(row["t"], f"line {line}, t") for line, row in rows]
+        if steps != list(range(problem.horizon + 1)):
+            raise ProblemError(f"t: must be the steps 0..{problem.horizon}, one row each, in order")
+        return Reported(
+            *(tuple(number(row[c], f"line {line}, {c}") for line, row in rows) for c in columns)
+        )
+
+
 # Their numbers of the faces that ours are, in the order of `TriangulatedCuboid`: front (x = .5),
 # left (y = .5), back, right and top. 0 and 1 are the bottom.
 THEIR_FACES = (7, 6, 8, 9, 2, 3, 4, 5, 11, 10)

@@ -10,7 +10,7 @@ from cyclopts import App, CycloptsError, Parameter
 
 from cocap_opt.data import ProblemError
 from cocap_opt.io import FileError
-from experiments.numbers import numbers
+from experiments.numbers import numbers, values
 from experiments.streams import say
 
 app = App(
@@ -131,6 +131,32 @@ def peers(
 
     measure(scene, coverage, states)
     return 0
+
+
+@app.command(name="start-sets")
+def start_sets(
+    *scene: str,
+    sets: Annotated[str, Parameter(help="seeds of the scenes: start sets, such as 0-9")] = "0-9",
+    limit: Annotated[float, Parameter(help="seconds for each plan and each bound")] = 60.0,
+    option: Annotated[
+        list[str] | None, Parameter(negative="", help="NAME=VALUE, as of cocap-opt export")
+    ] = None,
+    out: Out = None,
+) -> int:
+    """Measure planners over start sets, as Greedy Perspectives' Table II, and their plan and ours.
+
+    Runs that are in the folder already are not measured again. Their plan is compared where
+    peer_paths.csv and peer_reward.csv lie beside the scene's seq.yaml.
+
+    Example: python -m experiments.benchmarks start-sets seq.yaml --sets 0-9 --out tables
+    """
+    from experiments.benchmarks.start_sets import start_sets as measure
+
+    if not scene:
+        raise FileError("SCENE: name at least one, such as a seq.yaml")
+    _require_positive(limit)
+    options = values("--option", option or [])
+    return 0 if measure(scene, numbers("--sets", sets), limit, options, out) else 130
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

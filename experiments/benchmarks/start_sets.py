@@ -1,0 +1,220 @@
+"""Table II of Greedy Perspectives: planners over start sets, with a bound beside each number.
+
+Where a scene's folder holds what their program planned, that is one plan more, from the start
+poses in the scene's own file, in a table of its own.
+"""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from functools import cached_property
+from pathlib import Path
+
+from cocap_opt.check import check
+from cocap_opt.io import FileError, problem_digest
+from cocap_opt.problem import Problem, ProblemError
+from cocap_opt.result import Reason, Result
+from cocap_opt.stop import FirstOf, Interrupt, Limit, TimeLimit, catch_interrupt
+from experiments.benchmarks.start_sets_table import (
+    SetRun,
+    publish,
+    typed,
+)
+from experiments.benchmarks.tables import commit, read_csv
+from experiments.files import make_folder, read_plan, save_csv
+from experiments.gap_table import plans_of, rows_of, told_apart
+from experiments.progress import Watch, watching
+from experiments.report import BOUND_METHOD, Judged, Row
+from experiments.streams import say
+from scenarios import SCENES, load_scene
+
+PLANNERS = ("greedy", "sequential", "cocap", "cocap-vs", BOUND_METHOD)
+THEIRS = "theirs"
+PEER_PLAN, PEER_REWARD = "peer_paths.csv", "peer_reward.csv"
+
+
+@dataclass(frozen=True)
+class Peer:
+    """What their program planned: the plan, and J of its pixels, with mixed and own tilts."""
+
+    judged: Judged[Result]
+    reported: float
+    reported_own_tilt: float
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A scene and a start set; without a set, the start poses of the scene's own file."""
+
+    problem: Problem
+    start_set: int | None
+    peer: Peer | None = None
+
+    @cached_property
+    def key(self) -> Row:
+        """What tells its rows from others in the file, the limit left aside."""
+        return {
+            "scene": self.problem.name,
+            "seed": self.start_set,
+            "digest": problem_digest(self.problem),
+        }
+
+
+def start_sets(
+    scenes: Sequence[str],
+    sets: Sequence[int],
+    limit: float,
+    options: Mapping[str, str],
+    out: Path | None = None,
+) -> bool:
+    """Measure what is not in `out`/runs.csv yet, and print and write the tables.
+
+    Returns
+    -------
+    bool
+        Whether all is measured: False after Ctrl-C.
+    """
+    cells = [*set_cells(scenes, sets, options), *peer_cells(scenes, options)]
+    make_folder(out, "plans", "certificates")
+    path = None if out is None else out / "runs.csv"
+    rows = [] if path is None else read_csv(path)
+    known = [typed(row, str(path)) for row in rows]
+    todo = [cell for cell in cells if not _is_known(cell, limit, known)]
+    if len(todo) < len(cells):
+        say(f"{len(cells) - len(todo)} of {len(cells)} are in {path} already")
+    try:
+        with catch_interrupt() as interrupt, watching("start sets", parts=len(todo)) as watch:
+            for cell in todo:
+                found = _measured(cell, limit, interrupt, out, watch)
+                if interrupt() is not Limit.NONE:  # what was cut short is not what was asked for
+                    break
+                rows = [*_others(cell, limit, rows), *found]
+                if path is not None:
+                    save_csv(path, _same_columns(rows))
+                watch.finish()
+    finally:
+        runs = [typed(row, str(path)) for row in rows]
+        publish([run for cell in cells for run in runs if _belongs(cell, limit, run)], limit, out)
+    return interrupt() is Limit.NONE
+
+
+def set_cells(scenes: Sequence[str], sets: Sequence[int], options: Mapping[str, str]) -> list[Cell]:
+    """A cell per scene and start set."""
+    problems = told_apart({(s, k): load_scene(s, k, options) for s in scenes for k in sets})
+    first: dict[tuple[str, str], int] = {}
+    for (scene, k), problem in problems.items():
+        other = first.setdefault((scene, problem_digest(problem)), k)
+        if other != k:
+            raise FileError(f"{scene}: --sets: {other} and {k} are the same start set; name one")
+    return [Cell(problem, k) for (_, k), problem in problems.items()]
+
+
+def peer_cells(scenes: Sequence[str], options: Mapping[str, str]) -> Iterator[Cell]:
+    """A cell per scene that has what their program planned beside it."""
+    own = {**options, "start-set": "yaml"}
+    found = [scene for scene in dict.fromkeys(scenes) if _has_peer(scene)]
+    problems = told_apart({(scene, 0): load_scene(scene, 0, own) for scene in found})
+    for (scene, _), problem in problems.items():
+        named = problem.replace(name=f"{problem.name}-own-starts")
+        try:
+            yield Cell(named, None, _peer(scene, named))
+        except (FileError, ProblemError) as error:  # such as moves that other conventions forbid
+            say(f"{scene}: their plan is left out: {error}")
+
+
+def _folder(scene: str) -> Path:
+    path = Path(scene)
+    return path if path.is_dir() else path.parent
+
+
+def _has_peer(scene: str) -> bool:
+    """Whether it is a scene of theirs, with their plan and its reward beside it."""
+    is_theirs = Path(scene).is_dir() or Path(scene).suffix.lower() in (".yaml", ".yml")
+    files = (_folder(scene) / name for name in (PEER_PLAN, PEER_REWARD))
+    return scene not in SCENES and is_theirs and all(file.is_file() for file in files)
+
+
+def _peer(scene: str, problem: Problem) -> Peer:
+    from scenarios.greedy_perspectives import read_reward
+
+    _, plan = read_plan(_folder(scene) / PEER_PLAN, scene, problem)
+    verdict = check(problem, plan)
+    # How long it took them, the files do not say.
+    result = Result(plan, verdict.reward, Reason.FINISHED, seconds=math.nan)
+    steps = slice(problem.first_step, None)
+    reported = read_reward(_folder(scene) / PEER_REWARD, problem)
+    return Peer(
+        Judged(result, verdict),
+        math.fsum(reported.as_reported[steps]),
+        math.fsum(reported.own_tilt[steps]),
+    )
+
+
+def _measured(
+    cell: Cell, limit: float, interrupt: Interrupt, out: Path | None, watch: Watch
+) -> list[Row]:
+    """Rows of a cell, their plan's first."""
+
+    def limits() -> FirstOf:
+        return FirstOf(interrupt, TimeLimit(limit))
+
+    problem, number = cell.problem, cell.start_set or 0
+    where = problem.name if cell.start_set is None else f"{problem.name} set {number}"
+    watch.begin(where)
+    plans = plans_of(problem, number, PLANNERS, limits, out, watch)
+    if cell.peer is not None:
+        plans = {THEIRS: cell.peer.judged, **plans}
+    rows = rows_of(problem, number, plans, limits, out, watch)
+    say(f"{where}: {rows[-1]['reason']}, {_in_words(rows)}")
+    return [_row(cell, limit, row) for row in rows]
+
+
+def _in_words(rows: Sequence[Row]) -> str:
+    return ", ".join(
+        f"{row['planner']} {'-' if row['reward'] is None else format(row['reward'], ',.0f')}"
+        for row in rows
+    )
+
+
+def _row(cell: Cell, limit: float, row: Row) -> Row:
+    """Row of the file: that of the gap table, and what it was measured on."""
+    peer = cell.peer if row["planner"] == THEIRS else None
+    return (
+        row
+        | cell.key
+        | {
+            "seconds": None if peer else row["seconds"],
+            "rows": cell.problem.horizon + 1 - cell.problem.first_step,
+            "reported": peer and peer.reported,
+            "reported_own_tilt": peer and peer.reported_own_tilt,
+            "limit_seconds": limit,
+            "commit": commit(),
+            "written": datetime.now(UTC).isoformat(timespec="seconds"),
+        }
+    )
+
+
+def _others(cell: Cell, limit: float, rows: Sequence[Row]) -> list[Row]:
+    """Rows that are not of this cell."""
+    return [row for row in rows if not _belongs(cell, limit, typed(row, "runs.csv"))]
+
+
+def _same_columns(rows: Sequence[Row]) -> list[Row]:
+    """Rows that all have all columns: a file may be older than some of them."""
+    columns = list(dict.fromkeys(key for row in reversed(rows) for key in row))
+    return [{key: row.get(key) for key in columns} for row in rows]
+
+
+def _is_known(cell: Cell, limit: float, runs: Sequence[SetRun]) -> bool:
+    """Whether all planners' runs of a cell are there."""
+    planners = {run.planner for run in runs if _belongs(cell, limit, run)}
+    return planners >= {*PLANNERS, *([THEIRS] if cell.peer else [])}
+
+
+def _belongs(cell: Cell, limit: float, run: SetRun) -> bool:
+    return run.limit_seconds == limit and cell.key == {
+        "scene": run.scene,
+        "seed": run.seed,
+        "digest": run.digest,
+    }
