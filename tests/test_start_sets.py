@@ -155,11 +155,21 @@ def test_what_is_measured_is_not_measured_again(
     assert "3 of 3 are in" in capsys.readouterr().err
     assert before == {name: (out / name).read_bytes() for name in before}
     assert (out / "runs.csv").read_bytes() == rows
-    with pytest.raises(AssertionError, match="measured again"):
-        measure(with_peer, limit=19)
     with_peer.write_text(APART.replace("[3, 3.5, 0.1]", "[3, 3.4, 0.1]"))
     with pytest.raises(AssertionError, match="measured again"):
         measure(with_peer)
+
+
+def test_rows_and_files_stay_together(sequence: Path) -> None:
+    """Measured with another limit or other options, a set's rows are replaced like its plans."""
+    out = measure(sequence)
+    for words, limit in (([], 19), (["--option", "triangles=no"], 19)):
+        measure(sequence, *words, sets="1", limit=limit)
+        rows = rows_of(out / "runs.csv")
+        assert [row["seed"] for row in rows] == ["0"] * 5 + ["1"] * 5
+        for row in rows:
+            plan = load_plan(out / "plans" / f"tiny-{row['seed']}-{row['planner']}.json")
+            assert (plan.digest, repr(plan.reward)) == (row["digest"], row["reward"])
 
 
 def test_an_interrupt_leaves_what_is_whole(

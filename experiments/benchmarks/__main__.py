@@ -145,8 +145,9 @@ def start_sets(
 ) -> int:
     """Measure planners over start sets, as Greedy Perspectives' Table II, and their plan and ours.
 
-    Runs that are in the folder already are not measured again. Their plan is compared where
-    peer_paths.csv and peer_reward.csv lie beside the scene's seq.yaml.
+    Runs that are in the folder already are not measured again; those with another limit or
+    other options are replaced. Their plan is compared where peer_paths.csv and
+    peer_reward.csv lie beside the scene's seq.yaml.
 
     Example: python -m experiments.benchmarks start-sets seq.yaml --sets 0-9 --out tables
     """

@@ -53,7 +53,7 @@ class Cell:
 
     @cached_property
     def key(self) -> Row:
-        """What tells its rows from others in the file, the limit left aside."""
+        """What its rows in the file say of it."""
         return {
             "scene": self.problem.name,
             "seed": self.start_set,
@@ -70,6 +70,9 @@ def start_sets(
 ) -> bool:
     """Measure what is not in `out`/runs.csv yet, and print and write the tables.
 
+    Rows of a scene and set that were measured with another limit or other options are
+    replaced, as are the plans and certificates that they name.
+
     Returns
     -------
     bool
@@ -83,15 +86,16 @@ def start_sets(
     todo = [cell for cell in cells if not _is_known(cell, limit, known)]
     if len(todo) < len(cells):
         say(f"{len(cells) - len(todo)} of {len(cells)} are in {path} already")
+    rows = _others(todo, rows)
+    _store(path, rows)
     try:
         with catch_interrupt() as interrupt, watching("start sets", parts=len(todo)) as watch:
             for cell in todo:
                 found = _measured(cell, limit, interrupt, out, watch)
                 if interrupt() is not Limit.NONE:  # what was cut short is not what was asked for
                     break
-                rows = [*_others(cell, limit, rows), *found]
-                if path is not None:
-                    save_csv(path, _same_columns(rows))
+                rows += found
+                _store(path, rows)
                 watch.finish()
     finally:
         runs = [typed(row, str(path)) for row in rows]
@@ -195,15 +199,22 @@ def _row(cell: Cell, limit: float, row: Row) -> Row:
     )
 
 
-def _others(cell: Cell, limit: float, rows: Sequence[Row]) -> list[Row]:
-    """Rows that are not of this cell."""
-    return [row for row in rows if not _belongs(cell, limit, typed(row, "runs.csv"))]
+def _others(cells: Sequence[Cell], rows: Sequence[Row]) -> list[Row]:
+    """Rows that are of none of these cells, however measured."""
+    names = {(cell.problem.name, cell.start_set) for cell in cells}
+    runs = (typed(row, "runs.csv") for row in rows)
+    return [row for row, run in zip(rows, runs, strict=True) if (run.scene, run.seed) not in names]
 
 
-def _same_columns(rows: Sequence[Row]) -> list[Row]:
-    """Rows that all have all columns: a file may be older than some of them."""
+def _store(path: Path | None, rows: Sequence[Row]) -> None:
+    """Write the file anew; rows that were read may lack columns that others have."""
+    if path is None:
+        return
+    if not rows:
+        path.unlink(missing_ok=True)
+        return
     columns = list(dict.fromkeys(key for row in reversed(rows) for key in row))
-    return [{key: row.get(key) for key in columns} for row in rows]
+    save_csv(path, [{key: row.get(key) for key in columns} for row in rows])
 
 
 def _is_known(cell: Cell, limit: float, runs: Sequence[SetRun]) -> bool:
