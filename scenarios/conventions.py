@@ -9,7 +9,8 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any, Literal, NamedTuple
 
-from cocap_opt.problem import PAPER_RULES, CollisionRules, ProblemError
+from cocap_opt.data import ProblemError
+from cocap_opt.problem import PAPER_RULES, CollisionRules
 
 
 class Conventions(NamedTuple):

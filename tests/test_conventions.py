@@ -11,9 +11,10 @@ import pytest
 from test_readers import SEQUENCE, STARTS
 
 from cocap_opt.check import check
+from cocap_opt.data import ProblemError
 from cocap_opt.io import FileError, load_problem, problem_digest
 from cocap_opt.plan import Plan
-from cocap_opt.problem import CollisionRules, Problem, ProblemError
+from cocap_opt.problem import CollisionRules, Problem
 from experiments.cli import main
 from scenarios import greedy_perspectives, load_scene
 from scenarios.conventions import ALLOWED, FAITHFUL, OURS, OWN_STARTS, conventions_of

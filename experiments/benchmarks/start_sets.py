@@ -12,8 +12,9 @@ from functools import cached_property
 from pathlib import Path
 
 from cocap_opt.check import check
+from cocap_opt.data import ProblemError
 from cocap_opt.io import FileError, problem_digest
-from cocap_opt.problem import Problem, ProblemError
+from cocap_opt.problem import Problem
 from cocap_opt.result import Reason, Result
 from cocap_opt.stop import FirstOf, Interrupt, Limit, TimeLimit, catch_interrupt
 from experiments.benchmarks.start_sets_table import (
