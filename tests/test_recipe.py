@@ -1,0 +1,399 @@
+import json
+import logging
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rasterio
+import trimesh
+from rasterio.transform import Affine
+
+from cocap_opt.data import FloatArray, ProblemError
+from cocap_opt.doubts import doubts
+from cocap_opt.problem import Actor, Cuboid, Problem, State
+from cocap_opt.stop import never
+from cocap_opt.workspace import HeightMap, Mesh, Workspace
+from formulations import EXACT
+from scenarios import SCENES, load_scene
+from scenarios.meshes import extruded, read_mesh, read_walls
+from scenarios.recipe import EXAMPLE, read
+
+EAST, NORTH = 500600.988, 4794197.109  # m, corner of the rasters below
+
+
+def write_tif(path: Path, values: FloatArray, cell: float = 1.0) -> None:
+    """A GeoTIFF of heights [X, Y] whose lower left corner is (EAST, NORTH)."""
+    rows = values.T[::-1].astype(np.float32)
+    transform = Affine(cell, 0, EAST, 0, -cell, NORTH + len(rows) * cell)
+    with rasterio.open(
+        path, "w", driver="GTiff", width=rows.shape[1], height=rows.shape[0], count=1,
+        dtype="float32", transform=transform, crs="EPSG:25830",
+    ) as file:  # fmt: skip
+        file.write(rows, 1)
+
+
+def write(folder: Path, text: str) -> Path:
+    """A recipe file."""
+    path = folder / "scene.toml"
+    path.write_text(text)
+    return path
+
+
+FLAT = """
+steps = 4
+[map]
+size = [20, 12]
+[[walk]]
+points = [[5, 6], [15, 6]]
+speed = 1.5
+"""
+DRONE = """
+[[drones]]
+starts = [{ x = 2.5, y = 6.5, heading = 0 }]
+"""
+
+
+@pytest.fixture
+def parts(tmp_path: Path) -> Path:
+    """A folder with every kind of file that the example names."""
+    ground = np.add.outer(np.linspace(0, 3, 80), np.linspace(0, 2, 60))
+    houses = np.zeros((80, 60))
+    houses[20:30, 40:50] = 8.0
+    write_tif(tmp_path / "terrain.tif", ground + 50)
+    write_tif(tmp_path / "houses.tif", houses)
+    trimesh.creation.box((4, 1, 20)).export(tmp_path / "bridge.glb")
+    walls = {"bottleneck": {"walkable": [[0, 0], [5, 0], [5, 5], [0, 5]], "obstacles": []}}
+    (tmp_path / "geometry.json").write_text(json.dumps(walls))
+    rows = [f"{i} {f} {100 * i + 5 * f} {60 * i} 175" for i in (12, 15, 16) for f in range(1000)]
+    (tmp_path / "people.txt").write_text("\n".join(rows))
+    return tmp_path
+
+
+def test_the_example_in_the_manual_is_read(parts: Path) -> None:
+    """The example has every table, and all of them arrive in the problem."""
+    text = EXAMPLE.replace("[10, 10, 70, 50]", str([EAST + 10, NORTH + 10, EAST + 70, NORTH + 50]))
+    for old, new in (
+        ("at = [35, 20, 0]", f"at = [{EAST + 35}, {NORTH + 20}, 50]"),
+        ("at = [40, 20]", f"at = [{EAST + 20}, {NORTH + 20}]"),
+        ("[[20, 20], [60, 22]]", str([[EAST + 20, NORTH + 20], [EAST + 60, NORTH + 22]])),
+        ("x = 30, y = 20,", f"x = {EAST + 45}, y = {NORTH + 40},"),
+        ("starts = [", "motion = { layers = [4] }\nstarts = ["),
+    ):
+        assert old in text
+        text = text.replace(old, new)
+    problem = read(write(parts, text), seed=3)
+    assert problem.horizon == 20
+    assert problem.height_map.shape == (60, 40)
+    np.testing.assert_allclose(problem.height_map.origin, (EAST + 10, NORTH + 10), atol=1e-6)
+    assert problem.height_map.datum is not None
+    assert [len(mesh.triangles) for mesh in problem.meshes] == [12, 32]
+    assert [actor.shape.height for actor in problem.actors] == [1.75, 1.75, 1.75, 1.8]
+    assert len(problem.robots) == 4
+    assert problem.robots[3].start.heading == 2
+    assert problem.robots[0].camera.tilts == (math.radians(10), math.radians(40))
+    assert problem.rules.separation == 2.0
+
+
+def test_a_flat_scene_needs_no_files(tmp_path: Path) -> None:
+    """Someone walks at the stated pace, looks ahead, and stands where the way ends."""
+    problem = read(write(tmp_path, FLAT.replace("1.5", "4") + DRONE))
+    poses = problem.actors[0].poses
+    np.testing.assert_allclose(poses[:, 0], [5, 9, 13, 15, 15])
+    assert (poses[:, 1:] == [6, 0, 0]).all()
+    assert problem.robots[0].start == State(2, 6)
+    assert problem.name == "scene"
+
+
+def test_people_and_drones_stand_and_fly_on_the_terrain(tmp_path: Path) -> None:
+    """Feet are on the ground, layers above it or above the sea, obstacles keep their height."""
+    ground = np.add.outer(np.linspace(0, 8, 20), np.zeros(12)) + 100
+    surface = ground.copy()
+    surface[10, 5] += 7
+    write_tif(tmp_path / "dtm.tif", ground)
+    write_tif(tmp_path / "dsm.tif", surface)
+    text = f"""
+steps = 3
+[map]
+file = "dsm.tif"
+heights = "absolute"
+ground = "dtm.tif"
+[[walk]]
+points = [[{EAST + 5}, {NORTH + 3}], [{EAST + 15}, {NORTH + 3}]]
+[[drones]]
+starts = [{{ x = {EAST + 2.5}, y = {NORTH + 6.5} }}]
+"""
+    problem = read(write(tmp_path, text))
+    heights = problem.height_map
+    np.testing.assert_allclose(heights.heights, surface, atol=1e-4)
+    np.testing.assert_allclose(heights.datum, ground, atol=1e-4)
+    x, y, z, _ = problem.actors[0].poses[2].tolist()
+    assert z == pytest.approx(heights.heights[heights.cell_of(x, y)])
+    assert doubts(problem) == []
+    above_sea = text.replace("steps = 3", 'steps = 3\nflight = "above-sea"')
+    with pytest.raises(ProblemError, match="is blocked"):
+        read(write(tmp_path, above_sea))
+    above_sea = above_sea.replace("[[drones]]", "[[drones]]\nmotion = { layers = [120] }")
+    assert read(write(tmp_path, above_sea)).height_map.datum is None
+
+
+def test_a_coarse_slope_buries_nobody(tmp_path: Path) -> None:
+    """Cells of 5 m on a steep slope: obstacles are the highest above the mean ground."""
+    ground = np.add.outer(np.arange(40) * 0.8, np.zeros(20))
+    write_tif(tmp_path / "dtm.tif", ground)
+    walk = f"[[walk]]\npoints = [[{EAST + 3}, {NORTH + 3}], [{EAST + 30}, {NORTH + 17}]]\nspeed=9"
+    text = 'steps = 3\n[map]\nfile = "dtm.tif"\nheights = "absolute"\nground = "surface"\n'
+    drone = f"[[drones]]\nstarts = [{{ x = {EAST + 2.5}, y = {NORTH + 6.5} }}]\n"
+    problem = read(write(tmp_path, f"{text}resolution = 5\n{walk}\n{drone}"))
+    assert problem.height_map.shape == (8, 4)
+    np.testing.assert_array_equal(problem.height_map.heights, problem.height_map.datum)
+    assert doubts(problem) == []
+
+
+def test_seeds_place_drones_and_nothing_else(tmp_path: Path) -> None:
+    """Drones with a count start in free cells near someone, apart, and look there."""
+    text = FLAT + "[[drones]]\ncount = 5\nnear = 4\n[rules]\nseparation = 1.5\n"
+    one, other = read(write(tmp_path, text), 0), read(write(tmp_path, text), 1)
+    assert one.robots != other.robots
+    assert (one.actors[0].poses == other.actors[0].poses).all()
+    assert read(write(tmp_path, text), 1).robots == other.robots
+    for robot in one.robots:
+        x, y = one.height_map.centre(robot.start.x, robot.start.y)
+        assert math.hypot(x - 5, y - 6) <= 4
+        towards = math.atan2(6 - y, 5 - x) - robot.start.heading * math.pi / 4
+        assert abs(math.remainder(towards, math.tau)) <= math.pi / 8 + 1e-9
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (("steps = 4", "steps = 0"), r"\$\.steps"),
+        (("steps = 4", "steps = 4\nmoves = 2"), "unknown field `moves`"),
+        (("size = [20, 12]", "size = [20, 12]\nfile = 'a.tif'"), "map: must have either"),
+        (("size = [20, 12]", "file = 'a.tif'"), r"map: .*a\.tif: cannot be read"),
+        (("size = [20, 12]", "file = 'a.tif'\nheights = 'absolute'"), "map: ground: must be given"),
+        (("x = 2.5", "x = 25"), r"drones\[0\]: starts: must lie on the map, not at \(25, 6.5\)"),
+        (("heading = 0", "height = 3"), r"drones\[0\]: starts.height: must be one of the layers 5"),
+        (("starts", "camera = 'gopro'\nstarts"), r"drones\[0\]: camera: must be one of px4-mono"),
+        (("starts", "count = 1\nstarts"), r"drones\[0\]: must have either starts or a count"),
+        (("[[walk]]", "[[mesh]]\nfile = 'no.obj'\n[[walk]]"), r"mesh\[0\]: .*no\.obj: cannot be"),
+        (("[[walk]]", "[[mesh]]\nfile = 'a.txt'\n[[walk]]"), r"mesh\[0\]: .*must be named \.obj"),
+        (("[[walk]]", "[[tracks]]\nfile = 'no.csv'\nids = [1]\n[[walk]]"), r"tracks\[0\]: .*no"),
+        (("points", "points = ["), "scene.toml: "),
+    ],
+)  # fmt: skip
+def test_mistakes_are_named(tmp_path: Path, change: tuple[str, str], message: str) -> None:
+    """One line says in which file and field what is allowed."""
+    text = FLAT + DRONE
+    assert change[0] in text
+    with pytest.raises(ProblemError, match=message) as error:
+        read(write(tmp_path, text.replace(*change)))
+    assert "\n" not in str(error.value)
+
+
+def test_holes_are_refused_or_filled(tmp_path: Path) -> None:
+    """A map with cells without data is used only where the recipe says what they are."""
+    values = np.zeros((20, 12))
+    values[3, 4] = np.nan
+    write_tif(tmp_path / "map.tif", values)
+    text = f"""
+steps = 2
+[map]
+file = "map.tif"
+[[drones]]
+starts = [{{ x = {EAST + 9.5}, y = {NORTH + 6.5} }}]
+"""
+    with pytest.raises(ProblemError, match=r"map: file: .*1 of 240 cells have no data.*fill"):
+        read(write(tmp_path, text))
+    filled = text.replace('"map.tif"', '"map.tif"\nfill = 30')
+    assert read(write(tmp_path, filled)).height_map.heights[3, 4] == 30
+
+
+def test_people_who_are_not_there_are_named(parts: Path) -> None:
+    """Ids that a file lacks and times at which too few are there."""
+    table = '[[tracks]]\nfile = "people.txt"\nunit = "cm"\nfps = 16\n'
+    for more, message in (
+        ("ids = [12, 99]", r"tracks\[0\]: ids: 99 is not in the file, which has 12, 15, 16"),
+        ("count = 4", r"begin: must be a time from which 4 people .* at no time; at most 3"),
+        ("count = 3\nbegin = 70", "not from 70 s on; at most 0 are"),
+        ("", "must have either ids or a count"),
+    ):
+        with pytest.raises(ProblemError, match=message):
+            read(write(parts, FLAT + table + more + DRONE))
+
+
+# -- meshes -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("suffix", ["obj", "stl", "glb", "ply", "off"])
+def test_meshes_of_all_formats_are_the_same(tmp_path: Path, suffix: str) -> None:
+    """A box is the same solid from every format; glTF has y upwards."""
+    box = trimesh.creation.box((2, 3, 4))
+    box.apply_translation((1, 1.5, 2))
+    if suffix == "glb":
+        box.apply_transform([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
+    path = tmp_path / f"box.{suffix}"
+    box.export(path)
+    mesh = read_mesh(path, at=(10.0, 0.0, 1.0))
+    assert mesh.is_solid
+    assert len(mesh.vertices) == 8
+    np.testing.assert_allclose(mesh.vertices.min(axis=0), (10, 0, 1), atol=1e-6)
+    np.testing.assert_allclose(mesh.vertices.max(axis=0), (12, 3, 5), atol=1e-6)
+    turned = read_mesh(path, turn=math.pi / 2)
+    np.testing.assert_allclose(turned.vertices.min(axis=0), (-3, 0, 0), atol=1e-6)
+
+
+def test_units_of_meshes(tmp_path: Path) -> None:
+    """Millimetres and feet come out as metres."""
+    trimesh.creation.box((1000, 1000, 1000)).export(tmp_path / "box.stl")
+    assert np.ptp(read_mesh(tmp_path / "box.stl", unit="mm").vertices) == pytest.approx(1)
+    assert np.ptp(read_mesh(tmp_path / "box.stl", unit="ft").vertices) == pytest.approx(304.8)
+
+
+def test_an_open_mesh_is_doubted(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """A surface with a hole is used as a surface, and that is said."""
+    box = trimesh.creation.box((1, 1, 1))
+    box.update_faces(np.arange(12) > 0)
+    box.export(tmp_path / "open.obj")
+    with caplog.at_level(logging.WARNING):
+        mesh = read_mesh(tmp_path / "open.obj")
+    assert not mesh.is_solid
+    assert "not closed" in caplog.text
+
+
+@pytest.mark.parametrize("content", [b"", b"junk", b"solid x\nfacet", bytes(range(256)) * 3])
+@pytest.mark.parametrize("suffix", ["obj", "stl", "glb", "ply", "off", "gltf"])
+def test_damaged_meshes_are_refused_in_a_line(tmp_path: Path, content: bytes, suffix: str) -> None:
+    """Whatever is in the file: a line that names it."""
+    path = tmp_path / f"bad.{suffix}"
+    path.write_bytes(content)
+    with pytest.raises(ProblemError, match="bad") as error:
+        read_mesh(path)
+    assert "\n" not in str(error.value)
+
+
+def test_a_mesh_elsewhere_is_refused(tmp_path: Path) -> None:
+    """A mesh that lies wholly off the map is in other coordinates."""
+    trimesh.creation.box((1, 1, 1)).export(tmp_path / "box.stl")
+    text = FLAT + '[[mesh]]\nfile = "box.stl"\nat = [500, 0, 0]\n' + DRONE
+    with pytest.raises(ProblemError, match=r"mesh\[0\]: must lie on the map, x 0\.\.20 "):
+        read(write(tmp_path, text))
+
+
+def test_walls_of_a_ground_plan(tmp_path: Path) -> None:
+    """Obstacles and the border of the walkable area become closed walls of that height."""
+    room = [[0, 0], [5, 0], [5, 4], [0, 4]]
+    pillar = [[2, 1], [3, 1], [3, 2], [2, 2], [2, 1]]
+    plans = {"room": {"unit": "m", "walkable": room, "obstacles": [pillar]},
+             "bare": {"walkable": room}}  # fmt: skip
+    path = tmp_path / "plan.json"
+    path.write_text(json.dumps(plans))
+    walls = read_walls(path, name="room", height=2.0, border=0.5)
+    assert all(wall.is_solid for wall in walls)
+    grid = HeightMap(heights=np.zeros((12, 10)), resolution=0.5, origin=(-0.5, -0.5))
+    columns = Workspace(grid, tuple(walls)).columns
+    solid = columns.solid(np.full((1, 12, 10), 1.0), np.full((1, 12, 10), 1.0))[0]
+    expected = np.ones((12, 10), dtype=bool)
+    expected[1:11, 1:9] = False
+    expected[5:7, 3:5] = True
+    np.testing.assert_array_equal(solid, expected)
+    with pytest.raises(ProblemError, match="name: must be one of room, bare"):
+        read_walls(path, height=2.0)
+    with pytest.raises(ProblemError, match="border must say"):
+        read_walls(path, name="bare", height=2.0)
+    with pytest.raises(ProblemError, match="height: must be above 0 m"):
+        read_walls(path, name="room", height=0.0)
+
+
+def test_an_extruded_area_with_a_hole_is_solid() -> None:
+    """The volume of an extrusion is its area times its height, holes left out."""
+    import shapely
+
+    area = shapely.Polygon([(0, 0), (6, 0), (6, 4), (0, 4)], [[(1, 1), (2, 1), (2, 3), (1, 3)]])
+    mesh = extruded(area, 5.0, 2.0)
+    assert mesh.is_solid
+    a, b, c = np.moveaxis(mesh.corners, 1, 0)
+    volume = float((a * np.cross(b, c)).sum() / 6)
+    assert volume == pytest.approx((24 - 2) * 3)
+
+
+# -- doubts -------------------------------------------------------------------------------
+
+
+def with_actor(poses: list[tuple[float, float, float]], **changes: object) -> Problem:
+    """The first two steps of a scene with a wall and a deck, with this actor alone."""
+    problem = load_scene("bridge", 0)
+    rows = np.array([(*pose, 0.0) for pose in poses])
+    return problem.replace(horizon=1, actors=(Actor(poses=rows, **changes),))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("actor", "words"),
+    [
+        (with_actor([(5, 15, 0), (6, 15, 0)]), None),
+        (with_actor([(15, 15, 0), (16, 15, 0)]), None),  # below the deck
+        (with_actor([(15, 15, 7), (16, 15, 7)]), None),  # on it
+        (with_actor([(5, 15, 0), (15, 5, 0)]), "is inside an obstacle at 1 of 2 steps; at step 1 "
+         "its feet are 7 m below the top"),
+        (with_actor([(15, 15, 5.5), (15, 15, 5.5)]), "is inside an obstacle at 2 of 2 steps"),
+        (with_actor([(500, 1500, 0), (600, 1500, 0)]), "is off the map at 2 of 2 steps; at step 0 "
+         r"at \(500, 1500\) m"),
+        (with_actor([(5, 15, 0), (400, 15, 0)]), "moves by 395 m in one step: is the unit right"),
+        (with_actor([(5, 15, 4), (6, 15, 4)]), "floats at 2 of 2 steps; at step 0 its feet are 4"),
+        (with_actor([(5, 15, 0), (6, 15, 0)], shape=Cuboid(height=175.0)), "is 175 m high"),
+    ],
+)  # fmt: skip
+def test_what_is_hardly_meant_is_said(actor: Problem, words: str | None) -> None:
+    """People in walls, off the map, in the air, of a wrong size: in words; others not."""
+    found = doubts(actor)
+    if words is None:
+        assert found == []
+    else:
+        assert len(found) >= 1
+        import re
+
+        assert any(re.match(rf"actors\[0\] {words}", doubt) for doubt in found)
+
+
+def test_a_scene_without_people_is_doubted() -> None:
+    """Where there is nobody to be seen, J is 0, and that is said."""
+    assert "no actors" in doubts(load_scene("corridor", 0).replace(actors=()))[0]
+
+
+@pytest.mark.parametrize("name", list(SCENES))
+def test_built_in_scenes_leave_no_doubt(name: str) -> None:
+    """Nobody is in a wall, off the map or of a wrong size."""
+    if not name.startswith("tiny"):
+        assert doubts(load_scene(name, 1)) == []
+
+
+# -- the bridge ---------------------------------------------------------------------------
+
+
+def test_the_bridge_changes_the_plan() -> None:
+    """With the deck as a column the best plan sees a third; as a mesh drones fly below it."""
+    problem = load_scene("bridge", 0).replace(horizon=8)
+    column = HeightMap(heights=problem.workspace.columns.high.max(axis=0))
+    solid = problem.replace(meshes=(), height_map=column)
+    best, filled = (EXACT["branch-and-price"](p, never) for p in (problem, solid))
+    assert best.plan is not None
+    below = [s for path in best.plan.paths for s in path if 12 <= s.x < 19 and s.layer == 0]
+    assert below
+    assert filled.bound < 0.7 * best.value
+
+
+def test_a_mesh_survives_a_file(tmp_path: Path) -> None:
+    """Scene files keep meshes and datum, bit for bit."""
+    from cocap_opt.io import load_problem, problem_digest, save_problem
+
+    problem = load_scene("bridge", 2)
+    heights = problem.height_map
+    problem = problem.replace(height_map=heights.replace(datum=heights.heights / 3))
+    save_problem(tmp_path / "scene.json", problem)
+    again = load_problem(tmp_path / "scene.json")
+    assert problem_digest(again) == problem_digest(problem)
+    assert isinstance(again.meshes[0], Mesh)
+    np.testing.assert_array_equal(again.meshes[0].vertices, problem.meshes[0].vertices)
+    np.testing.assert_array_equal(again.height_map.datum, problem.height_map.datum)
+    moved = problem.meshes[0].replace(vertices=problem.meshes[0].vertices + 1e-9)
+    assert problem_digest(problem.replace(meshes=(moved,))) != problem_digest(problem)
