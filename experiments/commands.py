@@ -110,6 +110,21 @@ def scenes(*, json: Json = False) -> int:
 
 
 @app.command
+def recipe(*, json: Json = False) -> int:
+    """Print a recipe with every table: a scene made of maps, meshes, tracks and drones.
+
+    Example: cocap-opt recipe > scene.toml
+    """
+    from scenarios.recipe import EXAMPLE  # its readers are slow to import
+
+    if json:
+        print_json({"recipe": EXAMPLE})
+    else:
+        sys.stdout.write(EXAMPLE)
+    return 0
+
+
+@app.command
 def export(
     scene: str,
     /,
