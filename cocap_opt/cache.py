@@ -25,6 +25,8 @@ from cocap_opt import (
     polygons,
     problem,
     projection,
+    sightlines,
+    survey,
     timegraph,
     views,
     visibility,
@@ -38,7 +40,7 @@ log = logging.getLogger(__name__)
 # All code that a coverage table depends on.
 _CODE = (
     data, polygons, columns, workspace, problem, motion, timegraph, coverage, faces, projection,
-    views, visibility,
+    sightlines, survey, views, visibility,
 )  # fmt: skip
 _DIGEST_BYTES = hashlib.sha256().digest_size
 

@@ -68,10 +68,11 @@ def coverage_table(
     -------
     The table, or None and the limit that was reached before it was whole.
     """
-    nodes, counts, groups, pixels = [], [], [], []
+    none = np.zeros(0, dtype=np.int64)
+    parts = [_Rows(none, none, none, np.zeros(0))]
     n_steps, n_states = reachable.shape
     for t in range(first_step, n_steps):
-        states, size = np.flatnonzero(reachable[t]), views.batch(t)
+        states, size, found = np.flatnonzero(reachable[t]), views.batch(t), parts[:1]
         # Those of one place share rays.
         states = states[np.argsort(states % n_places, kind="stable")]
         for start in range(0, len(states), size):
@@ -81,22 +82,35 @@ def coverage_table(
             batch = states[start : start + size]
             coverage = views.coverage(t, batch)
             row, face = np.nonzero(coverage)
-            seen, count = np.unique(row, return_counts=True)
-            nodes.append(t * n_states + batch[seen])
-            counts.append(count)
-            groups.append(t * coverage.shape[1] + face)
-            pixels.append(coverage[row, face])
+            counts = np.bincount(row, minlength=len(batch))
+            seen = np.flatnonzero(counts)
+            groups = t * coverage.shape[1] + face
+            found.append(
+                _Rows(t * n_states + batch[seen], counts[seen], groups, coverage[row, face])
+            )
+        parts.append(_in_order(_joined(found)))
         progress(t + 1, n_steps)
-    none = np.zeros(0, dtype=np.int64)
-    all_nodes, sizes = np.concatenate([none, *nodes]), np.concatenate([none, *counts])
-    order = np.argsort(all_nodes)
-    first, sizes = (np.cumsum(sizes) - sizes)[order], sizes[order]
-    indptr = np.concatenate([[0], np.cumsum(sizes)])
-    entries = spans(first, sizes)
-    table = CoverageTable(
-        nodes=all_nodes[order],
-        indptr=indptr,
-        groups=np.concatenate([none, *groups])[entries],
-        pixels=np.concatenate([np.zeros(0), *pixels])[entries],
-    )
-    return table, Limit.NONE
+    nodes, counts, groups, pixels = _joined(parts)
+    indptr = np.concatenate([[0], np.cumsum(counts)])
+    return CoverageTable(nodes=nodes, indptr=indptr, groups=groups, pixels=pixels), Limit.NONE
+
+
+class _Rows(NamedTuple):
+    """Some rows of a table."""
+
+    nodes: IntArray  # [n]
+    counts: IntArray  # [n] entries of each
+    groups: IntArray  # [nnz]
+    pixels: FloatArray  # [nnz]
+
+
+def _joined(parts: list[_Rows]) -> _Rows:
+    return _Rows(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+
+
+def _in_order(rows: _Rows) -> _Rows:
+    """The same rows, nodes increasing."""
+    order = np.argsort(rows.nodes)
+    first, counts = (np.cumsum(rows.counts) - rows.counts)[order], rows.counts[order]
+    entries = spans(first, counts)
+    return _Rows(rows.nodes[order], counts, rows.groups[entries], rows.pixels[entries])

@@ -6,11 +6,20 @@ from cocap_opt.data import FloatArray
 
 
 def clip(polygons: FloatArray, inside: FloatArray) -> FloatArray:
-    """Keep the part of each polygon [n, V, 3] where `inside` [n, V] >= 0 (Sutherland-Hodgman).
+    """Keep the part of each polygon [n, V, 3] where `inside` [n, V] >= 0.
 
     The result is [n, V+1, 3]; unused vertices repeat the last used one. Of a polygon of
     which nothing is left all are the origin.
     """
+    result: FloatArray = np.concatenate([polygons, polygons[:, -1:]], axis=1)
+    cut = np.flatnonzero(~(inside >= 0).all(axis=1))  # few, mostly
+    if len(cut):
+        result[cut] = _cut(polygons[cut], inside[cut])
+    return result
+
+
+def _cut(polygons: FloatArray, inside: FloatArray) -> FloatArray:
+    """The same where every polygon reaches outside (Sutherland-Hodgman)."""
     n, size = inside.shape
     following, ahead = np.roll(polygons, -1, axis=1), np.roll(inside, -1, axis=1)
     crossing = (inside >= 0) != (ahead >= 0)

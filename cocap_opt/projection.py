@@ -48,10 +48,15 @@ def frustum_distances(points: FloatArray, camera: Camera) -> FloatArray:
     `points` [..., 3] are right, up, forward coordinates. A point behind the camera lies
     outside at least one side, so no near plane is needed.
     """
-    u, v, depth = points[..., 0], points[..., 1], points[..., 2]
-    half_width = camera.width / 2 / camera.focal * depth
-    half_height = camera.height / 2 / camera.focal * depth
-    return np.stack([half_width - u, half_width + u, half_height - v, half_height + v], axis=-1)
+    return np.stack([_side_distance(points, camera, side) for side in range(4)], axis=-1)
+
+
+def _side_distance(points: FloatArray, camera: Camera, side: int) -> FloatArray:
+    """The same of one side: right, left, upper, lower."""
+    size, off = (camera.width, camera.height)[side // 2], points[..., side // 2]
+    half = size / 2 / camera.focal * points[..., 2]
+    result: FloatArray = half + off if side % 2 else half - off
+    return result
 
 
 def image_area(polygons: FloatArray, camera: Camera) -> FloatArray:
@@ -65,7 +70,9 @@ def image_area(polygons: FloatArray, camera: Camera) -> FloatArray:
     seen = np.flatnonzero((distances > 0).any(axis=1).all(axis=-1))
     whole = (distances[seen] >= 0).all(axis=(1, 2))
     area[seen[whole]] = _projected_area(polygons[seen[whole]], camera)
-    area[seen[~whole]] = _projected_area(_clipped(polygons[seen[~whole]], camera), camera)
+    cut = seen[~whole]  # few, mostly
+    if len(cut):
+        area[cut] = _projected_area(_clipped(polygons[cut], camera), camera)
     return area
 
 
@@ -111,7 +118,7 @@ def centroids(samples: int) -> tuple[FloatArray, FloatArray]:
 def _clipped(polygons: FloatArray, camera: Camera) -> FloatArray:
     """The parts of polygons [n, V, 3] that are in the image [n, V+4, 3]."""
     for side in range(4):
-        polygons = clip(polygons, frustum_distances(polygons, camera)[..., side])
+        polygons = clip(polygons, _side_distance(polygons, camera, side))
     return polygons
 
 

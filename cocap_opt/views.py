@@ -3,13 +3,23 @@
 How a face counts depends on the robot's camera; `make_views` knows which is whose.
 """
 
+import math
 from typing import Protocol
 
 import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.faces import FaceGeometry, Faces
-from cocap_opt.problem import AnyCamera, Camera, Cone, Problem
+from cocap_opt.problem import (
+    AnyCamera,
+    BoolArray,
+    Camera,
+    Cone,
+    FloatArray,
+    HeightMap,
+    IntArray,
+    Problem,
+)
 from cocap_opt.projection import (
     camera_axes,
     dot,
@@ -17,6 +27,7 @@ from cocap_opt.projection import (
     image_area,
     image_samples,
 )
+from cocap_opt.sightlines import Known
 from cocap_opt.timegraph import TimeGraph
 from cocap_opt.visibility import rays_arrive, visible_share
 from cocap_opt.workspace import HeightMap
@@ -86,6 +97,7 @@ class PinholeViews:
         self._n_faces = len(problem.face_weights)
         self._owners = problem.face_owner
         self._samples = problem.face_samples
+        self._survey = geometry.survey(graph.motion.layers)
         self.evaluated = 0
 
     def coverage(self, t: int, states: IntArray) -> FloatArray:
@@ -98,27 +110,75 @@ class PinholeViews:
         orientation, place = np.divmod(states, self._graph.n_places)
         places, which = np.unique(place, return_inverse=True)
         eyes = eyes_at(self._map, self._graph, places)
+        known, in_view = self._in_view(faces, places, eyes, which, orientation)
+        if not in_view.any():
+            return result
         # A face turned away is not seen; the rest of the work is for those that are not.
         ahead = dot(eyes[:, None, :] - faces.polygons[None, :, 0], faces.normals[None]) > 0
-        state, face = np.nonzero(ahead[which])
+        state, face = np.nonzero(ahead[which] & in_view[:, self._owners])
         relative = faces.polygons[face] - eyes[which[state]][:, None, :]
-        axes = self._axes[orientation[state]][:, None]
-        in_camera = np.stack([dot(relative, axes[:, :, k]) for k in range(3)], axis=-1)
+        in_camera = np.stack(self._in_camera(relative, orientation[state]), axis=-1)
         # Of a face that all but touches the camera, rounding may leave more than an image, or nan.
         with np.errstate(over="ignore", invalid="ignore"):
             area = np.minimum(image_area(in_camera, self._camera), self._image)
-        seen = area > 0
-        state, face, area = state[seen], face[seen], area[seen]
-        pairs, pair = np.unique(which[state] * self._n_faces + face, return_inverse=True)
-        eye, target = np.divmod(pairs, self._n_faces)
-        whole = visible_share(faces.occluders, eyes[eye], faces.samples, target, self._owners)
-        share, in_camera = whole[pair], in_camera[seen]
-        inside = (frustum_distances(in_camera, self._camera) >= 0).all(axis=(1, 2))
-        some = np.flatnonzero((share < 1) & ((share > 0) | ~inside))
-        share[some] = self._share_in_image(
-            faces, in_camera[some], eyes[eye[pair[some]]], axes[seen][some, 0], face[some]
-        )
+        seen = np.flatnonzero(area > 0)
+        state, face, area, in_camera = state[seen], face[seen], area[seen], in_camera[seen]
+        eye, share = which[state], np.ones(len(seen))
+        unsure = np.flatnonzero(~known.clear[eye, self._owners[face]])
+        share[unsure] = self._share_of_faces(faces, eyes, eye[unsure], face[unsure])
+        inside = (frustum_distances(in_camera[unsure], self._camera) >= 0).all(axis=(1, 2))
+        some = unsure[(share[unsure] < 1) & ((share[unsure] > 0) | ~inside)]
+        if len(some):
+            axes = self._axes[orientation[state[some]]]
+            share[some] = self._share_in_image(
+                faces, in_camera[some], eyes[eye[some]], axes, face[some]
+            )
         result[state, face] = area * share / faces.areas[face]
+        return result
+
+    def _in_view(
+        self,
+        faces: Faces,
+        places: IntArray,
+        eyes: FloatArray,
+        which: IntArray,
+        orientation: IntArray,
+    ) -> tuple[Known, BoolArray]:
+        """What is known of actors from places [m], and which states [n] may see which [n, A].
+
+        Parameters
+        ----------
+        eyes : [m, 3] m, the cameras in these places
+        which, orientation : [n] of each state, the number of its place and its orientation
+        """
+        bodies = faces.bodies
+        ways = bodies.centres - eyes[:, None]
+        self._survey.ask(len(which) * len(bodies.centres))
+        known = self._survey.known(self._graph.coordinates(places), ways[..., :2], bodies.radii)
+        u, v, depth = self._in_camera(ways[which], orientation)
+        reach = bodies.reaches + self._geometry.margin  # much more than rounding
+        in_view = ~known.hidden[which]
+        for size, off in ((self._camera.width, u), (self._camera.height, v)):
+            slope = size / 2 / self._camera.focal
+            in_view &= slope * depth - np.abs(off) >= -reach * math.hypot(1.0, slope)
+        return known, in_view
+
+    def _in_camera(self, points: FloatArray, orientation: IntArray) -> list[FloatArray]:
+        """How far [n, k] points [n, k, 3], from the camera, are to the right, up and forward."""
+        axes = self._axes[orientation][:, None]
+        return [dot(points, axes[:, :, k]) for k in range(3)]
+
+    def _share_of_faces(
+        self, faces: Faces, eyes: FloatArray, eye: IntArray, face: IntArray
+    ) -> FloatArray:
+        """Visible share [n] of faces from eyes, both by number; equal pairs share their rays."""
+        share = np.zeros((len(eyes), self._n_faces))
+        share[eye, face] = 1.0
+        one, target = np.nonzero(share)
+        share[one, target] = visible_share(
+            faces.occluders, eyes[one], faces.samples, target, self._owners
+        )
+        result: FloatArray = share[eye, face]
         return result
 
     def _share_in_image(

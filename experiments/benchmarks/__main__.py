@@ -116,6 +116,23 @@ def views(
 
 
 @app.command
+def coverage(
+    *,
+    robots: Annotated[str, Parameter(help="how many, spread over the map")] = "2,6",
+    steps: Annotated[int, Parameter(help="horizon T")] = 60,
+    out: Out = None,
+) -> int:
+    """Measure what the coverage of maps of 120 x 120 cells costs.
+
+    Example: python -m experiments.benchmarks coverage --robots 2 --steps 10
+    """
+    from experiments.benchmarks.coverage import coverage as measure
+
+    measure(numbers("--robots", robots), steps, out)
+    return 0
+
+
+@app.command
 def peers(
     scene: Path,
     coverage: Path,

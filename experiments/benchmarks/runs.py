@@ -119,7 +119,7 @@ def run(build: Build, method: BoundMethod, seconds: float) -> Run:
     context = multiprocessing.get_context("spawn")
     receiver, sender = context.Pipe(duplex=False)
     process = context.Process(target=_send, args=(sender, build, method, seconds))
-    with _one_thread():
+    with one_thread():
         process.start()
     sender.close()
     try:
@@ -193,7 +193,7 @@ def _prepared(build: Build) -> Problem:
 
 
 @contextmanager
-def _one_thread() -> Iterator[None]:
+def one_thread() -> Iterator[None]:
     """Keep the libraries of processes that are started to one thread."""
     before = {name: os.environ.get(name) for name in THREADS}
     os.environ.update(dict.fromkeys(THREADS, "1"))
