@@ -194,10 +194,13 @@ def rough_maps(draw: st.DrawFn) -> Problem:
     actors = []
     for _ in range(draw(st.integers(1, 4))):
         at = rng.uniform(-0.1, 1.1, 2) * ends
-        if rng.random() < 0.5:  # in line with cells, where rays go through corners
+        if rng.random() < 0.4:  # in line with cells, where rays go through corners
             at = (np.floor(at / resolution) + 0.5) * resolution
+        elif actors and rng.random() < 0.5:  # almost behind another one
+            at = actors[-1].poses[0, :2] + rng.uniform(-1.5, 1.5, 2)
         pose = [*at, rng.choice([0.0, 0.0, 0.4, -1.0]), rng.choice([0.0, 0.7])]
-        actors.append(Actor(poses=np.tile(pose, (2, 1)), shape=draw(shapes())))
+        shape = draw(st.one_of(shapes(), st.just(Cuboid(length=0.2, width=0.2, height=7.0))))
+        actors.append(Actor(poses=np.tile(pose, (2, 1)), shape=shape))
     x, y = free[0].tolist() if len(free) else (0, 0)
     heights[x, y] = min(heights[x, y], 0.0)
     camera = Camera(width=800, height=600, focal=300.0, tilts=(0.3,))
@@ -236,6 +239,37 @@ def test_what_is_known_is_what_rays_find(problem: Problem) -> None:
     assert not (known.hidden & known.clear).any()
     assert not (known.hidden[:, owners] & (share > 0)).any()
     assert not (known.clear[:, owners] & (share < 1)).any()
+
+
+def walled(top: float, gap: float, height: float) -> Problem:
+    """A long wall across x = 15..17.5 m, and somebody in its middle, a gap before it."""
+    heights = np.zeros((12, 9))
+    heights[6] = top
+    shape = Cuboid(length=0.1, width=0.1, height=height)
+    return Problem(
+        name="",
+        height_map=HeightMap(heights=heights, resolution=2.5),
+        robots=(Robot(start=State(0, 4), motion=Motion(headings=4)),),  # at 5 m
+        actors=(Actor(poses=np.tile([15.0 - gap, 11.25, 0.0, 0.0], (2, 1)), shape=shape),),
+        horizon=1,
+    )
+
+
+@pytest.mark.parametrize("gap", [0.15, 0.5, 1.0])
+def test_before_a_wall_nobody_is_hidden(gap: float) -> None:
+    """Who stands close to a wall is hidden from behind it, and not from before it."""
+    known, _ = known_and_rays(walled(WALL, gap, height=1.0))
+    hidden = known.hidden.reshape(12, 9)
+    assert not hidden[:7].any()
+    assert hidden[8:].mean() > 0.9
+
+
+@pytest.mark.parametrize(("top", "height"), [(5.5, 7.0), (4.9, 1.0)])
+def test_over_a_low_wall_nobody_is_surely_hidden(top: float, height: float) -> None:
+    """A wall hides who is lower than it, from eyes that are; and nobody is clear behind it."""
+    known, _ = known_and_rays(walled(top, 1.0, height))
+    assert not known.hidden.any()
+    assert not known.clear.reshape(12, 9)[7:].any()
 
 
 @examples(25)

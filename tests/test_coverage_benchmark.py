@@ -1,0 +1,44 @@
+"""The measurement of what views cost: its town, and its table."""
+
+import csv
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cocap_opt.model import Model
+from experiments.benchmarks import coverage as coverage_module
+from experiments.benchmarks.__main__ import main
+from experiments.benchmarks.town import HOUSE, PACE, town
+
+
+@pytest.mark.parametrize("resolution", [1.0, 2.5])
+def test_a_town_is_what_it_says(resolution: float) -> None:
+    """Houses of 8 to 20 m; people walk in the streets at their pace; drones reach all streets."""
+    problem = town(0, robots=6, actors=6, cells=60, steps=40, resolution=resolution)
+    heights = problem.height_map.heights
+    houses = heights[heights > 0]
+    assert HOUSE[0] <= houses.min() <= houses.max() <= HOUSE[1]
+    assert 0.1 < (heights > 0).mean() < 0.5
+    for actor in problem.actors:
+        steps = np.hypot(*np.diff(actor.poses[:, :2], axis=0).T)
+        assert (steps <= PACE * (1 + 1e-9)).all()
+        for x, y in actor.poses[:, :2].tolist():
+            assert heights[problem.height_map.cell_of(x, y)] == 0.0
+    model = Model(problem, use_cache=False)
+    (group,) = model.classes
+    assert model.reachable(group)[-1].sum() == 8 * (heights == 0).sum()
+
+
+def test_the_command_measures_coverage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each row is measured in its own process; the file has what was promised."""
+    small = {"small": partial(town, cells=24, resolution=2.5)}
+    monkeypatch.setattr(coverage_module, "SCENES", small)
+    monkeypatch.setattr(coverage_module, "ACTORS", 2)
+    assert main(["coverage", "--robots", "2", "--steps", "2", "--out", str(tmp_path)]) == 0
+    with (tmp_path / "coverage.csv").open(encoding="utf-8", newline="") as file:
+        (row,) = csv.DictReader(file)
+    assert int(row["states"]) > 0
+    assert 0 <= float(row["seen (%)"]) <= 100
+    assert all(float(row[key]) > 0 for key in ("seconds", "peak (GB)", "us", "us, by 1"))
