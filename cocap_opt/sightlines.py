@@ -11,7 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cocap_opt.problem import BoolArray, FloatArray, HeightMap, IntArray
+from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.workspace import HeightMap
 
 SECTORS = 256
 PER_OCTANT = SECTORS // 8  # so that none lies across an axis or a diagonal

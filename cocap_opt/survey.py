@@ -7,7 +7,8 @@ import math
 
 import numpy as np
 
-from cocap_opt.problem import BoolArray, FloatArray, IntArray, Problem
+from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.problem import Problem
 from cocap_opt.sightlines import Heights, Known, Sightlines
 from cocap_opt.visibility import TOUCH, sample_points
 

@@ -8,18 +8,9 @@ from typing import Protocol
 
 import numpy as np
 
-from cocap_opt.data import FloatArray, IntArray
+from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.faces import FaceGeometry, Faces
-from cocap_opt.problem import (
-    AnyCamera,
-    BoolArray,
-    Camera,
-    Cone,
-    FloatArray,
-    HeightMap,
-    IntArray,
-    Problem,
-)
+from cocap_opt.problem import AnyCamera, Camera, Cone, Problem
 from cocap_opt.projection import (
     camera_axes,
     dot,

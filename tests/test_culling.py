@@ -8,27 +8,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from strategies import WALL, examples, problems, shapes
 
+from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.faces import FaceGeometry
 from cocap_opt.model import Model
-from cocap_opt.problem import (
-    Actor,
-    Camera,
-    Cone,
-    Cuboid,
-    FloatArray,
-    HeightMap,
-    IntArray,
-    Motion,
-    Problem,
-    Robot,
-    State,
-)
+from cocap_opt.problem import Actor, Camera, Cone, Cuboid, Motion, Problem, Robot, State
 from cocap_opt.projection import camera_axes, dot, frustum_distances, image_area, image_samples
 from cocap_opt.sightlines import Known
 from cocap_opt.survey import Survey
 from cocap_opt.timegraph import TimeGraph, time_graph
 from cocap_opt.views import BATCH_STATES, PinholeViews, eyes_at, make_views
 from cocap_opt.visibility import rays_arrive, visible_share
+from cocap_opt.workspace import HeightMap
 from experiments.benchmarks.town import town
 
 EVER = 10**15  # views, more than any survey waits for
@@ -37,7 +27,7 @@ EVER = 10**15  # views, more than any survey waits for
 def graph_of(problem: Problem) -> TimeGraph:
     """Graph of the first robot."""
     robot = problem.robots[0]
-    return time_graph(problem.height_map, robot.motion, len(robot.camera.tilts))
+    return time_graph(problem.workspace, robot.motion, len(robot.camera.tilts))
 
 
 def all_states(problem: Problem) -> IntArray:

@@ -15,8 +15,8 @@ from statistics import median
 
 import numpy as np
 
+from cocap_opt.data import BoolArray
 from cocap_opt.model import Model, RobotClass
-from cocap_opt.problem import BoolArray
 from experiments.benchmarks.runs import BYTES, Build, one_thread
 from experiments.benchmarks.town import town
 from experiments.files import make_folder, save_csv

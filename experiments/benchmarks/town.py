@@ -8,7 +8,9 @@ nearly all of its streets.
 import numpy as np
 from numpy.typing import NDArray
 
-from cocap_opt.problem import Actor, BoolArray, FloatArray, HeightMap, Motion, Problem, Robot, State
+from cocap_opt.data import BoolArray, FloatArray
+from cocap_opt.problem import Actor, Motion, Problem, Robot, State
+from cocap_opt.workspace import HeightMap
 
 STREET = 7.0  # m from house to house
 HOUSE = 8.0, 20.0  # m, least and most of width, depth and height
