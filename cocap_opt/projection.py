@@ -81,8 +81,8 @@ def image_samples(
 ) -> tuple[FloatArray, FloatArray]:
     """Points spread evenly over the images of convex polygons [n, V, 3], clipped.
 
-    Each triangle of the fan of an image is cut into `samples` squared equal triangles; the
-    points are those of the polygon that are seen at their centroids.
+    Each triangle between an edge of an image and its centroid is cut into `samples` squared
+    equal triangles; the points are those of the polygon that are seen at their centroids.
 
     Returns
     -------
@@ -93,14 +93,26 @@ def image_samples(
     inverse = 1 / np.maximum(cut[..., 2:], SMALLEST_DEPTH)
     image = np.concatenate([cut[..., :2] * inverse, inverse], axis=-1)  # linear in the image
     a, b = (weight[:, None] for weight in centroids(samples))
-    origin = image[:, None, None, 0]
-    first, second = ((side - image[:, :1])[:, :, None] for side in (image[:, 1:-1], image[:, 2:]))
-    at = (origin + a * first + b * second).reshape(len(cut), (image.shape[1] - 2) * len(a), 3)
+    middle = _centroids(image)[:, None]
+    first = (image - middle)[:, :, None]
+    second = np.roll(first, -1, axis=1)
+    at = (middle[:, None] + a * first + b * second).reshape(len(cut), image.shape[1] * len(a), 3)
     area = np.abs(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])
     weights = np.repeat(area[..., 0], len(a), axis=1)
     total = weights.sum(axis=1, keepdims=True)
     points = np.concatenate([at[..., :2], np.ones_like(at[..., :1])], axis=-1) / at[..., 2:]
     return points, weights / np.where(total > 0, total, 1.0)
+
+
+def _centroids(image: FloatArray) -> FloatArray:
+    """Centroids [n, 3] of convex polygons [n, V, 3], by their area in the first two axes."""
+    off = image - image[:, :1]
+    first, second = off[:, 1:-1], off[:, 2:]
+    area = np.abs(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])[..., None]
+    total = area.sum(axis=1)
+    middle = ((first + second) * area).sum(axis=1) / (3 * np.where(total > 0, total, 1.0))
+    result: FloatArray = image[:, 0] + middle
+    return result
 
 
 def centroids(samples: int) -> tuple[FloatArray, FloatArray]:

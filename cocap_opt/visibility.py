@@ -73,17 +73,25 @@ def fan_triangles(polygon: FloatArray) -> FloatArray:
 def sample_points(polygon: FloatArray, samples: int) -> tuple[FloatArray, FloatArray]:
     """Points [n, 3] spread over a convex polygon [V, 3] and the share of area of each [n].
 
-    Each triangle of the polygon's fan is cut into `samples` squared equal triangles; their
-    centroids are the points.
+    A triangle is cut into `samples` squared equal triangles, whose centroids are the points.
+    Of other polygons each triangle between an edge and the middle is. So a mirrored polygon
+    has mirrored points.
     """
     a, b = centroids(samples)
     points, areas = [], []
-    for triangle in fan_triangles(polygon):
+    for triangle in [polygon] if len(polygon) == 3 else _around_middle(polygon):
         first, second = triangle[1] - triangle[0], triangle[2] - triangle[0]
         points.append(triangle[0] + a[:, None] * first + b[:, None] * second)
         areas.append(np.full(len(a), np.linalg.norm(np.cross(first, second)) / len(a)))
     share = np.concatenate(areas)
     return np.concatenate(points), share / share.sum()
+
+
+def _around_middle(polygon: FloatArray) -> list[FloatArray]:
+    """Triangles [3, 3] between the edges of a convex polygon [V, 3] and its middle."""
+    middle = polygon.mean(axis=0)
+    ends = zip(polygon, np.roll(polygon, -1, axis=0), strict=True)
+    return [np.stack([middle, a, b]) for a, b in ends]
 
 
 @cache

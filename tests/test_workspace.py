@@ -3,10 +3,11 @@ from itertools import product
 
 import numpy as np
 import pytest
+from copies import Copy
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import linprog
-from strategies import box, examples, plate
+from strategies import box, examples, plate, problems
 
 from cocap_opt.check import check
 from cocap_opt.columns import MARGIN
@@ -14,11 +15,21 @@ from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.faces import FaceGeometry
 from cocap_opt.motion import free_places, place_graph
 from cocap_opt.planners import PLANNERS
-from cocap_opt.problem import Actor, Camera, Motion, Problem, Robot, State
+from cocap_opt.problem import (
+    Actor,
+    Camera,
+    Cuboid,
+    Motion,
+    Problem,
+    Robot,
+    State,
+    TriangulatedCuboid,
+)
 from cocap_opt.stop import never
 from cocap_opt.timegraph import time_graph
 from cocap_opt.views import make_views
 from cocap_opt.workspace import HeightMap, Mesh, Workspace
+from scenarios import load_scene
 
 FLAT = HeightMap(heights=np.zeros((6, 5)))
 TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
@@ -269,3 +280,63 @@ def test_a_cliff_is_not_flown_through() -> None:
     assert not graph.has_edge((0, 2, 2), (0, 3, 2))
     assert not graph.has_edge((0, 3, 2), (0, 2, 2))
     assert graph.has_edge((1, 2, 2), (1, 3, 2))
+
+
+# -- copies -------------------------------------------------------------------------------
+
+COPIES = [
+    Copy(1),
+    Copy(2),
+    Copy(3),
+    Copy(mirror=True),
+    Copy(1, mirror=True),
+    Copy(shift=(500600.988, 4794197.109, 0.0)),
+    Copy(3, mirror=True, shift=(-317.25, 4.794e6, 312.7)),
+]
+
+
+@pytest.mark.parametrize("copy", COPIES, ids=str)
+@pytest.mark.parametrize("name", ["bridge", "corridor"])
+def test_copies_of_a_scene_have_the_same_j(copy: Copy, name: str) -> None:
+    """A turned, mirrored or shifted plan has the J of the plan, and planners find it."""
+    problem = load_scene(name, 3).replace(horizon=4)
+    other = copy.problem(problem)
+    for planner in ("greedy", "cocap", "cocap-vs"):
+        plan = PLANNERS[planner](problem, never).plan
+        assert plan is not None
+        reward = check(problem, plan).reward
+        assert check(other, copy.plan(plan, problem)).reward == pytest.approx(reward, rel=1e-8)
+        assert PLANNERS[planner](other, never).value == pytest.approx(reward, rel=1e-8)
+
+
+def without_sides(problem: Problem) -> Problem:
+    """The problem with four headings, no goals, and actors whose sides are alike."""
+    robots = [
+        robot.replace(
+            motion=robot.motion.replace(headings=4),
+            start=robot.start._replace(heading=robot.start.heading % 4),
+            goal=None,
+        )
+        for robot in problem.robots
+    ]
+    actors = [actor.replace(weights=None) for actor in problem.actors]
+    # The diagonals of a mirrored one are not its own.
+    actors = [
+        actor.replace(shape=Cuboid()) if isinstance(actor.shape, TriangulatedCuboid) else actor
+        for actor in actors
+    ]
+    return problem.replace(robots=tuple(robots), actors=tuple(actors))
+
+
+@examples(40)
+@given(problems(), st.integers(0, 3), st.booleans())
+def test_copies_of_problems_have_the_same_j(problem: Problem, quarters: int, mirror: bool) -> None:
+    """The same of random problems, for the plan of one planner."""
+    problem, copy = without_sides(problem), Copy(quarters, mirror)
+    plan = PLANNERS["greedy"](problem, never).plan
+    assert plan is not None
+    one = check(problem, plan)
+    other = check(copy.problem(problem), copy.plan(plan, problem))
+    assert other.violations == one.violations == ()
+    assert len(other.conflicts) == len(one.conflicts)
+    assert other.reward == pytest.approx(one.reward, rel=1e-6, abs=1e-6)
