@@ -348,6 +348,10 @@ def gap_table(
     rendered: Annotated[
         bool, Parameter(negative="", help="J of each plan's rendered pixels beside the planned J")
     ] = False,
+    plan: Annotated[
+        list[Path] | None,
+        Parameter(negative="", help="may be repeated; a file whose plan gets a row, too"),
+    ] = None,
     json: Json = False,
 ) -> int:
     """Print the gap table: every planner's J against the best certified bound.
@@ -367,6 +371,12 @@ def gap_table(
         dict.fromkeys((name, seed) for name in scene for seed in numbers("--seeds", seeds))
     )
     problems = told_apart({(name, seed): _load(name, seed) for name, seed in cells})
+    given: dict[str, Plan] = {}
+    if plan and len(cells) > 1:
+        raise UsageError("--plan: the plans must be for one scene and one seed")
+    for path in plan or []:
+        label = path_text(path) if [p.name for p in plan or []].count(path.name) > 1 else path.name
+        problems[cells[0]], given[label] = read_plan(path, scene[0], problems[cells[0]])
     make_folder(out, "certificates", "plans")
     rows: list[Row] = []
     with catch_interrupt() as interrupt, watching("gap", parts=len(cells)) as watch:
@@ -377,7 +387,7 @@ def gap_table(
                 problem, seed, planner or default_planners(problem),
                 lambda: FirstOf(interrupt, TimeLimit(time_limit)),
                 lambda: FirstOf(interrupt, TimeLimit(bound_limit)),
-                out, watch, rendered,
+                out, watch, rendered, given,
             )  # fmt: skip
             if out is not None:
                 save_csv(out / "results.csv", rows)

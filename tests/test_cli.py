@@ -184,6 +184,41 @@ def test_a_scene_without_rules_is_bounded_once(
     assert len(list((tmp_path / "o" / "certificates").iterdir())) == 1
 
 
+def test_plans_of_others_get_rows_in_the_gap_table(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """A plan in a file is held against the same bound; nobody knows how long it took."""
+    path = tmp_path / "mine.json"
+    Run(capsys, "plan", "tiny-queue", "--planner", "sequential", "-o", path)
+    run = Run(capsys, "gap", "tiny-queue", "--plan", path, "--planner", "cocap", "--json")
+    mine, cocap = run.json["rows"]
+    assert (mine["planner"], mine["seconds"]) == ("mine.json", None)
+    assert mine["bound"] == cocap["bound"] >= mine["reward"]
+    assert mine["gap"] >= 0
+    two = Run(capsys, "gap", "tiny-queue", "--plan", path, "--seeds", "0-1")
+    assert (two.code, "--plan: the plans must be for one scene" in two.err) == (2, True)
+    other = Run(capsys, "gap", "corridor", "--plan", path)
+    assert other.code == 2
+
+
+def test_doubts_are_said_and_recipes_printed(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """What `recipe` prints can be adapted; a scene in which nobody is seen says why."""
+    run = Run(capsys, "recipe")
+    assert run.code == 0 and "[[drones]]" in run.out
+    assert Run(capsys, "recipe", "--json").json["recipe"] == run.out
+    scene = tmp_path / "scene.toml"
+    scene.write_text(
+        "steps = 2\n[map]\nsize = [20, 12]\n[[walk]]\npoints = [[500, 600]]\n"
+        "[[drones]]\nstarts = [{ x = 2.5, y = 6.5 }]\n"
+    )
+    run = Run(capsys, "plan", scene, "--json")
+    assert run.json["reward"] == 0
+    assert "no drone sees anybody" in run.json["message"]
+    assert "actors[0] is off the map at 3 of 3 steps" in caplog.text
+
+
 def test_the_gap_table_says_what_its_bounds_are(capsys: pytest.CaptureFixture[str]) -> None:
     """The title tells proved optima from other bounds; what a limit stopped is marked."""
     proved = Run(capsys, "gap", "tiny-queue", "--planner", "cocap").out
