@@ -211,7 +211,7 @@ def test_doubts_are_said_and_recipes_printed(
     scene = tmp_path / "scene.toml"
     scene.write_text(
         "steps = 2\n[map]\nsize = [20, 12]\n[[walk]]\npoints = [[500, 600]]\n"
-        "[[drones]]\nstarts = [{ x = 2.5, y = 6.5 }]\n"
+        "[[drones]]\nstarts = [{ x = 2.5, y = 6.5, heading = 225 }]\n"
     )
     run = Run(capsys, "plan", scene, "--json")
     assert run.json["reward"] == 0
