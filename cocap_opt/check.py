@@ -29,8 +29,8 @@ class Verdict:
     conflicts: tuple[str, ...]
     reward: float  # J
     reward_at_start: float  # view reward at t = 0; 0 where it does not count
-    reward_per_step: tuple[float, ...]  # view reward at t = 1..T, without stationarity
-    reward_stationarity: float  # for states that do not change
+    reward_per_step: tuple[float, ...]  # view reward at t = 1..T, without that of moves
+    reward_moves: float  # for moves themselves, such as staying
     face_reward: tuple[float, ...]  # [F] view reward of each face over all steps
 
     @property
@@ -45,21 +45,34 @@ def check(problem: Problem, plan: Plan) -> Verdict:
     if violations:
         return Verdict(tuple(violations), (), math.nan, math.nan, (), math.nan, ())
     rewards = view_rewards(problem, plan)
-    unchanged = 0
-    for path in plan.paths:
-        for t in range(problem.horizon):
-            unchanged += path[t] == path[t + 1]
     per_step = [math.fsum(row) for row in rewards]
-    stationarity = problem.objective.stationarity * unchanged
+    moves = move_rewards(problem, plan)
     return Verdict(
         violations=(),
         conflicts=tuple(broken_rules(problem, plan)),
-        reward=math.fsum([*per_step, stationarity]),
+        reward=math.fsum([*per_step, moves]),
         reward_at_start=per_step[0],
         reward_per_step=tuple(per_step[1:]),
-        reward_stationarity=stationarity,
+        reward_moves=moves,
         face_reward=tuple(math.fsum(column) for column in zip(*rewards, strict=True)),
     )
+
+
+def move_rewards(problem: Problem, plan: Plan) -> float:
+    """What all robots are rewarded for their moves, whatever they see."""
+    objective, rewards = problem.objective, []
+    for path in plan.paths:
+        for t in range(problem.horizon):
+            a, b = path[t], path[t + 1]
+            if a == b:
+                rewards.append(objective.stationarity)
+            if (a.x, a.y, a.layer) == (b.x, b.y, b.layer):
+                rewards.append(objective.keep_cell)
+            if a.heading == b.heading:
+                rewards.append(objective.keep_heading)
+            if (b.x - a.x) + (b.y - a.y) == 0:
+                rewards.append(objective.balanced)
+    return math.fsum(rewards)
 
 
 def view_rewards(problem: Problem, plan: Plan) -> list[list[float]]:

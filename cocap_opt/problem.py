@@ -339,21 +339,32 @@ class Objective(Data, frozen=True):
     """Weights of the objective besides the actors' face weights.
 
     J = sum over t, actors, faces of w sqrt(pixels of all robots at t, in px/m2)
-      + stationarity * number of (robot, t) with an unchanged state.
+      + sum over robots and their T moves of
+          stationarity [same state] + keep_cell [same cell] + keep_heading [same heading]
+          + balanced [dx + dy = 0].
+
+    Robots are rewarded for these moves one by one, whatever they see. `keep_heading` and
+    `keep_cell` are what the planner of Hughes et al. (2024) adds (0.02 and 0.01). `balanced` is
+    what the program of Greedy Perspectives (Suresh et al. 2024) adds (100): it is meant for
+    staying, but dx + dy is 0 for the two diagonal moves (+1, -1) and (-1, +1) as well.
 
     With `over_time` the pixels of a face add up over all steps before the root is taken, the
     other reading of CoCap's eq. 1: J = sum over actors, faces of w sqrt(pixels of all robots
-    at all t) + stationarity as before. Planning one robot is then no dynamic program any more;
-    bounds and exact methods hold.
+    at all t) + the rewards for moves as before. Planning one robot is then no dynamic program
+    any more; bounds and exact methods hold.
     """
 
     stationarity: float = 0.0  # reward for each step in which a robot's state does not change
+    keep_cell: float = 0.0  # for each step in which it stays in its cell, layer included
+    keep_heading: float = 0.0  # for each step in which its heading does not change
+    balanced: float = 0.0  # for each step with dx + dy = 0 cells, layers aside
     count_start: bool = False  # True: the views at t = 0 count too (a constant)
     over_time: bool = False  # True: pixels add up over time as well as over robots
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        within(self.stationarity, 0, MOST_WEIGHT, "stationarity")
+        for field in ("stationarity", "keep_cell", "keep_heading", "balanced"):
+            within(getattr(self, field), 0, MOST_WEIGHT, field)
 
 
 class Problem(Data, frozen=True, eq=False, dict=True):

@@ -2,7 +2,7 @@
 
 With z[t, f] the pixels (px/m2) that all robots together have on face f at step t,
 
-    J = sum_t sum_f w[f] sqrt(z[t, f]) + stationarity * number of unchanged states.
+    J = sum_t sum_f w[f] sqrt(z[t, f]) + rewards for moves (`bonuses`).
 
 The view reward is monotone and submodular in the set of robot paths. Arrays over groups
 (t, f) are flat [G], G = (T+1) F, group t F + f; where pixels add up over time there is one
@@ -10,10 +10,10 @@ group per face, G = F.
 """
 
 from collections.abc import Sequence
-from itertools import pairwise
 
 import numpy as np
 
+from cocap_opt.bonuses import bonuses_of
 from cocap_opt.coverage import CoverageTable
 from cocap_opt.data import FloatArray
 from cocap_opt.model import Model, Path, RobotClass
@@ -59,15 +59,16 @@ def view_reward(problem: Problem, pixels: FloatArray) -> FloatArray:
     return reward.reshape(problem.group_steps, -1)
 
 
-def unchanged(paths: Sequence[Path]) -> int:
-    """Number of (robot, t) whose state does not change from t to t+1."""
-    return sum(a == b for path in paths for a, b in pairwise(path))
+def move_reward(model: Model, robot: int, path: Path) -> float:
+    """Reward of robot number `robot` for the moves along its path."""
+    bonuses = bonuses_of(model.problem.objective)
+    return bonuses.of_path(model.class_of[robot].graph.shape, path)
 
 
-def objective(problem: Problem, pixels: FloatArray, paths: Sequence[Path]) -> float:
+def objective(model: Model, pixels: FloatArray, paths: Sequence[Path]) -> float:
     """J of all robots' paths, which together have `pixels` [G]."""
-    bonus = problem.objective.stationarity * unchanged(paths)
-    return float(view_reward(problem, pixels).sum()) + bonus
+    moves = sum(move_reward(model, robot, path) for robot, path in enumerate(paths))
+    return float(view_reward(model.problem, pixels).sum()) + moves
 
 
 def objective_of(model: Model, paths: Sequence[Path]) -> float:
@@ -75,7 +76,7 @@ def objective_of(model: Model, paths: Sequence[Path]) -> float:
     pixels = no_pixels(model.problem)
     for robot, path in enumerate(paths):
         pixels = pixels + robot_pixels(model, robot, path)
-    return objective(model.problem, pixels, paths)
+    return objective(model, pixels, paths)
 
 
 def marginal_gain(seen: FloatArray, coverage: FloatArray) -> FloatArray:

@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cocap_opt.bonuses import NO_BONUSES, Bonuses
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.motion import Move, Place, moves, place_graph, turned
 from cocap_opt.problem import Motion, State
@@ -95,6 +96,8 @@ class TimeGraph:
         heads = np.where(heads < 0, self._irregular, heads)
         self._irregular_states = self._all_orientations(self._irregular)
         self._irregular_heads = np.stack([self._all_orientations(row) for row in heads])
+        self._irregular_hidden = self._irregular_heads == self._irregular_states
+        self._irregular_hidden[0] = False
 
     def _all_orientations(self, places: IntArray) -> IntArray:
         """States of numbered places in every orientation, orientation by orientation."""
@@ -176,7 +179,7 @@ class TimeGraph:
     def backward_sweep(
         self,
         reward: FloatArray,
-        stationarity: float = 0.0,
+        bonuses: Bonuses = NO_BONUSES,
         charges: Charges = NO_CHARGES,
         goal: tuple[int, int] | None = None,
     ) -> FloatArray:
@@ -186,7 +189,7 @@ class TimeGraph:
         ----------
         reward : [T+1, S] reward for being in a state at step t, CLOSED (-inf) outside the
             free states, as `no_reward` makes it
-        stationarity : extra reward for a step in which the state does not change
+        bonuses : rewards for the moves themselves
         charges : what places, moves and states cost; infinity closes them
         goal : cell (x, y) in which the path must end
 
@@ -203,24 +206,35 @@ class TimeGraph:
             value[-1].reshape(self.shape)[:, :, elsewhere] = CLOSED
         places, leaving = _by_step(charges.places), self._leaving_by_step(charges)
         states = _by_step(charges.states)
+        rates = self._rates(bonuses)
         after_turn, best, pair = np.full((3, self.n_states), CLOSED)  # reused at every step
         self._charge(value[-1], places.get(len(reward) - 1, {}), states.get(len(reward) - 1, {}))
         for t in range(len(reward) - 2, -1, -1):
             self._turn(value[t + 1], pair, after_turn)
+            if bonuses.keep_heading:
+                self._keep_heading(value[t + 1], bonuses.keep_heading, pair, after_turn)
             self._window(after_turn, pair, best)
+            if rates is not None:
+                self._reward_moves(after_turn, rates, pair, best)
             if self._irregular.size:
-                best[self._irregular_states] = after_turn[self._irregular_heads].max(axis=0)
+                best[self._irregular_states] = self._best_irregular(after_turn, rates)
             for tail, costs in leaving.get(t, {}).items():
-                self._charge_moves(best, after_turn, tail, costs)
-            if stationarity:
-                np.maximum(best, value[t + 1] + stationarity, out=best)
+                self._charge_moves(best, after_turn, rates, tail, costs)
+            if bonuses.stationarity:
+                np.maximum(best, value[t + 1] + bonuses.stay, out=best)
             np.add(best, reward[t], out=value[t])
             self._charge(value[t], places.get(t, {}), states.get(t, {}))
         return value
 
+    def _rates(self, bonuses: Bonuses) -> FloatArray | None:
+        """Rewards of the cell moves [K]; None where none has any."""
+        if bonuses.keep_cell or bonuses.balanced:
+            return bonuses.of_moves(np.array(self.moves))
+        return None
+
     def _turn(self, ahead: FloatArray, pair: FloatArray, out: FloatArray) -> None:
         """Maximum over the orientations that one step can turn to [S], in `out`."""
-        headings, pitches = self.shape[:2]
+        headings = self.shape[0]
         step = self.n_states // headings  # states of one heading are contiguous
         if 2 * self.motion.turn + 1 >= headings:
             out.reshape(headings, -1)[:] = ahead.reshape(headings, -1).max(axis=0)
@@ -234,11 +248,24 @@ class TimeGraph:
                 np.maximum(pair[step:], pair[:-step], out=out[step:])
                 np.maximum(pair[:step], pair[-step:], out=out[:step])
                 source = out
-        by_pitch = out.reshape(headings, pitches, -1)
+        self._pitch(out)
+
+    def _pitch(self, values: FloatArray) -> None:
+        """Maximum over the pitches that one step can turn to [S], in place."""
+        headings, pitches = self.shape[:2]
+        by_pitch = values.reshape(headings, pitches, -1)
         for _ in range(min(self.motion.pitch_turn, pitches - 1)):
             narrow = by_pitch.copy()
             np.maximum(narrow[:, 1:], narrow[:, :-1], out=by_pitch[:, 1:])
             np.maximum(by_pitch[:, :-1], narrow[:, 1:], out=by_pitch[:, :-1])
+
+    def _keep_heading(
+        self, ahead: FloatArray, bonus: float, pair: FloatArray, out: FloatArray
+    ) -> None:
+        """Raise the maximum over turns [S], in `out`, where to keep the heading pays more."""
+        np.add(ahead, bonus, out=pair)
+        self._pitch(pair)
+        np.maximum(out, pair, out=out)
 
     def _window(self, values: FloatArray, pair: FloatArray, out: FloatArray) -> None:
         """Maximum over the box of cell moves [S], in `out`.
@@ -255,15 +282,47 @@ class TimeGraph:
         if source is values:
             np.copyto(out, values)
 
+    def _reward_moves(
+        self, values: FloatArray, rates: FloatArray, pair: FloatArray, out: FloatArray
+    ) -> None:
+        """Raise the maximum over moves [S], in `out`, where one with a reward is better.
+
+        Where a move leads out of the map or is hidden by what is solid at its end, `values`
+        are CLOSED; other hidden moves are irregular.
+        """
+        n = self.n_states
+        for rate, move in zip(rates.tolist(), self.moves, strict=True):
+            if rate:
+                shift = sum(i * stride for i, stride in zip(move, self.strides, strict=True))
+                tails, heads = (slice(max(0, s), n + min(0, s)) for s in (-shift, shift))
+                np.add(values[heads], rate, out=pair[tails])
+                np.maximum(out[tails], pair[tails], out=out[tails])
+
+    def _best_irregular(self, after_turn: FloatArray, rates: FloatArray | None) -> FloatArray:
+        """Maximum over the moves that irregular places have, with their rewards."""
+        ahead = after_turn[self._irregular_heads]
+        if rates is not None:
+            ahead += np.where(self._irregular_hidden, 0.0, rates[:, None])
+        best: FloatArray = ahead.max(axis=0)
+        return best
+
     def _charge_moves(
-        self, best: FloatArray, after_turn: FloatArray, tail: int, costs: Mapping[int, float]
+        self,
+        best: FloatArray,
+        after_turn: FloatArray,
+        rates: FloatArray | None,
+        tail: int,
+        costs: Mapping[int, float],
     ) -> None:
         """Recompute one place, of which some moves are charged or closed."""
         origins = np.arange(self.n_orientations) * self.n_places
         heads = self.neighbours[:, tail]
-        heads = heads[heads >= 0]
+        open_ = heads >= 0
+        heads = heads[open_]
         cost = np.array([costs.get(int(head), 0.0) for head in heads])
         cost[heads == tail] = 0.0  # staying is not a move
+        if rates is not None:
+            cost -= rates[open_]
         best[origins + tail] = (after_turn[origins[:, None] + heads] - cost).max(axis=1)
 
     def _charge(
@@ -285,7 +344,7 @@ class TimeGraph:
         self,
         value: FloatArray,
         start: int,
-        stationarity: float = 0.0,
+        bonuses: Bonuses = NO_BONUSES,
         charges: Charges = NO_CHARGES,
     ) -> list[int] | None:
         """Path of T+1 states from `start` that attains `value`; None where there is none.
@@ -298,8 +357,8 @@ class TimeGraph:
         for t in range(len(value) - 1):
             heads = self.successors(path[-1])
             ahead = value[t + 1, heads]
-            if stationarity:
-                ahead = ahead + stationarity * (heads == path[-1])
+            if not bonuses.none:
+                ahead = ahead + bonuses.of_edges(self.shape, path[-1], heads)
             if charges.moves:
                 tail = path[-1] % self.n_places
                 ahead = ahead - np.array(

@@ -22,8 +22,8 @@ def reward_parts(verdict: Verdict) -> Row:
         "reward_at_start": verdict.reward_at_start,
         "reward_per_step": verdict.reward_per_step,
     }
-    if verdict.reward_stationarity:
-        parts["reward_stationarity"] = verdict.reward_stationarity
+    if verdict.reward_moves:
+        parts["reward_moves"] = verdict.reward_moves
     return parts
 
 

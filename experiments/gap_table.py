@@ -124,7 +124,7 @@ def _rendered(problem: Problem, judged: Judged[Result]) -> float | None:
         return None
     poses = poses_of(judged.result.plan, problem.first_step)
     views = face_views(compiled(problem), Renderer(problem), poses)
-    return rendered_reward(problem, views, judged.verdict.reward_stationarity)
+    return rendered_reward(problem, views, judged.verdict.reward_moves)
 
 
 def _save_certificate(folder: Path | None, stem: str, result: CertifiedResult) -> str:

@@ -80,15 +80,20 @@ def face_views(
         progress(done + 1, len(poses))
 
 
-def rendered_reward(problem: Problem, views: Iterable[FaceView], stationarity: float) -> float:
-    """J of a plan with its rendered pixels in place of the planned ones."""
+def rendered_reward(problem: Problem, views: Iterable[FaceView], reward_moves: float) -> float:
+    """J of a plan with its rendered pixels in place of the planned ones.
+
+    Parameters
+    ----------
+    reward_moves : the plan's rewards for moves
+    """
     seen: dict[tuple[int, int], float] = {}
     for view in views:
         if view.pose.t >= problem.first_step:
             t = 0 if problem.objective.over_time else view.pose.t
             seen[t, view.face] = seen.get((t, view.face), 0.0) + view.rendered / view.area
     weights = problem.step_weights
-    return math.fsum([*(weights[key] * math.sqrt(z) for key, z in seen.items()), stationarity])
+    return math.fsum([*(weights[key] * math.sqrt(z) for key, z in seen.items()), reward_moves])
 
 
 def error_row(views: Sequence[FaceView]) -> Row:
@@ -138,7 +143,7 @@ def write_views(
     )
     return {
         "reward": verdict.reward,
-        "reward_rendered": rendered_reward(problem, views, verdict.reward_stationarity),
+        "reward_rendered": rendered_reward(problem, views, verdict.reward_moves),
         **error_row(views),
     }
 

@@ -11,7 +11,7 @@ from cocap_opt.model import Model, Path, compiled
 from cocap_opt.plan import Plan, conflicts
 from cocap_opt.problem import Problem
 from cocap_opt.result import Reason, UnsupportedError
-from cocap_opt.reward import objective, robot_pixels
+from cocap_opt.reward import move_reward, robot_pixels, view_reward
 from cocap_opt.stop import Limit, Stop, never
 from formulations.result import (
     OPTIMALITY,
@@ -52,22 +52,24 @@ def brute_force(
     limit = model.prepare_all(stop)
     paths = [all_paths(model, robot) for robot in robots]
     pixels: list[list[FloatArray]] = [[] for _ in robots]
+    moves: list[list[float]] = [[] for _ in robots]
     for robot in robots:
         for path in paths[robot]:
             limit = limit if limit is not Limit.NONE else stop()
             if limit is not Limit.NONE:
                 return only_start(problem, start, limit, time.perf_counter() - begin)
             pixels[robot].append(robot_pixels(model, robot, path))
+            moves[robot].append(move_reward(model, robot, path))
     best_value, best = -math.inf, None
     for choice in product(*(range(len(some)) for some in paths)):
         limit = stop()
         if limit is not Limit.NONE:
             break
-        chosen = [paths[i][k] for i, k in zip(robots, choice, strict=True)]
         seen = np.sum([pixels[i][k] for i, k in zip(robots, choice, strict=True)], axis=0)
-        value = objective(problem, seen, chosen)
+        value = float(view_reward(problem, seen).sum())
+        value += sum(moves[i][k] for i, k in zip(robots, choice, strict=True))
         if value > best_value:
-            plan = model.plan(chosen)
+            plan = model.plan([paths[i][k] for i, k in zip(robots, choice, strict=True)])
             if next(conflicts(problem, plan), None) is None:
                 best_value, best = value, plan
     if best is None and limit is not Limit.NONE:

@@ -9,7 +9,7 @@ since sum sqrt(c_i) >= r := sqrt(sum c_i) and alpha r + beta r^2 + kappa >= r fo
 one (alpha, beta) per group (t, face) and a multiplier mu >= 0 per conflict row,
 
     J <= sum w kappa + sum mu + sum_i max_path [ sum_t sum_f w (alpha sqrt(c) + beta c)
-                                                 + stationarity - mu on rows used ].
+                                                 + rewards for moves - mu on rows used ].
 
 A share theta of a group's root may be bounded by an envelope cut instead (formulations.
 envelope): r <= constant + sum phi_k(i)(sqrt(c_i)), with one phi_k per class k of robots. Then
@@ -40,9 +40,9 @@ import numpy as np
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.io import problem_digest
 from cocap_opt.model import Model, RobotClass
-from cocap_opt.problem import Problem
+from cocap_opt.problem import Objective, Problem
 from cocap_opt.reward import group_weights, marginal_gain
-from cocap_opt.timegraph import NO_CHARGES, Charges
+from cocap_opt.timegraph import NO_CHARGES, Charges, TimeGraph
 from formulations import envelope
 from formulations.envelope import Cut
 from formulations.resources import Resource, charges_of, misruled, misuse
@@ -234,7 +234,8 @@ def price(model: Model, certificate: Certificate, decisions: Sequence[Decision] 
     # Accuracy and Stability of Numerical Algorithms, 2002, section 3.1), doubled for safety.
     # Marginal gains at reference pixels z are differences of roots up to sqrt(z + c); the
     # constant holds w sqrt(z), so that what cancels is counted too.
-    terms = (problem.horizon + 1) * (model.n_faces + 2) + len(charged.costs)
+    # A step adds a term for each face, and up to four rewards for its move.
+    terms = (problem.horizon + 1) * (model.n_faces + 5) + len(charged.costs)
     terms += 8 * len(problem.robots) + 64 + 2 * offer.cuts
     rounding = 2 * terms * UNIT_ROUNDOFF / (1 - terms * UNIT_ROUNDOFF) * magnitude
     return Pricing(math.nextafter(total + rounding, math.inf), rounding)
@@ -431,7 +432,10 @@ def _plain_sweep(
     """Best path value from every state at step 0 [S], move by move and turn by turn."""
     graph, problem = group.graph, model.problem
     shape = (graph.n_orientations, graph.n_places)
-    bonus = problem.objective.stationarity
+    objective = problem.objective
+    stay = objective.stationarity + objective.keep_cell
+    stay += objective.keep_heading + objective.balanced
+    bonuses = _bonuses_of_moves(graph, objective)
     places, states, moves = _spread_charges(group, charges)
     value = np.where(graph.free, reward[-1].reshape(shape), -np.inf)
     if group.goal is not None:
@@ -439,18 +443,45 @@ def _plain_sweep(
         value = np.where((x == group.goal[0]) & (y == group.goal[1]), value, -np.inf)
     value = value - places.get(problem.horizon, 0.0) - states.get(problem.horizon, 0.0)
     for t in range(problem.horizon - 1, -1, -1):
-        turned = np.stack([value[turns].max(axis=0) for turns in graph.turns])
+        turned = _plain_turns(graph, value, objective.keep_heading)
         best = np.full(shape, -np.inf)
         for k, heads in enumerate(graph.neighbours):
             tails = np.flatnonzero(heads >= 0)
             ahead = turned[:, heads[tails]]
+            if k in bonuses:
+                ahead = ahead + bonuses[k]
             if (t, k) in moves:
                 ahead = ahead - moves[t, k][tails]
             best[:, tails] = np.maximum(best[:, tails], ahead)
-        if bonus:
-            best = np.maximum(best, value + bonus)
+        if objective.stationarity:
+            best = np.maximum(best, value + stay)
         value = best + reward[t].reshape(shape) - places.get(t, 0.0) - states.get(t, 0.0)
     return value.reshape(-1)
+
+
+def _plain_turns(graph: TimeGraph, value: FloatArray, keep_heading: float) -> FloatArray:
+    """Best of the orientations that one step can turn to [O, P], the heading's reward included."""
+    turned = np.stack([value[turns].max(axis=0) for turns in graph.turns])
+    if keep_heading:
+        pitches = graph.shape[1]
+        for orientation, turns in enumerate(graph.turns):
+            kept = [turn for turn in turns if turn // pitches == orientation // pitches]
+            ahead = value[kept].max(axis=0) + keep_heading
+            turned[orientation] = np.maximum(turned[orientation], ahead)
+    return turned
+
+
+def _bonuses_of_moves(graph: TimeGraph, objective: Objective) -> dict[int, FloatArray]:
+    """Rewards of each move from the places where it is open, by its number, turns aside."""
+    bonuses: dict[int, FloatArray] = {}
+    if not objective.keep_cell and not objective.balanced:
+        return bonuses
+    for k, heads in enumerate(graph.neighbours):
+        tails = np.flatnonzero(heads >= 0)
+        climb, dx, dy = graph.coordinates(heads[tails]) - graph.coordinates(tails)
+        stays = (climb == 0) & (dx == 0) & (dy == 0)
+        bonuses[k] = objective.keep_cell * stays + objective.balanced * (dx + dy == 0)
+    return bonuses
 
 
 def _spread_charges(

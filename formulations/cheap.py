@@ -30,8 +30,8 @@ def online(
 ) -> CertifiedResult:
     """Online bound from a plan P: J(P) + sum over robots of max_path gain(path | P).
 
-    Where the bound `alone` is lower, or without a plan, it is that. (The stationarity part of
-    J(P) is bounded by the paths' own, so it is not counted twice.)
+    Where the bound `alone` is lower, or without a plan, it is that. (The rewards for
+    moves in J(P) are bounded by the paths' own, so they are not counted twice.)
     """
     plan, message = usable_start(problem, start)
     if plan is None:

@@ -1,6 +1,6 @@
 """Upper bounds by cone programs: concave relaxations over the aggregated flow.
 
-A relaxation maximises sum w u + stationarity over flows, where the root u of a group obeys
+A relaxation maximises sum w u + rewards for moves over flows, where the root u of a group obeys
 
     concave        u <= sqrt(z), z = sum of pixels      (second-order cone)
     single view    and u <= sum of roots of pixels      (the root is subadditive)
@@ -212,7 +212,7 @@ def _rounds(
 
 
 class _ConeProgram:
-    """max sum w u + stationarity over flows, roots under their bounds, and conflict rows.
+    """max sum w u + rewards for moves over flows, roots under their bounds, and conflict rows.
 
     Roots and pixels are in units of each group's best single view, and the objective in
     units of its largest weight, for the solver's sake.
@@ -225,8 +225,7 @@ class _ConeProgram:
 
         self.flow, self.roots, self.conflicts = flow, roots, conflicts
         self._views = most_views(flow.model.problem)
-        bonus = flow.model.problem.objective.stationarity
-        self._unit = max(float(roots.weights.max(initial=0.0)), bonus) or 1.0
+        self._unit = max(float(roots.weights.max(initial=0.0)), flow.largest_bonus) or 1.0
         self.x = cp.Variable(flow.n_nodes, nonneg=True)
         self.y = cp.Variable(flow.n_edges, nonneg=True)
         self.u = cp.Variable(len(roots.used))
@@ -246,9 +245,8 @@ class _ConeProgram:
         self._capacity = cp.hstack([usage[0] @ self.x, usage[1] @ self.y]) <= 1 + slack
         constraints += [self._capacity] if self.n_rows else []
         # A broken row costs more than all there is to gain, so that a solution exists.
-        horizon = flow.model.problem.horizon
-        penalty = self._views * (float(roots.weights.sum()) + bonus * horizon + self._unit)
-        profit = bonus * flow.stays @ self.y - penalty * cp.sum(slack)
+        most = float(roots.weights.sum()) + flow.largest_bonus * flow.model.problem.horizon
+        profit = flow.bonus @ self.y - self._views * (most + self._unit) * cp.sum(slack)
         if len(roots.used):
             profit = profit + roots.weights @ self.u
         self._goal = cp.Maximize(profit / self._unit)

@@ -116,7 +116,7 @@ class _Translated:
         n_terms = len(roots.used) * (program.n_robots + 2) + program.n_robots * horizon + 1
         largest = math.sqrt(program.n_views)  # root, in units of the best view's
         most = float(roots.weights.sum()) * largest
-        most += program.bonus * program.n_robots * horizon
+        most += flow.largest_bonus * program.n_robots * horizon
         self.scale = min(n_terms / ROUNDING, MOST) / most if most > 0 else 1.0
         self.model = cp_model.CpModel()
         first = flow.steps == 0
@@ -128,9 +128,9 @@ class _Translated:
         self.v = self._variables(np.zeros(len(roots.used)), _up(self.worth * largest))
         self._flow_rows()
         self._root_rows()
-        bonus = int(_up(np.array([self.scale * program.bonus]))[0])
-        stays = [self.y[e] for e in np.flatnonzero(flow.stays).tolist()] if bonus else []
-        self.model.maximize(sum(self.v) + bonus * sum(stays))
+        bonus = _up(self.scale * flow.bonus)
+        paid = [int(bonus[e]) * self.y[e] for e in np.flatnonzero(bonus).tolist()]
+        self.model.maximize(sum(self.v) + sum(paid))
 
     def _variables(self, low: FloatArray | IntArray, high: FloatArray | IntArray) -> list[Any]:
         bounds = zip(*(part.astype(np.int64).tolist() for part in (low, high)), strict=True)

@@ -22,6 +22,7 @@ from scipy import sparse
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 
+from cocap_opt.bonuses import bonuses_of
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.model import Model, Path, RobotClass
 from cocap_opt.problem import Cell, Problem
@@ -77,9 +78,20 @@ class Flow:
         return _incidence(self.tails, np.arange(self.n_edges), (self.n_nodes, self.n_edges))
 
     @cached_property
-    def stays(self) -> FloatArray:
-        """1.0 where an edge keeps the state [E]."""
-        return np.asarray(self.states[self.tails] == self.states[self.heads], dtype=np.float64)
+    def bonus(self) -> FloatArray:
+        """Rewards of the edges for the moves themselves [E]."""
+        bonuses = bonuses_of(self.model.problem.objective)
+        rewards, owner = np.zeros(self.n_edges), self.owner[self.tails]
+        tails, heads = self.states[self.tails], self.states[self.heads]
+        for k, group in enumerate(self.model.classes):
+            own = owner == k
+            rewards[own] = bonuses.of_edges(group.graph.shape, tails[own], heads[own])
+        return rewards
+
+    @property
+    def largest_bonus(self) -> float:
+        """Of all edges."""
+        return float(self.bonus.max(initial=0.0))
 
     @cached_property
     def capacity(self) -> FloatArray:
@@ -180,16 +192,15 @@ class Flow:
         for node in at:
             low, high = np.searchsorted(self.tails, [node, node + 1])
             used = low + np.flatnonzero(y[low:high] > UNUSED)
-            ahead.append(dict(zip(self.heads[used].tolist(), self.stays[used], strict=True)))
+            ahead.append(dict(zip(self.heads[used].tolist(), self.bonus[used], strict=True)))
         heads = sorted({head for some in ahead for head in some})
         slots = [head for head in heads for _ in range(whole[head])]
         if len(slots) != len(at):
             raise ValueError("the flow is not whole")
         gain = np.array([[some.get(head, -np.inf) for head in slots] for some in ahead])
-        # A forbidden edge costs more than all stays together bring.
-        _, chosen = linear_sum_assignment(
-            np.where(np.isinf(gain), -2.0 * len(at), gain), maximize=True
-        )
+        # A forbidden edge costs more than all rewards together bring.
+        worst = -2.0 * len(at) * (self.largest_bonus or 1.0)
+        _, chosen = linear_sum_assignment(np.where(np.isinf(gain), worst, gain), maximize=True)
         if np.isinf(gain[np.arange(len(at)), chosen]).any():
             raise ValueError("the flow is not whole")
         return [slots[k] for k in chosen.tolist()]

@@ -34,7 +34,7 @@ def linear_program(program: Program) -> LinearProgram:
     n, e, g = flow.n_nodes, flow.n_edges, len(roots.used)
     first = flow.steps == 0
     rows, row_low, row_high = _rows(program)
-    gain = [np.zeros(n), program.bonus * flow.stays, np.zeros(2 * g), roots.weights]
+    gain = [np.zeros(n), flow.bonus, np.zeros(2 * g), roots.weights]
     high = [np.where(first, flow.supply, flow.capacity), flow.capacity[flow.tails]]
     return LinearProgram(
         gain=np.concatenate(gain) / program.unit,

@@ -22,9 +22,10 @@ import clarabel
 import numpy as np
 from scipy import sparse
 
+from cocap_opt.bonuses import bonuses_of
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.model import Model, Path
-from cocap_opt.reward import group_weights, most_views, robot_pixels, unchanged
+from cocap_opt.reward import group_weights, most_views, robot_pixels
 from cocap_opt.stop import Stop, never
 from formulations.certificate import Decision
 from formulations.cone_solver import solve_cones
@@ -43,7 +44,6 @@ class Column(NamedTuple):
     flight: Flight
     groups: IntArray  # [k] groups that it sees anything of, increasing
     pixels: FloatArray  # [k] px/m2
-    bonus: float  # stationarity along the path
 
     @property
     def path(self) -> Path:
@@ -60,8 +60,7 @@ def make_column(model: Model, robot: int, path: Path) -> Column:
     """Column of a robot's path of state numbers."""
     pixels = robot_pixels(model, robot, path)
     groups = np.flatnonzero(pixels)
-    bonus = model.problem.objective.stationarity * unchanged([path])
-    return Column(robot, flight_of(model, robot, path), groups, pixels[groups], bonus)
+    return Column(robot, flight_of(model, robot, path), groups, pixels[groups])
 
 
 class Solution(NamedTuple):
@@ -211,8 +210,7 @@ class Master:
         """
         arcs = list(self._arcs)
         seen = self._seen.of(arcs)
-        stays = np.array([arc.tail == arc.head for arc in arcs], dtype=np.float64)
-        bonus = self.model.problem.objective.stationarity * stays
+        bonus = _bonuses(self.model, arcs)
         weights = self._weights[seen.used] * seen.scale
         unit = max(float(weights.max(initial=0.0)), float(bonus.max())) or 1.0
         n_rows = len(self._rows) + len(self._open)
@@ -420,6 +418,17 @@ def arcs_of(flight: Flight) -> list[Arc]:
     """Steps of a path."""
     path = flight.path
     return [Arc(flight.robot_class, t, path[t], path[t + 1]) for t in range(len(path) - 1)]
+
+
+def _bonuses(model: Model, arcs: Sequence[Arc]) -> FloatArray:
+    """Rewards of the arcs for the moves themselves [n]."""
+    bonuses = bonuses_of(model.problem.objective)
+    classes, _, tails, heads = np.array(arcs, dtype=np.int64).reshape(-1, 4).T
+    rewards = np.zeros(len(arcs))
+    for number in np.unique(classes).tolist():
+        own, shape = classes == number, model.classes[number].graph.shape
+        rewards[own] = bonuses.of_edges(shape, tails[own], heads[own])
+    return rewards
 
 
 def _users(model: Model, resources: Sequence[Resource], arcs: list[Arc]) -> list[list[int]]:

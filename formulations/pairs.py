@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cocap_opt.bonuses import bonuses_of
 from cocap_opt.constraints import avoid_paths
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.model import Model, Path
@@ -27,7 +28,7 @@ class _Side(NamedTuple):
     states: list[IntArray]  # [T+1] of [n_t] state numbers
     tails: list[IntArray]  # [T] of [m_t] positions in states[t], increasing
     heads: list[IntArray]  # [T] of [m_t] positions in states[t+1]
-    bonus: list[FloatArray]  # [T] of [m_t] stationarity
+    bonus: list[FloatArray]  # [T] of [m_t] rewards for the moves themselves
 
 
 def best_pair(
@@ -101,7 +102,7 @@ def _side(model: Model, robot: int, arcs: Iterable[Arc], others: Sequence[Column
     if not leading[0]:
         return None
     states = [np.array(sorted(some), dtype=np.int64) for some in leading]
-    rate = model.problem.objective.stationarity
+    bonuses = bonuses_of(model.problem.objective)
     tails, heads, bonus = [], [], []
     for t in range(horizon):
         own = sorted((a.tail, a.head) for a in by_step[t]
@@ -109,7 +110,7 @@ def _side(model: Model, robot: int, arcs: Iterable[Arc], others: Sequence[Column
         ends = np.array(own, dtype=np.int64).reshape(-1, 2)
         tails.append(np.searchsorted(states[t], ends[:, 0]))
         heads.append(np.searchsorted(states[t + 1], ends[:, 1]))
-        bonus.append(rate * (ends[:, 0] == ends[:, 1]))
+        bonus.append(bonuses.of_edges(graph.shape, ends[:, 0], ends[:, 1]))
     return _Side(robot, states, tails, heads, bonus)
 
 

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cocap_opt.bonuses import bonuses_of
 from cocap_opt.coverage import CoverageTable
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.model import Model
@@ -45,7 +46,7 @@ class Pricer:
 
     def __call__(self, duals: Duals, decisions: Sequence[Decision] = ()) -> Priced:
         """Bound of these multipliers for plans that obey the decisions, and new columns."""
-        model, bonus = self.model, self.model.problem.objective.stationarity
+        model, bonuses = self.model, bonuses_of(self.model.problem.objective)
         bound, costs = self._constant(duals, decisions)
         base = {at: entries.base(duals) for at, entries in self._shared.items()}
         columns = []
@@ -53,11 +54,11 @@ class Pricer:
             own = base[id(model.coverage(group))]
             reward = spread(model, group, self._paid(number, duals, own))
             charges = charges_of(model, number, costs)
-            value = group.graph.backward_sweep(reward, bonus, charges, group.goal)
+            value = group.graph.backward_sweep(reward, bonuses, charges, group.goal)
             for robot, start in zip(group.robots, group.starts, strict=True):
                 bound += float(value[0, start])
                 if value[0, start] > CLOSED:
-                    path = group.graph.best_path(value, start, bonus, charges)
+                    path = group.graph.best_path(value, start, bonuses, charges)
                     assert path is not None
                     columns.append(make_column(model, robot, tuple(path)))
         return Priced(bound, duals, columns)

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cocap_opt.bonuses import bonuses_of
 from cocap_opt.constraints import avoid_paths
 from cocap_opt.data import FloatArray
 from cocap_opt.model import Model, Path
@@ -189,10 +190,10 @@ def best_response(model: Model, robot: int, others: Sequence[Column]) -> Column 
         pixels[column.groups] += column.pixels
     states = [(c.robot, [model.class_of[c.robot].graph.state(s) for s in c.path]) for c in others]
     charges = avoid_paths(model, group, states)
-    bonus = problem.objective.stationarity
+    bonuses = bonuses_of(problem.objective)
     reward = marginal_reward(model, group, pixels)
-    value = group.graph.backward_sweep(reward, bonus, charges, group.goal)
-    path = group.graph.best_path(value, model.start(robot), bonus, charges)
+    value = group.graph.backward_sweep(reward, bonuses, charges, group.goal)
+    path = group.graph.best_path(value, model.start(robot), bonuses, charges)
     return None if path is None else make_column(model, robot, tuple(path))
 
 

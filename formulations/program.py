@@ -65,8 +65,7 @@ class Program:
         self, flow: Flow, roots: Roots, conflicts: ConflictRows, root: Multipliers | None
     ) -> None:
         self.flow, self.roots, self.conflicts = flow, roots, conflicts
-        self.bonus = flow.model.problem.objective.stationarity
-        self.unit = max(float(roots.weights.max(initial=0.0)), self.bonus) or 1.0
+        self.unit = max(float(roots.weights.max(initial=0.0)), flow.largest_bonus) or 1.0
         self.n_robots = len(flow.model.problem.robots)
         self.n_views = most_views(flow.model.problem)
         # Without swaps, whole numbers of robots in the nodes are enough: between two steps

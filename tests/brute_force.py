@@ -6,6 +6,7 @@ or the planners is used.
 """
 
 import math
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -56,9 +57,19 @@ def pixels_of(problem: Problem, robot: int, paths: list[StatePath]) -> FloatArra
 
 
 def bonus_of(problem: Problem, path: StatePath) -> float:
-    """Stationarity reward of one path."""
-    stays = sum(path[t] == path[t + 1] for t in range(problem.horizon))
-    return problem.objective.stationarity * stays
+    """Reward of one path for its moves."""
+    return sum(bonus_of_move(problem, a, b) for a, b in pairwise(path))
+
+
+def bonus_of_move(problem: Problem, a: State, b: State) -> float:
+    """Reward of one move, from the definition of the objective."""
+    objective = problem.objective
+    return (
+        objective.stationarity * (a == b)
+        + objective.keep_cell * ((a.x, a.y, a.layer) == (b.x, b.y, b.layer))
+        + objective.keep_heading * (a.heading == b.heading)
+        + objective.balanced * (b.x - a.x == a.y - b.y)
+    )
 
 
 def views_of(problem: Problem, pixels: FloatArray) -> FloatArray:

@@ -209,6 +209,19 @@ def rules(resolution: float = 4.0) -> st.SearchStrategy[CollisionRules]:
 
 
 @st.composite
+def objectives(draw: st.DrawFn, over_time: bool = False) -> Objective:
+    """Objectives of all kinds: rewards for moves are often 0, small, or all that matters."""
+    kept = draw(st.sampled_from([(), (), ("keep_cell",), ("keep_heading",), ("balanced",),
+                                 ("keep_cell", "keep_heading", "balanced")]))  # fmt: skip
+    return Objective(
+        stationarity=draw(st.sampled_from([0.0, 0.0, 0.5, 40.0])),
+        count_start=draw(st.booleans()),
+        over_time=over_time and draw(st.booleans()),
+        **{name: draw(st.sampled_from([0.3, 7.0, 40.0])) for name in kept},
+    )
+
+
+@st.composite
 def problems(
     draw: st.DrawFn,
     robots: st.SearchStrategy[int] = st.sampled_from([2, 2, 3, 1]),
@@ -226,11 +239,7 @@ def problems(
     ]  # [(motion, camera)]
     horizon = draw(st.integers(1, 3))
     seen = [draw(actors(height_map, horizon)) for _ in range(draw(st.sampled_from([0, 1, 1, 2])))]
-    objective = Objective(
-        stationarity=draw(st.sampled_from([0.0, 0.0, 0.5, 40.0])),
-        count_start=draw(st.booleans()),
-        over_time=over_time and draw(st.booleans()),
-    )
+    objective = draw(objectives(over_time))
     solid = draw(meshes(height_map))
     workspace = Workspace(height_map, solid)
     try:
@@ -305,7 +314,11 @@ def meetings(draw: st.DrawFn, team: int = 2) -> Problem:
         robots.append(Robot(start=State(x, y, layer), motion=flown, camera=camera, goal=end))
     horizon = draw(st.sampled_from([2, 3]))
     seen = [draw(actors(height_map, horizon)) for _ in range(draw(st.sampled_from([1, 1, 2, 0])))]
-    objective = Objective(stationarity=draw(st.sampled_from([0.0, 0.0, 1.0, 10.0, 40.0])))
+    objective = Objective(
+        stationarity=draw(st.sampled_from([0.0, 0.0, 1.0, 10.0, 40.0])),
+        keep_cell=draw(st.sampled_from([0.0, 0.0, 0.0, 3.0, 40.0])),
+        balanced=draw(st.sampled_from([0.0, 0.0, 0.0, 2.0, 40.0])),
+    )
     try:
         problem = Problem(
             name="meeting",

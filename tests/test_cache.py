@@ -106,6 +106,7 @@ SAME_CONTENT: dict[str, Callable[[], Problem]] = {
     "name": lambda: tiny().replace(name="other"),
     "rules": lambda: tiny().replace(rules=NO_RULES),
     "stationarity": lambda: tiny().replace(objective=Objective(stationarity=2.0)),
+    "rewards for moves": lambda: tiny().replace(objective=Objective(keep_cell=2.0, balanced=1.0)),
     "weights": lambda: with_actor(weights=(2.0,) * 5),
     "goal": lambda: with_robot(goal=(0, 1)),
     "order": lambda: tiny().replace(robots=tiny().robots[::-1]),

@@ -322,7 +322,6 @@ def exact_optimum(problem: Problem) -> Fraction:
     pixels = [pixels_of(problem, robot, paths[robot]).reshape(len(paths[robot]), -1)
               for robot in robots]  # fmt: skip
     weights = [Fraction(w) for w in weights_of(problem).ravel().tolist()]
-    bonus = Fraction(problem.objective.stationarity)
     best = Fraction(-1)
     for chosen in product(*(range(len(own)) for own in paths)):
         plan = Plan(paths=tuple(paths[i][k] for i, k in enumerate(chosen)))
@@ -331,9 +330,18 @@ def exact_optimum(problem: Problem) -> Fraction:
         seen = [sum((Fraction(pixels[i][k][g]) for i, k in enumerate(chosen)), Fraction(0))
                 for g in range(len(weights))]  # fmt: skip
         value = sum((w * root_below(z) for w, z in zip(weights, seen, strict=True)), Fraction(0))
-        stays = sum(a == b for path in plan.paths for a, b in pairwise(path))
-        best = max(best, value + bonus * stays)
+        moves = (exact_bonus(problem, a, b) for path in plan.paths for a, b in pairwise(path))
+        best = max(best, value + sum(moves, Fraction(0)))
     return best
+
+
+def exact_bonus(problem: Problem, a: State, b: State) -> Fraction:
+    """Reward of one move, from the definition of the objective."""
+    objective = problem.objective
+    total = Fraction(objective.stationarity) if a == b else Fraction(0)
+    total += Fraction(objective.keep_cell) if a[:3] == b[:3] else 0
+    total += Fraction(objective.keep_heading) if a.heading == b.heading else 0
+    return total + (Fraction(objective.balanced) if a.x + a.y == b.x + b.y else 0)
 
 
 def exact_price(problem: Problem, certificate: Multipliers) -> Fraction:
@@ -381,8 +389,8 @@ def exact_price(problem: Problem, certificate: Multipliers) -> Fraction:
                      if isinstance(row.resource, Swap) and row.resource.t == t and other != cell
                      and {other, cell} == set(row.resource.cells)), Fraction(0)
                 )  # fmt: skip
-                stay = Fraction(problem.objective.stationarity) if head == state else Fraction(0)
-                ahead.append(worth[head, t + 1] + stay - swap)
+                bonus = exact_bonus(problem, state, head)
+                ahead.append(worth[head, t + 1] + bonus - swap)
             worth[state, t] = paid(state, t) - charge + max(ahead, default=Fraction(0))
         total += worth[spec.start, 0]
     return total

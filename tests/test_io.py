@@ -90,7 +90,13 @@ def wild_problems(draw: st.DrawFn) -> Problem:
         actors=(Actor(poses=np.reshape(poses, (2, 4)), shape=shape, weights=weights),),
         horizon=1,
         rules=CollisionRules(separation=draw(NOT_NEGATIVE)),
-        objective=Objective(stationarity=draw(WEIGHTS), count_start=draw(st.booleans())),
+        objective=Objective(
+            stationarity=draw(WEIGHTS),
+            keep_cell=draw(WEIGHTS),
+            keep_heading=draw(WEIGHTS),
+            balanced=draw(WEIGHTS),
+            count_start=draw(st.booleans()),
+        ),
         face_samples=draw(st.integers(1, 64)),
     )
 
@@ -140,6 +146,9 @@ def test_digest_ignores_the_name_only() -> None:
         problem.replace(face_samples=1),
         problem.replace(rules=CollisionRules(swap=False)),
         problem.replace(objective=Objective(stationarity=1.0)),
+        problem.replace(objective=Objective(keep_cell=1.0)),
+        problem.replace(objective=Objective(keep_heading=1.0)),
+        problem.replace(objective=Objective(balanced=1.0)),
         problem.replace(actors=()),
         problem.replace(actors=(Actor(poses=poses),)),
         problem.replace(robots=problem.robots[:1]),

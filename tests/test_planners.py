@@ -772,6 +772,9 @@ def test_an_actor_nobody_can_see_changes_nothing(problem: Problem) -> None:
             assert before.plan == after.plan
 
 
+RATES = ("stationarity", "keep_cell", "keep_heading", "balanced")
+
+
 @examples(15)
 @given(problems(robots=st.just(2)), st.floats(0.1, 50.0))
 def test_scaled_weights_scale_the_optimum(problem: Problem, factor: float) -> None:
@@ -783,7 +786,7 @@ def test_scaled_weights_scale_the_optimum(problem: Problem, factor: float) -> No
     objective = problem.objective
     scaled = problem.replace(
         actors=actors,
-        objective=objective.replace(stationarity=factor * objective.stationarity),
+        objective=objective.replace(**{rate: factor * getattr(objective, rate) for rate in RATES}),
     )
     assert close(joint(scaled).value, factor * joint(problem).value)
 
@@ -842,6 +845,8 @@ EXTREMES: dict[str, Callable[[], Problem]] = {
     "very crowded": lambda: line(4, 0, 1, 2, 3, horizon=3),
     "no motion at all": lambda: cage(radius=0, turn=0, climb=0, pitch_turn=0, headings=1),
     "stationarity above all": lambda: meadow(2).replace(objective=Objective(stationarity=1e6)),
+    "the heading above all": lambda: meadow(2).replace(objective=Objective(keep_heading=1e6)),
+    "balance above all": lambda: meadow(2).replace(objective=Objective(balanced=1e6)),
     "gimbal of many pitches": lambda: meadow(2).replace(
         robots=(
             Robot(

@@ -115,7 +115,7 @@ def test_rendered_reward_is_near_the_planned_one() -> None:
     assert plan is not None
     views = list(face_views(model, Renderer(problem), poses_of(plan, problem.first_step)))
     verdict = check(problem, plan)
-    rendered = rendered_reward(problem, views, verdict.reward_stationarity)
+    rendered = rendered_reward(problem, views, verdict.reward_moves)
     assert rendered == pytest.approx(verdict.reward, rel=0.02)
     row = error_row(views)
     assert row["faces"] == len(views) and row["clear"] + row["hidden"] <= len(views)

@@ -19,11 +19,10 @@ from cocap_opt.reward import (
     group_weights,
     marginal_gain,
     marginal_reward,
+    move_reward,
     no_pixels,
-    objective,
     objective_of,
     robot_pixels,
-    unchanged,
     view_reward,
 )
 
@@ -50,8 +49,12 @@ class Flown(NamedTuple):
 
     def value(self, robots: list[int]) -> float:
         """J of some of the robots alone."""
-        paths = [self.paths[robot] for robot in robots]
-        return objective(self.model.problem, self.pixels(robots), paths)
+        views = view_reward(self.model.problem, self.pixels(robots)).sum()
+        return float(views) + sum(self.moves(robot) for robot in robots)
+
+    def moves(self, robot: int) -> float:
+        """What a robot is rewarded for its moves."""
+        return move_reward(self.model, robot, self.paths[robot])
 
 
 @st.composite
@@ -89,10 +92,11 @@ def test_objective_is_the_referees(run: Flown) -> None:
 @examples(40)
 @given(flown(TEAMS.map(without_goals)))
 def test_breakdowns_sum_to_the_objective(run: Flown) -> None:
-    """Rewards by step and by face, plus the stationarity reward, add up to J."""
+    """Rewards by step and by face, plus those for moves, add up to J."""
     problem = run.model.problem
     verdict = check(problem, run.plan)
-    bonus = problem.objective.stationarity * unchanged(run.paths)
+    bonus = sum(run.moves(robot) for robot in range(len(run.paths)))
+    assert verdict.reward_moves == pytest.approx(bonus, rel=1e-12)
     table = view_reward(problem, run.pixels(list(range(len(run.paths)))))
     assert table.shape == (problem.horizon + 1, len(problem.face_weights))
     np.testing.assert_allclose(verdict.reward_per_step, table[1:].sum(axis=1), rtol=1e-9)
@@ -125,12 +129,12 @@ def test_monotone_and_submodular(run: Flown, data: st.DataObject) -> None:
 @given(flown(), st.data())
 def test_marginal_rewards_telescope(run: Flown, data: st.DataObject) -> None:
     """Marginal rewards along the robots' paths, in any order, add up to J."""
-    problem, total, before = run.model.problem, 0.0, list[int]()
+    total, before = 0.0, list[int]()
     for robot in data.draw(st.permutations(range(len(run.paths)))):
         group = run.model.class_of[robot]
         reward = marginal_reward(run.model, group, run.pixels(before))
         gain = sum(float(reward[t, state]) for t, state in enumerate(run.paths[robot]))
-        gain += problem.objective.stationarity * unchanged([run.paths[robot]])
+        gain += run.moves(robot)
         before.append(robot)
         total += gain
         assert total == pytest.approx(run.value(before), rel=1e-9, abs=1e-9)
@@ -195,14 +199,14 @@ def test_weights_scale_their_faces() -> None:
 @examples(20)
 @given(flown(TEAMS.map(without_goals)))
 def test_actor_without_weight_is_worth_nothing(run: Flown) -> None:
-    """Actors whose faces all have weight 0 leave the stationarity reward only."""
+    """Actors whose faces all have weight 0 leave the rewards for moves only."""
     problem = run.model.problem
     worthless = tuple(
         actor.replace(weights=(0.0,) * len(actor.face_weights)) for actor in problem.actors
     )
-    nobody = check(problem.replace(actors=()), run.plan).reward
-    assert nobody == problem.objective.stationarity * unchanged(run.paths)
-    assert check(problem.replace(actors=worthless), run.plan).reward == nobody
+    nobody = check(problem.replace(actors=()), run.plan)
+    assert nobody.reward == nobody.reward_moves
+    assert check(problem.replace(actors=worthless), run.plan).reward == nobody.reward
 
 
 def test_group_weights_are_zero_before_the_first_step() -> None:

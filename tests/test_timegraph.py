@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from strategies import WALL, cameras, examples, height_maps, motions
 
+from cocap_opt.bonuses import Bonuses
 from cocap_opt.data import FloatArray
 from cocap_opt.motion import motion_graph, time_expanded_graph
 from cocap_opt.problem import Camera, Motion, Problem, Robot, State
@@ -148,12 +149,16 @@ def charges(draw: st.DrawFn, graph: TimeGraph, horizon: int) -> Charges:
     return Charges(places, moves, states)
 
 
+RATES = st.sampled_from([0.0, 0.0, 0.3, 5.0])
+BONUSES = st.builds(Bonuses, RATES, RATES, RATES, RATES)
+
+
 class Priced(NamedTuple):
-    """Node rewards, stationarity and charges over one graph, for the plain algorithms below."""
+    """Node rewards, rewards for moves and charges over one graph, for the plain algorithms."""
 
     graph: TimeGraph
     reward: FloatArray  # [T+1, S]
-    bonus: float
+    bonuses: Bonuses
     charges: Charges
 
     def _place(self, state: State) -> int:
@@ -168,7 +173,10 @@ class Priced(NamedTuple):
     def along(self, tail: State, head: State, t: int) -> float:
         """Reward of one step, less its charge."""
         charge = self.charges.moves.get((t, self._place(tail), self._place(head)), 0.0)
-        return (self.bonus if tail == head else 0.0) - charge
+        still = tail == head, tail[:3] == head[:3], tail.heading == head.heading
+        kinds = *still, head.x - tail.x == tail.y - head.y
+        gain = sum(rate for rate, kind in zip(self.bonuses, kinds, strict=True) if kind)
+        return gain - charge
 
     def of_path(self, path: list[int]) -> float:
         """Value of a path of state numbers."""
@@ -195,21 +203,21 @@ class Priced(NamedTuple):
 def test_backward_sweep_is_dynamic_programming(case: Case, data: st.DataObject) -> None:
     """The sweep's values are those of plain dynamic programming over the networkx graph.
 
-    With random rewards, stationarity, finite and infinite charges on places and moves, and a
-    goal; and the path read off attains the value.
+    With random rewards, also for moves themselves, finite and infinite charges on places and
+    moves, and a goal; and the path read off attains the value.
     """
     graph, horizon, goal = case.graph, case.problem.horizon, case.problem.robots[0].goal
     rng = np.random.default_rng(data.draw(st.integers(0, 2**32)))
     reward = graph.no_reward(horizon) + rng.random((horizon + 1, graph.n_states))
-    bonus = data.draw(st.sampled_from([0.0, 0.3, 5.0]))
-    priced = Priced(graph, reward, bonus, data.draw(charges(graph, horizon)))
-    value = graph.backward_sweep(reward, bonus, priced.charges, goal)
+    bonuses = data.draw(BONUSES)
+    priced = Priced(graph, reward, bonuses, data.draw(charges(graph, horizon)))
+    value = graph.backward_sweep(reward, bonuses, priced.charges, goal)
     expanded = time_expanded_graph(case.problem, 0)
     for (state, t), expected in priced.values(expanded, horizon).items():
         assert value[t, graph.index(state)] == pytest.approx(expected, abs=1e-12)
     if (case.problem.robots[0].start, 0) not in expanded:
         assert value[0, case.start] == CLOSED
-    path = graph.best_path(value, case.start, bonus, priced.charges)
+    path = graph.best_path(value, case.start, bonuses, priced.charges)
     assert (path is None) == (value[0, case.start] == CLOSED)
     if path is not None:
         assert path[0] == case.start
@@ -226,9 +234,10 @@ def test_sweep_changes_nothing_it_is_given(case: Case) -> None:
     reward = case.graph.no_reward(case.problem.horizon)
     reward += np.linspace(0, 1, reward.size).reshape(reward.shape)
     before = reward.copy()
-    value = case.graph.backward_sweep(reward, stationarity=1.0)
+    bonuses = Bonuses(1.0, 2.0, 3.0, 4.0)
+    value = case.graph.backward_sweep(reward, bonuses)
     swept = value.copy()
-    case.graph.best_path(value, case.start, 1.0)
+    case.graph.best_path(value, case.start, bonuses)
     assert (reward == before).all()
     assert (value == swept).all()
 
@@ -284,13 +293,14 @@ def test_staying_is_never_charged_as_a_move() -> None:
     """A charge on the move from a place to itself changes nothing, in the sweep or the path."""
     graph = TimeGraph(Workspace(HeightMap(heights=np.zeros((2, 1)))), Motion(headings=2), 1)
     here = graph.place(0, 0, 0)
-    for bonus in (0.0, 1.0):
+    for rate in (0.0, 1.0):
+        bonuses = Bonuses(rate, rate)
         reward = graph.no_reward(2)
         reward[:, here] += 1.0
         charges = Charges({}, {(0, here, here): 9.0, (1, here, here): math.inf})
-        plain = graph.backward_sweep(reward, bonus)
-        assert (graph.backward_sweep(reward, bonus, charges) == plain).all()
-        assert graph.best_path(plain, here, bonus, charges) == [here] * 3
+        plain = graph.backward_sweep(reward, bonuses)
+        assert (graph.backward_sweep(reward, bonuses, charges) == plain).all()
+        assert graph.best_path(plain, here, bonuses, charges) == [here] * 3
 
 
 @pytest.mark.parametrize(
@@ -312,8 +322,9 @@ def test_extreme_motions(shape: tuple[int, int], motion: Motion) -> None:
     reachable = case.graph.reachable([case.start], 2)
     assert int(reachable.sum()) == len(expanded)
     reward = case.graph.no_reward(2) + np.arange(case.graph.n_states) % 7
-    priced = Priced(case.graph, reward, 0.5, NO_CHARGES)
-    value = case.graph.backward_sweep(reward, 0.5)
+    bonuses = Bonuses(0.5, 0.25, 1.5, 2.0)
+    priced = Priced(case.graph, reward, bonuses, NO_CHARGES)
+    value = case.graph.backward_sweep(reward, bonuses)
     for (state, t), expected in priced.values(expanded, 2).items():
         assert value[t, case.graph.index(state)] == pytest.approx(expected, abs=1e-12)
 

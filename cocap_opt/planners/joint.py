@@ -11,6 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
+from cocap_opt.bonuses import bonuses_of
 from cocap_opt.constraints import place_of, places_too_close
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.model import Model, Path, RobotClass, compiled
@@ -95,6 +96,12 @@ class _Side:
         """Positions at t+1 that each move leads to from each place of t [K, n_t]."""
         return self.position(t + 1, self.group.graph.neighbours[:, self.places[t]])
 
+    def moves(self, t: int, at: IntArray, there: IntArray) -> IntArray:
+        """Cell moves [n, 3] from positions at t to positions at t+1."""
+        graph = self.group.graph
+        tails, heads = self.places[t][at], self.places[t + 1][there]
+        return (graph.coordinates(heads) - graph.coordinates(tails)).T
+
     def cell(self, model: Model, place: int) -> Cell:
         layer, x, y = self.group.graph.coordinates(np.array([place]))[:, 0].tolist()
         return Cell(x, y, model.problem.layers.index(self.group.spec.motion.layers[layer]))
@@ -116,7 +123,7 @@ class _Pair:
         self.stop = stop
         self.a, self.b = _Side.of(model, 0), _Side.of(model, 1)
         self.horizon = model.problem.horizon
-        self.bonus = model.problem.objective.stationarity
+        self.bonuses = bonuses_of(model.problem.objective)
 
     @property
     def bytes_needed(self) -> float:
@@ -215,25 +222,41 @@ class _Pair:
         """Maximum over the turns of one robot, whose orientations are on `axis`."""
         moved = np.moveaxis(values, axis, 0)
         result = np.empty_like(values)
-        target = np.moveaxis(result, axis, 0)
-        for orientation, turns in enumerate(side.group.graph.turns):
+        pitches = side.group.graph.shape[1]
+        for orientation, best in enumerate(np.moveaxis(result, axis, 0)):
             self.ask()
-            np.copyto(target[orientation], moved[turns[0]])
-            for turn in turns[1:]:
-                np.maximum(target[orientation], moved[turn], out=target[orientation])
+            turns = side.group.graph.turns[orientation]
+            kept = [turn for turn in turns if turn // pitches == orientation // pitches]
+            np.copyto(best, moved[kept[0]])
+            for turn in kept[1:]:
+                np.maximum(best, moved[turn], out=best)
+            if self.bonuses.keep_heading:
+                np.add(best, self.bonuses.keep_heading, out=best)
+            for turn in turns:
+                if turn not in kept:
+                    np.maximum(best, moved[turn], out=best)
         return result
+
+    def _rates(self, side: _Side) -> list[float]:
+        """Rewards of one robot's cell moves [K]."""
+        rates: list[float] = self.bonuses.of_moves(np.array(side.group.graph.moves)).tolist()
+        return rates
 
     def _best_move(self, t: int, ahead: FloatArray, side: _Side, axis: int) -> FloatArray:
         """Maximum over one robot's actions; `axis` holds its orientations, the next its places."""
         turned = _with_closed_end(self._turned(ahead, side, axis), axis + 1)
-        targets = side.targets(t)
+        targets, rates = side.targets(t), self._rates(side)
         best: FloatArray = turned.take(targets[0], axis=axis + 1)
-        for target in targets[1:]:
+        best += rates[0]
+        for target, rate in zip(targets[1:], rates[1:], strict=True):
             self.ask()
-            np.maximum(best, turned.take(target, axis=axis + 1), out=best)
-        if self.bonus:
+            moved = turned.take(target, axis=axis + 1)
+            if rate:
+                moved += rate
+            np.maximum(best, moved, out=best)
+        if self.bonuses.stationarity:
             stay = ahead.take(side.position(t + 1, side.places[t]), axis=axis + 1)
-            np.maximum(best, stay + self.bonus, out=best)
+            np.maximum(best, stay + self.bonuses.stay, out=best)
         return best
 
     def _without_swaps(self, t: int, ahead: FloatArray, half: FloatArray, best: FloatArray) -> None:
@@ -247,22 +270,25 @@ class _Pair:
             return
         turned_a = _with_closed_end(self._turned(half, self.a, 0), 1)
         redone = np.full((len(at_a), best.shape[0], best.shape[2]), CLOSED)
-        for target in self.a.targets(t):
+        for target, rate in zip(self.a.targets(t), self._rates(self.a), strict=True):
             self.ask()
             to = np.where(target[at_a] == there, half.shape[1], target[at_a])
-            np.maximum(redone, turned_a[:, to, :, at_b], out=redone)
+            np.maximum(redone, turned_a[:, to, :, at_b] + rate, out=redone)
+        # What a is rewarded for going to b's cell.
+        gone = self.bonuses.of_moves(self.a.moves(t, at_a, there))[:, None, None]
         both = self._turned(self._turned(ahead, self.a, 0), self.b, 2)
         both = _with_closed_end(both, 3)
-        for target in self.b.targets(t):
+        for target, rate in zip(self.b.targets(t), self._rates(self.b), strict=True):
             self.ask()
             to = np.where(target[at_b] == here, ahead.shape[3], target[at_b])
-            np.maximum(redone, both[:, there, :, to], out=redone)
-        if self.bonus:
+            np.maximum(redone, both[:, there, :, to] + (gone + rate), out=redone)
+        if self.bonuses.stationarity:
+            stay = self.bonuses.stay
             stay_a = self.a.position(t + 1, self.a.places[t])[at_a]
-            np.maximum(redone, half[:, stay_a, :, at_b] + self.bonus, out=redone)
+            np.maximum(redone, half[:, stay_a, :, at_b] + stay, out=redone)
             stay_b = self.b.position(t + 1, self.b.places[t])[at_b]
             only_a = self._turned(ahead, self.a, 0)
-            np.maximum(redone, only_a[:, there, :, stay_b] + self.bonus, out=redone)
+            np.maximum(redone, only_a[:, there, :, stay_b] + (gone + stay), out=redone)
         best[:, at_a, :, at_b] = redone
 
     def _exchanges(self, t: int) -> tuple[IntArray, IntArray, IntArray, IntArray]:
@@ -311,9 +337,10 @@ class _Pair:
             at_a = self._positions(self.a, t + 1, heads_a)
             at_b = self._positions(self.b, t + 1, heads_b)
             ahead = values[t + 1][at_a[0][:, None], at_a[1][:, None], at_b[0], at_b[1]]
-            if self.bonus:
-                ahead = ahead + self.bonus * (heads_a == path_a[-1])[:, None]
-                ahead = ahead + self.bonus * (heads_b == path_b[-1])[None, :]
+            if not self.bonuses.none:
+                gain_a = self.bonuses.of_edges(graph_a.shape, path_a[-1], heads_a)
+                gain_b = self.bonuses.of_edges(graph_b.shape, path_b[-1], heads_b)
+                ahead = ahead + gain_a[:, None] + gain_b[None, :]
             if self.model.problem.rules.swap:
                 ahead = np.where(self._swapped(path_a[-1], path_b[-1], heads_a, heads_b),
                                  CLOSED, ahead)  # fmt: skip

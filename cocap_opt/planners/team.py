@@ -40,7 +40,7 @@ class Team:
     @property
     def value(self) -> float:
         """J."""
-        return objective(self.model.problem, self.others(EVERYBODY), self.paths)
+        return objective(self.model, self.others(EVERYBODY), self.paths)
 
     @property
     def evaluated(self) -> int:

@@ -1,5 +1,6 @@
 """Single-robot planning by value iteration: exact on the time-expanded graph."""
 
+from cocap_opt.bonuses import bonuses_of
 from cocap_opt.planners.single import SingleRobotPath, SingleRobotTask
 from cocap_opt.reward import marginal_reward, no_pixels, robot_pixels
 from cocap_opt.stop import Limit
@@ -16,10 +17,10 @@ def value_iteration(task: SingleRobotTask) -> SingleRobotPath:
     limit = model.prepare(group, task.stop) if limit is Limit.NONE else limit
     if limit is not Limit.NONE:
         return SingleRobotPath(None, no_pixels(model.problem), 0, limit)
-    bonus = model.problem.objective.stationarity
+    bonuses = bonuses_of(model.problem.objective)
     reward = marginal_reward(model, group, task.pixels)
-    value = group.graph.backward_sweep(reward, bonus, task.charges, group.goal)
-    path = group.graph.best_path(value, model.start(task.robot), bonus, task.charges)
+    value = group.graph.backward_sweep(reward, bonuses, task.charges, group.goal)
+    path = group.graph.best_path(value, model.start(task.robot), bonuses, task.charges)
     if path is None:
         return SingleRobotPath(None, no_pixels(model.problem), 0)
     return SingleRobotPath(tuple(path), robot_pixels(model, task.robot, tuple(path)), 0)

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from cocap_opt.bonuses import bonuses_of
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.model import Model, RobotClass
 from cocap_opt.planners.single import SingleRobotPath, SingleRobotTask
@@ -90,7 +91,7 @@ class ViewSearch:
         self, task: SingleRobotTask, coverage: LazyCoverage
     ) -> tuple[tuple[int, ...] | None, Limit]:
         problem, graph = task.model.problem, task.model.class_of[task.robot].graph
-        horizon, bonus = problem.horizon, problem.objective.stationarity
+        horizon, bonuses = problem.horizon, bonuses_of(problem.objective)
         gamma = FINAL_DISCOUNT ** (1 / horizon) if self.gamma is None else self.gamma
         weights = group_weights(problem)
         may_enter = _goal_filter(task)
@@ -119,7 +120,8 @@ class ViewSearch:
                 continue  # a dead end: the queue holds the alternatives
             groups = problem.groups_at(k + 1)
             gains = marginal_gain(task.pixels[groups], coverage(k + 1, heads))
-            rewards = (gains * weights[groups]).sum(axis=1) + bonus * (heads == state)
+            rewards = (gains * weights[groups]).sum(axis=1)
+            rewards += bonuses.of_edges(graph.shape, state, heads)
             ways = _ways(problem, graph, k + 1, heads)
             for head, reward, way in zip(heads.tolist(), rewards.tolist(), ways, strict=True):
                 total = best[k, state] + reward
