@@ -10,7 +10,7 @@ from cocap_opt.data import ProblemError
 from cocap_opt.io import FileError, load_problem
 from cocap_opt.plan import Plan
 from cocap_opt.problem import Problem, State
-from scenarios import conventions
+from scenarios import conventions, hughes
 from scenarios.bottleneck import bottleneck, bottleneck_tight
 from scenarios.bridge import bridge
 from scenarios.corridor import corridor, corridor_tight
@@ -94,25 +94,7 @@ def _read_movingai(path: Path, seed: int) -> Problem:
     return movingai.read(path, seed)
 
 
-def _is_hughes(path: Path) -> bool:
-    if not _ends(".json")(path):
-        return False
-    from scenarios import hughes
-
-    return hughes.is_scene(path)
-
-
-def _read_hughes(path: Path, seed: int) -> Problem:
-    from scenarios import hughes
-
-    return hughes.read(path)
-
-
 def _read_hughes_plan(path: Path, problem: Problem) -> Plan | None:
-    if not _ends(".json")(path):
-        return None
-    from scenarios import hughes
-
     paths = hughes.read_plan(path)
     return None if paths is None else Plan(paths=paths)
 
@@ -131,9 +113,10 @@ FORMATS: dict[str, Format] = {
     ),
     "hughes": Format(
         "scene.json, a scene of Hughes et al. with a solution_*.json beside it (no seed)",
-        _is_hughes,
-        _read_hughes,
+        hughes.is_scene,
+        lambda path, seed: hughes.read(path),
         _read_hughes_plan,
+        options=Options(hughes.ALLOWED, lambda path, seed, options: hughes.read(path, options)),
     ),
     "cocap-opt": Format(
         "*.json, cocap-opt's own scene file (no seed)",

@@ -6,11 +6,10 @@ reader's business: `scenarios.greedy_perspectives`.
 """
 
 from collections.abc import Mapping
-from types import MappingProxyType
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
-from cocap_opt.data import ProblemError
 from cocap_opt.problem import PAPER_RULES, CollisionRules
+from scenarios._options import NO_YES, YES_NO, Values, chosen, words
 
 
 class Conventions(NamedTuple):
@@ -40,6 +39,9 @@ class Conventions(NamedTuple):
     start_set
         "seed": the seed chooses a set of `starts.csv`; where there is no such file the poses
         in the scene's own file are taken. "yaml": always these.
+    bonus
+        Whether the objective has the 100 that their planner adds for each move with dx + dy = 0
+        (`Objective.balanced`). What they report is without it.
     """
 
     triangles: bool = True
@@ -48,27 +50,25 @@ class Conventions(NamedTuple):
     rules: CollisionRules = PAPER_RULES
     corner_cutting: bool = True
     start_set: Literal["seed", "yaml"] = "seed"
+    bonus: bool = False
 
 
-FAITHFUL = Conventions()  # theirs, but for the tilt, which is a fault of their program
+# Theirs, but for the tilt, which is a fault of their program. J is what they evaluate.
+FAITHFUL = Conventions()
 OWN_STARTS = FAITHFUL._replace(start_set="yaml")
 OURS = Conventions(triangles=False, count_start=False, rules=CollisionRules(), corner_cutting=False)
 
-_YES_NO = {"yes": True, "no": False}
-_BASES = {"theirs": FAITHFUL, "ours": OURS}
-_VALUES: Mapping[str, Mapping[str, Any]] = {
-    "triangles": _YES_NO,
-    "count-start": _YES_NO,
+_VALUES: Values = {
+    "conventions": {"theirs": FAITHFUL, "ours": OURS},  # from which the others differ
+    "triangles": YES_NO,
+    "count-start": YES_NO,
     "tilt": {"own": "own", "first": "first"},
     "rules": {str(rules): rules for rules in (PAPER_RULES, CollisionRules())},
-    "corner-cutting": _YES_NO,
+    "corner-cutting": YES_NO,
     "start-set": {"seed": "seed", "yaml": "yaml"},
+    "bonus": NO_YES,
 }
-
-# Words for all of them: `conventions` are those from which the others differ.
-ALLOWED: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {"conventions": tuple(_BASES), **{name: tuple(words) for name, words in _VALUES.items()}}
-)
+ALLOWED = words(_VALUES)
 
 
 def conventions_of(options: Mapping[str, str]) -> Conventions:
@@ -79,16 +79,6 @@ def conventions_of(options: Mapping[str, str]) -> Conventions:
     ProblemError
         If there is no such option, or it has no such value; one line with what is allowed.
     """
-    for name, word in options.items():
-        allowed = ALLOWED.get(name)
-        if allowed is None:
-            raise ProblemError(f"option {name!r}: must be one of {', '.join(ALLOWED)}")
-        if word not in allowed:
-            raise ProblemError(f"option {name}: must be one of {', '.join(allowed)}, not {word!r}")
-    base = _BASES[options.get("conventions", "theirs")]
-    changes = {
-        name.replace("-", "_"): _VALUES[name][word]
-        for name, word in options.items()
-        if name != "conventions"
-    }
-    return base._replace(**changes)
+    changes = chosen(options, _VALUES)
+    base: Conventions = changes.pop("conventions", FAITHFUL)
+    return base._replace(**{name.replace("-", "_"): value for name, value in changes.items()})

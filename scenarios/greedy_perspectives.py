@@ -16,7 +16,8 @@ actor                     box of 1 x 1 x 2.5 m, whatever the     the same
 
 Both count headings counter-clockwise. What can be meant in two ways (faces, start, tilts,
 rules, corners, start set) is a choice: `Conventions`. Their planner's bonus for moves with
-dx + dy = 0 is no part of the reward. `action_space`, `stepSize`, every `geometry` and
+dx + dy = 0 is no part of the reward that they report; here it is part of the objective only
+with `Conventions.bonus`. `action_space`, `stepSize`, every `geometry` and
 `map.pose` are in the files but were never used, and are not read.
 """
 
@@ -49,6 +50,8 @@ from scenarios.conventions import FAITHFUL, Conventions
 # Of their triangles: with 4 samples the rewards of whole plans differ by less than 0.1 % from
 # those with their pixels, and those of steps by less than 2 %; so they do with 20.
 FACE_SAMPLES = 4
+
+BONUS = 100.0  # of their planner, for each move with dx + dy = 0
 
 # msgspec has no constraint "finite"; a million kilometres stand for it.
 Coordinate = Annotated[float, Meta(ge=-1e9, le=1e9)]
@@ -159,7 +162,9 @@ def read(path: Path, seed: int = 0, conventions: Conventions = FAITHFUL) -> Prob
             actors=actors,
             horizon=world.time.horizon - 1,
             rules=conventions.rules,
-            objective=Objective(count_start=conventions.count_start),
+            objective=Objective(
+                count_start=conventions.count_start, balanced=BONUS if conventions.bonus else 0.0
+            ),
             face_samples=FACE_SAMPLES,
         )
 

@@ -19,12 +19,15 @@ no obstacles, no collision rule   `NO_RULES` on a flat map
 ================================  =========================================================
 
 The robots are those of the solutions beside the scene; `robot_fovs`, `sense_dist` and
-`num_robots` were not what was used, and are not read. What their planner adds for keeping
-heading or position is no part of their evaluation, and not of this objective.
+`num_robots` were not what was used, and are not read. What their planner adds for keeping the
+heading (0.02) and the position (0.01), each for itself, is no part of their evaluation; it is
+part of the objective only with the option `bonus`.
 """
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Literal, TypeVar
 
 import msgspec
@@ -34,6 +37,7 @@ from msgspec import Meta
 from cocap_opt.data import LARGEST, MOST_WEIGHT, ProblemError
 from cocap_opt.problem import NO_RULES, Actor, Cone, Motion, Objective, Prism, Problem, Robot, State
 from cocap_opt.workspace import HeightMap
+from scenarios._options import NO_YES, Values, chosen, words
 from scenarios._text import naming, one_line, read_text
 
 FLIGHT_HEIGHT = 5.0  # m
@@ -41,6 +45,11 @@ BODY = Prism(sides=6, apothem=0.484, height=1.8)
 MOTION = Motion(radius=2, headings=8, turn=1, layers=(FLIGHT_HEIGHT,), corner_cutting=True)
 HEADINGS = ("E", "NE", "N", "NW", "W", "SW", "S", "SE")
 MOST_CELLS = 10_000  # along an edge
+EVALUATED = Objective(count_start=True)
+PLANNED = EVALUATED.replace(keep_heading=0.02, keep_cell=0.01)
+
+_VALUES: Values = {"bonus": NO_YES}
+ALLOWED = words(_VALUES)
 
 Coordinate = Annotated[float, Meta(ge=-LARGEST, le=LARGEST)]
 
@@ -90,14 +99,22 @@ def is_scene(path: Path) -> bool:
     return _has(path, SCENE)
 
 
-def read(path: Path) -> Problem:
+def read(path: Path, options: Mapping[str, str] = MappingProxyType({})) -> Problem:
     """Read a scene; a `solution_*.json` beside it says where its robots start.
+
+    Parameters
+    ----------
+    options
+        {"bonus": "yes"} for what their planner maximises; else the objective is their
+        evaluation.
 
     Raises
     ------
     ProblemError
-        If a file cannot be read or holds something not allowed; one line, naming the file.
+        If a file cannot be read or holds something not allowed, one line, naming the file; or
+        if an option is not allowed.
     """
+    bonus = chosen(options, _VALUES).get("bonus", False)
     with naming(path):
         scene = _decode(path, _Scene)
         frames = scene.actor_positions
@@ -123,7 +140,7 @@ def read(path: Path) -> Problem:
             actors=actors,
             horizon=len(frames) - 1,
             rules=NO_RULES,
-            objective=Objective(count_start=True),
+            objective=PLANNED if bonus else EVALUATED,
         )
 
 

@@ -10,11 +10,15 @@ import numpy as np
 import pytest
 from test_readers import SEQUENCE, STARTS
 
+from cocap_opt.bonuses import bonuses_of
 from cocap_opt.check import check
 from cocap_opt.data import ProblemError
 from cocap_opt.io import FileError, load_problem, problem_digest
+from cocap_opt.model import compiled
 from cocap_opt.plan import Plan
+from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import CollisionRules, Problem
+from cocap_opt.stop import never
 from experiments.cli import main
 from scenarios import greedy_perspectives, load_scene
 from scenarios.conventions import ALLOWED, FAITHFUL, OURS, OWN_STARTS, conventions_of
@@ -43,7 +47,8 @@ def facts(problem: Problem) -> dict[str, Any]:
     """What an option may change."""
     return {
         "triangles": problem.actors[0].shape,
-        "count-start": problem.objective,
+        "count-start": problem.objective.count_start,
+        "bonus": problem.objective.replace(count_start=True),
         "tilt": [robot.camera for robot in problem.robots],
         "rules": problem.rules,
         "corner-cutting": [robot.motion.corner_cutting for robot in problem.robots],
@@ -60,6 +65,7 @@ def facts(problem: Problem) -> dict[str, Any]:
         ("rules", "vertex+swap"),
         ("corner-cutting", "no"),
         ("start-set", "yaml"),
+        ("bonus", "yes"),
     ],
 )
 def test_an_option_changes_what_it_says_and_nothing_else(
@@ -172,6 +178,56 @@ def test_wrong_options_of_export_are_named(
     assert caught.value.code == 2
     assert named in error and error.count("\n") == 1
     assert not file.exists()
+
+
+def test_the_bonus_is_that_of_their_planner(sequence: Path) -> None:
+    """100 for each move with dx + dy = 0, such as staying; nobody gets it unasked."""
+    plain, paid = (load_scene(str(sequence), 0, {"bonus": b}) for b in ("no", "yes"))
+    assert plain.objective == load_scene(str(sequence)).objective
+    verdict = check(paid, hovering(paid))
+    assert verdict.reward_moves == 100.0 * len(paid.robots) * paid.horizon
+    assert check(plain, hovering(plain)).reward_moves == 0.0
+
+
+def their_case(name: str) -> tuple[Problem, Plan]:
+    """The scene that their planner solved, and the paths that it found."""
+    folder = DATA / "greedy_perspectives" / name
+    if not (folder / "peer_coverage.csv").exists():
+        pytest.skip(f"needs {name} in the data folder (COCAP_OPT_DATA)")
+    problem = load_scene(str(folder), 0, {"start-set": "yaml", "bonus": "yes"})
+    return problem, Plan(paths=greedy_perspectives.read_plan(folder / "peer_paths.csv", problem))
+
+
+@pytest.mark.parametrize("name", ["corridor", "split"])
+def test_their_first_path_is_an_optimum_of_their_pixels(name: str) -> None:
+    """Robot 0's path is the best for the pixels that their program rendered, and its bonus.
+
+    Their cache has robot 0's tilt wherever it can be, so these pixels are what it planned with.
+    """
+    problem, plan = their_case(name)
+    model = compiled(problem)
+    graph, path = model.class_of[0].graph, model.paths(plan)[0]
+    seen = greedy_perspectives.read_coverage(
+        DATA / "greedy_perspectives" / name / "peer_coverage.csv", problem
+    )
+    reward = graph.no_reward(problem.horizon)
+    for (t, state), pixels in seen.items():
+        reward[t, graph.index(state)] = np.sqrt(pixels).sum()
+    bonuses = bonuses_of(problem.objective)
+    best = graph.backward_sweep(reward, bonuses)[0, path[0]]
+    theirs = sum(reward[t, state] for t, state in enumerate(path))
+    assert theirs + bonuses.of_path(graph.shape, path) == pytest.approx(best, rel=1e-12)
+
+
+@pytest.mark.parametrize("name", ["corridor", "split"])
+def test_their_first_path_is_nearly_an_optimum_of_ours(name: str) -> None:
+    """With our pixels it is one but for their rounding to whole pixels of 400 x 300."""
+    problem, plan = their_case(name)
+    alone = problem.replace(robots=problem.robots[:1])
+    theirs = check(alone, Plan(paths=plan.paths[:1]))
+    best = PLANNERS["greedy"](alone, never).value
+    assert theirs.valid and theirs.reward_moves > 0
+    assert best * (1 - 1e-3) <= theirs.reward <= best * (1 + 1e-9)
 
 
 @pytest.mark.parametrize("name", ["corridor", "split"])

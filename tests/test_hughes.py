@@ -11,13 +11,17 @@ import numpy as np
 import pytest
 from strategies import tiny
 
+from cocap_opt.bonuses import NO_BONUSES, bonuses_of
 from cocap_opt.check import check
 from cocap_opt.data import ProblemError
 from cocap_opt.faces import FaceGeometry
+from cocap_opt.io import FileError
+from cocap_opt.model import compiled
 from cocap_opt.plan import Plan
 from cocap_opt.problem import Cone, Problem, State
 from cocap_opt.render import Renderer
 from cocap_opt.result import UnsupportedError
+from cocap_opt.reward import marginal_reward, no_pixels, robot_pixels
 from cocap_opt.stop import never
 from cocap_opt.timegraph import time_graph
 from cocap_opt.views import make_views
@@ -105,6 +109,20 @@ def test_their_reward_is_that_of_the_referee(folder: Path) -> None:
     assert min(mine) > 0
 
 
+def test_the_bonus_is_that_of_their_planner(folder: Path) -> None:
+    """0.02 for each heading and 0.01 for each position that is kept, each for itself."""
+    scene = str(folder / "scene.json")
+    plain, paid = load_scene(scene), load_scene(scene, 0, {"bonus": "yes"})
+    plan = read_foreign_plan(folder / "solution_greedy.json", paid)
+    assert plan is not None
+    # NE NE E at three places; W SW SW, of which the first move stays.
+    assert check(paid, plan).reward_moves == pytest.approx(2 * 0.02 + 0.01)
+    assert check(plain, plan).reward_moves == 0.0
+    assert load_scene(scene, 0, {"bonus": "no"}).objective == plain.objective
+    with pytest.raises(FileError, match="bonus: must be one of no, yes"):
+        load_scene(scene, 0, {"bonus": "0.02"})
+
+
 def test_their_scenes_are_solved(folder: Path) -> None:
     """Planners and bounds need not know what a view is worth by which law."""
     problem = load_scene(str(folder / "scene.json"))
@@ -184,3 +202,24 @@ def test_their_evaluation_is_reproduced(name: str, planner: str) -> None:
     verdict = check(problem, plan)
     assert verdict.valid
     assert [verdict.reward_at_start, *verdict.reward_per_step] == pytest.approx(theirs, rel=1e-12)
+
+
+@pytest.mark.parametrize("name", ["cross_mix", "heavy_mixing", "priority_speaker"])
+def test_their_greedy_paths_are_optima_of_their_planning_reward(name: str) -> None:
+    """Each is the best path given the earlier ones, to 12 digits; without the bonus it is not."""
+    place = DATA / "hughes" / name
+    if not place.is_dir():
+        pytest.skip(f"needs {place}, scenes that others made")
+    problem = load_scene(str(place / "scene.json"), 0, {"bonus": "yes"})
+    plan = read_foreign_plan(place / "solution_greedy.json", problem)
+    assert plan is not None
+    model, seen = compiled(problem), no_pixels(problem)
+    for robot, path in enumerate(model.paths(plan)):
+        group = model.class_of[robot]
+        reward = marginal_reward(model, group, seen)
+        views = sum(float(reward[t, state]) for t, state in enumerate(path))
+        for bonuses, exact in ((bonuses_of(problem.objective), True), (NO_BONUSES, False)):
+            best = group.graph.backward_sweep(reward, bonuses)[0, path[0]]
+            theirs = views + bonuses.of_path(group.graph.shape, path)
+            assert (theirs == pytest.approx(best, rel=1e-12)) == exact
+        seen = seen + robot_pixels(model, robot, path)
