@@ -612,10 +612,15 @@ def test_a_claim_beyond_the_proof_is_refused() -> None:
 
 
 def test_files_of_another_scene_are_refused() -> None:
-    """A certificate or proof belongs to one problem, its rules included."""
+    """A certificate or proof belongs to one problem, its rules and objective included."""
     problem, file = small_certificate()
     _, proof = small_proof()
-    for other in (problem.replace(rules=NO_RULES), problem.replace(face_samples=3)):
+    paid = [Objective(**{rate: 1e-9}) for rate in ("keep_cell", "keep_heading", "balanced")]
+    for other in (
+        problem.replace(rules=NO_RULES),
+        problem.replace(face_samples=3),
+        *(problem.replace(objective=objective) for objective in paid),
+    ):
         with pytest.raises(CertificateError, match="another scene"):
             verify(other, file)
         with pytest.raises(CertificateError, match="another scene"):

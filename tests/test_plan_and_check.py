@@ -18,6 +18,7 @@ from cocap_opt.problem import (
     Cell,
     CollisionRules,
     Motion,
+    Objective,
     Problem,
     Robot,
     State,
@@ -333,6 +334,48 @@ def test_conflicts_come_earliest_first() -> None:
         (VertexConflict, 2, (0, 1)),
         (VertexConflict, 2, (2, 3)),
     ]
+
+
+# Where robots can go from (1, 1), and which rewards that earns: stationarity (thousands), the
+# cell (hundreds), the heading (tens) and balance (ones).
+EARNED = {
+    "nothing changes": ((1, 1, 0, 0, 0), 1111),
+    "a turn": ((1, 1, 0, 1, 0), 101),
+    "another pitch": ((1, 1, 0, 0, 1), 111),
+    "a climb": ((1, 1, 1, 0, 0), 11),
+    "a climb and a turn": ((1, 1, 1, 7, 0), 1),
+    "ahead": ((2, 1, 0, 0, 0), 10),
+    "ahead with a turn": ((2, 1, 0, 1, 0), 0),
+    "a diagonal": ((2, 2, 0, 0, 0), 10),
+    "an anti-diagonal": ((2, 0, 0, 0, 0), 11),
+    "the other anti-diagonal": ((0, 2, 0, 0, 0), 11),
+    "an anti-diagonal with a turn": ((0, 2, 0, 7, 0), 1),
+    "an anti-diagonal with a climb": ((0, 2, 1, 7, 1), 1),
+}
+
+
+@pytest.mark.parametrize("case", EARNED)
+def test_rewards_for_moves_add_up(case: str) -> None:
+    """Each kept thing is rewarded for itself; dx + dy = 0 counts whatever else changes."""
+    end, earned = EARNED[case]
+    rates = Objective(stationarity=1000.0, keep_cell=100.0, keep_heading=10.0, balanced=1.0)
+    problem = arena(State(1, 1), horizon=1, motion=Motion(layers=(5.0, 7.0)))
+    verdict = check(problem.replace(objective=rates), Plan(paths=(path_of((1, 1), end),)))
+    assert verdict.valid
+    assert verdict.reward_moves == verdict.reward == earned
+    assert check(problem, Plan(paths=(path_of((1, 1), end),))).reward_moves == 0.0
+
+
+def test_rewards_for_moves_count_every_robot_and_step() -> None:
+    """Two robots, three moves: what each of them earns adds up, the start earns nothing."""
+    rates = Objective(keep_cell=0.01, keep_heading=0.02, balanced=100.0)
+    problem = arena(State(1, 1), State(5, 3), horizon=3).replace(objective=rates)
+    first = path_of((1, 1), (2, 0), (2, 0, 0, 1), (1, 0, 0, 1))
+    verdict = check(problem, Plan(paths=(first, path_of((5, 3), (5, 3), (4, 3), (4, 2)))))
+    # Of the first: heading and balance, cell and balance, heading. Of the other: all three, and
+    # the heading twice.
+    expected = (0.02 + 100) + (0.01 + 100) + 0.02 + (0.03 + 100) + 2 * 0.02
+    assert verdict.reward_moves == pytest.approx(expected, rel=1e-15)
 
 
 def test_verdict_of_the_tiny_instance() -> None:

@@ -19,8 +19,8 @@ ALLOWED = {
 }
 # The order of the core: none of these uses a later one, directly or through others.
 ORDER = (
-    "stop", "problem", "motion", "timegraph", "coverage", "plan", "reward", "check", "result",
-    "planners", "io",
+    "stop", "problem", "bonuses", "motion", "timegraph", "coverage", "plan", "reward", "check",
+    "result", "planners", "io",
 )  # fmt: skip
 SOLVERS = {"cvxpy", "clarabel", "highspy", "ortools"}
 
@@ -125,6 +125,12 @@ def test_the_referee_is_independent() -> None:
     used = reached("cocap_opt.check")
     for part in ("planners", "reward", "model", "constraints", "cache", "result"):
         assert not within(used, f"cocap_opt.{part}")
+
+
+@pytest.mark.parametrize("judge", ["cocap_opt.check", "formulations.certificate"])
+def test_judges_compute_rewards_for_moves_themselves(judge: str) -> None:
+    """Referee and certificates do not take them from what planners and pricing use."""
+    assert "cocap_opt.bonuses" not in imports(judge)
 
 
 def test_planners_and_formulations_are_strangers() -> None:
