@@ -168,6 +168,41 @@ def test_joint_values_are_of_the_true_objective(problem: Problem) -> None:
     assert value == pytest.approx(best.value, rel=1e-9)
 
 
+@examples(60)
+@given(meetings(), st.tuples(*[st.sampled_from([0.0, 3.0, 40.0])] * 3))
+def test_joint_rewards_moves_beside_the_swap_rule(
+    problem: Problem, rates: tuple[float, float, float]
+) -> None:
+    """Pairs of cells that could be exchanged have the rewards of both robots' moves, too."""
+    stationarity, keep_cell, balanced = rates
+    problem = problem.replace(
+        rules=CollisionRules(),
+        objective=Objective(stationarity=stationarity, keep_cell=keep_cell, balanced=balanced),
+    )
+    pair = sys.modules["cocap_opt.planners.joint"]._Pair(Model(problem, use_cache=False))
+    value = float(pair.sweep()[0][pair._at(0, pair.a.start, pair.b.start)])
+    assert value == pytest.approx(optimum(problem).value, rel=1e-9)
+
+
+def test_joint_rewards_the_move_into_the_cell_that_the_other_leaves() -> None:
+    """A robot that takes an anti-diagonal to where another one was is rewarded for it."""
+    motion = Motion(headings=1)
+    problem = Problem(
+        name="",
+        height_map=HeightMap(heights=np.zeros((2, 2))),
+        robots=(
+            Robot(start=State(0, 1), motion=motion, goal=(1, 0)),
+            Robot(start=State(1, 0), motion=motion, goal=(0, 0)),
+        ),
+        actors=(),
+        horizon=1,
+        objective=Objective(balanced=5.0),
+    )
+    pair = sys.modules["cocap_opt.planners.joint"]._Pair(Model(problem, use_cache=False))
+    assert pair.sweep()[0][pair._at(0, pair.a.start, pair.b.start)] == 5.0
+    assert joint(problem).value == 5.0
+
+
 def line(length: int, *starts: int, goals: tuple[int, ...] = (), horizon: int = 2) -> Problem:
     """Robots of one heading on a line of cells, a wall of actors in view of none of them."""
     motion = Motion(headings=1)
