@@ -349,7 +349,9 @@ class TimeGraph:
     ) -> list[int] | None:
         """Path of T+1 states from `start` that attains `value`; None where there is none.
 
-        Ties go to the lowest state number, so that the path is the same in every process.
+        Ties go to the shortest move, then to the smallest turn, which are the same in a turned
+        or mirrored copy of a scene; last to the lowest state number, so that the path is the
+        same in every process.
         """
         if value[0, start] == CLOSED:
             return None
@@ -367,8 +369,18 @@ class TimeGraph:
                         for head in (heads % self.n_places).tolist()
                     ]
                 )
-            path.append(int(heads[np.argmax(ahead)]))
+            path.append(self._calmest(path[-1], heads[ahead == ahead.max()]))
         return path
+
+    def _calmest(self, tail: int, heads: IntArray) -> int:
+        """The head that is nearest to the tail in place, then in orientation."""
+        if len(heads) == 1:
+            return int(heads[0])
+        before, after = np.unravel_index(tail, self.shape), np.unravel_index(heads, self.shape)
+        turn, pitch, *move = (b - a for a, b in zip(before, after, strict=True))
+        far = sum(step**2 for step in move)
+        turn = np.minimum(turn % self.shape[0], -turn % self.shape[0])
+        return int(heads[np.lexsort([heads, np.abs(pitch), turn, far])[0]])
 
 
 def _by_step(costs: Mapping[tuple[int, int], float]) -> dict[int, dict[int, float]]:

@@ -254,13 +254,17 @@ def test_closed_outside_the_free_states() -> None:
     assert (value[:, ~free] == CLOSED).all()
 
 
-def test_ties_go_to_the_lowest_state() -> None:
-    """Among equally good paths the one of lowest state numbers is read off."""
+def test_ties_go_to_the_calmest_step() -> None:
+    """Among equally good paths the one that moves and turns least is read off."""
     graph = TimeGraph(Workspace(HeightMap(heights=np.zeros((3, 1)))), Motion(headings=1), 1)
     value = graph.backward_sweep(graph.no_reward(2))
     path = graph.best_path(value, graph.index(State(1, 0)))
     assert path is not None
-    assert [graph.state(s).x for s in path] == [1, 0, 0]
+    assert [graph.state(s).x for s in path] == [1, 1, 1]
+    value[1, graph.index(State(1, 0))] = -1.0
+    path = graph.best_path(value, graph.index(State(1, 0)))
+    assert path is not None
+    assert [graph.state(s).x for s in path] == [1, 0, 0]  # of both sides the lower number
 
 
 def test_a_closed_start_has_no_path() -> None:
