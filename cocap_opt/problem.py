@@ -383,7 +383,7 @@ class Problem(Data, frozen=True, eq=False, dict=True):
     horizon: int  # T, number of moves
     rules: CollisionRules = CollisionRules()
     objective: Objective = Objective()
-    face_samples: int = 2  # each triangle of a face gets this number squared of sight rays
+    face_samples: int = 3  # each triangle of a face gets this number squared of sight rays
     meshes: tuple[Mesh, ...] = ()  # solid matter besides the height map
 
     def __post_init__(self) -> None:

@@ -117,7 +117,7 @@ class Recipe(Table):
     walk: tuple[WalkTable, ...] = ()
     rules: CollisionRules = CollisionRules()
     objective: Objective = Objective()
-    face_samples: int = 2
+    face_samples: int = 3
 
 
 def read(path: Path, seed: int = 0) -> Problem:

