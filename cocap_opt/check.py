@@ -1,7 +1,7 @@
 """The referee: is a plan feasible, and what is its J?
 
 It trusts no planner, no reward code and no solver: from the problem alone it recomputes
-both by slow, obvious loops. Of the other modules it uses only the definition of coverage.
+both by slow, obvious loops. Of the other modules it uses only what coverage is, and what is solid.
 """
 
 import math

@@ -42,6 +42,10 @@ class Columns(NamedTuple):
             found |= (bottom <= high) & (top >= low)
         return found
 
+    def solid_at(self, x: int, y: int, low: float, high: float) -> bool:
+        """The same of one cell."""
+        return any(bottom <= high and top >= low for bottom, top in self.at(x, y))
+
     def at(self, x: int, y: int) -> list[tuple[float, float]]:
         """Solid intervals of one cell."""
         intervals = zip(self.low[:, x, y].tolist(), self.high[:, x, y].tolist(), strict=True)
@@ -158,18 +162,29 @@ def _interior(vertices: FloatArray, triangles: IntArray, shape: tuple[int, int])
     cells, altitude, step = (np.concatenate(column) for column in zip(*parts, strict=True))
     order = np.lexsort([altitude, cells])
     cells, altitude = cells[order], altitude[order]
-    # The steps of one column add up to 0, so one sum serves all.
     winding = np.cumsum(step[order])
-    inside = np.flatnonzero(np.not_equal(winding[:-1], 0) & np.equal(cells[:-1], cells[1:]))
+    # Each column begins outside. If rounding lets it end inside, all of it counts as solid.
+    _, first, column = np.unique(cells, return_index=True, return_inverse=True)
+    before = np.concatenate([[0.0], winding])[first]
+    last = np.concatenate([first[1:], [len(cells)]])[: len(first)] - 1
+    leaks = np.not_equal(winding[last], before)
+    solid = np.not_equal(winding, before[column]) | leaks[column]
+    inside = np.flatnonzero(solid[:-1] & np.equal(cells[:-1], cells[1:]))
     return Spans(cells[inside], altitude[inside], altitude[inside + 1])
 
 
 def _left(vertices: FloatArray, a: IntArray, b: IntArray, point: FloatArray) -> BoolArray:
-    """Whether points [n, 2] are left of the edges a to b; two triangles agree on their edge."""
+    """Whether points [n, 2] are left of the edges a to b; two triangles agree on their edge.
+
+    A point on an edge is moved by an infinitely small step along x, and a much smaller one
+    along y.
+    """
     first, second = np.minimum(a, b), np.maximum(a, b)
     way = vertices[second, :2] - vertices[first, :2]
     off = point - vertices[first, :2]
-    left = way[:, 0] * off[:, 1] - way[:, 1] * off[:, 0] >= 0
+    cross = way[:, 0] * off[:, 1] - way[:, 1] * off[:, 0]
+    moved = (way[:, 1] < 0) | ((way[:, 1] == 0) & (way[:, 0] > 0))
+    left = np.where(cross == 0, moved, cross > 0)
     result: BoolArray = left == (a < b)
     return result
 

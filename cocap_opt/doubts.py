@@ -23,9 +23,13 @@ Pose = tuple[float, float, float, float]
 
 def doubts(problem: Problem) -> list[str]:
     """Everything in a problem that is likely a mistake, in words, one line each."""
+    found = [
+        f"meshes[{k}] is not closed, so that only its surface is solid"
+        for k, mesh in enumerate(problem.meshes)
+        if not mesh.is_solid
+    ]
     if not problem.actors:
-        return ["there are no actors, so that every view reward is 0"]
-    found = []
+        found.append("there are no actors, so that every view reward is 0")
     for j, actor in enumerate(problem.actors):
         found += [f"actors[{j}] {doubt}" for doubt in _about(problem, actor)]
     return found

@@ -73,7 +73,8 @@ class Motion(Data, frozen=True):
     climb: int = 1  # layers per step, either way
     pitch_turn: int = 1  # gimbal pitch indices per step, either way
     clearance: float = 0.0  # m, to solid matter above and below; touching it is too near
-    corner_cutting: bool = False  # True: only the target cell of a move must be free (papers)
+    # True: only the target cell of a move must be free, whatever is between (papers)
+    corner_cutting: bool = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -319,6 +320,11 @@ class CollisionRules(Data, frozen=True):
             "must be true where the swap or separation rule is on",
         )
 
+    def too_near(self, way: tuple[float, float, float]) -> bool:
+        """True where two robots break the rules if this way (m) leads from one to the other."""
+        apart = math.hypot(*way)
+        return self.vertex and (apart == 0 or apart < self.separation)
+
     @property
     def none(self) -> bool:
         """True where robots may pass through each other."""
@@ -472,10 +478,8 @@ class Problem(Data, frozen=True, eq=False, dict=True):
     def blocked(self, x: int, y: int, motion: Motion, layer: int) -> bool:
         """True where a robot of this motion may not be: solid matter within its clearance."""
         altitude = self.height_map.altitude(x, y, motion.layers[layer])
-        return any(
-            low <= altitude + motion.clearance and high >= altitude - motion.clearance
-            for low, high in self.workspace.columns.at(x, y)
-        )
+        low, high = altitude - motion.clearance, altitude + motion.clearance
+        return self.workspace.columns.solid_at(x, y, low, high)
 
     def _solid_at(self, start: State) -> str:
         """What is solid in a robot's start cell, in words."""
@@ -503,13 +507,8 @@ class Problem(Data, frozen=True, eq=False, dict=True):
             return True
         if not self.rules.separation:
             return False
-        terrain, (first, second) = self.height_map, (self.layers[c.layer] for c in (a, b))
-        distance = math.hypot(
-            (a.x - b.x) * terrain.resolution,
-            (a.y - b.y) * terrain.resolution,
-            terrain.altitude(a.x, a.y, first) - terrain.altitude(b.x, b.y, second),
-        )
-        return distance < self.rules.separation
+        ends = (a.x, a.y, self.layers[a.layer]), (b.x, b.y, self.layers[b.layer])
+        return self.rules.too_near(self.height_map.way(*ends))
 
     @cached_property
     def step_weights(self) -> FloatArray:

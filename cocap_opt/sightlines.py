@@ -2,8 +2,8 @@
 
 The directions around the middle of a cell are cut into sectors. Two ranges are known of each:
 within the first no ray in the sector meets anything, and at the second every ray in it has met
-something. An actor wholly within the first is not hidden by terrain at all, one wholly beyond
-the second is hidden by it. In between nothing is claimed, and rays have to be cast.
+something. Of an actor wholly within the first all sample points of faces are seen past the
+terrain, of one wholly beyond the second none. In between rays have to be cast.
 """
 
 import math
@@ -45,7 +45,7 @@ class Known(NamedTuple):
     """What is known of actors without casting rays; neither where it is not known."""
 
     hidden: BoolArray  # [n, A] nothing of it is seen
-    clear: BoolArray  # [n, A] nothing is in the way to any of it
+    clear: BoolArray  # [n, A] nothing is in the way to any sample point of it
 
 
 class Sightlines:
@@ -59,7 +59,8 @@ class Sightlines:
     def __init__(self, height_map: HeightMap, heights: Heights, margin: float) -> None:
         tops, self._shape = height_map.heights, height_map.shape
         self._resolution, self._margin = height_map.resolution, margin
-        self._slack = margin / height_map.resolution + SLACK  # cells
+        # Across a way along a diagonal a ray may be off by more along the row.
+        self._slack = math.sqrt(2) * margin / height_map.resolution + SLACK  # cells
         # A border wider than rays are long makes each step along a ray one flat shift. The
         # outside surely neither lets a ray pass nor stops it.
         self._n_columns = max(self._shape) + 1

@@ -21,6 +21,8 @@ from cocap_opt.data import (
 
 MOST_TRIANGLES = 1_000_000
 
+Place = tuple[int, int, float]  # cell x, y and flight height (m)
+
 
 class HeightMap(Data, frozen=True, eq=False, dict=True):
     """A 2.5D map: `heights[x, y]` [X, Y] is the top of the solid column in a cell, in metres.
@@ -74,6 +76,12 @@ class HeightMap(Data, frozen=True, eq=False, dict=True):
     def altitude(self, x: int, y: int, height: float) -> float:
         """Altitude (m) of flight height `height` in cell (x, y)."""
         return height if self.datum is None else height + float(self.datum[x, y])
+
+    def way(self, one: Place, other: Place) -> tuple[float, float, float]:
+        """Way (m) from one place to another, each a cell x, y and a flight height."""
+        (ax, ay, low), (bx, by, high) = one, other
+        up = self.altitude(bx, by, high) - self.altitude(ax, ay, low)
+        return (bx - ax) * self.resolution, (by - ay) * self.resolution, up
 
     def altitudes(self, heights: tuple[float, ...]) -> FloatArray:
         """Altitudes [layer, X, Y] (m) of flight heights in all cells."""

@@ -374,9 +374,13 @@ def gap_table(
     given: dict[str, Plan] = {}
     if plan and len(cells) > 1:
         raise UsageError("--plan: the plans must be for one scene and one seed")
+    about: Row = {}
     for path in plan or []:
-        label = path_text(path) if [p.name for p in plan or []].count(path.name) > 1 else path.name
-        problems[cells[0]], given[label] = read_plan(path, scene[0], problems[cells[0]])
+        problem, shown = read_plan(path, scene[0], problems[cells[0]])
+        if given and problem is not problems[cells[0]]:
+            raise FileError(f"{path}: starts elsewhere than the plans before it")
+        about = OWN_STARTS if problem is not problems[cells[0]] else about
+        problems[cells[0]], given[path_text(path)] = problem, shown
     make_folder(out, "certificates", "plans")
     rows: list[Row] = []
     with catch_interrupt() as interrupt, watching("gap", parts=len(cells)) as watch:
@@ -389,6 +393,7 @@ def gap_table(
                 lambda: FirstOf(interrupt, TimeLimit(bound_limit)),
                 out, watch, rendered, given,
             )  # fmt: skip
+            rows = [row | about for row in rows]
             if out is not None:
                 save_csv(out / "results.csv", rows)
             watch.finish()

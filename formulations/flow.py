@@ -474,13 +474,14 @@ def _pairs_too_close(problem: Problem, slots: IntArray, n_places: int) -> sparse
     size = problem.height_map.resolution
     points = np.column_stack([x * size, y * size, altitude, t * apart])
     reach = problem.rules.separation * (1 + 1e-9)
-    near = cKDTree(points).query_pairs(reach, output_type="ndarray")
-    if 2 * len(near) > MOST_ENTRIES:
+    tree = cKDTree(points)
+    if tree.count_neighbors(tree, reach) > MOST_ENTRIES:
         raise UnsupportedError(
             f"a flow model takes at most {MOST_ENTRIES} entries of separation rows, here "
             "there are more; column-generation adds the few that matter"
         )
-    pairs = [(a, b) for a, b in near.tolist() if problem.too_close(cells[a], cells[b])]
+    near = tree.query_pairs(reach, output_type="ndarray").tolist()
+    pairs = [(a, b) for a, b in near if problem.too_close(cells[a], cells[b])]
     one, other = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
     number = np.arange(len(pairs))
     rows, columns = np.concatenate([number, number]), np.concatenate([one, other])

@@ -1,13 +1,13 @@
 """What the built-in scenes are made of: rooms between walls, walking actors, waiting drones."""
 
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import NamedTuple
 
 import numpy as np
 
 from cocap_opt.data import FloatArray
 from cocap_opt.problem import Actor, Motion, Robot, State
-from cocap_opt.workspace import HeightMap
+from cocap_opt.workspace import HeightMap, Mesh
 
 SIZE = 30  # cells of 1 m along x and y
 WALL = 10.0  # m, twice the flight height: a wall stops drones and their views
@@ -59,6 +59,14 @@ def walker(points: list[Point], first: float, pace: float, steps: int) -> Actor:
         poses[t, :2] = points[leg] + share * legs[leg]
         poses[t, 3] = np.arctan2(legs[leg][1], legs[leg][0])
     return Actor(poses=poses)
+
+
+def block(low: tuple[float, float, float], high: tuple[float, float, float]) -> Mesh:
+    """A box from one corner to the opposite one (m)."""
+    corners = np.array(list(product(*zip(low, high, strict=True))))
+    sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    triangles = [side[k] for side in sides for k in (0, 1, 2, 0, 2, 3)]
+    return Mesh(vertices=corners, triangles=np.reshape(triangles, (-1, 3)))
 
 
 def drones(

@@ -12,12 +12,10 @@ those above do not see through it.
 """
 
 import numpy as np
-import shapely
 
 from cocap_opt.problem import Camera, Motion, Problem
 from cocap_opt.workspace import HeightMap
-from scenarios._parts import SIZE, Room, drones, walker
-from scenarios.meshes import extruded
+from scenarios._parts import SIZE, Room, block, drones, walker
 
 STEPS = 10  # horizon T
 DECK = Room(12, 19, 11, 19)  # cells; north and south of it are embankments
@@ -43,7 +41,7 @@ def bridge(seed: int) -> Problem:
     return Problem(
         name="bridge",
         height_map=HeightMap(heights=heights),
-        meshes=(extruded(shapely.box(DECK.x0, DECK.y0, DECK.x1, DECK.y1), TOP, BOTTOM),),
+        meshes=(block((DECK.x0, DECK.y0, BOTTOM), (DECK.x1, DECK.y1, TOP)),),
         robots=tuple(robot.replace(camera=GIMBAL) for robot in team),
         actors=tuple(actors),
         horizon=STEPS,

@@ -6,7 +6,7 @@ from typing import Annotated
 import numpy as np
 from msgspec import Meta
 
-from cocap_opt.data import SMALLEST, FloatArray, IntArray, ProblemError
+from cocap_opt.data import FloatArray, IntArray, ProblemError
 from cocap_opt.motion import free_places
 from cocap_opt.problem import Actor, CollisionRules, Motion, Robot, State
 from cocap_opt.workspace import HeightMap, Workspace
@@ -56,6 +56,9 @@ def add_drones(
         raise ProblemError("must have either starts or a count")
     if given.camera not in CAMERAS:
         raise ProblemError(f"camera: must be one of {', '.join(CAMERAS)}, not {given.camera!r}")
+    for angle in given.tilts:
+        if not abs(angle) <= 90:
+            raise ProblemError(f"tilts: must be within +-90 degrees, not {angle:g}")
     tilts = tuple(math.radians(angle) for angle in given.tilts)
     camera = CAMERAS[given.camera].replace(tilts=tilts)
     team = list(team)
@@ -64,11 +67,19 @@ def add_drones(
         team.append(Robot(start=state, motion=given.motion, camera=camera))
     if given.count:
         states = iter(_candidates(given, workspace, actors, rng))
-        for _ in range(given.count):
-            apart = (s for s in states if not _crowded(s, given.motion, rules, workspace, team))
+        for k in range(given.count):
+            apart = (
+                s
+                for s in states
+                if not _crowded(s, given.motion, rules, workspace.height_map, team)
+            )
             start_state = next(apart, None)
             if start_state is None:
-                raise ProblemError("count: there are fewer free cells to start from, apart, near")
+                where = "" if given.near is None else f" within {given.near:g} m of someone"
+                raise ProblemError(
+                    f"count: must be at most {k} here; there are no more free cells{where} that "
+                    "are far enough apart"
+                )
             team.append(Robot(start=start_state, motion=given.motion, camera=camera))
     return team
 
@@ -120,14 +131,9 @@ def _ways(height_map: HeightMap, cells: IntArray, actors: tuple[Actor, ...]) -> 
 
 
 def _crowded(
-    state: State, motion: Motion, rules: CollisionRules, workspace: Workspace, team: list[Robot]
+    state: State, motion: Motion, rules: CollisionRules, height_map: HeightMap, team: list[Robot]
 ) -> bool:
     """Whether a start breaks a rule with those of the team."""
-    terrain = workspace.height_map
-
-    def position(at: State, layers: tuple[float, ...]) -> tuple[float, float, float]:
-        return (*terrain.centre(at.x, at.y), terrain.altitude(at.x, at.y, layers[at.layer]))
-
-    own, least = position(state, motion.layers), max(rules.separation, SMALLEST)
-    others = (position(robot.start, robot.motion.layers) for robot in team)
-    return rules.vertex and any(math.dist(own, other) < least for other in others)
+    own = state.x, state.y, motion.layers[state.layer]
+    starts = [(r.start.x, r.start.y, r.motion.layers[r.start.layer]) for r in team]
+    return any(rules.too_near(height_map.way(own, other)) for other in starts)

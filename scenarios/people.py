@@ -77,7 +77,7 @@ def _chosen(
     candidates = found if given.ids is None else _named(given.ids, found)
     wanted = given.count or len(candidates)
     # Sets of those who are there change where someone appears.
-    moments = sorted({float(track.times[0]) for track in candidates})
+    moments = sorted({time for track in candidates for time in tracks.appearances(track)})
     most = 0
     for begin in moments if given.begin is None else [given.begin]:
         there = tracks.present(candidates, begin, step, steps)
@@ -86,8 +86,8 @@ def _chosen(
         most = max(most, len(there))
     when = "at no time" if given.begin is None else f"not from {given.begin:g} s on"
     raise ProblemError(
-        f"begin: must be a time from which {wanted} people are there for {steps * step:g} s, which "
-        f"is {when}; at most {most} are"
+        f"begin: must be a time from which on all of {wanted} are there for {steps * step:g} s, "
+        f"which they are {when}; at most {most} are"
     )
 
 

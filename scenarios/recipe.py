@@ -16,25 +16,30 @@ from msgspec import Meta
 from cocap_opt.data import LARGEST, MOST_STEPS, ProblemError
 from cocap_opt.problem import Actor, CollisionRules, Objective, Problem, Robot
 from cocap_opt.workspace import HeightMap, Mesh, Workspace
-from scenarios._tables import Coordinate, Length, Size, Table
+from scenarios._tables import Coordinate, Length, Point, Size, Table
 from scenarios._text import naming, one_line, read_text
 from scenarios.drones import DronesTable, add_drones
-from scenarios.meshes import Axis, Unit, read_mesh, read_walls
+from scenarios.meshes import Axis, Unit, read_mesh
 from scenarios.people import TracksTable, WalkTable, tracked, walking
 from scenarios.terrain import Flight, MapTable, Terrain, make_terrain
+from scenarios.walls import read_walls
 
 EXAMPLE = """\
+name = "example"            # left out: that of the file
 steps = 20                  # number of moves
 step = 0.5                  # seconds each
 flight = "above-ground"     # or "above-sea": what the layers of all drones are above
+face_samples = 3            # squared: sight rays to each triangle of a face
 
 [map]
-file = "houses.tif"         # .tif, .tiff or .asc; or in place of a file: size = [60, 40]
+file = "houses.tif"         # .tif or .asc; in place of it: size = [60, 40], origin = [0, 0]
 heights = "above-ground"    # or "absolute", which needs a ground
 ground = "terrain.tif"      # bare terrain; "surface": the map itself is that; left out: flat, 0
 resolution = 1.0            # m, cells of the plan; left out: those of the file
 window = [10, 10, 70, 50]   # x0, y0, x1, y1 of the part that is used
 fill = 0.0                  # what the file has where it has no data; left out: refused
+nodata = -32768             # a value that means no data, besides what the file says
+band = 1                    # of the file; left out: the only one
 lowest = 0.5                # m, what is lower above the ground is no obstacle
 
 [[mesh]]
@@ -49,6 +54,8 @@ file = "geometry.json"      # ground plans of PedPy, in m
 name = "bottleneck"         # which of them
 height = 2.0
 border = 0.2                # thickness of walls around the walkable area; left out: none
+at = [30, 10]               # added to their points
+base = 50.0                 # altitude of their foot; left out: the lowest ground
 
 [[tracks]]
 file = "people.txt"
@@ -58,11 +65,14 @@ fps = 16
 begin = 37.0                # time of step 0; left out: the first at which all are there
 ids = [12, 15, 16]          # or: count = 3, the first that are there at all steps
 at = [40, 20]               # added to their points
+delimiter = " "             # left out: what the first row looks like
+still = 0.1                 # m/s; who is slower keeps the heading
 shape = { type = "prism", sides = 6, apothem = 0.25 }
 
 [[walk]]
 points = [[20, 20], [60, 22]]
 speed = 1.2
+first = 0.5                 # m of the way that are behind at step 0
 shape = { type = "cuboid", length = 0.4, width = 0.5, height = 1.8 }
 
 [[drones]]
@@ -100,6 +110,8 @@ class WallsTable(Table):
     height: Length
     name: str | None = None
     border: Size = 0.0
+    at: Point = (0.0, 0.0)
+    base: Coordinate | None = None
 
 
 class Recipe(Table):
@@ -140,7 +152,7 @@ def read(path: Path, seed: int = 0) -> Problem:
         recipe = _decode(path)
         with naming("map"):
             terrain = make_terrain(recipe.map, path.parent, recipe.flight)
-        solid = tuple(_meshes(recipe, path.parent, terrain.height_map))
+        solid = tuple(_meshes(recipe, path.parent, terrain))
         actors = tuple(_actors(recipe, path.parent, terrain))
         workspace, rng = Workspace(terrain.height_map, solid), np.random.default_rng(seed)
         team: list[Robot] = []
@@ -167,25 +179,29 @@ def _decode(path: Path) -> Recipe:
         raise ProblemError(one_line(error)) from error
 
 
-def _meshes(recipe: Recipe, folder: Path, height_map: HeightMap) -> Iterator[Mesh]:
+def _meshes(recipe: Recipe, folder: Path, terrain: Terrain) -> Iterator[Mesh]:
     for k, given in enumerate(recipe.mesh):
         with naming(f"mesh[{k}]"):
             turn = math.radians(given.turn)
             mesh = read_mesh(
                 folder / given.file, unit=given.unit, up=given.up, turn=turn, at=given.at
             )
-            _require_on_map(mesh, height_map)
+            _require_on_map([mesh], terrain.height_map)
         yield mesh
     for k, plan in enumerate(recipe.walls):
         with naming(f"walls[{k}]"):
+            base = float(terrain.ground.min()) if plan.base is None else plan.base
             walls = read_walls(
-                folder / plan.file, name=plan.name, height=plan.height, border=plan.border
-            )
+                folder / plan.file, name=plan.name, height=plan.height, border=plan.border,
+                at=plan.at, base=base,
+            )  # fmt: skip
+            _require_on_map(walls, terrain.height_map)
         yield from walls
 
 
-def _require_on_map(mesh: Mesh, height_map: HeightMap) -> None:
-    low, high = mesh.vertices.min(axis=0)[:2], mesh.vertices.max(axis=0)[:2]
+def _require_on_map(meshes: list[Mesh], height_map: HeightMap) -> None:
+    vertices = np.concatenate([mesh.vertices for mesh in meshes])
+    low, high = vertices.min(axis=0)[:2], vertices.max(axis=0)[:2]
     first = np.array(height_map.origin)
     last = first + np.array(height_map.shape) * height_map.resolution
     if (high < first).any() or (low > last).any():

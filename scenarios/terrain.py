@@ -11,7 +11,7 @@ from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.workspace import HeightMap
 from scenarios._tables import Coordinate, Length, Point, Size, Table
 from scenarios.rasters import Raster, read_raster, sample
-from scenarios.resample import filled, to_grid
+from scenarios.resample import MOST_CELLS, filled, to_grid
 
 log = logging.getLogger(__name__)
 
@@ -90,8 +90,16 @@ def make_terrain(given: MapTable, folder: Path, flight: Flight) -> Terrain:
 
 
 def _flat(given: MapTable, size: tuple[float, float]) -> Terrain:
+    for field in ("ground", "window", "band", "nodata", "fill"):
+        if getattr(given, field) is not None:
+            raise ProblemError(f"{field}: must be left out where the map has a size and no file")
     resolution = given.resolution or 1.0
     cells = [max(math.ceil(length / resolution - 1e-9), 1) for length in size]
+    if math.prod(cells) > MOST_CELLS:
+        raise ProblemError(
+            f"size: must be at most {MOST_CELLS} cells, not {cells[0]} x {cells[1]} of "
+            f"{resolution:g} m"
+        )
     flat = np.zeros(cells)
     return Terrain(HeightMap(heights=flat, resolution=resolution, origin=given.origin), flat)
 
@@ -111,8 +119,9 @@ def _bare(given: MapTable, folder: Path, surface: Raster) -> FloatArray:
         return np.zeros_like(surface.values)
     if given.ground == SURFACE:
         return surface.values
-    terrain = read_raster(folder / given.ground, nodata=given.nodata)
     (ox, oy), (dx, dy), (width, depth) = surface.origin, surface.cell, surface.values.shape
+    around = ox, oy, ox + width * dx, oy + depth * dy
+    terrain = read_raster(folder / given.ground, nodata=given.nodata, window=around)
     x, y = ox + (np.arange(width) + 0.5) * dx, oy + (np.arange(depth) + 0.5) * dy
     return sample(terrain, x[:, None], y[None, :])
 

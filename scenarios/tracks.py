@@ -29,7 +29,7 @@ from scenarios._track_table import PER_METRE, Table, read_table
 log = logging.getLogger(__name__)
 
 BODY = Prism(sides=6, apothem=0.25, height=1.75)  # as wide as shoulders
-STILL = 0.05  # m per step
+STILL = 0.1  # m/s
 MOST_GAP = 1.0  # s
 SLACK = 1e-6  # s, by which rounding may shift times
 
@@ -132,7 +132,14 @@ def present(tracks: Sequence[Track], begin: float, step: float, steps: int) -> l
     return [track for track in tracks if not _absent(track, times).any()]
 
 
-def headings(points: FloatArray, still: float = STILL) -> FloatArray:
+def appearances(track: Track) -> list[float]:
+    """Times (s) at which someone comes: at first, and after every gap."""
+    gaps = np.flatnonzero(np.diff(track.times) > MOST_GAP + SLACK)
+    times: list[float] = track.times[[0, *(gaps + 1)]].tolist()
+    return times
+
+
+def headings(points: FloatArray, still: float) -> FloatArray:
     """Yaw [T+1] (rad, from +x, counter-clockwise, in (-pi, pi]) of who passes points [T+1, 2].
 
     It is the direction from the step before to the step after, at the ends from or to the end.
@@ -178,7 +185,7 @@ def actor(
     shape
         Its body; the height is the track's where the track has one.
     still
-        Metres per step below which it keeps its heading, see `headings`.
+        Speed (m/s) below which it keeps its heading, see `headings`.
     ground
         Height (m) of the floor at (x, y); None: 0.
 
@@ -190,7 +197,7 @@ def actor(
     points = at_steps(track, begin, step, steps)
     floor = [0.0 if ground is None else ground(x, y) for x, y in points.tolist()]
     return Actor(
-        poses=np.column_stack([points, floor, headings(points, still)]),
+        poses=np.column_stack([points, floor, headings(points, still * step)]),
         shape=shape if track.height is None else shape.replace(height=track.height),
     )
 
@@ -289,7 +296,7 @@ def _absent(track: Track, times: FloatArray) -> BoolArray:
 def _presence(track: Track) -> str:
     """From when to when, in words."""
     gaps = np.flatnonzero(np.diff(track.times) > MOST_GAP + SLACK)
-    begins = track.times[[0, *(gaps + 1)]]
+    begins = appearances(track)
     ends = track.times[[*gaps, -1]]
     spans = [f"from {a:.12g} to {b:.12g} s" for a, b in zip(begins, ends, strict=True)]
     return " and ".join(

@@ -1,6 +1,5 @@
 """Hypothesis strategies for small problems, and the one tiny instance used everywhere."""
 
-import itertools
 import math
 import os
 
@@ -31,6 +30,7 @@ from cocap_opt.problem import (
 )
 from cocap_opt.stop import Limit
 from cocap_opt.workspace import HeightMap, Mesh, Workspace
+from scenarios._parts import block
 
 WALL = 20.0  # m, higher than anything flies
 MOST_PLANS = 20_000  # combinations of paths that brute force goes through
@@ -96,21 +96,6 @@ def height_maps(draw: st.DrawFn, most_cells: int = 6, walls: bool = True) -> Hei
     )
 
 
-def box(low: tuple[float, float, float], high: tuple[float, float, float]) -> Mesh:
-    """A box from one corner to the opposite one (m)."""
-    corners = np.array(list(itertools.product(*zip(low, high, strict=True))))
-    sides = [
-        (0, 1, 3, 2),
-        (4, 6, 7, 5),
-        (0, 4, 5, 1),
-        (2, 3, 7, 6),
-        (0, 2, 6, 4),
-        (1, 5, 7, 3),
-    ]
-    triangles = [side[k] for side in sides for k in (0, 1, 2, 0, 2, 3)]
-    return Mesh(vertices=corners, triangles=np.reshape(triangles, (-1, 3)))
-
-
 def plate(low: tuple[float, float], high: tuple[float, float], z: float) -> Mesh:
     """A level rectangle without thickness (m)."""
     (x0, y0), (x1, y1) = low, high
@@ -128,7 +113,9 @@ def meshes(draw: st.DrawFn, height_map: HeightMap) -> tuple[Mesh, ...]:
         long, wide = draw(st.sampled_from([(1.0, 3.0), (0.2, depth), (5.0, 2.0)]))
         z = draw(st.sampled_from([1.0, 4.0, 7.0, 2.5]))
         if kind == "b":
-            made.append(box((x, y, z), (x + long, y + wide, z + draw(st.sampled_from([0.3, 4.0])))))
+            made.append(
+                block((x, y, z), (x + long, y + wide, z + draw(st.sampled_from([0.3, 4.0]))))
+            )
         else:
             made.append(plate((x, y), (x + long, y + wide), z))
     return tuple(made)

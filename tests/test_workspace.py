@@ -7,10 +7,10 @@ from copies import Copy
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import linprog
-from strategies import box, examples, plate, problems
+from strategies import examples, plate, problems
 
 from cocap_opt.check import check
-from cocap_opt.columns import MARGIN
+from cocap_opt.columns import MARGIN, PROBE
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.faces import FaceGeometry
 from cocap_opt.motion import free_places, place_graph
@@ -30,6 +30,7 @@ from cocap_opt.timegraph import time_graph
 from cocap_opt.views import make_views
 from cocap_opt.workspace import HeightMap, Mesh, Workspace
 from scenarios import load_scene
+from scenarios._parts import block
 
 FLAT = HeightMap(heights=np.zeros((6, 5)))
 TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
@@ -98,7 +99,7 @@ def test_a_box_blocks_the_cells_into_which_it_reaches(
 ) -> None:
     """A box is solid over its own height in all cells that its inside meets, and no others."""
     high = tuple(a + b for a, b in zip(low, size, strict=True))
-    mesh = box(low, high)  # type: ignore[arg-type]
+    mesh = block(low, high)  # type: ignore[arg-type]
     if inward:
         mesh = mesh.replace(triangles=mesh.triangles[:, ::-1])
     columns = Workspace(FLAT, (mesh,)).columns
@@ -118,7 +119,7 @@ def test_a_box_blocks_the_cells_into_which_it_reaches(
 def test_a_wall_that_ends_at_a_cell_leaves_the_cell_free() -> None:
     """Solids that only touch a cell do not block it; thin plates block on both sides."""
     flying = Motion(layers=(3.0,))
-    wall = box((2.0, 0.0, 0.0), (3.0, 5.0, 8.0))
+    wall = block((2.0, 0.0, 0.0), (3.0, 5.0, 8.0))
     free = free_places(Workspace(FLAT, (wall,)), flying)[0]
     assert [bool(row.all()) for row in free] == [True, True, False, True, True, True]
     sheet = Mesh(
@@ -131,8 +132,8 @@ def test_a_wall_that_ends_at_a_cell_leaves_the_cell_free() -> None:
 
 def test_overlapping_and_nested_boxes_are_one_solid() -> None:
     """The inside of a mesh of several boxes is that of any of them, overlaps included."""
-    one, other = box((0.2, 0.2, 1.0), (2.8, 0.8, 4.0)), box((1.2, 0.1, 3.0), (1.8, 0.9, 6.0))
-    inner = box((0.4, 0.4, 2.0), (0.6, 0.6, 3.0))
+    one, other = block((0.2, 0.2, 1.0), (2.8, 0.8, 4.0)), block((1.2, 0.1, 3.0), (1.8, 0.9, 6.0))
+    inner = block((0.4, 0.4, 2.0), (0.6, 0.6, 3.0))
     columns = Workspace(FLAT, (joined(one, other, inner),)).columns
     assert columns.at(0, 0)[1:] == [(1.0, 4.0)]
     assert columns.at(1, 0)[1:] == [(1.0, 6.0)]
@@ -140,13 +141,36 @@ def test_overlapping_and_nested_boxes_are_one_solid() -> None:
 
 def test_a_doorway_is_free_below_its_lintel() -> None:
     """What is above one another in a cell are intervals of their own, and between is air."""
-    lintel, roof = box((1.0, 1.0, 4.0), (2.0, 2.0, 5.0)), box((0.0, 0.0, 9.0), (6.0, 5.0, 9.5))
+    lintel, roof = block((1.0, 1.0, 4.0), (2.0, 2.0, 5.0)), block((0.0, 0.0, 9.0), (6.0, 5.0, 9.5))
     workspace = Workspace(FLAT, (joined(lintel, roof),))
     assert workspace.columns.at(1, 1) == [(-math.inf, 0.0), (4.0, 5.0), (9.0, 9.5)]
     free = free_places(workspace, Motion(layers=(2.0, 4.5, 7.0), clearance=0.5))
     assert free[:, 1, 1].tolist() == [True, False, True]
     free = free_places(workspace, Motion(layers=(2.0, 3.6, 8.6), clearance=0.5))
     assert free[:, 1, 1].tolist() == [True, False, False]
+
+
+def test_a_vertex_on_the_probe_leaks_nowhere() -> None:
+    """Whatever the numbers of its vertices, a mesh with one exactly where cells are probed is
+    solid in its own columns only."""
+    x, y = PROBE
+    ring = [(0.2, 0.3), (0.9, 0.2), (0.8, 0.9), (0.3, 0.8)]
+    vertices = np.array(
+        [(x, y, 1.0), (x, y, 0.0), *((*p, 1.0) for p in ring), *((*p, 0.0) for p in ring)]
+    )
+    triangles = []
+    for k in range(4):
+        a, b = 2 + k, 2 + (k + 1) % 4
+        triangles += [(0, a, b), (1, b + 4, a + 4), (a, a + 4, b), (b, a + 4, b + 4)]
+    for seed in range(50):
+        order = np.random.default_rng(seed).permutation(10)
+        number = np.argsort(order)
+        mesh = Mesh(vertices=vertices[order], triangles=number[np.array(triangles)])
+        later = moved(mesh, (1.0, 0.0, 0.0)), moved(mesh, (1.0, 0.0, 5.0))
+        assert mesh.is_solid
+        columns = Workspace(FLAT, (joined(mesh, *later),)).columns
+        assert columns.at(0, 0)[1:] == [(0.0, 1.0)]
+        assert columns.at(1, 0)[1:] == [(0.0, 1.0), (5.0, 6.0)]
 
 
 def test_nobody_climbs_through_a_deck() -> None:
@@ -164,10 +188,10 @@ def test_nobody_climbs_through_a_deck() -> None:
 @pytest.mark.parametrize(
     ("mesh", "solid"),
     [
-        (box((0, 0, 0), (1, 1, 1)), True),
+        (block((0, 0, 0), (1, 1, 1)), True),
         (plate((0, 0), (1, 1), 2.0), False),
-        (joined(box((0, 0, 0), (1, 1, 1)), plate((0, 0), (1, 1), 2.0)), False),
-        (box((0, 0, 0), (1, 1, 1)).replace(triangles=box((0, 0, 0), (1, 1, 1)).triangles[1:]),
+        (joined(block((0, 0, 0), (1, 1, 1)), plate((0, 0), (1, 1), 2.0)), False),
+        (block((0, 0, 0), (1, 1, 1)).replace(triangles=block((0, 0, 0), (1, 1, 1)).triangles[1:]),
          False),
     ],
 )  # fmt: skip
@@ -225,7 +249,7 @@ def test_columns_of_a_map_and_boxes_are_the_same(heights: list[float]) -> None:
     tops = np.reshape(heights, (6, 5))
     tops[[0, 5], [0, 4]] = 0.0
     boxes = [
-        box((x, y, -1.0), (x + 1, y + 1, tops[x, y]))
+        block((x, y, -1.0), (x + 1, y + 1, tops[x, y]))
         for x, y in product(range(6), range(5))
         if tops[x, y] > 0
     ]
@@ -247,7 +271,7 @@ def test_lifting_everything_changes_nothing(heights: list[float], up: float) -> 
     """Ground, actors, meshes and the datum of flight heights lifted together: the same scene."""
     tops = np.reshape(heights, (6, 5))
     tops[[0, 5], [0, 4]] = 0.0
-    beam = box((2.2, 0.0, 2.5), (2.7, 5.0, 3.5))
+    beam = block((2.2, 0.0, 2.5), (2.7, 5.0, 3.5))
     below = scene(HeightMap(heights=tops), (beam,))
     lifted = HeightMap(heights=tops + up, datum=np.full((6, 5), up))
     above = scene(lifted, (moved(beam, (0, 0, up)),), up)
