@@ -10,7 +10,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from cocap_opt.columns import mesh_spans
-from cocap_opt.problem import Actor, Problem
+from cocap_opt.problem import Actor, Problem, Robot
+from cocap_opt.workspace import Mesh, Workspace
 
 SUNK = 0.3  # m, by which feet may be below what they stand on
 FLOATING = 1.0  # m, by which they may be above it
@@ -28,11 +29,48 @@ def doubts(problem: Problem) -> list[str]:
         for k, mesh in enumerate(problem.meshes)
         if not mesh.is_solid
     ]
+    found += [
+        f"meshes[{k}] is wholly below the ground: its top is at {mesh.vertices[:, 2].max():.4g} m"
+        for k, mesh in enumerate(problem.meshes)
+        if _below_ground(problem, mesh)
+    ]
     if not problem.actors:
         found.append("there are no actors, so that every view reward is 0")
     for j, actor in enumerate(problem.actors):
         found += [f"actors[{j}] {doubt}" for doubt in _about(problem, actor)]
-    return found
+    return found + list(_in_the_way(problem))
+
+
+def _below_ground(problem: Problem, mesh: Mesh) -> bool:
+    """Whether nothing of a mesh, where it is above the map at all, looks out of the ground."""
+    tops = Workspace(problem.height_map, (mesh,)).columns.high[1:].max(axis=0, initial=-math.inf)
+    above = tops > -math.inf
+    return bool(above.any() and (tops <= problem.height_map.heights)[above].all())
+
+
+def _in_the_way(problem: Problem) -> Iterator[str]:
+    """Robots that can fly where somebody is: nothing keeps them apart."""
+    for i, robot in enumerate(problem.robots):
+        for j, actor in enumerate(problem.actors):
+            height = _height_within(problem, robot, actor)
+            if height is not None:
+                yield (
+                    f"robots[{i}] can fly into actors[{j}], {height:.3g} m above its feet; nothing "
+                    "keeps them apart"
+                )
+                break
+
+
+def _height_within(problem: Problem, robot: Robot, actor: Actor) -> float | None:
+    """How high above an actor's feet (m) a robot can fly into it; None where it cannot."""
+    for x, y, z, _ in actor.poses[: problem.horizon + 1].tolist():
+        cell = problem.height_map.cell_of(x, y)
+        if problem.height_map.inside(*cell):
+            for layer in robot.motion.layers:
+                above = problem.height_map.altitude(*cell, layer) - z
+                if 0 <= above < actor.shape.height:
+                    return above
+    return None
 
 
 def _about(problem: Problem, actor: Actor) -> Iterator[str]:

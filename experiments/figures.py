@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
-from matplotlib.patches import Polygon, Wedge
+from matplotlib.patches import Patch, Polygon, Wedge
 from matplotlib.ticker import MaxNLocator, ScalarFormatter
 from PIL import Image
 
@@ -58,6 +58,11 @@ def draw_terrain(ax: Axes, problem: Problem) -> Axes:
         kind.T, origin="lower", extent=extent, cmap=ListedColormap([GROUND, COVERED, WALL]),
         vmin=0, vmax=2, interpolation="nearest", zorder=0,
     )  # fmt: skip
+    words = {WALL: f"blocks {problem.layers[0]:g} m", COVERED: "something above or below"}
+    shown = [(WALL, 2), (COVERED, 1)]
+    handles = [Patch(color=colour, label=words[colour]) for colour, k in shown if (kind == k).any()]
+    if handles and covered.any():
+        ax.legend(handles=handles, fontsize=6, loc="upper right", framealpha=0.8)
     ax.set_aspect("equal")
     ax.set_xlim(*extent[:2])  # what is drawn later must not move the frame
     ax.set_ylim(*extent[2:])
@@ -84,8 +89,9 @@ def draw_actors(ax: Axes, problem: Problem, t: int) -> Axes:
         ax.add_patch(Polygon(corners, facecolor=ACTOR, edgecolor="black", lw=0.6, zorder=5))
         tip = (x + 0.9 * c, y + 0.9 * s)
         ax.annotate(
-            "", xy=tip, xytext=(x, y), arrowprops={"arrowstyle": "-|>", "lw": 0.8}, zorder=6
-        )
+            "", xy=tip, xytext=(x, y), arrowprops={"arrowstyle": "-|>", "lw": 0.8}, zorder=6,
+            annotation_clip=False,
+        )  # fmt: skip
         ax.text(x, y, str(j), color="white", fontsize=6, ha="center", va="center", zorder=7)
     return ax
 

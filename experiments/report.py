@@ -4,6 +4,7 @@ Every plan has passed the referee before it gets here, and every bound comes fro
 certificate priced by its own plain sweep; no number is a solver's word.
 """
 
+import logging
 import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Generic, NamedTuple, TypeVar
@@ -16,6 +17,8 @@ from cocap_opt.result import Reason, Result, UnsupportedError, relative_gap
 from cocap_opt.stop import Stop
 from formulations import BOUNDS, EXACT
 from formulations.result import OPTIMALITY, CertifiedResult, Report, silent
+
+log = logging.getLogger(__name__)
 
 Row = dict[str, Any]
 R = TypeVar("R", bound=Result)
@@ -121,6 +124,7 @@ def plan_row(problem: Problem, seed: int, planner: str | None, judged: Judged[Re
     reason, messages = result.reason, [result.message] if result.message else []
     if judged.verdict and problem.actors and not any(judged.verdict.face_reward):
         messages.append("no drone sees anybody at any step")
+        log.warning("%s, %s: %s", problem.name, planner or "bound", messages[-1])
     if reason is Reason.OPTIMAL and math.isfinite(result.bound) and judged.gap > OPTIMALITY:
         # What is certified is less than what the method says.
         reason = Reason.FINISHED

@@ -214,10 +214,9 @@ def _find_file(name_or_path: str) -> tuple[Path, Format]:
         path = path / "seq.yaml"
     # Unlike Path.exists, os.path.exists is false, too, for names that no file can have.
     if not os.path.exists(path):
-        raise FileError(
-            f"{name_or_path}: no such scene or file; scenes: {', '.join(SCENES)}; "
-            f"files: {_known_files()}"
-        )
+        if path.suffix or len(path.parts) > 1:
+            raise FileError(f"{name_or_path}: no such file")
+        raise FileError(f"{name_or_path}: no such scene or file; scenes: {', '.join(SCENES)}")
     found = next((kind for kind in FORMATS.values() if kind.matches(path)), None)
     if found is None:
         raise FileError(f"{path}: unknown kind of file, must be one of: {_known_files()}")

@@ -59,6 +59,9 @@ def with_tilts(problem: Problem, degrees: tuple[float, ...]) -> Problem:
     ProblemError
         If a tilt is out of range, or a robot has no camera that makes pictures.
     """
+    for angle in degrees:
+        if not abs(angle) <= 90:  # true for nan, too
+            raise ProblemError(f"tilts: must be within +-90 degrees, not {angle:g}")
     tilts = tuple(math.radians(angle) for angle in degrees)
     robots = []
     for i, robot in enumerate(problem.robots):

@@ -75,13 +75,19 @@ def add_drones(
             )
             start_state = next(apart, None)
             if start_state is None:
-                where = "" if given.near is None else f" within {given.near:g} m of someone"
-                raise ProblemError(
-                    f"count: must be at most {k} here; there are no more free cells{where} that "
-                    "are far enough apart"
-                )
+                raise ProblemError(f"count: must be at most {k} here; {_room(given, workspace)}")
             team.append(Robot(start=start_state, motion=given.motion, camera=camera))
     return team
+
+
+def _room(given: DronesTable, workspace: Workspace) -> str:
+    """Where there is room for drones, in words."""
+    free = free_places(workspace, given.motion)[0]
+    near = "" if given.near is None else f", and only some within {given.near:g} m of someone"
+    return (
+        f"{free.sum()} of {free.size} cells are free at their lowest layer, "
+        f"{given.motion.layers[0]:g} m{near}"
+    )
 
 
 def _stated(start: StartTable, motion: Motion, height_map: HeightMap) -> State:

@@ -22,7 +22,7 @@ class TracksTable(Table):
     fps: float | None = None
     delimiter: str | None = None
     begin: float | None = None
-    ids: list[int | str] | None = None
+    ids: Annotated[list[int | str], Meta(min_length=1)] | None = None
     count: Count | None = None
     at: Point = (0.0, 0.0)
     shape: Shape = tracks.BODY
@@ -85,9 +85,12 @@ def _chosen(
             return begin, there[:wanted]
         most = max(most, len(there))
     when = "at no time" if given.begin is None else f"not from {given.begin:g} s on"
+    who = ""
+    if given.ids is not None:
+        who = "; " + "; ".join(f"{c.id} is there {tracks.presence(c)}" for c in candidates[:4])
     raise ProblemError(
         f"begin: must be a time from which on all of {wanted} are there for {steps * step:g} s, "
-        f"which they are {when}; at most {most} are"
+        f"which they are {when}; at most {most} are{who}"
     )
 
 

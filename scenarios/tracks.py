@@ -115,7 +115,7 @@ def at_steps(track: Track, begin: float, step: float, steps: int) -> FloatArray:
         t = int(np.argmax(absent))
         raise ProblemError(
             f"track {track.id}: must be there at step {t} ({times[t]:.12g} s), but is there "
-            f"{_presence(track)}"
+            f"{presence(track)}"
         )
     return np.column_stack([np.interp(times, track.times, axis) for axis in track.points.T])
 
@@ -236,10 +236,12 @@ def _doubts(tracks: Sequence[Track], unit: str) -> Iterator[str]:
     """What makes it likely that the unit or the frame rate is wrong."""
     speeds = [speed for track in tracks if (speed := _speed(track)) > 0]
     speed = float(np.median(speeds)) if speeds else 0.0
-    if speed > SPEEDS[1]:
-        yield f"median speed {speed:.3g} m/s: is {_likely(speed, unit, SPEEDS) or 'fps right'}?"
     known = [(track.height, track.id) for track in tracks if track.height is not None]
     odd = [(height, name) for height, name in known if not HEIGHTS[0] <= height <= HEIGHTS[1]]
+    if speed > SPEEDS[1]:
+        # Where heights are right, so is the unit.
+        unit_of = None if known and not odd else _likely(speed, unit, SPEEDS)
+        yield f"median speed {speed:.3g} m/s: is {unit_of or 'fps right'}?"
     if odd:
         height, name = odd[0]
         yield (
@@ -293,7 +295,7 @@ def _absent(track: Track, times: FloatArray) -> BoolArray:
     return np.asarray(lost | outside)
 
 
-def _presence(track: Track) -> str:
+def presence(track: Track) -> str:
     """From when to when, in words."""
     gaps = np.flatnonzero(np.diff(track.times) > MOST_GAP + SLACK)
     begins = appearances(track)
