@@ -9,11 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.data import BoolArray, FloatArray, IntArray, ProblemError
 from cocap_opt.polygons import clip
 
 MARGIN = 1e-6  # cells; a solid that reaches less far into a cell only touches it
 PAIRS = 200_000  # of triangles and cells at once, to bound the memory
+MOST_PAIRS = 10_000_000  # of one mesh
 # Where in a cell its inside is looked for; not in the middle, where edges like to be.
 PROBE = 0.5137, 0.4789
 
@@ -67,17 +68,18 @@ def columns_of(heights: FloatArray, spans: Spans) -> Columns:
 
 
 def _merged(spans: Spans) -> Spans:
-    order = np.lexsort([spans.low, spans.cells])
-    rows: list[tuple[int, float, float]] = []
-    for cell, low, high in zip(*(part[order].tolist() for part in spans), strict=True):
-        if rows and rows[-1][0] == cell and low <= rows[-1][2]:
-            rows[-1] = (cell, rows[-1][1], max(rows[-1][2], high))
-        else:
-            rows.append((cell, low, high))
-    if not rows:
+    """The same matter, spans of a cell that overlap made one; by cell, then from below."""
+    if not len(spans.cells):
         return NO_SPANS
-    cells, lows, highs = zip(*rows, strict=True)
-    return Spans(np.array(cells, dtype=np.int64), np.array(lows), np.array(highs))
+    order = np.lexsort([spans.low, spans.cells])
+    cells, low, high = spans.cells[order], spans.low[order], spans.high[order]
+    new = np.concatenate([[True], cells[1:] != cells[:-1]])
+    # Cells are put one above the other, so that one running maximum serves all.
+    floor = (np.cumsum(new) - 1) * (high.max() - low.min() + 1) - low.min()
+    top = np.maximum.accumulate(high + floor)
+    new[1:] |= (low + floor)[1:] > top[:-1]
+    first = np.flatnonzero(new)
+    return Spans(cells[first], low[first], np.maximum.reduceat(high, first))
 
 
 def mesh_spans(
@@ -93,25 +95,73 @@ def mesh_spans(
     solid : whether the mesh is the surface of a solid, so that its inside counts as well and
         what merely touches a cell does not; of a thin plate it does, on both sides
     """
-    margin = MARGIN if solid else -MARGIN
+    corners, margin = vertices[triangles], np.full(2, MARGIN if solid else -MARGIN)
     parts = [NO_SPANS]
-    for triangle, x, y in _pairs(vertices[triangles], shape, margin):
-        parts.append(_surface(vertices[triangles[triangle]], x, y, shape, margin))
-    if solid:
-        parts.append(_interior(vertices, triangles, shape))
+    for triangle, x, y in _pairs(corners, shape, margin):
+        inside, low, high = _surface(corners[triangle], x, y, margin)
+        parts.append(Spans((x * shape[1] + y)[inside], low, high))
+    if not solid:
+        return _merged(_joined(parts))
+    parts.append(_interior(vertices, triangles, shape))
+    matter = _merged(_joined(parts))
+    thin = [_thin(corners, axis, shape, matter) for axis in (0, 1)]
+    return _merged(_joined([matter, *thin]))
+
+
+def _joined(parts: list[Spans]) -> Spans:
     return Spans(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
+def _thin(corners: FloatArray, axis: int, shape: tuple[int, int], matter: Spans) -> Spans:
+    """Triangles [M, 3, 3] on an edge between cells with no matter behind them on either side.
+
+    A wall that is no thicker than the margin is the surface of a solid, and a plate in fact.
+    """
+    edge = np.rint(corners[:, 0, axis])
+    on_edge = np.flatnonzero((np.abs(corners[..., axis] - edge[:, None]) <= MARGIN).all(axis=1))
+    held: dict[int, list[tuple[float, float]]] = {}
+    for cell, low, high in zip(*(part.tolist() for part in matter), strict=True):
+        held.setdefault(cell, []).append((low, high))
+    rows: list[tuple[int, float, float]] = []
+    margin = np.where(np.arange(2) == axis, -MARGIN, MARGIN)  # both sides, but not beyond its ends
+    for which, x, y in _pairs(corners[on_edge], shape, margin):
+        triangle = on_edge[which]
+        inside, lows, highs = _surface(corners[triangle], x, y, margin)
+        other = [x, y]
+        other[axis] = 2 * edge[triangle].astype(np.int64) - 1 - other[axis]
+        sides = np.column_stack([x * shape[1] + y, other[0] * shape[1] + other[1]])[inside]
+        for (own, beyond), low, high in zip(
+            sides.tolist(), lows.tolist(), highs.tolist(), strict=True
+        ):
+            backs = held.get(own, []) + held.get(beyond, [])
+            if not any(a <= low + MARGIN and b >= high - MARGIN for a, b in backs):
+                rows.append((own, low, high))
+    if not rows:
+        return NO_SPANS
+    cells, low_ends, high_ends = zip(*rows, strict=True)
+    return Spans(np.array(cells, dtype=np.int64), np.array(low_ends), np.array(high_ends))
+
+
 def _pairs(
-    corners: FloatArray, shape: tuple[int, int], margin: float
+    corners: FloatArray, shape: tuple[int, int], margin: FloatArray
 ) -> Iterator[tuple[IntArray, IntArray, IntArray]]:
-    """Triangles and the cells x, y that their bounding boxes meet, some at a time."""
+    """Triangles and the cells x, y that their bounding boxes meet, some at a time.
+
+    Parameters
+    ----------
+    margin : [2] cells, by which they must reach into a cell along x and y
+    """
     last = np.array(shape) - 1
     low, high = corners[..., :2].min(axis=1) + margin, corners[..., :2].max(axis=1) - margin
     # Far outside the grid numbers of cells may not fit into integers.
     low, high = np.maximum(np.floor(low), 0), np.minimum(np.ceil(high) - 1, last)
     sizes = np.maximum(high - low + 1, 0).astype(np.int64)
     counts = sizes.prod(axis=1)
+    if counts.sum() > MOST_PAIRS:
+        raise ProblemError(
+            f"meshes: must reach into cells at most {MOST_PAIRS} times, not {counts.sum()}; "
+            "coarser cells or fewer triangles make it so"
+        )
     some = np.flatnonzero(counts)
     parts = np.cumsum(counts[some]) // PAIRS
     for part in np.split(some, np.flatnonzero(np.diff(parts)) + 1):
@@ -126,17 +176,18 @@ def _pairs(
 
 
 def _surface(
-    corners: FloatArray, x: IntArray, y: IntArray, shape: tuple[int, int], margin: float
-) -> Spans:
-    """Altitudes of the part of each triangle [n, 3, 3] that lies in its cell."""
+    corners: FloatArray, x: IntArray, y: IntArray, margin: FloatArray
+) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Which triangles [n, 3, 3] reach into their cells, and at which altitudes, low and high."""
     polygons, alive = corners, np.ones(len(corners), dtype=bool)
     for axis, cell in ((0, x), (1, y)):
-        for sign, edge in ((1.0, cell + margin), (-1.0, cell + 1 - margin)):
+        for sign, edge in ((1.0, cell + margin[axis]), (-1.0, cell + 1 - margin[axis])):
             inside = sign * (polygons[..., axis] - edge[:, None])
             alive &= (inside >= 0).any(axis=1)
             polygons = clip(polygons, inside)
-    z = polygons[alive][..., 2]
-    return Spans((x * shape[1] + y)[alive], z.min(axis=1), z.max(axis=1))
+    reach = np.flatnonzero(alive)
+    z = polygons[reach][..., 2]
+    return reach, z.min(axis=1), z.max(axis=1)
 
 
 def _interior(vertices: FloatArray, triangles: IntArray, shape: tuple[int, int]) -> Spans:
@@ -146,7 +197,7 @@ def _interior(vertices: FloatArray, triangles: IntArray, shape: tuple[int, int])
     inside; where there is one, `_surface` has it.
     """
     parts = [NO_SPANS]
-    for triangle, x, y in _pairs(vertices[triangles], shape, 0.0):
+    for triangle, x, y in _pairs(vertices[triangles], shape, np.zeros(2)):
         numbers = triangles[triangle]
         point = np.column_stack([x + PROBE[0], y + PROBE[1]])
         sides = np.column_stack(
@@ -159,7 +210,7 @@ def _interior(vertices: FloatArray, triangles: IntArray, shape: tuple[int, int])
         # Seen from below, a solid is entered where its surface looks down.
         step = np.where(down[hit], 1.0, -1.0)
         parts.append(Spans((x * shape[1] + y)[hit], altitude, step))
-    cells, altitude, step = (np.concatenate(column) for column in zip(*parts, strict=True))
+    cells, altitude, step = _joined(parts)
     order = np.lexsort([altitude, cells])
     cells, altitude = cells[order], altitude[order]
     winding = np.cumsum(step[order])

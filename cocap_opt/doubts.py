@@ -67,7 +67,7 @@ def _height_within(problem: Problem, robot: Robot, actor: Actor) -> float | None
         cell = problem.height_map.cell_of(x, y)
         if problem.height_map.inside(*cell):
             for layer in robot.motion.layers:
-                above = problem.height_map.altitude(*cell, layer) - z
+                above: float = problem.height_map.altitude(*cell, layer) - z
                 if 0 <= above < actor.shape.height:
                     return above
     return None

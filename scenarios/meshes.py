@@ -5,13 +5,15 @@ axis upwards.
 """
 
 import math
+import warnings
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 import trimesh
+from trimesh.resolvers import Resolver
 
-from cocap_opt.data import FloatArray, ProblemError
+from cocap_opt.data import FloatArray, IntArray, ProblemError
 from cocap_opt.workspace import Mesh
 from scenarios._text import naming, one_line
 
@@ -54,25 +56,63 @@ def read_mesh(
     with naming(path):
         if path.suffix.lower() not in SUFFIXES:
             raise ProblemError(f"must be named {', '.join(SUFFIXES)}")
-        shape = _load(path)
-        vertices = np.asarray(shape.vertices, dtype=np.float64) / PER_METRE[unit]
+        vertices, triangles = _load(path)
+        vertices = vertices / PER_METRE[unit]
         if (up or UP.get(path.suffix.lower(), "z")) == "y":
             vertices = vertices[:, [0, 2, 1]] * np.array([1.0, -1.0, 1.0])
-        return Mesh(vertices=_placed(vertices, turn, at), triangles=np.asarray(shape.faces))
+        return Mesh(vertices=_placed(vertices, turn, at), triangles=triangles)
 
 
-def _load(path: Path) -> trimesh.Trimesh:
+class _Beside(Resolver):
+    """Files that a mesh file names: regular ones in its folder or below, and no others."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder.resolve()
+
+    def get(self, name: str) -> bytes:
+        path = (self._folder / name).resolve()
+        if not path.is_relative_to(self._folder) or not path.is_file():
+            raise FileNotFoundError(f"{name} is no file beside it")
+        return path.read_bytes()
+
+    def namespaced(self, namespace: str) -> "_Beside":
+        return _Beside(self._folder / namespace)
+
+    def keys(self) -> list[str]:
+        return []
+
+    def write(self, name: str, data: bytes) -> None:
+        raise NotImplementedError
+
+
+def _load(path: Path) -> tuple[FloatArray, IntArray]:
+    """Vertices [V, 3] and triangles [M, 3] of a file."""
+    kind = path.suffix.lower()
+    if not path.is_file():  # opening a pipe would wait for someone to write into it
+        raise ProblemError("cannot be read: no such file")
     try:
-        shape: trimesh.Trimesh = trimesh.load_scene(path).to_mesh()
+        # Warnings are about numbers that are refused below.
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")
+            with path.open("rb") as file:
+                scene = trimesh.load_scene(
+                    file, file_type=kind[1:], resolver=_Beside(path.parent), skip_materials=True
+                )
+            shape = scene.to_mesh()
+            shape.merge_vertices(merge_tex=True, merge_norm=True)
+            vertices = np.array(shape.vertices, dtype=np.float64)
+            triangles = np.array(shape.faces, dtype=np.int64)
     except OSError as error:
         raise ProblemError(f"cannot be read: {error.strerror or one_line(error)}") from error
+    except ImportError as error:  # what trimesh wants for text that is none
+        raise ProblemError(f"cannot be read as {kind}") from error
     except Exception as error:  # trimesh names no set of errors for a damaged file
-        kind = path.suffix.lower()
         raise ProblemError(f"cannot be read as {kind}: {one_line(error)}") from error
-    if not len(shape.faces):
+    if not len(triangles):
         raise ProblemError("must hold at least one triangle")
-    shape.merge_vertices(merge_tex=True, merge_norm=True)
-    return shape
+    if vertices.ndim != 2 or vertices.shape[1] != 3 or not np.isfinite(vertices).all():
+        raise ProblemError("vertices: must be finite numbers x, y, z")
+    return vertices, triangles
 
 
 def _placed(vertices: FloatArray, turn: float, at: tuple[float, float, float]) -> FloatArray:

@@ -1,5 +1,6 @@
 import json
 import math
+import os
 from pathlib import Path
 
 import numpy as np
@@ -288,6 +289,33 @@ def test_damaged_meshes_are_refused_in_a_line(tmp_path: Path, content: bytes, su
     with pytest.raises(ProblemError, match="bad") as error:
         read_mesh(path)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["v 0 0\nv 1 0\nv 0 1\nf 1 2 3", "v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3",
+     "v 1e308 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 77"],
+)  # fmt: skip
+def test_odd_numbers_in_meshes_are_refused(tmp_path: Path, text: str) -> None:
+    """Two coordinates, no number, a huge one, and corners that are not there."""
+    (tmp_path / "odd.obj").write_text(text)
+    with pytest.raises(ProblemError, match=r"odd\.obj"):
+        read_mesh(tmp_path / "odd.obj")
+
+
+def test_a_mesh_reads_no_pipes(tmp_path: Path) -> None:
+    """Materials are not looked at, and other files only if they are files beside the mesh."""
+    os.mkfifo(tmp_path / "pipe.mtl")
+    cube = trimesh.creation.box((1, 1, 1)).export(file_type="obj")
+    (tmp_path / "box.obj").write_text(f"mtllib pipe.mtl\n{cube}")
+    assert read_mesh(tmp_path / "box.obj").is_solid
+    os.mkfifo(tmp_path / "pipe.obj")
+    with pytest.raises(ProblemError, match="no such file"):
+        read_mesh(tmp_path / "pipe.obj")
+    gltf = trimesh.Scene([trimesh.creation.box((1, 1, 1))]).export(file_type="gltf")
+    for name, content in gltf.items():
+        (tmp_path / name).write_bytes(content)
+    assert read_mesh(tmp_path / "model.gltf").is_solid
 
 
 def test_a_mesh_elsewhere_is_refused(tmp_path: Path) -> None:

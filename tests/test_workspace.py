@@ -4,7 +4,7 @@ from itertools import product
 import numpy as np
 import pytest
 from copies import Copy
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 from strategies import examples, plate, problems
@@ -76,6 +76,7 @@ def test_a_tetrahedron_is_solid_where_linear_programs_find_it(
 ) -> None:
     """In every cell a convex mesh has the altitudes that its hull has there, inside included."""
     vertices = np.array(corners)
+    assume(abs(np.linalg.det(vertices[1:] - vertices[0])) > 1e-3)
     mesh = Mesh(vertices=vertices, triangles=TETRAHEDRON)
     columns = Workspace(FLAT, (mesh,)).columns
     for x, y in np.ndindex(FLAT.shape):
@@ -128,6 +129,19 @@ def test_a_wall_that_ends_at_a_cell_leaves_the_cell_free() -> None:
     )
     free = free_places(Workspace(FLAT, (sheet,)), flying)[0]
     assert [bool(row.all()) for row in free] == [True, False, False, True, True, True]
+
+
+@pytest.mark.parametrize("half", [0.0, 4e-7])
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_closed_wall_without_thickness_blocks_both_sides(half: float, axis: int) -> None:
+    """A wall of two faces on an edge between cells closes, and is nowhere solid: it is a plate."""
+    low, high = [0.0, 0.0, 0.0], [5.0, 5.0, 8.0]
+    low[axis], high[axis] = 2.0 - half, 2.0 + half
+    wall = block((low[0], low[1], low[2]), (high[0], high[1], high[2]))
+    assert wall.is_solid
+    free = free_places(Workspace(FLAT, (wall,)), Motion(layers=(3.0,)))[0]
+    lines = free[:5, :5] if axis == 0 else free[:5, :5].T
+    assert [bool(line.all()) for line in lines] == [True, False, False, True, True]
 
 
 def test_overlapping_and_nested_boxes_are_one_solid() -> None:
