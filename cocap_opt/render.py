@@ -61,8 +61,12 @@ class Renderer:
         counts = np.zeros(len(self._problem.face_weights))
         faces = self._geometry.at(t)
         for actor, box in self._boxes(faces, robot, state):
-            for _, _, hits in self._cast(robot, state, box, (faces.actors, faces.terrain)):
-                seen = faces.triangle_faces[hits.triangle[hits.surface == 0]]
+            for _, ways, hits in self._cast(robot, state, box, (faces.actors, faces.terrain)):
+                of_actors = np.flatnonzero(hits.surface == 0)
+                triangle, ways = hits.triangle[of_actors], ways[of_actors]
+                # From inside a body its faces are seen from behind, which counts as not at all.
+                outside = (_normals(faces.actors.triangles[triangle]) * ways).sum(axis=1) < 0
+                seen = faces.triangle_faces[triangle[outside]]
                 own = seen[self._problem.face_owner[seen] == actor]
                 counts += np.bincount(own, minlength=len(counts))
         return counts * self._step**2

@@ -209,7 +209,7 @@ def test_their_plan_is_held_against_the_same_bound(with_peer: Path) -> None:
     expected = check(problem, hovering).reward
     assert float(theirs["J"]) == pytest.approx(expected)
     assert float(theirs["reward"]) == pytest.approx(expected / 6)
-    assert (theirs["as reported"], theirs["with own tilts"]) == ("7.0", "70.0")
+    assert (theirs["J as reported"], theirs["J with own tilts"]) == ("7.0", "70.0")
     assert theirs["seconds"] == "" and rows["cocap"]["seconds"] != ""
     assert float(theirs["gap"]) == pytest.approx(relative_gap(expected, best), abs=2e-6)
     above = 100 * (best / expected - 1)

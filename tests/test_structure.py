@@ -19,8 +19,9 @@ ALLOWED = {
 }
 # The order of the core: none of these uses a later one, directly or through others.
 ORDER = (
-    "stop", "problem", "bonuses", "motion", "timegraph", "coverage", "plan", "reward", "check",
-    "result", "planners", "io",
+    "data", "polygons", "columns", "workspace", "stop", "problem", "bonuses", "motion",
+    "timegraph", "projection", "visibility", "faces", "views", "coverage", "plan", "reward",
+    "check", "doubts", "result", "planners", "io",
 )  # fmt: skip
 SOLVERS = {"cvxpy", "clarabel", "highspy", "ortools"}
 

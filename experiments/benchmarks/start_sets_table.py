@@ -27,7 +27,7 @@ plan. `colliding` is the number of drones that take part in a conflict, `valid` 
 without one, `sd` the sample's standard deviation. What has no value in every start set is left
 out. Seconds are the planner's own; how long theirs took is not known.
 
-Their program planned with tilts that its cache mixes up (`as reported`), and with a bonus for
+Their program planned with tilts that its cache mixes up (`J as reported`), and with a bonus for
 moves with dx + dy = 0; here every plan is evaluated with each drone's own tilt, without the bonus.
 """
 
@@ -139,8 +139,8 @@ def _means(runs: Sequence[SetRun]) -> Row:
 def peer_rows(runs: Sequence[SetRun]) -> list[Row]:
     """Their plan and ours, scene by scene.
 
-    `as reported` is theirs by their own pixels with the tilts that their cache mixes up,
-    `with own tilts` the same pixels with each robot's own: `reward` is by our evaluation.
+    `J as reported` is theirs by their own pixels with the tilts that their cache mixes up,
+    `J with own tilts` the same pixels with each robot's own: `reward` is by our evaluation.
     """
     theirs = {run.scene: run.reward for run in runs if run.reported is not None}
     return [
@@ -150,8 +150,8 @@ def peer_rows(runs: Sequence[SetRun]) -> list[Row]:
             "reward": run.each(run.reward),
             "J": run.reward,
             "above theirs (%)": _difference(run.reward, theirs.get(run.scene)),
-            "as reported": run.reported,
-            "with own tilts": run.reported_own_tilt,
+            "J as reported": run.reported,
+            "J with own tilts": run.reported_own_tilt,
             "colliding": run.colliding,
             "bound": run.each(run.bound),
             "proved": run.bound_reason in PROVED,
