@@ -303,6 +303,12 @@ def test_odd_numbers_in_meshes_are_refused(tmp_path: Path, text: str) -> None:
         read_mesh(tmp_path / "odd.obj")
 
 
+def test_text_of_any_alphabet_is_read(tmp_path: Path) -> None:
+    """Comments of older programs are not UTF-8."""
+    (tmp_path / "old.obj").write_bytes(b"# caf\xe9\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    assert len(read_mesh(tmp_path / "old.obj").triangles) == 1
+
+
 def test_a_mesh_reads_no_pipes(tmp_path: Path) -> None:
     """Materials are not looked at, and other files only if they are files beside the mesh."""
     os.mkfifo(tmp_path / "pipe.mtl")
