@@ -55,15 +55,13 @@ class Columns(NamedTuple):
 
 def columns_of(heights: FloatArray, spans: Spans) -> Columns:
     """Columns of a height map [X, Y] and of spans; those of a cell that overlap are one."""
-    merged = _merged(spans)
-    order = np.argsort(merged.cells, kind="stable")
-    cells = merged.cells[order]
+    cells, bottom, top = _merged(spans)
     _, first, counts = np.unique(cells, return_index=True, return_counts=True)
     rank = np.arange(len(cells)) - np.repeat(first, counts)
     size = 1 + int(counts.max(initial=0))
     low, high = np.full((size, heights.size), np.inf), np.full((size, heights.size), -np.inf)
     low[0], high[0] = -np.inf, heights.ravel()
-    low[rank + 1, cells], high[rank + 1, cells] = merged.low[order], merged.high[order]
+    low[rank + 1, cells], high[rank + 1, cells] = bottom, top
     return Columns(low.reshape(size, *heights.shape), high.reshape(size, *heights.shape))
 
 
@@ -118,7 +116,11 @@ def _thin(corners: FloatArray, axis: int, shape: tuple[int, int], matter: Spans)
     A wall that is no thicker than the margin is the surface of a solid, and a plate in fact.
     """
     edge = np.rint(corners[:, 0, axis])
-    on_edge = np.flatnonzero((np.abs(corners[..., axis] - edge[:, None]) <= MARGIN).all(axis=1))
+    between = (edge > 0) & (edge < shape[axis])  # nobody crosses the edge of the map
+    flat = (np.abs(corners[..., axis] - edge[:, None]) <= MARGIN).all(axis=1)
+    on_edge = np.flatnonzero(between & flat)
+    if not len(on_edge):
+        return NO_SPANS
     held: dict[int, list[tuple[float, float]]] = {}
     for cell, low, high in zip(*(part.tolist() for part in matter), strict=True):
         held.setdefault(cell, []).append((low, high))

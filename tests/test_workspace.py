@@ -378,3 +378,9 @@ def test_copies_of_problems_have_the_same_j(problem: Problem, quarters: int, mir
     assert other.violations == one.violations == ()
     assert len(other.conflicts) == len(one.conflicts)
     assert other.reward == pytest.approx(one.reward, rel=1e-6, abs=1e-6)
+
+
+def test_a_solid_that_touches_the_map_from_outside_leaves_its_cells_free() -> None:
+    """What only touches a cell does not block it, at the edge of the map as elsewhere."""
+    around = block((-1.0, 0.0, 0.0), (0.0, 5.0, 8.0)), block((0.0, 5.0, 0.0), (6.0, 6.0, 8.0))
+    assert free_places(Workspace(FLAT, around), Motion(layers=(3.0,))).all()
