@@ -9,16 +9,18 @@ from __future__ import annotations  # networkx graphs take type arguments in stu
 
 from collections.abc import Iterator
 from itertools import product
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import networkx as nx
 import numpy as np
+from numpy.typing import NDArray
 
 from cocap_opt.columns import Columns
-from cocap_opt.data import BoolArray, FloatArray
+from cocap_opt.data import BoolArray
 from cocap_opt.problem import AnyCamera, Motion, Problem, State
 from cocap_opt.workspace import Workspace
 
+T = TypeVar("T", bound=np.generic)
 Move = tuple[int, int, int]  # (layers, cells along x, cells along y)
 Place = tuple[int, int, int]  # (layer, x, y)
 Orientation = tuple[int, int]  # (heading, pitch)
@@ -54,15 +56,14 @@ def swept_cells(dx: int, dy: int) -> list[tuple[int, int]]:
     ]
 
 
-def allowed_starts(workspace: Workspace, motion: Motion, move: Move) -> BoolArray:
-    """Places [layer, X, Y] from which `move` is allowed.
+def allowed_starts(workspace: Workspace, free: BoolArray, motion: Motion, move: Move) -> BoolArray:
+    """Places [layer, X, Y] from which `move` is allowed, of those that are free.
 
     The cells that it passes must have nothing solid from the lower of its two altitudes to
     the higher, nor within the clearance of these. With corner cutting only the two ends count.
     """
     if motion.corner_cutting:
-        free = free_places(workspace, motion)
-        return free & (shifted(free.astype(float), move, 0.0) > 0)
+        return free & shifted(free, move, False)
     _, dx, dy = move
     columns, here = workspace.columns, workspace.height_map.altitudes(motion.layers)
     there = shifted(here, move, np.nan)
@@ -75,7 +76,7 @@ def allowed_starts(workspace: Workspace, motion: Motion, move: Move) -> BoolArra
     return allowed
 
 
-def shifted(values: FloatArray, move: Move, outside: float) -> FloatArray:
+def shifted(values: NDArray[T], move: Move, outside: float) -> NDArray[T]:
     """`values` [layer, X, Y] looked up at every place + `move`."""
     result = np.full_like(values, outside)
     source, target = [], []
@@ -92,7 +93,7 @@ def place_graph(workspace: Workspace, motion: Motion) -> Graph:
     _, width, depth = free.shape
     tails, heads = [], []
     for climb, dx, dy in moves(motion):
-        tails.append(np.flatnonzero(allowed_starts(workspace, motion, (climb, dx, dy))))
+        tails.append(np.flatnonzero(allowed_starts(workspace, free, motion, (climb, dx, dy))))
         heads.append(tails[-1] + (climb * width + dx) * depth + dy)
     tail, head = np.concatenate(tails), np.concatenate(heads)
     # There may be millions of edges: networkx takes them in half the time tail by tail, and in

@@ -10,7 +10,6 @@ from types import MappingProxyType
 
 import msgspec
 
-from cocap_opt.check import check
 from cocap_opt.io import problem_digest
 from cocap_opt.model import compiled
 from cocap_opt.plan import Plan
@@ -28,6 +27,7 @@ from experiments.report import (
     gap_row,
     hold_against,
     judge,
+    of_others,
     run_certified,
     run_planner,
     without_rules,
@@ -56,20 +56,14 @@ def gap_cell(
     rendered : J of each plan's rendered pixels is wanted, too
     given : plans of others by name, which get rows of their own; nobody says how long they took
     """
-    theirs = {name: _given(problem, name, plan) for name, plan in given.items()}
-    plans = theirs | plans_of(problem, seed, planners, planner_limits, folder, watch)
+    plans = {name: of_others(problem, plan) for name, plan in given.items()}
+    plans |= plans_of(problem, seed, planners, planner_limits, folder, watch)
     rows = rows_of(problem, seed, plans, bound_limits, folder, watch)
-    for row in rows[: len(theirs)]:
-        row["seconds"] = None
     if rendered:
         for row, (name, judged) in zip(rows, plans.items(), strict=True):
             watch.show(f"rendering the plan of {name}")
             row["reward_rendered"] = _rendered(problem, judged)
     return rows
-
-
-def _given(problem: Problem, name: str, plan: Plan) -> Judged[Result]:
-    return judge(name, problem, Result(plan, check(problem, plan).reward, Reason.FINISHED))
 
 
 def plans_of(

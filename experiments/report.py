@@ -76,6 +76,12 @@ def judge(name: str, problem: Problem, result: R) -> Judged[R]:
     return Judged(result, verdict)
 
 
+def of_others(problem: Problem, plan: Plan) -> Judged[Result]:
+    """A plan by others, judged; how long it took them, nobody says."""
+    verdict = check(problem, plan)
+    return Judged(Result(plan, verdict.reward, Reason.FINISHED, seconds=math.nan), verdict)
+
+
 def hold_against(name: str, reward: float, bound: float) -> None:
     """Refuse a bound that is below the J of a plan that obeys the rules, but for rounding."""
     if reward > bound + ROUNDING * abs(bound):
@@ -139,7 +145,7 @@ def plan_row(problem: Problem, seed: int, planner: str | None, judged: Judged[Re
         "gap": None,
         "reason": str(reason),
         "limit": str(result.limit),
-        "seconds": result.seconds,
+        "seconds": finite(result.seconds),
         "conflicts": judged.conflicts if judged.verdict else None,
         "message": "; ".join(messages),
     }

@@ -2,10 +2,10 @@
 
 import csv
 import math
-import os
 from pathlib import Path
 
 import pytest
+from others import DATA
 from strategies import tiny
 
 from cocap_opt.check import check
@@ -17,8 +17,6 @@ from experiments.commands import run
 from formulations import EXACT
 from scenarios import load_scene
 from scenarios.cameras import CAMERAS, with_camera, with_tilts
-
-DATA = Path(os.environ.get("COCAP_OPT_DATA", Path(__file__).parents[2] / "shared" / "data"))
 
 
 def test_angles_of_view_are_those_of_the_makers() -> None:

@@ -2,12 +2,12 @@
 
 import csv
 import math
-import os
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from others import DATA
 from test_readers import SEQUENCE, STARTS
 
 from cocap_opt.bonuses import bonuses_of
@@ -22,8 +22,6 @@ from cocap_opt.stop import never
 from experiments.cli import main
 from scenarios import greedy_perspectives, load_scene
 from scenarios.conventions import ALLOWED, FAITHFUL, OURS, OWN_STARTS, conventions_of
-
-DATA = Path(os.environ.get("COCAP_OPT_DATA", Path(__file__).parents[2] / "shared" / "data"))
 
 
 @pytest.fixture

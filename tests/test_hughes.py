@@ -3,12 +3,12 @@
 import csv
 import json
 import math
-import os
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from others import DATA
 from strategies import tiny
 
 from cocap_opt.bonuses import NO_BONUSES, bonuses_of
@@ -27,8 +27,6 @@ from cocap_opt.timegraph import time_graph
 from cocap_opt.views import make_views
 from formulations import EXACT
 from scenarios import hughes, load_scene, read_foreign_plan
-
-DATA = Path(os.environ.get("COCAP_OPT_DATA", Path(__file__).parents[2] / "shared" / "data"))
 
 
 def actor(x: float, y: float, yaw: float, weight: float = 1.0) -> dict[str, Any]:

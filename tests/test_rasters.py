@@ -1,7 +1,6 @@
 """Reading height maps from ESRI ASCII grids and GeoTIFF files."""
 
 import math
-import os
 import sys
 import warnings
 from collections.abc import Callable
@@ -13,6 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
+from others import DATA
 from strategies import examples
 
 from cocap_opt.data import ProblemError
@@ -21,7 +21,6 @@ from scenarios import _esri_ascii, _raster
 from scenarios.rasters import Raster, read_raster, sample
 from scenarios.resample import to_grid
 
-DATA = Path(os.environ.get("COCAP_OPT_DATA", Path(__file__).parents[2] / "shared" / "data"))
 # Two rows as files hold them, the northernmost first, and what they are with x first.
 ROWS = [[1.0, 2.0, 3.5], [4.0, 5.0, 6.0]]
 VALUES = np.array([[4.0, 1.0], [5.0, 2.0], [6.0, 3.5]])

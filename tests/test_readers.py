@@ -2,7 +2,6 @@
 
 import csv
 import math
-import os
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from others import DATA
 
 from cocap_opt.check import check
 from cocap_opt.data import FloatArray, ProblemError
@@ -20,8 +20,6 @@ from experiments.benchmarks.peers import differences
 from scenarios import greedy_perspectives, movingai
 from scenarios.conventions import OURS, OWN_STARTS
 from scenarios.greedy_perspectives import heading_index
-
-DATA = Path(os.environ.get("COCAP_OPT_DATA", Path(__file__).parents[2] / "shared" / "data"))
 
 SEQUENCE = """\
 planner:

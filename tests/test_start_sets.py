@@ -1,7 +1,6 @@
 """Planners over start sets with certified bounds, and Greedy Perspectives' own plan beside ours."""
 
 import csv
-import os
 import re
 import signal
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from hypothesis import given
+from others import DATA
 from strategies import examples, meetings
 from test_readers import SEQUENCE
 
@@ -27,7 +27,6 @@ from experiments.cli import main as cocap_opt
 from experiments.report import colliding, without_rules
 from scenarios import load_scene
 
-DATA = Path(os.environ.get("COCAP_OPT_DATA", Path(__file__).parents[2] / "shared" / "data"))
 # In both sets greedy planning sends both robots to one cell; in the first all planners differ.
 STARTS = "x,y,z,theta\n0,1,5,1.58\n4,2,5,3.95\n5,3,5,1.58\n3,3,5,2.37\n"
 ALIKE = SEQUENCE.replace("[1000, 400, 300], tilt: 1.2", "[2500, 4000, 3000], tilt: 1.4")

@@ -2,7 +2,6 @@
 
 import logging
 import math
-import os
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -11,13 +10,12 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from others import DATA
 from strategies import examples
 
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.problem import Cuboid, Prism, TriangulatedCuboid
 from scenarios.tracks import Track, actor, at_steps, headings, present, read_tracks
-
-DATA = Path(os.environ.get("COCAP_OPT_DATA", Path(__file__).parents[2] / "shared" / "data"))
 
 ROWS = [(1, 0, 100.0, 250.0), (1, 1, 112.5, 250.0), (2, 1, -30.0, 0.5), (2, 2, -30.0, 1.5)]
 HEADED = "id,frame,x,y\n1,0,1,2\n1,1,1,3\n"

@@ -11,11 +11,10 @@ from datetime import UTC, datetime
 from functools import cached_property
 from pathlib import Path
 
-from cocap_opt.check import check
 from cocap_opt.data import ProblemError
 from cocap_opt.io import FileError, problem_digest
 from cocap_opt.problem import Problem
-from cocap_opt.result import Reason, Result
+from cocap_opt.result import Result
 from cocap_opt.stop import FirstOf, Interrupt, Limit, TimeLimit, catch_interrupt
 from experiments.benchmarks.start_sets_table import (
     SetRun,
@@ -26,7 +25,7 @@ from experiments.benchmarks.tables import commit, read_csv
 from experiments.files import make_folder, read_plan, save_csv
 from experiments.gap_table import plans_of, rows_of, told_apart
 from experiments.progress import Watch, watching
-from experiments.report import BOUND_METHOD, Judged, Row
+from experiments.report import BOUND_METHOD, Judged, Row, of_others
 from experiments.streams import say
 from scenarios import SCENES, load_scene
 
@@ -144,13 +143,10 @@ def _peer(scene: str, problem: Problem) -> Peer:
     from scenarios.greedy_perspectives import read_reward
 
     _, plan = read_plan(_folder(scene) / PEER_PLAN, scene, problem)
-    verdict = check(problem, plan)
-    # How long it took them, the files do not say.
-    result = Result(plan, verdict.reward, Reason.FINISHED, seconds=math.nan)
     steps = slice(problem.first_step, None)
     reported = read_reward(_folder(scene) / PEER_REWARD, problem)
     return Peer(
-        Judged(result, verdict),
+        of_others(problem, plan),
         math.fsum(reported.as_reported[steps]),
         math.fsum(reported.own_tilt[steps]),
     )
@@ -189,7 +185,6 @@ def _row(cell: Cell, limit: float, row: Row) -> Row:
         row
         | cell.key
         | {
-            "seconds": None if peer else row["seconds"],
             "rows": cell.problem.horizon + 1 - cell.problem.first_step,
             "reported": peer and peer.reported,
             "reported_own_tilt": peer and peer.reported_own_tilt,
