@@ -25,8 +25,6 @@ from cocap_opt import (
     polygons,
     problem,
     projection,
-    sightlines,
-    survey,
     timegraph,
     views,
     visibility,
@@ -40,7 +38,7 @@ log = logging.getLogger(__name__)
 # All code that a coverage table depends on.
 _CODE = (
     data, polygons, columns, workspace, problem, motion, timegraph, coverage, faces, projection,
-    sightlines, survey, views, visibility,
+    views, visibility,
 )  # fmt: skip
 _DIGEST_BYTES = hashlib.sha256().digest_size
 

@@ -3,7 +3,10 @@
 Most states see nothing.
 """
 
+import os
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -57,42 +60,51 @@ def coverage_table(
     first_step: int,
     stop: Stop = never,
     progress: Callable[[int, int], None] = lambda done, total: None,
+    threads: int | None = None,
 ) -> tuple[CoverageTable | None, Limit]:
     """Evaluate all reachable states [T+1, S] from `first_step` on.
 
     Parameters
     ----------
     n_places : number of places, of which each has all orientations
+    threads : that work at once, all usable cores if not given; the table does not depend on it
 
     Returns
     -------
     The table, or None and the limit that was reached before it was whole.
     """
-    none = np.zeros(0, dtype=np.int64)
-    parts = [_Rows(none, none, none, np.zeros(0))]
     n_steps, n_states = reachable.shape
-    for t in range(first_step, n_steps):
-        states, size, found = np.flatnonzero(reachable[t]), views.batch(t), parts[:1]
-        # Those of one place share rays.
-        states = states[np.argsort(states % n_places, kind="stable")]
-        for start in range(0, len(states), size):
+    parts = [_NO_ROWS]
+    pool = ThreadPoolExecutor(threads or usable_cores())
+    try:
+        for t in range(first_step, n_steps):
             limit = stop()
             if limit is not Limit.NONE:
                 return None, limit
-            batch = states[start : start + size]
-            coverage = views.coverage(t, batch)
-            row, face = np.nonzero(coverage)
-            counts = np.bincount(row, minlength=len(batch))
-            seen = np.flatnonzero(counts)
-            groups = t * coverage.shape[1] + face
-            found.append(
-                _Rows(t * n_states + batch[seen], counts[seen], groups, coverage[row, face])
-            )
-        parts.append(_in_order(_joined(found)))
-        progress(t + 1, n_steps)
+            states, size = np.flatnonzero(reachable[t]), views.batch(t)
+            # Those of one place share rays.
+            states = states[np.argsort(states % n_places, kind="stable")]
+            batches = [states[start : start + size] for start in range(0, len(states), size)]
+            found = [_NO_ROWS]
+            for rows in pool.map(partial(_seen_by, views, t, n_states), batches):
+                found.append(rows)
+                limit = stop()
+                if limit is not Limit.NONE:
+                    return None, limit
+            parts.append(_in_order(_joined(found)))
+            progress(t + 1, n_steps)
+    finally:
+        pool.shutdown(cancel_futures=True)
     nodes, counts, groups, pixels = _joined(parts)
     indptr = np.concatenate([[0], np.cumsum(counts)])
     return CoverageTable(nodes=nodes, indptr=indptr, groups=groups, pixels=pixels), Limit.NONE
+
+
+def usable_cores() -> int:
+    """Number of processor cores that this process may run on."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 class _Rows(NamedTuple):
@@ -102,6 +114,20 @@ class _Rows(NamedTuple):
     counts: IntArray  # [n] entries of each
     groups: IntArray  # [nnz]
     pixels: FloatArray  # [nnz]
+
+
+_NONE = np.zeros(0, dtype=np.int64)
+_NO_ROWS = _Rows(_NONE, _NONE, _NONE, np.zeros(0))
+
+
+def _seen_by(views: Views, t: int, n_states: int, states: IntArray) -> _Rows:
+    """Rows of those of some states that see anything at step t."""
+    coverage = views.coverage(t, states)
+    row, face = np.nonzero(coverage)
+    counts = np.bincount(row, minlength=len(states))
+    seen = np.flatnonzero(counts)
+    groups = t * coverage.shape[1] + face
+    return _Rows(t * n_states + states[seen], counts[seen], groups, coverage[row, face])
 
 
 def _joined(parts: list[_Rows]) -> _Rows:

@@ -1,14 +1,14 @@
 """Where the faces of all actors are at every step, and what can hide them."""
 
+import math
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
-from cocap_opt.data import FloatArray, IntArray
-from cocap_opt.problem import Problem
+from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.problem import Problem, Shape
 from cocap_opt.projection import dot
-from cocap_opt.survey import Survey, ray_margin
 from cocap_opt.visibility import (
     Occluders,
     Samples,
@@ -17,13 +17,23 @@ from cocap_opt.visibility import (
     terrain_triangles,
 )
 
+MOST_PARTS = 2  # between points of an actor; with more it is looked at face by face
+DECIMALS = 9  # of m, in which points differ
+DRAWN_IN = 0.01  # of the way to the middle, so that no ray grazes the ground
+ROUNDING = 1e-6  # m, much more than that of coordinates
+
 
 class Bodies(NamedTuple):
-    """What the actors are inside of at one step."""
+    """The actors as wholes at one step.
+
+    Of most views of an actor nothing at all is hidden, or everything. A few rays to points all
+    over it tell: `samples` are its corners and the middles of its faces, and more if it is large.
+    """
 
     centres: FloatArray  # [A, 3] m
-    radii: FloatArray  # [A] m, of upright cylinders around them
-    reaches: FloatArray  # [A] m, of spheres around them
+    reaches: FloatArray  # [A] m, of spheres around them, rounding included
+    samples: Samples  # actor by actor
+    small: BoolArray  # [A] whether nothing that hides something fits between these points
 
 
 class Faces(NamedTuple):
@@ -51,35 +61,32 @@ class FaceGeometry:
     Attributes
     ----------
     origin : [3] m, of the coordinates in which rays are cast
-    margin : m, by which these rays may be off their way
     """
 
     def __init__(self, problem: Problem) -> None:
         self._problem = problem
+        parts = _parts(problem)
+        self._small = np.array(parts) <= MOST_PARTS
+        self._points = [
+            _points_all_over(actor.shape, min(n, MOST_PARTS))
+            for n, actor in zip(parts, problem.actors, strict=True)
+        ]
         width, depth = problem.height_map.shape
         # The local origin for the float32 rays: the middle of the map.
         x, y = problem.height_map.centre(width // 2, depth // 2)
         self.origin = np.array([x, y, float(np.median(problem.height_map.heights))])
-        self.margin = ray_margin(problem, self.origin)
         solid = [terrain_triangles(problem.height_map), *(mesh.corners for mesh in problem.meshes)]
         self._terrain = Occluders(np.concatenate(solid), self.origin)
         self.at = lru_cache(maxsize=None)(self._at)
-        self._surveys: dict[tuple[float, ...], Survey] = {}
-
-    def survey(self, layers: tuple[float, ...]) -> Survey:
-        """What is known without rays from these flight heights; one for all who ask."""
-        if layers not in self._surveys:
-            self._surveys[layers] = Survey(self._problem, layers, self.margin)
-        return self._surveys[layers]
 
     def _at(self, t: int) -> Faces:
-        polygons = []
-        for actor in self._problem.actors:
-            x, y, z, yaw = actor.poses[t].tolist()
-            c, s = np.cos(yaw), np.sin(yaw)
-            for face in actor.shape.faces():
-                turned = [face[:, 0] * c - face[:, 1] * s, face[:, 0] * s + face[:, 1] * c]
-                polygons.append(np.column_stack([*turned, face[:, 2]]) + np.array([x, y, z]))
+        poses = [actor.poses[t] for actor in self._problem.actors]
+        polygons = [
+            _placed(face, pose)
+            for actor, pose in zip(self._problem.actors, poses, strict=True)
+            for face in actor.shape.faces()
+        ]
+        wholes = [_placed(points, pose) for points, pose in zip(self._points, poses, strict=True)]
         size = max(map(len, polygons), default=3)
         doubled = [_doubled_area(polygon) for polygon in polygons]
         lengths = [float(np.sqrt(dot(vector, vector))) for vector in doubled]
@@ -98,12 +105,14 @@ class FaceGeometry:
             ).reshape(-1, 3),
             areas=np.array(lengths) / 2,
             centres=np.array([shares @ points for points, shares in samples]).reshape(-1, 3),
-            samples=Samples(
-                points=np.concatenate([np.empty((0, 3)), *(points for points, _ in samples)]),
-                shares=np.concatenate([np.empty(0), *(shares for _, shares in samples)]),
-                counts=np.array([len(points) for points, _ in samples], dtype=np.int64),
+            samples=_joined(samples),
+            bodies=Bodies(
+                *_spheres(padded, self._problem),
+                samples=_joined(
+                    [(points, np.ones(len(points)) / len(points)) for points in wholes]
+                ),
+                small=self._small,
             ),
-            bodies=_bodies(padded, self._problem),
             terrain=self._terrain,
             actors=Occluders(triangles, self.origin, owners),
             triangle_faces=triangle_faces,
@@ -117,14 +126,55 @@ def _doubled_area(polygon: FloatArray) -> FloatArray:
     return result
 
 
-def _bodies(polygons: FloatArray, problem: Problem) -> Bodies:
-    """Cylinders and spheres around the faces [F, V, 3] of each actor."""
+def _placed(points: FloatArray, pose: FloatArray) -> FloatArray:
+    """Points [n, 3] of an actor where it is in this pose [4]."""
+    x, y, z, yaw = pose.tolist()
+    c, s = np.cos(yaw), np.sin(yaw)
+    turned = [points[:, 0] * c - points[:, 1] * s, points[:, 0] * s + points[:, 1] * c]
+    result: FloatArray = np.column_stack([*turned, points[:, 2]]) + np.array([x, y, z])
+    return result
+
+
+def _joined(parts: list[tuple[FloatArray, FloatArray]]) -> Samples:
+    """Samples of some points [n, 3] and their shares [n]."""
+    return Samples(
+        points=np.concatenate([np.empty((0, 3)), *(points for points, _ in parts)]),
+        shares=np.concatenate([np.empty(0), *(shares for _, shares in parts)]),
+        counts=np.array([len(points) for points, _ in parts], dtype=np.int64),
+    )
+
+
+def _spheres(polygons: FloatArray, problem: Problem) -> tuple[FloatArray, FloatArray]:
+    """Middles [A, 3] and radii [A] of spheres around the faces [F, V, 3] of each actor."""
     actors = range(len(problem.actors))
     corners = [polygons[problem.face_owner == actor].reshape(-1, 3) for actor in actors]
     centres = np.array([(c.min(axis=0) + c.max(axis=0)) / 2 for c in corners]).reshape(-1, 3)
-    ways = [np.abs(c - centre) for c, centre in zip(corners, centres, strict=True)]
-    return Bodies(
-        centres=centres,
-        radii=np.array([np.hypot(way[:, 0], way[:, 1]).max() for way in ways]),
-        reaches=np.array([np.sqrt(dot(way, way)).max() for way in ways]),
-    )
+    ways = [c - centre for c, centre in zip(corners, centres, strict=True)]
+    return centres, np.array([np.sqrt(dot(way, way)).max() for way in ways]) + ROUNDING
+
+
+def _points_all_over(shape: Shape, parts: int) -> FloatArray:
+    """Points [n, 3] of a shape: corners and middles of faces, and such as divide what is between
+    two of them into so many parts; all drawn in a little."""
+    first, second = np.array([(i, j) for i in range(parts + 1) for j in range(parts + 1 - i)]).T
+    points = []
+    for face in shape.faces():
+        middle = face.mean(axis=0)
+        for a, b in zip(face - middle, np.roll(face, -1, axis=0) - middle, strict=True):
+            points.append(middle + (first[:, None] * a + second[:, None] * b) / parts)
+    different = np.unique(np.concatenate(points).round(DECIMALS), axis=0)
+    drawn_in: FloatArray = different + DRAWN_IN * (different.mean(axis=0) - different)
+    return drawn_in
+
+
+def _parts(problem: Problem) -> list[int]:
+    """Into how many parts what is between points of an actor has to be divided.
+
+    Half a horizontal edge is between two of them at most, as long as a cell is wide and as any
+    other actor: no column and nobody fits in between.
+    """
+    faces = [actor.shape.faces() for actor in problem.actors]
+    ends = [np.concatenate([np.diff(f, axis=0, append=f[:1]) for f in those]) for those in faces]
+    longest = np.array([np.hypot(edge[:, 0], edge[:, 1]).max() for edge in ends])
+    fits = min(problem.height_map.resolution, longest.min(initial=np.inf))
+    return [math.ceil(length / 2 / fits) for length in longest.tolist()]

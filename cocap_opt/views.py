@@ -18,26 +18,18 @@ from cocap_opt.projection import (
     image_area,
     image_samples,
 )
-from cocap_opt.sightlines import Known
 from cocap_opt.timegraph import TimeGraph
-from cocap_opt.visibility import rays_arrive, visible_share
+from cocap_opt.visibility import rays_arrive, seen_samples, seen_share, spans
 from cocap_opt.workspace import HeightMap
 
 # What is evaluated at once at most, so that limits are asked for every 0.3 s or more often.
 BATCH_STATES = 1024
-BATCH_RAYS = 400_000  # if all faces of all states were in view
+BATCH_RAYS = 1_600_000  # if all faces of all states were in view
 ON_THE_EDGE = 1e-9  # rad, by which an actor may be beyond the edge of a cone
 
 
 class Views(Protocol):
-    """Coverage of single states, evaluated on demand.
-
-    Attributes
-    ----------
-    evaluated : number of states evaluated so far
-    """
-
-    evaluated: int
+    """Coverage of single states, evaluated on demand, from several threads if need be."""
 
     def coverage(self, t: int, states: IntArray) -> FloatArray:
         """Coverage [n, F] in px/m2 of every face from each of the states [n] at step t."""
@@ -73,9 +65,10 @@ class PinholeViews:
 
         coverage = projected area, clipped to the image / area of the face x visible share
 
-    Sample points spread over a face say whether all or none of it is visible: that depends on
-    the camera's place only, not on where it looks. In between, and where the image cuts a face
-    that is not all visible, points spread over its image say how much.
+    What hides it depends on the camera's place only, not on where it looks. A few points of the
+    whole actor say first whether all or nothing of it is visible (`faces.Bodies`); where they
+    differ, points spread over the face say how much. Where the image cuts a face that is not all
+    visible, points spread over its image do.
     """
 
     def __init__(self, geometry: FaceGeometry, problem: Problem, graph: TimeGraph, camera: Camera):
@@ -88,12 +81,9 @@ class PinholeViews:
         self._n_faces = len(problem.face_weights)
         self._owners = problem.face_owner
         self._samples = problem.face_samples
-        self._survey = geometry.survey(graph.motion.layers)
-        self.evaluated = 0
 
     def coverage(self, t: int, states: IntArray) -> FloatArray:
         """Coverage [n, F] in px/m2 of every face from each of the states [n] at step t."""
-        self.evaluated += len(states)
         result = np.zeros((len(states), self._n_faces))
         if not self._n_faces:
             return result
@@ -101,7 +91,9 @@ class PinholeViews:
         orientation, place = np.divmod(states, self._graph.n_places)
         places, which = np.unique(place, return_inverse=True)
         eyes = eyes_at(self._map, self._graph, places)
-        known, in_view = self._in_view(faces, places, eyes, which, orientation)
+        in_view = self._in_view(faces, eyes[which], orientation)
+        open_to = self._share_of_actors(faces, eyes, which, in_view)
+        in_view &= open_to[which] > 0
         if not in_view.any():
             return result
         # A face turned away is not seen; the rest of the work is for those that are not.
@@ -115,44 +107,43 @@ class PinholeViews:
         seen = np.flatnonzero(area > 0)
         state, face, area, in_camera = state[seen], face[seen], area[seen], in_camera[seen]
         eye, share = which[state], np.ones(len(seen))
-        unsure = np.flatnonzero(~known.clear[eye, self._owners[face]])
-        share[unsure] = self._share_of_faces(faces, eyes, eye[unsure], face[unsure])
-        inside = (frustum_distances(in_camera[unsure], self._camera) >= 0).all(axis=(1, 2))
-        some = unsure[(share[unsure] < 1) & ((share[unsure] > 0) | ~inside)]
-        if len(some):
-            axes = self._axes[orientation[state[some]]]
-            share[some] = self._share_in_image(
-                faces, in_camera[some], eyes[eye[some]], axes, face[some]
+        unsure = np.flatnonzero(open_to[eye, self._owners[face]] < 1)
+        if len(unsure):
+            looks = orientation[state[unsure]]
+            share[unsure] = self._share_of_faces(
+                faces, in_camera[unsure], eyes, eye[unsure], looks, face[unsure]
             )
         result[state, face] = area * share / faces.areas[face]
         return result
 
-    def _in_view(
-        self,
-        faces: Faces,
-        places: IntArray,
-        eyes: FloatArray,
-        which: IntArray,
-        orientation: IntArray,
-    ) -> tuple[Known, BoolArray]:
-        """What is known of actors from places [m], and which states [n] may see which [n, A].
+    def _in_view(self, faces: Faces, eyes: FloatArray, orientation: IntArray) -> BoolArray:
+        """Which actors may be in the images of cameras [n, A] at eyes [n, 3]."""
+        bodies = faces.bodies
+        u, v, depth = self._in_camera(bodies.centres - eyes[:, None], orientation)
+        in_view = np.ones(u.shape, dtype=bool)
+        for size, off in ((self._camera.width, u), (self._camera.height, v)):
+            slope = size / 2 / self._camera.focal
+            in_view &= slope * depth - np.abs(off) >= -bodies.reaches * math.hypot(1.0, slope)
+        return in_view
+
+    def _share_of_actors(
+        self, faces: Faces, eyes: FloatArray, which: IntArray, in_view: BoolArray
+    ) -> FloatArray:
+        """Visible share [m, A] of some points of actors from eyes [m, 3], of those in view.
 
         Parameters
         ----------
-        eyes : [m, 3] m, the cameras in these places
-        which, orientation : [n] of each state, the number of its place and its orientation
+        which : [n] number of each state's eye
+        in_view : [n, A] of each state
         """
-        bodies = faces.bodies
-        ways = bodies.centres - eyes[:, None]
-        self._survey.ask(len(which) * len(bodies.centres))
-        known = self._survey.known(self._graph.coordinates(places), ways[..., :2], bodies.radii)
-        u, v, depth = self._in_camera(ways[which], orientation)
-        reach = bodies.reaches + self._geometry.margin  # much more than rounding
-        in_view = ~known.hidden[which]
-        for size, off in ((self._camera.width, u), (self._camera.height, v)):
-            slope = size / 2 / self._camera.focal
-            in_view &= slope * depth - np.abs(off) >= -reach * math.hypot(1.0, slope)
-        return known, in_view
+        bodies, share = faces.bodies, np.zeros((len(eyes), in_view.shape[1]))
+        state, actor = np.nonzero(in_view)
+        share[which[state], actor] = 0.5  # of a large one these points say little
+        eye, target = np.nonzero((share > 0) & bodies.small)
+        actors = np.arange(in_view.shape[1])
+        seen = seen_samples(faces.occluders, eyes[eye], bodies.samples, target, actors)
+        share[eye, target] = seen_share(bodies.samples, target, seen)
+        return share
 
     def _in_camera(self, points: FloatArray, orientation: IntArray) -> list[FloatArray]:
         """How far [n, k] points [n, k, 3], from the camera, are to the right, up and forward."""
@@ -160,17 +151,46 @@ class PinholeViews:
         return [dot(points, axes[:, :, k]) for k in range(3)]
 
     def _share_of_faces(
-        self, faces: Faces, eyes: FloatArray, eye: IntArray, face: IntArray
+        self,
+        faces: Faces,
+        polygons: FloatArray,
+        eyes: FloatArray,
+        eye: IntArray,
+        orientation: IntArray,
+        face: IntArray,
     ) -> FloatArray:
-        """Visible share [n] of faces from eyes, both by number; equal pairs share their rays."""
-        share = np.zeros((len(eyes), self._n_faces))
-        share[eye, face] = 1.0
-        one, target = np.nonzero(share)
-        share[one, target] = visible_share(
-            faces.occluders, eyes[one], faces.samples, target, self._owners
-        )
-        result: FloatArray = share[eye, face]
-        return result
+        """Visible share [n] of the images of faces.
+
+        Parameters
+        ----------
+        polygons : [n, V, 3] m, the faces in camera coordinates
+        eyes : [m, 3] m, where cameras are
+        eye, orientation, face : [n] numbers of each one's eye, of how it looks and at what
+        """
+        # Those who look from one place share their rays.
+        pair, which = np.unique(eye * self._n_faces + face, return_inverse=True)
+        one, target = np.divmod(pair, self._n_faces)
+        seen = seen_samples(faces.occluders, eyes[one], faces.samples, target, self._owners)
+        share = seen_share(faces.samples, target, seen)[which]
+        inside = (frustum_distances(polygons, self._camera) >= 0).all(axis=(1, 2))
+        axes = self._axes[orientation]
+        some = np.flatnonzero((share > 0) & (share < 1) & inside)
+        if len(some):
+            at, point = faces.samples.of(face[some])
+            ways = faces.samples.points[point] - eyes[eye[some]][at]
+            # The image of a piece of a plane goes with the inverse cube of its depth.
+            depth = dot(ways, axes[some][at, 2])
+            weight = faces.samples.shares[point] / (depth * depth * depth)
+            counts = faces.samples.counts[target]
+            ray = spans((np.cumsum(counts) - counts)[which[some]], counts[which[some]])
+            whole = np.bincount(at, weights=weight)
+            share[some] = np.bincount(at, weights=weight * seen[ray]) / whole
+        cut = np.flatnonzero((share < 1) & ~inside)
+        if len(cut):
+            share[cut] = self._share_in_image(
+                faces, polygons[cut], eyes[eye[cut]], axes[cut], face[cut]
+            )
+        return share
 
     def _share_in_image(
         self, faces: Faces, polygons: FloatArray, eyes: FloatArray, axes: FloatArray, of: IntArray
@@ -207,11 +227,9 @@ class ConeViews:
         self._problem = problem
         self._graph = graph
         self._cone = cone
-        self.evaluated = 0
 
     def coverage(self, t: int, states: IntArray) -> FloatArray:
         """Coverage [n, F] in 1/m2 of every face from each of the states [n] at step t."""
-        self.evaluated += len(states)
         faces, owners = self._geometry.at(t), self._problem.face_owner
         if not len(owners):
             return np.zeros((len(states), 0))

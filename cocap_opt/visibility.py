@@ -124,6 +124,8 @@ class Occluders:
         if len(triangles):
             self._scene = EmbreeScene(_device(), robust=True)
             TriangleMesh(self._scene, (triangles - origin).astype(np.float32))
+            # Builds the scene now: with the first ray threads would do so at the same time.
+            self.first_hit(origin[None], np.array([[0.0, 0.0, 1.0]]))
 
     def first_hit(self, eyes: FloatArray, ways: FloatArray) -> tuple[FloatArray, IntArray]:
         """Distance in m at which rays first meet something, and which triangle.
@@ -164,11 +166,16 @@ class Occluders:
 
 
 class Samples(NamedTuple):
-    """Sample points of all faces, face by face."""
+    """Sample points of all faces, or of other things, one after the other."""
 
     points: FloatArray  # [M, 3] m
     shares: FloatArray  # [M] share of its face's area that each point stands for
     counts: IntArray  # [F] number of points of each face
+
+    def of(self, faces: IntArray) -> tuple[IntArray, IntArray]:
+        """Points of faces [n], one after the other: which of the faces, and which point."""
+        counts, first = self.counts[faces], np.cumsum(self.counts) - self.counts
+        return np.repeat(np.arange(len(faces)), counts), spans(first[faces], counts)
 
 
 def spans(first: IntArray, counts: IntArray) -> IntArray:
@@ -178,14 +185,14 @@ def spans(first: IntArray, counts: IntArray) -> IntArray:
     return result
 
 
-def visible_share(
+def seen_samples(
     occluders: list[Occluders],
     eyes: FloatArray,
     samples: Samples,
     faces: IntArray,
     owners: IntArray,
-) -> FloatArray:
-    """Share of each face's area that is seen from each eye [n].
+) -> BoolArray:
+    """Which sample points of faces [n] are seen, one after the other as `Samples.of` has them.
 
     Parameters
     ----------
@@ -195,28 +202,20 @@ def visible_share(
     """
     parts = np.cumsum(samples.counts[faces]) // RAYS
     cuts = np.flatnonzero(np.diff(parts)) + 1
-    seen = [
-        _visible_share(occluders, eyes[at], samples, faces[at], owners)
-        for at in np.split(np.arange(len(faces)), cuts)
-    ]
+    seen = [np.zeros(0, dtype=bool)]
+    for at in np.split(np.arange(len(faces)), cuts):
+        pair, point = samples.of(faces[at])
+        eye, owner = eyes[at][pair], owners[faces[at]][pair]
+        seen.append(rays_arrive(occluders, eye, samples.points[point], owner))
     return np.concatenate(seen)
 
 
-def _visible_share(
-    occluders: list[Occluders],
-    eyes: FloatArray,
-    samples: Samples,
-    faces: IntArray,
-    owners: IntArray,
-) -> FloatArray:
-    # One ray for each sample point of each pair, pair by pair.
-    counts, first = samples.counts[faces], np.cumsum(samples.counts) - samples.counts
-    pair = np.repeat(np.arange(len(faces)), counts)
-    point = spans(first[faces], counts)
-    arrives = rays_arrive(occluders, eyes[pair], samples.points[point], owners[faces[pair]])
+def seen_share(samples: Samples, faces: IntArray, seen: BoolArray) -> FloatArray:
+    """Share of the area of faces [n] that is seen, given which of their sample points are."""
+    pair, point = samples.of(faces)
     # It adds up in this order, so that the result does not depend on n.
-    seen = np.bincount(pair, weights=arrives * samples.shares[point], minlength=len(faces))
-    return np.where(seen < 1 - ALL, seen, 1.0)
+    share = np.bincount(pair, weights=seen * samples.shares[point], minlength=len(faces))
+    return np.where(share < 1 - ALL, share, 1.0)
 
 
 def rays_arrive(

@@ -84,9 +84,10 @@ def hover(model: Model, robot: int) -> SingleRobotPath:
     if group.goal not in (None, (start.x, start.y)):
         return SingleRobotPath(None, pixels, 0)
     views, state = model.views(group), np.array([model.start(robot)])
-    for t in range(problem.first_step, problem.horizon + 1):
+    steps = range(problem.first_step, problem.horizon + 1)
+    for t in steps:
         pixels[problem.groups_at(t)] += views.coverage(t, state)[0]
-    return SingleRobotPath((model.start(robot),) * (problem.horizon + 1), pixels, views.evaluated)
+    return SingleRobotPath((model.start(robot),) * (problem.horizon + 1), pixels, len(steps))
 
 
 def remark(problem: Problem) -> str:

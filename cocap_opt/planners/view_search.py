@@ -37,7 +37,7 @@ class LazyCoverage:
     @property
     def evaluated(self) -> int:
         """Number of states evaluated so far."""
-        return self._views.evaluated
+        return len(self._known)
 
     def __call__(self, t: int, states: IntArray) -> FloatArray:
         """Coverage [n, F] in px/m2 of states [n] at step t."""

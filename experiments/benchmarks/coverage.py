@@ -1,13 +1,14 @@
-"""What views cost: coverage of all that robots can reach in a town of 120 x 120 cells.
+"""What views cost: coverage of all that robots can reach on maps of 120 x 120 cells.
 
-Each row is measured in a process of its own, on one thread and without the cache. The last
-columns are what a state costs that is asked for alone, or with few others, as in a search.
+Each row is measured in a process of its own and without the cache, on all cores that it may use
+(`taskset -c 0` leaves it one). The last columns are what a state costs that is asked for alone,
+or with few others, as in a search.
 """
 
 import multiprocessing
 import resource
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
@@ -17,6 +18,7 @@ import numpy as np
 
 from cocap_opt.data import BoolArray
 from cocap_opt.model import Model, RobotClass
+from cocap_opt.problem import Problem
 from experiments.benchmarks.runs import BYTES, Build, one_thread
 from experiments.benchmarks.town import town
 from experiments.files import make_folder, save_csv
@@ -28,10 +30,43 @@ from scenarios.field import field
 CELLS, ACTORS, STEPS, SEED = 120, 6, 60, 0
 AT_ONCE = 1, 10, 100  # states of near places
 REPEATS = 200
-SCENES = {
-    "town, 1 m": partial(town, cells=CELLS, resolution=1.0),
-    "town, 2.5 m": partial(town, cells=CELLS, resolution=2.5),
-    "field, 1 m": partial(field, cells=CELLS),
+ABOVE_ROOFS = 25.0  # m
+HILL, WIDE, ROUGH = 8.0, 90.0, 0.3  # m: how high hills are, how wide, and how rough the ground is
+
+
+def above_roofs(problem: Problem) -> Problem:
+    """The same scene with all drones higher than everything."""
+    flights = [robot.motion.replace(layers=(ABOVE_ROOFS,)) for robot in problem.robots]
+    robots = zip(problem.robots, flights, strict=True)
+    return problem.replace(robots=tuple(r.replace(motion=motion) for r, motion in robots))
+
+
+def on_hills(problem: Problem) -> Problem:
+    """The same scene on hills; people stand on them, and drones keep their height above them."""
+    flat, rng = problem.height_map, np.random.default_rng(SEED)
+    x, y = np.indices(flat.shape) * (2 * np.pi * flat.resolution / WIDE)
+    ground = HILL * np.sin(x) * np.cos(y) + ROUGH * rng.random(flat.shape)
+    actors = []
+    for actor in problem.actors:
+        cells = np.floor(actor.poses[:, :2] / flat.resolution).astype(np.int64)
+        poses = actor.poses.copy()
+        poses[:, 2] = ground[tuple(np.clip(cells, 0, np.array(flat.shape) - 1).T)]
+        actors.append(actor.replace(poses=poses))
+    hilly = flat.replace(heights=flat.heights + ground, datum=ground)
+    return problem.replace(height_map=hilly, actors=tuple(actors))
+
+
+def _as_it_is(problem: Problem) -> Problem:
+    return problem
+
+
+SCENES: dict[str, tuple[Callable[..., Problem], Callable[[Problem], Problem]]] = {
+    "town, 1 m": (partial(town, cells=CELLS, resolution=1.0), _as_it_is),
+    "town, 2.5 m": (partial(town, cells=CELLS, resolution=2.5), _as_it_is),
+    "town, 1 m, from above": (partial(town, cells=CELLS, resolution=1.0), above_roofs),
+    "town, 1 m, on hills": (partial(town, cells=CELLS, resolution=1.0), on_hills),
+    "field, 1 m": (partial(field, cells=CELLS), _as_it_is),
+    "field, 1 m, from above": (partial(field, cells=CELLS), above_roofs),
 }
 
 
@@ -39,38 +74,40 @@ def coverage(robots: Sequence[int], steps: int = STEPS, out: Path | None = None)
     """Measure, print, and write the table (coverage.csv)."""
     make_folder(out)
     rows: list[Row] = []
-    for scene, make in SCENES.items():
+    for scene, (make, change) in SCENES.items():
         for count in robots:
             build = partial(make, seed=SEED, robots=count, actors=ACTORS, steps=steps)
             context = multiprocessing.get_context("spawn")
             with one_thread(), ProcessPoolExecutor(1, mp_context=context) as process:
-                rows.append({"scene": scene, "robots": count} | process.submit(row, build).result())
+                measured = process.submit(row, build, change).result()
+            rows.append({"scene": scene, "robots": count} | measured)
             say(f"{scene}, {count} robots: {rows[-1]['seconds']:.1f} s")
             if out is not None:
                 save_csv(out / "coverage.csv", rows)
     print_table(f"coverage, {ACTORS} actors, {steps} steps (us: of one state)", rows)
 
 
-def row(build: Build) -> Row:
+def row(build: Build, change: Callable[[Problem], Problem]) -> Row:
     """Compute the coverage of a problem with one class of robots, and say what it took."""
-    problem = build()
+    problem = change(build())
     model = Model(problem, use_cache=False)
     (group,) = model.classes
     reachable = model.reachable(group)
     first = problem.first_step
     states = int(reachable[first:].sum())
-    begin = time.process_time()
+    begin, processor = time.perf_counter(), time.process_time()
     table = model.coverage(group)
-    seconds = time.process_time() - begin
+    seconds, processor = time.perf_counter() - begin, time.process_time() - processor
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * BYTES / 1e9
     return {
         "seconds": seconds,
+        "processor (s)": processor,
         "peak (GB)": peak,
         "states": states,
         "seen (%)": 100 * len(table.nodes) / states,
         "entries": len(table.pixels),
         "table (MB)": sum(part.nbytes for part in table) / 1e6,
-        "us": 1e6 * seconds / states,
+        "us": 1e6 * processor / states,
         **{f"us, by {n}": _microseconds(Model(problem), group, reachable, n) for n in AT_ONCE},
     }
 
