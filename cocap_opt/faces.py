@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.problem import Problem, Shape
 from cocap_opt.projection import dot
 from cocap_opt.visibility import (
@@ -17,7 +17,6 @@ from cocap_opt.visibility import (
     terrain_triangles,
 )
 
-MOST_PARTS = 2  # between points of an actor; with more it is looked at face by face
 DECIMALS = 9  # of m, in which points differ
 DRAWN_IN = 0.01  # of the way to the middle, so that no ray grazes the ground
 ROUNDING = 1e-6  # m, much more than that of coordinates
@@ -33,7 +32,6 @@ class Bodies(NamedTuple):
     centres: FloatArray  # [A, 3] m
     reaches: FloatArray  # [A] m, of spheres around them, rounding included
     samples: Samples  # actor by actor
-    small: BoolArray  # [A] whether nothing that hides something fits between these points
 
 
 class Faces(NamedTuple):
@@ -65,12 +63,8 @@ class FaceGeometry:
 
     def __init__(self, problem: Problem) -> None:
         self._problem = problem
-        parts = _parts(problem)
-        self._small = np.array(parts) <= MOST_PARTS
-        self._points = [
-            _points_all_over(actor.shape, min(n, MOST_PARTS))
-            for n, actor in zip(parts, problem.actors, strict=True)
-        ]
+        shapes = [actor.shape for actor in problem.actors]
+        self._points = list(map(_points_all_over, shapes, _parts(problem)))
         width, depth = problem.height_map.shape
         # The local origin for the float32 rays: the middle of the map.
         x, y = problem.height_map.centre(width // 2, depth // 2)
@@ -106,13 +100,7 @@ class FaceGeometry:
             areas=np.array(lengths) / 2,
             centres=np.array([shares @ points for points, shares in samples]).reshape(-1, 3),
             samples=_joined(samples),
-            bodies=Bodies(
-                *_spheres(padded, self._problem),
-                samples=_joined(
-                    [(points, np.ones(len(points)) / len(points)) for points in wholes]
-                ),
-                small=self._small,
-            ),
+            bodies=Bodies(*_spheres(padded, self._problem), _evenly(wholes)),
             terrain=self._terrain,
             actors=Occluders(triangles, self.origin, owners),
             triangle_faces=triangle_faces,
@@ -133,6 +121,11 @@ def _placed(points: FloatArray, pose: FloatArray) -> FloatArray:
     turned = [points[:, 0] * c - points[:, 1] * s, points[:, 0] * s + points[:, 1] * c]
     result: FloatArray = np.column_stack([*turned, points[:, 2]]) + np.array([x, y, z])
     return result
+
+
+def _evenly(parts: list[FloatArray]) -> Samples:
+    """Samples of points [n, 3] of several things, of which all of one thing count the same."""
+    return _joined([(points, np.full(len(points), 1 / len(points))) for points in parts])
 
 
 def _joined(parts: list[tuple[FloatArray, FloatArray]]) -> Samples:
@@ -170,11 +163,11 @@ def _points_all_over(shape: Shape, parts: int) -> FloatArray:
 def _parts(problem: Problem) -> list[int]:
     """Into how many parts what is between points of an actor has to be divided.
 
-    Half a horizontal edge is between two of them at most, as long as a cell is wide and as any
-    other actor: no column and nobody fits in between.
+    Half a horizontal edge is between two points. If a part of it is no longer than a cell and
+    than any other actor, no column and nobody fits in between. No more parts than faces have.
     """
     faces = [actor.shape.faces() for actor in problem.actors]
     ends = [np.concatenate([np.diff(f, axis=0, append=f[:1]) for f in those]) for those in faces]
     longest = np.array([np.hypot(edge[:, 0], edge[:, 1]).max() for edge in ends])
     fits = min(problem.height_map.resolution, longest.min(initial=np.inf))
-    return [math.ceil(length / 2 / fits) for length in longest.tolist()]
+    return [min(math.ceil(edge / 2 / fits), problem.face_samples) for edge in longest.tolist()]

@@ -138,8 +138,8 @@ class PinholeViews:
         """
         bodies, share = faces.bodies, np.zeros((len(eyes), in_view.shape[1]))
         state, actor = np.nonzero(in_view)
-        share[which[state], actor] = 0.5  # of a large one these points say little
-        eye, target = np.nonzero((share > 0) & bodies.small)
+        share[which[state], actor] = 1.0
+        eye, target = np.nonzero(share)
         actors = np.arange(in_view.shape[1])
         seen = seen_samples(faces.occluders, eyes[eye], bodies.samples, target, actors)
         share[eye, target] = seen_share(bodies.samples, target, seen)
