@@ -33,12 +33,28 @@ def test_a_town_is_what_it_says(resolution: float) -> None:
 
 def test_the_command_measures_coverage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each row is measured in its own process; the file has what was promised."""
-    small = {"small": partial(town, cells=24, resolution=2.5)}
+    build = partial(town, cells=24, resolution=2.5)
+    changes = {"above": coverage_module.above_roofs, "hills": coverage_module.on_hills}
+    small = {name: (build, change) for name, change in changes.items()}
     monkeypatch.setattr(coverage_module, "SCENES", small)
     monkeypatch.setattr(coverage_module, "ACTORS", 2)
     assert main(["coverage", "--robots", "2", "--steps", "2", "--out", str(tmp_path)]) == 0
     with (tmp_path / "coverage.csv").open(encoding="utf-8", newline="") as file:
-        (row,) = csv.DictReader(file)
-    assert int(row["states"]) > 0
-    assert 0 <= float(row["seen (%)"]) <= 100
-    assert all(float(row[key]) > 0 for key in ("seconds", "peak (GB)", "us", "us, by 1"))
+        rows = list(csv.DictReader(file))
+    assert [row["scene"] for row in rows] == [*small]
+    for row in rows:
+        assert int(row["states"]) > 0
+        assert 0 <= float(row["seen (%)"]) <= 100
+        assert all(float(row[key]) > 0 for key in ("processor (s)", "peak (GB)", "us", "us, by 1"))
+
+
+def test_on_hills_people_stand_on_the_ground() -> None:
+    """Houses and flight heights rise with the ground, and so do people."""
+    flat = town(0, robots=1, actors=2, cells=24, steps=3, resolution=2.5)
+    hilly = coverage_module.on_hills(flat)
+    ground = hilly.height_map.datum
+    assert ground is not None and np.ptp(ground) > coverage_module.HILL
+    assert hilly.height_map.heights - ground == pytest.approx(flat.height_map.heights)
+    for actor in hilly.actors:
+        for x, y, z, _ in actor.poses.tolist():
+            assert z == ground[hilly.height_map.cell_of(x, y)]
