@@ -19,7 +19,7 @@ from cocap_opt.io import FileError, PlanFile, save_problem
 from cocap_opt.plan import Plan
 from cocap_opt.problem import Problem
 from cocap_opt.result import Reason, UnsupportedError
-from cocap_opt.stop import FirstOf, Limit, Stop, TimeLimit, catch_interrupt
+from cocap_opt.stop import FirstOf, Stop, TimeLimit, catch_interrupt
 from experiments.claims import conclude, reward_parts, verify_bound, verify_plan
 from experiments.files import (
     check_output,
@@ -27,11 +27,10 @@ from experiments.files import (
     plan_file,
     read_claim,
     read_plan,
-    save_csv,
     save_together,
     write,
 )
-from experiments.gap_table import gap_cell, told_apart
+from experiments.gap_table import told_apart
 from experiments.numbers import LARGEST, numbers, values
 from experiments.printing import path_text, print_gap_table, print_json, print_result, print_table
 from experiments.progress import watching
@@ -48,6 +47,10 @@ from experiments.report import (
     without_rules,
 )
 from experiments.streams import say
+from experiments.sweeps.cells import Store
+from experiments.sweeps.crew import ClusterError
+from experiments.sweeps.run import Group, Settings
+from experiments.sweeps.sweep import PARTS, Hired, sweep
 from formulations import BOUNDS, EXACT
 from formulations.certificate import CertificateFile
 from formulations.proof import ProofFile
@@ -352,13 +355,27 @@ def gap_table(
         list[Path] | None,
         Parameter(negative="", help="may be repeated; a file whose plan gets a row, too"),
     ] = None,
+    workers: Annotated[
+        int | None, Parameter(help="processes, each on a core of its own; this one if not given")
+    ] = None,
+    scheduler: Annotated[
+        str | None, Parameter(help="address of a dask scheduler, whose workers are used")
+    ] = None,
+    cell_limit: Annotated[
+        float | None,
+        Parameter(help="seconds after which a worker gives a planner or a bound up"),
+    ] = None,
+    retry: Annotated[
+        bool, Parameter(negative="", help="try again what has failed in the folder of --out")
+    ] = False,
     json: Json = False,
 ) -> int:
     """Print the gap table: every planner's J against the best certified bound.
 
     gap is to the bound under the scene's rules, gap_free to that without any rules.
+    What is in the folder of --out already is not computed again.
 
-    Example: cocap-opt gap corridor bottleneck --seeds 0-9 --out results
+    Example: cocap-opt gap corridor bottleneck --seeds 0-99 --workers 2 --out results
     """
     if not scene:
         raise UsageError("SCENE: name at least one scene; `cocap-opt scenes` lists them")
@@ -381,24 +398,14 @@ def gap_table(
             raise FileError(f"{path}: starts elsewhere than the plans before it")
         about = OWN_STARTS if problem is not problems[cells[0]] else about
         problems[cells[0]], given[path_text(path)] = problem, shown
-    make_folder(out, "certificates", "plans")
-    rows: list[Row] = []
-    with catch_interrupt() as interrupt, watching("gap", parts=len(cells)) as watch:
-        for name, seed in cells:
-            problem = problems[name, seed]
-            watch.begin(f"{problem.name} seed {seed}")
-            rows += gap_cell(
-                problem, seed, planner or default_planners(problem),
-                lambda: FirstOf(interrupt, TimeLimit(time_limit)),
-                lambda: FirstOf(interrupt, TimeLimit(bound_limit)),
-                out, watch, rendered, given,
-            )  # fmt: skip
-            rows = [row | about for row in rows]
-            if out is not None:
-                save_csv(out / "results.csv", rows)
-            watch.finish()
-            if interrupt() is not Limit.NONE:
-                break
+    make_folder(out, *PARTS)
+    settings = Settings(limit=time_limit, bound_limit=bound_limit, rendered=rendered)
+    groups = [
+        Group(problems[cell], cell[1], planner or default_planners(problems[cell]), settings, given)
+        for cell in cells
+    ]
+    hired = Hired(workers, scheduler, cell_limit or 10 * (time_limit + bound_limit) + 600)
+    rows = sweep(groups, Store(out, retry), out, hired, about)
     if json:
         print_json({"rows": rows})
     else:
@@ -603,7 +610,7 @@ def run(arguments: Sequence[str] | None) -> int:
     _log_to_stderr()
     try:
         code = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
-    except (CycloptsError, UsageError, FileError, ProblemError) as error:
+    except (CycloptsError, UsageError, FileError, ProblemError, ClusterError) as error:
         say(str(error))
         return 2
     except MemoryError:

@@ -45,13 +45,18 @@ def save_together(contents: Mapping[Path, msgspec.Struct]) -> None:
     write(" and ".join(map(str, contents)), lambda: write_together(encoded))
 
 
+def save_bytes(path: Path, content: bytes) -> None:
+    """Write a file whole or not at all."""
+    write(path, lambda: write_atomically(path, content))
+
+
 def save_csv(path: Path, rows: Sequence[Row]) -> None:
     """Write rows that all have the keys of the first as CSV."""
     text = io.StringIO(newline="")
     writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
     writer.writeheader()
     writer.writerows(rows)
-    write(path, lambda: write_atomically(path, text.getvalue().encode()))
+    save_bytes(path, text.getvalue().encode())
 
 
 def plan_file(problem: Problem, planner: str, judged: Judged[Result]) -> PlanFile | None:
@@ -104,11 +109,22 @@ def read_claim(path: Path, problem: Problem) -> PlanFile | CertificateFile | Pro
     foreign = read_foreign_plan(path, problem)
     if foreign is not None:
         return foreign
-    content = read_bytes(path)
-    kind = KINDS.get(decode(content, Header, str(path)).format)
+    return _decode_any(read_bytes(path), str(path))
+
+
+def decode_certificate(content: bytes, name: str) -> CertificateFile | ProofFile:
+    """A certificate or a proof from its file's content."""
+    found = _decode_any(content, name)
+    if isinstance(found, PlanFile):
+        raise FileError(f"{name}: must be a certificate or a proof, not a plan")
+    return found
+
+
+def _decode_any(content: bytes, name: str) -> PlanFile | CertificateFile | ProofFile:
+    kind = KINDS.get(decode(content, Header, name).format)
     if kind is None:
-        raise FileError(f"{path}: format: must be one of {', '.join(KINDS)}")
-    return decode(content, kind, str(path))
+        raise FileError(f"{name}: format: must be one of {', '.join(KINDS)}")
+    return decode(content, kind, name)
 
 
 def read_plan(path: Path, scene: str, problem: Problem) -> tuple[Problem, Plan]:

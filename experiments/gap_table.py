@@ -24,10 +24,12 @@ from experiments.report import (
     Bounded,
     Judged,
     Row,
+    bound_part,
     gap_row,
     hold_against,
     judge,
     of_others,
+    planner_part,
     run_certified,
     run_planner,
     without_rules,
@@ -62,7 +64,7 @@ def gap_cell(
     if rendered:
         for row, (name, judged) in zip(rows, plans.items(), strict=True):
             watch.show(f"rendering the plan of {name}")
-            row["reward_rendered"] = _rendered(problem, judged)
+            row["reward_rendered"] = rendered_j(problem, judged)
     return rows
 
 
@@ -84,7 +86,7 @@ def plans_of(
         plans[name] = judged = run_planner(problem, name, limits())
         content = plan_file(problem, name, judged)
         if folder is not None and content is not None:
-            save(folder / f"plans/{_stem(problem, seed)}-{name}.json", content)
+            save(folder / f"plans/{stem_of(problem, seed)}-{name}.json", content)
     return plans
 
 
@@ -98,19 +100,19 @@ def rows_of(
 ) -> list[Row]:
     """Rows of plans, by whomever they are, against what bounds them all."""
     under, free = bounds_of(problem, list(plans.values()), limits, watch)
-    stem = _stem(problem, seed)
+    stem = stem_of(problem, seed)
     bounded = Bounded(under, _save_certificate(folder, stem, under.result))
     if free is under:
         bounded_free = bounded
     else:
         bounded_free = Bounded(free, _save_certificate(folder, f"{stem}-free", free.result))
+    bound = bound_part(bounded, bounded_free)
     return [
-        gap_row(problem, seed, name, judged, bounded, bounded_free)
-        for name, judged in plans.items()
+        gap_row(planner_part(problem, seed, name, judged), bound) for name, judged in plans.items()
     ]
 
 
-def _rendered(problem: Problem, judged: Judged[Result]) -> float | None:
+def rendered_j(problem: Problem, judged: Judged[Result]) -> float | None:
     """J of a plan's rendered pixels; None where there is no plan."""
     from experiments.rendering import face_views, poses_of, rendered_reward  # matplotlib is slow
 
@@ -209,7 +211,8 @@ def told_apart(problems: dict[tuple[str, int], Problem]) -> dict[tuple[str, int]
     }
 
 
-def _stem(problem: Problem, seed: int) -> str:
+def stem_of(problem: Problem, seed: int) -> str:
+    """What the names of a scene's and seed's files begin with."""
     return f"{_file_name(problem.name)}-{seed}"
 
 

@@ -7,6 +7,7 @@ from contextlib import contextmanager, nullcontext
 
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
+from rich.progress_bar import ProgressBar
 from rich.text import Text
 
 from cocap_opt.model import Model, compiled, nobody
@@ -14,6 +15,7 @@ from cocap_opt.problem import Problem
 from experiments.streams import say
 from formulations.result import Report, Snapshot
 
+BAR_WIDTH = 40  # columns
 SECONDS_BETWEEN_LINES = 10.0  # where standard error is no terminal
 
 
@@ -74,15 +76,22 @@ class Watch:
     def lines(self) -> RenderableType:
         """What a terminal shows."""
         texts = (self._head(), self._status)
-        return Group(*(Text(text, no_wrap=True, overflow="ellipsis") for text in texts if text))
+        lines = [Text(text, no_wrap=True, overflow="ellipsis") for text in texts if text]
+        if self._parts is None:
+            return Group(*lines)
+        return Group(ProgressBar(self._parts, self._finished, width=BAR_WIDTH), *lines)
 
     def _head(self) -> str:
-        count = (
-            ""
-            if self._parts is None
-            else f" ({min(self._finished + 1, self._parts)}/{self._parts})"
+        passed = time.monotonic() - self._begin
+        if self._parts is None:
+            return f"{self._task}, {passed:.0f} s"
+        words = (
+            f"{self._task} ({min(self._finished + 1, self._parts)}/{self._parts}), {passed:.0f} s"
         )
-        return f"{self._task}{count}, {time.monotonic() - self._begin:.0f} s"
+        if not self._finished:
+            return words
+        left = passed / self._finished * (self._parts - self._finished)
+        return f"{words}, about {left:.0f} s left"
 
 
 def status_of(snapshot: Snapshot) -> str:
@@ -95,6 +104,11 @@ def status_of(snapshot: Snapshot) -> str:
     return (
         f"value {value} bound {bound} gap {gap} columns {snapshot.columns} nodes {snapshot.nodes}"
     )
+
+
+def unseen() -> Watch:
+    """A watch that nobody looks at."""
+    return Watch("", None, plain=False)
 
 
 @contextmanager

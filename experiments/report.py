@@ -26,6 +26,12 @@ R_co = TypeVar("R_co", bound=Result, covariant=True)
 
 BOUND_METHOD = "branch-and-price"  # of the gap table; at any limit it has a bound
 ROUNDING = 1e-9  # relative, of J and of bounds: both are rounded sums
+GAP_KEYS = (
+    "scene", "seed", "planner", "method", "reward", "bound", "gap", "reason", "limit", "seconds",
+    "conflicts", "message", "gap_free", "colliding", "robots", "actors", "steps", "bound_method",
+    "bound_reason", "bound_limit", "bound_seconds", "certificate", "optimum_free", "bound_free",
+    "bound_free_reason", "bound_free_limit", "bound_free_seconds", "certificate_free",
+)  # fmt: skip
 MEANS = ("reward", "bound", "gap", "gap_free", "seconds")
 
 SOLVERS: Mapping[str, Callable[[Problem, Stop], Result]] = {**PLANNERS, **EXACT}
@@ -176,31 +182,27 @@ class Bounded(NamedTuple):
     path: str = ""
 
 
-def gap_row(
-    problem: Problem,
-    seed: int,
-    planner: str,
-    judged: Judged[Result],
-    bounded: Bounded,
-    free: Bounded,
-) -> Row:
-    """Row of the gap table. Only a plan that obeys the rules has gaps.
+def planner_part(problem: Problem, seed: int, planner: str, judged: Judged[Result]) -> Row:
+    """What a row of the gap table says of a plan alone."""
+    return plan_row(problem, seed, planner, judged) | {
+        "colliding": colliding(problem, judged.result.plan),
+        "robots": len(problem.robots),
+        "actors": len(problem.actors),
+        "steps": problem.horizon,
+    }
+
+
+def bound_part(bounded: Bounded, free: Bounded) -> Row:
+    """What all rows of the gap table say of one scene and seed.
 
     Parameters
     ----------
     free : of the problem without rules
     """
     bound, bound_free = bounded.judged.result, free.judged.result
-    row = plan_row(problem, seed, planner, judged)
-    row |= {
+    return {
         "method": method_of(bound),
         "bound": finite(bound.bound),
-        "gap": _gap(judged, bound.bound),
-        "gap_free": _gap(judged, bound_free.bound),
-        "colliding": colliding(problem, judged.result.plan),
-        "robots": len(problem.robots),
-        "actors": len(problem.actors),
-        "steps": problem.horizon,
         "bound_method": method_of(bound),
         "bound_reason": str(bound.reason),
         "bound_limit": str(bound.limit),
@@ -213,7 +215,16 @@ def gap_row(
         "bound_free_seconds": bound_free.seconds,
         "certificate_free": free.path,
     }
-    return row
+
+
+def gap_row(plan: Row, bound: Row) -> Row:
+    """Row of the gap table from its two parts. Only a plan that obeys the rules has gaps."""
+    row = plan | {"method": bound["method"], "bound": bound["bound"]}
+    obeys = plan["reward"] is not None and not plan["conflicts"]
+    for gap, key in (("gap", "bound"), ("gap_free", "bound_free")):
+        known = obeys and bound[key] is not None
+        row[gap] = finite(relative_gap(plan["reward"], bound[key])) if known else None
+    return {key: (row | bound)[key] for key in GAP_KEYS} | row
 
 
 def colliding(problem: Problem, plan: Plan | None) -> int | None:
@@ -226,10 +237,6 @@ def colliding(problem: Problem, plan: Plan | None) -> int | None:
 def method_of(result: CertifiedResult) -> str:
     """The method that made a bound of the gap table."""
     return result.certificate.method if result.certificate else BOUND_METHOD
-
-
-def _gap(judged: Judged[Result], bound: float) -> float | None:
-    return finite(relative_gap(judged.reward, bound)) if judged.valid else None
 
 
 def default_planners(problem: Problem) -> list[str]:

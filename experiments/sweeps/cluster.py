@@ -1,0 +1,147 @@
+"""Cells on a dask cluster: one of this machine's cores, or one that is there already.
+
+Each worker has one cell at a time. What happens to it, be it killed, happens to that cell only.
+"""
+
+import logging
+import os
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+
+import dask
+import distributed
+from distributed import Client, Future, KilledWorker, LocalCluster, Worker, WorkerPlugin
+
+from cocap_opt.coverage import usable_cores
+from cocap_opt.stop import Limit, Stop
+from experiments.sweeps.cells import CellFile, Status, code_digest
+from experiments.sweeps.crew import ClusterError
+from experiments.sweeps.work import Task, failed, run_task
+
+POLL = 0.2  # s, between two looks at Ctrl-C and at the clock
+ANSWER = 10.0  # s, in which a scheduler answers and a worker restarts
+LOCAL = {
+    "distributed.scheduler.allowed-failures": 0,  # whom a cell kills it would kill again
+    "distributed.scheduler.worker-saturation": 1.0,  # nothing waits at a worker for another cell
+}
+
+
+class Cluster:
+    """The workers of a cluster.
+
+    Parameters
+    ----------
+    stop : asked often, ends the waiting
+    cell_limit : s, after which a cell's worker is restarted
+    """
+
+    def __init__(self, client: Client, stop: Stop, cell_limit: float) -> None:
+        self._client, self._stop, self._limit = client, stop, cell_limit
+        self._running: dict[Future, tuple[Task, float]] = {}
+
+    def room(self) -> int:
+        """Workers without a cell."""
+        threads: dict[str, int] = self._client.nthreads()
+        return sum(threads.values()) - len(self._running)
+
+    def begin(self, task: Task) -> None:
+        """Hand a cell to a worker."""
+        name = f"{task.cell.key}-{time.monotonic_ns()}"  # a retry is another piece of work
+        future = self._client.submit(run_task, task, key=name, pure=False, retries=0)
+        self._running[future] = task, time.monotonic()
+
+    def next(self) -> CellFile | None:
+        """Wait for a cell to end, or to exceed the limit."""
+        while self._stop() is Limit.NONE:
+            late = time.monotonic() - self._limit
+            for future, (task, begun) in list(self._running.items()):
+                if future.done():
+                    del self._running[future]
+                    return _outcome(task, future)
+                if begun < late:
+                    del self._running[future]
+                    self._restart(future)
+                    words = f"took longer than {self._limit:g} s (--cell-limit)"
+                    return failed(task.cell, Status.EXCEEDED, words)
+            if self._running:
+                with suppress(TimeoutError):
+                    distributed.wait(self._running, timeout=POLL, return_when="FIRST_COMPLETED")
+            else:
+                time.sleep(POLL)  # all workers are gone; a cluster may get others
+                if self.room() > 0:
+                    return None
+        return None
+
+    def _restart(self, future: Future) -> None:
+        """Restart the worker of a cell that has taken too long: nothing else stops it."""
+        busy = [w for w, keys in self._client.processing().items() if future.key in keys]
+        future.cancel()
+        with suppress(ValueError, TimeoutError):  # not all workers have somebody to restart them
+            self._client.restart_workers(busy, timeout=ANSWER, raise_for_error=False)
+
+
+def _outcome(task: Task, future: Future) -> CellFile:
+    """What a worker has made of a cell."""
+    if future.status == "finished":
+        result: CellFile = future.result()
+        return result
+    error = future.exception() if future.status == "error" else None
+    if error is None or isinstance(error, KilledWorker):
+        return failed(task.cell, Status.DIED, "its process died, perhaps for want of memory")
+    return failed(task.cell, Status.ERROR, f"{type(error).__name__}: {error}")
+
+
+class _Pin(WorkerPlugin):
+    """Keeps each worker on a core of its own, so that cells do not disturb one another."""
+
+    def __init__(self, cores: list[int]) -> None:
+        self._cores = cores
+
+    def setup(self, worker: Worker) -> None:
+        if hasattr(os, "sched_setaffinity"):
+            os.sched_setaffinity(0, {self._cores[int(worker.name) % len(self._cores)]})
+
+
+@contextmanager
+def local(workers: int, stop: Stop, cell_limit: float) -> Iterator[Cluster]:
+    """A cluster of this machine's cores: a process for each, with one thread."""
+    if not 1 <= workers <= usable_cores():
+        raise ClusterError(f"--workers: must be 1..{usable_cores()}, a core each, not {workers}")
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else [0]
+    with (
+        dask.config.set(LOCAL),
+        LocalCluster(
+            n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None,
+            host="127.0.0.1",
+        ) as cluster,
+        Client(cluster) as client,
+    ):  # fmt: skip
+        client.register_plugin(_Pin(cores))
+        yield Cluster(client, stop, cell_limit)
+
+
+@contextmanager
+def existing(address: str, stop: Stop, cell_limit: float) -> Iterator[Cluster]:
+    """A cluster whose scheduler is there already, with workers that have the same code."""
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    try:
+        client = Client(address, timeout=ANSWER)
+    except (OSError, ValueError, TimeoutError) as error:
+        raise ClusterError(f"--scheduler: {address} does not answer: {error}") from error
+    with client:
+        _require_same_code(client)
+        yield Cluster(client, stop, cell_limit)
+
+
+def _require_same_code(client: Client) -> None:
+    try:
+        found = client.run(code_digest)
+    except Exception as error:  # whatever the worker raised
+        raise ClusterError(f"--scheduler: a worker cannot run this: {error}") from error
+    if not found:
+        raise ClusterError("--scheduler: it has no workers")
+    for worker, digest in found.items():
+        if digest != code_digest():
+            raise ClusterError(f"--scheduler: the worker {worker} has other code than this one")

@@ -1,0 +1,48 @@
+"""Who computes cells: this process, or the workers of a dask cluster."""
+
+from typing import Protocol
+
+from cocap_opt.stop import Stop
+from experiments.progress import Watch
+from experiments.sweeps.cells import CellFile
+from experiments.sweeps.work import Task, run_task
+
+
+class ClusterError(ValueError):
+    """A cluster cannot be used; the message says why in one line."""
+
+
+class Crew(Protocol):
+    """Computes cells, some at a time."""
+
+    def room(self) -> int:
+        """How many more cells may begin now."""
+
+    def begin(self, task: Task) -> None:
+        """Begin a cell."""
+
+    def next(self) -> CellFile | None:
+        """Wait until one of those that have begun ends; None if Ctrl-C was pressed."""
+
+
+class Alone:
+    """This process, which computes one cell after the other and shows how far each is."""
+
+    def __init__(self, stop: Stop, watch: Watch) -> None:
+        self._stop, self._watch = stop, watch
+        self._task: Task | None = None
+
+    def room(self) -> int:
+        """One, or none once a cell has begun."""
+        return int(self._task is None)
+
+    def begin(self, task: Task) -> None:
+        """Take a cell, which `next` computes."""
+        self._task = task
+
+    def next(self) -> CellFile | None:
+        """Compute the cell; it may be what Ctrl-C has left of it."""
+        assert self._task is not None
+        task, self._task = self._task, None
+        self._watch.begin(task.cell.words)
+        return run_task(task, self._stop, self._watch)
