@@ -13,6 +13,7 @@ from cyclopts import App, CycloptsError, Parameter
 
 from cocap_opt.atomic_write import write_atomically
 from cocap_opt.check import check
+from cocap_opt.coverage import usable_cores
 from cocap_opt.data import MOST_PIXELS, ProblemError
 from cocap_opt.doubts import doubts
 from cocap_opt.io import FileError, PlanFile, save_problem
@@ -381,6 +382,13 @@ def gap_table(
         raise UsageError("SCENE: name at least one scene; `cocap-opt scenes` lists them")
     for name in planner or []:
         _choose("--planner", name, SOLVERS)
+    if workers is not None and scheduler is not None:
+        raise UsageError("--workers: a scheduler has its own; leave one of the two options out")
+    if workers is not None and not 1 <= workers <= usable_cores():
+        words = f"1..{usable_cores()}, a core each, not {workers}"
+        raise UsageError(f"--workers: must be {words}")
+    if cell_limit is not None and not cell_limit > 0:
+        raise UsageError(f"--cell-limit: must be a number of seconds > 0, not {cell_limit}")
     bound_limit = time_limit if bound_limit is None else bound_limit
     _positive("--time-limit", time_limit)
     _positive("--bound-limit", bound_limit)

@@ -536,7 +536,7 @@ def test_progress_is_a_plain_line_now_and_then(
     line = r"cocap-opt: tiny-queue seed 0, \d+ s: value .* bound .* gap .* columns .* nodes \d+"
     assert any(re.fullmatch(line, said) for said in run.err.splitlines())
     run = Run(capsys, "gap", "tiny-queue", "--seeds", "0-1", "--json")
-    assert "tiny-queue seed 1 (2/2)" in run.err
+    assert re.search(r"tiny-queue seed 1, cocap \(9/12\), \d+ s, about \d+ s left", run.err)
     assert len(run.json["rows"]) == 10
     monkeypatch.setattr(progress, "SECONDS_BETWEEN_LINES", 60.0)
     assert Run(capsys, "solve", "tiny-queue", "--json").err == ""

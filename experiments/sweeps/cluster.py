@@ -13,7 +13,6 @@ import dask
 import distributed
 from distributed import Client, Future, KilledWorker, LocalCluster, Worker, WorkerPlugin
 
-from cocap_opt.coverage import usable_cores
 from cocap_opt.stop import Limit, Stop
 from experiments.sweeps.cells import CellFile, Status, code_digest
 from experiments.sweeps.crew import ClusterError
@@ -37,18 +36,18 @@ class Cluster:
     """
 
     def __init__(self, client: Client, stop: Stop, cell_limit: float) -> None:
-        self._client, self._stop, self._limit = client, stop, cell_limit
+        self.client, self._stop, self._limit = client, stop, cell_limit
         self._running: dict[Future, tuple[Task, float]] = {}
 
     def room(self) -> int:
         """Workers without a cell."""
-        threads: dict[str, int] = self._client.nthreads()
+        threads: dict[str, int] = self.client.nthreads()
         return sum(threads.values()) - len(self._running)
 
     def begin(self, task: Task) -> None:
         """Hand a cell to a worker."""
         name = f"{task.cell.key}-{time.monotonic_ns()}"  # a retry is another piece of work
-        future = self._client.submit(run_task, task, key=name, pure=False, retries=0)
+        future = self.client.submit(run_task, task, key=name, pure=False, retries=0)
         self._running[future] = task, time.monotonic()
 
     def next(self) -> CellFile | None:
@@ -75,10 +74,10 @@ class Cluster:
 
     def _restart(self, future: Future) -> None:
         """Restart the worker of a cell that has taken too long: nothing else stops it."""
-        busy = [w for w, keys in self._client.processing().items() if future.key in keys]
+        busy = [w for w, keys in self.client.processing().items() if future.key in keys]
         future.cancel()
         with suppress(ValueError, TimeoutError):  # not all workers have somebody to restart them
-            self._client.restart_workers(busy, timeout=ANSWER, raise_for_error=False)
+            self.client.restart_workers(busy, timeout=ANSWER, raise_for_error=False)
 
 
 def _outcome(task: Task, future: Future) -> CellFile:
@@ -106,8 +105,6 @@ class _Pin(WorkerPlugin):
 @contextmanager
 def local(workers: int, stop: Stop, cell_limit: float) -> Iterator[Cluster]:
     """A cluster of this machine's cores: a process for each, with one thread."""
-    if not 1 <= workers <= usable_cores():
-        raise ClusterError(f"--workers: must be 1..{usable_cores()}, a core each, not {workers}")
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else [0]
     with (
@@ -137,11 +134,13 @@ def existing(address: str, stop: Stop, cell_limit: float) -> Iterator[Cluster]:
 
 def _require_same_code(client: Client) -> None:
     try:
+        client.wait_for_workers(1, timeout=ANSWER)
+    except TimeoutError as error:
+        raise ClusterError("--scheduler: it has no workers") from error
+    try:
         found = client.run(code_digest)
     except Exception as error:  # whatever the worker raised
         raise ClusterError(f"--scheduler: a worker cannot run this: {error}") from error
-    if not found:
-        raise ClusterError("--scheduler: it has no workers")
     for worker, digest in found.items():
         if digest != code_digest():
             raise ClusterError(f"--scheduler: the worker {worker} has other code than this one")

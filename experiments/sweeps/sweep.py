@@ -45,6 +45,7 @@ def sweep(
 
         def told(content: CellFile) -> None:
             watch.finish()
+            watch.show(f"done: {content.cell.words}")
             if not content.is_finished:
                 say(f"{content.cell.words}: {content.status}: {content.message}")
             if content.cell in wholes:
