@@ -28,6 +28,7 @@ from experiments.files import (
     plan_file,
     read_claim,
     read_plan,
+    save_bytes,
     save_together,
     write,
 )
@@ -48,10 +49,13 @@ from experiments.report import (
     without_rules,
 )
 from experiments.streams import say
+from experiments.sweeps.about import about_run, load_run, save_run
 from experiments.sweeps.cells import Store
 from experiments.sweeps.crew import ClusterError
+from experiments.sweeps.results import load_results
 from experiments.sweeps.run import Group, Settings
 from experiments.sweeps.sweep import PARTS, Hired, sweep
+from experiments.tables import AGAINST, all_tables
 from formulations import BOUNDS, EXACT
 from formulations.certificate import CertificateFile
 from formulations.proof import ProofFile
@@ -60,6 +64,7 @@ from scenarios import FORMATS, NOTHING, SCENES, load_scene, scene_of_plan
 from scenarios.cameras import CAMERAS, with_camera, with_tilts
 
 DEFAULT_SECONDS = 60.0
+DOCUMENT_STYLES = ("markdown", "latex", "html")
 OWN_STARTS: Row = {"seed": None, "starts": "those in the scene's own file"}
 AT_THE_ROOT = "column-generation"  # a bound that comes with a plan
 SOLVE_METHODS = (*EXACT, AT_THE_ROOT)
@@ -413,6 +418,10 @@ def gap_table(
         for cell in cells
     ]
     hired = Hired(workers, scheduler, cell_limit or 10 * (time_limit + bound_limit) + 600)
+    if out is not None:
+        who = scheduler or ("this process" if workers is None else f"{workers} processes")
+        names = list(dict.fromkeys(group.problem.name for group in groups))
+        save_run(out, about_run(settings, names, sorted({seed for _, seed in cells}), who))
     rows = sweep(groups, Store(out, retry), out, hired, about)
     if json:
         print_json({"rows": rows})
@@ -420,6 +429,41 @@ def gap_table(
         print_gap_table(rows)
         if len(rows) > len(mean_table(rows)):
             print_table("means over seeds", mean_table(rows))
+    return 0
+
+
+@app.command
+def table(
+    folder: Path,
+    /,
+    *,
+    style: Annotated[
+        str, Parameter(name="--format", help=f"one of {', '.join(DOCUMENT_STYLES)}")
+    ] = "markdown",
+    against: Annotated[str, Parameter(help="the planner that others are compared with")] = AGAINST,
+    output: Output = None,
+    json: Json = False,
+) -> int:
+    """Make tables of the results in a folder: planners, differences, prices, times.
+
+    Means come with 95 % confidence intervals (Student's t), times as
+    shifted geometric means.
+
+    Example: cocap-opt table results --format latex -o tables.tex
+    """
+    from experiments.documents import DOCUMENTS  # pandas is slow to import
+
+    _choose("--format", style, DOCUMENTS)
+    check_output(output)
+    rows = load_results(folder)
+    _choose("--against", against, dict.fromkeys(row["planner"] for row in rows))
+    tables = all_tables(rows, load_run(folder).settings.limit, against)
+    if json:
+        print_json({"tables": tables})
+    elif output is None:
+        sys.stdout.write(DOCUMENTS[style](tables))
+    if output is not None:
+        save_bytes(output, DOCUMENTS[style](tables).encode())
     return 0
 
 

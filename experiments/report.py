@@ -29,8 +29,8 @@ ROUNDING = 1e-9  # relative, of J and of bounds: both are rounded sums
 GAP_KEYS = (
     "scene", "seed", "planner", "method", "reward", "bound", "gap", "reason", "limit", "seconds",
     "conflicts", "message", "gap_free", "colliding", "robots", "actors", "steps", "bound_method",
-    "bound_reason", "bound_limit", "bound_seconds", "certificate", "optimum_free", "bound_free",
-    "bound_free_reason", "bound_free_limit", "bound_free_seconds", "certificate_free",
+    "bound_reason", "bound_limit", "bound_seconds", "certificate", "optimum", "optimum_free",
+    "bound_free", "bound_free_reason", "bound_free_limit", "bound_free_seconds", "certificate_free",
 )  # fmt: skip
 MEANS = ("reward", "bound", "gap", "gap_free", "seconds")
 
@@ -208,6 +208,7 @@ def bound_part(bounded: Bounded, free: Bounded) -> Row:
         "bound_limit": str(bound.limit),
         "bound_seconds": bound.seconds,
         "certificate": bounded.path,
+        "optimum": finite(bounded.judged.reward),
         "optimum_free": finite(free.judged.reward),
         "bound_free": finite(bound_free.bound),
         "bound_free_reason": str(bound_free.reason),

@@ -3,19 +3,49 @@
 A value that does not exist (no plan, no bound, no gap) is an empty field, or null in Parquet.
 """
 
+import csv
 import io
 from collections.abc import Sequence
 from pathlib import Path
 
+from cocap_opt.io import FileError, read_bytes
 from experiments.files import save_bytes, save_csv
-from experiments.report import Row
+from experiments.report import GAP_KEYS, Row
 
 # Columns that are not text; all others are.
 WHOLE_NUMBERS = ("seed", "conflicts", "colliding", "robots", "actors", "steps")
 NUMBERS = (
-    "reward", "bound", "gap", "seconds", "gap_free", "bound_seconds", "optimum_free",
+    "reward", "bound", "gap", "seconds", "gap_free", "bound_seconds", "optimum", "optimum_free",
     "bound_free", "bound_free_seconds", "reward_rendered",
 )  # fmt: skip
+
+
+def load_results(folder: Path) -> list[Row]:
+    """Rows of results.csv, with the types of columns."""
+    path = folder / "results.csv"
+    return [_typed(row, path) for row in csv.DictReader(io.StringIO(_text(path)))]
+
+
+def _text(path: Path) -> str:
+    try:
+        return read_bytes(path).decode()
+    except UnicodeDecodeError as error:
+        raise FileError(f"{path}: must be text in UTF-8") from error
+
+
+def _typed(row: dict[str, str], path: Path) -> Row:
+    """A row with numbers; empty fields of numbers are None."""
+    missing = [key for key in GAP_KEYS if row.get(key) is None]
+    if missing:
+        raise FileError(f"{path}: has no column {missing[0]!r}, or a row that ends before it")
+    types = dict.fromkeys(WHOLE_NUMBERS, int) | dict.fromkeys(NUMBERS, float)
+    try:
+        return {
+            key: (types[key](text) if text else None) if key in types else text
+            for key, text in row.items()
+        }
+    except ValueError as error:
+        raise FileError(f"{path}: {error}") from error
 
 
 def save_results(folder: Path | None, rows: Sequence[Row], whole: bool = False) -> None:

@@ -1,0 +1,47 @@
+"""Tables as Markdown, LaTeX and HTML."""
+
+from collections.abc import Callable, Mapping
+
+import pandas as pd
+
+from experiments.tables import Table
+
+
+def markdown(tables: Mapping[str, Table]) -> str:
+    """A heading and a table each; bars in names are escaped."""
+    parts = [
+        f"## {title}\n\n{_frame(_escaped(table)).to_markdown(index=False, disable_numparse=True)}\n"
+        for title, table in tables.items()
+    ]
+    return "\n".join(parts)
+
+
+def latex(tables: Mapping[str, Table]) -> str:
+    """A tabular of the package booktabs each, with its title as a caption."""
+    return "\n".join(
+        _frame(table).to_latex(index=False, escape=True, caption=title, position="ht")
+        for title, table in tables.items()
+    )
+
+
+def html(tables: Mapping[str, Table]) -> str:
+    """A heading and a table each, to be put into a page."""
+    return "\n".join(
+        f"<h2>{title}</h2>\n{_frame(table).to_html(index=False, escape=True, border=0)}\n"
+        for title, table in tables.items()
+    )
+
+
+DOCUMENTS: Mapping[str, Callable[[Mapping[str, Table]], str]] = {
+    "markdown": markdown,
+    "latex": latex,
+    "html": html,
+}
+
+
+def _frame(table: Table) -> pd.DataFrame:
+    return pd.DataFrame(table)
+
+
+def _escaped(table: Table) -> Table:
+    return [{key: text.replace("|", "&#124;") for key, text in row.items()} for row in table]

@@ -1,0 +1,37 @@
+"""Means with confidence intervals, paired differences, and the means that solvers are judged by."""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.stats import t as student
+
+CONFIDENCE = 0.95
+SHIFT = 10.0  # s, of geometric means of times, as in qpbenchmark and Mittelmann's benchmarks
+
+
+class Mean(NamedTuple):
+    """Mean of a sample and its confidence interval by Student's t; none of fewer than two."""
+
+    value: float
+    low: float
+    high: float
+    spread: float  # standard deviation of the sample
+    size: int
+
+
+def mean(values: Sequence[float]) -> Mean:
+    """Mean of at least one value."""
+    sample = np.asarray(values, dtype=float)
+    n, value = len(sample), float(sample.mean())
+    if n < 2:
+        return Mean(value, math.nan, math.nan, math.nan, n)
+    spread = float(sample.std(ddof=1))
+    reach = float(student.ppf((1 + CONFIDENCE) / 2, n - 1)) * spread / math.sqrt(n)
+    return Mean(value, value - reach, value + reach, spread, n)
+
+
+def shifted_geometric_mean(values: Sequence[float], shift: float = SHIFT) -> float:
+    """exp(mean(log(value + shift))) - shift: neither the easiest nor the hardest rules it."""
+    return math.exp(math.fsum(math.log(value + shift) for value in values) / len(values)) - shift

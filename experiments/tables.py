@@ -1,0 +1,207 @@
+"""Tables of a sweep: planners, differences between them, collision avoidance, and time.
+
+Each is a list of rows whose values are already text, so that all formats show the same.
+"""
+
+import math
+from collections.abc import Iterable, Sequence
+from statistics import median
+
+from experiments.report import Row
+from experiments.statistics import Mean, mean, shifted_geometric_mean
+from formulations.result import OPTIMALITY
+
+Table = list[dict[str, str]]
+NONE = "-"
+LARGE = 1000  # rewards from which on no decimals are shown
+AGAINST = "sequential"  # what the paper compares itself with
+
+
+def planner_table(rows: Sequence[Row]) -> Table:
+    """Per scene and planner: reward, gap, and how often the rules hold and the plan is best."""
+    table = []
+    for (scene, planner), some in _grouped(rows, "scene", "planner").items():
+        valid = [row for row in some if obeys(row)]
+        gaps = [100 * row["gap"] for row in valid if row["gap"] is not None]
+        table.append(
+            {
+                "scene": scene,
+                "planner": planner,
+                "seeds": str(len(some)),
+                "obeys the rules": _share(len(valid), len(some)),
+                "reward": _spread([row["reward"] for row in some if row["reward"] is not None]),
+                "gap (%)": _interval(gaps),
+                "largest gap (%)": _number(max(gaps, default=None), 3),
+                "gap to free (%)": _interval(
+                    [100 * row["gap_free"] for row in valid if row["gap_free"] is not None]
+                ),
+                "proved optimal": _share(sum(map(is_optimal, valid)), len(some)),
+                "seconds, median": _number(
+                    median(seconds) if (seconds := _values(some, "seconds")) else None, 3
+                ),
+            }
+        )
+    return table
+
+
+def difference_table(rows: Sequence[Row], against: str = AGAINST) -> Table:
+    """Per scene and planner: J minus J of another planner on the same seeds, in % of the latter.
+
+    Only seeds are compared on which both plans obey the rules.
+    """
+    table = []
+    for (scene,), some in _grouped(rows, "scene").items():
+        reference = {row["seed"]: row for row in some if row["planner"] == against}
+        for (planner,), own in _grouped(some, "planner").items():
+            if planner == against:
+                continue
+            pairs = [
+                (row["reward"], reference[row["seed"]]["reward"])
+                for row in own
+                if obeys(row) and row["seed"] in reference and obeys(reference[row["seed"]])
+            ]
+            percent = [100 * (a - b) / b for a, b in pairs if b > 0]
+            table.append(
+                {
+                    "scene": scene,
+                    "planner": planner,
+                    f"against {against} (%)": _interval(percent),
+                    "better": str(sum(a > b for a, b in pairs)),
+                    "equal": str(sum(a == b for a, b in pairs)),
+                    "worse": str(sum(a < b for a, b in pairs)),
+                    "seeds": str(len(pairs)),
+                }
+            )
+    return table
+
+
+def price_table(rows: Sequence[Row]) -> Table:
+    """Per scene: what collision avoidance costs at least and at most, both ends certified.
+
+    At least it costs what the best free plan has more than the bound under the rules, at most
+    what the free bound has more than the best plan that obeys them, in % of the free optimum.
+    """
+    table = []
+    for (scene,), some in _grouped(rows, "scene").items():
+        first = {row["seed"]: row for row in some}.values()
+        ends = [end for row in first if (end := price(row)) is not None]
+        table.append(
+            {
+                "scene": scene,
+                "at least (%)": _interval([100 * low for low, _ in ends]),
+                "at most (%)": _interval([100 * high for _, high in ends]),
+                "largest (%)": _number(max((100 * high for _, high in ends), default=None), 3),
+                "bound proved best": _share(
+                    sum(row["bound_reason"] == "optimal" for row in first), len(first)
+                ),
+                "seeds": str(len(ends)),
+            }
+        )
+    return table
+
+
+def price(row: Row) -> tuple[float, float] | None:
+    """Least and largest price of collision avoidance of a scene and seed, as shares."""
+    known = [row[key] for key in ("bound", "optimum", "bound_free", "optimum_free")]
+    if None in known or row["bound_free"] <= 0:
+        return None
+    bound, optimum, bound_free, optimum_free = known
+    return max(optimum_free - bound, 0.0) / bound_free, (bound_free - optimum) / bound_free
+
+
+def time_table(rows: Sequence[Row], limit: float) -> Table:
+    """Per planner: shifted geometric means of seconds over all scenes and seeds.
+
+    A run without a plan that obeys the rules counts as one that took the whole limit.
+
+    Parameters
+    ----------
+    limit : s, that planners had
+    """
+    timed = [row for row in rows if row["seconds"] is not None]  # nobody times plans of others
+    charged = {
+        planner: [row["seconds"] if obeys(row) else limit for row in some]
+        for (planner,), some in _grouped(timed, "planner").items()
+    }
+    means = {planner: shifted_geometric_mean(times) for planner, times in charged.items()}
+    least = min(means.values(), default=0.0)
+    return [
+        {
+            "planner": planner,
+            "runs": str(len(times)),
+            "without a plan": str(sum(not obeys(r) for r in timed if r["planner"] == planner)),
+            "shifted geometric mean (s)": _number(means[planner], 3),
+            "of the fastest": _number(means[planner] / least if least > 0 else None, 1),
+            "median (s)": _number(median(_seconds(timed, planner)), 3),
+            "longest (s)": _number(max(_seconds(timed, planner)), 3),
+        }
+        for planner, times in charged.items()
+    ]
+
+
+def _seconds(rows: Sequence[Row], planner: str) -> list[float]:
+    return [row["seconds"] for row in rows if row["planner"] == planner]
+
+
+def obeys(row: Row) -> bool:
+    """Whether there is a plan that obeys the rules."""
+    return row["reward"] is not None and not row["conflicts"]
+
+
+def is_optimal(row: Row) -> bool:
+    """Whether a plan is proved to be the best."""
+    return obeys(row) and row["gap"] is not None and row["gap"] <= OPTIMALITY
+
+
+def all_tables(rows: Sequence[Row], limit: float, against: str = AGAINST) -> dict[str, Table]:
+    """All tables by their titles; those that have no rows are left out."""
+    tables = {
+        "Planners": planner_table(rows),
+        "Paired differences": difference_table(rows, against),
+        "Price of collision avoidance": price_table(rows),
+        "Time": time_table(rows, limit),
+    }
+    return {title: table for title, table in tables.items() if table}
+
+
+def _grouped(rows: Iterable[Row], *keys: str) -> dict[tuple[str, ...], list[Row]]:
+    """Rows by the values of some keys, in the order in which these first occur."""
+    groups: dict[tuple[str, ...], list[Row]] = {}
+    for row in rows:
+        groups.setdefault(tuple(row[key] for key in keys), []).append(row)
+    return groups
+
+
+def _values(rows: Sequence[Row], key: str) -> list[float]:
+    return [row[key] for row in rows if row[key] is not None]
+
+
+def _spread(values: Sequence[float]) -> str:
+    """Mean and standard deviation."""
+    if not values:
+        return NONE
+    found = mean(values)
+    digits = 0 if abs(found.value) >= LARGE else 2
+    spread = "" if math.isnan(found.spread) else f" ± {_number(found.spread, digits)}"
+    return _number(found.value, digits) + spread
+
+
+def _interval(values: Sequence[float]) -> str:
+    """Mean and confidence interval."""
+    return _mean_text(mean(values)) if values else NONE
+
+
+def _mean_text(found: Mean) -> str:
+    if math.isnan(found.low):
+        return _number(found.value, 3)
+    return f"{_number(found.value, 3)} [{_number(found.low, 3)}, {_number(found.high, 3)}]"
+
+
+def _number(value: float | None, digits: int) -> str:
+    if value is None:
+        return NONE
+    return f"{round(value, digits) + 0.0:,.{digits}f}"  # never -0
+
+
+def _share(part: int, whole: int) -> str:
+    return f"{part} of {whole}"

@@ -1,0 +1,169 @@
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
+
+from cocap_opt.io import FileError
+from experiments import commands
+from experiments.statistics import mean, shifted_geometric_mean
+from experiments.sweeps.results import load_results
+from experiments.tables import all_tables, difference_table, planner_table, price_table, time_table
+
+SOME = st.lists(st.floats(0, 1e6), min_size=2, max_size=30)
+
+
+@given(SOME)
+def test_the_interval_is_students(values: list[float]) -> None:
+    """Mean, spread and interval are SciPy's."""
+    found = mean(values)
+    low, high = stats.ttest_1samp(values, 0.0).confidence_interval() if np.ptp(values) else (
+        values[0], values[0]
+    )  # fmt: skip
+    near = {"rel": 1e-9, "abs": 1e-9}
+    assert found.value == pytest.approx(np.mean(values), **near)
+    assert (found.low, found.high) == (pytest.approx(low, **near), pytest.approx(high, **near))
+    assert found.spread == pytest.approx(np.std(values, ddof=1), **near)
+
+
+def test_one_value_has_no_interval() -> None:
+    """Nothing is said of how sure the mean of one value is."""
+    assert mean([3.0]).value == 3.0
+    assert math.isnan(mean([3.0]).low) and math.isnan(mean([3.0]).spread)
+
+
+@given(SOME, st.floats(0.1, 100))
+def test_the_shifted_geometric_mean_is_between(values: list[float], shift: float) -> None:
+    """It is one of geometric means, between the least and the largest value."""
+    found = shifted_geometric_mean(values, shift)
+    assert found == pytest.approx(stats.gmean(np.array(values) + shift) - shift, rel=1e-6, abs=1e-6)
+    assert min(values) - 1e-6 <= found <= max(values) * (1 + 1e-9) + 1e-6
+
+
+def row(planner: str, seed: int, reward: float | None, **more: Any) -> dict[str, Any]:
+    """A row of a scene whose optimum is 100 with rules and 110 without."""
+    plain = {
+        "scene": "a|b & c", "seed": seed, "planner": planner, "reward": reward, "bound": 100.0,
+        "gap": None if reward is None else 1 - reward / 100,
+        "gap_free": None if reward is None else 1 - reward / 110, "conflicts": 0,
+        "seconds": 1.0, "bound_reason": "optimal", "optimum": 100.0, "optimum_free": 109.0,
+        "bound_free": 110.0,
+    }  # fmt: skip
+    return plain | more
+
+
+ROWS = [
+    row("sequential", 0, 80.0), row("cocap", 0, 100.0),
+    row("sequential", 1, 90.0), row("cocap", 1, 90.0, seconds=3.0),
+    row("sequential", 2, None), row("cocap", 2, 95.0, conflicts=2, gap=None, gap_free=None),
+]  # fmt: skip
+
+
+def test_planners_are_judged_by_plans_that_obey_the_rules() -> None:
+    """A plan with conflicts has no gap and is not optimal; its reward is a reward."""
+    sequential, cocap = planner_table(ROWS)
+    assert (sequential["obeys the rules"], cocap["obeys the rules"]) == ("2 of 3", "2 of 3")
+    assert (sequential["proved optimal"], cocap["proved optimal"]) == ("0 of 3", "1 of 3")
+    assert sequential["reward"] == "85.00 ± 7.07"
+    assert cocap["gap (%)"].startswith("5.000 [") and cocap["largest gap (%)"] == "10.000"
+
+
+def test_differences_are_paired() -> None:
+    """Only seeds count on which both plans obey the rules."""
+    (cocap,) = difference_table(ROWS)
+    percent = mean([25.0, 0.0])
+    expected = f"12.500 [{percent.low:.3f}, {percent.high:.3f}]"
+    assert cocap["against sequential (%)"] == expected
+    assert [cocap[key] for key in ("better", "equal", "worse", "seeds")] == ["1", "1", "0", "2"]
+
+
+def test_the_price_has_two_certified_ends() -> None:
+    """At least (109 - 100) / 110, at most (110 - 100) / 110, of each seed once."""
+    (only,) = price_table(ROWS)
+    assert only["at least (%)"].startswith("8.182") and only["at most (%)"].startswith("9.091")
+    assert (only["seeds"], only["bound proved best"]) == ("3", "3 of 3")
+
+
+def test_who_has_no_plan_pays_the_limit() -> None:
+    """In the shifted geometric mean, but not in the median of what was measured."""
+    sequential, cocap = time_table(ROWS, 60.0)
+    expected = shifted_geometric_mean([1.0, 1.0, 60.0])
+    assert sequential["shifted geometric mean (s)"] == f"{expected:.3f}"
+    assert (sequential["median (s)"], cocap["longest (s)"]) == ("1.000", "3.000")
+    assert (sequential["of the fastest"], sequential["without a plan"]) == ("1.0", "1")
+
+
+@pytest.mark.parametrize(
+    ("style", "name"),
+    [("markdown", "a&#124;b & c"), ("latex", r"a|b \& c"), ("html", "a|b &amp; c")],
+)
+def test_names_are_escaped(style: str, name: str) -> None:
+    """A scene's name breaks no table."""
+    from experiments.documents import DOCUMENTS
+
+    assert tuple(DOCUMENTS) == commands.DOCUMENT_STYLES
+    text = DOCUMENTS[style](all_tables(ROWS, 60.0))
+    assert name in text
+    assert all(title in text for title in ("Planners", "Paired differences", "Price", "Time"))
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of a small sweep."""
+    folder = tmp_path_factory.mktemp("tables")
+    names = ("--planner", "sequential", "--planner", "cocap", "--planner", "greedy")
+    sweep = ["gap", "tiny-queue", "tiny-share", "--seeds", "0-1", *names, "--out", str(folder)]
+    assert commands.run(sweep) == 0
+    return folder
+
+
+def test_the_command_makes_tables(results: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """On standard output, as JSON, or in a file."""
+    assert commands.run(["table", str(results)]) == 0
+    text = capsys.readouterr().out
+    assert "| tiny-queue | sequential |" in " ".join(text.split())
+    assert commands.run(["table", str(results), "--json", "--against", "cocap"]) == 0
+    tables = json.loads(capsys.readouterr().out)["tables"]
+    assert {r["planner"] for r in tables["Paired differences"]} == {"sequential", "greedy"}
+    path = results / "tables.tex"
+    assert commands.run(["table", str(results), "--format", "latex", "-o", str(path)]) == 0
+    assert path.read_text().count(r"\begin{tabular}") == 4
+
+
+def test_results_are_read_as_they_were_written(results: Path) -> None:
+    """Numbers are numbers, and what does not exist is None."""
+    rows = load_results(results)
+    assert {type(r["seed"]) for r in rows} == {int}
+    assert {type(r["bound"]) for r in rows} == {float}
+    assert any(r["gap"] is None for r in rows)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (None, "No such file"),
+        (b"scene,seed\na,0\n", "has no column 'planner'"),
+        (b"\xff\xfe", "UTF-8"),
+        ("one", "could not convert"),
+    ],
+)
+def test_what_is_no_table_is_refused(
+    content: bytes | str | None, words: str, results: Path, tmp_path: Path
+) -> None:
+    """In one line that names the file."""
+    if content == "one":
+        text = (results / "results.csv").read_text()
+        head, first = text.splitlines()[:2]
+        fields = first.split(",")
+        fields[4] = "one"
+        content = f"{head}\n{','.join(fields)}\n".encode()
+    if isinstance(content, bytes):
+        (tmp_path / "results.csv").write_bytes(content)
+    with pytest.raises(FileError, match=words) as caught:
+        load_results(tmp_path)
+    assert "results.csv" in str(caught.value) and "\n" not in str(caught.value)
