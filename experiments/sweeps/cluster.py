@@ -5,6 +5,7 @@ Each worker has one cell at a time. What happens to it, be it killed, happens to
 
 import logging
 import os
+import signal
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -91,13 +92,19 @@ def _outcome(task: Task, future: Future) -> CellFile:
     return failed(task.cell, Status.ERROR, f"{type(error).__name__}: {error}")
 
 
-class _Pin(WorkerPlugin):
-    """Keeps each worker on a core of its own, so that cells do not disturb one another."""
+class _Quiet(WorkerPlugin):
+    """Keeps each worker on a core of its own, so that cells do not disturb one another.
+
+    Ctrl-C, which a terminal sends to all processes, is for the one that hired them.
+    """
 
     def __init__(self, cores: list[int]) -> None:
         self._cores = cores
 
     def setup(self, worker: Worker) -> None:
+        logging.getLogger("distributed").setLevel(logging.CRITICAL)
+        with suppress(ValueError):  # not in the main thread
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
         if hasattr(os, "sched_setaffinity"):
             os.sched_setaffinity(0, {self._cores[int(worker.name) % len(self._cores)]})
 
@@ -115,7 +122,7 @@ def local(workers: int, stop: Stop, cell_limit: float) -> Iterator[Cluster]:
         ) as cluster,
         Client(cluster) as client,
     ):  # fmt: skip
-        client.register_plugin(_Pin(cores))
+        client.register_plugin(_Quiet(cores))
         yield Cluster(client, stop, cell_limit)
 
 
