@@ -1,0 +1,71 @@
+"""The paper, reproduced and answered: python -m experiments.paper --out DIR."""
+
+import math
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import App, CycloptsError, Parameter
+
+from cocap_opt.data import ProblemError
+from cocap_opt.io import FileError
+from experiments.numbers import numbers
+from experiments.streams import say
+from experiments.sweeps.crew import ClusterError
+
+app = App(
+    name="python -m experiments.paper",
+    help="Make the paper's experiments again, over many seeds, with bounds beside them.",
+    help_format="plaintext",
+    version_flags=[],
+)
+
+
+@app.default
+def paper(
+    *,
+    out: Annotated[Path, Parameter(help="folder for tables, figures, plans and certificates")],
+    seeds: Annotated[str, Parameter(help="of each scene")] = "0-29",
+    robots: Annotated[str, Parameter(help="team sizes of the scaling experiment")] = "2,4,6,8,12",
+    scaling_seeds: Annotated[str, Parameter(help="of each team size")] = "0-4",
+    time_limit: Annotated[float, Parameter(help="seconds for each plan and each bound")] = 60.0,
+    workers: Annotated[
+        int | None, Parameter(help="processes, each on a core of its own; this one if not given")
+    ] = None,
+) -> int:
+    """Make reward curves, tables, the test of giving way, and scaling; answer the paper's claims.
+
+    What is in the folder already is not computed again.
+
+    Example: python -m experiments.paper --out paper --seeds 0-9
+    """
+    from experiments.paper.reproduction import reproduce
+
+    if not (time_limit > 0 and math.isfinite(time_limit)):
+        raise FileError(f"--time-limit: must be positive, not {time_limit:g}")
+    sizes = numbers("--robots", robots)
+    if min(sizes) < 1:
+        raise FileError(f"--robots: must be at least 1, not {min(sizes)}")
+    reproduce(
+        out, numbers("--seeds", seeds), sizes, numbers("--scaling-seeds", scaling_seeds),
+        time_limit, workers,
+    )  # fmt: skip
+    return 0
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; returns 0, 2 for wrong input, or 130 after Ctrl-C."""
+    try:
+        code = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
+    except (CycloptsError, FileError, ProblemError, ClusterError) as error:
+        say(str(error))
+        return 2
+    except KeyboardInterrupt:
+        say("interrupted")
+        return 130
+    return int(code or 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,102 @@
+"""Figures of the paper's experiments. Each drawing function takes an axes and returns it."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from cocap_opt.check import check
+from cocap_opt.plan import Plan
+from cocap_opt.problem import Problem
+from experiments.figures import draw_actors, draw_robots, draw_terrain
+from experiments.paper.giving_way import Encounter
+
+COLOURS = {
+    "greedy": "#8d99ae", "sequential": "#edae49", "cocap": "#30638e", "cocap-vs": "#66a182",
+}  # fmt: skip
+NAMES = {
+    "greedy": "unconstrained (collides)", "sequential": "sequential",
+    "cocap": "CoCap, value iteration", "cocap-vs": "CoCap, view search",
+}  # fmt: skip
+
+
+def curves_figure(curves: Mapping[str, Mapping[str, Sequence[Sequence[float]]]]) -> Figure:
+    """Reward per step: mean over seeds and, shaded, one standard deviation; a panel per scene.
+
+    Parameters
+    ----------
+    curves : by scene and planner, the reward at each step of each seed's plan
+    """
+    figure = Figure(figsize=(5.4 * len(curves), 3.8), layout="constrained", dpi=130)
+    for ax, (scene, planners) in zip(np.ravel(figure.subplots(1, len(curves))), curves.items(),
+                                     strict=True):  # fmt: skip
+        draw_curves(ax, planners)
+        ax.set_title(f"{scene} ({max(map(len, planners.values()), default=0)} seeds)", fontsize=10)
+    return figure
+
+
+def draw_curves(ax: Axes, planners: Mapping[str, Sequence[Sequence[float]]]) -> Axes:
+    """Mean and spread of each planner's reward per step."""
+    for k, (planner, rewards) in enumerate(planners.items()):
+        if not rewards:
+            continue
+        values = np.array(rewards)
+        steps = np.arange(1, values.shape[1] + 1) + 0.06 * k  # side by side, not on each other
+        mean, spread = values.mean(axis=0), values.std(axis=0, ddof=min(1, len(values) - 1))
+        colour = COLOURS.get(planner, "black")
+        ax.fill_between(steps, mean - spread, mean + spread, color=colour, alpha=0.12, lw=0)
+        ax.plot(steps, mean, color=colour, marker="o", ms=3, lw=1.6, label=NAMES.get(planner))
+    ax.set_xlabel("step")
+    ax.set_ylabel("view reward (mean, ± 1 sd shaded)")
+    ax.xaxis.set_major_locator(MaxNLocator(integer=True))
+    ax.grid(alpha=0.25)
+    ax.legend(fontsize=7, loc="lower right")
+    for side in ("top", "right"):
+        ax.spines[side].set_visible(False)
+    return ax
+
+
+def encounter_figure(problem: Problem, encounter: Encounter, plans: Mapping[str, Plan]) -> Figure:
+    """An encounter in several plans side by side, at the step where two drones would collide."""
+    figure = Figure(figsize=(4.6 * len(plans), 5.0), layout="constrained", dpi=130)
+    for ax, (name, plan) in zip(np.ravel(figure.subplots(1, len(plans))), plans.items(),
+                                strict=True):  # fmt: skip
+        draw_terrain(ax, problem)
+        draw_robots(ax, problem, plan, encounter.step)
+        draw_actors(ax, problem, encounter.step)
+        verdict = check(problem, plan)
+        words = f", {len(verdict.conflicts)} conflicts" if verdict.conflicts else ""
+        ax.set_title(f"{NAMES.get(name, name)}\nJ = {verdict.reward:,.0f}{words}", fontsize=9)
+    i, k = encounter.robots
+    figure.suptitle(
+        f"{problem.name}, seed {encounter.seed}, step {encounter.step}: drones {i} and {k}",
+        fontsize=10,
+    )
+    return figure
+
+
+def scaling_figure(points: Mapping[str, Sequence[tuple[int, float, float]]]) -> Figure:
+    """Time and reward against the number of robots, per planner.
+
+    Parameters
+    ----------
+    points : by planner (robots, median seconds, mean share of the certified bound in %)
+    """
+    figure = Figure(figsize=(9.6, 3.8), layout="constrained", dpi=130)
+    left, right = figure.subplots(1, 2)
+    for planner, some in points.items():
+        robots, seconds, shares = zip(*some, strict=True)
+        style = {"color": COLOURS.get(planner, "black"), "marker": "o", "ms": 3.5, "lw": 1.5}
+        left.plot(robots, seconds, label=NAMES.get(planner, planner), **style)
+        right.plot(robots, shares, label=NAMES.get(planner, planner), **style)
+    left.set_yscale("log")
+    left.set_ylabel("time (s)")
+    right.set_ylabel("reward, of the certified bound (%)")
+    for ax in (left, right):
+        ax.set_xlabel("robots")
+        ax.xaxis.set_major_locator(MaxNLocator(integer=True))
+        ax.grid(alpha=0.25, which="both")
+        ax.legend(fontsize=7)
+    return figure
