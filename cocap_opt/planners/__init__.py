@@ -3,8 +3,10 @@
 from collections.abc import Callable
 
 from cocap_opt.planners.cocap import cocap
+from cocap_opt.planners.formation import formation
 from cocap_opt.planners.greedy import greedy
 from cocap_opt.planners.joint import joint
+from cocap_opt.planners.myopic import myopic
 from cocap_opt.planners.sequential import sequential
 from cocap_opt.planners.view_search import ViewSearch
 from cocap_opt.problem import Problem
@@ -20,4 +22,6 @@ PLANNERS: dict[str, Planner] = {
     "cocap": cocap,
     "cocap-vs": lambda problem, stop: cocap(problem, stop, low_level=ViewSearch()),
     "joint": joint,
+    "formation": formation,
+    "myopic": myopic,
 }

@@ -1,0 +1,145 @@
+"""Formation planning: the robots keep evenly spaced places on circles around the actors.
+
+From Greedy Perspectives (Suresh et al. 2024, arXiv 2310.10863) and its program are: robots
+shared out evenly between the actors, 5 m around theirs and 5 m high, looking at it; at each step
+a circle is turned to where its robots see most. Where there are fewer robots than actors, a
+circle is around the centroid of several, and wider by the farthest of them, as that of Hughes et
+al. 2024 (arXiv 2404.03103) is around all.
+
+Both put their robots into their places and ask no more: they begin in formation, are as fast as
+need be, and fly through walls and each other. Ours is our reading of what of that can be flown:
+who goes where is decided by where the robots start, a circle turns no faster than they fly, each
+robot flies as near to its place as obstacles and the robots before it let it, and looks where it
+sees most on the way. (Two robots on a circle face each other; their program sets them at a right
+angle.)
+"""
+
+import time
+from dataclasses import replace
+
+import numpy as np
+
+from cocap_opt.bonuses import bonuses_of
+from cocap_opt.data import FloatArray
+from cocap_opt.model import Path, compiled
+from cocap_opt.planners.circles import best_turns, places_of, rewards_of, share_out
+from cocap_opt.planners.sequential import sequential
+from cocap_opt.planners.single import SingleRobotPath, SingleRobotTask
+from cocap_opt.planners.view_search import LazyCoverage
+from cocap_opt.problem import Problem
+from cocap_opt.result import Result
+from cocap_opt.reward import group_weights, marginal_gain, no_pixels
+from cocap_opt.stop import Limit, Stop, never
+from cocap_opt.timegraph import CLOSED
+
+STANDOFF = 5.0  # m, from the outermost actor (Greedy Perspectives)
+HEIGHT = 5.0  # m, of flight (Greedy Perspectives)
+# Ways to turn a circle. Theirs has 8; one of 5 m must turn by 1 m to be followed cell by cell.
+ORIENTATIONS = 32
+
+
+def formation(
+    problem: Problem,
+    stop: Stop = never,
+    standoff: float = STANDOFF,
+    height: float = HEIGHT,
+    orientations: int = ORIENTATIONS,
+) -> Result:
+    """Fly in circles around the actors, each robot clear of the earlier ones' paths.
+
+    Parameters
+    ----------
+    standoff : distance (m) from the outermost actor; nearer or farther where the camera would
+        look past the actors' middle
+    height : the flight height (m) nearest to it is flown where that is possible
+    orientations : in how many ways a circle can be turned
+
+    Returns
+    -------
+    Result
+        As `sequential` has it; `statistics` holds the number of states `evaluated`. Without
+        actors all robots stay where they are, or go to their goals.
+    """
+    begin = time.perf_counter()
+    model, limit = compiled(problem), Limit.NONE
+    sources = {group.robots: LazyCoverage(model.views(group)) for group in model.classes}
+    views = [sources[group.robots] for group in model.class_of]
+    places = [_starts(problem, robot) for robot in range(len(problem.robots))]
+    for circle in share_out(problem):
+        limit = stop() if limit is Limit.NONE else limit
+        if limit is Limit.NONE:
+            around = places_of(problem, circle, standoff, height, orientations)
+            rewards, limit = rewards_of(model, circle, around, views, stop)
+            turns = best_turns(problem, circle, around, rewards)
+            for seat, robot in enumerate(circle.robots):
+                places[robot][:, :2] = around.at[seat, np.arange(len(turns)), turns]
+                places[robot][:, 2] = around.flight[seat]
+
+    def low_level(task: SingleRobotTask) -> SingleRobotPath:
+        return _keep_place(task, places[task.robot], views[task.robot])
+
+    result = sequential(problem, stop if limit is Limit.NONE else lambda: limit, low_level)
+    evaluated = sum(source.evaluated for source in sources.values())
+    statistics = {**result.statistics, "evaluated": evaluated}
+    return replace(result, seconds=time.perf_counter() - begin, statistics=statistics)
+
+
+def _starts(problem: Problem, robot: int) -> FloatArray:
+    """Where a robot is that stays at its start [T+1, 3]: x, y and flight height in m."""
+    spec = problem.robots[robot]
+    x, y = problem.height_map.centre(spec.start.x, spec.start.y)
+    height = spec.motion.layers[spec.start.layer]
+    return np.tile([x, y, height], (problem.horizon + 1, 1))
+
+
+def _keep_place(task: SingleRobotTask, places: FloatArray, views: LazyCoverage) -> SingleRobotPath:
+    """Path that is least far from the places [T+1, 3] (m) in all, and looks where it sees most.
+
+    Both by value iteration: over all states, then over those along the way, for the marginal
+    view reward.
+    """
+    pixels, limit = no_pixels(task.model.problem), task.stop()
+    if limit is not Limit.NONE:
+        return SingleRobotPath(None, pixels, 0, limit)
+    before, way = views.evaluated, _nearest(task, places)
+    if way is None:
+        return SingleRobotPath(None, pixels, 0)
+    path = _look(task, way, views)
+    for t in range(task.model.problem.first_step, len(path)):
+        pixels[task.model.problem.groups_at(t)] += views(t, np.array(path[t : t + 1]))[0]
+    return SingleRobotPath(path, pixels, views.evaluated - before)
+
+
+def _nearest(task: SingleRobotTask, places: FloatArray) -> Path | None:
+    """Path of least distance from the places [T+1, 3] (m), summed over the steps."""
+    problem, group = task.model.problem, task.model.class_of[task.robot]
+    graph, start = group.graph, task.model.start(task.robot)
+    layer, *cell = graph.coordinates(np.arange(graph.n_places))
+    ground = np.column_stack(cell) + 0.5
+    at = problem.height_map.origin + problem.height_map.resolution * ground
+    flights = np.array(graph.motion.layers)[np.clip(layer, 0, len(graph.motion.layers) - 1)]
+    at = np.column_stack([at, flights])  # [P, 3] m; the border is closed anyway
+    reward = graph.no_reward(problem.horizon)
+    for row, place in zip(reward, places, strict=True):
+        row -= np.tile(np.linalg.norm(at - place, axis=1), graph.n_orientations)
+    value = graph.backward_sweep(reward, charges=task.charges, goal=group.goal)
+    path = graph.best_path(value, start, charges=task.charges)
+    return None if path is None else tuple(path)
+
+
+def _look(task: SingleRobotTask, way: Path, views: LazyCoverage) -> Path:
+    """Path through the same places that looks where the marginal reward is greatest in all."""
+    problem, group = task.model.problem, task.model.class_of[task.robot]
+    graph, bonuses = group.graph, bonuses_of(problem.objective)
+    everywhere = np.arange(graph.n_orientations) * graph.n_places
+    reward = np.full((len(way), graph.n_states), CLOSED)
+    for t, state in enumerate(way):
+        states = everywhere + state % graph.n_places
+        reward[t, states] = 0.0
+        if t >= problem.first_step:
+            groups = problem.groups_at(t)
+            gain = marginal_gain(task.pixels[groups], views(t, states))
+            reward[t, states] = (gain * group_weights(problem)[groups]).sum(axis=1)
+    value = graph.backward_sweep(reward, bonuses)
+    # A way that can be flown can be flown without turning.
+    return tuple(graph.best_path(value, way[0], bonuses) or way)
