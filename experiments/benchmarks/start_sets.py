@@ -1,4 +1,4 @@
-"""Table II of Greedy Perspectives: planners over start sets, with a bound beside each number.
+"""Tables of Greedy Perspectives: planners over start sets, with a bound beside each number.
 
 Where a scene's folder holds what their program planned, that is one plan more, from the start
 poses in the scene's own file, in a table of its own.
@@ -29,7 +29,7 @@ from experiments.report import BOUND_METHOD, Judged, Row, of_others
 from experiments.streams import say
 from scenarios import SCENES, load_scene
 
-PLANNERS = ("greedy", "sequential", "cocap", "cocap-vs", BOUND_METHOD)
+PLANNERS = ("formation", "myopic", "greedy", "sequential", "cocap", "cocap-vs", BOUND_METHOD)
 THEIRS = "theirs"
 PEER_PLAN, PEER_REWARD = "peer_paths.csv", "peer_reward.csv"
 
