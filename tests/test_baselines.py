@@ -1,4 +1,4 @@
-"""The two baselines: formation and myopic planning."""
+"""The two baselines: formation and planning one step ahead."""
 
 import math
 from itertools import chain, pairwise, product
@@ -32,13 +32,14 @@ from cocap_opt.planners.circles import (
 )
 from cocap_opt.planners.formation import STANDOFF, formation
 from cocap_opt.planners.myopic import myopic
+from cocap_opt.planners.one_step import one_step
 from cocap_opt.problem import Actor, Camera, Cone, Motion, Problem, Robot, State
 from cocap_opt.result import Reason
 from cocap_opt.stop import Limit, never
 from cocap_opt.workspace import HeightMap
 
 NEIGHBOURS = Motion()
-BOTH = [formation, myopic]
+BOTH = [formation, one_step]
 CAMERA = Camera(width=1000, height=2000, focal=1000.0, tilts=(0.7,))
 
 
@@ -151,7 +152,7 @@ def test_goals_are_reached_or_missed_in_words(planner: Planner) -> None:
     assert (stopped.plan, stopped.reason, stopped.limit) == (None, Reason.STOPPED, Limit.TIME)
 
 
-# -- myopic -------------------------------------------------------------------------------
+# -- one step -----------------------------------------------------------------------------
 
 
 def open_states(
@@ -173,12 +174,12 @@ def open_states(
 
 @examples(20)
 @given(st.one_of(problems(over_time=True), meetings(), meetings(team=3)))
-def test_myopic_takes_the_best_of_the_next_step(problem: Problem) -> None:
+def test_one_step_takes_the_best_of_the_next_step(problem: Problem) -> None:
     """Each robot in turn: no state that it could go to adds more to J, by trying all.
 
     Of equally good ones it takes its own if that is among them.
     """
-    plan = myopic(problem).plan
+    plan = one_step(problem).plan
     assume(plan is not None and problem.actors)
     assert plan is not None
     seen = np.zeros((problem.horizon + 1, len(problem.face_weights)))  # by all so far
@@ -206,14 +207,14 @@ def test_myopic_takes_the_best_of_the_next_step(problem: Problem) -> None:
         seen[t + 1] += pixels[heads.index(path[t + 1]), t + 1]
 
 
-def test_myopic_sees_one_step_ahead_only() -> None:
+def test_one_step_sees_one_step_ahead_only() -> None:
     """What cannot be seen after one step is not looked for."""
     actor = standing(12.5, 12.5, 0.0, 0.4, steps=6)
     for heading, sees in ((4, False), (1, True)):
         problem = field(State(6, 7, heading=heading), actors=(actor,), horizon=6)
         narrow = Camera(width=400, height=4000, focal=500.0, tilts=(0.5,))
         problem = problem.replace(robots=(problem.robots[0].replace(camera=narrow),))
-        result = myopic(problem)
+        result = one_step(problem)
         assert (result.value > 0) == sees
         assert PLANNERS["sequential"](problem).value > result.value
         assert sees or result.plan == Plan(paths=((problem.robots[0].start,) * 7,))
@@ -231,7 +232,7 @@ def test_nobody_moves_to_where_a_later_robot_still_is() -> None:
         actors=(standing(9.2, 1.1, 0.0, 0.1, steps=2),),
         horizon=2,
     )
-    plan = myopic(problem).plan
+    plan = one_step(problem).plan
     assert plan is not None
     assert [s.x for s in plan.paths[0]] == [0, 0, 1]
     assert plan.paths[1][1].x == 2
@@ -400,3 +401,17 @@ def test_heights_are_those_that_can_be_flown() -> None:
         plan = formation(problem, height=height).plan
         assert plan is not None
         assert plan.paths[0][-1].layer == layer
+
+
+# -- myopic ---------------------------------------------------------------------------------
+
+
+@examples(25)
+@given(problems())
+def test_myopic_robots_do_not_look_at_one_another(problem: Problem) -> None:
+    """Each flies what it would fly alone, whoever else is there."""
+    together = myopic(problem).plan
+    for robot, spec in enumerate(problem.robots):
+        alone = myopic(problem.replace(robots=(spec,))).plan
+        if together is not None and alone is not None:
+            assert together.paths[robot] == alone.paths[0]

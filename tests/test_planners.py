@@ -52,7 +52,7 @@ from cocap_opt.stop import FirstOf, Limit, TimeLimit, catch_interrupt, never, se
 from cocap_opt.timegraph import Charges
 from cocap_opt.workspace import HeightMap
 
-OBEY_RULES = {"sequential", "cocap", "cocap-vs", "joint", "formation", "myopic"}
+OBEY_RULES = {"sequential", "cocap", "cocap-vs", "joint", "formation", "one-step"}
 COMPLETE = {"cocap", "cocap-vs", "joint"}  # without a plan only where there is none
 EXACT = {"joint"}
 CALLS = 3000  # how often a planner may ask whether to stop: cuts constraint trees off
@@ -445,7 +445,7 @@ def test_no_time_at_all(name: str, robots: int) -> None:
     assert time.perf_counter() - begin < 2
     check_contract(name, problem, result)
     assert (result.reason, result.limit) == (Reason.STOPPED, Limit.TIME)
-    if name in ("greedy", "greedy-rounds", "sequential", "formation", "myopic"):
+    if name in ("greedy", "greedy-rounds", "sequential", "formation", "myopic", "one-step"):
         assert result.plan is not None
 
 
@@ -910,7 +910,7 @@ def test_extreme_problems(case: str) -> None:
         if name != "cocap-vs":
             assert result.plan is not None
     if len(problem.robots) == 1:
-        inexact = ("cocap-vs", "formation", "myopic")
+        inexact = ("cocap-vs", "formation", "one-step")
         exact = [v for name, v in values.items() if name not in inexact]
         assert all(close(value, exact[0]) for value in exact)
 

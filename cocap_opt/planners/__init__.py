@@ -7,6 +7,7 @@ from cocap_opt.planners.formation import formation
 from cocap_opt.planners.greedy import greedy
 from cocap_opt.planners.joint import joint
 from cocap_opt.planners.myopic import myopic
+from cocap_opt.planners.one_step import one_step
 from cocap_opt.planners.sequential import sequential
 from cocap_opt.planners.view_search import ViewSearch
 from cocap_opt.problem import Problem
@@ -24,4 +25,5 @@ PLANNERS: dict[str, Planner] = {
     "joint": joint,
     "formation": formation,
     "myopic": myopic,
+    "one-step": one_step,
 }

@@ -29,7 +29,7 @@ from experiments.report import BOUND_METHOD, Judged, Row, of_others
 from experiments.streams import say
 from scenarios import SCENES, load_scene
 
-PLANNERS = ("formation", "myopic", "greedy", "sequential", "cocap", "cocap-vs", BOUND_METHOD)
+PLANNERS = ("formation", "one-step", "greedy", "sequential", "cocap", "cocap-vs", BOUND_METHOD)
 THEIRS = "theirs"
 PEER_PLAN, PEER_REWARD = "peer_paths.csv", "peer_reward.csv"
 

@@ -1,0 +1,152 @@
+"""Planning one step ahead: step by step, each robot in turn takes the best view of the next step.
+
+What looking ahead is worth, measured by doing without.
+"""
+
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from cocap_opt.bonuses import bonuses_of
+from cocap_opt.constraints import avoid_paths
+from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.model import Model, RobotClass, compiled
+from cocap_opt.planners.single import SingleRobotPath
+from cocap_opt.planners.team import Team, no_path, no_plan, team_result
+from cocap_opt.planners.view_search import LazyCoverage
+from cocap_opt.problem import Problem, State
+from cocap_opt.result import Reason, Result
+from cocap_opt.reward import group_weights, marginal_gain, no_pixels
+from cocap_opt.stop import Limit, Stop, never
+from cocap_opt.timegraph import CLOSED
+
+
+@dataclass
+class _Flight:
+    """One robot on its way."""
+
+    group: RobotClass
+    coverage: LazyCoverage  # shared by its class
+    in_reach: BoolArray | None  # [T+1, S] states from which the goal can be reached; None: no goal
+    pixels: FloatArray  # [G] px/m2 seen so far
+    path: list[int]  # state numbers, one per step so far
+    evaluated: int = 0
+
+    def state(self, t: int) -> State:
+        """State at a step."""
+        return self.group.graph.state(self.path[t])
+
+    def look(self, t: int, states: IntArray) -> FloatArray:
+        """Coverage [n, F] of states [n] at step t."""
+        before = self.coverage.evaluated
+        seen = self.coverage(t, states)
+        self.evaluated += self.coverage.evaluated - before
+        return seen
+
+    def may_be(self, t: int, states: IntArray) -> BoolArray:
+        """From which states [n] at step t the goal can still be reached, as if alone."""
+        if self.in_reach is None:
+            return np.ones(len(states), dtype=bool)
+        result: BoolArray = self.in_reach[t, states]
+        return result
+
+
+def one_step(problem: Problem, stop: Stop = never) -> Result:
+    """At each step move the robots in order, each to the state of greatest marginal reward.
+
+    A robot keeps clear of where those before it go, and of where those after it are: so all can
+    stay where they are at any time, and without goals there always is a plan that obeys the
+    rules. (It is not shorter-sighted than that: nobody moves into a cell that a later robot is
+    about to leave.) Ties go to the calmest move, as in value iteration. A robot with a goal takes
+    only states from which it could reach the goal if it were alone; where the others then shut
+    it out, the planner has failed. At a limit all stay where they are from then on.
+
+    Returns
+    -------
+    Result
+        `statistics` holds the number of states `evaluated`: those that a robot could go to.
+    """
+    begin = time.perf_counter()
+    model, limit = compiled(problem), Limit.NONE
+    flights = _at_starts(model)
+    for robot, flight in enumerate(flights):
+        if not flight.may_be(0, np.array(flight.path)).all():
+            return no_plan(limit, begin, no_path(robot))
+    for t in range(problem.horizon):
+        for robot, flight in enumerate(flights):
+            limit = stop() if limit is Limit.NONE else limit
+            heads = np.array(flight.path[-1:])
+            if limit is Limit.NONE:
+                heads = _open_heads(model, flights, robot, t)
+            if not heads.size:
+                words = f"robot {robot} cannot reach its goal beside the others after step {t}"
+                return no_plan(limit, begin, (Reason.FAILED, words), {"failed_robot": robot})
+            _move(model, flights, robot, t + 1, heads)
+    if not all(flight.may_be(-1, np.array(flight.path[-1:])).all() for flight in flights):
+        return no_plan(limit, begin, (Reason.STOPPED, ""))
+    found = [SingleRobotPath(tuple(f.path), f.pixels, f.evaluated) for f in flights]
+    return team_result(Team(model, found), limit, begin)
+
+
+def _at_starts(model: Model) -> list[_Flight]:
+    """All robots where they start, with what they see there if that counts."""
+    problem = model.problem
+    sources = {group.robots: LazyCoverage(model.views(group)) for group in model.classes}
+    reach = {group.robots: _in_reach(model, group) for group in model.classes}
+    flights = []
+    for robot, group in enumerate(model.class_of):
+        source, path = sources[group.robots], [model.start(robot)]
+        flight = _Flight(group, source, reach[group.robots], no_pixels(problem), path)
+        if problem.first_step == 0:
+            flight.pixels[problem.groups_at(0)] += flight.look(0, np.array(path))[0]
+        flights.append(flight)
+    return flights
+
+
+def _in_reach(model: Model, group: RobotClass) -> BoolArray | None:
+    if group.goal is None:
+        return None
+    graph = group.graph
+    to_go = graph.backward_sweep(graph.no_reward(model.problem.horizon), goal=group.goal)
+    return to_go > CLOSED
+
+
+def _open_heads(model: Model, flights: list[_Flight], robot: int, t: int) -> IntArray:
+    """States that a robot may go to from step t, those before it having moved."""
+    flight = flights[robot]
+    others = _others(flights, robot, t)
+    closed = avoid_paths(model, flight.group, others)
+    graph, tail = flight.group.graph, flight.path[-1]
+    here, heads = tail % graph.n_places, graph.successors(tail)
+    is_open = [
+        (1, place) not in closed.places and (place == here or (0, here, place) not in closed.moves)
+        for place in (heads % graph.n_places).tolist()
+    ]
+    return heads[is_open & flight.may_be(t + 1, heads)]
+
+
+def _others(
+    flights: list[_Flight], robot: int, t: int
+) -> Iterable[tuple[int, tuple[State, State]]]:
+    """Where the others are at step t and at the next: there still, if they have not moved."""
+    for other, flight in enumerate(flights):
+        if other != robot:
+            yield other, (flight.state(t), flight.state(-1))
+
+
+def _move(model: Model, flights: list[_Flight], robot: int, t: int, heads: IntArray) -> None:
+    """Take the best of the heads [n] for step t."""
+    problem, flight = model.problem, flights[robot]
+    graph, groups = flight.group.graph, problem.groups_at(t)
+    coverage = flight.look(t, heads)
+    seen = sum((other.pixels[groups] for other in flights), np.zeros(coverage.shape[1]))
+    gains = marginal_gain(seen, coverage) * group_weights(problem)[groups]
+    # A path of one step, so that bonuses and ties are those of all other planners.
+    value = np.full((2, graph.n_states), CLOSED)
+    value[0, flight.path[-1]] = 0.0
+    value[1, heads] = gains.sum(axis=1)
+    _, head = graph.best_path(value, flight.path[-1], bonuses_of(problem.objective)) or []
+    flight.path.append(head)
+    flight.pixels[groups] += coverage[np.flatnonzero(heads == head)[0]]
