@@ -1,0 +1,201 @@
+// A small renderer in software: convex polygons with a depth buffer, in parallel projection.
+// It needs no graphics card, and what hides what is right for every pixel.
+//
+// Points are triples x, y (samples, y downwards) and w (m towards the viewer), flat in an array.
+// Colours are numbers 0xAABBGGRR, as image data has them in memory.
+
+const NOWHERE = Math.fround(-1e30); // depth where nothing is
+const HIDDEN = 0.34; // how much is seen of what moves through what is solid
+const GLASS = 0.4; // how much of what is behind them obstacles hide where they are glass
+
+function mixed(a, b, share) {
+  const r = (a & 255) + ((b & 255) - (a & 255)) * share;
+  const g = ((a >> 8) & 255) + (((b >> 8) & 255) - ((a >> 8) & 255)) * share;
+  const bl = ((a >> 16) & 255) + (((b >> 16) & 255) - ((a >> 16) & 255)) * share;
+  return (0xff000000 | (bl << 16) | (g << 8) | r) >>> 0;
+}
+
+class Raster {
+  constructor() {
+    this.canvas = document.createElement("canvas");
+    this.width = this.height = 0;
+    this.line = new Float64Array(12);
+  }
+
+  resize(width, height) {
+    if (width === this.width && height === this.height) return false;
+    [this.width, this.height] = [this.canvas.width, this.canvas.height] = [width, height];
+    this.context = this.canvas.getContext("2d", { willReadFrequently: true });
+    this.image = this.context.createImageData(width, height);
+    this.out = new Uint32Array(this.image.data.buffer);
+    const size = width * height;
+    const layer = () => ({ colour: new Uint32Array(size), depth: new Float32Array(size).fill(NOWHERE) });
+    [this.ground, this.glass, this.moving] = [layer(), layer(), layer()];
+    this.still = new Uint32Array(size); // ground and glass together
+    this.touched = new Int32Array(size); // samples at which something moving is
+    this.count = 0;
+    this.left = new Float64Array(height);
+    this.right = new Float64Array(height);
+    return true;
+  }
+
+  // Forget what stands still: the ground, and obstacles, which are solid or glass.
+  clear(colour, solid) {
+    this.ground.colour.fill(colour);
+    for (const layer of [this.ground, this.glass]) layer.depth.fill(NOWHERE);
+    this.solid = solid;
+  }
+
+  // All that stands still is there.
+  settle() {
+    const { ground, glass, still } = this, share = this.solid ? 1 : GLASS;
+    still.set(ground.colour);
+    for (let at = 0; at < still.length; at++) {
+      if (glass.depth[at] > ground.depth[at]) still[at] = mixed(still[at], glass.colour[at], share);
+    }
+  }
+
+  // Begin a picture: what stands still, and nothing else.
+  begin() {
+    for (let i = 0; i < this.count; i++) this.moving.depth[this.touched[i]] = NOWHERE;
+    this.count = 0;
+  }
+
+  // Rows of a convex polygon of n points, and the plane that it lies in; false if it is edge-on.
+  scan(p, n) {
+    let nx = 0, ny = 0, nw = 0, low = Infinity, high = -Infinity;
+    for (let i = 0, j = 3 * (n - 1); i < 3 * n; j = i, i += 3) {
+      const dx = p[i] - p[0], dy = p[i + 1] - p[1], dw = p[i + 2] - p[2];
+      const ex = p[j] - p[0], ey = p[j + 1] - p[1], ew = p[j + 2] - p[2];
+      nx += ey * dw - ew * dy;
+      ny += ew * dx - ex * dw;
+      nw += ex * dy - ey * dx;
+      low = Math.min(low, p[i + 1]);
+      high = Math.max(high, p[i + 1]);
+    }
+    if (!(Math.abs(nw) > 1e-6)) return false;
+    const top = Math.max(Math.ceil(low - 0.5), 0);
+    const bottom = Math.min(Math.ceil(high - 0.5), this.height) - 1;
+    if (top > bottom) return false;
+    [this.top, this.bottom] = [top, bottom];
+    this.alongX = -nx / nw;
+    this.alongY = -ny / nw;
+    this.atOrigin = p[2] - this.alongX * p[0] - this.alongY * p[1];
+    this.left.fill(Infinity, top, bottom + 1);
+    this.right.fill(-Infinity, top, bottom + 1);
+    for (let i = 0, j = 3 * (n - 1); i < 3 * n; j = i, i += 3) this.edge(p, i, j);
+    return true;
+  }
+
+  // The same way from both sides, so that neighbours neither overlap nor leave a gap.
+  edge(p, i, j) {
+    if (p[i + 1] > p[j + 1]) [i, j] = [j, i];
+    const first = Math.max(Math.ceil(p[i + 1] - 0.5), 0);
+    const end = Math.min(Math.ceil(p[j + 1] - 0.5), this.height);
+    if (first >= end) return;
+    const slope = (p[j] - p[i]) / (p[j + 1] - p[i + 1]);
+    const { left, right } = this;
+    for (let y = first; y < end; y++) {
+      const x = p[i] + (y + 0.5 - p[i + 1]) * slope;
+      if (x < left[y]) left[y] = x;
+      if (x > right[y]) right[y] = x;
+    }
+  }
+
+  begins(y) {
+    return Math.max(Math.ceil(this.left[y] - 0.5), 0);
+  }
+
+  ends(y) {
+    return Math.min(Math.ceil(this.right[y] - 0.5), this.width);
+  }
+
+  // Something that stands still, into the ground or the glass.
+  fillStill(layer, p, n, colour) {
+    if (!this.scan(p, n)) return;
+    const { colour: colours, depth: depths } = layer;
+    for (let y = this.top; y <= this.bottom; y++) {
+      const x = this.begins(y), end = y * this.width + this.ends(y);
+      let w = this.atOrigin + this.alongX * (x + 0.5) + this.alongY * (y + 0.5);
+      for (let at = y * this.width + x; at < end; at++, w += this.alongX) {
+        if (w > depths[at]) {
+          depths[at] = w;
+          colours[at] = colour;
+        }
+      }
+    }
+  }
+
+  // Something that moves.
+  fillMoving(p, n, colour) {
+    if (!this.scan(p, n)) return;
+    const { colour: colours, depth: depths } = this.moving;
+    for (let y = this.top; y <= this.bottom; y++) {
+      const x = this.begins(y), end = y * this.width + this.ends(y);
+      let w = this.atOrigin + this.alongX * (x + 0.5) + this.alongY * (y + 0.5);
+      for (let at = y * this.width + x; at < end; at++, w += this.alongX) {
+        if (w > depths[at]) {
+          if (depths[at] === NOWHERE) this.touched[this.count++] = at;
+          depths[at] = w;
+          colours[at] = colour;
+        }
+      }
+    }
+  }
+
+  // Put what moves in front of what stands still; behind it, it shines through.
+  compose() {
+    const { ground, glass, moving, still, out, touched } = this;
+    const veil = this.solid ? 1 - HIDDEN : GLASS;
+    out.set(still);
+    for (let i = 0; i < this.count; i++) {
+      const at = touched[i], depth = moving.depth[at], colour = moving.colour[at];
+      if (depth < ground.depth[at]) out[at] = mixed(still[at], colour, HIDDEN);
+      else if (depth < glass.depth[at]) out[at] = mixed(colour, glass.colour[at], veil);
+      else out[at] = colour;
+    }
+  }
+
+  // Something translucent, once the rest is composed; it hides nothing.
+  blend(p, n, colour, share) {
+    if (!this.scan(p, n)) return;
+    const { out, ground, glass, moving } = this;
+    const front = Math.round(share * 256), behind = this.solid ? 0 : Math.round(front * (1 - GLASS));
+    const redBlue = colour & 0xff00ff, green = (colour >> 8) & 0xff;
+    for (let y = this.top; y <= this.bottom; y++) {
+      const x = this.begins(y), end = y * this.width + this.ends(y);
+      let w = this.atOrigin + this.alongX * (x + 0.5) + this.alongY * (y + 0.5);
+      for (let at = y * this.width + x; at < end; at++, w += this.alongX) {
+        if (w > ground.depth[at] && w > moving.depth[at]) {
+          const k = w > glass.depth[at] ? front : behind, under = out[at];
+          const rb = (((under & 0xff00ff) * (256 - k) + redBlue * k) >>> 8) & 0xff00ff;
+          const g = (((under >> 8) & 0xff) * (256 - k) + green * k) & 0xff00;
+          out[at] = (0xff000000 | rb | g) >>> 0;
+        }
+      }
+    }
+  }
+
+  // Corners of a line of some thickness (samples), brought nearer by `lift` (m).
+  stroke(p, i, j, thickness, lift) {
+    const dx = p[j] - p[i], dy = p[j + 1] - p[i + 1], length = Math.hypot(dx, dy) || 1;
+    const ox = (-dy / length) * thickness / 2, oy = (dx / length) * thickness / 2, q = this.line;
+    q[0] = p[i] + ox; q[1] = p[i + 1] + oy; q[2] = p[i + 2] + lift;
+    q[3] = p[j] + ox; q[4] = p[j + 1] + oy; q[5] = p[j + 2] + lift;
+    q[6] = p[j] - ox; q[7] = p[j + 1] - oy; q[8] = p[j + 2] + lift;
+    q[9] = p[i] - ox; q[10] = p[i + 1] - oy; q[11] = p[i + 2] + lift;
+    return q;
+  }
+
+  // Whether something solid hides a point.
+  hides(x, y, w) {
+    const at = Math.floor(y) * this.width + Math.floor(x);
+    if (x < 0 || x >= this.width || y < 0 || y >= this.height) return false;
+    return this.ground.depth[at] > w || (this.solid && this.glass.depth[at] > w);
+  }
+
+  finish() {
+    this.context.putImageData(this.image, 0, 0);
+    return this.canvas;
+  }
+}
