@@ -28,6 +28,7 @@ from experiments.figures import robot_colour
 MOST_CELLS = 200  # along an edge of the map as it is drawn
 MOST_TRIANGLES = 10_000  # of all meshes; what is finer is drawn as the cells that it fills
 DIGITS = 5  # of the map's size
+FLAT = 0.05  # share of the cells that are at the lowest height where things stand on flat ground
 OBSTACLE = 0.25  # m above the ground, from where on something stands there
 GROUND, LOW, BLOCKS = 0, 1, 2  # what a cell is; BLOCKS: the lowest flight height
 SLAB = 0.012  # of the map's size, how far its edge goes down
@@ -104,17 +105,15 @@ class SceneData:
 
     @cached_property
     def _ground(self) -> FloatArray:
-        """Altitudes [X, Y] of the ground: the datum, or what is lowest if most cells are.
+        """Altitudes [X, Y] of the ground: the datum, or what is lowest if many cells are.
 
-        Of other maps nobody knows what stands on the ground; all of it is ground then.
+        Of another map nobody knows what of it stands on the ground: all of it is ground.
         """
         height_map = self.problem.height_map
         heights, lowest = height_map.heights, height_map.heights.min()
         if height_map.datum is not None:
             return np.minimum(height_map.datum, heights)
-        levels, counts = np.unique(heights, return_counts=True)
-        flat = len(levels) == 1 or counts[0] >= max(counts[1:].max(), 2) or len(levels) <= 3
-        return np.full_like(heights, lowest) if flat else heights
+        return np.full_like(heights, lowest) if (heights == lowest).mean() >= FLAT else heights
 
     @property
     def _kinds(self) -> FloatArray:

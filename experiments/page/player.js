@@ -70,6 +70,7 @@ function nextConflict(plans) {
 // -- time ----------------------------------------------------------------------------------
 
 function jump(time) {
+  state.moved = performance.now();
   state.time = Math.min(Math.max(time, 0), data.steps);
   play(false);
   refresh();

@@ -6,7 +6,8 @@
 
 const NOWHERE = Math.fround(-1e30); // depth where nothing is
 const HIDDEN = 0.34; // how much is seen of what moves through what is solid
-const GLASS = 0.4; // how much of what is behind them obstacles hide where they are glass
+const EDGE = 0xff60524b;
+const GLASS = 0.3; // how much of what is behind them obstacles hide where they are glass
 
 function mixed(a, b, share) {
   const r = (a & 255) + ((b & 255) - (a & 255)) * share;
@@ -51,7 +52,9 @@ class Raster {
     const { ground, glass, still } = this, share = this.solid ? 1 : GLASS;
     still.set(ground.colour);
     for (let at = 0; at < still.length; at++) {
-      if (glass.depth[at] > ground.depth[at]) still[at] = mixed(still[at], glass.colour[at], share);
+      if (glass.depth[at] <= ground.depth[at]) continue;
+      const colour = glass.colour[at];
+      still[at] = mixed(still[at], colour, colour === EDGE ? 0.8 : share);
     }
   }
 

@@ -4,7 +4,6 @@ const DEGREE = Math.PI / 180;
 const FINE = 2, COARSE = 1; // samples per pixel of the page along x and y
 const MOST_SAMPLES = 3.2e6;
 const RED = "#d0021b";
-const EDGE = rgb("#4b5260");
 
 class Camera {
   constructor(data) {
@@ -44,8 +43,7 @@ class Camera {
       });
     }
     this.scale = Math.min((width - 36) / (high[0] - low[0]), (height - 44) / (high[1] - low[1]));
-    const middle = [(low[0] + high[0]) / 2, (low[1] + high[1]) / 2];
-    this.centre = [0, 1, 2].map((k) => middle[0] * this.right[k] + middle[1] * this.up[k]);
+    this.centre = [(x0 + x1) / 2, (y0 + y1) / 2, (z0 + z1) / 2];
     this.fitted = true;
   }
 
