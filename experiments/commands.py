@@ -469,26 +469,31 @@ def table(
 
 @app.command
 def show(
-    scene: str, plan: Path, /, *, output: Output, seed: Seed = 0, json: Json = False
+    scene: str, /, *plan: Path, output: Output, seed: Seed = 0, json: Json = False
 ) -> int:  # fmt: skip
-    """Draw a plan from above: a PNG of its last step, or a GIF of all steps.
+    """Play plans side by side in an HTML file, or draw one from above.
 
-    Example: cocap-opt show corridor plan.json -o plan.gif
+    The HTML file needs no network and no other file. A PNG shows the last step, a GIF all steps.
+
+    Example: cocap-opt show corridor greedy.json cocap.json -o plans.html
     """
-    from experiments.figures import gif, plan_figure, png  # matplotlib is slow to import
-
-    if output is None or output.suffix.lower() not in (".png", ".gif"):
-        raise UsageError("-o: name a file that ends in .png or .gif")
+    suffix = "" if output is None else output.suffix.lower()
+    if output is None or suffix not in (".html", ".png", ".gif"):
+        raise UsageError("-o: name a file that ends in .html, .png or .gif")
+    if not plan:
+        raise UsageError("PLAN: name a plan, such as plan.json")
+    if suffix != ".html" and len(plan) > 1:
+        raise UsageError(f"PLAN: a {suffix} file shows one plan, not {len(plan)}; .html takes more")
     check_output(output)
-    problem = _load(scene, seed)
-    problem, shown = read_plan(plan, scene, problem)
-    verdict = check(problem, shown)
-    steps = range(problem.horizon + 1)
-    if output.suffix.lower() == ".gif":
-        picture = gif([plan_figure(problem, shown, verdict, t) for t in steps])
-    else:
-        picture = png(plan_figure(problem, shown, verdict, problem.horizon))
-    write(output, lambda: write_atomically(output, picture))
+    problem, plans = _load(scene, seed), list[Plan]()
+    for path in plan:
+        fitting, shown = read_plan(path, scene, problem)
+        if plans and fitting is not problem:
+            raise FileError(f"{path}: starts elsewhere than the plans before it")
+        problem = fitting
+        plans.append(shown)
+    content = _shown(problem, plans, _titles(plan), suffix)
+    write(output, lambda: write_atomically(output, content))
     print_result({"scene": problem.name, "seed": seed, "file": path_text(output)}, json)
     return 0
 
@@ -590,6 +595,25 @@ def _save(row: Row, *files: _Wanted) -> None:
 
 def _add_message(row: Row, message: str) -> None:
     row["message"] = "; ".join(filter(None, (row["message"], message)))
+
+
+def _shown(problem: Problem, plans: Sequence[Plan], titles: Sequence[str], suffix: str) -> bytes:
+    """The file that shows plans: a player, or a picture of the only one."""
+    from experiments.figures import gif, plan_figure, png  # matplotlib is slow to import
+    from experiments.player import player_page
+
+    if suffix == ".html":
+        return player_page(problem, list(zip(titles, plans, strict=True))).encode()
+    verdict, steps = check(problem, plans[0]), range(problem.horizon + 1)
+    if suffix == ".gif":
+        return gif([plan_figure(problem, plans[0], verdict, t) for t in steps])
+    return png(plan_figure(problem, plans[0], verdict, problem.horizon))
+
+
+def _titles(paths: Sequence[Path]) -> list[str]:
+    """What to call plans: the names of their files, with their folders if some are alike."""
+    names = [path.name for path in paths]
+    return [path_text(path if names.count(path.name) > 1 else Path(path.name)) for path in paths]
 
 
 # -- reading options ----------------------------------------------------------------------

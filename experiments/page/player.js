@@ -9,6 +9,7 @@ const make = (name, cls, text) => {
   return element;
 };
 
+const MOST_WORDS = 3; // conflicts that are said at once
 const SHOWN = ["sights", "tracks", "solid"]; // check boxes
 const state = { time: 0, playing: false, speed: 2, last: 0, dirty: true, moved: -Infinity, slow: false };
 const camera = new Camera(data);
@@ -17,10 +18,11 @@ const panels = data.plans.map(makePanel);
 
 function makePanel(plan, index) {
   const root = make("section", "panel");
+  const moves = plan.moves ? `, ${reward(plan.moves)} of it for moves` : "";
   const head = make("div", "head");
   const title = make("h2", "", plan.title);
   title.title = plan.title;
-  head.append(title, make("span", "total", `J = ${reward(plan.reward)}`));
+  head.append(title, make("span", "total", `J = ${reward(plan.reward)}${moves}`));
   const facts = make("div", "facts");
   const now = make("b", "now"), sum = make("b", "sum");
   facts.append(fact("reward at this step", now), fact("so far", sum));
@@ -126,8 +128,13 @@ function describe({ plan, now, sum, words, chips }) {
   put(now, step < data.first ? "not counted" : reward(plan.rewards[step]));
   now.dataset.value = String(plan.rewards[step]);
   put(sum, reward(plan.rewards.slice(0, step + 1).reduce((a, b) => a + b, 0)));
-  put(words, conflictsAt(plan, state.time).map((c) => c.words).join("; "));
+  put(words, several(conflictsAt(plan, state.time).map((c) => c.words)));
   chips.forEach((chip, i) => put(chip, `${plan.heights[i][step]} m`));
+}
+
+function several(words) {
+  const more = words.length - MOST_WORDS;
+  return words.slice(0, MOST_WORDS).join("; ") + (more > 0 ? `; ${more} more` : "");
 }
 
 function put(element, text) {
@@ -242,6 +249,8 @@ function begin() {
   find("name").textContent = data.name;
   find("about").textContent = data.about;
   find("panels").dataset.count = String(data.plans.length);
+  find("panels").classList.toggle("many", data.plans.length > 2);
+  document.body.classList.toggle("tall", data.plans.length > 2);
   find("other").hidden = data.plans.length !== 2;
   legend();
   const slider = find("slider");
