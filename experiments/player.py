@@ -15,7 +15,6 @@ from cocap_opt.data import FloatArray
 from cocap_opt.model import compiled
 from cocap_opt.plan import Conflict, Plan, SwapConflict, conflicts
 from cocap_opt.problem import Cone, Problem
-from experiments.figures import VIEW_LENGTH
 from experiments.player_scene import SceneData
 
 SCRIPTS = ("raster.js", "world.js", "bodies.js", "view.js", "chart.js", "player.js")
@@ -59,9 +58,7 @@ def player_data(problem: Problem, plans: Sequence[Titled]) -> Data:
     """
     scene = SceneData(problem)
     seen = [seen_pixels(problem, plan) for _, plan in plans]
-    shown = [
-        _plan_data(scene, titled, pixels) for titled, pixels in zip(plans, seen, strict=True)
-    ]
+    shown = [_plan_data(scene, titled, pixels) for titled, pixels in zip(plans, seen, strict=True)]
     return {
         "name": problem.name,
         "about": _about(problem),
@@ -71,8 +68,7 @@ def player_data(problem: Problem, plans: Sequence[Titled]) -> Data:
         "unit": _unit(problem),
         "most": _digits(max(float(pixels.max(initial=0.0)) for pixels in seen)) or 1.0,
         "mostReward": max(max(plan["rewards"]) for plan in shown),
-        "reach": VIEW_LENGTH * min(problem.height_map.shape) * problem.height_map.resolution,
-        "scope": scene.scope([plan for _, plan in plans]),
+        **scene.scope([plan for _, plan in plans]),
         "terrain": scene.terrain(),
         **scene.meshes(),
         "people": [scene.person(actor) for actor in problem.actors],
@@ -142,8 +138,8 @@ def _digits(value: float) -> float:
 
 def _unit(problem: Problem) -> str:
     """Unit of coverage: cones do not count pixels."""
-    kinds = {isinstance(robot.camera, Cone) for robot in problem.robots}
-    return {(False,): "px/m²", (True,): "1/m²"}.get(tuple(kinds), "px/m² or 1/m²")
+    cones = [isinstance(robot.camera, Cone) for robot in problem.robots]
+    return "1/m²" if all(cones) else "px/m² or 1/m²" if any(cones) else "px/m²"
 
 
 def _about(problem: Problem) -> str:

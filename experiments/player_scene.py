@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.data import FloatArray
 from cocap_opt.plan import Plan
 from cocap_opt.problem import (
     Actor,
@@ -23,9 +23,9 @@ from cocap_opt.problem import (
     State,
     TriangulatedCuboid,
 )
-from experiments.figures import robot_colour
+from experiments.figures import VIEW_LENGTH, robot_colour
 
-MOST_CELLS = 200  # along an edge of the map as it is drawn
+MOST_CELLS = 128  # along an edge of the map as it is drawn
 MOST_TRIANGLES = 10_000  # of all meshes; what is finer is drawn as the cells that it fills
 DIGITS = 5  # of the map's size
 FLAT = 0.05  # share of the cells that are at the lowest height where things stand on flat ground
@@ -148,22 +148,20 @@ class SceneData:
             for k, x, y in filled
         ]
 
-    def scope(self, plans: Iterable[Plan]) -> list[list[float]]:
-        """Two corners of a box around all that happens."""
-        robots = self.problem.robots
-        parts = [self.local(actor.poses[: self.problem.horizon + 1, :3])
-                 for actor in self.problem.actors]  # fmt: skip
+    def scope(self, plans: Iterable[Plan]) -> Data:
+        """Two corners of a box around all that happens, and how far view cones are drawn (m)."""
+        steps, robots = self.problem.horizon + 1, self.problem.robots
+        parts = [self.local(actor.poses[:steps, :3]) for actor in self.problem.actors]
         for plan in plans:
-            parts += [
-                self.path(robot, path)[:, :3]
-                for robot, path in zip(robots, plan.paths, strict=True)
-            ]
+            paths = zip(robots, plan.paths, strict=True)
+            parts += [self.path(robot, path)[:, :3] for robot, path in paths]
         points = np.concatenate(parts)
-        margin = np.array([MARGIN, MARGIN, 0.0])
-        edges = np.array([*self._size, np.inf])
-        low = np.clip(points.min(axis=0) - margin, [0.0, 0.0, -np.inf], edges)
-        high = np.clip(points.max(axis=0) + margin, [0.0, 0.0, -np.inf], edges)
-        return [self.rounded(low), self.rounded(high)]
+        margin, edges = np.array([MARGIN, MARGIN, 0.0]), np.array([*self._size, np.inf])
+        floor = np.array([0.0, 0.0, -np.inf])
+        low = np.clip(points.min(axis=0) - margin, floor, edges)
+        high = np.clip(points.max(axis=0) + margin, floor, edges)
+        size = min(float(self._size.min()), float((high - low)[:2].max()))
+        return {"scope": [self.rounded(low), self.rounded(high)], "reach": VIEW_LENGTH * size}
 
     def person(self, actor: Actor) -> Data:
         """Faces around the foot point, what they are called, and poses [T+1, 4]."""

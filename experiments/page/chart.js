@@ -101,10 +101,11 @@ class Chart {
   }
 }
 
-const digits = (value, most) => value.toLocaleString("en-US", { maximumFractionDigits: most });
+const digits = (value, most, least = 0) =>
+  value.toLocaleString("en-US", { maximumFractionDigits: most, minimumFractionDigits: least });
 const short = (value) => {
   const [unit, size] = value >= 1e6 ? ["M", 1e6] : value >= 1e4 ? ["k", 1e3] : ["", 1];
   return Number((value / size).toPrecision(3)).toLocaleString("en-US", { maximumFractionDigits: 8 }) + unit;
 };
-const reward = (value) => digits(value, Math.abs(value) < 100 ? 4 : 2);
+const reward = (value) => (Math.abs(value) < 100 ? digits(value, 4) : digits(value, 2, 2));
 const density = (value) => (value >= 100 ? digits(Math.round(value), 0) : String(Number(value.toPrecision(3))));

@@ -209,9 +209,10 @@ function legend() {
     return `${seenColour(Math.max(share ** 2, 1e-12), 1)} ${100 * share}%`;
   });
   bar.style.background = `linear-gradient(to right, ${stops.join(", ")})`;
-  for (const share of [0, 0.25, 0.5, 0.75, 1]) {
-    const value = share < 1 ? rounded(data.most * share ** 2) : data.most;
-    const tick = make("span", "", share ? short(value) : "0");
+  const values = [0, 0.25, 0.5, 0.75].map((share) => rounded(data.most * share ** 2));
+  const apart = (k) => k === 0 || Math.sqrt(values[k] / data.most) - Math.sqrt(values[k - 1] / data.most) > 0.15;
+  for (const value of [...values.filter((_, k) => apart(k)), data.most]) {
+    const tick = make("span", "", short(value));
     tick.style.left = `${100 * Math.sqrt(value / data.most)}%`;
     find("ticks").append(tick);
   }

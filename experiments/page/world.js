@@ -9,7 +9,8 @@ const LOW_GROUND = rgb("#eeebe2"), HIGH_GROUND = rgb("#c9c2a6");
 const LOW_THING = rgb("#d3c6a8"), WALL = rgb("#8f9aad"), MESH = rgb("#b07d55");
 const LOW_PLAN = rgb("#d9cdb0"), WALL_PLAN = rgb("#c3c7ce"); // on the ground below them
 const LIGHT = [0.35, -0.5, 0.79]; // where it comes from; unit length
-const LEAST_EDGE = 0.3; // m, steps in the terrain that get an outline
+const LEAST_EDGE = 0.8; // of a cell, steps in the terrain that get an outline
+const SLOPE = 1.2; // how much of the light from above the sides of the ground's steps take
 const MOST_EDGES = 6000;
 const STRAIGHT = Math.cos(Math.PI / 7); // of triangles that bend less
 
@@ -145,8 +146,10 @@ class Columns {
     };
     const normal = [0, 0, 0];
     normal[axis] = side;
-    this.into.add([at(begin, low), at(end, low), at(end, high), at(begin, high)], normal, lit(colour, normal));
-    if (high - low > LEAST_EDGE) this.into.edges.push(...at(begin, high), ...at(end, high));
+    // A slope is a staircase here: as one of sharp edges it would look like a building.
+    const soft = normal.map((v, k) => (this.floors ? v : (v + (k === 2 ? SLOPE : 0)) / Math.hypot(1, SLOPE)));
+    this.into.add([at(begin, low), at(end, low), at(end, high), at(begin, high)], normal, lit(colour, soft));
+    if (high - low > LEAST_EDGE * this.terrain.cell) this.into.edges.push(...at(begin, high), ...at(end, high));
   }
 }
 

@@ -1,0 +1,455 @@
+import json
+import re
+import shutil
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+from strategies import examples, plate, tiny
+
+from cocap_opt.check import check
+from cocap_opt.io import load_plan
+from cocap_opt.plan import Plan
+from cocap_opt.planners import PLANNERS
+from cocap_opt.problem import Actor, Camera, Cone, Motion, Prism, Problem, Robot, State
+from cocap_opt.stop import never
+from cocap_opt.workspace import HeightMap
+from experiments import player_scene
+from experiments.cli import main
+from experiments.figures import robot_colour
+from experiments.player import player_data, player_page, seen_pixels
+from experiments.player_picture import go_to, opened, programs, resize
+from scenarios import load_scene
+
+ROOT = Path(__file__).parents[1]
+SCENES = ["bottleneck", "bridge", "tiny-give-way", "tiny-hover"]
+EVIL = (
+    "</script><script>document.title='x'</script><!--"
+    "<img src=http://x.y onerror=alert(1)>&amp;\u2028\"'`${1}"
+)
+
+
+def planned(problem: Problem, *names: str) -> list[tuple[str, Any]]:
+    """Plans by these planners, each called like its planner."""
+    return [(name, PLANNERS[name](problem, never).plan) for name in names]
+
+
+def told(page: str) -> dict[str, Any]:
+    """What a page is told."""
+    found = re.search(r'<script type="application/json" id="data">(.*?)</script>', page, re.S)
+    assert found is not None
+    data: dict[str, Any] = json.loads(found.group(1))
+    return data
+
+
+# -- data ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_rewards_are_the_referees(scene: str) -> None:
+    """J, the reward of each step and the number of conflicts are those of `check`."""
+    problem = load_scene(scene, 0)
+    plans = planned(problem, "greedy", "cocap")
+    for (title, plan), shown in zip(plans, player_data(problem, plans)["plans"], strict=True):
+        verdict = check(problem, plan)
+        assert shown["title"] == title
+        assert shown["rewards"] == [verdict.reward_at_start, *verdict.reward_per_step]
+        assert (shown["reward"], shown["moves"]) == (verdict.reward, verdict.reward_moves)
+        steps = [int(words.split()[1].strip(":")) for words in verdict.conflicts]
+        assert [conflict["step"] for conflict in shown["conflicts"]] == sorted(steps)
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_what_is_seen_makes_the_reward(scene: str) -> None:
+    """The weighted roots of the px/m2 that faces are coloured by sum up to each step's reward."""
+    problem = load_scene(scene, 0)
+    ((title, plan),) = planned(problem, "greedy")
+    (shown,) = player_data(problem, [(title, plan)])["plans"]
+    sums = (problem.step_weights * np.sqrt(shown["seen"])).sum(axis=1)
+    assert sums[1:] == pytest.approx(shown["rewards"][1:], rel=1e-4)
+    exact = (problem.step_weights * np.sqrt(seen_pixels(problem, plan))).sum(axis=1)
+    assert exact[1:] == pytest.approx(shown["rewards"][1:], rel=1e-9)
+
+
+def test_cones_are_no_pixels() -> None:
+    """The unit goes with the cameras: cones count 1/m2."""
+    problem = tiny()
+    cones = tuple(robot.replace(camera=Cone()) for robot in problem.robots)
+    for robots, unit in (
+        (problem.robots, "px/m²"),
+        (cones, "1/m²"),
+        ((problem.robots[0], cones[1]), "px/m² or 1/m²"),
+    ):
+        varied = problem.replace(robots=robots)
+        data = player_data(varied, planned(varied, "greedy"))
+        assert data["unit"] == unit
+        assert [drone["rise"] is None for drone in data["drones"]] == [
+            isinstance(robot.camera, Cone) for robot in robots
+        ]
+
+
+def hills() -> Problem:
+    """Hills far from the origin with a house and a plate; two layers, a gimbal, a prism."""
+    datum = 300 + 2.0 * np.arange(6)[:, None] + np.zeros((6, 5))
+    heights = datum.copy()
+    heights[2, 2] += 9.0
+    heights[3, 1] += 1.0
+    corner = (468_000.5, 5_120_000.25)
+    motion = Motion(layers=(4.0, 8.0), radius=1)
+    camera = Camera(tilts=(0.2, 0.7))
+    x, y = corner
+    return Problem(
+        name="hills",
+        height_map=HeightMap(heights=heights, datum=datum, origin=corner, resolution=2.0),
+        meshes=(plate((x + 1, y + 1), (x + 3, y + 5), 306.5),),
+        robots=(
+            Robot(start=State(0, 0, 1, 3, 1), motion=motion, camera=camera),
+            Robot(start=State(5, 4, 0, 0, 0), motion=motion, camera=camera),
+        ),
+        actors=(Actor(poses=np.array([[x + 9, y + 1 + t, 308.0, 0.1] for t in range(3)]),
+                      shape=Prism(sides=5)),),
+        horizon=2,
+    )  # fmt: skip
+
+
+def test_drones_fly_at_their_altitude() -> None:
+    """Places are from the map's corner and lowest height: ground plus flight height."""
+    problem = hills()
+    ((title, plan),) = planned(problem, "greedy")
+    (shown,) = player_data(problem, [(title, plan)])["plans"]
+    height_map, tilts = problem.height_map, problem.robots[0].camera.tilts
+    for path, states in zip(shown["paths"], plan.paths, strict=True):
+        for pose, s in zip(path, states, strict=True):
+            x, y = height_map.centre(s.x, s.y)
+            z = height_map.altitude(s.x, s.y, (4.0, 8.0)[s.layer]) - 300
+            corner = height_map.origin
+            expected = [x - corner[0], y - corner[1], z, np.pi / 4 * s.heading, tilts[s.pitch]]
+            assert pose == pytest.approx(expected, abs=1e-3)
+    assert shown["heights"][0][0] == "8" and shown["heights"][1][0] == "4"
+
+
+def test_terrain_tells_ground_from_what_stands_on_it() -> None:
+    """Kinds: 0 ground, 1 something low, 2 what blocks the lowest flight height."""
+    data = player_data(hills(), planned(hills(), "greedy"))
+    terrain = data["terrain"]
+    kinds = np.reshape([int(kind) for kind in terrain["kinds"]], (6, 5))
+    assert kinds[2, 2] == 2 and kinds[3, 1] == 1 and np.count_nonzero(kinds) == 2
+    grounds, heights = (np.reshape(terrain[key], (6, 5)) for key in ("grounds", "heights"))
+    assert heights[2, 2] == 13 and grounds[2, 2] == 4
+    assert (grounds == 2.0 * np.arange(6)[:, None]).all()
+    (mesh,) = data["meshes"]
+    assert mesh["vertices"][:3] == [1, 1, 6.5]
+    assert (terrain["cell"], terrain["size"], terrain["cells"]) == (2.0, [12, 10], [6, 5])
+    assert [drone["colour"] for drone in data["drones"]] == [
+        "#" + "".join(f"{round(255 * v):02x}" for v in robot_colour(i)[:3]) for i in range(2)
+    ]
+
+
+def test_fine_meshes_and_large_maps_are_drawn_by_cells(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where there is too much to draw: what a mesh fills, the highest of some cells."""
+    monkeypatch.setattr(player_scene, "MOST_TRIANGLES", 1)
+    monkeypatch.setattr(player_scene, "MOST_CELLS", 3)
+    data = player_data(hills(), planned(hills(), "greedy"))
+    assert data["meshes"] == []
+    assert {tuple(box) for box in data["boxes"]} == {
+        (0, 0, 6.5, 6.5), (0, 1, 6.5, 6.5)
+    }  # fmt: skip
+    terrain = data["terrain"]
+    assert (terrain["cell"], terrain["cells"], terrain["size"]) == (4.0, [3, 3], [12, 10])
+    assert np.reshape(terrain["heights"], (3, 3)).max(axis=1).tolist() == [2, 13, 10]
+
+
+def test_nothing_to_see_is_no_error() -> None:
+    """A scene without people, and one in which nobody is seen, have a page, too."""
+    empty = tiny().replace(actors=())
+    hidden = load_scene("tiny-hidden", 0)
+    for problem in (empty, hidden):
+        data = player_data(problem, planned(problem, "greedy"))
+        assert data["most"] > 0 and data["mostReward"] == 0
+
+
+# -- file ---------------------------------------------------------------------------------
+
+
+def test_the_page_asks_nobody() -> None:
+    """There is no address in it, nothing is loaded, and the browser is told to refuse to."""
+    problem = load_scene("tiny-share", 0)
+    page = player_page(problem, planned(problem, "greedy"))
+    assert not re.search(r"https?:|\bsrc\s*=|url\(|@import|\bimport\b|fetch\(|XMLHttp|WebSocket",
+                         page)  # fmt: skip
+    assert re.findall(r'href="([^"]*)"', page) == ["data:,"]
+    assert "default-src 'none'" in page
+    assert len(page) < 100_000
+
+
+@examples(15)
+@given(name=st.text(max_size=30) | st.just(EVIL))
+@example(name=EVIL)
+def test_names_stay_names(name: str) -> None:
+    """No name of a scene or a plan ends the data, begins an element or is lost."""
+    problem = tiny().replace(name=name)
+    stay = Plan(paths=tuple((robot.start,) * 3 for robot in problem.robots))
+    plain = player_page(tiny().replace(name=""), [("", stay)])
+    title = problem.name  # what is no text is escaped there
+    page = player_page(problem, [(title, stay)])
+    data = told(page)
+    assert (data["name"], data["plans"][0]["title"]) == (title, title)
+    assert page.count("<") == plain.count("<")
+
+
+# -- command ------------------------------------------------------------------------------
+
+
+def run(*words: object) -> int:
+    """Exit code of a command."""
+    with pytest.raises(SystemExit) as caught:
+        main([str(word) for word in words])
+    return int(caught.value.code or 0)
+
+
+@pytest.fixture(scope="module")
+def plans(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a plan that has conflicts, and one that has none, of the bottleneck."""
+    folder = tmp_path_factory.mktemp("plans")
+    for name in ("greedy", "cocap"):
+        assert run("plan", "bottleneck", "--planner", name, "-o", folder / f"{name}.json") == 0
+    return folder
+
+
+def test_show_takes_one_plan_or_more(plans: Path, tmp_path: Path) -> None:
+    """In the order given; files of one name are told apart by their folders."""
+    greedy, cocap, page = plans / "greedy.json", plans / "cocap.json", tmp_path / "plans.html"
+    other = tmp_path / "greedy.json"
+    shutil.copy(cocap, other)
+    for files, titles in (
+        ([greedy], ["greedy.json"]),
+        ([cocap, greedy], ["cocap.json", "greedy.json"]),
+        ([greedy, other, cocap], [str(greedy), str(other), "cocap.json"]),
+    ):
+        assert run("show", "bottleneck", *files, "-o", page) == 0
+        shown = told(page.read_text(encoding="utf-8"))["plans"]
+        assert [plan["title"] for plan in shown] == titles
+        assert shown[-1]["reward"] == load_plan(files[-1]).reward
+
+
+@pytest.mark.parametrize(
+    ("files", "output", "words"),
+    [
+        ([], "x.html", "PLAN: name a plan"),
+        (["greedy.json", "cocap.json"], "x.png", "a .png file shows one plan, not 2"),
+        (["greedy.json", "cocap.json"], "x.gif", "a .gif file shows one plan, not 2"),
+        (["greedy.json"], "x.svg", "-o: name a file that ends in .html, .png or .gif"),
+        (["absent.json"], "x.html", "absent.json"),
+    ],
+)
+def test_what_show_does_not_take_is_said(
+    files: list[str], output: str, words: str, plans: Path, tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    """One line that names what is wrong, and no file."""
+    capsys.readouterr()
+    paths = [plans / name for name in files]
+    assert run("show", "bottleneck", *paths, "-o", tmp_path / output) == 2
+    out, err = capsys.readouterr()
+    assert out == "" and words in err and len(err.splitlines()) == 1
+    assert not (tmp_path / output).exists()
+
+
+def test_plans_of_other_starts_are_not_shown_together(
+    plans: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A plan that begins elsewhere is refused."""
+    other = tmp_path / "other.json"
+    assert run("plan", "bottleneck", "--seed", 1, "-o", other) == 0
+    capsys.readouterr()
+    page = tmp_path / "x.html"
+    assert run("show", "bottleneck", plans / "cocap.json", other, "-o", page) == 2
+    err = capsys.readouterr().err
+    assert "other.json" in err and "starts at" in err and not page.exists()
+
+
+def test_what_is_installed_has_the_page() -> None:
+    """The files of the page are package data: an installed player has them all."""
+    setuptools = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]
+    package = ROOT / "experiments"
+    installed = {
+        f for glob in setuptools["package-data"]["experiments"] for f in package.glob(glob)
+    }
+    assert installed >= set((package / "page").iterdir())
+    assert {f.suffix for f in installed} == {".html", ".css", ".js"}
+
+
+# -- browser ------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def player(plans: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+    """A browser with two plans of the bottleneck."""
+    if programs() is None:
+        pytest.skip("needs chromium and chromedriver")
+    page = tmp_path_factory.mktemp("page") / "plans.html"
+    files = plans / "greedy.json", plans / "cocap.json"
+    assert run("show", "bottleneck", *files, "-o", page) == 0
+    with opened(page) as driver:
+        yield driver
+
+
+def value(player: Any, what: str) -> Any:
+    """Value of an expression in the page."""
+    return player.execute_script(f"return {what}")
+
+
+def step_of(player: Any) -> int:
+    """Step that the page says it shows."""
+    return int(value(player, "document.getElementById('step').textContent").split()[1])
+
+
+def wait_until(player: Any, expression: str) -> None:
+    """Wait until an expression holds in the page."""
+    from selenium.webdriver.support.wait import WebDriverWait
+
+    WebDriverWait(player, 20, poll_frequency=0.05).until(lambda page: value(page, expression))
+
+
+# Share of the samples of a panel's picture that are not the white of the paper.
+INKED = """(() => {
+  const c = document.querySelectorAll('canvas.%s')[%d];
+  const copy = new OffscreenCanvas(c.width, c.height).getContext('2d', {willReadFrequently: true});
+  copy.drawImage(c, 0, 0);
+  const d = copy.getImageData(0, 0, c.width, c.height).data;
+  let n = 0;
+  for (let i = 0; i < d.length; i += 4) if (d[i + 3] && d[i] + d[i + 1] + d[i + 2] < 750) n++;
+  return n / (d.length / 4);
+})()"""
+
+
+def test_two_plans_stand_side_by_side(player: Any) -> None:
+    """Each has a panel with its name, a picture and a chart, at one height."""
+    go_to(player, 3)
+    titles = value(player, "[...document.querySelectorAll('h2')].map((h) => h.textContent)")
+    assert titles == ["greedy.json", "cocap.json"]
+    places = "[...document.querySelectorAll('.panel')].map((p) => [p.offsetLeft, p.offsetTop])"
+    boxes = value(player, places)
+    assert boxes[0][1] == boxes[1][1] and boxes[0][0] + 300 < boxes[1][0]
+    for panel in range(2):
+        assert value(player, INKED % ("view", panel)) > 0.2
+        assert value(player, INKED % ("chart", panel)) > 0.05
+
+
+def test_the_slider_sets_the_step(player: Any, plans: Path) -> None:
+    """The reward shown is the referee's for that step, and so are the conflicts."""
+    problem = load_scene("bottleneck", 0)
+    verdicts = [check(problem, load_plan(plans / f"{n}.json").plan) for n in ("greedy", "cocap")]
+    for step in (1, 6, problem.horizon):
+        go_to(player, step)
+        assert step_of(player) == step
+        shown = value(player, "[...document.querySelectorAll('.now')].map((e) => e.dataset.value)")
+        assert list(map(float, shown)) == [v.reward_per_step[step - 1] for v in verdicts]
+        said = value(player, "[...document.querySelectorAll('.words')].map((e) => e.textContent)")
+        for verdict, words in zip(verdicts, said, strict=True):
+            assert any(c.startswith(f"step {step}:") for c in verdict.conflicts) == bool(words)
+
+
+def test_play_advances_and_stops_at_the_end(player: Any) -> None:
+    """The button plays, the space key pauses; at the end it stops, and begins anew if asked."""
+    from selenium.webdriver.common.by import By
+    from selenium.webdriver.common.keys import Keys
+
+    go_to(player, 0)
+    button = player.find_element(By.ID, "play")
+    button.click()
+    wait_until(player, "Number(document.getElementById('slider').value) >= 2")
+    player.find_element(By.TAG_NAME, "body").send_keys(Keys.SPACE)
+    assert button.get_attribute("aria-label") == "play"
+    stopped = step_of(player)
+    assert 2 <= stopped < 11
+    player.execute_script("const s = document.getElementById('speed'); s.value = '16';"
+                          "s.dispatchEvent(new Event('change'))")  # fmt: skip
+    button.click()
+    wait_until(player, "document.getElementById('play').getAttribute('aria-label') === 'play'")
+    assert step_of(player) == 11
+    button.click()
+    wait_until(player, "Number(document.getElementById('slider').value) < 11")
+    go_to(player, 0)
+
+
+def test_keys_and_chart_lead_to_steps(player: Any) -> None:
+    """Left, right, Home, End, C for the next conflict, and a press on a bar of the chart."""
+    from selenium.webdriver.common.action_chains import ActionChains
+    from selenium.webdriver.common.by import By
+    from selenium.webdriver.common.keys import Keys
+
+    go_to(player, 4)
+    body = player.find_element(By.TAG_NAME, "body")
+    for key, step in ((Keys.RIGHT, 5), (Keys.LEFT, 4), (Keys.END, 11), (Keys.HOME, 0), ("c", 1)):
+        body.send_keys(key)
+        wait_until(
+            player, f"document.getElementById('step').textContent.startsWith('step {step} ')"
+        )
+    chart = player.find_elements(By.CLASS_NAME, "chart")[1]
+    ActionChains(player).move_to_element(chart).click().perform()
+    wait_until(player, "!document.getElementById('step').textContent.startsWith('step 1 ')")
+    assert step_of(player) in (5, 6)
+
+
+def test_the_camera_turns_zooms_and_looks_down(player: Any) -> None:
+    """A drag, the wheel and the button for the top view change both pictures."""
+    from selenium.webdriver.common.action_chains import ActionChains
+    from selenium.webdriver.common.by import By
+
+    go_to(player, 6)
+    view = player.find_elements(By.CLASS_NAME, "view")[0]
+    picture = "[...document.querySelectorAll('canvas.view')].map((c) => c.toDataURL())"
+    seen = [value(player, picture)]
+
+    def changed() -> None:
+        go_to(player, 6)
+        seen.append(value(player, picture))
+        assert all(a != b for a, b in zip(seen[-1], seen[-2], strict=True))
+
+    ActionChains(player).drag_and_drop_by_offset(view, 60, 20).perform()
+    changed()
+    player.find_element(By.ID, "top").click()
+    changed()
+    player.execute_script(
+        "arguments[0].dispatchEvent(new WheelEvent('wheel', {deltaY: -300, cancelable: true}))",
+        view,
+    )
+    changed()
+    player.find_element(By.ID, "space").click()
+    changed()
+    assert seen[-1] == seen[0]
+
+
+def test_a_phone_shows_one_plan_above_the_other(player: Any) -> None:
+    """On a narrow screen nothing stands out at the side, and the picture is not empty."""
+    resize(player, (390, 844))
+    go_to(player, 2)
+    assert value(player, "document.documentElement.scrollWidth") <= 390
+    tops = value(player, "[...document.querySelectorAll('.panel')].map((p) => p.offsetTop)")
+    assert tops[1] > tops[0] + 200
+    assert value(player, INKED % ("view", 0)) > 0.1
+    resize(player, (1280, 800))
+
+
+def test_no_name_is_run_and_nothing_is_asked_for(player: Any, tmp_path: Path) -> None:
+    """A scene and a plan with code for names are shown by them, and nothing is loaded.
+
+    The console stays empty, whatever the tests above did to the page before.
+    """
+    problem, page = hills().replace(name=EVIL), tmp_path / "page.html"
+    page.write_text(player_page(problem, [(EVIL, planned(problem, "greedy")[0][1])]), "utf-8")
+    before = player.current_url
+    player.get(page.as_uri())
+    go_to(player, 1)
+    assert value(player, "document.getElementById('name').textContent") == EVIL
+    assert value(player, "document.querySelector('h2').textContent") == EVIL
+    assert value(player, "document.querySelectorAll('img').length") == 0
+    assert value(player, "performance.getEntriesByType('resource').length") == 0
+    assert player.get_log("browser") == []
+    player.get(before)
