@@ -360,16 +360,23 @@ def test_play_advances_and_stops_at_the_end(player: Any) -> None:
     from selenium.webdriver.common.by import By
     from selenium.webdriver.common.keys import Keys
 
+    def at_speed(speed: str) -> None:
+        player.execute_script(
+            "const s = document.getElementById('speed'); s.value = arguments[0];"
+            "s.dispatchEvent(new Event('change'))",
+            speed,
+        )
+
     go_to(player, 0)
     button = player.find_element(By.ID, "play")
+    at_speed("1")
     button.click()
     wait_until(player, "Number(document.getElementById('slider').value) >= 2")
     player.find_element(By.TAG_NAME, "body").send_keys(Keys.SPACE)
     assert button.get_attribute("aria-label") == "play"
     stopped = step_of(player)
     assert 2 <= stopped < 11
-    player.execute_script("const s = document.getElementById('speed'); s.value = '16';"
-                          "s.dispatchEvent(new Event('change'))")  # fmt: skip
+    at_speed("16")
     button.click()
     wait_until(player, "document.getElementById('play').getAttribute('aria-label') === 'play'")
     assert step_of(player) == 11
@@ -424,6 +431,32 @@ def test_the_camera_turns_zooms_and_looks_down(player: Any) -> None:
     player.find_element(By.ID, "space").click()
     changed()
     assert seen[-1] == seen[0]
+
+
+# What the hint says at points all over the first picture.
+HINTS = """(() => {
+  const view = document.querySelector('canvas.view'), tip = document.querySelector('.tip');
+  const said = new Set(), { left, top, width, height } = view.getBoundingClientRect();
+  for (let x = 2; x < width; x += 5) for (let y = 2; y < height; y += 5) {
+    const at = { clientX: left + x, clientY: top + y, pointerId: 1 };
+    view.dispatchEvent(new PointerEvent('pointermove', at));
+    if (tip.classList.contains('on')) said.add(tip.textContent);
+  }
+  return [...said];
+})()"""
+
+
+def test_a_face_says_how_well_it_is_seen(player: Any) -> None:
+    """Under the pointer: whose face it is and its px/m2; of each person some faces are there."""
+    go_to(player, 6)
+    (seen,) = (plan["seen"][6] for plan in told(player.page_source)["plans"][:1])
+    said = [re.fullmatch(r"person (\d), (\w+): (.*)", hint) for hint in value(player, HINTS)]
+    assert {hint[1] for hint in said if hint} == {"0", "1", "2", "3"} and len(said) >= 8
+    names = ["front", "left", "back", "right", "top"]
+    for hint in said:
+        assert hint is not None
+        pixels = seen[5 * int(hint[1]) + names.index(hint[2])]
+        assert hint[3] == (f"{pixels:,.0f} px/m²" if pixels else "not seen")
 
 
 def test_a_phone_shows_one_plan_above_the_other(player: Any) -> None:
