@@ -52,14 +52,19 @@ def reproduce(
         for seed in scaling_seeds
     ]  # fmt: skip
     rows = _swept(out / "scenes", main, settings, workers)
-    team_rows = _swept(out / "scaling", teams, settings, workers)
     whole = [group for group in main if group.is_whole]
+    if len(whole) < len(main):  # after Ctrl-C
+        teams = []
+    team_rows = _swept(out / "scaling", teams, settings, workers) if teams else []
+    if not whole:
+        return
     figures = {"curves.png": png(curves_figure(_curves(whole)))}
     giving, found = _giving_way(whole)
     example = most_generous(found["cocap"])
     if example is not None:
         figures["giving-way.png"] = _example(whole, example)
-    figures["scaling.png"] = png(scaling_figure(_points(team_rows, sizes)))
+    if team_rows:
+        figures["scaling.png"] = png(scaling_figure(_points(team_rows, sizes)))
     for name, content in figures.items():
         save_bytes(out / name, content)
     page = _page(rows, team_rows, giving, example)
@@ -165,8 +170,9 @@ def _page(
     parts.append(markdown({"Who gives way": giving}))
     parts.append(_story(example))
     parts.append(markdown({"Planners": planner_table(rows), "Price": price_table(rows)}))
-    parts.append("## Scaling\n\n![Time and reward against team size](scaling.png)\n")
-    parts.append(markdown({"Team sizes": planner_table(team_rows)}))
+    if team_rows:
+        parts.append("## Scaling\n\n![Time and reward against team size](scaling.png)\n")
+        parts.append(markdown({"Team sizes": planner_table(team_rows)}))
     return "\n".join(parts)
 
 

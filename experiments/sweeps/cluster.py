@@ -66,7 +66,7 @@ class Cluster:
                     return failed(task.cell, Status.EXCEEDED, words)
             if self._running:
                 with suppress(TimeoutError):
-                    distributed.wait(self._running, timeout=POLL, return_when="FIRST_COMPLETED")
+                    distributed.wait([*self._running], POLL, return_when="FIRST_COMPLETED")
             else:
                 time.sleep(POLL)  # all workers are gone; a cluster may get others
                 if self.room() > 0:
