@@ -19,12 +19,20 @@ from cocap_opt.projection import (
     image_samples,
 )
 from cocap_opt.timegraph import TimeGraph
-from cocap_opt.visibility import rays_arrive, seen_samples, seen_share, spans
+from cocap_opt.visibility import (
+    Occluders,
+    Samples,
+    rays_arrive,
+    seen_samples,
+    seen_share,
+    spans,
+)
 from cocap_opt.workspace import HeightMap
 
 # What is evaluated at once at most, so that limits are asked for every 0.3 s or more often.
 BATCH_STATES = 1024
 BATCH_RAYS = 1_600_000  # if all faces of all states were in view
+UNSURE = 0.5  # neither hidden nor in the open
 ON_THE_EDGE = 1e-9  # rad, by which an actor may be beyond the edge of a cone
 
 
@@ -129,7 +137,9 @@ class PinholeViews:
     def _share_of_actors(
         self, faces: Faces, eyes: FloatArray, which: IntArray, in_view: BoolArray
     ) -> FloatArray:
-        """Visible share [m, A] of some points of actors from eyes [m, 3], of those in view.
+        """Which actors in view are hidden, 0, and which in the open, 1, from eyes [m, 3]: [m, A].
+
+        Hidden is who is so by terrain and meshes alone: behind other actors gaps are many.
 
         Parameters
         ----------
@@ -140,10 +150,21 @@ class PinholeViews:
         state, actor = np.nonzero(in_view)
         share[which[state], actor] = 1.0
         eye, target = np.nonzero(share)
-        actors = np.arange(in_view.shape[1])
-        seen = seen_samples(faces.occluders, eyes[eye], bodies.samples, target, actors)
-        share[eye, target] = seen_share(bodies.samples, target, seen)
+        past_terrain = self._share_past(faces.terrain, bodies.samples, eyes[eye], target)
+        clear = np.flatnonzero(past_terrain == 1)
+        past_actors = self._share_past(
+            faces.actors, bodies.samples, eyes[eye[clear]], target[clear]
+        )  # fmt: skip
+        past_terrain[clear] = np.maximum(past_actors, UNSURE)
+        share[eye, target] = past_terrain
         return share
+
+    def _share_past(
+        self, occluder: Occluders, samples: Samples, eyes: FloatArray, actors: IntArray
+    ) -> FloatArray:
+        """Share [n] of some points of actors that is seen past something from eyes [n, 3]."""
+        seen = seen_samples([occluder], eyes, samples, actors, np.arange(len(samples.counts)))
+        return seen_share(samples, actors, seen)
 
     def _in_camera(self, points: FloatArray, orientation: IntArray) -> list[FloatArray]:
         """How far [n, k] points [n, k, 3], from the camera, are to the right, up and forward."""

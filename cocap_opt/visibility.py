@@ -73,13 +73,12 @@ def fan_triangles(polygon: FloatArray) -> FloatArray:
 def sample_points(polygon: FloatArray, samples: int) -> tuple[FloatArray, FloatArray]:
     """Points [n, 3] spread over a convex polygon [V, 3] and the share of area of each [n].
 
-    A triangle is cut into `samples` squared equal triangles, whose centroids are the points.
-    Of other polygons each triangle between an edge and the middle is. So a mirrored polygon
-    has mirrored points.
+    Each triangle between an edge and the middle is cut into `samples` squared equal triangles,
+    whose centroids are the points. So a mirrored polygon has mirrored points.
     """
     a, b = centroids(samples)
     points, areas = [], []
-    for triangle in [polygon] if len(polygon) == 3 else _around_middle(polygon):
+    for triangle in _around_middle(polygon):
         first, second = triangle[1] - triangle[0], triangle[2] - triangle[0]
         points.append(triangle[0] + a[:, None] * first + b[:, None] * second)
         areas.append(np.full(len(a), np.linalg.norm(np.cross(first, second)) / len(a)))

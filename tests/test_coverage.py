@@ -640,8 +640,7 @@ def test_sample_points_share_the_face(shape: Shape, samples: int) -> None:
     """Sample points stand for equal parts: shares sum to 1 and balance at the face's middle."""
     for polygon in shape.faces():
         points, shares = sample_points(polygon, samples)
-        triangles = 1 if len(polygon) == 3 else len(polygon)
-        assert len(points) == samples**2 * triangles
+        assert len(points) == samples**2 * len(polygon)
         assert shares.sum() == pytest.approx(1.0, abs=1e-12)
         assert (shares > 0).all()
         # A centroid by area: the fan's triangles, each at the mean of its corners.

@@ -12,11 +12,11 @@ from cocap_opt.coverage import coverage_table
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.faces import FaceGeometry, Faces
 from cocap_opt.model import Model
-from cocap_opt.problem import Actor, Camera, Cone, Cuboid, Motion, Problem, Robot, State
+from cocap_opt.problem import Actor, Camera, Cone, Cuboid, Motion, Problem, Robot, Shape, State
 from cocap_opt.projection import camera_axes, dot, frustum_distances, image_area, image_samples
 from cocap_opt.timegraph import TimeGraph, time_graph
 from cocap_opt.views import eyes_at, make_views
-from cocap_opt.visibility import Samples, rays_arrive, seen_samples, seen_share
+from cocap_opt.visibility import Occluders, Samples, rays_arrive, seen_samples, seen_share
 from cocap_opt.workspace import HeightMap
 from experiments.benchmarks.town import town
 
@@ -67,10 +67,13 @@ def slow_view(
     if not area > 0:
         return 0.0
     owner = owners[which]
-    open_to = seen_of(faces, eye, faces.bodies.samples, owner, np.arange(owner[0] + 1))
-    if open_to in (0.0, 1.0):
-        return float(area * open_to / faces.areas[face])
-    share = seen_of(faces, eye, faces.samples, which, owners)
+    actors, points = np.arange(owner[0] + 1), faces.bodies.samples
+    past_terrain = seen_of([faces.terrain], points, eye, owner, actors)
+    if past_terrain == 0:
+        return 0.0
+    if past_terrain == 1 and seen_of([faces.actors], points, eye, owner, actors) == 1:
+        return float(area / faces.areas[face])
+    share = seen_of(faces.occluders, faces.samples, eye, which, owners)
     inside = (frustum_distances(polygon, camera) >= 0).all()
     if 0 < share < 1 and inside:
         share = seen_in_image(faces, eye, axes[2], which, owners)
@@ -88,10 +91,10 @@ def slow_view(
 
 
 def seen_of(
-    faces: Faces, eye: FloatArray, samples: Samples, which: IntArray, owners: IntArray
+    occluders: list[Occluders], samples: Samples, eye: FloatArray, which: IntArray, owners: IntArray
 ) -> float:
-    """Visible share of a face or of a body, by its points."""
-    seen = seen_samples(faces.occluders, eye, samples, which, owners)
+    """Visible share of a face or of a body past some things, by its points."""
+    seen = seen_samples(occluders, eye, samples, which, owners)
     return float(seen_share(samples, which, seen)[0])
 
 
@@ -297,7 +300,52 @@ def test_nobody_stands_unseen_before_somebody(
     faces, graph = FaceGeometry(problem).at(1), graph_of(problem)
     here = np.array([graph.index(State(0, 20)) % graph.n_places])
     eye, one = eyes_at(problem.height_map, graph, here), np.zeros(1, dtype=np.int64)
-    assert seen_of(faces, eye, faces.bodies.samples, one, np.arange(2)) < 1
+    assert seen_of([faces.actors], faces.bodies.samples, eye, one, np.arange(2)) < 1
+
+
+@examples(50)
+@given(
+    shapes(), st.sampled_from([0.3, 0.5, 1.0, 2.5]), st.floats(0.2, 3.0), st.floats(0, 2 * math.pi)
+)
+def test_no_gap_between_points_is_wider_than_what_hides(
+    shape: Shape, cell: float, other: float, turn: float
+) -> None:
+    """From any side, an upright strip as wide as a cell or as another actor covers some point."""
+    beside = Cuboid(length=other, width=other, height=1.0)
+    pose = np.tile([1.0, 1.0, 0.0, turn], (2, 1))
+    problem = Problem(
+        name="",
+        height_map=HeightMap(heights=np.zeros((9, 9)), resolution=cell),
+        robots=(Robot(start=State(0, 0)),),
+        actors=(Actor(poses=pose, shape=shape), Actor(poses=pose, shape=beside)),
+        horizon=1,
+        face_samples=12,  # no actor is so large that its points are too few
+    )
+    samples = FaceGeometry(problem).at(1).bodies.samples
+    across = np.sort(samples.points[: samples.counts[0], 1])
+    assert np.diff(across).max() <= min(cell, other) + 1e-6
+
+
+def test_who_is_behind_several_people_is_looked_at_face_by_face() -> None:
+    """Others hide all points of somebody, and not all of them: the gap between them is seen."""
+    shape = Cuboid(length=1.0, width=1.0, height=2.0)
+    thin = Cuboid(length=0.1, width=0.34, height=6.0)
+    # Three posts before the corners and the middle; a third of the person is between them.
+    posts = [(9.0, 5.0 + y) for y in (-0.5, 0.0, 0.5)]
+    actors = [Actor(poses=np.tile([11.0, 5.0, 0.0, 0.0], (2, 1)), shape=shape)]
+    actors += [Actor(poses=np.tile([x, y, 0.0, 0.0], (2, 1)), shape=thin) for x, y in posts]
+    problem = Problem(
+        name="",
+        height_map=HeightMap(heights=np.zeros((12, 10))),
+        robots=(Robot(start=State(0, 4), motion=Motion(headings=4)),),
+        actors=tuple(actors),
+        horizon=1,
+        face_samples=6,
+    )
+    states = np.array([graph_of(problem).index(State(0, y)) for y in (4, 5)])
+    views = make_views(FaceGeometry(problem), problem, graph_of(problem), problem.robots[0].camera)
+    assert_nothing_is_lost(problem, states)
+    assert (views.coverage(1, states)[:, :5].sum(axis=1) > 0).all()
 
 
 def walled(top: float, gap: float, height: float) -> Problem:
