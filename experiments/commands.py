@@ -11,7 +11,6 @@ from typing import Annotated, Any, NamedTuple
 import msgspec
 from cyclopts import App, CycloptsError, Parameter
 
-from cocap_opt.atomic_write import write_atomically
 from cocap_opt.check import check
 from cocap_opt.coverage import usable_cores
 from cocap_opt.data import MOST_PIXELS, ProblemError
@@ -49,12 +48,11 @@ from experiments.report import (
     without_rules,
 )
 from experiments.streams import say
-from experiments.sweeps.about import about_run, load_run, save_run
-from experiments.sweeps.cells import Store
+from experiments.sweeps.about import load_run
 from experiments.sweeps.crew import ClusterError
 from experiments.sweeps.results import load_results
 from experiments.sweeps.run import Group, Settings
-from experiments.sweeps.sweep import PARTS, Hired, sweep
+from experiments.sweeps.sweep import Hired, sweep
 from experiments.tables import AGAINST, all_tables
 from formulations import BOUNDS, EXACT
 from formulations.certificate import CertificateFile
@@ -411,18 +409,13 @@ def gap_table(
             raise FileError(f"{path}: starts elsewhere than the plans before it")
         about = OWN_STARTS if problem is not problems[cells[0]] else about
         problems[cells[0]], given[path_text(path)] = problem, shown
-    make_folder(out, *PARTS)
     settings = Settings(limit=time_limit, bound_limit=bound_limit, rendered=rendered)
     groups = [
         Group(problems[cell], cell[1], planner or default_planners(problems[cell]), settings, given)
         for cell in cells
     ]
     hired = Hired(workers, scheduler, cell_limit or 10 * (time_limit + bound_limit) + 600)
-    if out is not None:
-        who = scheduler or ("this process" if workers is None else f"{workers} processes")
-        names = list(dict.fromkeys(group.problem.name for group in groups))
-        save_run(out, about_run(settings, names, sorted({seed for _, seed in cells}), who))
-    rows = sweep(groups, Store(out, retry), out, hired, about)
+    rows = sweep(groups, settings, out, hired, retry, about)
     if json:
         print_json({"rows": rows})
     else:
@@ -493,7 +486,7 @@ def show(
         problem = fitting
         plans.append(shown)
     content = _shown(problem, plans, _titles(plan), suffix)
-    write(output, lambda: write_atomically(output, content))
+    save_bytes(output, content)
     print_result({"scene": problem.name, "seed": seed, "file": path_text(output)}, json)
     return 0
 

@@ -6,13 +6,11 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from types import MappingProxyType
 
 import msgspec
 
 from cocap_opt.io import problem_digest
 from cocap_opt.model import compiled
-from cocap_opt.plan import Plan
 from cocap_opt.problem import Problem
 from cocap_opt.render import Renderer
 from cocap_opt.result import Reason, Result, relative_gap
@@ -28,7 +26,6 @@ from experiments.report import (
     gap_row,
     hold_against,
     judge,
-    of_others,
     planner_part,
     run_certified,
     run_planner,
@@ -37,35 +34,6 @@ from experiments.report import (
 from formulations.result import OPTIMALITY, CertifiedResult
 
 Limits = Callable[[], Stop]  # makes a limit that begins to count at once
-NONE_GIVEN: Mapping[str, Plan] = MappingProxyType({})
-
-
-def gap_cell(
-    problem: Problem,
-    seed: int,
-    planners: Sequence[str],
-    planner_limits: Limits,
-    bound_limits: Limits,
-    folder: Path | None,
-    watch: Watch,
-    rendered: bool = False,
-    given: Mapping[str, Plan] = NONE_GIVEN,
-) -> list[Row]:
-    """Rows of one scene and seed; with a folder, the plans and the certificates as files.
-
-    Parameters
-    ----------
-    rendered : J of each plan's rendered pixels is wanted, too
-    given : plans of others by name, which get rows of their own; nobody says how long they took
-    """
-    plans = {name: of_others(problem, plan) for name, plan in given.items()}
-    plans |= plans_of(problem, seed, planners, planner_limits, folder, watch)
-    rows = rows_of(problem, seed, plans, bound_limits, folder, watch)
-    if rendered:
-        for row, (name, judged) in zip(rows, plans.items(), strict=True):
-            watch.show(f"rendering the plan of {name}")
-            row["reward_rendered"] = rendered_j(problem, judged)
-    return rows
 
 
 def plans_of(

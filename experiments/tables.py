@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from statistics import median
 
 from experiments.report import Row
-from experiments.statistics import Mean, mean, shifted_geometric_mean
+from experiments.statistics import mean, shifted_geometric_mean
 from formulations.result import OPTIMALITY
 
 Table = list[dict[str, str]]
@@ -30,9 +30,9 @@ def planner_table(rows: Sequence[Row]) -> Table:
                 "seeds": str(len(some)),
                 "obeys the rules": _share(len(valid), len(some)),
                 "reward": _spread([row["reward"] for row in some if row["reward"] is not None]),
-                "gap (%)": _interval(gaps),
+                "gap (%)": interval(gaps),
                 "largest gap (%)": _number(max(gaps, default=None), 3),
-                "gap to free (%)": _interval(
+                "gap to free (%)": interval(
                     [100 * row["gap_free"] for row in valid if row["gap_free"] is not None]
                 ),
                 "proved optimal": _share(sum(map(is_optimal, valid)), len(some)),
@@ -65,7 +65,7 @@ def difference_table(rows: Sequence[Row], against: str = AGAINST) -> Table:
                 {
                     "scene": scene,
                     "planner": planner,
-                    f"against {against} (%)": _interval(percent),
+                    f"against {against} (%)": interval(percent),
                     "better": str(sum(a > b for a, b in pairs)),
                     "equal": str(sum(a == b for a, b in pairs)),
                     "worse": str(sum(a < b for a, b in pairs)),
@@ -88,8 +88,8 @@ def price_table(rows: Sequence[Row]) -> Table:
         table.append(
             {
                 "scene": scene,
-                "at least (%)": _interval([100 * low for low, _ in ends]),
-                "at most (%)": _interval([100 * high for _, high in ends]),
+                "at least (%)": interval([100 * low for low, _ in ends]),
+                "at most (%)": interval([100 * high for _, high in ends]),
                 "largest (%)": _number(max((100 * high for _, high in ends), default=None), 3),
                 "bound proved best": _share(
                     sum(row["bound_reason"] == "optimal" for row in first), len(first)
@@ -186,15 +186,15 @@ def _spread(values: Sequence[float]) -> str:
     return _number(found.value, digits) + spread
 
 
-def _interval(values: Sequence[float]) -> str:
-    """Mean and confidence interval."""
-    return _mean_text(mean(values)) if values else NONE
-
-
-def _mean_text(found: Mean) -> str:
+def interval(values: Sequence[float], digits: int = 3) -> str:
+    """Mean and confidence interval, if there are values."""
+    if not values:
+        return NONE
+    found = mean(values)
     if math.isnan(found.low):
-        return _number(found.value, 3)
-    return f"{_number(found.value, 3)} [{_number(found.low, 3)}, {_number(found.high, 3)}]"
+        return _number(found.value, digits)
+    low, high = _number(found.low, digits), _number(found.high, digits)
+    return f"{_number(found.value, digits)} [{low}, {high}]"
 
 
 def _number(value: float | None, digits: int) -> str:

@@ -6,12 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
-from cyclopts import App, CycloptsError, Parameter
+from cyclopts import App, Parameter
 
-from cocap_opt.data import ProblemError
 from cocap_opt.io import FileError
+from experiments.entry import run_app
 from experiments.numbers import numbers, values
-from experiments.streams import say
 
 app = App(
     name="python -m experiments.benchmarks",
@@ -179,15 +178,7 @@ def start_sets(
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; returns 0, 1 where a row or a run failed, or 2 for wrong input."""
-    try:
-        code = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
-    except (CycloptsError, FileError, ProblemError) as error:
-        say(str(error))
-        return 2
-    except KeyboardInterrupt:
-        say("interrupted")
-        return 130
-    return int(code or 0)
+    return run_app(app, arguments)
 
 
 def _require_positive(limit: float) -> None:

@@ -9,13 +9,12 @@ from functools import partial
 from pathlib import Path
 from statistics import median
 
-from cocap_opt.atomic_write import write_atomically
 from cocap_opt.stop import Limit
 from experiments.benchmarks.growth_figure import growth_figure
 from experiments.benchmarks.points import BASES, GAP, MEASURES, SIZES, Field, Point, exponent
 from experiments.benchmarks.runs import Run, RunError, run
 from experiments.figures import png
-from experiments.files import make_folder, save_csv, write
+from experiments.files import make_folder, save_bytes, save_csv
 from experiments.printing import print_table
 from experiments.report import Row
 from experiments.streams import say
@@ -51,8 +50,7 @@ def growth(
     finally:
         _print(points, limit)
     if out is not None and points:
-        path, content = out / "growth.png", png(growth_figure(points, limit))
-        write(path, lambda: write_atomically(path, content))
+        save_bytes(out / "growth.png", png(growth_figure(points, limit)))
     return all(r is not None for r in known.values())
 
 

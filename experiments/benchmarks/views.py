@@ -6,14 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from cocap_opt.atomic_write import write_atomically
 from cocap_opt.data import FloatArray
 from cocap_opt.model import Model
 from cocap_opt.problem import Problem
 from cocap_opt.render import Renderer
 from experiments.benchmarks.views_figure import views_figure
 from experiments.figures import png
-from experiments.files import make_folder, save_csv, write
+from experiments.files import make_folder, save_bytes, save_csv
 from experiments.printing import print_table
 from experiments.rendering import Pose, error_row, face_views
 from experiments.report import Row
@@ -64,8 +63,7 @@ def views(
     shown = [{name: row[key] for name, key in SHOWN.items()} for row in rows]
     print_table(f"errors (%) of planned pixels, {poses} random poses a scene", shown)
     if out is not None:
-        path, content = out / "views.png", png(views_figure(rows))
-        write(path, lambda: write_atomically(path, content))
+        save_bytes(out / "views.png", png(views_figure(rows)))
 
 
 def random_poses(problem: Problem, count: int) -> list[Pose]:

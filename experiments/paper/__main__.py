@@ -6,12 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
-from cyclopts import App, CycloptsError, Parameter
+from cyclopts import App, Parameter
 
-from cocap_opt.data import ProblemError
 from cocap_opt.io import FileError
+from experiments.entry import run_app
 from experiments.numbers import numbers
-from experiments.streams import say
 from experiments.sweeps.crew import ClusterError
 
 app = App(
@@ -56,15 +55,7 @@ def paper(
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; returns 0, 2 for wrong input, or 130 after Ctrl-C."""
-    try:
-        code = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
-    except (CycloptsError, FileError, ProblemError, ClusterError) as error:
-        say(str(error))
-        return 2
-    except KeyboardInterrupt:
-        say("interrupted")
-        return 130
-    return int(code or 0)
+    return run_app(app, arguments, ClusterError)
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ from statistics import median
 from experiments.paper.giving_way import Encounter
 from experiments.report import Row
 from experiments.statistics import Mean, mean
-from experiments.tables import NONE, Table, obeys
+from experiments.tables import NONE, Table, interval, obeys
 
 CLOSE = 1.0  # % below the bound without collisions that is called close to it
 PUBLISHED = {"sequential": 482.0, "cocap": 3981.0, "cocap-vs": 2.7}  # s, their corridor, 8 steps
@@ -116,9 +116,9 @@ def comparison_table(scene: str, rows: Sequence[Row]) -> Table:
                 "planner": planner,
                 "published (s)": f"{PUBLISHED[planner]:g}" if scene == "corridor" else NONE,
                 "ours, median (s)": f"{median(seconds):.3f}" if seconds else NONE,
-                "reward": _interval(rewards, 0),
-                "below the best bound (%)": _interval(gaps, 3),
-                "below the free bound (%)": _interval(_percent(own, planner, "gap_free"), 3),
+                "reward": interval(rewards, 0),
+                "below the best bound (%)": interval(gaps, 3),
+                "below the free bound (%)": interval(_percent(own, planner, "gap_free"), 3),
                 "bound proved optimal": f"{sum(r['bound_reason'] == 'optimal' for r in own)} "
                 f"of {len(own)}",
             }
@@ -135,7 +135,7 @@ def giving_table(planner: str, some: Sequence[Encounter]) -> dict[str, str]:
         "earlier drone flies elsewhere": str(sum(e.moved[0] for e in some)),
         "later drone flies elsewhere": str(sum(e.moved[1] for e in some)),
         "earlier gives up own reward": str(len(earlier)),
-        "share given up (%)": _interval(earlier, 2),
+        "share given up (%)": interval(earlier, 2),
         "most (%)": f"{max(earlier):.2f}" if earlier else NONE,
     }
 
@@ -154,14 +154,5 @@ def _seconds(rows: Sequence[Row], planner: str) -> list[float]:
 
 
 def _text(found: Mean) -> str:
-    interval = f" [{found.low:.2f}, {found.high:.2f}]" if found.size > 1 else ""
-    return f"{found.value:.2f} %{interval}"
-
-
-def _interval(values: Sequence[float], digits: int) -> str:
-    if not values:
-        return NONE
-    found = mean(values)
-    if found.size < 2:
-        return f"{found.value:,.{digits}f}"
-    return f"{found.value:,.{digits}f} [{found.low:,.{digits}f}, {found.high:,.{digits}f}]"
+    reach = f" [{found.low:.2f}, {found.high:.2f}]" if found.size > 1 else ""
+    return f"{found.value:.2f} %{reach}"

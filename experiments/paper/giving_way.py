@@ -19,6 +19,7 @@ GIVES = 1e-6  # share of its own reward from which on a drone counts as giving s
 class Encounter(NamedTuple):
     """Two drones that collide in the unconstrained plan, and what a plan makes of that."""
 
+    scene: str
     seed: int
     robots: tuple[int, int]  # the earlier planned first
     step: int  # of their first conflict
@@ -50,7 +51,7 @@ def encounters(problem: Problem, seed: int, unconstrained: Plan, plan: Plan) -> 
         moved = [unconstrained.paths[robot] != plan.paths[robot] for robot in pair]
         found.append(
             Encounter(
-                seed, pair, step, (before[0], before[1]), (after[0], after[1]),
+                problem.name, seed, pair, step, (before[0], before[1]), (after[0], after[1]),
                 (moved[0], moved[1]), team,
             )
         )  # fmt: skip

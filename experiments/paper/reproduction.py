@@ -8,16 +8,14 @@ from cocap_opt.check import check
 from cocap_opt.plan import Plan
 from experiments.documents import markdown
 from experiments.figures import png
-from experiments.files import make_folder, save_bytes
+from experiments.files import save_bytes
 from experiments.paper import answers
 from experiments.paper.figures import curves_figure, encounter_figure, scaling_figure
 from experiments.paper.giving_way import Encounter, encounters, most_generous
 from experiments.report import Row
 from experiments.statistics import mean
-from experiments.sweeps.about import about_run, save_run
-from experiments.sweeps.cells import Store
 from experiments.sweeps.run import Group, Settings
-from experiments.sweeps.sweep import PARTS, Hired, sweep
+from experiments.sweeps.sweep import Hired, sweep
 from experiments.tables import Table, obeys, planner_table, price_table
 from scenarios import load_scene
 from scenarios.field import field
@@ -74,12 +72,7 @@ def reproduce(
 def _swept(
     folder: Path, groups: Sequence[Group], settings: Settings, workers: int | None
 ) -> list[Row]:
-    make_folder(folder, *PARTS)
-    scenes = list(dict.fromkeys(group.problem.name for group in groups))
-    who = "this process" if workers is None else f"{workers} processes"
-    seeds = sorted({group.seed for group in groups})
-    save_run(folder, about_run(settings, scenes, seeds, who))
-    return sweep(groups, Store(folder), folder, Hired(workers, None, AT_A_TIME), {})
+    return sweep(groups, settings, folder, Hired(workers, None, AT_A_TIME))
 
 
 def _plan(group: Group, planner: str) -> Plan | None:
@@ -112,14 +105,11 @@ def _giving_way(groups: Sequence[Group]) -> tuple[Table, dict[str, list[Encounte
 
 def _example(groups: Sequence[Group], example: Encounter) -> bytes:
     """The encounter in the plans of three planners."""
-    for group in groups:
-        plans = {name: _plan(group, name) for name in ("greedy", "sequential", "cocap")}
-        shown = {name: plan for name, plan in plans.items() if plan is not None}
-        if group.seed != example.seed or "cocap" not in shown:
-            continue
-        if check(group.problem, shown["cocap"]).reward == example.team:
-            return png(encounter_figure(group.problem, example, shown))
-    raise LookupError(example)
+    where = (example.scene, example.seed)
+    group = next(group for group in groups if (group.problem.name, group.seed) == where)
+    plans = {name: _plan(group, name) for name in ("greedy", "sequential", "cocap")}
+    shown = {name: plan for name, plan in plans.items() if plan is not None}
+    return png(encounter_figure(group.problem, example, shown))
 
 
 def _points(rows: Sequence[Row], sizes: Sequence[int]) -> dict[str, list[tuple[int, float, float]]]:

@@ -11,13 +11,12 @@ import msgspec
 
 from cocap_opt.check import check
 from cocap_opt.io import encode
-from cocap_opt.model import compiled
 from cocap_opt.plan import Plan
 from cocap_opt.problem import Problem
 from cocap_opt.result import Reason, Result
 from cocap_opt.stop import FirstOf, Limit, Stop, TimeLimit, never
 from experiments.files import decode_certificate, plan_file
-from experiments.gap_table import bounds_of, rendered_j
+from experiments.gap_table import Limits, bounds_of, plans_of, rendered_j
 from experiments.progress import Watch, unseen
 from experiments.report import (
     Bounded,
@@ -25,7 +24,6 @@ from experiments.report import (
     bound_part,
     of_others,
     planner_part,
-    run_planner,
 )
 from experiments.sweeps.cells import BOUND, Cell, CellFile, Status
 from formulations.certificate import CertificateFile
@@ -75,13 +73,14 @@ def given_plan(cell: Cell, problem: Problem, plan: Plan) -> CellFile:
 
 
 def _plan(task: Task, stop: Stop, watch: Watch) -> CellFile:
-    """Run a planner; coverage is computed before, so that its seconds do not hold it."""
+    """Run a planner."""
     cell, problem = task.cell, task.problem
-    watch.coverage_of(problem)
-    compiled(problem).prepare_all(FirstOf(stop, TimeLimit(cell.limit)))
-    watch.show(cell.planner)
-    judged = run_planner(problem, cell.planner, FirstOf(stop, TimeLimit(cell.limit)))
-    return _planned(cell, problem, judged)
+    plans = plans_of(problem, cell.seed, [cell.planner], _limits(cell, stop), None, watch)
+    return _planned(cell, problem, plans[cell.planner])
+
+
+def _limits(cell: Cell, stop: Stop) -> Limits:
+    return lambda: FirstOf(stop, TimeLimit(cell.limit))
 
 
 def _planned(cell: Cell, problem: Problem, judged: Judged[Result]) -> CellFile:
@@ -103,9 +102,7 @@ def _bound(task: Task, stop: Stop, watch: Watch) -> CellFile:
     cell, problem = task.cell, task.problem
     watch.coverage_of(problem)
     plans = [_judged(problem, content) for content in task.plans if content.is_finished]
-    under, free = bounds_of(
-        problem, plans, lambda: FirstOf(stop, TimeLimit(cell.limit)), watch
-    )  # fmt: skip
+    under, free = bounds_of(problem, plans, _limits(cell, stop), watch)
     named = {"": under.result.certificate}
     if free is not under:
         named[FREE] = free.result.certificate

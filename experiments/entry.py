@@ -1,0 +1,29 @@
+"""How programs other than `cocap-opt` begin and end."""
+
+from collections.abc import Sequence
+
+from cyclopts import App, CycloptsError
+
+from cocap_opt.data import ProblemError
+from cocap_opt.io import FileError
+from experiments.cli import INTERRUPTED
+from experiments.streams import say
+
+
+def run_app(app: App, arguments: Sequence[str] | None, *errors: type[Exception]) -> int:
+    """Run a command: its exit code, 2 for wrong input (one line), or 130 after Ctrl-C.
+
+    Parameters
+    ----------
+    errors : that mean wrong input, too
+    """
+    wrong_input: tuple[type[Exception], ...] = (CycloptsError, FileError, ProblemError, *errors)
+    try:
+        code = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
+    except wrong_input as error:
+        say(str(error))
+        return 2
+    except KeyboardInterrupt:
+        say("interrupted")
+        return INTERRUPTED
+    return int(code or 0)
