@@ -8,7 +8,7 @@ from cocap_opt.io import PlanFile, problem_digest
 from cocap_opt.plan import Plan
 from cocap_opt.problem import Problem
 from cocap_opt.result import relative_gap
-from experiments.report import ROUNDING, Row, finite
+from experiments.rows import ROUNDING, Row, finite
 from formulations.certificate import CertificateError, CertificateFile, verify
 from formulations.proof import ProofFile, verify_proof
 from formulations.result import OPTIMALITY

@@ -4,17 +4,15 @@ import logging
 import math
 import os
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 import msgspec
 from cyclopts import App, CycloptsError, Parameter
 
-from cocap_opt.check import check
 from cocap_opt.coverage import usable_cores
-from cocap_opt.data import MOST_PIXELS, ProblemError
-from cocap_opt.doubts import doubts
+from cocap_opt.data import ProblemError
 from cocap_opt.io import FileError, PlanFile, save_problem
 from cocap_opt.plan import Plan
 from cocap_opt.problem import Problem
@@ -23,19 +21,31 @@ from cocap_opt.stop import FirstOf, Stop, TimeLimit, catch_interrupt
 from experiments.claims import conclude, reward_parts, verify_bound, verify_plan
 from experiments.files import (
     check_output,
-    make_folder,
     plan_file,
     read_claim,
     read_plan,
-    save_bytes,
+    read_plans,
     save_together,
     write,
 )
 from experiments.gap_table import told_apart
-from experiments.numbers import LARGEST, numbers, values
+from experiments.numbers import numbers, values
+from experiments.options import (
+    Json,
+    Output,
+    Seconds,
+    Seed,
+    UsageError,
+    angles,
+    choose,
+    load,
+    positive,
+)
+from experiments.picture_commands import render, show
 from experiments.printing import path_text, print_gap_table, print_json, print_result, print_table
 from experiments.progress import watching
-from experiments.report import (
+from experiments.result_commands import table
+from experiments.rows import (
     SOLVERS,
     Judged,
     Row,
@@ -48,42 +58,29 @@ from experiments.report import (
     without_rules,
 )
 from experiments.streams import say
-from experiments.sweeps.about import load_run
 from experiments.sweeps.crew import ClusterError
-from experiments.sweeps.results import load_results
 from experiments.sweeps.run import Group, Settings
 from experiments.sweeps.sweep import Hired, sweep
-from experiments.tables import AGAINST, all_tables
 from formulations import BOUNDS, EXACT
 from formulations.certificate import CertificateFile
 from formulations.proof import ProofFile
 from formulations.result import OPTIMALITY, CertifiedResult
-from scenarios import FORMATS, NOTHING, SCENES, load_scene, scene_of_plan
+from scenarios import FORMATS, SCENES, scene_of_plan
 from scenarios.cameras import CAMERAS, with_camera, with_tilts
 
 DEFAULT_SECONDS = 60.0
-DOCUMENT_STYLES = ("markdown", "latex", "html")
 OWN_STARTS: Row = {"seed": None, "starts": "those in the scene's own file"}
 AT_THE_ROOT = "column-generation"  # a bound that comes with a plan
 SOLVE_METHODS = (*EXACT, AT_THE_ROOT)
 
-log = logging.getLogger(__name__)
 app = App(
     name="cocap-opt",
     help="Plan the views of several camera drones, and prove how good the plans are.",
     help_format="plaintext",
     version_flags=[],
 )
-Seed = Annotated[int, Parameter(help="seed of the scene, >= 0")]
-Seconds = Annotated[float, Parameter(name="--time-limit", help="seconds for each computation")]
-Json = Annotated[bool, Parameter(name="--json", negative="", help="print one JSON object")]
-Output = Annotated[Path | None, Parameter(name=["-o", "--output"], help="file to write")]
 Free = Annotated[bool, Parameter(negative="", help="the scene without inter-robot collisions")]
 Start = Annotated[Path | None, Parameter(help="file of a plan to start from")]
-
-
-class UsageError(ValueError):
-    """An option has a value that is not allowed; the message names it."""
 
 
 @app.command
@@ -164,14 +161,14 @@ def export(
     if output is None:
         raise UsageError("-o: name the file to write")
     check_output(output)
-    problem = _load(scene, seed, values("--option", option or []))
+    problem = load(scene, seed, values("--option", option or []))
     if over_time:
         objective = problem.objective.replace(over_time=True)
         problem = problem.replace(name=f"{problem.name}-over-time", objective=objective)
     if camera is not None:
         problem = with_camera(problem, camera)
     if tilts is not None:
-        problem = with_tilts(problem, _angles("--tilts", tilts))
+        problem = with_tilts(problem, angles("--tilts", tilts))
     write(output, lambda: save_problem(output, problem))
     print_result({"scene": problem.name, "seed": seed, "file": path_text(output)}, json)
     return 0
@@ -193,10 +190,10 @@ def plan(
 
     Example: cocap-opt plan corridor --planner cocap --seed 0 -o plan.json
     """
-    _choose("--planner", planner, SOLVERS)
-    _positive("--time-limit", time_limit)
+    choose("--planner", planner, SOLVERS)
+    positive("--time-limit", time_limit)
     check_output(output)
-    problem = _variant(_load(scene, seed), free)
+    problem = _variant(load(scene, seed), free)
     with catch_interrupt() as interrupt, watching(f"{problem.name} seed {seed}") as watch:
         watch.coverage_of(problem)
         judged = run_planner(problem, planner, FirstOf(interrupt, TimeLimit(time_limit)))
@@ -229,8 +226,8 @@ def bound(
 
     Example: cocap-opt bound corridor --seed 0 -o certificate.json
     """
-    _choose("--method", method, BOUNDS)
-    _positive("--time-limit", time_limit)
+    choose("--method", method, BOUNDS)
+    positive("--time-limit", time_limit)
     check_output(output)
     task = _Task.read(scene, seed, free, start)
     with catch_interrupt() as interrupt:
@@ -270,12 +267,12 @@ def solve(
 
     Example: cocap-opt solve corridor --seed 0 -o plan.json --certificate proof.json
     """
-    _choose("--method", method, SOLVE_METHODS)
+    choose("--method", method, SOLVE_METHODS)
     if not 0 <= gap < 1:
         raise UsageError(f"--gap: must be at least 0 and less than 1, such as 0.01, not {gap}")
     if gap and method not in EXACT:
         raise UsageError(f"--gap: {method} stops at the root at any gap; leave the option out")
-    _positive("--time-limit", time_limit)
+    positive("--time-limit", time_limit)
     for path in (output, certificate):
         check_output(path)
     if output and certificate and os.path.realpath(output) == os.path.realpath(certificate):
@@ -312,7 +309,7 @@ def verify_files(
     """
     if not file:
         raise UsageError("FILE: name a plan, a certificate or a proof")
-    problem = _variant(_load(scene, seed), free)
+    problem = _variant(load(scene, seed), free)
     answer: Row = {"scene": problem.name, "seed": seed, "valid": True, "violations": []}
     answer |= _freed(free)
     for path in file:
@@ -384,7 +381,7 @@ def gap_table(
     if not scene:
         raise UsageError("SCENE: name at least one scene; `cocap-opt scenes` lists them")
     for name in planner or []:
-        _choose("--planner", name, SOLVERS)
+        choose("--planner", name, SOLVERS)
     if workers is not None and scheduler is not None:
         raise UsageError("--workers: a scheduler has its own; leave one of the two options out")
     if workers is not None and not 1 <= workers <= usable_cores():
@@ -393,22 +390,21 @@ def gap_table(
     if cell_limit is not None and not cell_limit > 0:
         raise UsageError(f"--cell-limit: must be a number of seconds > 0, not {cell_limit}")
     bound_limit = time_limit if bound_limit is None else bound_limit
-    _positive("--time-limit", time_limit)
-    _positive("--bound-limit", bound_limit)
+    positive("--time-limit", time_limit)
+    positive("--bound-limit", bound_limit)
     cells = list(
         dict.fromkeys((name, seed) for name in scene for seed in numbers("--seeds", seeds))
     )
-    problems = told_apart({(name, seed): _load(name, seed) for name, seed in cells})
+    problems = told_apart({(name, seed): load(name, seed) for name, seed in cells})
     given: dict[str, Plan] = {}
     if plan and len(cells) > 1:
         raise UsageError("--plan: the plans must be for one scene and one seed")
     about: Row = {}
-    for path in plan or []:
-        problem, shown = read_plan(path, scene[0], problems[cells[0]])
-        if given and problem is not problems[cells[0]]:
-            raise FileError(f"{path}: starts elsewhere than the plans before it")
-        about = OWN_STARTS if problem is not problems[cells[0]] else about
-        problems[cells[0]], given[path_text(path)] = problem, shown
+    if plan:
+        own = problems[cells[0]]
+        problems[cells[0]], plans = read_plans(plan, scene[0], own)
+        given = dict(zip(map(path_text, plan), plans, strict=True))
+        about = OWN_STARTS if problems[cells[0]] is not own else about
     settings = Settings(limit=time_limit, bound_limit=bound_limit, rendered=rendered)
     groups = [
         Group(problems[cell], cell[1], planner or default_planners(problems[cell]), settings, given)
@@ -425,112 +421,6 @@ def gap_table(
     return 0
 
 
-@app.command
-def table(
-    folder: Path,
-    /,
-    *,
-    style: Annotated[
-        str, Parameter(name="--format", help=f"one of {', '.join(DOCUMENT_STYLES)}")
-    ] = "markdown",
-    against: Annotated[str, Parameter(help="the planner that others are compared with")] = AGAINST,
-    output: Output = None,
-    json: Json = False,
-) -> int:
-    """Make tables of the results in a folder: planners, differences, prices, times.
-
-    Means come with 95 % confidence intervals (Student's t), times as
-    shifted geometric means.
-
-    Example: cocap-opt table results --format latex -o tables.tex
-    """
-    from experiments.documents import DOCUMENTS  # pandas is slow to import
-
-    _choose("--format", style, DOCUMENTS)
-    check_output(output)
-    rows = load_results(folder)
-    _choose("--against", against, dict.fromkeys(row["planner"] for row in rows))
-    tables = all_tables(rows, load_run(folder).settings.limit, against)
-    if json:
-        print_json({"tables": tables})
-    elif output is None:
-        sys.stdout.write(DOCUMENTS[style](tables))
-    if output is not None:
-        save_bytes(output, DOCUMENTS[style](tables).encode())
-    return 0
-
-
-@app.command
-def show(
-    scene: str, /, *plan: Path, output: Output, seed: Seed = 0, json: Json = False
-) -> int:  # fmt: skip
-    """Play plans side by side in an HTML file, or draw one from above.
-
-    The HTML file needs no network and no other file. A PNG shows the last step, a GIF all steps.
-
-    Example: cocap-opt show corridor greedy.json cocap.json -o plans.html
-    """
-    suffix = "" if output is None else output.suffix.lower()
-    if output is None or suffix not in (".html", ".png", ".gif"):
-        raise UsageError("-o: name a file that ends in .html, .png or .gif")
-    if not plan:
-        raise UsageError("PLAN: name a plan, such as plan.json")
-    if suffix != ".html" and len(plan) > 1:
-        raise UsageError(f"PLAN: a {suffix} file shows one plan, not {len(plan)}; .html takes more")
-    check_output(output)
-    problem, plans = _load(scene, seed), list[Plan]()
-    for path in plan:
-        fitting, shown = read_plan(path, scene, problem)
-        if plans and fitting is not problem:
-            raise FileError(f"{path}: starts elsewhere than the plans before it")
-        problem = fitting
-        plans.append(shown)
-    content = _shown(problem, plans, _titles(plan), suffix)
-    save_bytes(output, content)
-    print_result({"scene": problem.name, "seed": seed, "file": path_text(output)}, json)
-    return 0
-
-
-@app.command
-def render(
-    scene: str,
-    plan: Path,
-    /,
-    *,
-    output: Annotated[Path | None, Parameter(name=["-o", "--output"], help="folder to write to")],
-    seed: Seed = 0,
-    width: Annotated[int, Parameter(help="of the pictures, px")] = 800,
-    pixel_step: Annotated[
-        int, Parameter(help="count one pixel of each block of so many by so many; 1 is exact")
-    ] = 1,
-    json: Json = False,
-) -> int:
-    """Render what each drone sees, and compare planned coverage with what is in the pictures.
-
-    The folder gets a PNG per drone and step, and coverage.csv with a row
-    for each face in a picture.
-
-    Example: cocap-opt render corridor plan.json -o views
-    """
-    from experiments.rendering import write_views  # matplotlib is slow to import
-
-    if output is None:
-        raise UsageError("-o: name the folder to write to")
-    for option, value, most in (("--width", width, MOST_PIXELS), ("--pixel-step", pixel_step, 100)):
-        if not 1 <= value <= most:
-            raise UsageError(f"{option}: must be 1..{most}, not {value}")
-    problem, shown = read_plan(plan, scene, _load(scene, seed))
-    make_folder(output)
-    with watching(f"{problem.name} seed {seed}") as watch:
-        try:
-            row = write_views(output, problem, shown, width, pixel_step,
-                              lambda done, all_: watch.count("view", done, all_))  # fmt: skip
-        except UnsupportedError as error:
-            raise UsageError(f"{scene}: {error}") from error
-    print_result({"scene": problem.name, "seed": seed, "folder": path_text(output)} | row, json)
-    return 0
-
-
 # -- parts of commands --------------------------------------------------------------------
 
 
@@ -543,7 +433,7 @@ class _Task(NamedTuple):
 
     @classmethod
     def read(cls, scene: str, seed: int, free: bool, path: Path | None) -> "_Task":
-        problem, start, about = _load(scene, seed), None, _freed(free)
+        problem, start, about = load(scene, seed), None, _freed(free)
         if path is not None:
             fitting, start = read_plan(path, scene, problem)
             about |= OWN_STARTS if fitting is not problem else {}
@@ -590,35 +480,8 @@ def _add_message(row: Row, message: str) -> None:
     row["message"] = "; ".join(filter(None, (row["message"], message)))
 
 
-def _shown(problem: Problem, plans: Sequence[Plan], titles: Sequence[str], suffix: str) -> bytes:
-    """The file that shows plans: a player, or a picture of the only one."""
-    from experiments.figures import gif, plan_figure, png  # matplotlib is slow to import
-    from experiments.player import player_page
-
-    if suffix == ".html":
-        return player_page(problem, list(zip(titles, plans, strict=True))).encode()
-    verdict, steps = check(problem, plans[0]), range(problem.horizon + 1)
-    if suffix == ".gif":
-        return gif([plan_figure(problem, plans[0], verdict, t) for t in steps])
-    return png(plan_figure(problem, plans[0], verdict, problem.horizon))
-
-
-def _titles(paths: Sequence[Path]) -> list[str]:
-    """What to call plans: the names of their files, with their folders if some are alike."""
-    names = [path.name for path in paths]
-    return [path_text(path if names.count(path.name) > 1 else Path(path.name)) for path in paths]
-
-
-# -- reading options ----------------------------------------------------------------------
-
-
-def _load(scene: str, seed: int, options: Mapping[str, str] = NOTHING) -> Problem:
-    if not 0 <= seed <= LARGEST:
-        raise UsageError(f"--seed: must be 0..{LARGEST}, not {seed}")
-    problem = load_scene(scene, seed, options)
-    for doubt in doubts(problem):
-        log.warning("%s: %s", scene, doubt)
-    return problem
+for _command in (table, show, render):
+    app.command(_command)
 
 
 def _variant(problem: Problem, free: bool) -> Problem:
@@ -627,24 +490,6 @@ def _variant(problem: Problem, free: bool) -> Problem:
 
 def _freed(free: bool) -> Row:
     return {"free": True} if free else {}
-
-
-def _choose(option: str, value: str, allowed: Any) -> None:
-    if value not in allowed:
-        raise UsageError(f"{option}: must be one of {', '.join(allowed)}, not {value!r}")
-
-
-def _positive(option: str, value: float) -> None:
-    if not (value >= 0 and math.isfinite(value)):
-        raise UsageError(f"{option}: must be a finite number of seconds >= 0, not {value}")
-
-
-def _angles(option: str, text: str) -> tuple[float, ...]:
-    """Numbers in a list."""
-    try:
-        return tuple(float(part) for part in text.split(","))
-    except ValueError:
-        raise UsageError(f"{option}: must be numbers such as 10,30,60, not {text!r}") from None
 
 
 class _Once(logging.Filter):

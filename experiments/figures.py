@@ -21,6 +21,7 @@ from cocap_opt.problem import Motion, Problem, State
 GROUND, COVERED, WALL, ACTOR = "#f4f1ea", "#cfc8b8", "#6b6f76", "#d1495b"
 VIEW_LENGTH = 0.2  # of the map, how far view cones are drawn; cameras see farther
 FRAME_MILLISECONDS = 500
+PICTURES = (".png", ".pdf", ".svg")
 
 
 def robot_colour(robot: int) -> tuple[float, float, float, float]:
@@ -155,12 +156,23 @@ def plan_figure(problem: Problem, plan: Plan, verdict: Verdict, t: int) -> Figur
     return figure
 
 
-def png(figure: Figure) -> bytes:
-    """A figure as a PNG file."""
+def picture(figure: Figure, suffix: str) -> bytes:
+    """A figure as a file.
+
+    Parameters
+    ----------
+    suffix : one of PICTURES; in PDF and SVG text stays text
+    """
     content = io.BytesIO()
     FigureCanvasAgg(figure)
-    figure.savefig(content, format="png")
+    with mpl.rc_context({"svg.fonttype": "none", "pdf.fonttype": 42}):
+        figure.savefig(content, format=suffix[1:])
     return content.getvalue()
+
+
+def png(figure: Figure) -> bytes:
+    """A figure as a PNG file."""
+    return picture(figure, ".png")
 
 
 def gif(figures: Sequence[Figure]) -> bytes:

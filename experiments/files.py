@@ -22,7 +22,7 @@ from cocap_opt.io import (
 from cocap_opt.plan import Plan
 from cocap_opt.problem import Problem
 from cocap_opt.result import Result
-from experiments.report import Judged, Row
+from experiments.rows import Judged, Row
 from formulations.certificate import CertificateFile
 from formulations.proof import ProofFile
 from scenarios import read_foreign_plan, scene_of_plan
@@ -138,3 +138,15 @@ def read_plan(path: Path, scene: str, problem: Problem) -> tuple[Problem, Plan]:
     if verdict.violations:
         raise FileError(f"{path}: {verdict.violations[0]}")
     return problem, plan
+
+
+def read_plans(paths: Sequence[Path], scene: str, problem: Problem) -> tuple[Problem, list[Plan]]:
+    """Plans that can be flown, and the variant of the scene that all of them were made for."""
+    plans: list[Plan] = []
+    for path in paths:
+        fitting, plan = read_plan(path, scene, problem)
+        if plans and fitting is not problem:
+            raise FileError(f"{path}: starts elsewhere than the plans before it")
+        problem = fitting
+        plans.append(plan)
+    return problem, plans

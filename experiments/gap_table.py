@@ -17,7 +17,7 @@ from cocap_opt.result import Reason, Result, relative_gap
 from cocap_opt.stop import Limit, Stop
 from experiments.files import plan_file, save
 from experiments.progress import Watch
-from experiments.report import (
+from experiments.rows import (
     BOUND_METHOD,
     Bounded,
     Judged,

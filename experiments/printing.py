@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from experiments.report import Row
+from experiments.rows import Row
 
 FOLDED = 16  # columns of text that goes on in the next line, at least
 WIDE = 200  # columns of a table that goes to a file or a pipe

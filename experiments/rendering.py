@@ -19,7 +19,7 @@ from cocap_opt.problem import Problem, State
 from cocap_opt.render import TERRAIN, Picture, Renderer, pinhole
 from experiments.figures import actor_colour
 from experiments.files import save_csv, write
-from experiments.report import Row
+from experiments.rows import Row
 
 LEAST_PIXELS = 400  # of a face, for its error to say something
 SKY_COLOUR, GROUND_COLOUR = (0.80, 0.88, 0.95), (0.62, 0.60, 0.55)

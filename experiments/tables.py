@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterable, Sequence
 from statistics import median
 
-from experiments.report import Row
+from experiments.rows import Row
 from experiments.statistics import mean, shifted_geometric_mean
 from formulations.result import OPTIMALITY
 

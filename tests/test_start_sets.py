@@ -24,7 +24,7 @@ from experiments.benchmarks import start_sets as module
 from experiments.benchmarks.__main__ import main
 from experiments.benchmarks.start_sets_table import SetRun, mean_rows, typed
 from experiments.cli import main as cocap_opt
-from experiments.report import colliding, without_rules
+from experiments.rows import colliding, without_rules
 from scenarios import load_scene
 
 # In both sets greedy planning sends both robots to one cell; in the first all planners differ.

@@ -15,7 +15,7 @@ from cocap_opt.coverage import usable_cores
 from cocap_opt.io import decode
 from cocap_opt.stop import Limit, never
 from experiments.progress import unseen
-from experiments.report import SOLVERS, RefereeError
+from experiments.rows import SOLVERS, RefereeError
 from experiments.sweeps import cells as cells_module
 from experiments.sweeps import cluster as cluster_module
 from experiments.sweeps.cells import BOUND, CellFile, Store
@@ -295,7 +295,7 @@ def test_a_scheduler_that_is_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
 
 BAD_PLANNERS = """
 import os, time
-from experiments.report import SOLVERS
+from experiments.rows import SOLVERS
 SOLVERS["sleeps"] = lambda problem, stop: time.sleep(1000)
 SOLVERS["dies"] = lambda problem, stop: os._exit(1)
 """

@@ -11,6 +11,7 @@ from scipy import stats
 
 from cocap_opt.io import FileError
 from experiments import commands
+from experiments.result_commands import DOCUMENT_STYLES
 from experiments.statistics import mean, shifted_geometric_mean
 from experiments.sweeps.results import load_results
 from experiments.tables import all_tables, difference_table, planner_table, price_table, time_table
@@ -106,7 +107,7 @@ def test_names_are_escaped(style: str, name: str) -> None:
     """A scene's name breaks no table."""
     from experiments.documents import DOCUMENTS
 
-    assert tuple(DOCUMENTS) == commands.DOCUMENT_STYLES
+    assert tuple(DOCUMENTS) == DOCUMENT_STYLES
     text = DOCUMENTS[style](all_tables(ROWS, 60.0))
     assert name in text
     assert all(title in text for title in ("Planners", "Paired differences", "Price", "Time"))

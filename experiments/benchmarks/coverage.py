@@ -23,7 +23,7 @@ from experiments.benchmarks.runs import BYTES, Build, one_thread
 from experiments.benchmarks.town import town
 from experiments.files import make_folder, save_csv
 from experiments.printing import print_table
-from experiments.report import Row
+from experiments.rows import Row
 from experiments.streams import say
 from scenarios.field import field
 

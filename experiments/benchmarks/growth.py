@@ -16,7 +16,7 @@ from experiments.benchmarks.runs import Run, RunError, run
 from experiments.figures import png
 from experiments.files import make_folder, save_bytes, save_csv
 from experiments.printing import print_table
-from experiments.report import Row
+from experiments.rows import Row
 from experiments.streams import say
 from formulations.column_generation import column_generation
 from scenarios.field import field

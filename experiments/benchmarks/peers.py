@@ -15,7 +15,7 @@ from cocap_opt.model import Model
 from cocap_opt.problem import Problem, State
 from cocap_opt.render import Renderer
 from experiments.printing import print_table
-from experiments.report import Row
+from experiments.rows import Row
 from scenarios import greedy_perspectives
 from scenarios.conventions import OWN_STARTS
 

@@ -21,7 +21,7 @@ from cocap_opt.model import compiled
 from cocap_opt.problem import Problem
 from cocap_opt.result import Reason, relative_gap
 from cocap_opt.stop import Limit, TimeLimit, never
-from experiments.report import judge
+from experiments.rows import judge
 from formulations.branch_and_price import branch_and_price
 from formulations.result import BoundMethod, Snapshot
 from scenarios import load_scene

@@ -23,7 +23,7 @@ from experiments.benchmarks.rows import (
 from experiments.benchmarks.tables import commit, read_csv
 from experiments.files import make_folder, save_csv
 from experiments.printing import print_table
-from experiments.report import Row as Record
+from experiments.rows import Row as Record
 from experiments.streams import say
 
 ROWS: dict[str, Row] = {

@@ -25,7 +25,7 @@ from experiments.benchmarks.tables import commit, read_csv
 from experiments.files import make_folder, read_plan, save_csv
 from experiments.gap_table import plans_of, rows_of, told_apart
 from experiments.progress import Watch, watching
-from experiments.report import BOUND_METHOD, Judged, Row, of_others
+from experiments.rows import BOUND_METHOD, Judged, Row, of_others
 from experiments.streams import say
 from scenarios import SCENES, load_scene
 

@@ -17,7 +17,7 @@ from cocap_opt.io import FileError
 from cocap_opt.result import relative_gap
 from experiments.files import save_csv, write
 from experiments.printing import PROVED, markdown, print_table
-from experiments.report import Row
+from experiments.rows import Row
 
 NOTES = """\
 `reward`, `sd`, `bound` and `bound_free` are view reward per drone and step; J is the sum over all

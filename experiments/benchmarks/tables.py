@@ -5,7 +5,7 @@ import subprocess
 from pathlib import Path
 
 from cocap_opt.io import FileError
-from experiments.report import Row
+from experiments.rows import Row
 
 
 def read_csv(path: Path) -> list[Row]:

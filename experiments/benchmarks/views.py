@@ -15,7 +15,7 @@ from experiments.figures import png
 from experiments.files import make_folder, save_bytes, save_csv
 from experiments.printing import print_table
 from experiments.rendering import Pose, error_row, face_views
-from experiments.report import Row
+from experiments.rows import Row
 from experiments.streams import say
 from scenarios import load_scene
 

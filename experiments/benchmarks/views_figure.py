@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.report import Row
+from experiments.rows import Row
 
 COLOURS = ("#30638e", "#d1495b", "#edae49", "#4c956c", "#6a4c93")
 PARTS = {

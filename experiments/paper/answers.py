@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from statistics import median
 
 from experiments.paper.giving_way import Encounter
-from experiments.report import Row
+from experiments.rows import Row
 from experiments.statistics import Mean, mean
 from experiments.tables import NONE, Table, interval, obeys
 

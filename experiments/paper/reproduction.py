@@ -12,7 +12,7 @@ from experiments.files import save_bytes
 from experiments.paper import answers
 from experiments.paper.figures import curves_figure, encounter_figure, scaling_figure
 from experiments.paper.giving_way import Encounter, encounters, most_generous
-from experiments.report import Row
+from experiments.rows import Row
 from experiments.statistics import mean
 from experiments.sweeps.run import Group, Settings
 from experiments.sweeps.sweep import Hired, sweep

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from cocap_opt.io import FileError, read_bytes
 from experiments.files import save_bytes, save_csv
-from experiments.report import GAP_KEYS, Row
+from experiments.rows import GAP_KEYS, Row
 
 # Columns that are not text; all others are.
 WHOLE_NUMBERS = ("seed", "conflicts", "colliding", "robots", "actors", "steps")

@@ -18,7 +18,7 @@ from cocap_opt.result import Reason, Result
 from cocap_opt.stop import Limit, Stop
 from experiments.files import save, save_bytes
 from experiments.gap_table import stem_of
-from experiments.report import Bounded, Judged, Row, bound_part, gap_row, planner_part
+from experiments.rows import Bounded, Judged, Row, bound_part, gap_row, planner_part
 from experiments.sweeps.cells import BOUND, CellFile, Store, cell_of
 from experiments.sweeps.crew import Crew
 from experiments.sweeps.work import Task, given_plan

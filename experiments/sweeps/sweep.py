@@ -8,7 +8,7 @@ from typing import NamedTuple
 from cocap_opt.stop import Stop, catch_interrupt
 from experiments.files import make_folder
 from experiments.progress import Watch, watching
-from experiments.report import Row
+from experiments.rows import Row
 from experiments.streams import say
 from experiments.sweeps.about import about_run, save_run
 from experiments.sweeps.cells import BOUND, CellFile, Store

@@ -18,7 +18,7 @@ from cocap_opt.stop import FirstOf, Limit, Stop, TimeLimit, never
 from experiments.files import decode_certificate, plan_file
 from experiments.gap_table import Limits, bounds_of, plans_of, rendered_j
 from experiments.progress import Watch, unseen
-from experiments.report import (
+from experiments.rows import (
     Bounded,
     Judged,
     bound_part,

@@ -1,0 +1,63 @@
+"""Options that commands share: what they are called, and what is allowed."""
+
+import logging
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+
+from cocap_opt.doubts import doubts
+from cocap_opt.problem import Problem
+from experiments.numbers import LARGEST
+from scenarios import NOTHING, load_scene
+
+log = logging.getLogger(__name__)
+
+Seed = Annotated[int, Parameter(help="seed of the scene, >= 0")]
+Seconds = Annotated[float, Parameter(name="--time-limit", help="seconds for each computation")]
+Json = Annotated[bool, Parameter(name="--json", negative="", help="print one JSON object")]
+Output = Annotated[Path | None, Parameter(name=["-o", "--output"], help="file to write")]
+
+
+class UsageError(ValueError):
+    """An option has a value that is not allowed; the message names it."""
+
+
+def load(scene: str, seed: int, options: Mapping[str, str] = NOTHING) -> Problem:
+    """A scene by its name or file; what is doubtful in it is said."""
+    if not 0 <= seed <= LARGEST:
+        raise UsageError(f"--seed: must be 0..{LARGEST}, not {seed}")
+    problem = load_scene(scene, seed, options)
+    for doubt in doubts(problem):
+        log.warning("%s: %s", scene, doubt)
+    return problem
+
+
+def choose(option: str, value: str, allowed: Any) -> None:
+    """Refuse what is not among the allowed values."""
+    if value not in allowed:
+        raise UsageError(f"{option}: must be one of {', '.join(allowed)}, not {value!r}")
+
+
+def positive(option: str, value: float) -> None:
+    """Refuse what is no number of seconds."""
+    if not (value >= 0 and math.isfinite(value)):
+        raise UsageError(f"{option}: must be a finite number of seconds >= 0, not {value}")
+
+
+def angles(option: str, text: str) -> tuple[float, ...]:
+    """Numbers in a list."""
+    try:
+        return tuple(float(part) for part in text.split(","))
+    except ValueError:
+        raise UsageError(f"{option}: must be numbers such as 10,30,60, not {text!r}") from None
+
+
+def file_type(path: Path | None, allowed: tuple[str, ...]) -> str:
+    """The ending of a file to be written, which says what kind it is to be."""
+    suffix = "" if path is None else path.suffix.lower()
+    if suffix not in allowed:
+        raise UsageError(f"-o: name a file that ends in {', '.join(allowed[:-1])} or {allowed[-1]}")
+    return suffix
