@@ -25,6 +25,7 @@ from experiments.files import (
     read_claim,
     read_plan,
     read_plans,
+    save_bytes,
     save_together,
     write,
 )
@@ -61,6 +62,7 @@ from experiments.streams import say
 from experiments.sweeps.crew import ClusterError
 from experiments.sweeps.run import Group, Settings
 from experiments.sweeps.sweep import Hired, sweep
+from experiments.trace import Trace, both, trace_text
 from formulations import BOUNDS, EXACT
 from formulations.certificate import CertificateFile
 from formulations.proof import ProofFile
@@ -81,6 +83,9 @@ app = App(
 )
 Free = Annotated[bool, Parameter(negative="", help="the scene without inter-robot collisions")]
 Start = Annotated[Path | None, Parameter(help="file of a plan to start from")]
+TraceFile = Annotated[
+    Path | None, Parameter(name="--trace", help="CSV to write value and bound over time to")
+]
 
 
 @app.command
@@ -220,6 +225,7 @@ def bound(
     free: Free = False,
     time_limit: Seconds = DEFAULT_SECONDS,
     output: Output = None,
+    trace: TraceFile = None,
     json: Json = False,
 ) -> int:
     """Compute an upper bound on J and the certificate that proves it.
@@ -228,11 +234,11 @@ def bound(
     """
     choose("--method", method, BOUNDS)
     positive("--time-limit", time_limit)
-    check_output(output)
+    _check_outputs(**{"-o": output, "--trace": trace})
     task = _Task.read(scene, seed, free, start)
     with catch_interrupt() as interrupt:
         stop = FirstOf(interrupt, TimeLimit(time_limit))
-        judged = _certified(task, seed, method, stop, OPTIMALITY)
+        judged = _certified(task, seed, method, stop, OPTIMALITY, trace)
         row = certified_row(task.problem, seed, method, judged) | task.about
         _save(row, _Wanted("file", output, "certificate", judged.result.certificate))
     print_result({**row, **judged.result.statistics}, json)
@@ -257,6 +263,7 @@ def solve(
     time_limit: Seconds = DEFAULT_SECONDS,
     output: Output = None,
     certificate: Annotated[Path | None, Parameter(help="file to write the proof to")] = None,
+    trace: TraceFile = None,
     json: Json = False,
 ) -> int:
     """Find the best plan and prove that no other is better by more than the gap.
@@ -273,14 +280,11 @@ def solve(
     if gap and method not in EXACT:
         raise UsageError(f"--gap: {method} stops at the root at any gap; leave the option out")
     positive("--time-limit", time_limit)
-    for path in (output, certificate):
-        check_output(path)
-    if output and certificate and os.path.realpath(output) == os.path.realpath(certificate):
-        raise UsageError(f"--certificate: must be another file than -o, not {certificate}")
+    _check_outputs(**{"-o": output, "--certificate": certificate, "--trace": trace})
     task = _Task.read(scene, seed, free, start)
     with catch_interrupt() as interrupt:
         stop = FirstOf(interrupt, TimeLimit(time_limit))
-        judged = _certified(task, seed, method, stop, max(gap, OPTIMALITY))
+        judged = _certified(task, seed, method, stop, max(gap, OPTIMALITY), trace)
         row = certified_row(task.problem, seed, method, judged) | task.about
         _save(
             row,
@@ -442,16 +446,33 @@ class _Task(NamedTuple):
 
 
 def _certified(
-    task: _Task, seed: int, method: str, stop: Stop, gap: float
+    task: _Task, seed: int, method: str, stop: Stop, gap: float, path: Path | None
 ) -> Judged[CertifiedResult]:
-    """Run a bound or an exact method and show how far it is."""
-    problem = task.problem
+    """Run a bound or an exact method, show how far it is, and write that to a file if asked."""
+    problem, trace = task.problem, Trace()
     with watching(f"{problem.name} seed {seed}") as watch:
         watch.coverage_of(problem)
+        report = both(watch.report(), trace.report)
         try:
-            return run_certified(problem, method, stop, task.start, watch.report(), gap)
+            judged = run_certified(problem, method, stop, task.start, report, gap)
         except UnsupportedError as error:
             raise UsageError(f"--method {method}: {error}") from error
+    if path is not None:
+        trace.end(judged.result)
+        save_bytes(path, trace_text(trace).encode())
+    return judged
+
+
+def _check_outputs(**paths: Path | None) -> None:
+    """Refuse files that cannot be written, and one file for two things."""
+    used: dict[str, str] = {}
+    for option, path in paths.items():
+        if path is None:
+            continue
+        check_output(path)
+        other = used.setdefault(os.path.realpath(path), option)
+        if other != option:
+            raise UsageError(f"{option}: must be another file than {other}, not {path}")
 
 
 class _Wanted(NamedTuple):
@@ -482,6 +503,9 @@ def _add_message(row: Row, message: str) -> None:
 
 for _command in (table, show, render):
     app.command(_command)
+app.command(  # by name: matplotlib is slow to import
+    "experiments.figure_commands:app", name="figure", help="Draw charts of results for papers."
+)
 
 
 def _variant(problem: Problem, free: bool) -> Problem:

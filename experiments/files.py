@@ -104,6 +104,14 @@ def write(name: Path | str, action: Callable[[], None]) -> None:
         raise FileError(f"{name}: cannot be written: {error.strerror}") from error
 
 
+def read_text(path: Path) -> str:
+    """Content of a file in UTF-8, or a FileError that names it."""
+    try:
+        return read_bytes(path).decode()
+    except UnicodeDecodeError as error:
+        raise FileError(f"{path}: must be text in UTF-8") from error
+
+
 def read_claim(path: Path, problem: Problem) -> PlanFile | CertificateFile | ProofFile | Plan:
     """A plan, certificate or proof file, or a plan in a foreign format."""
     foreign = read_foreign_plan(path, problem)

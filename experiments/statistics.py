@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import t as student
 
 CONFIDENCE = 0.95
 SHIFT = 10.0  # s, of geometric means of times, as in qpbenchmark and Mittelmann's benchmarks
@@ -23,6 +22,8 @@ class Mean(NamedTuple):
 
 def mean(values: Sequence[float]) -> Mean:
     """Mean of at least one value."""
+    from scipy.stats import t as student  # slow to import
+
     sample = np.asarray(values, dtype=float)
     n, value = len(sample), float(sample.mean())
     if n < 2:

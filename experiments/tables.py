@@ -20,7 +20,7 @@ AGAINST = "sequential"  # what the paper compares itself with
 def planner_table(rows: Sequence[Row]) -> Table:
     """Per scene and planner: reward, gap, and how often the rules hold and the plan is best."""
     table = []
-    for (scene, planner), some in _grouped(rows, "scene", "planner").items():
+    for (scene, planner), some in grouped(rows, "scene", "planner").items():
         valid = [row for row in some if obeys(row)]
         gaps = [100 * row["gap"] for row in valid if row["gap"] is not None]
         table.append(
@@ -50,9 +50,9 @@ def difference_table(rows: Sequence[Row], against: str = AGAINST) -> Table:
     Only seeds are compared on which both plans obey the rules.
     """
     table = []
-    for (scene,), some in _grouped(rows, "scene").items():
+    for (scene,), some in grouped(rows, "scene").items():
         reference = {row["seed"]: row for row in some if row["planner"] == against}
-        for (planner,), own in _grouped(some, "planner").items():
+        for (planner,), own in grouped(some, "planner").items():
             if planner == against:
                 continue
             pairs = [
@@ -82,7 +82,7 @@ def price_table(rows: Sequence[Row]) -> Table:
     what the free bound has more than the best plan that obeys them, in % of the free optimum.
     """
     table = []
-    for (scene,), some in _grouped(rows, "scene").items():
+    for (scene,), some in grouped(rows, "scene").items():
         first = {row["seed"]: row for row in some}.values()
         ends = [end for row in first if (end := price(row)) is not None]
         table.append(
@@ -121,7 +121,7 @@ def time_table(rows: Sequence[Row], limit: float) -> Table:
     timed = [row for row in rows if row["seconds"] is not None]  # nobody times plans of others
     charged = {
         planner: [row["seconds"] if obeys(row) else limit for row in some]
-        for (planner,), some in _grouped(timed, "planner").items()
+        for (planner,), some in grouped(timed, "planner").items()
     }
     means = {planner: shifted_geometric_mean(times) for planner, times in charged.items()}
     least = min(means.values(), default=0.0)
@@ -164,7 +164,7 @@ def all_tables(rows: Sequence[Row], limit: float, against: str = AGAINST) -> dic
     return {title: table for title, table in tables.items() if table}
 
 
-def _grouped(rows: Iterable[Row], *keys: str) -> dict[tuple[str, ...], list[Row]]:
+def grouped(rows: Iterable[Row], *keys: str) -> dict[tuple[str, ...], list[Row]]:
     """Rows by the values of some keys, in the order in which these first occur."""
     groups: dict[tuple[str, ...], list[Row]] = {}
     for row in rows:

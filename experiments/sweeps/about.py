@@ -41,7 +41,7 @@ class RunFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=T
 def about_run(settings: Settings, scenes: list[str], seeds: list[int], workers: str) -> RunFile:
     """What the run that begins now is."""
     return RunFile(
-        command=["cocap-opt", *sys.argv[1:]],
+        command=[*_program(), *sys.argv[1:]],
         began=datetime.now(UTC).isoformat(timespec="seconds"),
         settings=settings,
         scenes=scenes,
@@ -68,6 +68,14 @@ def load_run(folder: Path) -> RunFile:
     """Read run.json."""
     path = folder / "run.json"
     return decode(read_bytes(path), RunFile, str(path))
+
+
+def _program() -> list[str]:
+    """How this process was called: as a module, or by the command's name."""
+    spec = sys.modules["__main__"].__spec__
+    if spec is None:
+        return ["cocap-opt"]
+    return ["python", "-m", spec.name.removesuffix(".__main__")]
 
 
 def _version(package: str) -> str:

@@ -8,8 +8,8 @@ import io
 from collections.abc import Sequence
 from pathlib import Path
 
-from cocap_opt.io import FileError, read_bytes
-from experiments.files import save_bytes, save_csv
+from cocap_opt.io import FileError
+from experiments.files import read_text, save_bytes, save_csv
 from experiments.rows import GAP_KEYS, Row
 
 # Columns that are not text; all others are.
@@ -23,14 +23,7 @@ NUMBERS = (
 def load_results(folder: Path) -> list[Row]:
     """Rows of results.csv, with the types of columns."""
     path = folder / "results.csv"
-    return [_typed(row, path) for row in csv.DictReader(io.StringIO(_text(path)))]
-
-
-def _text(path: Path) -> str:
-    try:
-        return read_bytes(path).decode()
-    except UnicodeDecodeError as error:
-        raise FileError(f"{path}: must be text in UTF-8") from error
+    return [_typed(row, path) for row in csv.DictReader(io.StringIO(read_text(path)))]
 
 
 def _typed(row: dict[str, str], path: Path) -> Row:

@@ -1,0 +1,72 @@
+"""The commands of `cocap-opt figure`: charts for papers, as PNG, PDF or SVG."""
+
+from pathlib import Path
+
+from cyclopts import App
+from matplotlib.figure import Figure
+
+from experiments.charts import conflicts_figure, gaps_figure, progress_figure
+from experiments.figures import PICTURES, picture
+from experiments.files import check_output, read_plans, save_bytes
+from experiments.options import Json, Output, Seed, UsageError, file_type, load
+from experiments.picture_commands import titles
+from experiments.printing import path_text, print_result
+from experiments.sweeps.results import load_results
+from experiments.trace import load_trace
+
+app = App(name="figure", help="Draw charts of results, as PNG, PDF or SVG.", version_flags=[])
+
+
+@app.command
+def gaps(folder: Path, /, *, output: Output, json: Json = False) -> int:
+    """Draw the gaps of a sweep's planners: a point per seed, mean and 95 % interval.
+
+    Example: cocap-opt figure gaps results -o gaps.pdf
+    """
+    _check(output)
+    rows = load_results(folder)
+    if not rows:
+        raise UsageError(f"{folder}: has no results yet")
+    return _save(output, gaps_figure(rows), json)
+
+
+@app.command
+def progress(*trace: Path, output: Output, json: Json = False) -> int:
+    """Draw the gap of solver runs over time, from files that --trace has written.
+
+    Example: cocap-opt figure progress trace.csv -o progress.pdf
+    """
+    _check(output)
+    if not trace:
+        raise UsageError("TRACE: name a file that `solve --trace` has written")
+    traces = [load_trace(path) for path in trace]
+    return _save(output, progress_figure(dict(zip(titles(trace), traces, strict=True))), json)
+
+
+@app.command
+def conflicts(
+    scene: str, /, *plan: Path, output: Output, seed: Seed = 0, json: Json = False
+) -> int:  # fmt: skip
+    """Draw which drones collide at which step, in one or more plans.
+
+    Example: cocap-opt figure conflicts bottleneck greedy.json cocap.json -o conflicts.pdf
+    """
+    _check(output)
+    if not plan:
+        raise UsageError("PLAN: name a plan, such as plan.json")
+    problem, plans = read_plans(plan, scene, load(scene, seed))
+    return _save(
+        output, conflicts_figure(problem, dict(zip(titles(plan), plans, strict=True))), json
+    )
+
+
+def _check(output: Path | None) -> None:
+    file_type(output, PICTURES)
+    check_output(output)
+
+
+def _save(output: Path | None, figure: Figure, json: bool) -> int:
+    assert output is not None
+    save_bytes(output, picture(figure, output.suffix.lower()))
+    print_result({"file": path_text(output)}, json)
+    return 0

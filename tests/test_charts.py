@@ -1,0 +1,119 @@
+import math
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from matplotlib.figure import Figure
+from test_tables import row
+
+from cocap_opt.plan import SwapConflict, conflicts
+from cocap_opt.planners import PLANNERS
+from cocap_opt.result import Reason
+from cocap_opt.stop import Limit
+from experiments import commands
+from experiments.charts import draw_conflicts, draw_gaps, draw_progress
+from experiments.trace import Trace, load_trace, trace_text
+from formulations.result import CertifiedResult, Snapshot
+from scenarios import load_scene
+
+NUMBER = st.floats(0, 1e6)
+
+
+@given(st.lists(st.builds(Snapshot, NUMBER, NUMBER, NUMBER), max_size=20))
+def test_a_trace_never_gets_worse(snapshots: list[Snapshot]) -> None:
+    """Values rise, bounds fall, whatever a method reports of the node it is in."""
+    trace = Trace()
+    for snapshot in snapshots:
+        trace.report(snapshot)
+    for before, after in pairwise(trace.snapshots):
+        assert (before.value, -before.bound) < (after.value, -after.bound)
+        assert before.value <= after.value and before.bound >= after.bound
+    if snapshots:
+        assert trace.snapshots[-1].value == max(s.value for s in snapshots)
+        assert trace.snapshots[-1].bound == min(s.bound for s in snapshots)
+
+
+def test_a_trace_ends_with_its_result() -> None:
+    """The last point is that of the result, whose seconds it has."""
+    trace = Trace()
+    trace.report(Snapshot(-math.inf, 9.0, 0.5))
+    trace.end(CertifiedResult(None, 3.0, Reason.STOPPED, Limit.TIME, 8.0, 2.0))
+    assert trace.snapshots[1:] == (Snapshot(3.0, 8.0, 2.0),)
+
+
+def test_a_trace_is_read_as_it_was_written(tmp_path: Path) -> None:
+    """A value or a bound that there was not yet is an empty field."""
+    trace = Trace([Snapshot(-math.inf, math.inf, 0.25), Snapshot(1.5, 2.5, 1.0, 3, 4)])
+    path = tmp_path / "trace.csv"
+    path.write_text(trace_text(trace), encoding="utf-8")
+    assert load_trace(path).snapshots == trace.snapshots
+    assert path.read_text(encoding="utf-8").splitlines()[1] == ",,0.25,0,0"
+
+
+@pytest.mark.parametrize(
+    "text", ["value,bound\n", "value,bound,seconds,columns,nodes\n1,2\n",
+             "value,bound,seconds,columns,nodes\n1,2,-3,0,0\n",
+             "value,bound,seconds,columns,nodes\nnan,2,3,0,0\n"],
+)  # fmt: skip
+def test_what_is_no_trace_is_said(
+    text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One line names the file, and nothing is written."""
+    path, chart = tmp_path / "trace.csv", tmp_path / "x.png"
+    path.write_text(text, encoding="utf-8")
+    assert commands.run(["figure", "progress", str(path), "-o", str(chart)]) == 2
+    assert capsys.readouterr().err.startswith(f"cocap-opt: {path}: ")
+    assert not chart.exists()
+
+
+def test_solve_writes_the_trace_that_figure_draws(tmp_path: Path) -> None:
+    """A trace ends at the proved gap; it may not be the file of the plan."""
+    trace, chart = tmp_path / "trace.csv", tmp_path / "x.svg"
+    solve = ["solve", "tiny-turn", "--json", "--trace", str(trace)]
+    assert commands.run(solve) == 0
+    assert load_trace(trace).snapshots[-1].gap <= 1e-6
+    assert commands.run(["figure", "progress", str(trace), "-o", str(chart)]) == 0
+    assert b"<svg" in chart.read_bytes()
+    assert commands.run([*solve, "-o", str(trace)]) == 2
+
+
+def test_conflicts_are_drawn_where_they_are() -> None:
+    """A bar per conflict joins its two drones at its step, or between steps where they swap."""
+    problem = load_scene("bottleneck", 0)
+    plan = PLANNERS["greedy"](problem).plan
+    assert plan is not None
+    ax = draw_conflicts(Figure().subplots(), problem, plan)
+    bars = sorted(
+        (tuple(np.ravel(line.get_ydata())), float(np.ravel(line.get_xdata())[0]))
+        for line in ax.lines
+        if len(np.ravel(line.get_xdata())) == 2 and line.get_xdata()[0] == line.get_xdata()[1]
+    )
+    wanted = sorted(
+        (c.robots, c.t + 0.5 * isinstance(c, SwapConflict)) for c in conflicts(problem, plan)
+    )
+    assert [robots for robots, _ in bars] == [robots for robots, _ in wanted]
+    assert [x for _, x in bars] == pytest.approx([t for _, t in wanted], abs=0.25)
+
+
+def test_gaps_are_drawn_for_plans_that_obey_the_rules() -> None:
+    """A point per seed; whose bound is open is hollow; who breaks a rule is counted."""
+    rows = [row("greedy", 0, 120.0, conflicts=3, gap=None)]
+    rows += [row("cocap", seed, 100 - seed) for seed in range(3)]
+    rows += [row("cocap", 3, 90.0, bound_reason="stopped")]
+    ax = draw_gaps(Figure().subplots(), rows)
+    points = [p.get_offsets() for p in ax.collections]
+    assert sorted(float(x) for some in points for x, _ in some) == pytest.approx([0, 1, 2, 10])
+    assert [text.get_text() for text in ax.get_yticklabels()] == [
+        "greedy\n(1 of 1 invalid)", "cocap",
+    ]  # fmt: skip
+    legend = ax.get_legend()
+    assert legend is not None and "not proved" in legend.get_texts()[0].get_text()
+
+
+def test_runs_without_a_gap_are_not_drawn() -> None:
+    """A bound without a plan has no gap to draw, and is no error."""
+    ax = draw_progress(Figure().subplots(), {"bound": Trace([Snapshot(-math.inf, 5.0, 1.0)])})
+    assert len(ax.lines) == 1  # where optima lie
