@@ -145,6 +145,8 @@ def draw_progress(ax: Axes, traces: Mapping[str, Trace]) -> Axes:
     ax.set_xscale("log")
     ax.set_yscale("log")
     ax.axhline(LEAST_GAP, color=GREY, lw=0.8, ls=":")
+    most = max((100 * s.gap for some in shown.values() for s in some), default=0.0)
+    ax.set_ylim(LEAST_GAP / 2, 2 * max(most, 10 * LEAST_GAP))
     ax.set_xlabel("time (s)")
     ax.set_ylabel("gap (%)")
     ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
