@@ -142,11 +142,11 @@ def draw_progress(ax: Axes, traces: Mapping[str, Trace]) -> Axes:
         proved = gaps[-1] <= LEAST_GAP
         ax.plot(seconds[-1], gaps[-1], "o", color=colour, ms=7 if proved else 3.5,
                 mfc="white" if proved else colour, mew=1.6, clip_on=False, zorder=3)  # fmt: skip
+    most = max((100 * s.gap for some in shown.values() for s in some), default=0.0)
+    ax.set_ylim(LEAST_GAP / 2, 2 * max(most, 10 * LEAST_GAP))  # first: all may be at one height
     ax.set_xscale("log")
     ax.set_yscale("log")
     ax.axhline(LEAST_GAP, color=GREY, lw=0.8, ls=":")
-    most = max((100 * s.gap for some in shown.values() for s in some), default=0.0)
-    ax.set_ylim(LEAST_GAP / 2, 2 * max(most, 10 * LEAST_GAP))
     ax.set_xlabel("time (s)")
     ax.set_ylabel("gap (%)")
     ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
