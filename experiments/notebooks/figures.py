@@ -35,7 +35,7 @@ def draw_tightness(ax: Axes, found: Mapping[str, CertifiedResult], optimum: floa
     ax.set_xscale("log")
     ax.set_yscale("log")
     ax.margins(0.08, 0.12)
-    ax.legend(loc="lower left", bbox_to_anchor=(0.01, 0.12), fontsize=8, frameon=False)
+    ax.legend(loc="lower left", bbox_to_anchor=(0.01, 0.14), fontsize=8, frameon=False)
     ax.set_xlabel("seconds")
     ax.set_ylabel("bound above the optimum (%)")
     return _plain(ax)

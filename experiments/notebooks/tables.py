@@ -20,14 +20,14 @@ from experiments.paper.giving_way import Encounter
 from experiments.progress import unseen
 from experiments.rows import Judged, Row, judge
 from experiments.tables import NONE, Table
+from experiments.trace import Trace
 from formulations.certificate import verify
 from formulations.proof import ProofFile, leaves, verify_proof
-from formulations.result import BoundMethod, CertifiedResult, Report, silent
+from formulations.result import BoundMethod, CertifiedResult
 from scenarios import load_scene
 
 WARM_UP = "tiny-share"  # a scene on which methods import what they need before they are timed
 SIDES = ("front", "left", "back", "right", "top")  # of a cuboid, in the order of its faces
-Reports = Mapping[str, Report]
 
 
 def framed(table: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
@@ -81,20 +81,21 @@ def outcomes(
     methods: Mapping[str, BoundMethod],
     seconds: float,
     start: Plan | None = None,
-    reports: Reports | None = None,
+    traces: Mapping[str, Trace] | None = None,
 ) -> dict[str, CertifiedResult]:
     """What each method finds within a time limit; imports and coverage are not counted.
 
     Parameters
     ----------
-    reports : by method, who is told about its progress
+    traces : by method, what keeps its progress
     """
     compiled(problem).prepare_all(never)
     found = {}
     for name, method in methods.items():
         method(load_scene(WARM_UP), TimeLimit(seconds))
-        report = (reports or {}).get(name, silent)
-        result = method(problem, TimeLimit(seconds), start, report)
+        trace = (traces or {}).get(name, Trace())
+        result = method(problem, TimeLimit(seconds), start, trace.report)
+        trace.end(result)
         found[name] = judge(name, problem, result).result
     return found
 
