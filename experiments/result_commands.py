@@ -23,7 +23,9 @@ def table(
     style: Annotated[
         str, Parameter(name="--format", help=f"one of {', '.join(DOCUMENT_STYLES)}")
     ] = "markdown",
-    against: Annotated[str, Parameter(help="the planner that others are compared with")] = AGAINST,
+    against: Annotated[
+        str | None, Parameter(help=f"the planner that others are compared with, else {AGAINST}")
+    ] = None,
     output: Output = None,
     json: Json = False,
 ) -> int:
@@ -39,8 +41,9 @@ def table(
     choose("--format", style, DOCUMENTS)
     check_output(output)
     rows = load_results(folder)
-    choose("--against", against, dict.fromkeys(row["planner"] for row in rows))
-    tables = all_tables(rows, load_run(folder).settings.limit, against)
+    if against is not None:
+        choose("--against", against, dict.fromkeys(row["planner"] for row in rows))
+    tables = all_tables(rows, load_run(folder).settings.limit, against or AGAINST)
     if json:
         print_json({"tables": tables})
     elif output is None:

@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterable, Sequence
 from statistics import median
 
+from cocap_opt.result import Reason
 from experiments.rows import Row
 from experiments.statistics import mean, shifted_geometric_mean
 from formulations.result import OPTIMALITY
@@ -18,27 +19,27 @@ AGAINST = "sequential"  # what the paper compares itself with
 
 
 def planner_table(rows: Sequence[Row]) -> Table:
-    """Per scene and planner: reward, gap, and how often the rules hold and the plan is best."""
+    """Per scene and planner: reward, gap, and how often the rules hold and the plan is best.
+
+    Rewards are of all plans. Only plans that obey the rules have gaps; where not all of them do,
+    the mean is over fewer seeds than others', and their number is said.
+    """
     table = []
     for (scene, planner), some in grouped(rows, "scene", "planner").items():
         valid = [row for row in some if obeys(row)]
-        gaps = [100 * row["gap"] for row in valid if row["gap"] is not None]
+        gaps = percent(valid, "gap")
         table.append(
             {
                 "scene": scene,
                 "planner": planner,
                 "seeds": str(len(some)),
                 "obeys the rules": _share(len(valid), len(some)),
-                "reward": _spread([row["reward"] for row in some if row["reward"] is not None]),
-                "gap (%)": interval(gaps),
+                "reward, all plans": _spread(values(some, "reward")),
+                "gap (%)": _of(interval(gaps), len(gaps), len(some)),
                 "largest gap (%)": _number(max(gaps, default=None), 3),
-                "gap to free (%)": interval(
-                    [100 * row["gap_free"] for row in valid if row["gap_free"] is not None]
-                ),
+                "gap to free (%)": interval(percent(valid, "gap_free")),
                 "proved optimal": _share(sum(map(is_optimal, valid)), len(some)),
-                "seconds, median": _number(
-                    median(seconds) if (seconds := _values(some, "seconds")) else None, 3
-                ),
+                "seconds, median": _median(values(some, "seconds")),
             }
         )
     return table
@@ -60,12 +61,12 @@ def difference_table(rows: Sequence[Row], against: str = AGAINST) -> Table:
                 for row in own
                 if obeys(row) and row["seed"] in reference and obeys(reference[row["seed"]])
             ]
-            percent = [100 * (a - b) / b for a, b in pairs if b > 0]
+            shares = [100 * (a - b) / b for a, b in pairs if b > 0]
             table.append(
                 {
                     "scene": scene,
                     "planner": planner,
-                    f"against {against} (%)": interval(percent),
+                    f"against {against} (%)": interval(shares),
                     "better": str(sum(a > b for a, b in pairs)),
                     "equal": str(sum(a == b for a, b in pairs)),
                     "worse": str(sum(a < b for a, b in pairs)),
@@ -110,37 +111,57 @@ def price(row: Row) -> tuple[float, float] | None:
 
 
 def time_table(rows: Sequence[Row], limit: float) -> Table:
-    """Per planner: shifted geometric means of seconds over all scenes and seeds.
+    """Per scene and planner: shifted geometric means of seconds, at the end over all scenes.
 
-    A run without a plan that obeys the rules counts as one that took the whole limit.
+    A run without a plan that obeys the rules counts as one that took the whole limit. Over all
+    scenes only planners are compared that were run on every scene and seed.
 
     Parameters
     ----------
     limit : s, that planners had
     """
-    timed = [row for row in rows if row["seconds"] is not None]  # nobody times plans of others
-    charged = {
-        planner: [row["seconds"] if obeys(row) else limit for row in some]
-        for (planner,), some in grouped(timed, "planner").items()
+    timed = [row for row in rows if _is_timed(row)]
+    scenes = grouped(timed, "scene")
+    table = [row for (scene,), some in scenes.items() for row in _times(scene, some, limit)]
+    if len(scenes) < 2:
+        return table
+    instances = {(row["scene"], row["seed"]) for row in timed}
+    everywhere = [
+        row
+        for some in grouped(timed, "planner").values()
+        if {(row["scene"], row["seed"]) for row in some} == instances
+        for row in some
+    ]
+    return table + _times("all", everywhere, limit)
+
+
+def _is_timed(row: Row) -> bool:
+    """Whether a row is of a run: nobody times plans of others, or scenes that are not taken."""
+    ran = row["reward"] is None and row["reason"] != Reason.UNSUPPORTED
+    return ran or row["seconds"] is not None
+
+
+def _times(scene: str, rows: Sequence[Row], limit: float) -> Table:
+    """The rows of a table of times, of planners that were run on the same instances."""
+    planners = {planner: some for (planner,), some in grouped(rows, "planner").items()}
+    means = {
+        planner: shifted_geometric_mean([r["seconds"] if obeys(r) else limit for r in some])
+        for planner, some in planners.items()
     }
-    means = {planner: shifted_geometric_mean(times) for planner, times in charged.items()}
     least = min(means.values(), default=0.0)
     return [
         {
+            "scene": scene,
             "planner": planner,
-            "runs": str(len(times)),
-            "without a plan": str(sum(not obeys(r) for r in timed if r["planner"] == planner)),
+            "runs": str(len(some)),
+            "without a plan": str(sum(not obeys(row) for row in some)),
             "shifted geometric mean (s)": _number(means[planner], 3),
             "of the fastest": _number(means[planner] / least if least > 0 else None, 1),
-            "median (s)": _number(median(_seconds(timed, planner)), 3),
-            "longest (s)": _number(max(_seconds(timed, planner)), 3),
+            "median (s)": _median(values(some, "seconds")),
+            "longest (s)": _number(max(values(some, "seconds"), default=None), 3),
         }
-        for planner, times in charged.items()
+        for planner, some in planners.items()
     ]
-
-
-def _seconds(rows: Sequence[Row], planner: str) -> list[float]:
-    return [row["seconds"] for row in rows if row["planner"] == planner]
 
 
 def obeys(row: Row) -> bool:
@@ -155,9 +176,10 @@ def is_optimal(row: Row) -> bool:
 
 def all_tables(rows: Sequence[Row], limit: float, against: str = AGAINST) -> dict[str, Table]:
     """All tables by their titles; those that have no rows are left out."""
+    planners = {row["planner"] for row in rows}
     tables = {
         "Planners": planner_table(rows),
-        "Paired differences": difference_table(rows, against),
+        "Paired differences": difference_table(rows, against) if against in planners else [],
         "Price of collision avoidance": price_table(rows),
         "Time": time_table(rows, limit),
     }
@@ -172,25 +194,40 @@ def grouped(rows: Iterable[Row], *keys: str) -> dict[tuple[str, ...], list[Row]]
     return groups
 
 
-def _values(rows: Sequence[Row], key: str) -> list[float]:
+def values(rows: Sequence[Row], key: str) -> list[float]:
+    """What rows have under a key, where they have something."""
     return [row[key] for row in rows if row[key] is not None]
 
 
-def _spread(values: Sequence[float]) -> str:
+def percent(rows: Sequence[Row], key: str) -> list[float]:
+    """Shares that rows have under a key, in %."""
+    return [100 * value for value in values(rows, key)]
+
+
+def _of(text: str, part: int, whole: int) -> str:
+    """A mean, and over how many seeds it is if not over all."""
+    return text if part in (0, whole) else f"{text} (n = {part})"
+
+
+def _spread(sample: Sequence[float]) -> str:
     """Mean and standard deviation."""
-    if not values:
+    if not sample:
         return NONE
-    found = mean(values)
+    found = mean(sample)
     digits = 0 if abs(found.value) >= LARGE else 2
     spread = "" if math.isnan(found.spread) else f" ± {_number(found.spread, digits)}"
     return _number(found.value, digits) + spread
 
 
-def interval(values: Sequence[float], digits: int = 3) -> str:
+def _median(sample: Sequence[float]) -> str:
+    return _number(median(sample), 3) if sample else NONE
+
+
+def interval(sample: Sequence[float], digits: int = 3) -> str:
     """Mean and confidence interval, if there are values."""
-    if not values:
+    if not sample:
         return NONE
-    found = mean(values)
+    found = mean(sample)
     if math.isnan(found.low):
         return _number(found.value, digits)
     low, high = _number(found.low, digits), _number(found.high, digits)

@@ -52,7 +52,7 @@ def row(planner: str, seed: int, reward: float | None, **more: Any) -> dict[str,
         "scene": "a|b & c", "seed": seed, "planner": planner, "reward": reward, "bound": 100.0,
         "gap": None if reward is None else 1 - reward / 100,
         "gap_free": None if reward is None else 1 - reward / 110, "conflicts": 0,
-        "seconds": 1.0, "bound_reason": "optimal", "optimum": 100.0, "optimum_free": 109.0,
+        "seconds": 1.0, "reason": "finished", "bound_reason": "optimal", "optimum": 100.0, "optimum_free": 109.0,
         "bound_free": 110.0,
     }  # fmt: skip
     return plain | more
@@ -70,8 +70,9 @@ def test_planners_are_judged_by_plans_that_obey_the_rules() -> None:
     sequential, cocap = planner_table(ROWS)
     assert (sequential["obeys the rules"], cocap["obeys the rules"]) == ("2 of 3", "2 of 3")
     assert (sequential["proved optimal"], cocap["proved optimal"]) == ("0 of 3", "1 of 3")
-    assert sequential["reward"] == "85.00 ± 7.07"
+    assert sequential["reward, all plans"] == "85.00 ± 7.07"
     assert cocap["gap (%)"].startswith("5.000 [") and cocap["largest gap (%)"] == "10.000"
+    assert cocap["gap (%)"].endswith("(n = 2)")  # of three seeds, as is said
 
 
 def test_differences_are_paired() -> None:
@@ -97,6 +98,38 @@ def test_who_has_no_plan_pays_the_limit() -> None:
     assert sequential["shifted geometric mean (s)"] == f"{expected:.3f}"
     assert (sequential["median (s)"], cocap["longest (s)"]) == ("1.000", "3.000")
     assert (sequential["of the fastest"], sequential["without a plan"]) == ("1.0", "1")
+
+
+def test_times_are_compared_on_the_same_runs() -> None:
+    """A planner that ran on one scene only is compared there, not with others' harder scenes."""
+    hard = [row("cocap", seed, 90.0, scene="hard", seconds=100.0) for seed in range(3)]
+    easy = [row("joint", seed, 100.0, scene="easy", seconds=4.0) for seed in range(3)]
+    easy += [row("cocap", seed, 90.0, scene="easy", seconds=1.0) for seed in range(3)]
+    table = time_table(hard + easy, 60.0)
+    found = {(r["scene"], r["planner"]): r["of the fastest"] for r in table}
+    assert found == {
+        ("hard", "cocap"): "1.0", ("easy", "joint"): "4.0", ("easy", "cocap"): "1.0",
+        ("all", "cocap"): "1.0",
+    }  # fmt: skip
+
+
+def test_only_runs_are_timed() -> None:
+    """What failed took the limit; plans of others and scenes that are not taken are no runs."""
+    rows = [
+        row("cocap", 0, 90.0), row("cocap", 1, None, seconds=None, reason="exceeded"),
+        row("theirs", 0, 90.0, seconds=None), row("joint", 0, None, seconds=None,
+                                                  reason="unsupported"),
+    ]  # fmt: skip
+    (cocap,) = time_table(rows, 60.0)
+    assert (cocap["runs"], cocap["without a plan"], cocap["longest (s)"]) == ("2", "1", "1.000")
+    expected = shifted_geometric_mean([1.0, 60.0])
+    assert cocap["shifted geometric mean (s)"] == f"{expected:.3f}"
+
+
+def test_a_table_of_differences_needs_its_planner() -> None:
+    """Where nobody planned sequentially there is nothing to compare with, and no such table."""
+    titles = all_tables([row("cocap", 0, 90.0)], 60.0)
+    assert "Paired differences" not in titles and "Planners" in titles
 
 
 @pytest.mark.parametrize(
