@@ -52,7 +52,8 @@ def row(planner: str, seed: int, reward: float | None, **more: Any) -> dict[str,
         "scene": "a|b & c", "seed": seed, "planner": planner, "reward": reward, "bound": 100.0,
         "gap": None if reward is None else 1 - reward / 100,
         "gap_free": None if reward is None else 1 - reward / 110, "conflicts": 0,
-        "seconds": 1.0, "reason": "finished", "bound_reason": "optimal", "optimum": 100.0, "optimum_free": 109.0,
+        "seconds": 1.0, "reason": "finished", "bound_reason": "optimal",
+        "optimum": 100.0, "optimum_free": 109.0,
         "bound_free": 110.0,
     }  # fmt: skip
     return plain | more
