@@ -3,8 +3,10 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from strategies import examples, problems
+from test_tables import row
 
 from cocap_opt.check import check
+from cocap_opt.plan import Plan, conflicts
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import Problem
 from cocap_opt.stop import never
@@ -29,6 +31,64 @@ def test_claims_are_judged_by_the_whole_interval() -> None:
     assert answers.verdict_above(interval(-0.9, -0.1), 0.0) == answers.FAILS
     assert answers.verdict_above(interval(-0.1, 0.1), 0.0) == answers.OPEN
     assert answers.verdict_below(mean([0.1]), 1.0) == answers.OPEN  # one seed settles nothing
+
+
+FINE = {"bound_free": 110.0, "optimum_free": 110.0, "gap_free": 0.002}
+
+
+def test_what_is_open_is_not_judged() -> None:
+    """A gap to a bound that may be too high, or a mean over survivors, refutes nothing."""
+    near = [row("cocap", seed, 99.0, **FINE) for seed in range(5)]
+    assert "performance holds" in answers.closeness("a", near)
+    lost = [*near, row("cocap", 9, None, gap_free=None)]
+    assert "is left open by so many seeds, as it has no plan on 1 of 6" in (
+        answers.closeness("a", lost)
+    )
+    far = {"gap_free": 0.05, "bound_free": 104.2}
+    stopped = [row("cocap", s, 99.0, **far, optimum_free=99.5) for s in range(5)]
+    assert "is left open" in answers.closeness("a", stopped)
+    proved = [row("cocap", s, 99.0, **far, optimum_free=104.2) for s in range(5)]
+    assert "does not hold" in answers.closeness("a", proved)
+    assert "cannot be tried" in answers.closeness("a", lost[-1:])
+
+
+def test_low_levels_are_compared_with_the_coverage_that_one_needs() -> None:
+    """Value iteration's time has the coverage of all states in it, on the same seeds."""
+    rows = [row("cocap", s, 99.0, seconds=1.0 + 0.1 * s) for s in range(3)]
+    rows += [row("cocap-vs", s, 90.0, seconds=2.0 + 0.1 * s) for s in range(3)]
+    assert "view search is the faster one holds" in answers.time_answer("a", rows, 9.0)
+    assert "does not hold" in answers.time_answer("a", rows, 0.1)
+    assert "is left open" in answers.time_answer("a", rows, 1.0)  # equal on every seed
+    assert "not both" in answers.time_answer("a", rows[:3], 1.0)
+
+
+def test_sequential_planning_is_judged_with_and_without_collisions() -> None:
+    """Seeds are told apart by the conflicts of the greedy plan; failures are counted."""
+    rows = [row("greedy", 0, 120.0, conflicts=2), row("greedy", 1, 99.0), row("greedy", 2, 99.0)]
+    rows += [row("sequential", 0, 90.0), row("sequential", 1, 98.0), row("sequential", 2, None)]
+    words = answers.sequential_failures("a", rows)
+    assert "10.00 % on the 1 seeds with collisions" in words
+    assert "2.00 % on the 1 seeds without collisions" in words
+    assert "no plan on 1 of 3 seeds" in words
+
+
+def test_who_collides_with_a_third_is_no_encounter() -> None:
+    """Bottleneck, seed 0: of three that collide nobody can tell who makes way for whom."""
+    problem = load_scene("bottleneck", 0)
+    free, plan = (PLANNERS[name](problem, never).plan for name in ("greedy", "cocap"))
+    assert free is not None and plan is not None
+    pairs = {conflict.robots for conflict in conflicts(problem, free)}
+    assert pairs == {(1, 3), (0, 2)}  # two encounters, as they share no drone
+    assert {e.robots for e in encounters(problem, 0, free, plan)} == pairs
+    three = free.paths[:1] * 3 + free.paths[3:]
+    assert encounters(problem, 0, Plan(paths=three), plan) == []
+
+
+def test_every_seed_counts_in_the_scaling_figure() -> None:
+    """The unconstrained plans count with their conflicts, against the bound that they have."""
+    rows = [row("greedy", s, 104.5, conflicts=3 * (s > 0), robots=2, **FINE) for s in range(4)]
+    rows += [row("cocap", 0, 99.0, robots=2, **FINE), row("cocap", 1, None, robots=2, **FINE)]
+    assert reproduction._points(rows, [2, 4]) == {"greedy": [(2, 1.0, pytest.approx(95.0))]}
 
 
 @examples(20)

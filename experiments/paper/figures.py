@@ -1,6 +1,6 @@
 """Figures of the paper's experiments. Each drawing function takes an axes and returns it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -8,14 +8,16 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from cocap_opt.check import check
+from cocap_opt.data import FloatArray
 from cocap_opt.plan import Plan
 from cocap_opt.problem import Problem
-from experiments.figures import draw_actors, draw_robots, draw_terrain
+from experiments.figures import draw_actors, draw_robots, draw_terrain, position
 from experiments.paper.giving_way import Encounter
 
 COLOURS = {
     "greedy": "#8d99ae", "sequential": "#edae49", "cocap": "#30638e", "cocap-vs": "#66a182",
 }  # fmt: skip
+AROUND = 2.0  # m
 NAMES = {
     "greedy": "unconstrained (collides)", "sequential": "sequential",
     "cocap": "CoCap, value iteration", "cocap-vs": "CoCap, view search",
@@ -33,7 +35,10 @@ def curves_figure(curves: Mapping[str, Mapping[str, Sequence[Sequence[float]]]])
     for ax, (scene, planners) in zip(np.ravel(figure.subplots(1, len(curves))), curves.items(),
                                      strict=True):  # fmt: skip
         draw_curves(ax, planners)
-        ax.set_title(f"{scene} ({max(map(len, planners.values()), default=0)} seeds)", fontsize=10)
+        counts = sorted({len(rewards) for rewards in planners.values()})
+        words = " to ".join(map(str, dict.fromkeys((counts[0], counts[-1]))))
+        ax.set_title(f"{scene} ({words} seeds)", fontsize=10)
+    figure.legend(*ax.get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=8)
     return figure
 
 
@@ -52,7 +57,6 @@ def draw_curves(ax: Axes, planners: Mapping[str, Sequence[Sequence[float]]]) -> 
     ax.set_ylabel("view reward (mean, ± 1 sd shaded)")
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
     ax.grid(alpha=0.25)
-    ax.legend(fontsize=7, loc="lower right")
     for side in ("top", "right"):
         ax.spines[side].set_visible(False)
     return ax
@@ -60,12 +64,16 @@ def draw_curves(ax: Axes, planners: Mapping[str, Sequence[Sequence[float]]]) -> 
 
 def encounter_figure(problem: Problem, encounter: Encounter, plans: Mapping[str, Plan]) -> Figure:
     """An encounter in several plans side by side, at the step where two drones would collide."""
-    figure = Figure(figsize=(4.6 * len(plans), 5.0), layout="constrained", dpi=130)
+    low, high = _extent(problem, plans.values())
+    height = 1.2 + 4.0 * (high[1] - low[1]) / (high[0] - low[0])
+    figure = Figure(figsize=(4.6 * len(plans), height), layout="constrained", dpi=130)
     for ax, (name, plan) in zip(np.ravel(figure.subplots(1, len(plans))), plans.items(),
                                 strict=True):  # fmt: skip
         draw_terrain(ax, problem)
         draw_robots(ax, problem, plan, encounter.step)
         draw_actors(ax, problem, encounter.step)
+        ax.set_xlim(low[0], high[0])
+        ax.set_ylim(low[1], high[1])
         verdict = check(problem, plan)
         words = f", {len(verdict.conflicts)} conflicts" if verdict.conflicts else ""
         ax.set_title(f"{NAMES.get(name, name)}\nJ = {verdict.reward:,.0f}{words}", fontsize=9)
@@ -77,12 +85,23 @@ def encounter_figure(problem: Problem, encounter: Encounter, plans: Mapping[str,
     return figure
 
 
+def _extent(problem: Problem, plans: Iterable[Plan]) -> tuple[FloatArray, FloatArray]:
+    """Corners (m) of the part of the map where drones fly and people walk."""
+    places = [position(problem, state) for plan in plans for path in plan.paths for state in path]
+    places += [(float(x), float(y)) for actor in problem.actors for x, y in actor.poses[:, :2]]
+    origin = np.array(problem.height_map.origin)
+    end = origin + np.array(problem.height_map.shape) * problem.height_map.resolution
+    low, high = np.min(places, axis=0) - AROUND, np.max(places, axis=0) + AROUND
+    return np.maximum(low, origin), np.minimum(high, end)
+
+
 def scaling_figure(points: Mapping[str, Sequence[tuple[int, float, float]]]) -> Figure:
     """Time and reward against the number of robots, per planner.
 
     Parameters
     ----------
-    points : by planner (robots, median seconds, mean share of the certified bound in %)
+    points : by planner (robots, median seconds, mean share of the certified bound
+        without collisions in %)
     """
     figure = Figure(figsize=(9.6, 3.8), layout="constrained", dpi=130)
     left, right = figure.subplots(1, 2)
@@ -93,10 +112,12 @@ def scaling_figure(points: Mapping[str, Sequence[tuple[int, float, float]]]) -> 
         right.plot(robots, shares, label=NAMES.get(planner, planner), **style)
     left.set_yscale("log")
     left.set_ylabel("time (s)")
-    right.set_ylabel("reward, of the certified bound (%)")
+    right.set_ylabel("reward, of the bound without collisions (%)")
     for ax in (left, right):
         ax.set_xlabel("robots")
         ax.xaxis.set_major_locator(MaxNLocator(integer=True))
         ax.grid(alpha=0.25, which="both")
-        ax.legend(fontsize=7)
+    figure.legend(
+        *left.get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=8
+    )
     return figure

@@ -1,12 +1,14 @@
 """Who gives way to whom, and what of its own reward that costs.
 
-Two drones whose unconstrained plans collide cannot both keep them. In sequential planning it is
-always the later one that goes elsewhere; a coordinated plan may send the earlier one, at a cost
-to its own view, for the good of the team. That is measured here: a drone's own reward is J of
-its path alone.
+Two drones whose unconstrained plans collide cannot both keep them. In sequential planning no
+drone makes way for a later one; it may fly elsewhere because of a still earlier one. A coordinated
+plan may send the earlier one elsewhere, at a cost to its own view, for the good of the team. That
+is measured here, in encounters of two drones that collide with nobody else, so that each drone
+counts once: a drone's own reward is J of its path alone.
 """
 
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from cocap_opt.check import check
@@ -41,11 +43,10 @@ class Encounter(NamedTuple):
 
 
 def encounters(problem: Problem, seed: int, unconstrained: Plan, plan: Plan) -> list[Encounter]:
-    """What becomes of each pair of drones that collide in the unconstrained plan."""
+    """What becomes of each two drones that collide with each other only, if unconstrained."""
     team = check(problem, plan).reward
     found = []
-    for step, (i, k) in _first_conflicts(problem, unconstrained):
-        pair = (i, k)
+    for pair, step in _apart(_first_conflicts(problem, unconstrained)).items():
         before = [own_reward(problem, robot, unconstrained) for robot in pair]
         after = [own_reward(problem, robot, plan) for robot in pair]
         moved = [unconstrained.paths[robot] != plan.paths[robot] for robot in pair]
@@ -64,12 +65,20 @@ def own_reward(problem: Problem, robot: int, plan: Plan) -> float:
     return check(alone, Plan(paths=(plan.paths[robot],))).reward
 
 
-def _first_conflicts(problem: Problem, plan: Plan) -> Iterator[tuple[int, tuple[int, int]]]:
-    seen: set[tuple[int, int]] = set()
+def _first_conflicts(problem: Problem, plan: Plan) -> dict[tuple[int, int], int]:
+    """The step of each pair's first conflict."""
+    steps: dict[tuple[int, int], int] = {}
     for conflict in conflicts(problem, plan):
-        if conflict.robots not in seen:
-            seen.add(conflict.robots)
-            yield conflict.t, conflict.robots
+        steps.setdefault(conflict.robots, conflict.t)
+    return steps
+
+
+def _apart(steps: Mapping[tuple[int, int], int]) -> dict[tuple[int, int], int]:
+    """Those of pairs that share no drone with another."""
+    partners = Counter(robot for pair in steps for robot in pair)
+    return {
+        pair: step for pair, step in steps.items() if all(partners[robot] == 1 for robot in pair)
+    }
 
 
 def _share_lost(before: float, after: float) -> float:
