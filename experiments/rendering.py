@@ -97,16 +97,21 @@ def rendered_reward(problem: Problem, views: Iterable[FaceView], reward_moves: f
 
 
 def error_row(views: Sequence[FaceView]) -> Row:
-    """How far planned pixels are from rendered ones, of faces with LEAST_PIXELS or more."""
+    """How far planned pixels are from rendered ones, in % of these.
+
+    Faces count that have LEAST_PIXELS or more by plan or in the picture. Of one that is planned
+    and not in the picture the error is infinite.
+    """
     row: Row = {"faces": len(views)}
     for name, hidden in (("clear", False), ("hidden", True)):
         errors = [
             100 * abs(v.error) for v in views
-            if v.hidden == hidden and v.rendered >= LEAST_PIXELS
+            if v.hidden == hidden and max(v.planned, v.rendered) >= LEAST_PIXELS
         ]  # fmt: skip
         row[name] = len(errors)
         for quantile, word in ((0.5, "median"), (0.9, "90 %"), (0.99, "99 %"), (1.0, "largest")):
-            value = float(np.quantile(errors, quantile)) if errors else None
+            # An error that is there: between a finite and an infinite one lies none.
+            value = float(np.quantile(errors, quantile, method="higher")) if errors else None
             row[f"{name}, {word} error (%)"] = value
     return row
 

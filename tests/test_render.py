@@ -14,7 +14,14 @@ from cocap_opt.render import SKY, TERRAIN, Renderer
 from cocap_opt.timegraph import time_graph
 from cocap_opt.workspace import HeightMap
 from experiments.commands import run
-from experiments.rendering import Pose, error_row, face_views, poses_of, rendered_reward
+from experiments.rendering import (
+    FaceView,
+    Pose,
+    error_row,
+    face_views,
+    poses_of,
+    rendered_reward,
+)
 from scenarios import load_scene
 
 
@@ -119,6 +126,20 @@ def test_rendered_reward_is_near_the_planned_one() -> None:
     assert rendered == pytest.approx(verdict.reward, rel=0.02)
     row = error_row(views)
     assert row["faces"] == len(views) and row["clear"] + row["hidden"] <= len(views)
+
+
+def test_errors_are_of_all_faces_that_are_large_by_plan_or_in_the_picture() -> None:
+    """A face that is planned and not in the picture at all is the largest error there is."""
+
+    def seen(planned: float, rendered: float, unhidden: float) -> FaceView:
+        return FaceView(Pose(0, 1, State(0, 0)), 0, 1.0, planned, rendered, unhidden)
+
+    views = [seen(500, 400, 1000), seen(399, 399, 1000), seen(0, 400, 900), seen(500, 500, 500)]
+    row = error_row(views)
+    assert (row["clear"], row["hidden"], row["hidden, largest error (%)"]) == (1, 2, 100.0)
+    row = error_row([*views, seen(5000, 0, 6000)])
+    assert (row["hidden"], row["hidden, median error (%)"]) == (3, 100.0)
+    assert row["hidden, largest error (%)"] == np.inf
 
 
 def test_render_writes_pictures_and_a_table(
