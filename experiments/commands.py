@@ -313,26 +313,18 @@ def verify_files(
     """
     if not file:
         raise UsageError("FILE: name a plan, a certificate or a proof")
-    problem = _variant(load(scene, seed), free)
+    claims = _Claims.read(scene, seed, free, file)
+    problem = claims.problem
     answer: Row = {"scene": problem.name, "seed": seed, "valid": True, "violations": []}
-    answer |= _freed(free)
-    for path in file:
-        content = read_claim(path, problem)
-        if isinstance(content, CertificateFile | ProofFile):
-            with watching(path_text(path)) as watch:
-                verify_bound(
-                    problem, content, path_text(path), answer,
-                    lambda done, all_: watch.count("leaf", done, all_),
-                )  # fmt: skip
-            continue
-        if "planner" in answer:
-            raise FileError(f"{path}: must be a certificate or a proof, not a second plan")
-        plan_in_file = content.plan if isinstance(content, PlanFile) else content
-        fitting = scene_of_plan(scene, problem, plan_in_file)
-        if fitting is not problem:
-            problem = _variant(fitting, free)
-            answer |= OWN_STARTS
-        verify_plan(problem, content, answer)
+    answer |= claims.about
+    if claims.plan is not None:
+        verify_plan(problem, claims.plan, answer)
+    for path, content in claims.bounds.items():
+        with watching(path_text(path)) as watch:
+            verify_bound(
+                problem, content, path_text(path), answer,
+                lambda done, all_: watch.count("leaf", done, all_),
+            )  # fmt: skip
     conclude(answer)
     print_result(answer, json)
     return 0 if answer["valid"] else 1
@@ -443,6 +435,36 @@ class _Task(NamedTuple):
             about |= OWN_STARTS if fitting is not problem else {}
             problem = fitting
         return cls(_variant(problem, free), start, about)
+
+
+class _Claims(NamedTuple):
+    """What `verify` checks: with a plan, the variant of the scene that it was made for."""
+
+    problem: Problem
+    plan: PlanFile | Plan | None
+    bounds: dict[Path, CertificateFile | ProofFile]
+    about: Row  # keys for the answer
+
+    @classmethod
+    def read(cls, scene: str, seed: int, free: bool, files: Sequence[Path]) -> "_Claims":
+        """All files are read, in an order of their own, before any is held against the scene."""
+        problem, about = load(scene, seed), _freed(free)
+        content: PlanFile | Plan | None = None
+        bounds = {}
+        for path in sorted(set(files)):
+            claim = read_claim(path, problem)
+            if isinstance(claim, CertificateFile | ProofFile):
+                bounds[path] = claim
+            elif content is not None:
+                raise FileError(f"{path}: must be a certificate or a proof, not a second plan")
+            else:
+                content = claim
+        if content is not None:
+            plan = content.plan if isinstance(content, PlanFile) else content
+            fitting = scene_of_plan(scene, problem, plan)
+            about |= OWN_STARTS if fitting is not problem else {}
+            problem = fitting
+        return cls(_variant(problem, free), content, bounds, about)
 
 
 def _certified(

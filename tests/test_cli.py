@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from itertools import permutations
 from pathlib import Path
 
 import numpy as np
@@ -392,7 +393,10 @@ def test_a_start_is_used_or_rejected_with_the_reason(
 def test_a_foreign_start_brings_its_own_scene(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """What is solved from a plan for the scene's own starts can be verified as such."""
+    """What is solved from a plan for the scene's own starts can be verified as such.
+
+    All claims are held against that scene, in whatever order their files are named.
+    """
     scene, start, plan, proof = (
         tmp_path / name for name in ("seq.yaml", "paths.csv", "plan.json", "proof.json")
     )
@@ -406,6 +410,12 @@ def test_a_foreign_start_brings_its_own_scene(
     assert run.json["seed"] is None
     assert Run(capsys, "verify", scene, plan, proof, "--json").json["optimal"] is True
     assert Run(capsys, "solve", scene, "--start", plan, "--json").json["message"] == ""
+    other = tmp_path / "other.json"
+    Run(capsys, "bound", scene, "--method", "alone", "-o", other)  # of the seed's start set
+    for claims, code in (((start, proof), 0), ((start, proof, other), 1)):
+        runs = [Run(capsys, "verify", scene, *some, "--json") for some in permutations(claims)]
+        assert {(run.code, run.out) for run in runs} == {(code, runs[0].out)}
+    assert any(str(other) in violation for violation in runs[0].json["violations"])
 
 
 def test_solve_says_that_there_is_no_plan(
