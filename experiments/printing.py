@@ -17,6 +17,13 @@ FOLDED = 16  # columns of text that goes on in the next line, at least
 WIDE = 200  # columns of a table that goes to a file or a pipe
 OPEN = "*"  # marks a bound that a limit stopped
 PROVED = ("optimal", "infeasible")
+MISSING = {  # why there is no bound
+    "stopped": "a limit stopped its search before there was one",
+    "error": "its search ended in an error",
+    "exceeded": "its search took longer than a cell may",
+    "died": "the process of its search died",
+}
+NAMED = 3  # cases that are named in a sentence
 SHARES = ("gap", "gap_free", "largest gap", "largest gap_free")  # printed in %
 
 
@@ -100,18 +107,18 @@ def print_gap_table(rows: Sequence[Row]) -> None:
         keys.append("limit")
     keys.append("seconds")
     table = [{key: row[key] for key in keys} for row in rows]
-    any_open = False
     for shown, row in zip(table, rows, strict=True):
         for key, reason in (("bound", "bound_reason"), ("gap_free", "bound_free_reason")):
-            is_open = row[reason] not in PROVED
-            any_open = any_open or is_open
-            shown[key] = Marked(row[key], OPEN if is_open and row[key] is not None else " ")
+            is_open = row[key] is not None and row[reason] not in PROVED
+            shown[key] = Marked(row[key], OPEN if is_open else " ")
     print_table(gap_title(rows), table)
-    if any_open:
+    if any(OPEN in (shown["bound"].mark, shown["gap_free"].mark) for shown in table):
         _console().print(
             f"{OPEN} A limit stopped the search for this bound: it is certified, but the optimum "
             "may be lower."
         )
+    for words in _missing_bounds(rows):
+        _console().print(words, markup=False)
     if any(row["conflicts"] for row in rows):
         _console().print(
             "A plan with conflicts breaks the scene's rules: its reward may exceed the bound, "
@@ -123,13 +130,36 @@ def gap_title(rows: Sequence[Row]) -> str:
     """What the bounds of a gap table are."""
     if not rows:
         return "no rows"
-    methods = ", ".join(dict.fromkeys(row["bound_method"] for row in rows))
-    proved = [row["bound_reason"] in PROVED for row in rows]
-    if all(proved):
-        return f"gap to the proved optimum ({methods})"
-    if any(proved):
+    proved = [row for row in rows if row["bound_reason"] in PROVED]
+    others = [r for r in rows if r["bound"] is not None and r["bound_reason"] not in PROVED]
+    methods = ", ".join(dict.fromkeys(row["bound_method"] for row in (*proved, *others)))
+    if not others:
+        return f"gap to the proved optimum ({methods})" if proved else "no bounds"
+    if proved:
         return f"gap to the proved optimum, or where marked {OPEN} to a certified bound ({methods})"
     return f"gap to a certified bound ({methods})"
+
+
+def _missing_bounds(rows: Sequence[Row]) -> list[str]:
+    """Sentences that say which bounds are missing, and why."""
+    found: dict[tuple[str, str], dict[str, None]] = {}
+    for row in rows:
+        what, key = "No bound", "bound"
+        if row[key] is not None:
+            what, key = "No bound without rules", "bound_free"
+        reason = row[f"{key}_reason"]
+        if row[key] is None and reason not in PROVED:
+            found.setdefault((what, reason), {})[f"{row['scene']} seed {row['seed']}"] = None
+    return [
+        f"{what} for {_some(list(cases))}: {MISSING.get(reason, reason)}."
+        for (what, reason), cases in found.items()
+    ]
+
+
+def _some(names: Sequence[str]) -> str:
+    """The first names, and how many more there are."""
+    more = len(names) - NAMED
+    return ", ".join(names[:NAMED]) + (f" and {more} more" if more > 0 else "")
 
 
 def _text(key: str, value: Any) -> str:

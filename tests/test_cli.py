@@ -19,6 +19,8 @@ from experiments import progress
 from experiments.cli import main
 from experiments.commands import AT_THE_ROOT
 from experiments.gap_table import told_apart
+from experiments.printing import print_gap_table
+from experiments.rows import Row
 from formulations import BOUNDS, EXACT
 from scenarios import SCENES
 
@@ -231,6 +233,46 @@ def test_the_gap_table_says_what_its_bounds_are(capsys: pytest.CaptureFixture[st
     exact = Run(capsys, "gap", "tiny-queue", "--planner", "brute-force", "--json").json["rows"][0]
     assert (exact["planner"], exact["bound_method"]) == ("brute-force", "branch-and-price")
     assert exact["gap"] < 1e-6
+
+
+def gap_rows(*bounds: tuple[float | None, str]) -> list[Row]:
+    """A row of the gap table per bound and the reason why the search for it stopped."""
+    plain: Row = {
+        "scene": "s", "planner": "cocap", "reward": 1.0, "gap": None, "gap_free": None,
+        "conflicts": 0, "reason": "finished", "limit": "none", "seconds": 1.0,
+        "bound_method": "branch-and-price",
+    }  # fmt: skip
+    return [
+        plain | {"seed": seed, "bound": bound, "bound_reason": reason, "bound_free": bound,
+                 "bound_free_reason": reason}
+        for seed, (bound, reason) in enumerate(bounds)
+    ]  # fmt: skip
+
+
+FAILURES = {
+    "error": "its search ended in an error",
+    "exceeded": "its search took longer than a cell may",
+    "died": "the process of its search died",
+    "stopped": "a limit stopped its search before there was one",
+}
+
+
+@pytest.mark.parametrize("reason", FAILURES)
+def test_a_bound_that_is_missing_is_not_said_to_be_certified(
+    reason: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Each kind of failure has words of its own; the star is explained where there is one."""
+    print_gap_table(gap_rows((2.0, "optimal"), (None, reason)))
+    out = capsys.readouterr().out
+    assert "gap to the proved optimum (branch-and-price)" in out and "*" not in out
+    assert f"No bound for s seed 1: {FAILURES[reason]}." in out
+    print_gap_table(gap_rows(*5 * [(None, reason)]))
+    out = capsys.readouterr().out
+    assert "no bounds" in out and "certified" not in out
+    assert "No bound for s seed 0, s seed 1, s seed 2 and 2 more:" in out
+    print_gap_table(gap_rows((2.0, "stopped"), (None, reason)))
+    assert "gap to a certified bound" in (out := capsys.readouterr().out)
+    assert "* A limit stopped" in out and FAILURES[reason] in out
 
 
 def test_a_certificate_can_be_verified_alone(
