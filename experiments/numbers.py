@@ -25,11 +25,11 @@ def numbers(option: str, text: str) -> tuple[int, ...]:
         if max(map(len, ends)) >= len(str(LARGEST)):
             raise FileError(f"{option}: must be 0..{LARGEST}")
         wanted = range(int(first), int(last or first) + 1)
+        if not wanted:
+            raise FileError(f"{option}: ranges must go up, not {part!r}")
         if len(found) + len(wanted) > MOST:
             raise FileError(f"{option}: must be at most {MOST} numbers")
         found += wanted
-    if not found:
-        raise FileError(f"{option}: {text!r} holds no number")
     return tuple(dict.fromkeys(found))
 
 

@@ -626,6 +626,7 @@ WRONG = [
     (["bound", "corridor", "--start", "absent.json"], "absent.json"),
     (["gap"], "SCENE"),
     (["gap", "corridor", "--seeds", "3-1"], "--seeds"),
+    (["gap", "corridor", "--seeds", "0-3,9-5"], "--seeds: ranges must go up, not '9-5'"),
     (["gap", "corridor", "--seeds", "a"], "--seeds"),
     (["gap", "corridor", "--seeds", "9" * 5000], "--seeds"),
     (["gap", "corridor", "--seeds", "0-" + "9" * 40], "--seeds"),
