@@ -11,7 +11,6 @@ from typing import Annotated, NamedTuple
 import msgspec
 from cyclopts import App, CycloptsError, Parameter
 
-from cocap_opt.coverage import usable_cores
 from cocap_opt.data import ProblemError
 from cocap_opt.io import FileError, PlanFile, save_problem
 from cocap_opt.plan import Plan
@@ -38,6 +37,7 @@ from experiments.options import (
     Seed,
     UsageError,
     angles,
+    check_workers,
     choose,
     load,
     positive,
@@ -380,9 +380,7 @@ def gap_table(
         choose("--planner", name, SOLVERS)
     if workers is not None and scheduler is not None:
         raise UsageError("--workers: a scheduler has its own; leave one of the two options out")
-    if workers is not None and not 1 <= workers <= usable_cores():
-        words = f"1..{usable_cores()}, a core each, not {workers}"
-        raise UsageError(f"--workers: must be {words}")
+    check_workers("--workers", workers)
     if cell_limit is not None and not cell_limit > 0:
         raise UsageError(f"--cell-limit: must be a number of seconds > 0, not {cell_limit}")
     bound_limit = time_limit if bound_limit is None else bound_limit

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
+from cocap_opt.coverage import usable_cores
 from cocap_opt.doubts import doubts
 from cocap_opt.problem import Problem
 from experiments.numbers import LARGEST
@@ -45,6 +46,12 @@ def positive(option: str, value: float) -> None:
     """Refuse what is no number of seconds."""
     if not (value >= 0 and math.isfinite(value)):
         raise UsageError(f"{option}: must be a finite number of seconds >= 0, not {value}")
+
+
+def check_workers(option: str, count: int | None) -> None:
+    """Refuse a number of processes unless there is one, and a core for each."""
+    if count is not None and not 1 <= count <= usable_cores():
+        raise UsageError(f"{option}: must be 1..{usable_cores()}, a core each, not {count}")
 
 
 def angles(option: str, text: str) -> tuple[float, ...]:

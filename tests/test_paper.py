@@ -139,8 +139,12 @@ def test_one_command_makes_the_page(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 
 @pytest.mark.parametrize(
-    ("option", "value"), [("--time-limit", "0"), ("--robots", "0"), ("--seeds", "x")]
-)
+    ("option", "value"),
+    [
+        ("--time-limit", "0"), ("--robots", "0"), ("--seeds", "x"), ("--workers", "0"),
+        ("--workers", "1000000"),
+    ],
+)  # fmt: skip
 def test_wrong_options_are_named(
     option: str, value: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -11,6 +11,7 @@ from cyclopts import App, Parameter
 from cocap_opt.io import FileError
 from experiments.entry import run_app
 from experiments.numbers import numbers
+from experiments.options import UsageError, check_workers
 from experiments.sweeps.crew import ClusterError
 
 app = App(
@@ -43,6 +44,7 @@ def paper(
 
     if not (time_limit > 0 and math.isfinite(time_limit)):
         raise FileError(f"--time-limit: must be positive, not {time_limit:g}")
+    check_workers("--workers", workers)
     sizes = numbers("--robots", robots)
     if min(sizes) < 1:
         raise FileError(f"--robots: must be at least 1, not {min(sizes)}")
@@ -55,7 +57,7 @@ def paper(
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; returns 0, 2 for wrong input, or 130 after Ctrl-C."""
-    return run_app(app, arguments, ClusterError)
+    return run_app(app, arguments, ClusterError, UsageError)
 
 
 if __name__ == "__main__":
