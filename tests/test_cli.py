@@ -8,14 +8,17 @@ import sys
 import time
 from itertools import permutations
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from test_scenes import SEQUENCE
 
 from cocap_opt.io import save_problem
+from cocap_opt.model import compiled
+from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import NO_RULES
-from experiments import progress
+from experiments import commands, progress, rows
 from experiments.cli import main
 from experiments.commands import AT_THE_ROOT
 from experiments.gap_table import told_apart
@@ -71,6 +74,27 @@ def files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> tuple[Path, Pat
     Run(capsys, "plan", "corridor-tight", "-o", plan)
     Run(capsys, "bound", "corridor-tight", "-o", certificate)
     return plan, certificate
+
+
+@pytest.mark.parametrize("planner", PLANNERS)
+def test_coverage_is_there_before_a_planner_begins(
+    planner: str, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    """So `seconds` are the planner's own; those that need no whole coverage never compute it."""
+    monkeypatch.setenv("COCAP_OPT_CACHE", str(tmp_path))
+    seen = []
+
+    def spy(*arguments: Any) -> Any:
+        seen.append(any(tmp_path.glob("*.coverage")))
+        judged = rows.run_planner(*arguments)
+        seen.append(any(tmp_path.glob("*.coverage")))
+        return judged
+
+    monkeypatch.setattr(commands, "run_planner", spy)
+    compiled.cache_clear()
+    assert Run(capsys, "plan", "tiny-share", "--planner", planner).code == 0
+    assert seen == 2 * [planner not in commands.LAZY]
 
 
 def test_a_path_that_is_no_text_is_shown_escaped(
