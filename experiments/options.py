@@ -43,7 +43,7 @@ def choose(option: str, value: str, allowed: Any) -> None:
 
 
 def positive(option: str, value: float) -> None:
-    """Refuse what is no number of seconds."""
+    """Refuse what is no number of seconds; 0 is one, after which there is what needs no search."""
     if not (value >= 0 and math.isfinite(value)):
         raise UsageError(f"{option}: must be a finite number of seconds >= 0, not {value}")
 
