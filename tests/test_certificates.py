@@ -481,7 +481,7 @@ def altered(plain: object, path: tuple, change: float) -> object:
     return result
 
 
-CHANGES = [-1.0, -1e-3, 1e-3, 1.0, 1e6, 1e300]
+CHANGES = [-1.0, -1e-3, 1e-3, 1e6, 1e300]
 
 
 @pytest.mark.parametrize("change", CHANGES)

@@ -423,7 +423,7 @@ def test_solve_without_rules(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert refused.code == 1
     assert any("in one cell" in violation for violation in refused.json["violations"])
     for method in BOUNDS:
-        words = ["bound", scene, "--method", method, "--free", "--time-limit", 5, "--json"]
+        words = ["bound", scene, "--method", method, "--free", "--time-limit", 1, "--json"]
         assert Run(capsys, *words).json["bound"] >= free["reward"]
     greedy = Run(capsys, "plan", scene, "--planner", "greedy", "--free", "--json").json
     assert obeying["reward"] < greedy["reward"] <= free["reward"] * (1 + 1e-9)

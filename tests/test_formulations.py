@@ -142,7 +142,7 @@ def test_a_search_stopped_anywhere_has_a_valid_proof(name: str) -> None:
     whole = branch_and_price(problem, calls)
     assert whole.statistics["leaves"] > 2
     nodes = set()
-    for most in range(0, calls.asked, max(calls.asked // 40, 1)):
+    for most in range(0, calls.asked, max(calls.asked // 20, 1)):
         result = branch_and_price(problem, Calls(most))
         assert_sandwich(problem, result)
         assert result.reason in (Reason.STOPPED, whole.reason)

@@ -92,7 +92,7 @@ def check_contract(name: str, problem: Problem, result: Result) -> None:
         assert verdict.conflicts == ()
 
 
-@examples(80)
+@examples(60)
 @given(st.one_of(problems(), meetings(), meetings(team=3)))
 def test_contract(problem: Problem) -> None:
     """Every planner: a plan that can be flown and is worth what it says, never above the optimum.
