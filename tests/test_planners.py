@@ -51,6 +51,7 @@ from cocap_opt.reward import no_pixels, objective_of, robot_pixels
 from cocap_opt.stop import FirstOf, Limit, TimeLimit, catch_interrupt, never, seconds_left
 from cocap_opt.timegraph import Charges
 from cocap_opt.workspace import HeightMap
+from scenarios import load_scene
 
 OBEY_RULES = {"sequential", "cocap", "cocap-vs", "joint", "formation", "one-step"}
 COMPLETE = {"cocap", "cocap-vs", "joint"}  # without a plan only where there is none
@@ -552,6 +553,20 @@ def test_cocap_stops_at_a_number_of_nodes() -> None:
     result = cocap(problem, most_nodes=3)
     assert (result.plan, result.reason, result.limit) == (None, Reason.STOPPED, Limit.NODES)
     assert result.statistics["generated"] <= 4
+
+
+@pytest.mark.parametrize("nodes", [1, 2, 3])
+def test_cocap_that_is_stopped_keeps_what_does_not_collide(nodes: int) -> None:
+    """At a limit drones fly the paths that collide with nobody; only the others stay."""
+    problem = load_scene("bottleneck", 0)
+    result = cocap(problem, most_nodes=nodes)
+    assert result.reason is Reason.STOPPED and result.plan is not None
+    verdict = check(problem, result.plan)
+    assert verdict.valid and verdict.reward == pytest.approx(result.value)
+    flying = [path for path in result.plan.paths if len(set(path)) > 1]
+    assert len(flying) >= 2
+    without_time = cocap(problem, Patience(0))
+    assert result.value > without_time.value
 
 
 def test_memory_limit_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -56,7 +56,8 @@ def cocap(
     Returns
     -------
     Result
-        The first conflict-free node popped; at a limit, all robots stay where they are.
+        The first conflict-free node popped; at a limit, of the last node popped the paths
+        that do not collide, and the other robots stay where they are.
         `statistics` holds the nodes `generated` and `expanded`, the `depth` of the last one
         popped, and the states `evaluated` by a lazy low level. If the tree is exhausted, no
         plan obeys the rules: a low level fails only where there is no path, and of the two
@@ -66,7 +67,7 @@ def cocap(
     model, counts, limit = compiled(problem), Counts(), Limit.NONE
     # The root: every robot's best path given the earlier ones, without constraints.
     queue: list[tuple[float, int, Node]] = []
-    root = Node(Team(model, []), (NO_CHARGES,) * len(problem.robots), 0.0, depth=0)
+    last = root = Node(Team(model, []), (NO_CHARGES,) * len(problem.robots), 0.0, depth=0)
     for robot in range(len(problem.robots)):
         single = low_level(SingleRobotTask(model, robot, root.team.others(robot), stop=stop))
         counts.evaluated += single.evaluated
@@ -79,7 +80,7 @@ def cocap(
         queue = [(-root.team.value, 0, replace(root, value=root.team.value))]
     while queue and limit is Limit.NONE:
         # Pop the node of greatest J; ties go to the older one.
-        node = heapq.heappop(queue)[2]
+        node = last = heapq.heappop(queue)[2]
         counts.depth = node.depth
         plan = model.plan(node.team.paths)
         conflict = next(conflicts(problem, plan), None)
@@ -95,7 +96,7 @@ def cocap(
                     counts.generated += 1
                     heapq.heappush(queue, (-child.value, counts.generated, child))
     if limit is not Limit.NONE:
-        return stopped(model, limit, begin, asdict(counts))
+        return stopped(model, limit, begin, asdict(counts), last.team)
     words = "no plan obeys the rules: the constraint tree is exhausted"
     return no_plan(limit, begin, (Reason.INFEASIBLE, words), asdict(counts))
 

@@ -16,7 +16,7 @@ from cocap_opt.constraints import place_of, places_too_close
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.model import Model, Path, RobotClass, compiled
 from cocap_opt.planners.single import SingleRobotTask
-from cocap_opt.planners.team import no_plan, stopped
+from cocap_opt.planners.team import Team, no_plan, stopped
 from cocap_opt.planners.value_iteration import value_iteration
 from cocap_opt.problem import Cell, Problem
 from cocap_opt.result import Reason, Result, UnsupportedError
@@ -56,7 +56,7 @@ def joint(problem: Problem, stop: Stop = never) -> Result:
     if limit is Limit.MEMORY:
         return no_plan(limit, begin, INFEASIBLE)
     if limit is not Limit.NONE:
-        return stopped(model, limit, begin, {})
+        return stopped(model, limit, begin, {}, Team(model, []))
     if paths is None:
         return no_plan(Limit.NONE, begin, INFEASIBLE)
     value = objective_of(model, paths)

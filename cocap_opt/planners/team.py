@@ -8,6 +8,7 @@ import numpy as np
 
 from cocap_opt.data import FloatArray
 from cocap_opt.model import Model, Path
+from cocap_opt.plan import conflicts
 from cocap_opt.planners.single import LowLevel, SingleRobotPath, SingleRobotTask
 from cocap_opt.problem import Problem
 from cocap_opt.result import Reason, Result
@@ -97,15 +98,32 @@ def remark(problem: Problem) -> str:
     return ""
 
 
-def stopped(model: Model, limit: Limit, begin: float, statistics: Mapping[str, float]) -> Result:
-    """What a planner that has nothing yet returns at a limit: all robots stay where they are.
+def stopped(
+    model: Model, limit: Limit, begin: float, statistics: Mapping[str, float], wanted: Team
+) -> Result:
+    """What a planner returns at a limit that has no plan which obeys the rules yet.
 
-    That obeys every rule, since starts do. Robots that must go somewhere make it no plan.
+    All robots stay where they are, which obeys every rule, since starts do; then one after the
+    other takes the path that it was to have, where that collides with nobody and is worth it.
+    Robots that must go somewhere make it no plan.
+
+    Parameters
+    ----------
+    wanted : paths with conflicts, of the first robots at least
     """
     team = Team(model, [hover(model, robot) for robot in range(len(model.problem.robots))])
     if any(single.path is None for single in team.found):
         return no_plan(limit, begin, (Reason.STOPPED, ""), statistics)
+    for robot, single in enumerate(wanted.found):
+        changed = team.with_path(robot, single)
+        if changed.value > team.value and not _collides(changed):
+            team = changed
     return replace(team_result(team, limit, begin), statistics=statistics)
+
+
+def _collides(team: Team) -> bool:
+    plan = team.model.plan(team.paths)
+    return next(conflicts(team.model.problem, plan), None) is not None
 
 
 def no_plan(
