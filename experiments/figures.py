@@ -14,9 +14,11 @@ from matplotlib.ticker import MaxNLocator, ScalarFormatter
 from PIL import Image
 
 from cocap_opt.check import Verdict
+from cocap_opt.data import BoolArray
 from cocap_opt.motion import free_places
 from cocap_opt.plan import Plan
-from cocap_opt.problem import Motion, Problem, State
+from cocap_opt.problem import Problem, State
+from cocap_opt.workspace import Workspace
 
 GROUND, COVERED, WALL, ACTOR = "#f4f1ea", "#cfc8b8", "#6b6f76", "#d1495b"
 VIEW_LENGTH = 0.2  # of the map, how far view cones are drawn; cameras see farther
@@ -42,6 +44,15 @@ def position(problem: Problem, state: State) -> tuple[float, float]:
     return problem.height_map.centre(state.x, state.y)
 
 
+def blocked_cells(problem: Problem, workspace: Workspace) -> BoolArray:
+    """Cells [X, Y] of a workspace in which no robot may be at the lowest flight height."""
+    lowest = problem.layers[:1]
+    low = (robot.motion for robot in problem.robots if robot.motion.layers[:1] == lowest)
+    free = [free_places(workspace, motion.replace(layers=lowest))[0] for motion in set(low)]
+    blocked: BoolArray = ~np.any(free, axis=0)
+    return blocked
+
+
 def draw_terrain(ax: Axes, problem: Problem) -> Axes:
     """Terrain from above: cells that block the lowest flight height are dark.
 
@@ -51,8 +62,7 @@ def draw_terrain(ax: Axes, problem: Problem) -> Axes:
     width, depth = height_map.shape
     (ox, oy), res = height_map.origin, height_map.resolution
     extent = (ox, ox + width * res, oy, oy + depth * res)
-    lowest = Motion(layers=problem.layers[:1])
-    blocked = ~free_places(problem.workspace, lowest)[0]
+    blocked = blocked_cells(problem, problem.workspace)
     covered = np.isfinite(problem.workspace.columns.low[1:]).any(axis=0)
     kind = np.where(blocked, 2, np.where(covered, 1, 0))
     ax.imshow(

@@ -23,7 +23,8 @@ from cocap_opt.problem import (
     State,
     TriangulatedCuboid,
 )
-from experiments.figures import VIEW_LENGTH, robot_colour
+from cocap_opt.workspace import Workspace
+from experiments.figures import VIEW_LENGTH, blocked_cells, robot_colour
 
 MOST_CELLS = 128  # along an edge of the map as it is drawn
 MOST_TRIANGLES = 10_000  # of all meshes; what is finer is drawn as the cells that it fills
@@ -119,7 +120,7 @@ class SceneData:
     def _kinds(self) -> FloatArray:
         """What every cell [X, Y] of the height map is."""
         height_map = self.problem.height_map
-        blocked = height_map.heights >= height_map.altitudes(self.problem.layers[:1])[0]
+        blocked = blocked_cells(self.problem, Workspace(height_map))  # meshes are drawn themselves
         stands = height_map.heights > self._ground + OBSTACLE
         kinds = np.where(stands, np.where(blocked, BLOCKS, LOW), GROUND)
         return kinds.astype(np.float64)

@@ -21,7 +21,7 @@ from cocap_opt.stop import never
 from cocap_opt.workspace import HeightMap
 from experiments import player_scene
 from experiments.cli import main
-from experiments.figures import robot_colour
+from experiments.figures import blocked_cells, robot_colour
 from experiments.player import player_data, player_page, seen_pixels
 from experiments.player_picture import go_to, opened, programs, resize
 from scenarios import load_scene
@@ -148,6 +148,20 @@ def test_terrain_tells_ground_from_what_stands_on_it() -> None:
     assert [drone["colour"] for drone in data["drones"]] == [
         "#" + "".join(f"{round(255 * v):02x}" for v in robot_colour(i)[:3]) for i in range(2)
     ]
+
+
+def test_what_only_the_clearance_forbids_blocks() -> None:
+    """A cell blocks if no drone may be in it at the lowest height; one of them may go nearer."""
+    near = hills().replace(meshes=())
+    wide = [
+        r.replace(motion=r.motion.replace(clearance=c))
+        for r, c in zip(near.robots, (3.0, 3.5), strict=True)
+    ]
+    for robots, kind in ((wide, "2"), ((wide[0], near.robots[1]), "1")):
+        problem = near.replace(robots=tuple(robots))
+        assert player_scene.SceneData(problem).terrain()["kinds"][3 * 5 + 1] == kind
+        blocked = blocked_cells(problem, problem.workspace)
+        assert (blocked[3, 1], blocked[2, 2], blocked[5, 4]) == (kind == "2", True, False)
 
 
 def test_fine_meshes_and_large_maps_are_drawn_by_cells(monkeypatch: pytest.MonkeyPatch) -> None:
