@@ -418,6 +418,31 @@ def test_keys_and_chart_lead_to_steps(player: Any) -> None:
     assert step_of(player) in (5, 6)
 
 
+def test_a_focused_element_has_its_own_keys(player: Any) -> None:
+    """Space works a focused check box or button and plays from the slider, which has arrows."""
+    from selenium.webdriver.common.by import By
+    from selenium.webdriver.common.keys import Keys
+
+    go_to(player, 4)
+    solid, top, space, play, slider = (
+        player.find_element(By.ID, name) for name in ("solid", "top", "space", "play", "slider")
+    )
+    for expected in (True, False):
+        solid.send_keys(Keys.SPACE)
+        assert solid.is_selected() is expected
+    for element, pressed in ((top, ["true", "false"]), (space, ["false", "true"])):
+        element.send_keys(Keys.SPACE)
+        assert [e.get_attribute("aria-pressed") for e in (top, space)] == pressed
+    assert play.get_attribute("aria-label") == "play" and step_of(player) == 4
+    slider.send_keys(Keys.RIGHT)
+    wait_until(player, "document.getElementById('step').textContent.startsWith('step 5 ')")
+    slider.send_keys(Keys.SPACE)
+    assert play.get_attribute("aria-label") == "pause"
+    slider.send_keys(Keys.SPACE)
+    top.send_keys(Keys.HOME)  # no key of a button
+    wait_until(player, "document.getElementById('step').textContent.startsWith('step 0 ')")
+
+
 def test_the_camera_turns_zooms_and_looks_down(player: Any) -> None:
     """A drag, the wheel and the button for the top view change both pictures."""
     from selenium.webdriver.common.action_chains import ActionChains

@@ -220,8 +220,19 @@ function legend() {
   find("unseen").style.background = UNSEEN;
 }
 
+// Keys that a focused element has a use for itself.
+const OWN_KEYS = {
+  select: /./,
+  "input[type=range]": /^(Arrow|Page|Home|End)/,
+  "input[type=checkbox], button": /^( |Enter)$/,
+};
+
+function isOwnKey({ target, key }) {
+  return Object.entries(OWN_KEYS).some(([what, own]) => target.matches(what) && own.test(key));
+}
+
 function keys(event) {
-  if (event.target.matches("select") || event.ctrlKey || event.metaKey || event.altKey) return;
+  if (isOwnKey(event) || event.ctrlKey || event.metaKey || event.altKey) return;
   const step = Math.round(state.time);
   const actions = {
     " ": () => play(!state.playing),
