@@ -157,10 +157,12 @@ class SceneData:
             paths = zip(robots, plan.paths, strict=True)
             parts += [self.path(robot, path)[:, :3] for robot, path in paths]
         points = np.concatenate(parts)
-        margin, edges = np.array([MARGIN, MARGIN, 0.0]), np.array([*self._size, np.inf])
-        floor = np.array([0.0, 0.0, -np.inf])
-        low = np.clip(points.min(axis=0) - margin, floor, edges)
-        high = np.clip(points.max(axis=0) + margin, floor, edges)
+        least, most = points.min(axis=0), points.max(axis=0)
+        margin, edge = np.array([MARGIN, MARGIN, 0.0]), np.array([*self._size, np.inf])
+        # The map's edge ends the picture, but for people beyond it who are not too far away.
+        floor = np.where(least < 0, -edge - margin, np.array([0.0, 0.0, -np.inf]))
+        edge = np.where(most > edge, 2 * edge + margin, edge)
+        low, high = np.clip(least - margin, floor, edge), np.clip(most + margin, floor, edge)
         size = min(float(self._size.min()), float((high - low)[:2].max()))
         return {"scope": [self.rounded(low), self.rounded(high)], "reach": VIEW_LENGTH * size}
 

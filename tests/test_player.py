@@ -187,6 +187,16 @@ def test_nothing_to_see_is_no_error() -> None:
         assert data["most"] > 0 and data["mostReward"] == 0
 
 
+def test_people_off_the_map_are_in_the_picture() -> None:
+    """Those who are at most as far from the map as it is wide; the edge is no end for them."""
+    problem = load_scene("tiny-hidden", 0)  # 3 x 3 m
+    for x, right in ((2.5, 3), (5.0, 9), (3000.0, 10)):
+        actor = problem.actors[0].replace(poses=np.array(3 * [[x, 1.5, 0.0, 0.0]]))
+        scene = player_scene.SceneData(problem.replace(actors=(actor,)))
+        _, high = scene.scope([])["scope"]
+        assert high[:2] == [right, 3]
+
+
 # -- file ---------------------------------------------------------------------------------
 
 
@@ -472,6 +482,17 @@ def test_the_camera_turns_zooms_and_looks_down(player: Any) -> None:
     assert seen[-1] == seen[0]
 
 
+def test_numbers_of_crowded_drones_stay_near_them(player: Any) -> None:
+    """They are apart, at most so far from their drones, and where there is no room left out."""
+    script = (ROOT / "experiments" / "page" / "view.js").read_text()
+    crowd = "const put = []; for (let i = 0; i < 64; i++) {"
+    crowd += "const place = freePlace(5, 7, put); if (place) put.push(place); }"
+    places = player.execute_script(f"{script}; {crowd} return put")
+    assert places[0] == [5, 7] and 4 < len(places) < 64
+    apart = np.hypot(*(np.array(places)[:, None] - places).transpose(2, 0, 1))
+    assert apart[np.triu_indices(len(places), 1)].min() >= 14 and apart[0].max() <= 40
+
+
 # What the hint says at points all over the first picture.
 HINTS = """(() => {
   const view = document.querySelector('canvas.view'), tip = document.querySelector('.tip');
@@ -512,16 +533,20 @@ def test_a_phone_shows_one_plan_above_the_other(player: Any) -> None:
 def test_no_name_is_run_and_nothing_is_asked_for(player: Any, tmp_path: Path) -> None:
     """A scene and a plan with code for names are shown by them, and nothing is loaded.
 
+    Where nothing is seen, no scale says how well.
     The console stays empty, whatever the tests above did to the page before.
     """
     problem, page = hills().replace(name=EVIL), tmp_path / "page.html"
-    page.write_text(player_page(problem, [(EVIL, planned(problem, "greedy")[0][1])]), "utf-8")
+    stay = Plan(paths=tuple((robot.start,) * 3 for robot in problem.robots))
+    assert not seen_pixels(problem, stay).any()
+    page.write_text(player_page(problem, [(EVIL, stay)]), "utf-8")
     before = player.current_url
     player.get(page.as_uri())
     go_to(player, 1)
     assert value(player, "document.getElementById('name').textContent") == EVIL
     assert value(player, "document.querySelector('h2').textContent") == EVIL
     assert value(player, "document.querySelectorAll('img').length") == 0
+    assert value(player, "document.getElementById('scale').offsetWidth") == 0
     assert value(player, "performance.getEntriesByType('resource').length") == 0
     assert player.get_log("browser") == []
     player.get(before)

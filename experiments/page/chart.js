@@ -54,7 +54,7 @@ class Chart {
     context.fillStyle = "#5b616b";
     context.textAlign = "right";
     context.textBaseline = "middle";
-    const gap = rounded(most / 1.9);
+    const gap = this.data.mostReward ? rounded(most / 1.9) : Infinity;
     for (let value = 0; value <= most; value += gap) {
       context.fillStyle = "#e4e4e0";
       context.fillRect(MARGIN.left, Math.round(y(value)), w - MARGIN.left - MARGIN.right, 1);

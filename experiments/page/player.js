@@ -9,7 +9,8 @@ const make = (name, cls, text) => {
   return element;
 };
 
-const MOST_WORDS = 3; // conflicts that are said at once
+const MOST_WORDS = 3; // conflicts that are said at once, on a phone one
+const NARROW = 500; // px
 const SHOWN = ["sights", "tracks", "solid"]; // check boxes
 const state = { time: 0, playing: false, speed: 2, last: 0, dirty: true, moved: -Infinity, slow: false };
 const camera = new Camera(data);
@@ -123,18 +124,19 @@ function draw(resting) {
   find("step").textContent = `step ${step} of ${data.steps}`;
 }
 
-function describe({ plan, now, sum, words, chips }) {
+function describe({ plan, now, sum, words, chips, canvas }) {
   const step = Math.round(state.time);
   put(now, step < data.first ? "not counted" : reward(plan.rewards[step]));
   now.dataset.value = String(plan.rewards[step]);
   put(sum, reward(plan.rewards.slice(0, step + 1).reduce((a, b) => a + b, 0)));
-  put(words, several(conflictsAt(plan, state.time).map((c) => c.words)));
+  const most = canvas.clientWidth < NARROW ? 1 : MOST_WORDS;
+  put(words, several(conflictsAt(plan, state.time).map((c) => c.words), most));
   chips.forEach((chip, i) => put(chip, `${plan.heights[i][step]} m`));
 }
 
-function several(words) {
-  const more = words.length - MOST_WORDS;
-  return words.slice(0, MOST_WORDS).join("; ") + (more > 0 ? `; ${more} more` : "");
+function several(words, most) {
+  const more = words.length - most;
+  return words.slice(0, most).join("; ") + (more > 0 ? `; ${more} more` : "");
 }
 
 function put(element, text) {
@@ -204,6 +206,11 @@ function hint(view, plan, tip, { offsetX: x, offsetY: y }) {
 // -- the rest of the page -------------------------------------------------------------------
 
 function legend() {
+  find("unseen").style.background = UNSEEN;
+  if (!data.plans.some((plan) => plan.seen.flat().some((pixels) => pixels > 0))) {
+    find("bar").hidden = find("unit").hidden = true; // nothing is seen at any step
+    return;
+  }
   const bar = find("scale"), stops = SCALE.map((_, k) => {
     const share = k / (SCALE.length - 1);
     return `${seenColour(Math.max(share ** 2, 1e-12), 1)} ${100 * share}%`;
@@ -217,7 +224,6 @@ function legend() {
     find("ticks").append(tick);
   }
   find("unit").textContent = data.unit;
-  find("unseen").style.background = UNSEEN;
 }
 
 // Keys that a focused element has a use for itself.

@@ -204,20 +204,20 @@ class View {
     });
   }
 
-  // Numbers in discs above the drones, beside each other where they would meet.
+  // Numbers in discs above the drones, or near there, where there is room for them.
   writeDrones(context, time) {
     context.font = "600 10px system-ui, sans-serif";
     const put = [];
     this.plan.paths.forEach((_, i) => {
-      const [x, y, z] = this.bodies.drone(i, time);
-      let [px, py, hidden] = this.at([x, y, z]);
-      py -= 16;
-      while (put.some(([qx, qy]) => Math.hypot(qx - px, qy - py) < 14)) px += 3;
-      put.push([px, py]);
+      const [x, y, hidden] = this.at(this.bodies.drone(i, time)), colour = this.data.drones[i].colour;
+      const place = freePlace(x, y - 16, put);
+      if (!place) return;
+      put.push(place);
       context.globalAlpha = hidden ? 0.6 : 1;
-      disc(context, px, py, 7.5, this.data.drones[i].colour, "#fff");
+      if (Math.hypot(place[0] - x, place[1] - y + 16) > 1) leader(context, place, [x, y], colour);
+      disc(context, ...place, 7.5, colour, "#fff");
       context.fillStyle = "#fff";
-      context.fillText(String(i), px, py + 0.5);
+      context.fillText(String(i), place[0], place[1] + 0.5);
       context.globalAlpha = 1;
     });
   }
@@ -277,6 +277,30 @@ class View {
     });
     return best;
   }
+}
+
+const APART = 14, FAR = 36; // px between numbers, and from where a number should be
+
+// The nearest place to (x, y), to the right if it can, that is apart from others; or nothing.
+function freePlace(x, y, others) {
+  for (let radius = 0; radius <= FAR; radius += 4) {
+    for (const turn of [0, 4, 6, 7, 5, 1, 3, 2]) {
+      const angle = (turn * Math.PI) / 4;
+      const [px, py] = [x + radius * Math.cos(angle), y + radius * Math.sin(angle)];
+      if (others.every(([qx, qy]) => Math.hypot(qx - px, qy - py) >= APART)) return [px, py];
+    }
+  }
+  return undefined;
+}
+
+// From a number to its drone, as it does not stand above it.
+function leader(context, from, to, colour) {
+  context.beginPath();
+  context.moveTo(...from);
+  context.lineTo(...to);
+  context.strokeStyle = colour;
+  context.lineWidth = 1.2;
+  context.stroke();
 }
 
 function disc(context, x, y, radius, colour, border) {
