@@ -67,10 +67,10 @@ class Cluster:
             if self._running:
                 with suppress(TimeoutError):
                     distributed.wait([*self._running], POLL, return_when="FIRST_COMPLETED")
+            elif self.room() > 0:  # all workers were gone, and one is back
+                return None
             else:
-                time.sleep(POLL)  # all workers are gone; a cluster may get others
-                if self.room() > 0:
-                    return None
+                time.sleep(POLL)
         return None
 
     def _restart(self, future: Future) -> None:

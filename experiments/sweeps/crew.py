@@ -22,7 +22,10 @@ class Crew(Protocol):
         """Begin a cell."""
 
     def next(self) -> CellFile | None:
-        """Wait until one of those that have begun ends; None if Ctrl-C was pressed."""
+        """Wait until one of those that have begun ends.
+
+        None after Ctrl-C, and where none has begun, once there is room for one.
+        """
 
 
 class Alone:

@@ -136,6 +136,8 @@ def run(
             crew.begin(queue.popleft())
             running += 1
         content = crew.next()
+        if content is None and stop() is Limit.NONE:  # there is room again
+            continue
         if content is None:
             return
         running -= 1
