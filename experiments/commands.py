@@ -24,27 +24,28 @@ from experiments.files import (
     plan_file,
     read_claim,
     read_plan,
-    read_plans,
     save_bytes,
     save_together,
     write,
 )
-from experiments.gap_table import Limits, told_apart
-from experiments.numbers import numbers, values
+from experiments.gap_command import gap
+from experiments.gap_table import Limits
+from experiments.numbers import values
 from experiments.options import (
+    DEFAULT_SECONDS,
+    OWN_STARTS,
     Json,
     Output,
     Seconds,
     Seed,
     UsageError,
     angles,
-    check_workers,
     choose,
     load,
     positive,
 )
 from experiments.picture_commands import render, show
-from experiments.printing import path_text, print_gap_table, print_json, print_result, print_table
+from experiments.printing import path_text, print_json, print_result, print_table
 from experiments.progress import watching
 from experiments.result_commands import table
 from experiments.rows import (
@@ -52,8 +53,6 @@ from experiments.rows import (
     Judged,
     Row,
     certified_row,
-    default_planners,
-    mean_table,
     plan_row,
     run_certified,
     run_planner,
@@ -61,8 +60,6 @@ from experiments.rows import (
 )
 from experiments.streams import say
 from experiments.sweeps.crew import ClusterError
-from experiments.sweeps.run import Group, Settings
-from experiments.sweeps.sweep import Hired, sweep
 from experiments.trace import Trace, both, trace_text
 from formulations import BOUNDS, EXACT
 from formulations.certificate import CertificateFile
@@ -71,8 +68,6 @@ from formulations.result import OPTIMALITY, CertifiedResult
 from scenarios import FORMATS, SCENES, scene_of_plan
 from scenarios.cameras import CAMERAS, with_camera, with_tilts
 
-DEFAULT_SECONDS = 60.0
-OWN_STARTS: Row = {"seed": None, "starts": "those in the scene's own file"}
 AT_THE_ROOT = "column-generation"  # a bound that comes with a plan
 LAZY = ("cocap-vs", "formation", "one-step")  # planners that see only the views they touch
 SOLVE_METHODS = (*EXACT, AT_THE_ROOT)
@@ -332,91 +327,6 @@ def verify_files(
     return 0 if answer["valid"] else 1
 
 
-@app.command(name="gap")
-def gap_table(
-    *scene: str,
-    planner: Annotated[
-        list[str] | None,
-        Parameter(negative="", help=f"may be repeated; one of {', '.join(SOLVERS)}"),
-    ] = None,
-    seeds: Annotated[str, Parameter(help="e.g. 0-9 or 0,3,7")] = "0",
-    time_limit: Seconds = DEFAULT_SECONDS,
-    bound_limit: Annotated[
-        float | None, Parameter(help="seconds for each bound; as --time-limit if not given")
-    ] = None,
-    out: Annotated[
-        Path | None, Parameter(help="folder for results.csv, plans and certificates")
-    ] = None,
-    rendered: Annotated[
-        bool, Parameter(negative="", help="J of each plan's rendered pixels beside the planned J")
-    ] = False,
-    plan: Annotated[
-        list[Path] | None,
-        Parameter(negative="", help="may be repeated; a file whose plan gets a row, too"),
-    ] = None,
-    workers: Annotated[
-        int | None, Parameter(help="processes, each on a core of its own; this one if not given")
-    ] = None,
-    scheduler: Annotated[
-        str | None, Parameter(help="address of a dask scheduler, whose workers are used")
-    ] = None,
-    cell_limit: Annotated[
-        float | None,
-        Parameter(help="seconds after which a worker gives a planner or a bound up"),
-    ] = None,
-    retry: Annotated[
-        bool, Parameter(negative="", help="try again what has failed in the folder of --out")
-    ] = False,
-    json: Json = False,
-) -> int:
-    """Print the gap table: every planner's J against the best certified bound.
-
-    gap is to the bound under the scene's rules, gap_free to that without any rules.
-    What is in the folder of --out already is not computed again.
-
-    Example: cocap-opt gap corridor bottleneck --seeds 0-99 --workers 2 --out results
-    """
-    if not scene:
-        raise UsageError("SCENE: name at least one scene; `cocap-opt scenes` lists them")
-    for name in planner or []:
-        choose("--planner", name, SOLVERS)
-    if workers is not None and scheduler is not None:
-        raise UsageError("--workers: a scheduler has its own; leave one of the two options out")
-    check_workers("--workers", workers)
-    if cell_limit is not None and not cell_limit > 0:
-        raise UsageError(f"--cell-limit: must be a number of seconds > 0, not {cell_limit}")
-    bound_limit = time_limit if bound_limit is None else bound_limit
-    positive("--time-limit", time_limit)
-    positive("--bound-limit", bound_limit)
-    cells = list(
-        dict.fromkeys((name, seed) for name in scene for seed in numbers("--seeds", seeds))
-    )
-    problems = told_apart({(name, seed): load(name, seed) for name, seed in cells})
-    given: dict[str, Plan] = {}
-    if plan and len(cells) > 1:
-        raise UsageError("--plan: the plans must be for one scene and one seed")
-    about: Row = {}
-    if plan:
-        own = problems[cells[0]]
-        problems[cells[0]], plans = read_plans(plan, scene[0], own)
-        given = dict(zip(map(path_text, plan), plans, strict=True))
-        about = OWN_STARTS if problems[cells[0]] is not own else about
-    settings = Settings(limit=time_limit, bound_limit=bound_limit, rendered=rendered)
-    groups = [
-        Group(problems[cell], cell[1], planner or default_planners(problems[cell]), settings, given)
-        for cell in cells
-    ]
-    hired = Hired(workers, scheduler, cell_limit or 10 * (time_limit + bound_limit) + 600)
-    rows = sweep(groups, settings, out, hired, retry, about)
-    if json:
-        print_json({"rows": rows})
-    else:
-        print_gap_table(rows)
-        if len(rows) > len(mean_table(rows)):
-            print_table("means over seeds", mean_table(rows))
-    return 0
-
-
 # -- parts of commands --------------------------------------------------------------------
 
 
@@ -534,7 +444,7 @@ def _add_message(row: Row, message: str) -> None:
     row["message"] = "; ".join(filter(None, (row["message"], message)))
 
 
-for _command in (table, show, render):
+for _command in (gap, table, show, render):
     app.command(_command)
 app.command(  # by name: matplotlib is slow to import
     "experiments.figure_commands:app", name="figure", help="Draw charts of results for papers."

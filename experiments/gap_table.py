@@ -1,8 +1,6 @@
 """The gap table, cell by cell: a scene and a seed, a plan per planner, and what bounds them."""
 
-import hashlib
 import math
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -31,9 +29,21 @@ from experiments.rows import (
     run_planner,
     without_rules,
 )
-from formulations.result import OPTIMALITY, CertifiedResult
+from experiments.sweeps.layout import stem_of
+from formulations.result import OPTIMALITY, CertifiedResult, Report
 
 Limits = Callable[[], Stop]  # makes a limit that begins to count at once
+Reports = Callable[[str], Report]  # makes what a search for a bound reports to, by its name
+WITHOUT_RULES, WITH_RULES = "without rules", "with rules"  # names of the two searches
+
+
+def cover(problem: Problem, stop: Stop, watch: Watch) -> None:
+    """Compute coverage before any limit of a planner or a bound begins to count.
+
+    Results then do not depend on what coverage has been computed before.
+    """
+    watch.coverage_of(problem)
+    compiled(problem).prepare_all(stop)
 
 
 def plans_of(
@@ -46,15 +56,14 @@ def plans_of(
 ) -> dict[str, Judged[Result]]:
     """A judged plan by planner; coverage is computed before, so that no planner's seconds
     hold it."""
-    watch.coverage_of(problem)
-    compiled(problem).prepare_all(limits())
+    cover(problem, limits(), watch)
     plans = {}
     for name in planners:
         watch.show(name)
         plans[name] = judged = run_planner(problem, name, limits())
         content = plan_file(problem, name, judged)
         if folder is not None and content is not None:
-            save(folder / f"plans/{stem_of(problem, seed)}-{name}.json", content)
+            save(folder / f"plans/{stem_of(problem.name, seed)}-{name}.json", content)
     return plans
 
 
@@ -67,8 +76,10 @@ def rows_of(
     watch: Watch,
 ) -> list[Row]:
     """Rows of plans, by whomever they are, against what bounds them all."""
-    under, free = bounds_of(problem, list(plans.values()), limits, watch)
-    stem = stem_of(problem, seed)
+    under, free = bounds_of(
+        problem, list(plans.values()), limits, watch, lambda run: watch.report(f"{run}:")
+    )
+    stem = stem_of(problem.name, seed)
     bounded = Bounded(under, _save_certificate(folder, stem, under.result))
     if free is under:
         bounded_free = bounded
@@ -102,7 +113,11 @@ def _save_certificate(folder: Path | None, stem: str, result: CertifiedResult) -
 
 
 def bounds_of(
-    problem: Problem, plans: Sequence[Judged[Result]], limits: Limits, watch: Watch
+    problem: Problem,
+    plans: Sequence[Judged[Result]],
+    limits: Limits,
+    watch: Watch,
+    reports: Reports,
 ) -> tuple[Judged[CertifiedResult], Judged[CertifiedResult]]:
     """Best plan and best certified bound under the scene's rules, and without any rules.
 
@@ -112,9 +127,7 @@ def bounds_of(
     problem_free = without_rules(problem)
     watch.coverage_of(problem_free)
     start = _best(plans).result.plan
-    free = run_certified(
-        problem_free, BOUND_METHOD, limits(), start, watch.report("without rules:")
-    )
+    free = run_certified(problem_free, BOUND_METHOD, limits(), start, reports(WITHOUT_RULES))
     if problem_free is problem:
         return free, free
     known = [judged.result for judged in plans if isinstance(judged.result, CertifiedResult)]
@@ -123,7 +136,7 @@ def bounds_of(
     best = _best([j for j in (*plans, judge(BOUND_METHOD, problem, free.result)) if j.valid])
     if relative_gap(best.reward, bound.bound) > OPTIMALITY and bound.bound >= 0:
         start = best.result.plan
-        found = run_certified(problem, BOUND_METHOD, limits(), start, watch.report("with rules:"))
+        found = run_certified(problem, BOUND_METHOD, limits(), start, reports(WITH_RULES))
         best = _best([best, found])
         tightest = min(found.result, bound, key=_bound)
         bound = replace(found.result, bound=tightest.bound, certificate=tightest.certificate)
@@ -177,16 +190,3 @@ def told_apart(problems: dict[tuple[str, int], Problem]) -> dict[tuple[str, int]
         (scene, seed): problem.replace(name=scene) if len(claimed[problem.name]) > 1 else problem
         for (scene, seed), problem in problems.items()
     }
-
-
-def stem_of(problem: Problem, seed: int) -> str:
-    """What the names of a scene's and seed's files begin with."""
-    return f"{_file_name(problem.name)}-{seed}"
-
-
-def _file_name(scene: str) -> str:
-    """The name where any file system tells it from others, else what is left and a digest."""
-    plain = re.sub(r"[^a-z0-9._-]+", "_", scene.lower()).strip("_.-")[:60] or "scene"
-    if plain == scene:
-        return plain
-    return f"{plain}-{hashlib.sha256(scene.encode()).hexdigest()[:12]}"

@@ -12,10 +12,14 @@ from cocap_opt.coverage import usable_cores
 from cocap_opt.doubts import doubts
 from cocap_opt.problem import Problem
 from experiments.numbers import LARGEST
+from experiments.rows import Row
 from scenarios import NOTHING, load_scene
 
 log = logging.getLogger(__name__)
 
+DEFAULT_SECONDS = 60.0
+# What rows say of plans that begin elsewhere than the seed does.
+OWN_STARTS: Row = {"seed": None, "starts": "those in the scene's own file"}
 Seed = Annotated[int, Parameter(help="seed of the scene, >= 0")]
 Seconds = Annotated[float, Parameter(name="--time-limit", help="seconds for each computation")]
 Json = Annotated[bool, Parameter(name="--json", negative="", help="print one JSON object")]

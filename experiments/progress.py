@@ -39,7 +39,8 @@ class Watch:
         self._begin = self._last = time.monotonic()
 
     def begin(self, task: str) -> None:
-        """Name the part that begins."""
+        """Name the part that begins; models of the part before are let go."""
+        self.close()
         self._task, self._status = task, ""
 
     def finish(self) -> None:
@@ -68,6 +69,7 @@ class Watch:
         """Have nothing told to it any more."""
         for model in self._models:
             model.progress = nobody
+        self._models.clear()
 
     def report(self, name: str = "") -> Report:
         """Show what a solver reports, after a name."""

@@ -115,11 +115,10 @@ def test_gap_prints_and_writes_the_keys_that_do_not_change(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """`gap --json` prints {"rows": ...}; results.csv has a row per scene, seed and planner."""
-    run = Run(capsys, "gap", "tiny-share", "tiny-queue", "--seeds", "0-1", "--out", tmp_path / "o",
-              "--json")  # fmt: skip
+    run = Run(capsys, "gap", "tiny-share", "tiny-queue", "--out", tmp_path / "o", "--json")
     assert (run.code, run.err) == (0, "")
     rows = run.json["rows"]
-    assert len(rows) == 2 * 2 * 5
+    assert len(rows) == 2 * 5
     for row in rows:
         assert set(row) >= GAP_KEYS
         if row["conflicts"] == 0:
@@ -611,8 +610,8 @@ def test_progress_is_a_plain_line_now_and_then(
     assert run.json["reason"] == "optimal"
     line = r"cocap-opt: tiny-queue seed 0, \d+ s: value .* bound .* gap .* columns .* nodes \d+"
     assert any(re.fullmatch(line, said) for said in run.err.splitlines())
-    run = Run(capsys, "gap", "tiny-queue", "--seeds", "0-1", "--json")
-    assert re.search(r"tiny-queue seed 1, cocap \(9/12\), \d+ s, about \d+ s left", run.err)
+    run = Run(capsys, "gap", "tiny-queue", "tiny-share", "--json")
+    assert re.search(r"tiny-share seed 0, cocap \(9/12\), \d+ s, about \d+ s left", run.err)
     assert len(run.json["rows"]) == 10
     monkeypatch.setattr(progress, "SECONDS_BETWEEN_LINES", 60.0)
     assert Run(capsys, "solve", "tiny-queue", "--json").err == ""
@@ -755,25 +754,25 @@ def test_the_same_plan_file_in_any_process(tmp_path: Path) -> None:
 
 def test_ctrl_c_prints_what_is_finished(tmp_path: Path) -> None:
     """An interrupted gap table is printed as far as it got, with exit code 0."""
-    process = start_command("gap", "corridor", "--seeds", "0-999", "--json", "--out", tmp_path)
-    wait_for(process, tmp_path, "plans/*")
+    process = start_command("gap", "corridor", "--seeds", "0-99", "--json", "--out", tmp_path)
+    wait_for(process, tmp_path, "results.csv")
     process.send_signal(signal.SIGINT)
     out, _ = process.communicate(timeout=60)
     assert process.returncode == 0
-    assert 0 < len(json.loads(out)["rows"]) < 5000
+    assert 0 < len(json.loads(out)["rows"]) < 500
     assert (tmp_path / "results.csv").is_file()
 
 
 def test_a_killed_gap_table_loses_only_the_running_cell(tmp_path: Path) -> None:
     """results.csv is whole after every cell."""
-    words = ["gap", "tiny-share", "--planner", "greedy", "--planner", "cocap", "--seeds", "0-99"]
+    words = ["gap", "corridor", "--planner", "greedy", "--planner", "cocap", "--seeds", "0-9"]
     process = start_command(*words, "--out", tmp_path)
-    wait_for(process, tmp_path, "plans/tiny-share-5-*")
+    wait_for(process, tmp_path, "plans/corridor-4-*")
     process.kill()
     process.communicate(timeout=60)
     with (tmp_path / "results.csv").open() as file:
         rows = list(csv.DictReader(file))
-    assert len(rows) >= 2 * 5
+    assert len(rows) >= 2 * 4
     assert len(rows) % 2 == 0
     assert all(None not in row.values() and row["bound"] for row in rows)
 

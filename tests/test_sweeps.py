@@ -1,89 +1,232 @@
 import csv
 import json
-import random
+import math
+import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import pytest
+from distributed import Client, LocalCluster
 
+from cocap_opt.check import check
 from cocap_opt.coverage import usable_cores
-from cocap_opt.io import decode
-from cocap_opt.stop import Limit, never
+from cocap_opt.io import decode, load_plan, load_problem, problem_digest
+from cocap_opt.model import compiled
+from cocap_opt.problem import Problem
+from cocap_opt.result import Reason, Result
+from cocap_opt.stop import Stop, never
+from experiments import commands
+from experiments.files import decode_certificate
 from experiments.progress import unseen
-from experiments.rows import SOLVERS, RefereeError
+from experiments.rows import SOLVERS, RefereeError, Row
 from experiments.sweeps import cells as cells_module
 from experiments.sweeps import cluster as cluster_module
-from experiments.sweeps.cells import BOUND, CellFile, Store
-from experiments.sweeps.cluster import existing, local
+from experiments.sweeps.cells import BOUND, Cell, CellFile, Status, Store, code_digest
+from experiments.sweeps.cluster import Cluster, existing, local
 from experiments.sweeps.crew import Alone, ClusterError
+from experiments.sweeps.layout import (
+    FOLDERS,
+    certificate_path,
+    plan_path,
+    scene_path,
+    trace_path,
+)
+from experiments.sweeps.results import load_results
 from experiments.sweeps.run import Group, Settings, recall, run
-from scenarios import load_scene
+from experiments.sweeps.sweep import Hired, sweep
+from experiments.sweeps.work import Task, failed
+from experiments.trace import load_trace
+from formulations.result import hovering
+from scenarios.field import field
 
-SCENES = ("tiny-queue", "tiny-share")
 PLANNER_NAMES = ("greedy", "sequential", "cocap")
 SETTINGS = Settings(limit=60.0, bound_limit=60.0)
-# What depends on how fast a machine is, or on where the folder is.
-TIMES = ("seconds", "bound_seconds", "bound_free_seconds")
+TIMES = ("seconds", "bound_seconds", "bound_free_seconds")  # depend on how fast a machine is
 
 
-def groups(seeds: range = range(2), planners: tuple[str, ...] = PLANNER_NAMES) -> list[Group]:
-    """Two small scenes."""
+def groups(
+    seeds: range = range(2),
+    planners: tuple[str, ...] = PLANNER_NAMES,
+    settings: Settings = SETTINGS,
+) -> list[Group]:
+    """Two small scenes, which are others for each seed."""
     return [
-        Group(load_scene(scene, seed), seed, planners, SETTINGS, {})
-        for scene in SCENES
+        Group(small_field(seed, steps), seed, planners, settings, {})
+        for steps in (2, 3)
         for seed in seeds
     ]
 
 
-def computed(some: list[Group], folder: Path | None, retry: bool = False) -> list[CellFile]:
-    """Compute what is missing in this process; the cells that were computed."""
-    done: list[CellFile] = []
-    store = Store(folder, retry)
+def small_field(seed: int, steps: int = 2) -> Problem:
+    """Two drones and a person."""
+    return field(seed, robots=2, actors=1, cells=15, steps=steps).replace(name=f"field-{steps}")
+
+
+class Listed(Alone):
+    """This process, which says what it was asked to compute."""
+
+    def __init__(self, stop: Stop = never) -> None:
+        super().__init__(stop, unseen())
+        self.begun: list[Cell] = []
+
+    def begin(self, task: Task) -> None:
+        """Keep the cell."""
+        self.begun.append(task.cell)
+        super().begin(task)
+
+
+def computed(some: list[Group], folder: Path | None, retry: bool = False) -> list[str]:
+    """Compute what is missing in this process; the planners whose cells were computed."""
+    store, crew = Store(folder, retry), Listed()
     recall(some, store)
-    run(some, Alone(never, unseen()), store, folder, never, done.append)
-    return done
+    run(some, crew, store, never, lambda content: None)
+    return [cell.planner for cell in crew.begun]
+
+
+def swept(some: list[Group], folder: Path | None, settings: Settings = SETTINGS) -> list[Row]:
+    """Rows of a sweep in this process, with all its files."""
+    return sweep(some, settings, folder, Hired(None, None, 1e4))
 
 
 def folder_for_a_sweep(path: Path) -> Path:
     """A folder with the folders that a sweep has."""
-    for part in ("cells", "plans", "certificates"):
+    for part in FOLDERS:
         (path / part).mkdir(parents=True)
     return path
 
 
 def table(some: list[Group]) -> list[dict[str, Any]]:
     """Rows without what depends on the machine."""
-    rows = [row for group in some if group.is_whole for row in group.rows()]
+    return untimed([row for group in some if group.is_whole for row in group.rows()])
+
+
+def untimed(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Rows without what depends on the machine."""
     return [{key: row[key] for key in row if key not in TIMES} for row in rows]
 
 
+def staying(problem: Problem, stop: Stop) -> Result:
+    """A planner that moves nobody."""
+    plan = hovering(problem)
+    assert plan is not None
+    return Result(plan, check(problem, plan).reward, Reason.FINISHED)
+
+
 def test_what_is_known_is_not_computed_again(tmp_path: Path) -> None:
-    """A second run computes nothing and makes the same rows; new planners cost their own cells."""
+    """A second run computes nothing and makes the same rows, whatever the order of planners."""
     folder = folder_for_a_sweep(tmp_path / "run")
     first, again = groups(), groups()
     assert len(computed(first, folder)) == 4 * (len(PLANNER_NAMES) + 1)
     assert computed(again, folder) == []
     assert [group.rows() for group in again] == [group.rows() for group in first]
-    more = computed(groups(planners=(*PLANNER_NAMES, "joint")), folder)
-    assert {content.cell.planner for content in more} == {"joint", BOUND}
+    assert computed(groups(planners=PLANNER_NAMES[::-1]), folder) == []
+
+
+def test_a_bound_is_computed_anew_for_better_plans_only(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """New planners cost their own cells, and the bound where they are better; no row has an
+    optimum that is below a plan that obeys the rules."""
+    for name in ("stays", "stays-too"):
+        monkeypatch.setitem(SOLVERS, name, staying)
+    folder = folder_for_a_sweep(tmp_path / "run")
+    for planners, expected in (
+        (("stays",), {"stays", BOUND}),
+        (("stays", "cocap"), {"cocap", BOUND}),
+        (("stays-too", "cocap"), {"stays-too"}),
+        (("cocap", "stays"), set()),
+    ):
+        some = groups(range(1), planners)
+        assert set(computed(some, folder)) == expected
+        for row in table(some):
+            assert row["conflicts"] or row["reward"] <= row["optimum"] <= row["bound"] * (1 + 1e-9)
+
+
+def test_another_plan_under_the_same_name_has_a_bound_of_its_own(tmp_path: Path) -> None:
+    """What a bound begins with is known by its content: a better plan in the same file counts."""
+    folder, problem = folder_for_a_sweep(tmp_path / "run"), small_field(0)
+    settings = msgspec.structs.replace(SETTINGS, bound_limit=0.0)
+    for name in ("stays", "cocap"):
+        plan = (staying if name == "stays" else SOLVERS[name])(problem, never).plan
+        assert plan is not None
+        group = Group(problem, 0, (), settings, {"mine.json": plan})
+        assert computed([group], folder) == [BOUND]
+        assert group.rows()[0]["optimum"] >= group.rows()[0]["reward"]
+
+
+def test_a_bound_below_a_plan_is_an_error(tmp_path: Path) -> None:
+    """Wherever it comes from, it is never shown as a bound."""
+    folder = folder_for_a_sweep(tmp_path / "run")
+    computed(groups(range(1)), folder)
+    some = groups(range(1))
+    for key in ("bound", "optimum", "bound_free", "optimum_free"):
+        recall(some, Store(folder))
+        group = some[0]
+        assert group.bound is not None
+        wrong = msgspec.structs.replace(group.bound, row=group.bound.row | {key: 1.0})
+        group.bound = group.held(wrong)
+        assert all(key in row["message"] or row["bound"] is None for row in group.rows())
+        assert {row["bound_reason"] for row in group.rows()} == {"error"}
+        assert key in group.bound.message
+        some = groups(range(1))
+
+
+def test_the_files_that_rows_name_prove_them(tmp_path: Path) -> None:
+    """Whatever ran in the folder in between: scene, plans, certificates and traces are a row's."""
+    short = msgspec.structs.replace(SETTINGS, limit=0.0, bound_limit=0.0)
+    found = []
+    for settings in (short, SETTINGS, short):
+        rows = swept(groups(range(1), settings=settings), tmp_path, settings)
+        assert untimed(load_results(tmp_path)) == untimed(rows)
+        for row in rows:
+            assert load_plan(tmp_path / plan_path(row)).reward == row["reward"]
+            scene = load_problem(tmp_path / scene_path(row))
+            assert problem_digest(scene) == load_plan(tmp_path / plan_path(row)).digest
+            for key, free in (("bound", False), ("bound_free", True)):
+                last = load_trace(tmp_path / trace_path(row, free)).snapshots[-1]
+                assert last.bound == pytest.approx(math.inf if row[key] is None else row[key])
+                proof = tmp_path / certificate_path(row, free)
+                assert proof.is_file() is (row[key] is not None)
+                if proof.is_file():
+                    content = decode_certificate(proof.read_bytes(), "")
+                    assert content.proved == row[key]
+        found.append(untimed(rows))
+    assert found[0] == found[2] != found[1]
+
+
+def test_a_folder_can_be_verified_anywhere(tmp_path: Path) -> None:
+    """Scene, plan and certificate of a folder are all that `verify` needs."""
+    (row, *_) = swept(groups(range(1, 2), ("cocap",)), tmp_path)
+    paths = (scene_path(row), plan_path(row), certificate_path(row, free=False))
+    assert commands.run(["verify", *(str(tmp_path / path) for path in paths)]) == 0
 
 
 def test_rows_do_not_depend_on_where_cells_are_kept(tmp_path: Path) -> None:
-    """Kept in a folder or not, cell by cell or at once: the same table, but for paths."""
-    kept, free = groups(), groups()
-    computed(kept, folder_for_a_sweep(tmp_path / "run"))
-    computed(free, None)
-    for one, other in zip(table(kept), table(free), strict=True):
-        paths = ("certificate", "certificate_free")
-        assert {k: v for k, v in one.items() if k not in paths} == {
-            k: v for k, v in other.items() if k not in paths
-        }
+    """Kept in a folder or not: the same table; certificates are named where there are files."""
+    kept, free = swept(groups(), tmp_path), swept(groups(), None)
+    assert {row.pop("certificate") for row in free} == {""}
+    assert {row.pop("certificate_free") for row in free} == {""}
+    for row in kept:
+        assert (tmp_path / row.pop("certificate")).is_file()
+        assert (tmp_path / row.pop("certificate_free")).is_file()
+    assert untimed(kept) == untimed(free)
+
+
+def test_a_limit_does_not_count_the_coverage(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is whole before a limit begins, so what is in the cache changes no result."""
+    monkeypatch.setenv("COCAP_OPT_CACHE", str(tmp_path))
+    settings = msgspec.structs.replace(SETTINGS, limit=0.0, bound_limit=0.0)
+    computed(groups(range(1), ("cocap",), settings)[:1], None)
+    assert list(tmp_path.glob("*.coverage"))
 
 
 @pytest.mark.parametrize("change", ["limit", "problem", "planner", "seed", "code", "rendered"])
@@ -91,7 +234,7 @@ def test_a_cell_of_other_settings_is_another_cell(
     change: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Nothing that a result depends on may change without the cell's name."""
-    problem, settings = load_scene("tiny-queue", 0), SETTINGS
+    problem, settings = small_field(0), SETTINGS
     one = Group(problem, 0, ["cocap"], settings, {}).cells["cocap"]
     planner, seed = "cocap", 0
     if change == "limit":
@@ -108,6 +251,19 @@ def test_a_cell_of_other_settings_is_another_cell(
         monkeypatch.setattr(cells_module, "code_digest", lambda: "other")
     other = Group(problem, seed, [planner], settings, {}).cells[planner]
     assert other.key != one.key
+
+
+def test_the_code_is_all_that_cells_depend_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Other code beside the planners, and other versions of libraries, make other cells."""
+    digests = {code_digest()}
+    with monkeypatch.context() as patch:
+        patch.setattr(cells_module, "version", lambda name: "0.0")
+        digests.add(code_digest.__wrapped__())
+    for module in cells_module.MODULES:
+        assert (Path(cells_module.__file__).parents[1] / f"{module}.py").is_file()
+    monkeypatch.setattr(cells_module, "MODULES", ("rows",))
+    digests.add(code_digest.__wrapped__())
+    assert len(digests) == 3
 
 
 def test_a_planner_that_fails_costs_its_own_cell(
@@ -129,9 +285,13 @@ def test_a_planner_that_fails_costs_its_own_cell(
     assert {row["reason"] for row in failed} == {"error"}
     assert all("RefereeError: it was wrong" in row["message"] for row in failed)
     assert all(row["reward"] is None and row["bound"] is not None for row in failed)
+    assert all(
+        row["seconds"] is None
+        for group in first for row in group.rows() if row["planner"] == "cocap"
+    )  # fmt: skip
     assert all(row["gap"] is not None for row in rows if row["planner"] == "sequential")
     again = groups()
-    assert {content.cell.planner for content in computed(again, folder, retry=True)} == {"cocap"}
+    assert "cocap" in computed(again, folder, retry=True)
     assert all(row["gap"] is not None for row in table(again) if row["planner"] == "cocap")
 
 
@@ -149,6 +309,7 @@ def test_a_bound_that_fails_leaves_the_plans(monkeypatch: pytest.MonkeyPatch) ->
         assert row["reward"] is not None
         assert row["bound"] is None and row["gap"] is None
         assert row["bound_reason"] == "error"
+    assert {row["bound_seconds"] for group in some for row in group.rows()} == {None}
 
 
 @pytest.mark.parametrize("cut", [0, 1, 10, -2])
@@ -162,32 +323,65 @@ def test_a_damaged_cell_is_computed_again(cut: int, tmp_path: Path) -> None:
     assert len(computed(groups(range(1)), folder)) == 2
 
 
-def test_what_an_interrupt_cut_short_is_not_kept(tmp_path: Path) -> None:
-    """After Ctrl-C the scene that has begun is shown as far as it got; no cell of it is kept."""
+def test_what_an_interrupt_cut_short_is_not_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """After Ctrl-C the scene that has begun is shown as far as it got; files do not have it."""
+    whole = swept(groups(range(3)), tmp_path / "whole")
+    solver, calls = SOLVERS["sequential"], 0
+
+    def pressed(problem: Problem, stop: Stop) -> Result:
+        nonlocal calls
+        calls += 1
+        if calls == 2:
+            signal.raise_signal(signal.SIGINT)
+        return solver(problem, stop)
+
+    monkeypatch.setitem(SOLVERS, "sequential", pressed)
+    rows = swept(groups(range(3)), tmp_path)
+    assert [row["seed"] for row in rows] == [0, 0, 0, 1, 1, 1]
+    assert {(row["certificate"], row["certificate_free"]) for row in rows[3:]} == {("", "")}
+    assert untimed(load_results(tmp_path)) == untimed(whole[:3])
+    assert not (tmp_path / "results.parquet").exists()
+    kept = [decode(p.read_bytes(), CellFile, "").cell for p in (tmp_path / "cells").iterdir()]
+    assert len(kept) == 5 and {cell.planner for cell in kept if cell.seed == 1} == {"greedy"}
+    assert len(list((tmp_path / "scenes").iterdir())) == 1
+
+
+def test_run_json_tells_of_the_run_that_has_results(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A run that ends before it has any leaves that of the results that are there."""
+    swept(groups(range(1)), tmp_path)
+    before = (tmp_path / "run.json").read_bytes()
+
+    def pressed(problem: Problem, stop: Stop) -> Result:
+        signal.raise_signal(signal.SIGINT)
+        return staying(problem, stop)
+
+    monkeypatch.setitem(SOLVERS, "greedy", pressed)
+    swept(groups(range(4, 6)), tmp_path)
+    assert (tmp_path / "run.json").read_bytes() == before
+
+
+def test_cells_that_exceeded_a_lower_limit_are_tried_again(tmp_path: Path) -> None:
+    """A raised --cell-limit says that they may take longer; the same one does not."""
     folder = folder_for_a_sweep(tmp_path / "run")
-    some, pressed = groups(), False
-
-    def stop() -> Limit:
-        return Limit.INTERRUPT if pressed else Limit.NONE
-
-    def told(content: CellFile) -> None:
-        nonlocal pressed
-        pressed = pressed or content.cell.planner == "sequential"
-
-    run(some, Alone(stop, unseen()), Store(folder), folder, stop, told)
-    assert [group.is_whole for group in some] == [True, False, False, False]
-    kept = [decode(p.read_bytes(), CellFile, "") for p in (folder / "cells").iterdir()]
-    assert {content.cell.planner for content in kept} == {"greedy", "sequential"}
+    cell = groups()[0].cells["cocap"]
+    Store(folder).save(failed(cell, Status.EXCEEDED, "", seconds=10.0))
+    assert Store(folder, cell_limit=10.0).find(cell) is not None
+    assert Store(folder, cell_limit=11.0).find(cell) is None
 
 
 # -- the command ----------------------------------------------------------------------------
 
 
 def command(*arguments: object) -> list[str]:
-    """Command line of a small sweep."""
+    """Command line of a small sweep: a scene without seeds, and one that each seed changes."""
     return [
-        sys.executable, "-c", "from experiments.cli import main; main()", "gap", *SCENES,
-        "--planner", "greedy", "--planner", "cocap", *map(str, arguments),
+        sys.executable, "-c", "from experiments.cli import main; main()", "gap", "tiny-queue",
+        "corridor", "--seeds", "0-2", "--planner", "greedy", "--planner", "cocap",
+        *map(str, arguments),
     ]  # fmt: skip
 
 
@@ -201,43 +395,53 @@ def run_command(*arguments: object) -> subprocess.CompletedProcess[str]:
 def csv_rows(folder: Path) -> list[dict[str, str]]:
     """The table in a folder, without what depends on the machine."""
     with (folder / "results.csv").open(encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(file))
-    return [{key: row[key] for key in row if key not in TIMES} for row in rows]
+        return untimed(list(csv.DictReader(file)))
 
 
 @pytest.fixture(scope="module")
 def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder of a sweep that nobody disturbed."""
     folder = tmp_path_factory.mktemp("undisturbed") / "run"
-    done = run_command("--seeds", "0-3", "--out", folder)
+    done = run_command("--out", folder)
     assert done.returncode == 0, done.stderr
+    assert len({row["bound"] for row in csv_rows(folder)}) == 1 + 3  # each seed another scene
     return folder
 
 
 def test_a_sweep_that_is_killed_goes_on_where_it_was(undisturbed: Path, tmp_path: Path) -> None:
-    """Killed hard at random moments and begun again: every cell once, the same table."""
-    rng, folder = random.Random(0), tmp_path / "run"
-    for _ in range(5):
+    """Killed hard once it has some cells, and begun again: each cell once, the same table."""
+    folder = tmp_path / "run"
+    written: dict[Path, int] = {}
+    for least in (1, 5, 9):
         process = subprocess.Popen(
-            command("--seeds", "0-3", "--out", folder), stderr=subprocess.PIPE,
-            stdout=subprocess.DEVNULL,
-        )  # fmt: skip
-        time.sleep(rng.uniform(0.8, 1.6))
+            command("--out", folder), stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL
+        )
+        while len(written | cell_times(folder)) < least and process.poll() is None:
+            time.sleep(0.002)
         process.kill()
         process.communicate()
-    assert run_command("--seeds", "0-3", "--out", folder).returncode == 0
+        assert process.returncode != 0, "it ended before it could be killed"
+        assert {path: cell_times(folder)[path] for path in written} == written
+        written = cell_times(folder)
+    assert len(written) >= 9
+    assert run_command("--out", folder).returncode == 0
     assert csv_rows(folder) == csv_rows(undisturbed)
-    cells = [decode(p.read_bytes(), CellFile, "").cell for p in (folder / "cells").glob("*.json")]
-    assert len(cells) == len(set(cells)) == 2 * 4 * 3
-    assert {p.name for p in (folder / "plans").iterdir() if p.suffix == ".json"} == {
-        p.name for p in (undisturbed / "plans").iterdir()
-    }
+    assert {path: cell_times(folder)[path] for path in written} == written
+    assert len(cell_times(folder)) == 4 * 3
+    for part in FOLDERS:
+        names = {p.name for p in (folder / part).iterdir() if p.suffix in (".json", ".csv")}
+        assert names == {p.name for p in (undisturbed / part).iterdir()}
+
+
+def cell_times(folder: Path) -> dict[Path, int]:
+    """When each cell was written."""
+    return {path: path.stat().st_mtime_ns for path in (folder / "cells").glob("*.json")}
 
 
 def test_workers_make_the_same_table(undisturbed: Path, tmp_path: Path) -> None:
     """On workers of its own, as many as there are cores."""
     folder, workers = tmp_path / "run", min(2, usable_cores())
-    done = run_command("--seeds", "0-3", "--out", folder, "--workers", workers)
+    done = run_command("--out", folder, "--workers", workers)
     assert done.returncode == 0, done.stderr
     assert csv_rows(folder) == csv_rows(undisturbed)
 
@@ -266,22 +470,61 @@ def test_workers_started_by_hand_make_the_same_table(
 ) -> None:
     """On the workers of a scheduler that is there already."""
     folder = tmp_path / "run"
-    done = run_command("--seeds", "0-3", "--out", folder, "--scheduler", scheduler)
+    done = run_command("--out", folder, "--scheduler", scheduler)
     assert done.returncode == 0, done.stderr
     assert csv_rows(folder) == csv_rows(undisturbed)
 
 
-def test_wrong_workers_are_refused() -> None:
-    """More workers than cores, none, or workers of two kinds: one line, exit code 2."""
-    for arguments, word in (
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
         (("--workers", usable_cores() + 1), "--workers"),
         (("--workers", 0), "--workers"),
         (("--workers", 1, "--scheduler", "tcp://127.0.0.1:9"), "--workers"),
-        (("--cell-limit", 0), "--cell-limit"),
-    ):
-        done = run_command(*arguments)
-        assert done.returncode == 2, done
-        assert word in done.stderr and len(done.stderr.splitlines()) == 1
+        (("--workers", 1, "--cell-limit", 0), "--cell-limit"),
+        (("--cell-limit", 5), "--cell-limit"),
+        (("--retry",), "--retry"),
+        (("--plan", "cocap"), "--plan: cocap"),
+        (("--plan", "bound"), "--plan: bound"),
+    ],
+)
+def test_wrong_options_are_refused(
+    arguments: tuple[object, ...], word: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Workers that cannot be, options without effect, plans called as planners: one line."""
+    assert commands.run(["gap", "tiny-share", *map(str, arguments)]) == 2
+    captured = capsys.readouterr()
+    assert word in captured.err and len(captured.err.splitlines()) == 1
+
+
+def test_seeds_that_change_nothing_are_one(capsys: pytest.CaptureFixture[str]) -> None:
+    """The same scene again is no other sample; one line says so."""
+    words = ["gap", "tiny-share", "corridor", "--seeds", "0-1", "--planner", "greedy", "--json"]
+    assert commands.run([*words, "--bound-limit", "0"]) == 0
+    captured = capsys.readouterr()
+    rows = json.loads(captured.out)["rows"]
+    assert [(r["scene"], r["seed"]) for r in rows] == [
+        ("tiny-share", 0), ("corridor", 0), ("corridor", 1)
+    ]  # fmt: skip
+    (line,) = (line for line in captured.err.splitlines() if "seeds" in line)
+    assert "tiny-share: 2 seeds make 1" in line
+
+
+def test_an_error_is_no_success(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The exit code is 1, now and when it is recalled, and the traceback is named and kept."""
+
+    def broken(problem: object, stop: object) -> object:
+        raise RefereeError("it was wrong")
+
+    monkeypatch.setitem(SOLVERS, "cocap", broken)  # type: ignore[arg-type]
+    words = ["gap", "tiny-share", "--planner", "cocap", "--out", str(tmp_path)]
+    for _ in range(2):
+        assert commands.run(words) == 1
+        (line,) = (line for line in capsys.readouterr().err.splitlines() if "; traceback: " in line)
+        path = Path(line.partition("; traceback: ")[2])
+        assert "raise RefereeError" in decode(path.read_bytes(), CellFile, "").traceback
 
 
 def test_a_scheduler_that_is_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -292,6 +535,51 @@ def test_a_scheduler_that_is_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
         existing("tcp://127.0.0.1:9", never, 60.0),
     ):
         pass
+
+
+@contextmanager
+def threads(n: int) -> Iterator[LocalCluster]:
+    """A cluster of threads of this process, which has no nanny."""
+    with LocalCluster(
+        n_workers=1, threads_per_worker=n, processes=False, dashboard_address=None,
+        scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},
+    ) as cluster:  # fmt: skip
+        yield cluster
+
+
+@pytest.mark.parametrize(("n", "words"), [(2, "--nthreads 1"), (1, "no nanny")])
+def test_workers_that_cannot_take_cells_are_refused(n: int, words: str) -> None:
+    """One cell at a time, and somebody to restart them; the message says what to start."""
+    with (
+        threads(n) as cluster,
+        pytest.raises(ClusterError, match=words),
+        existing(cluster.scheduler_address, never, 60.0),
+    ):
+        pass
+
+
+@pytest.mark.filterwarnings("ignore")  # of what is closed in its back
+def test_a_lost_scheduler_is_no_cells_fault(tmp_path: Path) -> None:
+    """It is one line; no cell is recorded as died."""
+    folder = folder_for_a_sweep(tmp_path / "run")
+    with threads(1) as cluster, Client(cluster) as client:
+        crew = Cluster(client, never, 60.0)
+        crew.begin(Task(groups()[0].cells["cocap"], small_field(0)))
+        cluster.close()
+        with pytest.raises(ClusterError, match="--scheduler: it is lost"):
+            run(groups(), crew, Store(folder), never, lambda content: None)
+    assert not list((folder / "cells").iterdir())
+
+
+def test_a_worker_lets_go_of_its_models_and_knows_its_code() -> None:
+    """No cell uses another's model; a worker that joins late with other code computes nothing."""
+    group = groups(range(1), ("cocap",))[0]
+    (task,) = group.missing()
+    assert cluster_module._run_task(task).is_finished
+    assert compiled.cache_info().currsize == 0
+    other = msgspec.structs.replace(task.cell, code="other")
+    with pytest.raises(ClusterError, match="other code"):
+        cluster_module._run_task(task._replace(cell=other))
 
 
 BAD_PLANNERS = """
@@ -310,7 +598,8 @@ def test_a_worker_that_dies_or_hangs_costs_its_own_cell(tmp_path: Path) -> None:
     some += groups(range(1, 2))
     with local(1, never, cell_limit=8.0) as cluster:
         cluster.client.register_worker_callbacks(partial(exec, BAD_PLANNERS, {}))
-        run(some, cluster, Store(folder), folder, never, lambda content: None)
+        assert cluster.client.cluster.scheduler.http_server.port != 8787  # no dashboard
+        run(some, cluster, Store(folder), never, lambda content: None)
     assert all(group.is_whole for group in some)
     reasons = {row["planner"]: row["reason"] for row in some[0].rows()}
     assert reasons["sleeps"] == "exceeded" and reasons["dies"] == "died"

@@ -1,19 +1,25 @@
 """Cells on a dask cluster: one of this machine's cores, or one that is there already.
 
 Each worker has one cell at a time. What happens to it, be it killed, happens to that cell only.
+A lost scheduler ends the sweep, and is no cell's fault.
 """
 
 import logging
 import os
+import platform
 import signal
 import time
 from collections.abc import Iterator
+from concurrent.futures import CancelledError
 from contextlib import contextmanager, suppress
+from traceback import format_exception
 
 import dask
 import distributed
 from distributed import Client, Future, KilledWorker, LocalCluster, Worker, WorkerPlugin
+from distributed.client import ClosedClientError
 
+from cocap_opt.model import compiled, compiled_apart
 from cocap_opt.stop import Limit, Stop
 from experiments.sweeps.cells import CellFile, Status, code_digest
 from experiments.sweeps.crew import ClusterError
@@ -21,6 +27,8 @@ from experiments.sweeps.work import Task, failed, run_task
 
 POLL = 0.2  # s, between two looks at Ctrl-C and at the clock
 ANSWER = 10.0  # s, in which a scheduler answers and a worker restarts
+LOST = "--scheduler: it is lost; what was finished is kept, and the same command goes on"
+OTHER_CODE = "has other code, or other versions of libraries, than this process"
 LOCAL = {
     "distributed.scheduler.allowed-failures": 0,  # whom a cell kills it would kill again
     "distributed.scheduler.worker-saturation": 1.0,  # nothing waits at a worker for another cell
@@ -42,17 +50,23 @@ class Cluster:
 
     def room(self) -> int:
         """Workers without a cell."""
-        threads: dict[str, int] = self.client.nthreads()
-        return sum(threads.values()) - len(self._running)
+        with _scheduler_there(self.client):
+            workers: dict[str, int] = self.client.nthreads()
+        return len(workers) - len(self._running)
 
     def begin(self, task: Task) -> None:
         """Hand a cell to a worker."""
         name = f"{task.cell.key}-{time.monotonic_ns()}"  # a retry is another piece of work
-        future = self.client.submit(run_task, task, key=name, pure=False, retries=0)
+        with _scheduler_there(self.client):
+            future = self.client.submit(_run_task, task, key=name, pure=False, retries=0)
         self._running[future] = task, time.monotonic()
 
     def next(self) -> CellFile | None:
         """Wait for a cell to end, or to exceed the limit."""
+        with _scheduler_there(self.client):
+            return self._next()
+
+    def _next(self) -> CellFile | None:
         while self._stop() is Limit.NONE:
             late = time.monotonic() - self._limit
             for future, (task, begun) in list(self._running.items()):
@@ -63,7 +77,7 @@ class Cluster:
                     del self._running[future]
                     self._restart(future)
                     words = f"took longer than {self._limit:g} s (--cell-limit)"
-                    return failed(task.cell, Status.EXCEEDED, words)
+                    return failed(task.cell, Status.EXCEEDED, words, seconds=self._limit)
             if self._running:
                 with suppress(TimeoutError):
                     distributed.wait([*self._running], POLL, return_when="FIRST_COMPLETED")
@@ -86,10 +100,46 @@ def _outcome(task: Task, future: Future) -> CellFile:
     if future.status == "finished":
         result: CellFile = future.result()
         return result
-    error = future.exception() if future.status == "error" else None
-    if error is None or isinstance(error, KilledWorker):
+    if future.status != "error":
+        raise ClusterError(LOST)
+    error = future.exception()
+    assert error is not None
+    if isinstance(error, KilledWorker):
         return failed(task.cell, Status.DIED, "its process died, perhaps for want of memory")
-    return failed(task.cell, Status.ERROR, f"{type(error).__name__}: {error}")
+    if isinstance(error, ClusterError):
+        raise error
+    words, trace = f"{type(error).__name__}: {error}", "".join(format_exception(error))
+    return failed(task.cell, Status.ERROR, words, traceback=trace)
+
+
+@contextmanager
+def _scheduler_there(client: Client) -> Iterator[None]:
+    """Say in one line that the scheduler is lost."""
+    try:
+        yield
+    except (OSError, CancelledError, ClosedClientError) as error:
+        raise ClusterError(LOST) from error
+    except AttributeError as error:
+        if client.scheduler is None:  # of which dask asks it
+            raise ClusterError(LOST) from error
+        raise
+
+
+def _run_task(task: Task) -> CellFile:
+    """Compute a cell on a worker, and let go of what the next one cannot use."""
+    if task.cell.code != code_digest():  # it may have joined late
+        raise ClusterError(f"the worker on {platform.node()} {OTHER_CODE}")
+    try:
+        return run_task(task)
+    finally:
+        compiled_apart.cache_clear()
+        compiled.cache_clear()
+
+
+def _silence_dask() -> None:
+    """What goes wrong is said in this project's own lines."""
+    for name in ("distributed", "distributed.client"):  # the latter has a level of its own
+        logging.getLogger(name).setLevel(logging.CRITICAL)
 
 
 class _Quiet(WorkerPlugin):
@@ -102,7 +152,7 @@ class _Quiet(WorkerPlugin):
         self._cores = cores
 
     def setup(self, worker: Worker) -> None:
-        logging.getLogger("distributed").setLevel(logging.CRITICAL)
+        _silence_dask()
         with suppress(ValueError):  # not in the main thread
             signal.signal(signal.SIGINT, signal.SIG_IGN)
         if hasattr(os, "sched_setaffinity"):
@@ -112,13 +162,13 @@ class _Quiet(WorkerPlugin):
 @contextmanager
 def local(workers: int, stop: Stop, cell_limit: float) -> Iterator[Cluster]:
     """A cluster of this machine's cores: a process for each, with one thread."""
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    _silence_dask()
     cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else [0]
     with (
         dask.config.set(LOCAL),
         LocalCluster(
             n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None,
-            host="127.0.0.1",
+            host="127.0.0.1", scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},
         ) as cluster,
         Client(cluster) as client,
     ):  # fmt: skip
@@ -128,26 +178,38 @@ def local(workers: int, stop: Stop, cell_limit: float) -> Iterator[Cluster]:
 
 @contextmanager
 def existing(address: str, stop: Stop, cell_limit: float) -> Iterator[Cluster]:
-    """A cluster whose scheduler is there already, with workers that have the same code."""
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    """A cluster whose scheduler is there already, with workers that can take cells."""
+    _silence_dask()
     try:
         client = Client(address, timeout=ANSWER)
     except (OSError, ValueError, TimeoutError) as error:
         raise ClusterError(f"--scheduler: {address} does not answer: {error}") from error
     with client:
-        _require_same_code(client)
+        with _scheduler_there(client):
+            _require_usable(client)
         yield Cluster(client, stop, cell_limit)
 
 
-def _require_same_code(client: Client) -> None:
+def _require_usable(client: Client) -> None:
     try:
         client.wait_for_workers(1, timeout=ANSWER)
     except TimeoutError as error:
         raise ClusterError("--scheduler: it has no workers") from error
+    for name, worker in client.scheduler_info()["workers"].items():
+        if worker["nthreads"] != 1:
+            words = f"has {worker['nthreads']} threads; start it with --nthreads 1"
+            raise ClusterError(f"--scheduler: the worker {name} {words}")
+        if not worker["nanny"]:
+            words = "has no nanny to restart it when a cell hangs; start it without --no-nanny"
+            raise ClusterError(f"--scheduler: the worker {name} {words}")
+    _require_same_code(client)
+
+
+def _require_same_code(client: Client) -> None:
     try:
         found = client.run(code_digest)
     except Exception as error:  # whatever the worker raised
         raise ClusterError(f"--scheduler: a worker cannot run this: {error}") from error
     for worker, digest in found.items():
         if digest != code_digest():
-            raise ClusterError(f"--scheduler: the worker {worker} has other code than this one")
+            raise ClusterError(f"--scheduler: the worker {worker} {OTHER_CODE}")

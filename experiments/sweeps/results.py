@@ -9,9 +9,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cocap_opt.io import FileError
-from experiments.files import read_text, save_bytes, save_csv
+from experiments.files import read_text, save_bytes, save_csv, write
 from experiments.rows import GAP_KEYS, Row
 
+PARQUET = "results.parquet"
 # Columns that are not text; all others are.
 WHOLE_NUMBERS = ("seed", "conflicts", "colliding", "robots", "actors", "steps")
 NUMBERS = (
@@ -41,13 +42,13 @@ def _typed(row: dict[str, str], path: Path) -> Row:
         raise FileError(f"{path}: {error}") from error
 
 
-def save_results(folder: Path | None, rows: Sequence[Row], whole: bool = False) -> None:
-    """Write what there is of a table; once it is whole, as Parquet, too."""
-    if folder is None or not rows:
-        return
+def save_results(folder: Path, rows: Sequence[Row], whole: bool) -> None:
+    """Write what there is of a table; as Parquet only once it is whole."""
+    if not whole:
+        write(folder / PARQUET, lambda: (folder / PARQUET).unlink(missing_ok=True))
     save_csv(folder / "results.csv", rows)
     if whole:
-        save_bytes(folder / "results.parquet", parquet(rows))
+        save_bytes(folder / PARQUET, parquet(rows))
 
 
 def parquet(rows: Sequence[Row]) -> bytes:

@@ -7,7 +7,6 @@ of their plans.
 import math
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 
 import msgspec
 
@@ -16,12 +15,20 @@ from cocap_opt.plan import Plan
 from cocap_opt.problem import Problem
 from cocap_opt.result import Reason, Result
 from cocap_opt.stop import Limit, Stop
-from experiments.files import save, save_bytes
-from experiments.gap_table import stem_of
-from experiments.rows import Bounded, Judged, Row, bound_part, gap_row, planner_part
-from experiments.sweeps.cells import BOUND, CellFile, Store, cell_of
+from experiments.rows import (
+    Bounded,
+    Judged,
+    RefereeError,
+    Row,
+    bound_part,
+    gap_row,
+    hold_against,
+    planner_part,
+)
+from experiments.sweeps.cells import BOUND, Cell, CellFile, Status, Store, cell_of
 from experiments.sweeps.crew import Crew
-from experiments.sweeps.work import Task, given_plan
+from experiments.sweeps.start import start_of
+from experiments.sweeps.work import Task, failed, given_plan
 from formulations.result import no_bound
 
 
@@ -39,6 +46,14 @@ class Group:
     Parameters
     ----------
     given : plans of others by name, which get rows of their own
+
+    Attributes
+    ----------
+    digest : of the problem
+    cells : of the planners, by name; that of the bound is known once all of these are found
+    found : what has become of them
+    bound : what has become of the bound
+    is_cut : whether Ctrl-C has cut one of them short
     """
 
     def __init__(
@@ -49,68 +64,108 @@ class Group:
         settings: Settings,
         given: Mapping[str, Plan],
     ) -> None:
-        self.problem, self.seed = problem, seed
-        digest, names = problem_digest(problem), (*given, *dict.fromkeys(planners))
+        self.problem, self.seed, self._limit = problem, seed, settings.bound_limit
+        self.digest = problem_digest(problem)
         self.cells = {
-            name: cell_of(problem, digest, seed, name, settings.limit, settings.rendered)
-            for name in names
+            name: cell_of(problem, self.digest, seed, name, settings.limit, settings.rendered)
+            for name in (*given, *dict.fromkeys(planners))
         }
-        self.bound = cell_of(problem, digest, seed, BOUND, settings.bound_limit, planners=names)
         self.found = {
             cell: given_plan(cell, problem, given[name])
             for name, cell in self.cells.items()
             if name in given
         }
+        self.bound: CellFile | None = None
+        self.is_cut = False
 
     def missing(self) -> list[Task]:
         """What can begin: the planners' cells, or the bound once all of them are there."""
         cells = [cell for cell in self.cells.values() if cell not in self.found]
-        if not cells and self.bound not in self.found:
-            plans = tuple(self.found[cell] for cell in self.cells.values())
-            return [Task(self.bound, self.problem, plans)]
+        if not cells and self.bound is None:
+            return [self._bound_task()]
         return [Task(cell, self.problem) for cell in cells]
+
+    def recall(self, store: Store) -> None:
+        """Find what is known already."""
+        for cell in self.cells.values():
+            if cell not in self.found and (content := store.find(cell)) is not None:
+                self.found[cell] = content
+        if self.bound is None and len(self.found) == len(self.cells):
+            content = store.find(self._bound_task().cell)
+            self.bound = None if content is None else self.held(content)
+
+    @property
+    def contents(self) -> list[CellFile]:
+        """What has become of its cells so far."""
+        return [*self.found.values(), *([] if self.bound is None else [self.bound])]
+
+    def held(self, content: CellFile) -> CellFile:
+        """What has become of the bound; one that a plan is better than is an error."""
+        try:
+            for row in self._plan_parts() if content.is_finished else []:
+                _hold(row, content.row)
+        except RefereeError as error:
+            return failed(content.cell, Status.ERROR, f"RefereeError: {error}")
+        return content
 
     @property
     def is_whole(self) -> bool:
         """Whether all has been computed."""
-        return self.bound in self.found
+        return self.bound is not None
 
     def rows(self) -> list[Row]:
         """A row per plan; a cell that failed has one, too."""
-        bound = self._bound_part(self.found[self.bound])
-        parts = (self._plan_part(self.found[cell]) for cell in self.cells.values())
-        return [gap_row(part, bound) for part in parts]
+        assert self.bound is not None
+        bound = _bound_part(self.bound)
+        return [gap_row(part, bound) for part in self._plan_parts()]
+
+    def _bound_task(self) -> Task:
+        start = start_of([self.found[cell] for cell in self.cells.values()])
+        cell = cell_of(self.problem, self.digest, self.seed, BOUND, self._limit, start=start.digest)
+        return Task(cell, self.problem, start)
+
+    def _plan_parts(self) -> list[Row]:
+        return [self._plan_part(self.found[cell]) for cell in self.cells.values()]
 
     def _plan_part(self, content: CellFile) -> Row:
         if content.is_finished:
             return content.row
         cell = content.cell
-        nothing = Judged(Result(None, -math.inf, Reason.FAILED, message=content.message), None)
-        part = planner_part(self.problem, cell.seed, cell.planner, nothing)
+        result = Result(None, -math.inf, Reason.FAILED, seconds=math.nan, message=content.message)
+        part = planner_part(self.problem, cell.seed, cell.planner, Judged(result, None))
         part |= {"reward_rendered": None} if cell.rendered else {}
         return part | {"reason": str(content.status)}
 
-    def _bound_part(self, content: CellFile) -> Row:
-        if content.is_finished:
-            return content.row
-        nothing = Bounded(Judged(no_bound(Limit.NONE, content.seconds), None))
-        status = str(content.status)
-        return bound_part(nothing, nothing) | {"bound_reason": status, "bound_free_reason": status}
+
+def _bound_part(content: CellFile) -> Row:
+    if content.is_finished:
+        return content.row
+    nothing = Bounded(Judged(no_bound(Limit.NONE, math.nan), None))
+    status = str(content.status)
+    return bound_part(nothing, nothing) | {
+        "bound_reason": status, "bound_free_reason": status,
+        "bound_seconds": None, "bound_free_seconds": None,
+    }  # fmt: skip
+
+
+def _hold(plan: Row, bound: Row) -> None:
+    """Refuse bounds and optima that are below the J of a plan that they are said to cover."""
+    if plan["reward"] is None:
+        return
+    under_rules = () if plan["conflicts"] else ("bound", "optimum")
+    for key in (*under_rules, "bound_free", "optimum_free"):
+        if bound[key] is not None:
+            hold_against(f"{plan['planner']}, {key}", plan["reward"], bound[key])
 
 
 def recall(groups: Sequence[Group], store: Store) -> tuple[int, int]:
     """Find what is known already, and say how many cells are missing and how many known."""
     missing = known = 0
     for group in groups:
-        for cell in (*group.cells.values(), group.bound):
-            if cell in group.found:  # a plan of others
-                continue
-            found = store.find(cell)
-            if found is None:
-                missing += 1
-            else:
-                known += 1
-                group.found[cell] = found
+        given = len(group.contents)  # plans of others
+        group.recall(store)
+        known += len(group.contents) - given
+        missing += len(group.cells) + 1 - len(group.contents)
     return missing, known
 
 
@@ -118,7 +173,6 @@ def run(
     groups: Sequence[Group],
     crew: Crew,
     store: Store,
-    folder: Path | None,
     stop: Stop,
     told: Callable[[CellFile], None],
 ) -> None:
@@ -126,11 +180,15 @@ def run(
 
     Parameters
     ----------
-    folder : for plans and certificates
-    told : of each cell that has ended
+    told : of each cell that has ended, or has been recalled since
     """
-    owner = {cell: group for group in groups for cell in (*group.cells.values(), group.bound)}
-    queue, running = deque(task for group in groups for task in group.missing()), 0
+    owner: dict[Cell, Group] = {}
+    queue: deque[Task] = deque()
+    running = 0
+    for group in groups:
+        tasks = group.missing()
+        owner |= dict.fromkeys((task.cell for task in tasks), group)
+        queue += tasks
     while queue or running:
         while queue and crew.room() > 0:
             crew.begin(queue.popleft())
@@ -142,30 +200,32 @@ def run(
             return
         running -= 1
         group = owner[content.cell]
+        if content.cell.planner == BOUND:
+            content = group.held(content)
         if stop() is Limit.NONE:
-            content = _published(content, group, folder)
             store.save(content)
         else:  # what was cut short is not what was asked for
+            group.is_cut = True
             queue = deque(task for task in queue if owner[task.cell] is group)
-        group.found[content.cell] = content
+        for task in _taken(group, content, store, told):
+            owner[task.cell] = group
+            queue.appendleft(task)
+
+
+def _taken(
+    group: Group, content: CellFile, store: Store, told: Callable[[CellFile], None]
+) -> list[Task]:
+    """Take what has become of a cell; the bound, if it can begin now and is not known."""
+    if content.cell.planner == BOUND:
+        group.bound = content
         told(content)
-        if content.cell != group.bound and set(group.cells.values()) <= set(group.found):
-            queue.extendleft(group.missing())
-
-
-def _published(content: CellFile, group: Group, folder: Path | None) -> CellFile:
-    """Write the plan or the certificates of a cell, and say in its row where they are."""
-    if folder is None or not content.is_finished:
-        return content
-    stem = stem_of(group.problem, group.seed)
-    if content.plan is not None:
-        save(folder / f"plans/{stem}-{content.cell.planner}.json", content.plan)
-    if content.cell != group.bound:
-        return content
-    paths = {name: f"certificates/{stem}{name}.json" for name in content.certificates}
-    for name, path in paths.items():
-        save_bytes(folder / path, bytes(content.certificates[name]))
-    row = content.row | {
-        key: paths.get(content.row[key], "") for key in ("certificate", "certificate_free")
-    }
-    return msgspec.structs.replace(content, row=row, certificates={})
+        return []
+    group.found[content.cell] = content
+    told(content)
+    if len(group.found) < len(group.cells):
+        return []
+    group.recall(store)
+    if group.bound is None:
+        return group.missing()
+    told(group.bound)
+    return []

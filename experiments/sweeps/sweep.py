@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,14 +11,14 @@ from experiments.files import make_folder
 from experiments.progress import Watch, watching
 from experiments.rows import Row
 from experiments.streams import say
-from experiments.sweeps.about import about_run, save_run
-from experiments.sweeps.cells import BOUND, CellFile, Store
+from experiments.sweeps.about import about_run
+from experiments.sweeps.cells import CellFile, Status, Store
 from experiments.sweeps.crew import Alone, Crew
-from experiments.sweeps.results import save_results
+from experiments.sweeps.layout import FOLDERS
+from experiments.sweeps.output import Output
 from experiments.sweeps.run import Group, Settings, recall, run
 
 NOTHING: Row = {}
-PARTS = ("cells", "certificates", "plans")  # folders in a sweep's folder
 
 
 class Hired(NamedTuple):
@@ -43,7 +44,7 @@ def sweep(
     retry: bool = False,
     about: Row = NOTHING,
 ) -> list[Row]:
-    """Compute what is missing and write run.json, results.csv and results.parquet.
+    """Compute what is missing; write run.json, results.csv, results.parquet, and what they name.
 
     Parameters
     ----------
@@ -53,38 +54,47 @@ def sweep(
 
     Returns
     -------
-    The rows of all scenes and seeds that are whole.
+    The rows of all scenes and seeds that are whole, and of one that Ctrl-C has cut short.
     """
-    make_folder(folder, *PARTS)
-    if folder is not None:
-        scenes = list(dict.fromkeys(group.problem.name for group in groups))
-        seeds = sorted({group.seed for group in groups})
-        save_run(folder, about_run(settings, scenes, seeds, hired.words))
-    store = Store(folder, retry)
+    make_folder(folder, *FOLDERS)
+    scenes = list(dict.fromkeys(group.problem.name for group in groups))
+    seeds = sorted({group.seed for group in groups})
+    begun = partial(about_run, settings, scenes, seeds, hired.words)
+    output = Output(folder, groups, begun, about)
+    store = Store(folder, retry, hired.cell_limit)
     missing, known = recall(groups, store)
     if known:
         say(f"{known} of {known + missing} cells are in {folder} already")
+    for group in groups:
+        for content in group.contents:
+            _tell_failure(content, store)
+    output.update()
     with catch_interrupt() as interrupt, watching("gap", parts=missing) as watch:
 
         def told(content: CellFile) -> None:
             watch.finish()
             watch.show(f"done: {content.cell.words}")
-            if not content.is_finished:
-                say(f"{content.cell.words}: {content.status}: {content.message}")
-            if content.cell.planner == BOUND:
-                save_results(folder, rows_of(groups, about))
+            _tell_failure(content, store)
+            output.update()
 
         nobody = Hired(None, None, hired.cell_limit)
         with _crew(hired if missing else nobody, interrupt, watch) as crew:
-            run(groups, crew, store, folder, interrupt, told)
-    rows = rows_of(groups, about)
-    save_results(folder, rows, whole=True)
-    return rows
+            run(groups, crew, store, interrupt, told)
+    return output.rows()
 
 
-def rows_of(groups: Sequence[Group], about: Row) -> list[Row]:
-    """Rows of all scenes and seeds that are whole, in the order in which they were asked for."""
-    return [row | about for group in groups if group.is_whole for row in group.rows()]
+def has_error(row: Row) -> bool:
+    """Whether the planner or the bound of a row ended by an error, which is no result."""
+    return Status.ERROR in (row["reason"], row["bound_reason"])
+
+
+def _tell_failure(content: CellFile, store: Store) -> None:
+    """Say why a cell has no result, and where the traceback of an error is."""
+    if content.is_finished:
+        return
+    path = store.path(content.cell) if content.traceback else None
+    where = "" if path is None else f"; traceback: {path}"
+    say(f"{content.cell.words}: {content.status}: {content.message}{where}")
 
 
 @contextmanager

@@ -3,20 +3,27 @@
 import math
 import platform
 import time
-import traceback
 from collections.abc import Mapping
+from traceback import extract_tb, format_exception
 from typing import NamedTuple
 
 import msgspec
 
-from cocap_opt.check import check
 from cocap_opt.io import encode
 from cocap_opt.plan import Plan
 from cocap_opt.problem import Problem
 from cocap_opt.result import Reason, Result
-from cocap_opt.stop import FirstOf, Limit, Stop, TimeLimit, never
+from cocap_opt.stop import FirstOf, Stop, TimeLimit, never
 from experiments.files import decode_certificate, plan_file
-from experiments.gap_table import Limits, bounds_of, plans_of, rendered_j
+from experiments.gap_table import (
+    WITH_RULES,
+    WITHOUT_RULES,
+    Limits,
+    bounds_of,
+    cover,
+    plans_of,
+    rendered_j,
+)
 from experiments.progress import Watch, unseen
 from experiments.rows import (
     Bounded,
@@ -24,14 +31,16 @@ from experiments.rows import (
     bound_part,
     of_others,
     planner_part,
+    without_rules,
 )
-from experiments.sweeps.cells import BOUND, Cell, CellFile, Status
+from experiments.sweeps.cells import BOUND, FREE, OWN, RULES, Cell, CellFile, Status
+from experiments.sweeps.start import Start
+from experiments.trace import Trace, both, trace_text
 from formulations.certificate import CertificateFile
 from formulations.proof import ProofFile
 from formulations.result import CertifiedResult
 
-OWN = "own"  # the certificate of a planner that proves a bound itself
-FREE = "-free"  # that of the bound without rules; that under the rules has no name
+NO_START = Start()
 
 
 class Task(NamedTuple):
@@ -39,7 +48,7 @@ class Task(NamedTuple):
 
     cell: Cell
     problem: Problem
-    plans: tuple[CellFile, ...] = ()  # of BOUND: what it begins with
+    start: Start = NO_START  # of BOUND: what it begins with
 
 
 def run_task(task: Task, stop: Stop = never, watch: Watch | None = None) -> CellFile:
@@ -47,24 +56,26 @@ def run_task(task: Task, stop: Stop = never, watch: Watch | None = None) -> Cell
 
     Parameters
     ----------
-    stop : a limit besides the cell's own
+    stop : a limit besides the cell's own, of coverage, too
     """
     begin = time.perf_counter()
     compute = _bound if task.cell.planner == BOUND else _plan
     try:
         found = compute(task, stop, unseen() if watch is None else watch)
     except Exception as error:  # whatever it is, the other cells go on
-        where = traceback.extract_tb(error.__traceback__)[-1]
+        where = extract_tb(error.__traceback__)[-1]
         words = f"{type(error).__name__}: {error} (in {where.name}, line {where.lineno})"
-        found = failed(task.cell, Status.ERROR, words)
+        found = failed(task.cell, Status.ERROR, words, traceback="".join(format_exception(error)))
     return msgspec.structs.replace(
         found, seconds=time.perf_counter() - begin, machine=platform.node()
     )
 
 
-def failed(cell: Cell, status: Status, message: str) -> CellFile:
+def failed(
+    cell: Cell, status: Status, message: str, seconds: float = 0.0, traceback: str = ""
+) -> CellFile:
     """What has become of a cell without a result."""
-    return CellFile(cell=cell, status=status, message=message)
+    return CellFile(cell=cell, status=status, message=message, seconds=seconds, traceback=traceback)
 
 
 def given_plan(cell: Cell, problem: Problem, plan: Plan) -> CellFile:
@@ -75,6 +86,7 @@ def given_plan(cell: Cell, problem: Problem, plan: Plan) -> CellFile:
 def _plan(task: Task, stop: Stop, watch: Watch) -> CellFile:
     """Run a planner."""
     cell, problem = task.cell, task.problem
+    cover(problem, stop, watch)
     plans = plans_of(problem, cell.seed, [cell.planner], _limits(cell, stop), None, watch)
     return _planned(cell, problem, plans[cell.planner])
 
@@ -85,6 +97,8 @@ def _limits(cell: Cell, stop: Stop) -> Limits:
 
 def _planned(cell: Cell, problem: Problem, judged: Judged[Result]) -> CellFile:
     row = planner_part(problem, cell.seed, cell.planner, judged)
+    if judged.result.reason is Reason.UNSUPPORTED:  # nobody timed it
+        row["seconds"] = None
     if cell.rendered:
         row["reward_rendered"] = rendered_j(problem, judged)
     own = judged.result.certificate if isinstance(judged.result, CertifiedResult) else None
@@ -100,18 +114,30 @@ def _planned(cell: Cell, problem: Problem, judged: Judged[Result]) -> CellFile:
 def _bound(task: Task, stop: Stop, watch: Watch) -> CellFile:
     """Bound all plans of a scene and seed, and those of the scene without rules."""
     cell, problem = task.cell, task.problem
-    watch.coverage_of(problem)
-    plans = [_judged(problem, content) for content in task.plans if content.is_finished]
-    under, free = bounds_of(problem, plans, _limits(cell, stop), watch)
-    named = {"": under.result.certificate}
+    cover(problem, stop, watch)
+    cover(without_rules(problem), stop, watch)
+    traces = {WITH_RULES: Trace(), WITHOUT_RULES: Trace()}
+    under, free = bounds_of(
+        problem, _start_plans(problem, task.start), _limits(cell, stop), watch,
+        lambda run: both(watch.report(f"{run}:"), traces[run].report),
+    )  # fmt: skip
+    traces[WITHOUT_RULES].end(free.result)
+    if free is under:
+        traces[WITH_RULES] = traces[WITHOUT_RULES]
+    else:
+        traces[WITH_RULES].end(under.result)
+    named = {RULES: under.result.certificate}
     if free is not under:
         named[FREE] = free.result.certificate
     return CellFile(
         cell=cell,
         status=Status.FINISHED,
-        row=bound_part(Bounded(under), Bounded(free, "" if free is under else FREE)),
+        row=bound_part(Bounded(under), Bounded(free)),
         certificates=_encoded(named),
-    )
+        traces={
+            RULES: trace_text(traces[WITH_RULES]), FREE: trace_text(traces[WITHOUT_RULES])
+        },
+    )  # fmt: skip
 
 
 def _encoded(
@@ -121,17 +147,13 @@ def _encoded(
     return {name: msgspec.Raw(encode(c)) for name, c in certificates.items() if c is not None}
 
 
-def _judged(problem: Problem, content: CellFile) -> Judged[Result]:
-    """A planner's result, as far as a bound needs it, with the verdict of the referee."""
-    plan = None if content.plan is None else content.plan.plan
-    verdict = None if plan is None else check(problem, plan)
-    value = -math.inf if verdict is None else verdict.reward
-    reason, limit = Reason(content.row["reason"]), Limit(content.row["limit"])
-    if OWN not in content.certificates:
-        return Judged(Result(plan, value, reason, limit), verdict)
-    own = decode_certificate(bytes(content.certificates[OWN]), content.cell.words)
-    seconds = content.row["seconds"]
+def _start_plans(problem: Problem, start: Start) -> list[Judged[Result]]:
+    """What a bound begins with, as `bounds_of` takes it."""
+    plans = [of_others(problem, plan) for plan in (start.plan, start.valid) if plan is not None]
+    if not start.certificate:
+        return plans
+    own = decode_certificate(start.certificate, "a planner's certificate")
     proved = CertifiedResult(
-        plan, value, reason, limit, own.proved, seconds, certificate=own
-    )  # fmt: skip
-    return Judged(proved, verdict)
+        None, -math.inf, Reason.FINISHED, bound=own.proved, seconds=start.seconds, certificate=own
+    )
+    return [*plans, Judged(proved, None)]

@@ -1,0 +1,54 @@
+"""What a bound begins with. It depends on that, and not on who found it."""
+
+import hashlib
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import msgspec
+
+from cocap_opt.io import encode
+from cocap_opt.plan import Plan
+from experiments.files import decode_certificate
+from experiments.sweeps.cells import OWN, CellFile
+
+
+class Start(NamedTuple):
+    """The best plans, and the lowest bound that a planner has proved itself."""
+
+    plan: Plan | None = None  # the best of all
+    valid: Plan | None = None  # the best of those that obey the rules
+    certificate: bytes = b""  # its file's content; empty where there is none
+    seconds: float = 0.0  # in which that was proved
+
+    @property
+    def digest(self) -> str:
+        """Digest of all that a bound depends on."""
+        content = msgspec.json.encode((self.plan, self.valid)) + self.certificate
+        return hashlib.sha256(content).hexdigest()
+
+
+def start_of(contents: Sequence[CellFile]) -> Start:
+    """The start that planners' cells give; their names and order do not matter."""
+    certificate, seconds = _lowest_bound(contents)
+    plans = [content for content in contents if content.plan is not None]
+    valid = [content for content in plans if not content.row["conflicts"]]
+    return Start(_best(plans), _best(valid), certificate, seconds)
+
+
+def _best(contents: Sequence[CellFile]) -> Plan | None:
+    ranked = [
+        (-content.row["reward"], encode(content.plan.plan), content.plan.plan)
+        for content in contents
+        if content.plan is not None
+    ]
+    return min(ranked, key=lambda entry: entry[:2])[2] if ranked else None
+
+
+def _lowest_bound(contents: Sequence[CellFile]) -> tuple[bytes, float]:
+    ranked = []
+    for content in contents:
+        if OWN in content.certificates:
+            own = content.certificate(OWN)
+            proved = decode_certificate(own, content.cell.words).proved
+            ranked.append((proved, own, content.row["seconds"]))
+    return min(ranked)[1:] if ranked else (b"", 0.0)
