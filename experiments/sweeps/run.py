@@ -86,13 +86,13 @@ class Group:
         return [Task(cell, self.problem) for cell in cells]
 
     def recall(self, store: Store) -> None:
-        """Find what is known already."""
+        """Find what is known already. A bound that a plan is better than is not known."""
         for cell in self.cells.values():
             if cell not in self.found and (content := store.find(cell)) is not None:
                 self.found[cell] = content
         if self.bound is None and len(self.found) == len(self.cells):
             content = store.find(self._bound_task().cell)
-            self.bound = None if content is None else self.held(content)
+            self.bound = content if content is not None and self.held(content) is content else None
 
     @property
     def contents(self) -> list[CellFile]:
@@ -100,7 +100,7 @@ class Group:
         return [*self.found.values(), *([] if self.bound is None else [self.bound])]
 
     def held(self, content: CellFile) -> CellFile:
-        """What has become of the bound; one that a plan is better than is an error."""
+        """What has become of the bound: an error, if a plan is better than it."""
         try:
             for row in self._plan_parts() if content.is_finished else []:
                 _hold(row, content.row)
