@@ -19,16 +19,18 @@ from cocap_opt.check import check
 from cocap_opt.coverage import usable_cores
 from cocap_opt.io import decode, load_plan, load_problem, problem_digest
 from cocap_opt.model import compiled
-from cocap_opt.problem import Problem
+from cocap_opt.plan import Plan
+from cocap_opt.problem import NO_RULES, Problem
 from cocap_opt.result import Reason, Result
 from cocap_opt.stop import Stop, never
 from experiments import commands
 from experiments.files import decode_certificate
+from experiments.options import OWN_STARTS
 from experiments.progress import unseen
 from experiments.rows import SOLVERS, RefereeError, Row
 from experiments.sweeps import cells as cells_module
 from experiments.sweeps import cluster as cluster_module
-from experiments.sweeps.cells import BOUND, Cell, CellFile, Status, Store, code_digest
+from experiments.sweeps.cells import BOUND, OWN, Cell, CellFile, Status, Store, code_digest
 from experiments.sweeps.cluster import Cluster, existing, local
 from experiments.sweeps.crew import Alone, ClusterError
 from experiments.sweeps.layout import (
@@ -40,10 +42,12 @@ from experiments.sweeps.layout import (
 )
 from experiments.sweeps.results import load_results
 from experiments.sweeps.run import Group, Settings, recall, run
+from experiments.sweeps.start import start_of
 from experiments.sweeps.sweep import Hired, sweep
-from experiments.sweeps.work import Task, failed
+from experiments.sweeps.work import Task, failed, run_task
 from experiments.trace import load_trace
 from formulations.result import hovering
+from scenarios import load_scene
 from scenarios.field import field
 
 PLANNER_NAMES = ("greedy", "sequential", "cocap")
@@ -149,6 +153,40 @@ def test_a_bound_is_computed_anew_for_better_plans_only(
             assert row["conflicts"] or row["reward"] <= row["optimum"] <= row["bound"] * (1 + 1e-9)
 
 
+def test_a_bound_begins_with_the_best_of_all_whoever_found_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The best plan, the best that obeys the rules, the lowest bound; names and order are none."""
+
+    def crossed(problem: Problem, stop: Stop) -> Result:
+        paths = SOLVERS["cocap"](problem, stop).plan.paths  # type: ignore[union-attr]
+        plan = Plan(paths=paths[::-1])  # the drones are alike but for their starts
+        return Result(plan, check(problem, plan).reward, Reason.FINISHED)
+
+    symmetric = small_field(0, steps=3)
+    first, second = symmetric.robots
+    monkeypatch.setitem(SOLVERS, "twin", crossed)
+    problem = symmetric.replace(robots=(first, second.replace(start=first.start)), rules=NO_RULES)
+    found = planned(problem, ("cocap", "twin"))
+    one, other = (content.plan.plan for content in found if content.plan)
+    assert one != other and found[0].row["reward"] == found[1].row["reward"]
+    assert start_of(found) == start_of(found[::-1])
+    found = planned(load_scene("tiny-queue", 0), ("cocap", "branch-and-price", "greedy"))
+    start = start_of(found)
+    assert start == start_of(found[::-1])
+    assert start.plan == found[2].plan.plan and found[2].row["conflicts"]  # type: ignore[union-attr]
+    assert start.valid in [content.plan.plan for content in found[:2] if content.plan]
+    assert start.certificate == found[1].certificate(OWN)
+    assert len({start.digest, *(s._replace(**{k: v}).digest for s, k, v in (
+        (start, "plan", None), (start, "valid", None), (start, "certificate", b"")
+    ))}) == 4  # fmt: skip
+
+
+def planned(problem: Problem, planners: tuple[str, ...]) -> list[CellFile]:
+    """What planners' cells hold."""
+    return [run_task(task) for task in Group(problem, 0, planners, SETTINGS, {}).missing()]
+
+
 def test_another_plan_under_the_same_name_has_a_bound_of_its_own(tmp_path: Path) -> None:
     """What a bound begins with is known by its content: a better plan in the same file counts."""
     folder, problem = folder_for_a_sweep(tmp_path / "run"), small_field(0)
@@ -201,9 +239,11 @@ def test_the_files_that_rows_name_prove_them(tmp_path: Path) -> None:
     assert found[0] == found[2] != found[1]
 
 
-def test_a_folder_can_be_verified_anywhere(tmp_path: Path) -> None:
-    """Scene, plan and certificate of a folder are all that `verify` needs."""
-    (row, *_) = swept(groups(range(1, 2), ("cocap",)), tmp_path)
+@pytest.mark.parametrize("about", [{}, OWN_STARTS])
+def test_a_folder_can_be_verified_anywhere(about: Row, tmp_path: Path) -> None:
+    """Scene, plan and certificate are all that `verify` needs; a row says where they are."""
+    some = groups(range(1, 2), ("cocap",))[:1]
+    (row,) = sweep(some, SETTINGS, tmp_path, Hired(None, None, 1e4), about=about)
     paths = (scene_path(row), plan_path(row), certificate_path(row, free=False))
     assert commands.run(["verify", *(str(tmp_path / path) for path in paths)]) == 0
 
@@ -223,10 +263,13 @@ def test_a_limit_does_not_count_the_coverage(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It is whole before a limit begins, so what is in the cache changes no result."""
-    monkeypatch.setenv("COCAP_OPT_CACHE", str(tmp_path))
     settings = msgspec.structs.replace(SETTINGS, limit=0.0, bound_limit=0.0)
-    computed(groups(range(1), ("cocap",), settings)[:1], None)
-    assert list(tmp_path.glob("*.coverage"))
+    for planners in (("cocap",), ()):  # without planners, the bound is what is missing
+        cache = tmp_path / f"cache-{len(planners)}"
+        monkeypatch.setenv("COCAP_OPT_CACHE", str(cache))
+        (task,) = groups(range(1), planners, settings)[0].missing()
+        run_task(task)
+        assert list(cache.glob("*.coverage"))
 
 
 @pytest.mark.parametrize("change", ["limit", "problem", "planner", "seed", "code", "rendered"])
@@ -338,6 +381,7 @@ def test_what_an_interrupt_cut_short_is_not_kept(
         return solver(problem, stop)
 
     monkeypatch.setitem(SOLVERS, "sequential", pressed)
+    (tmp_path / "results.parquet").write_bytes(b"of another run")
     rows = swept(groups(range(3)), tmp_path)
     assert [row["seed"] for row in rows] == [0, 0, 0, 1, 1, 1]
     assert {(row["certificate"], row["certificate_free"]) for row in rows[3:]} == {("", "")}
@@ -371,6 +415,14 @@ def test_cells_that_exceeded_a_lower_limit_are_tried_again(tmp_path: Path) -> No
     Store(folder).save(failed(cell, Status.EXCEEDED, "", seconds=10.0))
     assert Store(folder, cell_limit=10.0).find(cell) is not None
     assert Store(folder, cell_limit=11.0).find(cell) is None
+    rows = swept(groups(range(1)), folder)
+    assert {row["reason"] for row in rows} == {"finished"}
+
+
+def test_nobody_timed_what_was_not_planned() -> None:
+    """A planner that does not take a scene has no seconds."""
+    (content,) = planned(field(0, robots=3, actors=1, cells=15, steps=2), ("joint",))
+    assert (content.row["reason"], content.row["seconds"]) == ("unsupported", None)
 
 
 # -- the command ----------------------------------------------------------------------------
