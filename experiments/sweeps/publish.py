@@ -7,6 +7,8 @@ what its rows say, whatever ran in the folder before.
 from collections.abc import Sequence
 from pathlib import Path
 
+from msgspec.structs import replace
+
 from cocap_opt.io import SceneFile, encode
 from experiments.files import save_bytes, write
 from experiments.rows import Row, without_rules
@@ -28,6 +30,7 @@ def published(folder: Path, group: Group, rows: Sequence[Row]) -> list[Row]:
     files |= proofs | _traces(group.bound, rows[0])
     for path, content in files.items():
         _put(folder / path, content)
+    group.bound = replace(group.bound, certificates={}, traces={})  # proofs can be large
     return [row | named for row in rows]
 
 
