@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator
+from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
 from cocap_opt.data import FloatArray
 from cocap_opt.plan import Conflict, Plan, SwapConflict, conflicts
@@ -25,6 +25,7 @@ DPI = 130
 BLUE, AMBER, RED, GREY = "#30638e", "#edae49", "#d1495b", "#8d99ae"
 LINEAR = 1.0  # %, up to which the axis of gaps is linear; from there on it is logarithmic
 GAP_TICKS = (0, 0.25, 0.5, 0.75, 1, 2, 5, 10, 20, 50, 100)
+NAMED = 12  # runs up to which each has its name in a legend
 LEAST_GAP = 100 * OPTIMALITY  # %, what a solver calls optimal
 
 
@@ -62,7 +63,7 @@ def draw_gaps(ax: Axes, rows: Sequence[Row]) -> Axes:
     labels = [_label(planner, some) for (planner,), some in planners.items()]
     ax.set_yticks(range(len(planners)), labels)
     ax.set_ylim(len(planners) - 0.5, -0.5)
-    _gap_axis(ax)
+    _gap_axis(ax, max((100 * row["gap"] for row in rows if row["gap"] is not None), default=0.0))
     ax.grid(axis="x", alpha=0.25)
     _frame(ax)
     return ax
@@ -99,11 +100,12 @@ def _label(planner: str, rows: Sequence[Row]) -> str:
     return f"{planner}\n({breaking} of {len(rows)} invalid)" if breaking else planner
 
 
-def _gap_axis(ax: Axes) -> None:
+def _gap_axis(ax: Axes, most: float) -> None:
+    """An axis for gaps up to the largest; intervals of few seeds may reach beyond."""
     ax.set_xscale("symlog", linthresh=LINEAR, linscale=1.0)
-    high = max(ax.get_xlim()[1], LINEAR)
+    high = 1.15 * max(most, LINEAR)
     ticks = [tick for tick in GAP_TICKS if tick <= high]
-    ax.set_xlim(-0.04, max(high, 1.02 * ticks[-1]))
+    ax.set_xlim(-0.04, high)
     ax.xaxis.set_major_locator(FixedLocator(ticks))
     ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     ax.xaxis.set_minor_locator(FixedLocator([]))
@@ -147,13 +149,12 @@ def draw_progress(ax: Axes, traces: Mapping[str, Trace]) -> Axes:
     ax.set_xscale("log")
     ax.set_yscale("log")
     ax.axhline(LEAST_GAP, color=GREY, lw=0.8, ls=":")
-    ax.set_xlabel("time (s)")
     ax.set_ylabel("gap (%)")
     ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    _time_axis(ax)
     ax.grid(alpha=0.25)
-    if len(shown) > 1:
-        ax.legend(fontsize=7, ncols=1 + len(shown) // 12)
+    if 1 < len(shown) <= NAMED:
+        ax.legend(fontsize=7)
     _frame(ax)
     return ax
 
@@ -165,13 +166,21 @@ def draw_bounds(ax: Axes, trace: Trace) -> Axes:
         ax.plot([s.seconds for s in known], [getattr(s, key) for s in known],
                 drawstyle="steps-post", color=colour, lw=1.6, label=key)  # fmt: skip
     ax.set_xscale("log")
-    ax.set_xlabel("time (s)")
+    _time_axis(ax)
     ax.set_ylabel("J")
     ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.0f}"))
     ax.grid(alpha=0.25)
     ax.legend(fontsize=8)
     _frame(ax)
     return ax
+
+
+def _time_axis(ax: Axes) -> None:
+    """A logarithmic axis of seconds, with numbers in between where it spans little."""
+    ax.set_xlabel("time (s)")
+    ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=9))
+    ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    ax.xaxis.set_minor_formatter(NullFormatter())
 
 
 def _with_gap(trace: Trace) -> list[Snapshot]:

@@ -47,7 +47,7 @@ from experiments.options import (
 from experiments.picture_commands import render, show
 from experiments.printing import path_text, print_json, print_result, print_table
 from experiments.progress import watching
-from experiments.result_commands import table
+from experiments.result_commands import report, table
 from experiments.rows import (
     SOLVERS,
     Judged,
@@ -444,7 +444,7 @@ def _add_message(row: Row, message: str) -> None:
     row["message"] = "; ".join(filter(None, (row["message"], message)))
 
 
-for _command in (gap, table, show, render):
+for _command in (gap, table, report, show, render):
     app.command(_command)
 app.command(  # by name: matplotlib is slow to import
     "experiments.figure_commands:app", name="figure", help="Draw charts of results for papers."

@@ -24,10 +24,12 @@ def latex(tables: Mapping[str, Table]) -> str:
     )
 
 
-def html(tables: Mapping[str, Table]) -> str:
-    """A heading and a table each, to be put into a page."""
+def html(tables: Mapping[str, Table], level: int = 2) -> str:
+    """A heading of some level and a table each, to be put into a page."""
+    heading = f"h{level}"
     return "\n".join(
-        f"<h2>{title}</h2>\n{_frame(table).to_html(index=False, escape=True, border=0)}\n"
+        f"<{heading}>{title}</{heading}>\n"
+        f"{_frame(table).to_html(index=False, escape=True, border=0)}\n"
         for title, table in tables.items()
     )
 

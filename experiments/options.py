@@ -70,5 +70,6 @@ def file_type(path: Path | None, allowed: tuple[str, ...]) -> str:
     """The ending of a file to be written, which says what kind it is to be."""
     suffix = "" if path is None else path.suffix.lower()
     if suffix not in allowed:
-        raise UsageError(f"-o: name a file that ends in {', '.join(allowed[:-1])} or {allowed[-1]}")
+        words = " or ".join(filter(None, (", ".join(allowed[:-1]), allowed[-1])))
+        raise UsageError(f"-o: name a file that ends in {words}")
     return suffix

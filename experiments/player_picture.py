@@ -24,6 +24,7 @@ from scenarios import load_scene
 SCENE, STEP = "bottleneck", 6
 SIZE = 1280, 800  # px
 PATIENCE = 30.0  # s
+PLAYER = "document.documentElement.dataset.ready === 'yes'"
 OPTIONS = (
     "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage",
     "--disable-background-networking", "--disable-component-update", "--disable-sync",
@@ -46,8 +47,14 @@ def programs() -> Programs | None:
 
 
 @contextmanager
-def opened(page: Path, size: tuple[int, int] = SIZE) -> Iterator[webdriver.Chrome]:
+def opened(
+    page: Path, size: tuple[int, int] = SIZE, ready: str = PLAYER
+) -> Iterator[webdriver.Chrome]:
     """A page in a browser of its own that cannot reach any network.
+
+    Parameters
+    ----------
+    ready : what is true in the page once it is there
 
     Raises
     ------
@@ -67,8 +74,7 @@ def opened(page: Path, size: tuple[int, int] = SIZE) -> Iterator[webdriver.Chrom
         try:
             resize(driver, size)
             driver.get(page.absolute().as_uri())
-            ready = "return document.documentElement.dataset.ready === 'yes'"
-            WebDriverWait(driver, PATIENCE).until(lambda d: d.execute_script(ready))
+            WebDriverWait(driver, PATIENCE).until(lambda d: d.execute_script(f"return {ready}"))
             yield driver
         finally:
             driver.quit()

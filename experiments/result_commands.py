@@ -1,19 +1,25 @@
 """The commands that show what sweeps have found."""
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
 
+from cocap_opt.io import FileError
 from experiments.files import check_output, save_bytes
-from experiments.options import Json, Output, choose
-from experiments.printing import print_json
+from experiments.options import Json, Output, UsageError, choose, file_type
+from experiments.printing import path_text, print_json, print_result
+from experiments.rows import Row
 from experiments.sweeps.about import load_run
 from experiments.sweeps.results import load_results
 from experiments.tables import AGAINST, all_tables
 
 DOCUMENT_STYLES = ("markdown", "latex", "html")
+Against = Annotated[
+    str | None, Parameter(help=f"the planner that others are compared with, else {AGAINST}")
+]
 
 
 def table(
@@ -23,9 +29,7 @@ def table(
     style: Annotated[
         str, Parameter(name="--format", help=f"one of {', '.join(DOCUMENT_STYLES)}")
     ] = "markdown",
-    against: Annotated[
-        str | None, Parameter(help=f"the planner that others are compared with, else {AGAINST}")
-    ] = None,
+    against: Against = None,
     output: Output = None,
     json: Json = False,
 ) -> int:
@@ -41,9 +45,7 @@ def table(
     choose("--format", style, DOCUMENTS)
     check_output(output)
     rows = load_results(folder)
-    if against is not None:
-        choose("--against", against, dict.fromkeys(row["planner"] for row in rows))
-    tables = all_tables(rows, load_run(folder).settings.limit, against or AGAINST)
+    tables = all_tables(rows, load_run(folder).settings.limit, _against(against, rows))
     if json:
         print_json({"tables": tables})
     elif output is None:
@@ -51,3 +53,42 @@ def table(
     if output is not None:
         save_bytes(output, DOCUMENTS[style](tables).encode())
     return 0
+
+
+def report(
+    folder: Path,
+    /,
+    *,
+    output: Output,
+    against: Against = None,
+    players: Annotated[int, Parameter(help="scenes of which plans are shown, at most")] = 4,
+    json: Json = False,
+) -> int:
+    """Make one HTML page of a sweep: tables, figures, players, settings and limitations.
+
+    It needs no network and no other file.
+
+    Example: cocap-opt report results -o report.html
+    """
+    from experiments.report import report_page  # matplotlib and pandas are slow to import
+
+    file_type(output, (".html",))
+    assert output is not None
+    if players < 0:
+        raise UsageError(f"--players: must be at least 0, not {players}")
+    check_output(output)
+    rows, run = load_results(folder), load_run(folder)
+    if not rows:
+        raise FileError(f"{folder}: has no results yet")
+    content = report_page(folder, rows, run, _against(against, rows), players)
+    save_bytes(output, content.encode())
+    print_result({"file": path_text(output)}, json)
+    return 0
+
+
+def _against(planner: str | None, rows: Sequence[Row]) -> str:
+    """The planner that others are compared with; a name that is given must be in the results."""
+    if planner is None:
+        return AGAINST
+    choose("--against", planner, dict.fromkeys(row["planner"] for row in rows))
+    return planner

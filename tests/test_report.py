@@ -1,0 +1,147 @@
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from selenium.webdriver.support.wait import WebDriverWait
+from test_player import value
+from test_tables import row
+
+from experiments import commands
+from experiments.limitations import limitations
+from experiments.player_picture import PLAYER, opened, programs
+from experiments.report import telling_pair, telling_seed
+from experiments.sweeps.about import about_run
+from experiments.sweeps.run import Settings
+
+SWEEP = ("gap", "tiny-queue", "bottleneck", "--time-limit", "0.5", "--seeds", "0",
+         "--planner", "greedy", "--planner", "cocap", "--planner", "sequential")  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of a small sweep, whose bound of the bottleneck is not proved in time."""
+    folder = tmp_path_factory.mktemp("report")
+    assert commands.run([*SWEEP, "--out", str(folder)]) == 0
+    return folder
+
+
+def report(folder: Path, page: Path, *options: str) -> int:
+    """Exit code of the command."""
+    return commands.run(["report", str(folder), "-o", str(page), *options])
+
+
+def test_a_report_opens_and_plays_without_network(results: Path, tmp_path: Path) -> None:
+    """All sections are there, players in it play, nothing is loaded, nothing is complained of."""
+    if programs() is None:
+        pytest.skip("needs chromium and chromedriver")
+    page = tmp_path / "report.html"
+    assert report(results, page) == 0
+    with opened(page, ready="document.readyState === 'complete'") as browser:
+        titles = value(browser, "[...document.querySelectorAll('h2')].map((h) => h.textContent)")
+        assert titles == [
+            "Results", "Search for the bounds", "Plans", "Limitations", "How it was made",
+        ]  # fmt: skip
+        images = "[...document.images].every((i) => i.complete && i.naturalWidth > 0)"
+        assert value(browser, images)
+        assert value(browser, "performance.getEntriesByType('resource').length") == 0
+        frames = browser.find_elements("tag name", "iframe")
+        assert [frame.get_attribute("title") for frame in frames] == [
+            "plans of tiny-queue, seed 0", "plans of bottleneck, seed 0",
+        ]  # fmt: skip
+        browser.execute_script("arguments[0].scrollIntoView()", frames[1])
+        browser.switch_to.frame(frames[1])
+        WebDriverWait(browser, 30).until(lambda driver: value(driver, PLAYER))
+        browser.find_element("id", "slider").send_keys("\ue014")  # right
+        assert value(browser, "document.getElementById('step').textContent") == "step 1 of 11"
+        browser.switch_to.default_content()
+        assert browser.get_log("browser") == []
+
+
+def test_players_are_as_many_as_asked_for(results: Path, tmp_path: Path) -> None:
+    """None leaves the section out; everything else stays."""
+    page = tmp_path / "report.html"
+    assert report(results, page, "--players", "0") == 0
+    text = page.read_text(encoding="utf-8")
+    assert "<iframe" not in text and ">Plans<" not in text and "Paired differences" in text
+
+
+def test_a_report_needs_only_its_folder(
+    results: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It may be made from a copy somewhere else, where nobody knows the scenes."""
+    copy = shutil.copytree(results, tmp_path / "copy")
+    monkeypatch.setattr("scenarios.SCENES", {})
+    assert report(copy, tmp_path / "report.html") == 0
+
+
+def _without_results(folder: Path) -> str:
+    (folder / "results.csv").unlink()
+    return "results.csv: No such file"
+
+
+def _without_rows(folder: Path) -> str:
+    path = folder / "results.csv"
+    path.write_text(path.read_text().splitlines()[0] + "\n")
+    return "has no results yet"
+
+
+def _of_another_run(folder: Path) -> str:
+    name = folder / "plans" / "bottleneck-0-greedy.json"
+    shutil.copy(folder / "plans" / "bottleneck-0-sequential.json", name)
+    return "is of another run"
+
+
+@pytest.mark.parametrize("spoil", [_without_results, _without_rows, _of_another_run])
+def test_a_folder_that_cannot_be_told_of_is_refused(
+    spoil: Callable[[Path], str],
+    results: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """In one line, and no page is written."""
+    copy, page = shutil.copytree(results, tmp_path / "copy"), tmp_path / "report.html"
+    words = spoil(copy)
+    capsys.readouterr()
+    assert report(copy, page) == 2
+    err = capsys.readouterr().err
+    assert words in err and len(err.splitlines()) == 1
+    assert not page.exists()
+
+
+def test_names_cannot_break_a_report(results: Path, tmp_path: Path) -> None:
+    """A scene's name is text, whatever it looks like."""
+    evil, copy = "</td><script>x</script>", shutil.copytree(results, tmp_path / "copy")
+    path = copy / "results.csv"
+    path.write_text(path.read_text().replace("tiny-queue,", f'"{evil}",'))
+    page = tmp_path / "report.html"
+    assert report(copy, page) == 0
+    assert evil not in page.read_text(encoding="utf-8")
+
+
+def test_the_seed_with_most_to_avoid_is_shown() -> None:
+    """Most conflicts first, then rewards that differ most; the pair is the worst and the best."""
+    rows = [
+        row("greedy", 0, 99.0), row("cocap", 0, 60.0), row("best", 0, 100.0),
+        row("greedy", 1, 120.0, conflicts=2), row("cocap", 1, 99.0), row("best", 1, 100.0),
+        row("greedy", 2, 120.0, conflicts=2), row("cocap", 2, 98.0), row("best", 2, 100.0),
+    ]  # fmt: skip
+    seed, some = telling_seed(rows)
+    assert seed == 2 and [r["planner"] for r in telling_pair(some)] == ["greedy", "best"]
+    seed, some = telling_seed(rows[:3])
+    assert seed == 0 and [r["planner"] for r in telling_pair(some)] == ["cocap", "best"]
+    assert telling_pair([row("cocap", 0, None)]) == []
+
+
+def test_limitations_are_those_of_the_results() -> None:
+    """What is open, lost or failed is said with its number; what is not is not."""
+    run = about_run(Settings(limit=1.0, bound_limit=1.0), ["a"], [0], "this process")
+    fine = [row("cocap", seed, 99.0) for seed in range(9)]
+    assert not any("not proved" in words or "have no plan" in words
+                   for words in limitations(fine, run))  # fmt: skip
+    rows = [*fine, row("cocap", 9, 90.0, bound_reason="stopped"),
+            row("cocap", 10, None, reason="died")]  # fmt: skip
+    text = "\n".join(limitations(rows, run))
+    assert "1 of 11 bounds are not proved" in text
+    assert "1 of 11 runs of cocap have no plan" in text and "1 of 11 runs failed" in text
+    assert "one seed" in "\n".join(limitations([row("cocap", 0, 99.0)], run))
