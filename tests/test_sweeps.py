@@ -22,7 +22,7 @@ from cocap_opt.model import compiled
 from cocap_opt.plan import Plan
 from cocap_opt.problem import NO_RULES, Problem
 from cocap_opt.result import Reason, Result
-from cocap_opt.stop import Stop, never
+from cocap_opt.stop import Limit, Stop, never
 from experiments import commands
 from experiments.files import decode_certificate
 from experiments.options import OWN_STARTS
@@ -590,10 +590,10 @@ def test_a_scheduler_that_is_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @contextmanager
-def threads(n: int) -> Iterator[LocalCluster]:
+def threads(n: int, workers: int = 1) -> Iterator[LocalCluster]:
     """A cluster of threads of this process, which has no nanny."""
     with LocalCluster(
-        n_workers=1, threads_per_worker=n, processes=False, dashboard_address=None,
+        n_workers=workers, threads_per_worker=n, processes=False, dashboard_address=None,
         scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},
     ) as cluster:  # fmt: skip
         yield cluster
@@ -621,6 +621,18 @@ def test_a_lost_scheduler_is_no_cells_fault(tmp_path: Path) -> None:
         with pytest.raises(ClusterError, match="--scheduler: it is lost"):
             run(groups(), crew, Store(folder), never, lambda content: None)
     assert not list((folder / "cells").iterdir())
+
+
+def test_waiting_for_workers_is_said(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A sweep whose workers are all gone says once that it waits, until Ctrl-C."""
+    monkeypatch.setattr(cluster_module, "POLL", 0.01)
+    monkeypatch.setattr(cluster_module, "ANSWER", 0.02)
+    asked = iter([Limit.NONE] * 6 + [Limit.INTERRUPT])
+    with threads(1, workers=0) as cluster, Client(cluster) as client:
+        assert Cluster(client, lambda: next(asked), 60.0).next() is None
+    assert capsys.readouterr().err.count("no workers") == 1
 
 
 def test_a_worker_lets_go_of_its_models_and_knows_its_code() -> None:

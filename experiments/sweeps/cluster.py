@@ -21,6 +21,7 @@ from distributed.client import ClosedClientError
 
 from cocap_opt.model import compiled, compiled_apart
 from cocap_opt.stop import Limit, Stop
+from experiments.streams import say
 from experiments.sweeps.cells import CellFile, Status, code_digest
 from experiments.sweeps.crew import ClusterError
 from experiments.sweeps.work import Task, failed, run_task
@@ -67,6 +68,7 @@ class Cluster:
             return self._next()
 
     def _next(self) -> CellFile | None:
+        looks = 0  # at a cluster without any worker
         while self._stop() is Limit.NONE:
             late = time.monotonic() - self._limit
             for future, (task, begun) in list(self._running.items()):
@@ -85,6 +87,9 @@ class Cluster:
                 return None
             else:
                 time.sleep(POLL)
+                looks += 1
+                if looks == round(ANSWER / POLL):
+                    say("there are no workers any more; waiting for others")
         return None
 
     def _restart(self, future: Future) -> None:
