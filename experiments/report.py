@@ -122,12 +122,11 @@ def _searches(folder: Path, rows: Sequence[Row]) -> str:
 
 
 def _trace(folder: Path, row: Row) -> Trace | None:
-    """Of the bound under the rules; where the one without rules settles both, of that."""
-    for free in (False, True):
-        path = folder / trace_path(row, free)
-        if path.is_file():
-            return load_trace(path)
-    return None
+    """Of the bound under the rules; where the one without rules has settled both, of that."""
+    paths = (folder / trace_path(row, free) for free in (False, True))
+    traces = [load_trace(path) for path in paths if path.is_file()]
+    searched = [trace for trace in traces if len(trace.snapshots) > 1]
+    return next(iter(searched or traces), None)
 
 
 # -- plans --------------------------------------------------------------------------------

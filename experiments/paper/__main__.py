@@ -48,15 +48,15 @@ def paper(
     sizes = numbers("--robots", robots)
     if min(sizes) < 1:
         raise FileError(f"--robots: must be at least 1, not {min(sizes)}")
-    reproduce(
+    fine = reproduce(
         out, numbers("--seeds", seeds), sizes, numbers("--scaling-seeds", scaling_seeds),
         time_limit, workers,
     )  # fmt: skip
-    return 0
+    return 0 if fine else 1
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; returns 0, 2 for wrong input, or 130 after Ctrl-C."""
+    """Run the command; returns 0, 1 after an error in a cell, 2 for wrong input, 130 on Ctrl-C."""
     return run_app(app, arguments, ClusterError, UsageError)
 
 

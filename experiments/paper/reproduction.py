@@ -19,7 +19,7 @@ from experiments.paper.giving_way import Encounter, encounters, most_generous
 from experiments.rows import Row
 from experiments.statistics import mean
 from experiments.sweeps.run import Group, Settings
-from experiments.sweeps.sweep import Hired, sweep
+from experiments.sweeps.sweep import Hired, has_error, sweep
 from experiments.tables import Table, grouped, planner_table, price_table, values
 from scenarios import load_scene
 from scenarios.field import field
@@ -37,8 +37,8 @@ def reproduce(
     scaling_seeds: Sequence[int],
     limit: float,
     workers: int | None,
-) -> None:
-    """Compute what is missing, and write paper.md and its figures."""
+) -> bool:
+    """Compute what is missing, and write paper.md and its figures; whether nothing was an error."""
     settings = Settings(limit=limit, bound_limit=limit)
     main = [
         Group(load_scene(scene, seed), seed, PLANNERS, settings, {})
@@ -57,18 +57,31 @@ def reproduce(
     whole = [group for group in main if group.is_whole]
     interrupted = len(whole) < len(main)
     team_rows = [] if interrupted else _swept(out / "scaling", teams, settings, workers)
-    if not whole:
-        return
-    figures = {"curves.png": png(curves_figure(_curves(whole)))}
-    giving, found = _giving_way(whole)
+    if whole:
+        missing = sum(not group.is_whole for group in (*main, *teams))
+        _write(out, whole, rows, team_rows, sizes, limit, missing)
+    return not any(map(has_error, (*rows, *team_rows)))
+
+
+def _write(
+    out: Path,
+    groups: Sequence[Group],
+    rows: Sequence[Row],
+    team_rows: Sequence[Row],
+    sizes: Sequence[int],
+    limit: float,
+    missing: int,
+) -> None:
+    """Write the page and its figures, of what there is."""
+    giving, found = _giving_way(groups)
     example = most_generous(found["cocap"])
+    figures = {"curves.png": png(curves_figure(_curves(groups)))}
     if example is not None:
-        figures["giving-way.png"] = _example(whole, example)
+        figures["giving-way.png"] = _example(groups, example)
     if team_rows:
         figures["scaling.png"] = png(scaling_figure(_points(team_rows, sizes)))
     for name, content in figures.items():
         save_bytes(out / name, content)
-    missing = len(main) - len(whole) + len(teams) - sum(group.is_whole for group in teams)
     page = _page(rows, team_rows, giving, example, limit, missing)
     save_bytes(out / "paper.md", page.encode())
 
