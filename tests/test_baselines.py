@@ -331,7 +331,7 @@ def test_the_distance_is_the_nearest_at_which_the_image_holds_it(
     assert distance_in_view(robot.replace(camera=Cone()), above, wanted) == wanted
 
 
-@examples(20)
+@examples(12)
 @given(problems(robots=st.just(1)))
 def test_one_robot_is_as_near_to_its_place_as_can_be(problem: Problem) -> None:
     """Of all paths none is nearer in all; of those through the same cells none has a greater J."""

@@ -269,7 +269,7 @@ def test_a_few_points_of_somebody_tell_what_all_points_do(height: float) -> None
     assert np.nanmean(wrong) < 2e-4
 
 
-@examples(100)
+@examples(50)
 @given(
     size=st.floats(0.2, 1.8),
     wide=st.floats(0.05, 1.0),
