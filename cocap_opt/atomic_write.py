@@ -8,6 +8,8 @@ from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 
+UNFINISHED = ".cocap-opt-"  # what names of temporary files begin with
+
 
 def write_atomically(path: Path, content: bytes) -> None:
     """Write a file whole or not at all: to a temporary file beside it, then renamed.
@@ -33,7 +35,7 @@ def write_together(contents: Mapping[Path, bytes]) -> None:
         for path, content in contents.items():
             target = file_to_write(path)
             # The target's own name may be as long as names can be.
-            handle, name = tempfile.mkstemp(dir=target.parent, prefix=".cocap-opt-")
+            handle, name = tempfile.mkstemp(dir=target.parent, prefix=UNFINISHED)
             written.append((name, target))
             with os.fdopen(handle, "wb") as file:
                 file.write(content)

@@ -45,7 +45,7 @@ def gaps_figure(rows: Sequence[Row]) -> Figure:
 
 
 def draw_gaps(ax: Axes, rows: Sequence[Row]) -> Axes:
-    """Gap of each planner to the best certified bound: a point per seed, mean and interval.
+    """Gap of each planner to the best certified bound: a point per seed, mean and 95 % interval.
 
     A hollow point is against a bound that is not proved to be the optimum, so that the plan may
     be better than it shows. Plans that break a rule have no gap; they are counted at the side.
@@ -59,7 +59,7 @@ def draw_gaps(ax: Axes, rows: Sequence[Row]) -> Axes:
         _draw_planner(ax, y, [row for row in some if obeys(row) and row["gap"] is not None])
     if not all(_is_proved(row) for row in rows):
         ax.scatter([], [], s=14, facecolor="none", edgecolor=BLUE, label="bound not proved best")
-        ax.legend(fontsize=7, loc="lower right")
+        ax.legend(fontsize=7, loc="lower right", bbox_to_anchor=(1.0, 1.0), frameon=False)
     labels = [_label(planner, some) for (planner,), some in planners.items()]
     ax.set_yticks(range(len(planners)), labels)
     ax.set_ylim(len(planners) - 0.5, -0.5)
@@ -109,7 +109,7 @@ def _gap_axis(ax: Axes, most: float) -> None:
     ax.xaxis.set_major_locator(FixedLocator(ticks))
     ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     ax.xaxis.set_minor_locator(FixedLocator([]))
-    ax.set_xlabel("gap to the best certified bound (%)")
+    ax.set_xlabel("gap to the best certified bound (%, logarithmic above 1)")
 
 
 # -- progress -----------------------------------------------------------------------------
@@ -162,7 +162,7 @@ def draw_progress(ax: Axes, traces: Mapping[str, Trace]) -> Axes:
 def draw_bounds(ax: Axes, trace: Trace) -> Axes:
     """Value and bound of a run over time."""
     for key, colour in (("bound", AMBER), ("value", BLUE)):
-        known = [s for s in trace.snapshots if math.isfinite(getattr(s, key))]
+        known = [s for s in trace.snapshots if math.isfinite(getattr(s, key)) and s.seconds > 0]
         ax.plot([s.seconds for s in known], [getattr(s, key) for s in known],
                 drawstyle="steps-post", color=colour, lw=1.6, label=key)  # fmt: skip
     ax.set_xscale("log")

@@ -18,8 +18,14 @@ def markdown(tables: Mapping[str, Table]) -> str:
 
 def latex(tables: Mapping[str, Table]) -> str:
     """A tabular of the package booktabs each, with its title as a caption."""
-    return "\n".join(
-        _frame(table).to_latex(index=False, escape=True, caption=title, position="ht")
+    return "% \\usepackage{booktabs}\n" + "\n".join(
+        _frame(table).to_latex(
+            index=False,
+            escape=True,
+            caption=title,
+            position="ht",
+            column_format="ll" + "r" * (len(table[0]) - 2),
+        )
         for title, table in tables.items()
     )
 

@@ -9,8 +9,8 @@ from experiments.charts import conflicts_figure, gaps_figure, progress_figure
 from experiments.figures import PICTURES, picture
 from experiments.files import check_output, read_plans, save_bytes
 from experiments.options import Json, Output, Seed, UsageError, file_type, load
-from experiments.picture_commands import titles
-from experiments.printing import path_text, print_result
+from experiments.printing import path_text, print_result, titles
+from experiments.sweeps.layout import TRACES
 from experiments.sweeps.results import load_results
 from experiments.trace import load_trace
 
@@ -24,23 +24,33 @@ def gaps(folder: Path, /, *, output: Output, json: Json = False) -> int:
     Example: cocap-opt figure gaps results -o gaps.pdf
     """
     _check(output)
-    rows = load_results(folder)
-    if not rows:
-        raise UsageError(f"{folder}: has no results yet")
-    return _save(output, gaps_figure(rows), json)
+    return _save(output, gaps_figure(load_results(folder)), json)
 
 
 @app.command
 def progress(*trace: Path, output: Output, json: Json = False) -> int:
-    """Draw the gap of solver runs over time, from files that --trace has written.
+    """Draw the gap of solver runs over time, from files that --trace has written, or a sweep.
+
+    A folder stands for the traces of the sweep in it.
 
     Example: cocap-opt figure progress trace.csv -o progress.pdf
     """
     _check(output)
     if not trace:
         raise UsageError("TRACE: name a file that `solve --trace` has written")
-    traces = [load_trace(path) for path in trace]
-    return _save(output, progress_figure(dict(zip(titles(trace), traces, strict=True))), json)
+    paths = [path for given in trace for path in _traces(given)]
+    traces = [load_trace(path) for path in paths]
+    return _save(output, progress_figure(dict(zip(titles(paths), traces, strict=True))), json)
+
+
+def _traces(path: Path) -> list[Path]:
+    """The files of a sweep's folder, or the file itself."""
+    if not path.is_dir():
+        return [path]
+    found = sorted((path / TRACES).glob("*.csv"))
+    if not found:
+        raise UsageError(f"{path}: has no traces of a sweep")
+    return found
 
 
 @app.command

@@ -10,6 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Polygon, Wedge
+from matplotlib.text import Text
 from matplotlib.ticker import MaxNLocator, ScalarFormatter
 from PIL import Image
 
@@ -171,11 +172,13 @@ def picture(figure: Figure, suffix: str) -> bytes:
 
     Parameters
     ----------
-    suffix : one of PICTURES; in PDF and SVG text stays text
+    suffix : one of PICTURES; in PDF text stays text
     """
     content = io.BytesIO()
     FigureCanvasAgg(figure)
-    with mpl.rc_context({"svg.fonttype": "none", "pdf.fonttype": 42}):
+    for text in figure.findobj(Text):  # names of scenes and files are no mathematics
+        text.set_parse_math(False)
+    with mpl.rc_context({"pdf.fonttype": 42, "text.parse_math": False}):
         figure.savefig(content, format=suffix[1:])
     return content.getvalue()
 

@@ -3,12 +3,14 @@
 import csv
 import io
 import os
+import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import msgspec
 
-from cocap_opt.atomic_write import file_to_write, write_atomically, write_together
+from cocap_opt.atomic_write import UNFINISHED, file_to_write, write_atomically, write_together
 from cocap_opt.check import check
 from cocap_opt.io import (
     FileError,
@@ -27,6 +29,7 @@ from formulations.certificate import CertificateFile
 from formulations.proof import ProofFile
 from scenarios import read_foreign_plan, scene_of_plan
 
+LEFTOVER = 3600.0  # s, after which nobody is writing a file any more
 KINDS: dict[str, type[PlanFile] | type[CertificateFile] | type[ProofFile]] = {
     "cocap-opt plan": PlanFile,
     "cocap-opt certificate": CertificateFile,
@@ -96,6 +99,15 @@ def make_folder(path: Path | None, *parts: str) -> None:
             raise FileError(f"{path}: cannot be made a folder: {error.strerror}") from error
 
 
+def clear_leftovers(folders: Sequence[Path]) -> None:
+    """Remove what processes that were killed while they wrote have left behind."""
+    for folder in folders:
+        for path in folder.glob(f"{UNFINISHED}*"):
+            with suppress(OSError):
+                if time.time() - path.stat().st_mtime > LEFTOVER:
+                    path.unlink()
+
+
 def write(name: Path | str, action: Callable[[], None]) -> None:
     """Do what writes files; a failure names them."""
     try:
@@ -107,7 +119,7 @@ def write(name: Path | str, action: Callable[[], None]) -> None:
 def read_text(path: Path) -> str:
     """Content of a file in UTF-8, or a FileError that names it."""
     try:
-        return read_bytes(path).decode()
+        return read_bytes(path).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise FileError(f"{path}: must be text in UTF-8") from error
 

@@ -22,7 +22,7 @@ from experiments.options import (
     load,
     positive,
 )
-from experiments.printing import path_text, print_gap_table, print_json, print_table
+from experiments.printing import print_gap_table, print_json, print_table, titles
 from experiments.rows import SOLVERS, Row, default_planners, mean_table
 from experiments.streams import say
 from experiments.sweeps.cells import BOUND
@@ -148,12 +148,13 @@ class _Others(NamedTuple):
 def _plans_of_others(paths: Sequence[Path], problems: Problems) -> _Others:
     if not paths:
         return _Others({}, {}, {})
-    for name in map(path_text, paths):
+    names = titles(paths)
+    for name in names:
         if name in (*SOLVERS, BOUND):
             raise UsageError(f"--plan: {name} is what a planner is called; rename the file")
     ((cell, own),) = problems.items()
     fitting, plans = read_plans(paths, cell[0], own)
-    named = dict(zip(map(path_text, paths), plans, strict=True))
+    named = dict(zip(names, plans, strict=True))
     return _Others(named, {cell: fitting}, {} if fitting is own else OWN_STARTS)
 
 

@@ -76,6 +76,7 @@ def _of_plans(rows: Sequence[Row]) -> Iterator[str]:
 
 def _of_times(run: RunFile) -> Iterator[str]:
     yield (
-        f"Seconds are of wall-clock time, by {run.workers}, with coverage computed before; other "
-        "load on the machine is in them. Ratios between planners hold elsewhere, seconds do not."
+        f"Seconds are of wall-clock time, by {run.workers}, and other load on the machine is in "
+        "them. Coverage of all states is computed before and not in them; planners that see only "
+        "what they touch (cocap-vs, formation, one-step) compute that while they run, and it is."
     )

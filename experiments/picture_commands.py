@@ -13,7 +13,7 @@ from cocap_opt.problem import Problem
 from cocap_opt.result import UnsupportedError
 from experiments.files import check_output, make_folder, read_plan, read_plans, save_bytes
 from experiments.options import Json, Output, Seed, UsageError, file_type, load
-from experiments.printing import path_text, print_result
+from experiments.printing import path_text, print_result, titles
 from experiments.progress import watching
 
 SHOWN = (".html", ".png", ".pdf", ".svg", ".gif")
@@ -79,12 +79,6 @@ def render(
             raise UsageError(f"{scene}: {error}") from error
     print_result({"scene": problem.name, "seed": seed, "folder": path_text(output)} | row, json)
     return 0
-
-
-def titles(paths: Sequence[Path]) -> list[str]:
-    """What to call plans: the names of their files, with their folders if some are alike."""
-    names = [path.name for path in paths]
-    return [path_text(path if names.count(path.name) > 1 else Path(path.name)) for path in paths]
 
 
 def _shown(problem: Problem, plans: Sequence[Plan], names: Sequence[str], suffix: str) -> bytes:

@@ -49,6 +49,12 @@ def path_text(path: Path) -> str:
     return str(path).encode("utf-8", "backslashreplace").decode()
 
 
+def titles(paths: Sequence[Path]) -> list[str]:
+    """What to call plans: the names of their files, with their folders if some are alike."""
+    names = [path.name for path in paths]
+    return [path_text(path if names.count(path.name) > 1 else Path(path.name)) for path in paths]
+
+
 def print_result(row: Row, json: bool) -> None:
     """One result, a line per key."""
     if json:

@@ -4,6 +4,7 @@ It reads a sweep's folder only, so that it can be made on another machine.
 """
 
 import base64
+import math
 from collections.abc import Mapping, Sequence
 from html import escape
 from importlib.resources import files
@@ -52,7 +53,7 @@ def report_page(folder: Path, rows: Sequence[Row], run: RunFile, against: str, p
         "Search for the bounds": _searches(folder, rows),
         "Plans": _plans(folder, rows, players),
         "What failed": _failures(rows),
-        "Limitations": _list(limitations(rows, run)),
+        "Limitations": _list([*limitations(rows, run), *_absent(folder, rows)]),
         "How it was made": _settings(run),
     }
     shown = {title: text for title, text in sections.items() if text}
@@ -192,7 +193,7 @@ def _plan(folder: Path, row: Row, problem: Problem) -> Plan:
     path = folder / plan_path(row)
     _, plan = read_plan(path, str(folder / scene_path(row)), problem)
     reward = check(problem, plan).reward
-    if abs(reward - row["reward"]) > 1e-9 * max(abs(reward), 1.0):
+    if not math.isclose(reward, row["reward"], rel_tol=1e-9, abs_tol=1e-9):
         words = f"has J = {reward:,.2f}, results.csv says {row['reward']:,.2f}"
         raise FileError(f"{path}: is of another run: it {words}")
     return plan
@@ -233,6 +234,20 @@ def _failures(rows: Sequence[Row]) -> str:
     ]  # fmt: skip
     once = list({tuple(row.items()): row for row in failed}.values())
     return html({"Cells": once}, level=3) if once else ""
+
+
+def _absent(folder: Path, rows: Sequence[Row]) -> list[str]:
+    """What ought to be in the folder and is not."""
+    first = {(row["scene"], row["seed"]): row for row in rows}.values()
+    named = {row[key] for row in first for key in ("certificate", "certificate_free") if row[key]}
+    certificates = sum(not (folder / name).is_file() for name in named)
+    scenes = sum(not (folder / scene_path(row)).is_file() for row in first)
+    sentences = []
+    if certificates:
+        sentences.append(f"{certificates} of {len(named)} certificates are not in the folder.")
+    if scenes:
+        sentences.append(f"{scenes} of {len(first)} scene files are not in the folder.")
+    return sentences
 
 
 def _settings(run: RunFile) -> str:

@@ -7,7 +7,6 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from cocap_opt.io import FileError
 from experiments.files import check_output, save_bytes
 from experiments.options import Json, Output, UsageError, choose, file_type
 from experiments.printing import path_text, print_json, print_result
@@ -78,8 +77,6 @@ def report(
         raise UsageError(f"--players: must be at least 0, not {players}")
     check_output(output)
     rows, run = load_results(folder), load_run(folder)
-    if not rows:
-        raise FileError(f"{folder}: has no results yet")
     content = report_page(folder, rows, run, _against(against, rows), players)
     save_bytes(output, content.encode())
     print_result({"file": path_text(output)}, json)

@@ -267,7 +267,7 @@ def mean_table(rows: Sequence[Row]) -> list[Row]:
                 "planner": planner,
                 "seeds": len(some),
                 "feasible": sum(row["reward"] is not None and not row["conflicts"] for row in some),
-                "proved": sum(row["bound_reason"] == "optimal" for row in some),
+                "bounds proved": sum(row["bound_reason"] == "optimal" for row in some),
                 **{key: _mean(some, key) for key in MEANS},
             }
         )

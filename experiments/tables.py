@@ -39,6 +39,7 @@ def planner_table(rows: Sequence[Row]) -> Table:
                 "largest gap (%)": _number(max(gaps, default=None), 3),
                 "gap to free (%)": interval(percent(valid, "gap_free")),
                 "proved optimal": _share(sum(map(is_optimal, valid)), len(some)),
+                "stopped by a limit": str(sum(row["reason"] == Reason.STOPPED for row in some)),
                 "seconds, median": _median(values(some, "seconds")),
             }
         )
@@ -154,7 +155,7 @@ def _times(scene: str, rows: Sequence[Row], limit: float) -> Table:
             "scene": scene,
             "planner": planner,
             "runs": str(len(some)),
-            "without a plan": str(sum(not obeys(row) for row in some)),
+            "no valid plan": str(sum(not obeys(row) for row in some)),
             "shifted geometric mean (s)": _number(means[planner], 3),
             "of the fastest": _number(means[planner] / least if least > 0 else None, 1),
             "median (s)": _median(values(some, "seconds")),

@@ -12,9 +12,11 @@ from pathlib import Path
 
 from cocap_opt.io import FileError
 from experiments.files import read_text
+from experiments.rows import ROUNDING
 from formulations.result import CertifiedResult, Report, Snapshot
 
 COLUMNS = Snapshot._fields
+MOST = 1e100  # that any J may be
 
 
 class Trace:
@@ -48,8 +50,9 @@ class Trace:
     def end(self, result: CertifiedResult) -> None:
         """Keep how it ended, even where nothing has improved since."""
         last = self._snapshots[-1] if self._snapshots else Snapshot(-math.inf, math.inf, 0.0)
-        value, bound = max(last.value, result.value), min(last.bound, result.bound)
-        self._snapshots.append(last._replace(value=value, bound=bound, seconds=result.seconds))
+        self._snapshots.append(
+            last._replace(value=result.value, bound=result.bound, seconds=result.seconds)
+        )
 
 
 def both(first: Report, second: Report) -> Report:
@@ -88,7 +91,7 @@ def load_trace(path: Path) -> Trace:
 
 def _snapshot(row: dict[str, str], where: str) -> Snapshot:
     try:
-        if None in row.values():  # a line that ends too early
+        if None in row.values() or None in row:  # too few, or too many
             raise ValueError
         value = float(row["value"] or -math.inf)
         bound = float(row["bound"] or math.inf)
@@ -97,6 +100,8 @@ def _snapshot(row: dict[str, str], where: str) -> Snapshot:
         )
     except (TypeError, ValueError) as error:
         raise FileError(f"{where}: must be five numbers") from error
-    if not 0 <= found.seconds < math.inf or math.isnan(value) or math.isnan(bound):
-        raise FileError(f"{where}: must be five numbers, seconds >= 0")
+    if not (0 <= found.seconds < math.inf and value <= bound + ROUNDING * abs(value)):
+        raise FileError(f"{where}: must be five numbers, seconds >= 0, no value above its bound")
+    if any(row[key] and abs(float(row[key])) > MOST for key in ("value", "bound")):
+        raise FileError(f"{where}: value and bound must be at most {MOST:g}, or empty")
     return found

@@ -14,7 +14,14 @@ from cocap_opt.planners import PLANNERS
 from cocap_opt.result import Reason
 from cocap_opt.stop import Limit
 from experiments import commands
-from experiments.charts import draw_conflicts, draw_gaps, draw_progress
+from experiments.charts import (
+    draw_conflicts,
+    draw_gaps,
+    draw_progress,
+    gaps_figure,
+    progress_figure,
+)
+from experiments.figures import picture
 from experiments.trace import Trace, load_trace, trace_text
 from formulations.result import CertifiedResult, Snapshot
 from scenarios import load_scene
@@ -50,13 +57,19 @@ def test_a_trace_is_read_as_it_was_written(tmp_path: Path) -> None:
     path = tmp_path / "trace.csv"
     path.write_text(trace_text(trace), encoding="utf-8")
     assert load_trace(path).snapshots == trace.snapshots
+             "value,bound,seconds,columns,nodes\n3,2,3,0,0\n",
+             "value,bound,seconds,columns,nodes\n1,1e308,3,0,0\n",
+             "value,bound,seconds,columns,nodes\n1,2,3,4,5,6\n",
     assert path.read_text(encoding="utf-8").splitlines()[1] == ",,0.25,0,0"
 
 
 @pytest.mark.parametrize(
     "text", ["value,bound\n", "value,bound,seconds,columns,nodes\n1,2\n",
              "value,bound,seconds,columns,nodes\n1,2,-3,0,0\n",
-             "value,bound,seconds,columns,nodes\nnan,2,3,0,0\n"],
+             "value,bound,seconds,columns,nodes\nnan,2,3,0,0\n",
+             "value,bound,seconds,columns,nodes\n3,2,3,0,0\n",
+             "value,bound,seconds,columns,nodes\n1,1e308,3,0,0\n",
+             "value,bound,seconds,columns,nodes\n1,2,3,4,5,6\n"],
 )  # fmt: skip
 def test_what_is_no_trace_is_said(
     text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -117,3 +130,23 @@ def test_runs_without_a_gap_are_not_drawn() -> None:
     """A bound without a plan has no gap to draw, and is no error."""
     ax = draw_progress(Figure().subplots(), {"bound": Trace([Snapshot(-math.inf, 5.0, 1.0)])})
     assert len(ax.lines) == 1  # where optima lie
+
+
+def test_names_are_no_mathematics(tmp_path: Path) -> None:
+    """A scene or a file may have dollar signs in its name."""
+    rows = [row("$x^{_$", 0, 99.0, scene="$a^{_$"), row("cocap", 0, 98.0, scene="$a^{_$")]
+    assert picture(gaps_figure(rows), ".png").startswith(b"\x89PNG")
+    trace = Trace([Snapshot(1.0, 2.0, 1.0)])
+    assert b"<svg" in picture(progress_figure({"$x^{_$": trace, "b": trace}), ".svg")
+
+
+def test_the_traces_of_a_sweep_are_drawn(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A folder stands for the traces in it; one without any is refused."""
+    (tmp_path / "traces").mkdir()
+    draw = ["figure", "progress", str(tmp_path), "-o", str(tmp_path / "x.png")]
+    assert commands.run(draw) == 2
+    assert "has no traces" in capsys.readouterr().err
+    (tmp_path / "traces" / "a-0.csv").write_text(trace_text(Trace([Snapshot(1.0, 2.0, 1.0)])))
+    assert commands.run(draw) == 0

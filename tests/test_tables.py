@@ -98,7 +98,7 @@ def test_who_has_no_plan_pays_the_limit() -> None:
     expected = shifted_geometric_mean([1.0, 1.0, 60.0])
     assert sequential["shifted geometric mean (s)"] == f"{expected:.3f}"
     assert (sequential["median (s)"], cocap["longest (s)"]) == ("1.000", "3.000")
-    assert (sequential["of the fastest"], sequential["without a plan"]) == ("1.0", "1")
+    assert (sequential["of the fastest"], sequential["no valid plan"]) == ("1.0", "1")
 
 
 def test_times_are_compared_on_the_same_runs() -> None:
@@ -122,7 +122,7 @@ def test_only_runs_are_timed() -> None:
                                                   reason="unsupported"),
     ]  # fmt: skip
     (cocap,) = time_table(rows, 60.0)
-    assert (cocap["runs"], cocap["without a plan"], cocap["longest (s)"]) == ("2", "1", "1.000")
+    assert (cocap["runs"], cocap["no valid plan"], cocap["longest (s)"]) == ("2", "1", "1.000")
     expected = shifted_geometric_mean([1.0, 60.0])
     assert cocap["shifted geometric mean (s)"] == f"{expected:.3f}"
 
@@ -183,19 +183,25 @@ def test_results_are_read_as_they_were_written(results: Path) -> None:
     [
         (None, "No such file"),
         (b"scene,seed\na,0\n", "has no column 'planner'"),
+        (b"", "has no column 'scene'"),
+        (("reward", "nan"), "line 2: reward: must be -9"),
+        (("gap", "-0.5"), "line 2: gap: must be"),
+        (("seed", "9" * 400), "line 2: seed: must be 0..9"),
+        (("seconds", "-inf"), "line 2: seconds: must be 0..9"),
+        (("conflicts", "-1"), "line 2: conflicts: must be 0..9"),
         (b"\xff\xfe", "UTF-8"),
-        ("one", "could not convert"),
+        (("reward", "one"), "line 2: reward: must be a number, not 'one'"),
     ],
 )
 def test_what_is_no_table_is_refused(
-    content: bytes | str | None, words: str, results: Path, tmp_path: Path
+    content: bytes | tuple[str, str] | None, words: str, results: Path, tmp_path: Path
 ) -> None:
     """In one line that names the file."""
-    if content == "one":
+    if isinstance(content, tuple):
         text = (results / "results.csv").read_text()
         head, first = text.splitlines()[:2]
         fields = first.split(",")
-        fields[4] = "one"
+        fields[head.split(",").index(content[0])] = content[1]
         content = f"{head}\n{','.join(fields)}\n".encode()
     if isinstance(content, bytes):
         (tmp_path / "results.csv").write_bytes(content)

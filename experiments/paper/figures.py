@@ -111,8 +111,8 @@ def scaling_figure(points: Mapping[str, Sequence[tuple[int, float, float]]]) -> 
         left.plot(robots, seconds, label=NAMES.get(planner, planner), **style)
         right.plot(robots, shares, label=NAMES.get(planner, planner), **style)
     left.set_yscale("log")
-    left.set_ylabel("time (s)")
-    right.set_ylabel("reward, of the bound without collisions (%)")
+    left.set_ylabel("time, median (s)")
+    right.set_ylabel("mean reward, of the bound\nwithout collisions (%)")
     for ax in (left, right):
         ax.set_xlabel("robots")
         ax.xaxis.set_major_locator(MaxNLocator(integer=True))

@@ -7,12 +7,19 @@ import csv
 import io
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from cocap_opt.io import FileError
 from experiments.files import read_text, save_bytes, save_csv, write
-from experiments.rows import GAP_KEYS, Row
+from experiments.rows import GAP_KEYS, ROUNDING, Row
 
 PARQUET = "results.parquet"
+MOST = 2**63 - 1  # that any number may be
+SHARE, ANY = (-ROUNDING, 1 + ROUNDING), (-MOST, MOST)
+RANGES = {  # of columns whose numbers are not just positive; a bound below 0 proves infeasibility
+    "gap": SHARE, "gap_free": SHARE, "reward": ANY, "reward_rendered": ANY, "optimum": ANY,
+    "optimum_free": ANY, "bound": ANY, "bound_free": ANY,
+}  # fmt: skip
 # Columns that are not text; all others are.
 WHOLE_NUMBERS = ("seed", "conflicts", "colliding", "robots", "actors", "steps")
 NUMBERS = (
@@ -22,24 +29,44 @@ NUMBERS = (
 
 
 def load_results(folder: Path) -> list[Row]:
-    """Rows of results.csv, with the types of columns."""
+    """Rows of results.csv, at least one, with the types of columns.
+
+    Raises
+    ------
+    FileError
+        If it is no such table, or has a number that no sweep writes.
+    """
     path = folder / "results.csv"
-    return [_typed(row, path) for row in csv.DictReader(io.StringIO(read_text(path)))]
-
-
-def _typed(row: dict[str, str], path: Path) -> Row:
-    """A row with numbers; empty fields of numbers are None."""
-    missing = [key for key in GAP_KEYS if row.get(key) is None]
+    table = csv.DictReader(io.StringIO(read_text(path)))
+    missing = [key for key in GAP_KEYS if key not in (table.fieldnames or ())]
     if missing:
-        raise FileError(f"{path}: has no column {missing[0]!r}, or a row that ends before it")
-    types = dict.fromkeys(WHOLE_NUMBERS, int) | dict.fromkeys(NUMBERS, float)
+        raise FileError(f"{path}: has no column {missing[0]!r}")
+    rows = [_typed(row, f"{path}: line {table.line_num}") for row in table]
+    if not rows:
+        raise FileError(f"{path}: has no results yet")
+    return rows
+
+
+def _typed(row: dict[str, str], where: str) -> Row:
+    """A row with numbers; empty fields of numbers are None."""
+    if None in row.values() or None in row:
+        raise FileError(f"{where}: must have as many fields as there are columns")
+    return {key: _value(key, text, f"{where}: {key}") for key, text in row.items()}
+
+
+def _value(key: str, text: str, where: str) -> Any:
+    if key not in (*WHOLE_NUMBERS, *NUMBERS):
+        return text
+    if not text:
+        return None
     try:
-        return {
-            key: (types[key](text) if text else None) if key in types else text
-            for key, text in row.items()
-        }
-    except ValueError as error:
-        raise FileError(f"{path}: {error}") from error
+        number = int(text) if key in WHOLE_NUMBERS else float(text)
+    except ValueError:
+        raise FileError(f"{where}: must be a number, not {text[:30]!r}") from None
+    least, most = RANGES.get(key, (0, MOST))
+    if not least <= number <= most:
+        raise FileError(f"{where}: must be {least:g}..{most:g}, not {text[:30]!r}")
+    return number
 
 
 def save_results(folder: Path, rows: Sequence[Row], whole: bool) -> None:

@@ -6,8 +6,9 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-from cocap_opt.stop import Stop, catch_interrupt
-from experiments.files import make_folder
+from cocap_opt.io import FileError
+from cocap_opt.stop import Limit, Stop, catch_interrupt
+from experiments.files import clear_leftovers, make_folder
 from experiments.progress import Watch, watching
 from experiments.rows import Row
 from experiments.streams import say
@@ -16,6 +17,7 @@ from experiments.sweeps.cells import CellFile, Status, Store
 from experiments.sweeps.crew import Alone, Crew
 from experiments.sweeps.layout import FOLDERS
 from experiments.sweeps.output import Output
+from experiments.sweeps.results import load_results
 from experiments.sweeps.run import Group, Settings, recall, run
 
 NOTHING: Row = {}
@@ -57,6 +59,9 @@ def sweep(
     The rows of all scenes and seeds that are whole, and of one that Ctrl-C has cut short.
     """
     make_folder(folder, *FOLDERS)
+    if folder is not None:
+        clear_leftovers([folder, *(folder / part for part in FOLDERS)])
+        _tell_dropped(folder, groups)
     scenes = list(dict.fromkeys(group.problem.name for group in groups))
     seeds = sorted({group.seed for group in groups})
     begun = partial(about_run, settings, scenes, seeds, hired.words)
@@ -80,7 +85,30 @@ def sweep(
         nobody = Hired(None, None, hired.cell_limit)
         with _crew(hired if missing else nobody, interrupt, watch) as crew:
             run(groups, crew, store, interrupt, told)
-    return output.rows()
+        cut = interrupt() is not Limit.NONE
+    rows = output.rows()
+    if cut and not rows:  # there is nothing to give
+        raise KeyboardInterrupt
+    if cut:
+        whole = sum(group.is_whole and not group.is_cut for group in groups)
+        again = "; the same command goes on" if folder is not None else ""
+        say(f"interrupted: {whole} of {len(groups)} scenes and seeds are whole{again}")
+    return rows
+
+
+def _tell_dropped(folder: Path, groups: Sequence[Group]) -> None:
+    """Say that rows of earlier runs leave results.csv, which is of one run."""
+    asked = {(g.problem.name, g.seed, name) for g in groups for name in g.cells}
+    try:
+        rows = load_results(folder)
+    except FileError:  # there are none
+        return
+    others = sum((row["scene"], row["seed"], row["planner"]) not in asked for row in rows)
+    if others:
+        say(
+            f"{folder}: {others} of {len(rows)} rows in results.csv are of scenes, seeds or "
+            "planners that this command does not name; they leave it, their cells stay"
+        )
 
 
 def has_error(row: Row) -> bool:
