@@ -57,9 +57,6 @@ def test_a_trace_is_read_as_it_was_written(tmp_path: Path) -> None:
     path = tmp_path / "trace.csv"
     path.write_text(trace_text(trace), encoding="utf-8")
     assert load_trace(path).snapshots == trace.snapshots
-             "value,bound,seconds,columns,nodes\n3,2,3,0,0\n",
-             "value,bound,seconds,columns,nodes\n1,1e308,3,0,0\n",
-             "value,bound,seconds,columns,nodes\n1,2,3,4,5,6\n",
     assert path.read_text(encoding="utf-8").splitlines()[1] == ",,0.25,0,0"
 
 

@@ -218,7 +218,7 @@ def test_plans_of_others_get_rows_in_the_gap_table(
     Run(capsys, "plan", "tiny-queue", "--planner", "sequential", "-o", path)
     run = Run(capsys, "gap", "tiny-queue", "--plan", path, "--planner", "cocap", "--json")
     mine, cocap = run.json["rows"]
-    assert (mine["planner"], mine["seconds"]) == (str(path), None)
+    assert (mine["planner"], mine["seconds"]) == ("mine.json", None)
     assert mine["bound"] == cocap["bound"] >= mine["reward"]
     assert mine["gap"] >= 0
     two = Run(capsys, "gap", "tiny-queue", "--plan", path, "--seeds", "0-1")

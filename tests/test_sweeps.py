@@ -1,11 +1,12 @@
 import csv
 import json
 import math
+import os
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -683,3 +684,42 @@ def test_the_table_is_written_as_parquet(undisturbed: Path) -> None:
         assert {key: "" if row[key] is None else str(row[key]) for key in row} == text
     assert {type(row["reward"]) for row in rows} == {float}
     assert {type(row["seed"]) for row in rows} == {int}
+
+
+def test_rows_that_leave_the_table_are_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """results.csv is of one command; that others' rows leave it is said, and their cells stay."""
+    begin = ["gap", "tiny-queue", "--out", str(tmp_path), "--planner", "greedy"]
+    assert commands.run([*begin, "--planner", "cocap"]) == 0
+    assert "leave it" not in capsys.readouterr().err
+    assert commands.run(begin) == 0
+    assert "1 of 2 rows in results.csv" in capsys.readouterr().err
+    assert commands.run([*begin, "--planner", "cocap"]) == 0
+    assert "3 of 3 cells are in" in capsys.readouterr().err
+
+
+def test_leftovers_of_killed_processes_are_cleared(tmp_path: Path) -> None:
+    """Old temporary files go, those that somebody may be writing stay."""
+    (tmp_path / "cells").mkdir()
+    old, new = tmp_path / "cells" / ".cocap-opt-old", tmp_path / "cells" / ".cocap-opt-new"
+    for path in (old, new):
+        path.touch()
+    os.utime(old, (0, 0))
+    assert commands.run(["gap", "tiny-queue", "--out", str(tmp_path), "--planner", "greedy"]) == 0
+    assert new.exists() and not old.exists()
+
+
+def test_ctrl_c_with_nothing_to_give_is_no_success(tmp_path: Path) -> None:
+    """Before anything is whole it is an interrupt, and not an empty table."""
+    group = Group(load_scene("tiny-queue", 0), 0, ("greedy",), Settings(limit=1, bound_limit=1), {})
+
+    @contextmanager
+    def interrupted() -> Iterator[Callable[[], Limit]]:
+        yield lambda: Limit.INTERRUPT
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("experiments.sweeps.sweep.catch_interrupt", interrupted)
+        patch.setattr("experiments.sweeps.sweep.run", lambda *_: None)
+        with pytest.raises(KeyboardInterrupt):
+            sweep([group], Settings(limit=1, bound_limit=1), tmp_path, Hired(None, None, 60.0))
