@@ -53,7 +53,9 @@ def test_a_report_opens_and_plays_without_network(results: Path, tmp_path: Path)
         browser.switch_to.frame(frames[1])
         WebDriverWait(browser, 30).until(lambda driver: value(driver, PLAYER))
         browser.find_element("id", "slider").send_keys("\ue014")  # right
-        assert value(browser, "document.getElementById('step').textContent") == "step 1 of 11"
+        step = "document.getElementById('step').textContent"
+        WebDriverWait(browser, 30).until(lambda driver: value(driver, step) != "step 0 of 11")
+        assert value(browser, step) == "step 1 of 11"
         browser.switch_to.default_content()
         assert browser.get_log("browser") == []
 
