@@ -14,10 +14,11 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocat
 from cocap_opt.data import FloatArray
 from cocap_opt.plan import Conflict, Plan, SwapConflict, conflicts
 from cocap_opt.problem import Problem
-from experiments.figures import robot_colour
-from experiments.rows import Row
+from experiments.figures import draw_frame, robot_colour
+from experiments.printing import counted
+from experiments.rows import Row, bound_is_proved, obeys
 from experiments.statistics import mean
-from experiments.tables import grouped, obeys
+from experiments.tables import grouped
 from experiments.trace import Trace
 from formulations.result import OPTIMALITY, Snapshot
 
@@ -57,7 +58,7 @@ def draw_gaps(ax: Axes, rows: Sequence[Row]) -> Axes:
     planners = grouped(rows, "planner")
     for y, some in enumerate(planners.values()):
         _draw_planner(ax, y, [row for row in some if obeys(row) and row["gap"] is not None])
-    if not all(_is_proved(row) for row in rows):
+    if not all(bound_is_proved(row) for row in rows):
         ax.scatter([], [], s=14, facecolor="none", edgecolor=BLUE, label="bound not proved best")
         ax.legend(fontsize=7, loc="lower right", bbox_to_anchor=(1.0, 1.0), frameon=False)
     labels = [_label(planner, some) for (planner,), some in planners.items()]
@@ -65,7 +66,7 @@ def draw_gaps(ax: Axes, rows: Sequence[Row]) -> Axes:
     ax.set_ylim(len(planners) - 0.5, -0.5)
     _gap_axis(ax, max((100 * row["gap"] for row in rows if row["gap"] is not None), default=0.0))
     ax.grid(axis="x", alpha=0.25)
-    _frame(ax)
+    draw_frame(ax)
     return ax
 
 
@@ -73,7 +74,7 @@ def _draw_planner(ax: Axes, y: float, rows: Sequence[Row]) -> None:
     if not rows:
         return
     gaps = np.array([100 * row["gap"] for row in rows])
-    proved = np.array([_is_proved(row) for row in rows])
+    proved = np.array([bound_is_proved(row) for row in rows])
     heights = y + _spread(len(gaps))
     for some, face in ((proved, BLUE), (~proved, "none")):
         ax.scatter(gaps[some], heights[some], s=14, facecolor=face, edgecolor=BLUE, lw=0.8,
@@ -82,10 +83,6 @@ def _draw_planner(ax: Axes, y: float, rows: Sequence[Row]) -> None:
     if found.size > 1:
         ax.plot([max(found.low, 0), found.high], [y, y], color=RED, lw=2.5, solid_capstyle="butt")
     ax.plot(found.value, y, "D", color=RED, ms=5, mec="white", mew=0.7)
-
-
-def _is_proved(row: Row) -> bool:
-    return bool(row["bound_reason"] == "optimal")
 
 
 def _spread(count: int) -> FloatArray:
@@ -155,7 +152,7 @@ def draw_progress(ax: Axes, traces: Mapping[str, Trace]) -> Axes:
     ax.grid(alpha=0.25)
     if 1 < len(shown) <= NAMED:
         ax.legend(fontsize=7)
-    _frame(ax)
+    draw_frame(ax)
     return ax
 
 
@@ -171,7 +168,7 @@ def draw_bounds(ax: Axes, trace: Trace) -> Axes:
     ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.0f}"))
     ax.grid(alpha=0.25)
     ax.legend(fontsize=8)
-    _frame(ax)
+    draw_frame(ax)
     return ax
 
 
@@ -198,7 +195,7 @@ def conflicts_figure(problem: Problem, plans: Mapping[str, Plan]) -> Figure:
     for ax, (name, plan) in zip(panels, plans.items(), strict=True):
         draw_conflicts(ax, problem, plan)
         count = sum(1 for _ in conflicts(problem, plan))
-        ax.set_title(f"{name}: {count} conflict{'' if count == 1 else 's'}", fontsize=9, loc="left")
+        ax.set_title(f"{name}: {counted(count, 'conflict')}", fontsize=9, loc="left")
         ax.label_outer()
     return figure
 
@@ -222,7 +219,7 @@ def draw_conflicts(ax: Axes, problem: Problem, plan: Plan) -> Axes:
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
     ax.set_xlabel("step")
     ax.set_ylabel("drone")
-    _frame(ax)
+    draw_frame(ax)
     return ax
 
 
@@ -238,8 +235,3 @@ def _placed(found: Iterable[Conflict]) -> list[tuple[float, Conflict]]:
         for time, some in times.items()
         for k, conflict in enumerate(some)
     ]
-
-
-def _frame(ax: Axes) -> None:
-    for side in ("top", "right"):
-        ax.spines[side].set_visible(False)

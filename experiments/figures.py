@@ -146,6 +146,12 @@ def draw_reward(ax: Axes, verdict: Verdict, t: int) -> Axes:
     ax.set_xlabel("step")
     ax.set_ylabel("view reward")
     ax.set_xticks(steps[:: max(1, len(steps) // 10)])
+    draw_frame(ax)
+    return ax
+
+
+def draw_frame(ax: Axes) -> Axes:
+    """Only the two sides of the frame that have numbers."""
     for side in ("top", "right"):
         ax.spines[side].set_visible(False)
     return ax

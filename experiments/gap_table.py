@@ -54,9 +54,7 @@ def plans_of(
     folder: Path | None,
     watch: Watch,
 ) -> dict[str, Judged[Result]]:
-    """A judged plan by planner; coverage is computed before, so that no planner's seconds
-    hold it."""
-    cover(problem, limits(), watch)
+    """A judged plan by planner; `cover` comes before, so that no planner's seconds hold it."""
     plans = {}
     for name in planners:
         watch.show(name)

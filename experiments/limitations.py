@@ -2,10 +2,10 @@
 
 from collections.abc import Iterator, Sequence
 
-from experiments.rows import Row
+from experiments.rows import Row, bound_is_proved, obeys
 from experiments.sweeps.about import RunFile
-from experiments.sweeps.cells import Status
-from experiments.tables import grouped, obeys
+from experiments.sweeps.cells import FAILED
+from experiments.tables import grouped
 
 FEW = 5  # seeds below which intervals say little
 ALWAYS = (
@@ -44,7 +44,7 @@ def _of_seeds(rows: Sequence[Row]) -> Iterator[str]:
 
 def _of_bounds(rows: Sequence[Row]) -> Iterator[str]:
     first = {(row["scene"], row["seed"]): row for row in rows}.values()
-    open_ = [row for row in first if row["bound"] is not None and not _is_proved(row)]
+    open_ = [row for row in first if row["bound"] is not None and not bound_is_proved(row)]
     none = sum(row["bound"] is None for row in first)
     if open_:
         yield (
@@ -53,10 +53,6 @@ def _of_bounds(rows: Sequence[Row]) -> Iterator[str]:
         )
     if none:
         yield f"{none} of {len(first)} scenes and seeds have no bound, and so no gaps."
-
-
-def _is_proved(row: Row) -> bool:
-    return bool(row["bound_reason"] == "optimal")
 
 
 def _of_plans(rows: Sequence[Row]) -> Iterator[str]:
@@ -69,7 +65,7 @@ def _of_plans(rows: Sequence[Row]) -> Iterator[str]:
                 f"{lost} of {len(some)} runs of {planner} have no plan that obeys the rules. Its "
                 "mean gap is over the others, which may be the easier ones."
             )
-    failed = sum(row["reason"] in set(Status) - {Status.FINISHED} for row in rows)
+    failed = sum(row["reason"] in FAILED for row in rows)
     if failed:
         yield f"{failed} of {len(rows)} runs failed; they are listed."
 

@@ -5,7 +5,6 @@ What it draws and how is in the folder `page`; here is what it is told.
 
 import json
 from collections.abc import Sequence
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ from cocap_opt.data import FloatArray
 from cocap_opt.model import compiled
 from cocap_opt.plan import Conflict, Plan, SwapConflict, conflicts
 from cocap_opt.problem import Cone, Problem
+from experiments.pages import filled, part
 from experiments.player_scene import SceneData
 
 SCRIPTS = ("raster.js", "world.js", "bodies.js", "view.js", "chart.js", "player.js")
@@ -32,15 +32,11 @@ def player_page(problem: Problem, plans: Sequence[Titled]) -> str:
     plans : at least one; all must be such as can be flown (`check` finds no violations)
     """
     parts = {
-        "style": _part("player.css"),
-        "script": "\n".join(map(_part, SCRIPTS)),
+        "style": part("player.css"),
+        "script": "\n".join(map(part, SCRIPTS)),
         "data": _inert(player_data(problem, plans)),
     }
-    return "".join(parts.get(piece, piece) for piece in _part("player.html").split("@"))
-
-
-def _part(name: str) -> str:
-    return (files("experiments") / "page" / name).read_text(encoding="utf-8")
+    return filled("player.html", parts)
 
 
 def _inert(data: Data) -> str:

@@ -49,6 +49,11 @@ def path_text(path: Path) -> str:
     return str(path).encode("utf-8", "backslashreplace").decode()
 
 
+def counted(number: int, what: str) -> str:
+    """So many of something, in words."""
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
 def titles(paths: Sequence[Path]) -> list[str]:
     """What to call plans: the names of their files, with their folders if some are alike."""
     names = [path.name for path in paths]

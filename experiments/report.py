@@ -7,7 +7,6 @@ import base64
 import math
 from collections.abc import Mapping, Sequence
 from html import escape
-from importlib.resources import files
 from pathlib import Path
 
 from matplotlib.figure import Figure
@@ -21,16 +20,16 @@ from experiments.documents import html
 from experiments.figures import picture
 from experiments.files import read_plan
 from experiments.limitations import limitations
+from experiments.pages import filled, part
 from experiments.player import player_page
-from experiments.rows import Row
+from experiments.printing import counted
+from experiments.rows import Row, obeys
 from experiments.sweeps.about import RunFile
-from experiments.sweeps.cells import Status
+from experiments.sweeps.cells import FAILED
 from experiments.sweeps.layout import plan_path, scene_path, trace_path
-from experiments.tables import all_tables, grouped, is_optimal, obeys
+from experiments.tables import all_tables, grouped, is_optimal
 from experiments.trace import Trace, load_trace
 from scenarios import load_scene
-
-FAILED = (Status.ERROR, Status.EXCEEDED, Status.DIED)
 
 
 def report_page(folder: Path, rows: Sequence[Row], run: RunFile, against: str, players: int) -> str:
@@ -58,7 +57,7 @@ def report_page(folder: Path, rows: Sequence[Row], run: RunFile, against: str, p
     }
     shown = {title: text for title, text in sections.items() if text}
     parts = {
-        "style": _part("report.css"),
+        "style": part("report.css"),
         "about": escape(_about(rows)),
         "contents": "\n".join(
             f'<a href="#{_anchor(title)}">{title}</a>' for title in shown
@@ -68,11 +67,7 @@ def report_page(folder: Path, rows: Sequence[Row], run: RunFile, against: str, p
             for title, text in shown.items()
         ),
     }  # fmt: skip
-    return "".join(parts.get(piece, piece) for piece in _part("report.html").split("@"))
-
-
-def _part(name: str) -> str:
-    return (files("experiments") / "page" / name).read_text(encoding="utf-8")
+    return filled("report.html", parts)
 
 
 def _anchor(title: str) -> str:
@@ -83,14 +78,10 @@ def _about(rows: Sequence[Row]) -> str:
     """How much of what, in a line."""
     planners = dict.fromkeys(row["planner"] for row in rows)
     scenes = ", ".join(
-        f"{scene} ({_count(len({row['seed'] for row in some}), 'seed')})"
+        f"{scene} ({counted(len({row['seed'] for row in some}), 'seed')})"
         for (scene,), some in grouped(rows, "scene").items()
     )
     return f"{scenes}; {', '.join(planners)}"
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 # -- results ------------------------------------------------------------------------------
@@ -204,7 +195,7 @@ def _story(rows: Sequence[Row]) -> str:
     parts = []
     for row in rows:
         if not obeys(row):
-            parts.append(f"{row['planner']} has {_count(row['conflicts'], 'conflict')}")
+            parts.append(f"{row['planner']} has {counted(row['conflicts'], 'conflict')}")
         elif row["gap"] is None:
             parts.append(f"{row['planner']} obeys the rules")
         else:

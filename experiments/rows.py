@@ -221,11 +221,20 @@ def bound_part(bounded: Bounded, free: Bounded) -> Row:
 def gap_row(plan: Row, bound: Row) -> Row:
     """Row of the gap table from its two parts. Only a plan that obeys the rules has gaps."""
     row = plan | {"method": bound["method"], "bound": bound["bound"]}
-    obeys = plan["reward"] is not None and not plan["conflicts"]
     for gap, key in (("gap", "bound"), ("gap_free", "bound_free")):
-        known = obeys and bound[key] is not None
+        known = obeys(plan) and bound[key] is not None
         row[gap] = finite(relative_gap(plan["reward"], bound[key])) if known else None
     return {key: (row | bound)[key] for key in GAP_KEYS} | row
+
+
+def obeys(row: Row) -> bool:
+    """Whether there is a plan that obeys the rules."""
+    return row["reward"] is not None and not row["conflicts"]
+
+
+def bound_is_proved(row: Row) -> bool:
+    """Whether the bound is proved to be the optimum."""
+    return bool(row["bound_reason"] == Reason.OPTIMAL)
 
 
 def colliding(problem: Problem, plan: Plan | None) -> int | None:
@@ -266,8 +275,8 @@ def mean_table(rows: Sequence[Row]) -> list[Row]:
                 "scene": scene,
                 "planner": planner,
                 "seeds": len(some),
-                "feasible": sum(row["reward"] is not None and not row["conflicts"] for row in some),
-                "bounds proved": sum(row["bound_reason"] == "optimal" for row in some),
+                "feasible": sum(map(obeys, some)),
+                "bounds proved": sum(map(bound_is_proved, some)),
                 **{key: _mean(some, key) for key in MEANS},
             }
         )

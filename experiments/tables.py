@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from statistics import median
 
 from cocap_opt.result import Reason
-from experiments.rows import Row
+from experiments.rows import Row, bound_is_proved, obeys
 from experiments.statistics import mean, shifted_geometric_mean
 from formulations.result import OPTIMALITY
 
@@ -36,7 +36,7 @@ def planner_table(rows: Sequence[Row]) -> Table:
                 "obeys the rules": _share(len(valid), len(some)),
                 "reward, all plans": _spread(values(some, "reward")),
                 "gap (%)": _of(interval(gaps), len(gaps), len(some)),
-                "largest gap (%)": _number(max(gaps, default=None), 3),
+                "largest gap (%)": number(max(gaps, default=None), 3),
                 "gap to free (%)": interval(percent(valid, "gap_free")),
                 "proved optimal": _share(sum(map(is_optimal, valid)), len(some)),
                 "stopped by a limit": str(sum(row["reason"] == Reason.STOPPED for row in some)),
@@ -92,10 +92,8 @@ def price_table(rows: Sequence[Row]) -> Table:
                 "scene": scene,
                 "at least (%)": interval([100 * low for low, _ in ends]),
                 "at most (%)": interval([100 * high for _, high in ends]),
-                "largest (%)": _number(max((100 * high for _, high in ends), default=None), 3),
-                "bound proved best": _share(
-                    sum(row["bound_reason"] == "optimal" for row in first), len(first)
-                ),
+                "largest (%)": number(max((100 * high for _, high in ends), default=None), 3),
+                "bound proved best": _share(sum(map(bound_is_proved, first)), len(first)),
                 "seeds": str(len(ends)),
             }
         )
@@ -156,18 +154,13 @@ def _times(scene: str, rows: Sequence[Row], limit: float) -> Table:
             "planner": planner,
             "runs": str(len(some)),
             "no valid plan": str(sum(not obeys(row) for row in some)),
-            "shifted geometric mean (s)": _number(means[planner], 3),
-            "of the fastest": _number(means[planner] / least if least > 0 else None, 1),
+            "shifted geometric mean (s)": number(means[planner], 3),
+            "of the fastest": number(means[planner] / least if least > 0 else None, 1),
             "median (s)": _median(values(some, "seconds")),
-            "longest (s)": _number(max(values(some, "seconds"), default=None), 3),
+            "longest (s)": number(max(values(some, "seconds"), default=None), 3),
         }
         for planner, some in planners.items()
     ]
-
-
-def obeys(row: Row) -> bool:
-    """Whether there is a plan that obeys the rules."""
-    return row["reward"] is not None and not row["conflicts"]
 
 
 def is_optimal(row: Row) -> bool:
@@ -216,12 +209,12 @@ def _spread(sample: Sequence[float]) -> str:
         return NONE
     found = mean(sample)
     digits = 0 if abs(found.value) >= LARGE else 2
-    spread = "" if math.isnan(found.spread) else f" ± {_number(found.spread, digits)}"
-    return _number(found.value, digits) + spread
+    spread = "" if math.isnan(found.spread) else f" ± {number(found.spread, digits)}"
+    return number(found.value, digits) + spread
 
 
 def _median(sample: Sequence[float]) -> str:
-    return _number(median(sample), 3) if sample else NONE
+    return number(median(sample), 3) if sample else NONE
 
 
 def interval(sample: Sequence[float], digits: int = 3) -> str:
@@ -230,13 +223,14 @@ def interval(sample: Sequence[float], digits: int = 3) -> str:
         return NONE
     found = mean(sample)
     if math.isnan(found.low):
-        return _number(found.value, digits)
-    low, high = _number(found.low, digits), _number(found.high, digits)
-    return f"{_number(found.value, digits)} [{low}, {high}]"
+        return number(found.value, digits)
+    low, high = number(found.low, digits), number(found.high, digits)
+    return f"{number(found.value, digits)} [{low}, {high}]"
 
 
-def _number(value: float | None, digits: int) -> str:
-    if value is None:
+def number(value: float | None, digits: int) -> str:
+    """A number with so many digits, if there is one."""
+    if value is None or not math.isfinite(value):
         return NONE
     return f"{round(value, digits) + 0.0:,.{digits}f}"  # never -0
 

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter, NullLocator
 
 from experiments.benchmarks.points import BASES, GAP, MEASURES, SIZES, Measure, Point, fitted
+from experiments.figures import draw_frame
 
 TO_END, TO_GAP, GAP_COLOUR = "#30638e", "#edae49", "#d1495b"
 LABELS = {
@@ -102,8 +103,7 @@ def _finish(ax: Axes, spoilt: bool) -> Axes:
     ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     ax.yaxis.set_minor_formatter(NullFormatter())
     ax.grid(True, which="major", lw=0.4, alpha=0.5)
-    for side in ("top", "right"):
-        ax.spines[side].set_visible(False)
+    draw_frame(ax)
     if spoilt:
         ax.plot([], [], ls="none", marker="o", mfc="white", mec="grey", ms=7,
                 label="hollow: a seed was stopped by the limit")  # fmt: skip

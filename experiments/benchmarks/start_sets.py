@@ -23,7 +23,7 @@ from experiments.benchmarks.start_sets_table import (
 )
 from experiments.benchmarks.tables import commit, read_csv
 from experiments.files import make_folder, read_plan, save_csv
-from experiments.gap_table import plans_of, rows_of, told_apart
+from experiments.gap_table import cover, plans_of, rows_of, told_apart
 from experiments.progress import Watch, watching
 from experiments.rows import BOUND_METHOD, Judged, Row, of_others
 from experiments.streams import say
@@ -163,6 +163,7 @@ def _measured(
     problem, number = cell.problem, cell.start_set or 0
     where = problem.name if cell.start_set is None else f"{problem.name} set {number}"
     watch.begin(where)
+    cover(problem, limits(), watch)
     plans = plans_of(problem, number, PLANNERS, limits, out, watch)
     if cell.peer is not None:
         plans = {THEIRS: cell.peer.judged, **plans}

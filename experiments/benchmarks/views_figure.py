@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from experiments.figures import draw_frame
 from experiments.rows import Row
 
 COLOURS = ("#30638e", "#d1495b", "#edae49", "#4c956c", "#6a4c93")
@@ -42,7 +43,6 @@ def draw_errors(ax: Axes, rows: Sequence[Row], key: str) -> Axes:
     ax.set_xlabel("coverage of the whole scene (s)")
     ax.set_ylabel("error (%)")
     ax.grid(True, lw=0.4, alpha=0.5)
-    for side in ("top", "right"):
-        ax.spines[side].set_visible(False)
+    draw_frame(ax)
     ax.legend(fontsize=8, frameon=False)
     return ax

@@ -9,6 +9,7 @@ from matplotlib.ticker import MaxNLocator
 from cocap_opt.check import Verdict
 from cocap_opt.plan import Plan
 from cocap_opt.problem import Problem
+from experiments.figures import draw_frame
 from experiments.notebooks.tables import above, differences_by_person
 from experiments.paper.figures import COLOURS
 from formulations.result import OPTIMALITY, CertifiedResult
@@ -38,7 +39,8 @@ def draw_tightness(ax: Axes, found: Mapping[str, CertifiedResult], optimum: floa
     ax.legend(loc="lower left", bbox_to_anchor=(0.01, 0.14), fontsize=8, frameon=False)
     ax.set_xlabel("seconds")
     ax.set_ylabel("bound above the optimum (%)")
-    return _plain(ax)
+    ax.grid(alpha=0.25)
+    return draw_frame(ax)
 
 
 def draw_rewards(ax: Axes, verdicts: Mapping[str, Verdict]) -> Axes:
@@ -51,7 +53,8 @@ def draw_rewards(ax: Axes, verdicts: Mapping[str, Verdict]) -> Axes:
     ax.set_ylabel("view reward")
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
     ax.legend(fontsize=8, frameon=False)
-    return _plain(ax)
+    ax.grid(alpha=0.25)
+    return draw_frame(ax)
 
 
 def draw_differences(ax: Axes, problem: Problem, plan: Plan, best: Plan) -> Axes:
@@ -67,11 +70,4 @@ def draw_differences(ax: Axes, problem: Problem, plan: Plan, best: Plan) -> Axes
     ax.set_yticks(range(more.shape[0]), [f"person {j}" for j in range(more.shape[0])])
     ax.set_xlabel("step")
     ax.tick_params(length=0)
-    return ax
-
-
-def _plain(ax: Axes) -> Axes:
-    ax.grid(alpha=0.25)
-    for side in ("top", "right"):
-        ax.spines[side].set_visible(False)
     return ax

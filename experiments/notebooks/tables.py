@@ -15,11 +15,11 @@ from cocap_opt.plan import Plan
 from cocap_opt.problem import Cuboid, Problem
 from cocap_opt.result import Result, relative_gap
 from cocap_opt.stop import Limit, TimeLimit, never
-from experiments.gap_table import plans_of, rows_of
+from experiments.gap_table import cover, plans_of, rows_of
 from experiments.paper.giving_way import Encounter
 from experiments.progress import unseen
-from experiments.rows import Judged, Row, judge
-from experiments.tables import NONE, Table
+from experiments.rows import Judged, Row, bound_is_proved, judge
+from experiments.tables import Table, number
 from experiments.trace import Trace
 from formulations.certificate import verify
 from formulations.proof import ProofFile, leaves, verify_proof
@@ -54,6 +54,7 @@ def gap_rows(problems: Mapping[int, Problem], planners: Sequence[str], seconds: 
     """Rows of the gap table of some problems by their seeds; no plan or bound takes longer."""
     limits, watch, rows = partial(TimeLimit, seconds), unseen(), []
     for seed, problem in problems.items():
+        cover(problem, limits(), watch)
         plans = plans_of(problem, seed, planners, limits, None, watch)
         rows += rows_of(problem, seed, plans, limits, None, watch)
     return rows
@@ -70,7 +71,7 @@ def gap_table(rows: Sequence[Row]) -> Table:
             "gap (%)": _percent(row["gap"]),
             "gap to free (%)": _percent(row["gap_free"]),
             "conflicts": str(row["conflicts"]),
-            "bound is": "the optimum" if row["bound_reason"] == "optimal" else "open",
+            "bound is": "the optimum" if bound_is_proved(row) else "open",
         }
         for row in rows
     ]
@@ -233,13 +234,11 @@ def _movers(encounter: Encounter) -> str:
 
 
 def _amount(value: float | None) -> str:
-    return NONE if value is None or not math.isfinite(value) else f"{value:,.2f}"
+    return number(value, 2)
 
 
 def _percent(share: float | None, digits: int = 3) -> str:
-    if share is None or not math.isfinite(share):
-        return NONE
-    return f"{round(100 * share, digits) + 0.0:.{digits}f}"  # never -0
+    return number(None if share is None else 100 * share, digits)
 
 
 def _signed(percent: float) -> str:

@@ -11,7 +11,7 @@ from cocap_opt.check import check
 from cocap_opt.data import FloatArray
 from cocap_opt.plan import Plan
 from cocap_opt.problem import Problem
-from experiments.figures import draw_actors, draw_robots, draw_terrain, position
+from experiments.figures import draw_actors, draw_frame, draw_robots, draw_terrain, position
 from experiments.paper.giving_way import Encounter
 
 COLOURS = {
@@ -57,8 +57,7 @@ def draw_curves(ax: Axes, planners: Mapping[str, Sequence[Sequence[float]]]) -> 
     ax.set_ylabel("view reward (mean, ± 1 sd shaded)")
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
     ax.grid(alpha=0.25)
-    for side in ("top", "right"):
-        ax.spines[side].set_visible(False)
+    draw_frame(ax)
     return ax
 
 

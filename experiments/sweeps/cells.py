@@ -42,6 +42,9 @@ class Status(StrEnum):
     DIED = "died"  # its process did
 
 
+FAILED = (Status.ERROR, Status.EXCEEDED, Status.DIED)
+
+
 class Cell(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """What is to be computed, and all that its result depends on."""
 
