@@ -8,7 +8,17 @@ from matplotlib.figure import Figure
 from experiments.charts import conflicts_figure, gaps_figure, progress_figure
 from experiments.figures import PICTURES, picture
 from experiments.files import check_output, read_plans, save_bytes
-from experiments.options import Json, Output, Seed, UsageError, file_type, load
+from experiments.options import (
+    Json,
+    OfPlanners,
+    OfScenes,
+    Output,
+    Seed,
+    UsageError,
+    chosen,
+    file_type,
+    load,
+)
 from experiments.printing import path_text, print_result, titles
 from experiments.sweeps.layout import TRACES
 from experiments.sweeps.results import load_results
@@ -18,13 +28,21 @@ app = App(name="figure", help="Draw charts of results, as PNG, PDF or SVG.", ver
 
 
 @app.command
-def gaps(folder: Path, /, *, output: Output, json: Json = False) -> int:
+def gaps(
+    folder: Path,
+    /,
+    *,
+    output: Output,
+    scene: OfScenes = None,
+    planner: OfPlanners = None,
+    json: Json = False,
+) -> int:
     """Draw the gaps of a sweep's planners: a point per seed, mean and 95 % interval.
 
     Example: cocap-opt figure gaps results -o gaps.pdf
     """
     _check(output)
-    return _save(output, gaps_figure(load_results(folder)), json)
+    return _save(output, gaps_figure(chosen(load_results(folder), scene, planner)), json)
 
 
 @app.command

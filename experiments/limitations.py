@@ -71,8 +71,9 @@ def _of_plans(rows: Sequence[Row]) -> Iterator[str]:
 
 
 def _of_times(run: RunFile) -> Iterator[str]:
+    workers = ", ".join(dict.fromkeys(one.workers for one in run.runs))
     yield (
-        f"Seconds are of wall-clock time, by {run.workers}, and other load on the machine is in "
+        f"Seconds are of wall-clock time, by {workers}, and other load on the machine is in "
         "them. Coverage of all states is computed before and not in them; planners that see only "
         "what they touch (cocap-vs, formation, one-step) compute that while they run, and it is."
     )

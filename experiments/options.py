@@ -2,7 +2,7 @@
 
 import logging
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -24,6 +24,16 @@ Seed = Annotated[int, Parameter(help="seed of the scene, >= 0")]
 Seconds = Annotated[float, Parameter(name="--time-limit", help="seconds for each computation")]
 Json = Annotated[bool, Parameter(name="--json", negative="", help="print one JSON object")]
 Output = Annotated[Path | None, Parameter(name=["-o", "--output"], help="file to write")]
+OfScenes = Annotated[
+    list[str] | None,
+    Parameter(name="--scene", negative="", help="may be repeated; all of the results if not given"),
+]
+OfPlanners = Annotated[
+    list[str] | None,
+    Parameter(
+        name="--planner", negative="", help="may be repeated; all of the results if not given"
+    ),
+]
 
 
 class UsageError(ValueError):
@@ -44,6 +54,20 @@ def choose(option: str, value: str, allowed: Any) -> None:
     """Refuse what is not among the allowed values."""
     if value not in allowed:
         raise UsageError(f"{option}: must be one of {', '.join(allowed)}, not {value!r}")
+
+
+def chosen(
+    rows: Sequence[Row], scenes: Sequence[str] | None, planners: Sequence[str] | None
+) -> list[Row]:
+    """Results of some scenes and planners, of all if none is named; at least one."""
+    kept = list(rows)
+    for key, names in (("scene", scenes), ("planner", planners)):
+        for name in names or []:
+            choose(f"--{key}", name, dict.fromkeys(row[key] for row in rows))
+        kept = [row for row in kept if not names or row[key] in names]
+    if not kept:
+        raise UsageError("--planner: has no results on the scenes of --scene")
+    return kept
 
 
 def positive(option: str, value: float) -> None:

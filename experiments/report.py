@@ -5,7 +5,8 @@ It reads a sweep's folder only, so that it can be made on another machine.
 
 import base64
 import math
-from collections.abc import Mapping, Sequence
+import shlex
+from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 
@@ -242,17 +243,21 @@ def _absent(folder: Path, rows: Sequence[Row]) -> list[str]:
 
 
 def _settings(run: RunFile) -> str:
-    facts: Mapping[str, str] = {
-        "command": " ".join(run.command),
-        "begun (UTC)": run.began,
-        "limit of each plan": f"{run.settings.limit:g} s",
-        "limit of each bound": f"{run.settings.bound_limit:g} s",
-        "computed by": run.workers,
-        "code": f"cocap-opt {run.packages.get('cocap-opt', '')}, digest {run.code[:16]}",
-        **run.machine,
-        "packages": ", ".join(f"{name} {number}" for name, number in run.packages.items()),
-    }
-    lines = (f"<dt>{escape(key)}</dt><dd>{escape(text)}</dd>" for key, text in facts.items())
+    facts = [
+        ("limit of each plan", f"{run.settings.limit:g} s"),
+        ("limit of each bound", f"{run.settings.bound_limit:g} s"),
+        ("digest of the code", run.code[:16]),
+    ]
+    for one in run.runs:
+        own = {
+            "command": shlex.join(one.command),
+            "begun (UTC)": one.began,
+            "computed by": one.workers,
+            **one.machine,
+            "packages": ", ".join(f"{name} {number}" for name, number in one.packages.items()),
+        }
+        facts += [(key, text) for key, text in own.items() if (key, text) not in facts]
+    lines = (f"<dt>{escape(key)}</dt><dd>{escape(text)}</dd>" for key, text in facts)
     return f"<dl>{''.join(lines)}</dl>"
 
 

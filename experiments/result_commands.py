@@ -8,7 +8,16 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from experiments.files import check_output, save_bytes
-from experiments.options import Json, Output, UsageError, choose, file_type
+from experiments.options import (
+    Json,
+    OfPlanners,
+    OfScenes,
+    Output,
+    UsageError,
+    choose,
+    chosen,
+    file_type,
+)
 from experiments.printing import path_text, print_json, print_result
 from experiments.rows import Row
 from experiments.sweeps.about import load_run
@@ -28,6 +37,8 @@ def table(
     style: Annotated[
         str, Parameter(name="--format", help=f"one of {', '.join(DOCUMENT_STYLES)}")
     ] = "markdown",
+    scene: OfScenes = None,
+    planner: OfPlanners = None,
     against: Against = None,
     output: Output = None,
     json: Json = False,
@@ -43,7 +54,7 @@ def table(
 
     choose("--format", style, DOCUMENTS)
     check_output(output)
-    rows = load_results(folder)
+    rows = chosen(load_results(folder), scene, planner)
     tables = all_tables(rows, load_run(folder).settings.limit, _against(against, rows))
     if json:
         print_json({"tables": tables})
@@ -59,6 +70,8 @@ def report(
     /,
     *,
     output: Output,
+    scene: OfScenes = None,
+    planner: OfPlanners = None,
     against: Against = None,
     players: Annotated[int, Parameter(help="scenes of which plans are shown, at most")] = 4,
     json: Json = False,
@@ -76,7 +89,7 @@ def report(
     if players < 0:
         raise UsageError(f"--players: must be at least 0, not {players}")
     check_output(output)
-    rows, run = load_results(folder), load_run(folder)
+    rows, run = chosen(load_results(folder), scene, planner), load_run(folder)
     content = report_page(folder, rows, run, _against(against, rows), players)
     save_bytes(output, content.encode())
     print_result({"file": path_text(output)}, json)

@@ -11,7 +11,7 @@ from experiments import commands
 from experiments.limitations import limitations
 from experiments.player_picture import PLAYER, opened, programs
 from experiments.report import telling_pair, telling_seed
-from experiments.sweeps.about import about_run
+from experiments.sweeps.about import RunFile, about_run
 from experiments.sweeps.run import Settings
 
 SWEEP = ("gap", "tiny-queue", "bottleneck", "--time-limit", "0.5", "--seeds", "0",
@@ -137,10 +137,14 @@ def test_the_seed_with_most_to_avoid_is_shown() -> None:
 
 def test_limitations_are_those_of_the_results() -> None:
     """What is open, lost or failed is said with its number; what is not is not."""
-    run = about_run(Settings(limit=1.0, bound_limit=1.0), ["a"], [0], "this process")
+    run = RunFile(
+        settings=Settings(limit=1.0, bound_limit=1.0), code="",
+        runs=[about_run(["a"], [0], who) for who in ("this process", "2 processes")],
+    )  # fmt: skip
     fine = [row("cocap", seed, 99.0) for seed in range(9)]
     assert not any("not proved" in words or "have no plan" in words
                    for words in limitations(fine, run))  # fmt: skip
+    assert any("by this process, 2 processes" in words for words in limitations(fine, run))
     rows = [*fine, row("cocap", 9, 90.0, bound_reason="stopped"),
             row("cocap", 10, None, reason="died")]  # fmt: skip
     text = "\n".join(limitations(rows, run))

@@ -31,6 +31,8 @@ from experiments.progress import unseen
 from experiments.rows import SOLVERS, RefereeError, Row
 from experiments.sweeps import cells as cells_module
 from experiments.sweeps import cluster as cluster_module
+from experiments.sweeps import earlier as earlier_module
+from experiments.sweeps.about import load_run
 from experiments.sweeps.cells import BOUND, OWN, Cell, CellFile, Status, Store, code_digest
 from experiments.sweeps.cluster import Cluster, existing, local
 from experiments.sweeps.crew import Alone, ClusterError
@@ -247,6 +249,76 @@ def test_a_folder_can_be_verified_anywhere(about: Row, tmp_path: Path) -> None:
     (row,) = sweep(some, SETTINGS, tmp_path, Hired(None, None, 1e4), about=about)
     paths = (scene_path(row), plan_path(row), certificate_path(row, free=False))
     assert commands.run(["verify", *(str(tmp_path / path) for path in paths)]) == 0
+
+
+def in_table(rows: Sequence[Row]) -> list[dict[str, Any]]:
+    """Untimed rows, sorted."""
+    return sorted(untimed(rows), key=lambda row: (row["scene"], row["seed"], row["planner"]))
+
+
+def test_results_accumulate(tmp_path: Path) -> None:
+    """Commands one after the other leave the table of one command; each answers for itself."""
+    whole = swept(groups(planners=("greedy", "cocap")), tmp_path / "whole")
+    folder = tmp_path / "parts"
+    swept(groups(range(1), ("greedy",)), folder)
+    swept(groups(range(1, 2), ("cocap", "greedy")), folder)
+    rows = swept(groups(range(1), ("cocap",)), folder)
+    assert {(row["seed"], row["planner"]) for row in rows} == {(0, "cocap")}
+    assert in_table(load_results(folder)) == in_table(whole)
+    assert (folder / "results.parquet").is_file()
+    assert [run.seeds for run in load_run(folder).runs] == [[0], [1]]  # the same command line
+
+
+@pytest.mark.parametrize("what", ["limit", "code", "scene", "run.json", "cells"])
+def test_rows_that_do_not_fit_leave(
+    what: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of other settings, code or scenes, or of nobody knows which: no table mixes them."""
+    swept(groups(range(1), ("greedy",)), tmp_path)
+    settings, some = SETTINGS, groups(range(1), ("cocap",))
+    if what == "limit":
+        settings = msgspec.structs.replace(SETTINGS, limit=30.0)
+        some = groups(range(1), ("cocap",), settings)
+    elif what == "code":
+        monkeypatch.setattr(earlier_module, "code_digest", lambda: "another")
+    elif what == "scene":
+        changed = [g.problem.replace(face_samples=1) for g in some]
+        some = [Group(problem, 0, ("cocap",), settings, {}) for problem in changed]
+    elif what == "run.json":
+        (tmp_path / what).unlink()
+    else:
+        for path in (tmp_path / what).iterdir():
+            path.unlink()
+    capsys.readouterr()
+    rows = swept(some, tmp_path, settings)
+    assert in_table(load_results(tmp_path)) == in_table(rows)
+    assert "leave results.csv" in capsys.readouterr().err
+
+
+def test_a_row_stays_until_it_is_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A command that is killed loses no row, and the next takes all planners along."""
+    first = swept(groups(range(1), ("greedy",)), tmp_path)
+
+    def killed(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Alone, "begin", killed)
+        with pytest.raises(KeyboardInterrupt):
+            swept(groups(range(2), ("cocap",)), tmp_path)
+    assert in_table(load_results(tmp_path)) == in_table(first)
+    swept(groups(range(2), ("cocap",)), tmp_path)
+    assert len(load_results(tmp_path)) == 6
+
+
+def test_plans_of_others_stay(tmp_path: Path) -> None:
+    """They are in the folder; a command that does not name them keeps their rows."""
+    problem = small_field(0)
+    plan = staying(problem, never).plan
+    assert plan is not None
+    swept([Group(problem, 0, (), SETTINGS, {"mine.json": plan})], tmp_path)
+    swept([Group(problem, 0, ("cocap",), SETTINGS, {})], tmp_path)
+    assert {row["planner"] for row in load_results(tmp_path)} == {"mine.json", "cocap"}
 
 
 def test_rows_do_not_depend_on_where_cells_are_kept(tmp_path: Path) -> None:
@@ -684,19 +756,6 @@ def test_the_table_is_written_as_parquet(undisturbed: Path) -> None:
         assert {key: "" if row[key] is None else str(row[key]) for key in row} == text
     assert {type(row["reward"]) for row in rows} == {float}
     assert {type(row["seed"]) for row in rows} == {int}
-
-
-def test_rows_that_leave_the_table_are_told(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """results.csv is of one command; that others' rows leave it is said, and their cells stay."""
-    begin = ["gap", "tiny-queue", "--out", str(tmp_path), "--planner", "greedy"]
-    assert commands.run([*begin, "--planner", "cocap"]) == 0
-    assert "leave it" not in capsys.readouterr().err
-    assert commands.run(begin) == 0
-    assert "1 of 2 rows in results.csv" in capsys.readouterr().err
-    assert commands.run([*begin, "--planner", "cocap"]) == 0
-    assert "3 of 3 cells are in" in capsys.readouterr().err
 
 
 def test_leftovers_of_killed_processes_are_cleared(tmp_path: Path) -> None:

@@ -165,6 +165,13 @@ def test_the_command_makes_tables(results: Path, capsys: pytest.CaptureFixture[s
     assert commands.run(["table", str(results), "--json", "--against", "cocap"]) == 0
     tables = json.loads(capsys.readouterr().out)["tables"]
     assert {r["planner"] for r in tables["Paired differences"]} == {"sequential", "greedy"}
+    some = ["--scene", "tiny-share", "--planner", "cocap", "--planner", "greedy"]
+    assert commands.run(["table", str(results), "--json", *some]) == 0
+    tables = json.loads(capsys.readouterr().out)["tables"]
+    found = {(r["scene"], r["planner"]) for r in tables["Planners"]}
+    assert found == {("tiny-share", "cocap"), ("tiny-share", "greedy")}
+    assert commands.run(["table", str(results), "--scene", "tiny"]) == 2
+    assert "--scene: must be one of tiny-queue, tiny-share, not 'tiny'" in capsys.readouterr().err
     path = results / "tables.tex"
     assert commands.run(["table", str(results), "--format", "latex", "-o", str(path)]) == 0
     assert path.read_text().count(r"\begin{tabular}") == 4

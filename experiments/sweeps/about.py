@@ -1,8 +1,9 @@
-"""What a run was: its machine, versions and settings, so that it can be made again."""
+"""What the runs in a folder were: machines, versions, settings, so that they can be made again."""
 
 import os
 import platform
 import sys
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -21,33 +22,42 @@ PACKAGES = (
     "ortools", "pyscipopt", "scipy", "trimesh",
 )  # fmt: skip
 
+RUN = "run.json"
 
-class RunFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """The file run.json of a sweep's folder; it tells of the last run in it."""
 
-    format: Literal["cocap-opt run"] = "cocap-opt run"
-    version: Literal[1] = 1
+class Run(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """One command, and where it ran."""
+
     command: list[str]
     began: str  # date and time, UTC
-    settings: Settings
     scenes: list[str]
     seeds: list[int]
     workers: str
-    code: str  # digest
     machine: dict[str, str]
     packages: dict[str, str]
 
 
-def about_run(settings: Settings, scenes: list[str], seeds: list[int], workers: str) -> RunFile:
+class RunFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """The file run.json of a sweep's folder: all runs that its results are of.
+
+    They have the same settings and the same code, else their rows would not stand side by side.
+    """
+
+    format: Literal["cocap-opt run"] = "cocap-opt run"
+    version: Literal[2] = 2
+    settings: Settings
+    code: str  # digest
+    runs: list[Run]
+
+
+def about_run(scenes: list[str], seeds: list[int], workers: str) -> Run:
     """What the run that begins now is."""
-    return RunFile(
+    return Run(
         command=[*_program(), *sys.argv[1:]],
         began=datetime.now(UTC).isoformat(timespec="seconds"),
-        settings=settings,
         scenes=scenes,
         seeds=seeds,
         workers=workers,
-        code=code_digest(),
         machine={
             "system": platform.platform(),
             "processor": _processor(),
@@ -59,14 +69,17 @@ def about_run(settings: Settings, scenes: list[str], seeds: list[int], workers: 
     )
 
 
-def save_run(folder: Path, content: RunFile) -> None:
-    """Write run.json."""
-    save_bytes(folder / "run.json", encode(content))
+def save_run(folder: Path, settings: Settings, before: Sequence[Run], run: Run) -> None:
+    """Write run.json. A run that was there already, but for its time, stays as it was."""
+    again = any(msgspec.structs.replace(known, began=run.began) == run for known in before)
+    runs = [*before] if again else [*before, run]
+    content = RunFile(settings=settings, code=code_digest(), runs=runs)
+    save_bytes(folder / RUN, encode(content))
 
 
 def load_run(folder: Path) -> RunFile:
     """Read run.json."""
-    path = folder / "run.json"
+    path = folder / RUN
     return decode(read_bytes(path), RunFile, str(path))
 
 

@@ -1,16 +1,18 @@
 """What a run makes of its cells: run.json, results.csv, results.parquet, and the files they name.
 
-All of them tell only of scenes and seeds that are whole.
+All of them tell only of scenes and seeds that are whole, and of what earlier runs left.
 """
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from experiments.files import write
 from experiments.rows import Row
-from experiments.sweeps.about import RunFile, save_run
+from experiments.sweeps.about import RUN, Run, save_run
+from experiments.sweeps.earlier import Earlier, key_of
 from experiments.sweeps.publish import published
 from experiments.sweeps.results import save_results
-from experiments.sweeps.run import Group
+from experiments.sweeps.run import Group, Settings
 
 
 class Output:
@@ -18,7 +20,8 @@ class Output:
 
     Parameters
     ----------
-    about_run : makes the content of run.json, which is written with the first results
+    before : what earlier runs left, all of which holds until it is replaced
+    about_run : what run.json says of this run, which is written with the first results
     about : keys that all rows get besides
     """
 
@@ -26,11 +29,13 @@ class Output:
         self,
         folder: Path | None,
         groups: Sequence[Group],
-        about_run: Callable[[], RunFile],
+        settings: Settings,
+        before: Earlier,
+        about_run: Callable[[], Run],
         about: Row,
     ) -> None:
         self._folder, self._groups, self._about = folder, groups, about
-        self._about_run = about_run
+        self._settings, self._before, self._about_run = settings, before, about_run
         self._kept: dict[Group, list[Row]] = {}
 
     def update(self) -> None:
@@ -40,21 +45,34 @@ class Output:
         new = [g for g in self._groups if g.is_whole and not g.is_cut and g not in self._kept]
         if not new:
             return
-        if not self._kept:
-            save_run(self._folder, self._about_run())
+        is_first = not self._kept
+        if is_first and not self._before.runs:  # results of other settings, for a moment
+            path = self._folder / RUN
+            write(path, lambda: path.unlink(missing_ok=True))
         for group in new:
             self._kept[group] = published(self._folder, group, self._rows(group))
-        rows = [row for group in self._groups for row in self._kept.get(group, [])]
-        save_results(self._folder, rows, whole=len(self._kept) == len(self._groups))
+        save_results(self._folder, self._all(), whole=len(self._kept) == len(self._groups))
+        if is_first:
+            save_run(self._folder, self._settings, self._before.runs, self._about_run())
 
     def rows(self) -> list[Row]:
-        """All rows that there are, in the order in which they were asked for."""
+        """All rows that this run was asked for and has, in that order."""
         return [
             row
             for group in self._groups
             if group.is_whole
             for row in self._kept.get(group) or self._rows(group)
+            if row["planner"] in group.asked
         ]
+
+    def _all(self) -> list[Row]:
+        """Rows of all that the folder has, those of this run last, in the order of the command."""
+        rest = dict(self._before.rows)
+        own = []
+        for group in self._groups:
+            before = rest.pop(key_of(group, self._about), [])
+            own.append(self._kept.get(group, before))
+        return [row for some in (*rest.values(), *own) for row in some]
 
     def _rows(self, group: Group) -> list[Row]:
         return [row | self._about for row in group.rows()]

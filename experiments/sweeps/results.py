@@ -70,7 +70,12 @@ def _value(key: str, text: str, where: str) -> Any:
 
 
 def save_results(folder: Path, rows: Sequence[Row], whole: bool) -> None:
-    """Write what there is of a table; as Parquet only once it is whole."""
+    """Write what there is of a table; as Parquet only once it is whole.
+
+    Rows of different commands may have different keys.
+    """
+    keys = dict.fromkeys(key for row in rows for key in row)
+    rows = [dict.fromkeys(keys) | row for row in rows]
     if not whole:
         write(folder / PARQUET, lambda: (folder / PARQUET).unlink(missing_ok=True))
     save_csv(folder / "results.csv", rows)

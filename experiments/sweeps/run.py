@@ -50,6 +50,7 @@ class Group:
     Attributes
     ----------
     digest : of the problem
+    asked : the planners that the command names, and plans of others that it gives
     cells : of the planners, by name; that of the bound is known once all of these are found
     found : what has become of them
     bound : what has become of the bound
@@ -64,19 +65,32 @@ class Group:
         settings: Settings,
         given: Mapping[str, Plan],
     ) -> None:
-        self.problem, self.seed, self._limit = problem, seed, settings.bound_limit
+        self.problem, self.seed, self._settings = problem, seed, settings
         self.digest = problem_digest(problem)
-        self.cells = {
-            name: cell_of(problem, self.digest, seed, name, settings.limit, settings.rendered)
-            for name in (*given, *dict.fromkeys(planners))
-        }
-        self.found = {
-            cell: given_plan(cell, problem, given[name])
-            for name, cell in self.cells.items()
-            if name in given
-        }
+        self.cells: dict[str, Cell] = {}
+        self.found: dict[Cell, CellFile] = {}
         self.bound: CellFile | None = None
         self.is_cut = False
+        for name, plan in given.items():
+            self.give(name, plan)
+        for name in planners:
+            self.join(name)
+        self.asked = tuple(self.cells)
+
+    def cell(self, planner: str) -> Cell:
+        """The cell that a planner has, or would have."""
+        limit, rendered = self._settings.limit, self._settings.rendered
+        return cell_of(self.problem, self.digest, self.seed, planner, limit, rendered)
+
+    def join(self, planner: str) -> None:
+        """Have a planner's cell, too."""
+        self.cells.setdefault(planner, self.cell(planner))
+
+    def give(self, name: str, plan: Plan) -> None:
+        """Have a plan of others, too."""
+        self.join(name)
+        cell = self.cells[name]
+        self.found[cell] = given_plan(cell, self.problem, plan)
 
     def missing(self) -> list[Task]:
         """What can begin: the planners' cells, or the bound once all of them are there."""
@@ -121,7 +135,8 @@ class Group:
 
     def _bound_task(self) -> Task:
         start = start_of([self.found[cell] for cell in self.cells.values()])
-        cell = cell_of(self.problem, self.digest, self.seed, BOUND, self._limit, start=start.digest)
+        limit = self._settings.bound_limit
+        cell = cell_of(self.problem, self.digest, self.seed, BOUND, limit, start=start.digest)
         return Task(cell, self.problem, start)
 
     def _plan_parts(self) -> list[Row]:

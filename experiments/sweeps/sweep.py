@@ -6,7 +6,6 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-from cocap_opt.io import FileError
 from cocap_opt.stop import Limit, Stop, catch_interrupt
 from experiments.files import clear_leftovers, make_folder
 from experiments.progress import Watch, watching
@@ -15,9 +14,9 @@ from experiments.streams import say
 from experiments.sweeps.about import about_run
 from experiments.sweeps.cells import CellFile, Status, Store
 from experiments.sweeps.crew import Alone, Crew
+from experiments.sweeps.earlier import earlier
 from experiments.sweeps.layout import FOLDERS
 from experiments.sweeps.output import Output
-from experiments.sweeps.results import load_results
 from experiments.sweeps.run import Group, Settings, recall, run
 
 NOTHING: Row = {}
@@ -48,6 +47,8 @@ def sweep(
 ) -> list[Row]:
     """Compute what is missing; write run.json, results.csv, results.parquet, and what they name.
 
+    Rows of earlier runs stay in them, if settings and code are the same.
+
     Parameters
     ----------
     settings : that all groups share
@@ -56,16 +57,17 @@ def sweep(
 
     Returns
     -------
-    The rows of all scenes and seeds that are whole, and of one that Ctrl-C has cut short.
+    The rows that were asked for, of scenes and seeds that are whole, and of one that Ctrl-C has
+    cut short.
     """
     make_folder(folder, *FOLDERS)
     if folder is not None:
         clear_leftovers([folder, *(folder / part for part in FOLDERS)])
-        _tell_dropped(folder, groups)
     scenes = list(dict.fromkeys(group.problem.name for group in groups))
     seeds = sorted({group.seed for group in groups})
-    begun = partial(about_run, settings, scenes, seeds, hired.words)
-    output = Output(folder, groups, begun, about)
+    before = earlier(folder, groups, settings, about)
+    begun = partial(about_run, scenes, seeds, hired.words)
+    output = Output(folder, groups, settings, before, begun, about)
     store = Store(folder, retry, hired.cell_limit)
     missing, known = recall(groups, store)
     if known:
@@ -94,21 +96,6 @@ def sweep(
         again = "; the same command goes on" if folder is not None else ""
         say(f"interrupted: {whole} of {len(groups)} scenes and seeds are whole{again}")
     return rows
-
-
-def _tell_dropped(folder: Path, groups: Sequence[Group]) -> None:
-    """Say that rows of earlier runs leave results.csv, which is of one run."""
-    asked = {(g.problem.name, g.seed, name) for g in groups for name in g.cells}
-    try:
-        rows = load_results(folder)
-    except FileError:  # there are none
-        return
-    others = sum((row["scene"], row["seed"], row["planner"]) not in asked for row in rows)
-    if others:
-        say(
-            f"{folder}: {others} of {len(rows)} rows in results.csv are of scenes, seeds or "
-            "planners that this command does not name; they leave it, their cells stay"
-        )
 
 
 def has_error(row: Row) -> bool:
