@@ -395,8 +395,10 @@ class Problem(Data, frozen=True, eq=False, dict=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         require(isinstance(self.name, str), "name", f"must be text, not {self.name!r}")
-        # The name of a file may hold bytes that are no text, which no output takes.
-        text = self.name.encode(errors="backslashreplace").decode()
+        # A file's name may hold bytes that are no text, or that would steer a terminal.
+        text = "".join(
+            c if c.isprintable() else c.encode("unicode_escape").decode() for c in self.name
+        )
         msgspec.structs.force_setattr(self, "name", text)
         whole(self.horizon, "horizon")
         whole(self.face_samples, "face_samples")

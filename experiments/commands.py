@@ -77,6 +77,7 @@ app = App(
     help="Plan the views of several camera drones, and prove how good the plans are.",
     help_format="plaintext",
     version_flags=[],
+    suppress_keyboard_interrupt=False,
 )
 Free = Annotated[bool, Parameter(negative="", help="the scene without inter-robot collisions")]
 Start = Annotated[Path | None, Parameter(help="file of a plan to start from")]

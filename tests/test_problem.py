@@ -196,9 +196,13 @@ def test_wrong_value_is_refused_and_the_field_named(field: str, make: Callable[[
 
 
 def test_a_name_is_text() -> None:
-    """A name from bytes that are no text can be written, and two such names stay different."""
+    """A name from bytes that are no text can be written, and two such names stay different.
+
+    None steers a terminal or begins a line.
+    """
     names = [tiny().replace(name=name).name for name in ("\udcff", "\udcfe", "M\xfcnchen \u4e2d")]
     assert names == ["\\udcff", "\\udcfe", "M\xfcnchen \u4e2d"]
+    assert tiny().replace(name="a\x1b[2J\n\u202eb").name == r"a\x1b[2J\n\u202eb"
     encode(SceneFile(problem=tiny().replace(name="\udcff")))
     with pytest.raises(ProblemError, match="name: must be text"):
         tiny().replace(name=3)

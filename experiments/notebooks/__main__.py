@@ -16,6 +16,7 @@ app = App(
     help="Run the project's notebooks and store them with their outputs.",
     help_format="plaintext",
     version_flags=[],
+    suppress_keyboard_interrupt=False,
 )
 
 

@@ -19,6 +19,7 @@ app = App(
     help="Make the paper's experiments again, over many seeds, with bounds beside them.",
     help_format="plaintext",
     version_flags=[],
+    suppress_keyboard_interrupt=False,
 )
 
 

@@ -11,7 +11,8 @@ import signal
 import time
 from collections.abc import Iterator
 from concurrent.futures import CancelledError
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
+from multiprocessing import resource_tracker
 from traceback import format_exception
 
 import dask
@@ -148,18 +149,13 @@ def _silence_dask() -> None:
 
 
 class _Quiet(WorkerPlugin):
-    """Keeps each worker on a core of its own, so that cells do not disturb one another.
-
-    Ctrl-C, which a terminal sends to all processes, is for the one that hired them.
-    """
+    """Keeps each worker on a core of its own, so that cells do not disturb one another."""
 
     def __init__(self, cores: list[int]) -> None:
         self._cores = cores
 
     def setup(self, worker: Worker) -> None:
         _silence_dask()
-        with suppress(ValueError):  # not in the main thread
-            signal.signal(signal.SIGINT, signal.SIG_IGN)
         if hasattr(os, "sched_setaffinity"):
             os.sched_setaffinity(0, {self._cores[int(worker.name) % len(self._cores)]})
 
@@ -169,16 +165,32 @@ def local(workers: int, stop: Stop, cell_limit: float) -> Iterator[Cluster]:
     """A cluster of this machine's cores: a process for each, with one thread."""
     _silence_dask()
     cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else [0]
-    with (
-        dask.config.set(LOCAL),
-        LocalCluster(
-            n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None,
-            host="127.0.0.1", scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},
-        ) as cluster,
-        Client(cluster) as client,
-    ):  # fmt: skip
-        client.register_plugin(_Quiet(cores))
+    with dask.config.set(LOCAL), ExitStack() as stack:
+        with _interrupts_wait():
+            cluster = LocalCluster(
+                n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None,
+                host="127.0.0.1", scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},
+            )  # fmt: skip
+            client = stack.enter_context(Client(stack.enter_context(cluster)))
+            client.register_plugin(_Quiet(cores))
         yield Cluster(client, stop, cell_limit)
+
+
+@contextmanager
+def _interrupts_wait() -> Iterator[None]:
+    """Ctrl-C, which a terminal sends to all processes, is for this one, when this is over.
+
+    Threads and processes that begin meanwhile never get it.
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    resource_tracker.ensure_running()  # its start would let them through
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextmanager
