@@ -162,11 +162,12 @@ def read_plan(path: Path, scene: str, problem: Problem) -> tuple[Problem, Plan]:
 
 def read_plans(paths: Sequence[Path], scene: str, problem: Problem) -> tuple[Problem, list[Plan]]:
     """Plans that can be flown, and the variant of the scene that all of them were made for."""
-    plans: list[Plan] = []
-    for path in paths:
-        fitting, plan = read_plan(path, scene, problem)
-        if plans and fitting is not problem:
-            raise FileError(f"{path}: starts elsewhere than the plans before it")
-        problem = fitting
-        plans.append(plan)
-    return problem, plans
+    found = [read_plan(path, scene, problem) for path in paths]
+    variants = [problem_digest(fitting) for fitting, _ in found]
+    for path, variant in zip(paths, variants, strict=True):
+        if variant != variants[0]:
+            raise FileError(
+                f"{path}: is for other starts than {paths[0]}; `export` writes the scene with "
+                "either (--option start-set=yaml or seed) to plan on"
+            )
+    return found[0][0] if found else problem, [plan for _, plan in found]

@@ -737,6 +737,8 @@ def test_a_worker_that_dies_or_hangs_costs_its_own_cell(tmp_path: Path) -> None:
         cluster.client.register_worker_callbacks(partial(exec, BAD_PLANNERS, {}))
         assert cluster.client.cluster.scheduler.http_server.port != 8787  # no dashboard
         run(some, cluster, Store(folder), never, lambda content: None)
+        masks = cluster.client.run(signal.pthread_sigmask, signal.SIG_BLOCK, [])
+    assert all(signal.SIGINT in blocked for blocked in masks.values())  # Ctrl-C is for us
     assert all(group.is_whole for group in some)
     reasons = {row["planner"]: row["reason"] for row in some[0].rows()}
     assert reasons["sleeps"] == "exceeded" and reasons["dies"] == "died"
