@@ -569,6 +569,20 @@ def test_cocap_that_is_stopped_keeps_what_does_not_collide(nodes: int) -> None:
     assert result.value > without_time.value
 
 
+def test_cocap_that_is_stopped_late_is_no_worse_than_sequential(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Once its tree has grown a plan without conflicts is kept; one that ends does not need it."""
+    problem = load_scene("bottleneck", 0)
+    without, finished = cocap(problem, most_nodes=3), cocap(problem)
+    monkeypatch.setattr(sys.modules[cocap.__module__], "SPARE_FROM", 3)
+    result, spare = cocap(problem, most_nodes=3), sequential(problem)
+    assert without.value < spare.value == result.value
+    assert result.plan == spare.plan and result.reason is Reason.STOPPED
+    assert cocap(problem).plan == finished.plan
+    assert finished.value > spare.value
+
+
 def test_memory_limit_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     """Joint planning that would not fit into memory says so and does not try."""
     module = sys.modules["cocap_opt.planners.joint"]  # the package's attribute is the function

@@ -11,6 +11,7 @@ from dataclasses import asdict, dataclass, replace
 from cocap_opt.constraints import forbid
 from cocap_opt.model import compiled
 from cocap_opt.plan import Conflict, Plan, conflicts
+from cocap_opt.planners.sequential import sequential
 from cocap_opt.planners.single import LowLevel, SingleRobotTask
 from cocap_opt.planners.team import Team, no_plan, remark, stopped
 from cocap_opt.planners.value_iteration import value_iteration
@@ -18,6 +19,8 @@ from cocap_opt.problem import Problem
 from cocap_opt.result import Reason, Result
 from cocap_opt.stop import Limit, Stop, never
 from cocap_opt.timegraph import NO_CHARGES, Charges
+
+SPARE_FROM = 64  # nodes generated from which on a spare plan costs little
 
 
 @dataclass(frozen=True)
@@ -57,7 +60,8 @@ def cocap(
     -------
     Result
         The first conflict-free node popped; at a limit, of the last node popped the paths
-        that do not collide, and the other robots stay where they are.
+        that do not collide, and the other robots stay where they are. A search that is stopped
+        after many nodes returns the plan of `sequential` where that is better.
         `statistics` holds the nodes `generated` and `expanded`, the `depth` of the last one
         popped, and the states `evaluated` by a lazy low level. If the tree is exhausted, no
         plan obeys the rules: a low level fails only where there is no path, and of the two
@@ -65,6 +69,7 @@ def cocap(
     """
     begin = time.perf_counter()
     model, counts, limit = compiled(problem), Counts(), Limit.NONE
+    spare: Result | None = None
     # The root: every robot's best path given the earlier ones, without constraints.
     queue: list[tuple[float, int, Node]] = []
     last = root = Node(Team(model, []), (NO_CHARGES,) * len(problem.robots), 0.0, depth=0)
@@ -87,6 +92,8 @@ def cocap(
         if conflict is None:
             return _found(plan, node, begin, counts)
         counts.expanded += 1
+        if spare is None and counts.generated >= SPARE_FROM:
+            spare = sequential(problem, stop, low_level)
         # Branch: one robot of the first conflict gives way in each child.
         for which in (0, 1):
             limit = limit if limit is not Limit.NONE else _limit(stop, most_nodes, counts)
@@ -96,7 +103,10 @@ def cocap(
                     counts.generated += 1
                     heapq.heappush(queue, (-child.value, counts.generated, child))
     if limit is not Limit.NONE:
-        return stopped(model, limit, begin, asdict(counts), last.team)
+        result = stopped(model, limit, begin, asdict(counts), last.team)
+        if spare is not None and spare.value > result.value:
+            result = replace(result, plan=spare.plan, value=spare.value)
+        return result
     words = "no plan obeys the rules: the constraint tree is exhausted"
     return no_plan(limit, begin, (Reason.INFEASIBLE, words), asdict(counts))
 
