@@ -1,4 +1,3 @@
-import csv
 import json
 import os
 import re
@@ -422,7 +421,7 @@ def test_solve_without_rules(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert refused.code == 1
     assert any("in one cell" in violation for violation in refused.json["violations"])
     for method in BOUNDS:
-        words = ["bound", scene, "--method", method, "--free", "--time-limit", 1, "--json"]
+        words = ["bound", scene, "--method", method, "--free", "--time-limit", 0.2, "--json"]
         assert Run(capsys, *words).json["bound"] >= free["reward"]
     greedy = Run(capsys, "plan", scene, "--planner", "greedy", "--free", "--json").json
     assert obeying["reward"] < greedy["reward"] <= free["reward"] * (1 + 1e-9)
@@ -761,20 +760,6 @@ def test_ctrl_c_prints_what_is_finished(tmp_path: Path) -> None:
     assert process.returncode == 0
     assert 0 < len(json.loads(out)["rows"]) < 500
     assert (tmp_path / "results.csv").is_file()
-
-
-def test_a_killed_gap_table_loses_only_the_running_cell(tmp_path: Path) -> None:
-    """results.csv is whole after every cell."""
-    words = ["gap", "corridor", "--planner", "greedy", "--planner", "cocap", "--seeds", "0-9"]
-    process = start_command(*words, "--out", tmp_path)
-    wait_for(process, tmp_path, "plans/corridor-4-*")
-    process.kill()
-    process.communicate(timeout=60)
-    with (tmp_path / "results.csv").open() as file:
-        rows = list(csv.DictReader(file))
-    assert len(rows) >= 2 * 4
-    assert len(rows) % 2 == 0
-    assert all(None not in row.values() and row["bound"] for row in rows)
 
 
 def test_ctrl_c_gives_the_best_plan_and_bound_so_far(

@@ -543,7 +543,7 @@ def test_no_name_is_run_and_nothing_is_asked_for(player: Any, tmp_path: Path) ->
     before = player.current_url
     player.get(page.as_uri())
     go_to(player, 1)
-    assert value(player, "document.getElementById('name').textContent") == EVIL
+    assert value(player, "document.getElementById('name').textContent") == problem.name
     assert value(player, "document.querySelector('h2').textContent") == EVIL
     assert value(player, "document.querySelectorAll('img').length") == 0
     assert value(player, "document.getElementById('scale').offsetWidth") == 0

@@ -218,7 +218,7 @@ def test_collision_rules_cost_the_optimum_of_two_robots(seed: int) -> None:
 
 def test_collision_rules_cost_the_optimum_of_four_robots() -> None:
     """In the tight bottleneck some plan that ignores the rules is above the bound with them."""
-    problem = scene("bottleneck-tight", 8)
+    problem = scene("bottleneck-tight", 8).replace(horizon=5)
     bound = BOUNDS["column-generation"](problem).bound
     assert bound < 0.998 * value("greedy-rounds", problem.replace(rules=NO_RULES))
 

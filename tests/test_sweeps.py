@@ -549,6 +549,7 @@ def test_a_sweep_that_is_killed_goes_on_where_it_was(undisturbed: Path, tmp_path
         assert {path: cell_times(folder)[path] for path in written} == written
         written = cell_times(folder)
     assert len(written) >= 9
+    assert len(load_results(folder)) % 2 == 0  # whole scenes and seeds
     assert run_command("--out", folder).returncode == 0
     assert csv_rows(folder) == csv_rows(undisturbed)
     assert {path: cell_times(folder)[path] for path in written} == written
