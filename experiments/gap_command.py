@@ -6,6 +6,7 @@ from typing import Annotated, NamedTuple
 
 from cyclopts import Parameter
 
+from cocap_opt.io import problem_digest
 from cocap_opt.plan import Plan
 from cocap_opt.problem import Problem
 from experiments.files import read_plans
@@ -26,6 +27,7 @@ from experiments.printing import print_gap_table, print_json, print_table, title
 from experiments.rows import SOLVERS, Row, default_planners, mean_table
 from experiments.streams import say
 from experiments.sweeps.cells import BOUND
+from experiments.sweeps.earlier import seeds_known
 from experiments.sweeps.run import Group, Settings
 from experiments.sweeps.sweep import Hired, has_error, sweep
 
@@ -91,9 +93,14 @@ def gap(
     problems = _problems(scene, numbers("--seeds", seeds), plan or [])
     others = _plans_of_others(plan or [], problems)
     settings = Settings(limit=time_limit, bound_limit=bound_limit, rendered=rendered)
+    known = seeds_known(out)
     groups = {
         (name, seed): Group(
-            problem, seed, planner or default_planners(problem), settings, others.plans
+            problem,
+            known.get((problem.name, problem_digest(problem)), seed),
+            planner or default_planners(problem),
+            settings,
+            others.plans,
         )
         for (name, seed), problem in (problems | others.problems).items()
     }
@@ -125,7 +132,7 @@ def _problems(scenes: Sequence[str], seeds: Sequence[int], plans: Sequence[Path]
 
 
 def _each_once(groups: Mapping[tuple[str, int], Group]) -> list[Group]:
-    """The groups without seeds that make the same scene as a seed before them."""
+    """The groups without those that make the same scene as a seed before them."""
     kept: list[Group] = []
     for scene in dict.fromkeys(scene for scene, _ in groups):
         some = [group for (name, _), group in groups.items() if name == scene]

@@ -623,10 +623,13 @@ def test_wrong_options_are_refused(
     assert word in captured.err and len(captured.err.splitlines()) == 1
 
 
-def test_seeds_that_change_nothing_are_one(capsys: pytest.CaptureFixture[str]) -> None:
-    """The same scene again is no other sample; one line says so."""
-    words = ["gap", "tiny-share", "corridor", "--seeds", "0-1", "--planner", "greedy", "--json"]
-    assert commands.run([*words, "--bound-limit", "0"]) == 0
+def test_seeds_that_change_nothing_are_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The same scene again is no other sample, in this command or a later one; a line says so."""
+    words = ["gap", "tiny-share", "corridor", "--planner", "greedy", "--json", "--bound-limit", "0"]
+    words += ["--out", str(tmp_path)]
+    assert commands.run([*words, "--seeds", "0-1"]) == 0
     captured = capsys.readouterr()
     rows = json.loads(captured.out)["rows"]
     assert [(r["scene"], r["seed"]) for r in rows] == [
@@ -634,6 +637,9 @@ def test_seeds_that_change_nothing_are_one(capsys: pytest.CaptureFixture[str]) -
     ]  # fmt: skip
     (line,) = (line for line in captured.err.splitlines() if "seeds" in line)
     assert "tiny-share: 2 seeds make 1" in line
+    assert commands.run([*words, "--seeds", "2"]) == 0
+    found = {(row["scene"], row["seed"]) for row in load_results(tmp_path)}
+    assert found == {("tiny-share", 0), ("corridor", 0), ("corridor", 1), ("corridor", 2)}
 
 
 def test_an_error_is_no_success(

@@ -53,6 +53,24 @@ def earlier(
     return found._replace(rows=rows)
 
 
+def seeds_known(folder: Path | None) -> dict[tuple[str, str], int]:
+    """By a scene's name and digest, the seed under which the folder has it.
+
+    A scene that does not depend on the seed is the same sample under any.
+    """
+    if folder is None:
+        return {}
+    try:
+        rows = load_results(folder)
+    except FileError:  # there are none
+        return {}
+    known: dict[tuple[str, str], int] = {}
+    for row in rows:
+        if row["seed"] is not None and (found := _plan(folder, row)) is not None:
+            known.setdefault((row["scene"], found.digest), row["seed"])
+    return known
+
+
 def _standing(folder: Path, settings: Settings) -> Earlier:
     """Rows that have the settings and the code of those that are to come."""
     nothing = Earlier({}, [])
@@ -102,15 +120,20 @@ def _is_rejoined(group: Group, row: Row, folder: Path, store: Store) -> bool:
 
 def _is_given(group: Group, row: Row, folder: Path) -> bool:
     """Whether a plan of others is in the folder still; if so, the group gets it."""
-    path = folder / plan_path(row)
-    try:
-        found = decode(read_bytes(path), PlanFile, str(path))
-    except FileError:
-        return False
-    if found.digest != group.digest:
+    found = _plan(folder, row)
+    if found is None or found.digest != group.digest:
         return False
     group.give(row["planner"], found.plan)
     return True
+
+
+def _plan(folder: Path, row: Row) -> PlanFile | None:
+    """A row's plan, if it is there."""
+    path = folder / plan_path(row)
+    try:
+        return decode(read_bytes(path), PlanFile, str(path))
+    except FileError:
+        return None
 
 
 def _tell_leaving(where: object, count: int, why: str) -> None:
