@@ -10,6 +10,22 @@ from experiments.cli import INTERRUPTED
 from experiments.streams import say
 
 
+def program(name: str, words: str) -> App:
+    """A program to which commands are added.
+
+    Parameters
+    ----------
+    words : what it does
+    """
+    return App(
+        name=name,
+        help=words,
+        help_format="plaintext",
+        version_flags=[],
+        suppress_keyboard_interrupt=False,  # `run_app` says it in a line
+    )
+
+
 def run_app(app: App, arguments: Sequence[str] | None, *errors: type[Exception]) -> int:
     """Run a command: its exit code, 2 for wrong input (one line), or 130 after Ctrl-C.
 

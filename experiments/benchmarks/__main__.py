@@ -6,19 +6,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
-from cyclopts import App, Parameter
+from cyclopts import Parameter
 
 from cocap_opt.io import FileError
-from experiments.entry import run_app
+from experiments.entry import program, run_app
 from experiments.numbers import numbers, values
 
-app = App(
-    name="python -m experiments.benchmarks",
-    help="Measure what the project promises about speed.",
-    help_format="plaintext",
-    version_flags=[],
-    suppress_keyboard_interrupt=False,
-)
+app = program("python -m experiments.benchmarks", "Measure what the project promises about speed.")
 Out = Annotated[Path | None, Parameter(help="folder for the results")]
 Seeds = Annotated[str | None, Parameter(help="such as 0-4; without it, each row has its own")]
 

@@ -5,18 +5,15 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
-from cyclopts import App, Parameter
+from cyclopts import Parameter
 
 from cocap_opt.io import FileError
-from experiments.entry import run_app
+from experiments.entry import program, run_app
 from experiments.streams import say
 
-app = App(
-    name="python -m experiments.notebooks",
-    help="Run the project's notebooks and store them with their outputs.",
-    help_format="plaintext",
-    version_flags=[],
-    suppress_keyboard_interrupt=False,
+app = program(
+    "python -m experiments.notebooks",
+    "Run the project's notebooks and store them with their outputs.",
 )
 
 

@@ -6,20 +6,17 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
-from cyclopts import App, Parameter
+from cyclopts import Parameter
 
 from cocap_opt.io import FileError
-from experiments.entry import run_app
+from experiments.entry import program, run_app
 from experiments.numbers import numbers
 from experiments.options import UsageError, check_workers
 from experiments.sweeps.crew import ClusterError
 
-app = App(
-    name="python -m experiments.paper",
-    help="Make the paper's experiments again, over many seeds, with bounds beside them.",
-    help_format="plaintext",
-    version_flags=[],
-    suppress_keyboard_interrupt=False,
+app = program(
+    "python -m experiments.paper",
+    "Make the paper's experiments again, over many seeds, with bounds beside them.",
 )
 
 
