@@ -30,6 +30,7 @@ from cocap_opt.data import (
     FloatArray,
     IntArray,
     frozen,
+    printable,
     read_only,
     require,
     whole,
@@ -395,11 +396,7 @@ class Problem(Data, frozen=True, eq=False, dict=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         require(isinstance(self.name, str), "name", f"must be text, not {self.name!r}")
-        # A file's name may hold bytes that are no text, or that would steer a terminal.
-        text = "".join(
-            c if c.isprintable() else c.encode("unicode_escape").decode() for c in self.name
-        )
-        msgspec.structs.force_setattr(self, "name", text)
+        msgspec.structs.force_setattr(self, "name", printable(self.name))  # it may be a file's
         whole(self.horizon, "horizon")
         whole(self.face_samples, "face_samples")
         within(self.horizon, 1, MOST_STEPS, "horizon", "steps")

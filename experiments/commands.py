@@ -5,6 +5,7 @@ import math
 import os
 import sys
 from collections.abc import Callable, Sequence
+from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
@@ -76,7 +77,8 @@ app = App(
     name="cocap-opt",
     help="Plan the views of several camera drones, and prove how good the plans are.",
     help_format="plaintext",
-    version_flags=[],
+    version=lambda: version("cocap-opt"),
+    version_flags=["--version"],
     suppress_keyboard_interrupt=False,
 )
 Free = Annotated[bool, Parameter(negative="", help="the scene without inter-robot collisions")]

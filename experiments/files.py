@@ -3,9 +3,10 @@
 import csv
 import io
 import os
+import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import msgspec
@@ -28,6 +29,9 @@ from experiments.rows import Judged, Row
 from formulations.certificate import CertificateFile
 from formulations.proof import ProofFile
 from scenarios import read_foreign_plan, scene_of_plan
+
+if sys.platform != "win32":
+    import fcntl
 
 LEFTOVER = 3600.0  # s, after which nobody is writing a file any more
 KINDS: dict[str, type[PlanFile] | type[CertificateFile] | type[ProofFile]] = {
@@ -97,6 +101,26 @@ def make_folder(path: Path | None, *parts: str) -> None:
                 (path / part).mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise FileError(f"{path}: cannot be made a folder: {error.strerror}") from error
+
+
+@contextmanager
+def only_writer(folder: Path | None) -> Iterator[None]:
+    """Keep other commands from writing into a folder for results, where the system can.
+
+    The lock ends with the process, however that ends.
+    """
+    if folder is None or sys.platform == "win32":
+        yield
+        return
+    with (folder / ".lock").open("wb") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            words = "another command writes there; wait for it, or name another folder"
+            raise FileError(f"{folder}: {words}") from None
+        except OSError:  # a file system without locks
+            pass
+        yield
 
 
 def clear_leftovers(folders: Sequence[Path]) -> None:

@@ -1,12 +1,14 @@
 """The command `gap`: planners' plans on scenes and seeds, and what bounds them."""
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
 from cyclopts import Parameter
 
-from cocap_opt.io import problem_digest
+from cocap_opt.data import ProblemError
+from cocap_opt.io import FileError, problem_digest
 from cocap_opt.plan import Plan
 from cocap_opt.problem import Problem
 from experiments.files import read_plans
@@ -27,9 +29,10 @@ from experiments.printing import print_gap_table, print_json, print_table, title
 from experiments.rows import SOLVERS, Row, default_planners, mean_table
 from experiments.streams import say
 from experiments.sweeps.cells import BOUND
-from experiments.sweeps.earlier import seeds_known
+from experiments.sweeps.earlier import Key
 from experiments.sweeps.run import Group, Settings
 from experiments.sweeps.sweep import Hired, has_error, sweep
+from scenarios import load_scene
 
 Problems = dict[tuple[str, int], Problem]  # by scene as typed, and seed
 
@@ -93,18 +96,18 @@ def gap(
     problems = _problems(scene, numbers("--seeds", seeds), plan or [])
     others = _plans_of_others(plan or [], problems)
     settings = Settings(limit=time_limit, bound_limit=bound_limit, rendered=rendered)
-    known = seeds_known(out)
-    groups = {
-        (name, seed): Group(
+    groups = [
+        Group(
             problem,
-            known.get((problem.name, problem_digest(problem)), seed),
+            0 if others.about else seed,
             planner or default_planners(problem),
             settings,
             others.plans,
         )
-        for (name, seed), problem in (problems | others.problems).items()
-    }
-    rows = sweep(_each_once(groups), settings, out, hired, retry, others.about)
+        for (_, seed), problem in (problems | others.problems).items()
+    ]
+    words = {problem.name: name for (name, _), problem in problems.items()}
+    rows = sweep(groups, settings, out, hired, retry, others.about, partial(_is_same, words))
     _print(rows, json)
     return 1 if any(map(has_error, rows)) else 0
 
@@ -124,26 +127,44 @@ def _hired(
 
 
 def _problems(scenes: Sequence[str], seeds: Sequence[int], plans: Sequence[Path]) -> Problems:
-    """The scenes that the words name, told apart by their names."""
-    cells = list(dict.fromkeys((name, seed) for name in scenes for seed in seeds))
-    if plans and len(cells) > 1:
+    """The scenes that the words name, told apart by their names; each scene once."""
+    scenes = list(dict.fromkeys(scenes))
+    if plans and len(scenes) * len(seeds) > 1:
         raise UsageError("--plan: the plans must be for one scene and one seed")
-    return told_apart({(name, seed): load(name, seed) for name, seed in cells})
+    return told_apart({
+        (name, seed): problem for name in scenes for seed, problem in _seeded(name, seeds).items()
+    })  # fmt: skip
 
 
-def _each_once(groups: Mapping[tuple[str, int], Group]) -> list[Group]:
-    """The groups without those that make the same scene as a seed before them."""
-    kept: list[Group] = []
-    for scene in dict.fromkeys(scene for scene, _ in groups):
-        some = [group for (name, _), group in groups.items() if name == scene]
-        first: dict[str, Group] = {}
-        for group in some:
-            first.setdefault(group.digest, group)
-        if len(first) < len(some):
-            words = f"{len(some)} seeds make {len(first)} different scenes"
-            say(f"{scene}: {words}; only the first seed of each is taken")
-        kept += first.values()
-    return kept
+def _seeded(scene: str, seeds: Sequence[int]) -> dict[int, Problem]:
+    """A scene by its seeds. What other seeds make is one sample, not many; it is that of seed 0."""
+    first = {_digest(scene, 0): 0}
+    found: dict[int, Problem] = {}
+    again = []
+    for seed in seeds:
+        problem = load(scene, seed)
+        known = first.setdefault(problem_digest(problem), seed)
+        found.setdefault(known, problem)
+        if known != seed:
+            again.append(f"{seed} makes the scene of seed {known}")
+    if again:
+        more = f", and so do {len(again) - 1} others" if again[1:] else ""
+        say(f"{scene}: seed {again[0]}{more}; each scene is taken once")
+    return found
+
+
+def _digest(scene: str, seed: int) -> str:
+    """Digest of what a seed makes; empty if it makes nothing."""
+    try:
+        return problem_digest(load_scene(scene, seed))
+    except (FileError, ProblemError):
+        return ""
+
+
+def _is_same(words: Mapping[str, str], key: Key, digest: str) -> bool:
+    """Whether an earlier row's scene is what the words of the command make with its seed."""
+    name, seed = key
+    return seed is None or name not in words or _digest(words[name], seed) == digest
 
 
 class _Others(NamedTuple):

@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from cocap_opt.data import printable
 from experiments.rows import Row
 
 FOLDED = 16  # columns of text that goes on in the next line, at least
@@ -45,8 +46,8 @@ def print_json(content: Any) -> None:
 
 
 def path_text(path: Path) -> str:
-    """A path as text; bytes that are no text are escaped."""
-    return str(path).encode("utf-8", "backslashreplace").decode()
+    """A path as text; what cannot be printed is escaped."""
+    return printable(str(path))
 
 
 def counted(number: int, what: str) -> str:

@@ -155,13 +155,15 @@ def _scene_plans(folder: Path, rows: Sequence[Row]) -> str:
 def telling_seed(rows: Sequence[Row]) -> tuple[int | None, list[Row]]:
     """The seed of a scene on which most conflicts have to be avoided, with its rows.
 
-    Among those with as many conflicts, that on which the plans' rewards differ most.
+    Among those with as many conflicts, that on which the plans' rewards differ most. A seed with
+    two plans comes before all with one.
     """
 
-    def told(some: Sequence[Row]) -> tuple[int, float]:
+    def told(some: Sequence[Row]) -> tuple[bool, int, float]:
         rewards = [row["reward"] for row in some if obeys(row)]
         apart = max(rewards) - min(rewards) if rewards else -1.0
-        return max((row["conflicts"] or 0) for row in some), apart
+        plans = sum(_has_plan(row) for row in some)
+        return plans > 1, max((row["conflicts"] or 0) for row in some), apart
 
     seeds = {row["seed"]: [r for r in rows if r["seed"] == row["seed"]] for row in rows}
     return max(seeds.items(), key=lambda item: told(item[1]))

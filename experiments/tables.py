@@ -141,13 +141,17 @@ def _is_timed(row: Row) -> bool:
 
 
 def _times(scene: str, rows: Sequence[Row], limit: float) -> Table:
-    """The rows of a table of times, of planners that were run on the same instances."""
+    """The rows of a table of times; ratios are over what all of its planners were run on."""
     planners = {planner: some for (planner,), some in grouped(rows, "planner").items()}
-    means = {
-        planner: shifted_geometric_mean([r["seconds"] if obeys(r) else limit for r in some])
+    instances = [{(row["scene"], row["seed"]) for row in some} for some in planners.values()]
+    common = set.intersection(*instances) if instances else set()
+    means = {planner: _mean_seconds(some, limit) for planner, some in planners.items()}
+    alike = {
+        planner: _mean_seconds([r for r in some if (r["scene"], r["seed"]) in common], limit)
         for planner, some in planners.items()
+        if common
     }
-    least = min(means.values(), default=0.0)
+    least = min(alike.values(), default=0.0)
     return [
         {
             "scene": scene,
@@ -155,12 +159,16 @@ def _times(scene: str, rows: Sequence[Row], limit: float) -> Table:
             "runs": str(len(some)),
             "no valid plan": str(sum(not obeys(row) for row in some)),
             "shifted geometric mean (s)": number(means[planner], 3),
-            "of the fastest": number(means[planner] / least if least > 0 else None, 1),
+            "of the fastest": number(alike[planner] / least if least > 0 else None, 1),
             "median (s)": _median(values(some, "seconds")),
             "longest (s)": number(max(values(some, "seconds"), default=None), 3),
         }
         for planner, some in planners.items()
     ]
+
+
+def _mean_seconds(rows: Sequence[Row], limit: float) -> float:
+    return shifted_geometric_mean([row["seconds"] if obeys(row) else limit for row in rows])
 
 
 def is_optimal(row: Row) -> bool:

@@ -280,7 +280,7 @@ def test_rows_that_do_not_fit_leave(
         settings = msgspec.structs.replace(SETTINGS, limit=30.0)
         some = groups(range(1), ("cocap",), settings)
     elif what == "code":
-        monkeypatch.setattr(earlier_module, "code_digest", lambda: "another")
+        monkeypatch.setattr(earlier_module, "rows_digest", lambda: "another")
     elif what == "scene":
         changed = [g.problem.replace(face_samples=1) for g in some]
         some = [Group(problem, 0, ("cocap",), settings, {}) for problem in changed]
@@ -292,7 +292,7 @@ def test_rows_that_do_not_fit_leave(
     capsys.readouterr()
     rows = swept(some, tmp_path, settings)
     assert in_table(load_results(tmp_path)) == in_table(rows)
-    assert "leave results.csv" in capsys.readouterr().err
+    assert "no longer in results.csv" in capsys.readouterr().err
 
 
 def test_a_row_stays_until_it_is_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -635,8 +635,7 @@ def test_seeds_that_change_nothing_are_one(
     assert [(r["scene"], r["seed"]) for r in rows] == [
         ("tiny-share", 0), ("corridor", 0), ("corridor", 1)
     ]  # fmt: skip
-    (line,) = (line for line in captured.err.splitlines() if "seeds" in line)
-    assert "tiny-share: 2 seeds make 1" in line
+    assert "tiny-share: seed 1 makes the scene of seed 0" in captured.err
     assert commands.run([*words, "--seeds", "2"]) == 0
     found = {(row["scene"], row["seed"]) for row in load_results(tmp_path)}
     assert found == {("tiny-share", 0), ("corridor", 0), ("corridor", 1), ("corridor", 2)}

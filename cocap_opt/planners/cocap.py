@@ -94,6 +94,7 @@ def cocap(
         counts.expanded += 1
         if spare is None and counts.generated >= SPARE_FROM:
             spare = sequential(problem, stop, low_level)
+            counts.evaluated += int(spare.statistics.get("evaluated", 0))
         # Branch: one robot of the first conflict gives way in each child.
         for which in (0, 1):
             limit = limit if limit is not Limit.NONE else _limit(stop, most_nodes, counts)
@@ -105,7 +106,8 @@ def cocap(
     if limit is not Limit.NONE:
         result = stopped(model, limit, begin, asdict(counts), last.team)
         if spare is not None and spare.value > result.value:
-            result = replace(result, plan=spare.plan, value=spare.value)
+            words = "stopped: this is the plan of sequential planning"
+            return replace(result, plan=spare.plan, value=spare.value, message=words)
         return result
     words = "no plan obeys the rules: the constraint tree is exhausted"
     return no_plan(limit, begin, (Reason.INFEASIBLE, words), asdict(counts))

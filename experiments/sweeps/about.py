@@ -1,16 +1,19 @@
 """What the runs in a folder were: machines, versions, settings, so that they can be made again."""
 
+import hashlib
 import os
 import platform
 import sys
 from collections.abc import Sequence
 from datetime import UTC, datetime
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Literal
 
 import msgspec
 
+import scenarios
 from cocap_opt.coverage import usable_cores
 from cocap_opt.io import decode, encode, read_bytes
 from experiments.files import save_bytes
@@ -46,7 +49,7 @@ class RunFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=T
     format: Literal["cocap-opt run"] = "cocap-opt run"
     version: Literal[2] = 2
     settings: Settings
-    code: str  # digest
+    code: str  # digest of what rows depend on, scenes included
     runs: list[Run]
 
 
@@ -69,11 +72,20 @@ def about_run(scenes: list[str], seeds: list[int], workers: str) -> Run:
     )
 
 
+@cache
+def rows_digest() -> str:
+    """Digest of the code that rows depend on: that of cells, and that of built-in scenes."""
+    digest = hashlib.sha256(code_digest().encode())
+    for path in sorted(Path(str(scenarios.__file__)).parent.rglob("*.py")):
+        digest.update(path.name.encode() + path.read_bytes())
+    return digest.hexdigest()
+
+
 def save_run(folder: Path, settings: Settings, before: Sequence[Run], run: Run) -> None:
     """Write run.json. A run that was there already, but for its time, stays as it was."""
     again = any(msgspec.structs.replace(known, began=run.began) == run for known in before)
     runs = [*before] if again else [*before, run]
-    content = RunFile(settings=settings, code=code_digest(), runs=runs)
+    content = RunFile(settings=settings, code=rows_digest(), runs=runs)
     save_bytes(folder / RUN, encode(content))
 
 

@@ -1,24 +1,27 @@
 """What earlier commands left in a folder, as far as it can stand beside what runs now.
 
-Rows stay that were made with the same settings and by the same code. A scene and seed that runs
-again takes its earlier planners along, so that one bound holds for all of its rows.
+Rows stay that were made with the same settings, by the same code, on what still is the same scene.
+A scene and seed that runs again takes its earlier planners along, so that one bound holds for all
+of its rows.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from cocap_opt.check import check
 from cocap_opt.io import FileError, PlanFile, decode, read_bytes
 from experiments.printing import counted
 from experiments.rows import SOLVERS, Row
 from experiments.streams import say
-from experiments.sweeps.about import Run, load_run
-from experiments.sweeps.cells import Store, code_digest
+from experiments.sweeps.about import Run, load_run, rows_digest
+from experiments.sweeps.cells import Store
 from experiments.sweeps.layout import plan_path
-from experiments.sweeps.results import load_results
+from experiments.sweeps.results import RESULTS, load_results
 from experiments.sweeps.run import Group, Settings
 
 Key = tuple[str, int | None]  # a scene and a seed; None where the starts are the scene file's own
+IsSame = Callable[[Key, str], bool]  # whether a scene and seed still has a digest
 
 
 class Earlier(NamedTuple):
@@ -33,61 +36,29 @@ def key_of(group: Group, about: Row) -> Key:
     return group.problem.name, about.get("seed", group.seed)
 
 
-def earlier(
-    folder: Path | None, groups: Sequence[Group], settings: Settings, about: Row
-) -> Earlier:
-    """What is in a folder and can stay; what cannot is said.
+def earlier(folder: Path, settings: Settings) -> Earlier:
+    """What is in a folder and has the same settings and code; that the rest leaves is said.
 
-    The groups get the planners that they had before.
-
-    Parameters
-    ----------
-    about : keys that all rows of the groups get besides
+    Raises
+    ------
+    FileError
+        If results.csv is damaged or of another program: it is not overwritten.
     """
-    found = Earlier({}, []) if folder is None else _standing(folder, settings)
-    rows = dict(found.rows)
-    for group in groups:
-        key = key_of(group, about)
-        if folder is not None and key in rows and not _rejoined(group, rows[key], folder):
-            del rows[key]
-    return found._replace(rows=rows)
-
-
-def seeds_known(folder: Path | None) -> dict[tuple[str, str], int]:
-    """By a scene's name and digest, the seed under which the folder has it.
-
-    A scene that does not depend on the seed is the same sample under any.
-    """
-    if folder is None:
-        return {}
-    try:
-        rows = load_results(folder)
-    except FileError:  # there are none
-        return {}
-    known: dict[tuple[str, str], int] = {}
-    for row in rows:
-        if row["seed"] is not None and (found := _plan(folder, row)) is not None:
-            known.setdefault((row["scene"], found.digest), row["seed"])
-    return known
-
-
-def _standing(folder: Path, settings: Settings) -> Earlier:
-    """Rows that have the settings and the code of those that are to come."""
     nothing = Earlier({}, [])
-    try:
-        rows = load_results(folder)
-    except FileError:  # there are none
+    if not (folder / RESULTS).exists():
         return nothing
+    rows = load_results(folder)
     try:
         about = load_run(folder)
     except FileError as error:
-        _tell_leaving(folder, len(rows), f"are of unknown settings ({error})")
+        _tell_leaving(folder, rows, f"unknown settings ({error})")
         return nothing
-    if about.settings != settings:
-        _tell_leaving(folder, len(rows), "were made with other limits or settings")
+    if (old := about.settings) != settings:
+        limits = f"{old.limit:g} s for plans, {old.bound_limit:g} s for bounds"
+        _tell_leaving(folder, rows, f"other limits or options (there: {limits})")
         return nothing
-    if about.code != code_digest():
-        _tell_leaving(folder, len(rows), "were made by another version of the code")
+    if about.code != rows_digest():
+        _tell_leaving(folder, rows, "another version of the code")
         return nothing
     known: dict[Key, list[Row]] = {}
     for row in rows:
@@ -95,47 +66,70 @@ def _standing(folder: Path, settings: Settings) -> Earlier:
     return Earlier(known, about.runs)
 
 
-def _rejoined(group: Group, rows: Sequence[Row], folder: Path) -> bool:
-    """Give a group the planners of its earlier rows; whether all of these rows still hold."""
+def without_other_scenes(
+    found: Earlier, folder: Path, digests: dict[Key, str], is_same: IsSame
+) -> Earlier:
+    """What is left without rows of other scenes that had the names of those that run now.
+
+    A scene that runs now under another seed leaves, too: it is one sample.
+
+    Parameters
+    ----------
+    digests : of the scenes and seeds that run now
+    is_same : asked of the others
+    """
+    kept = dict(found.rows)
+    samples = {(name, digest) for (name, _), digest in digests.items()}
+    for key, rows in found.rows.items():
+        digest, where = rows[0]["digest"], f"{folder}: {_words(key)}"
+        if key not in digests and (key[0], digest) in samples:
+            _tell_leaving(where, kept.pop(key), "a scene that now has another seed")
+        elif not (digests[key] == digest if key in digests else is_same(key, digest)):
+            _tell_leaving(where, kept.pop(key), "another scene of that name")
+    return found._replace(rows=kept)
+
+
+def rejoin(group: Group, rows: Sequence[Row], folder: Path) -> None:
+    """Give a group the planners of its earlier rows, of which it is known what has become."""
     store = Store(folder)
-    gone = [row for row in rows if not _is_rejoined(group, row, folder, store)]
-    if gone:
-        words = ", ".join(row["planner"] for row in gone)
-        where = f"{folder}: {group.problem.name} seed {group.seed}"
-        _tell_leaving(where, len(gone), f"({words}) are of another scene of that name, or damaged")
-    return not gone
+    lost = [row for row in rows if not _is_rejoined(group, row, folder, store)]
+    if lost:
+        where = f"{folder}: {_words((group.problem.name, rows[0]['seed']))}"
+        _tell_leaving(where, lost, "cells or plans that are gone or damaged")
 
 
 def _is_rejoined(group: Group, row: Row, folder: Path, store: Store) -> bool:
-    """Whether what a row tells of is known, and is of the group's own problem."""
     name = row["planner"]
     if name not in SOLVERS:
-        return name in group.cells or _is_given(group, row, folder)
-    if store.find(group.cell(name)) is None:
-        return False
-    if name not in group.cells:
-        group.join(name)
-    return True
+        return _is_given(group, name, folder / plan_path(row))
+    content = store.find(group.cell(name))
+    if name not in group.cells and content is not None:
+        group.join(name, content)
+    return name in group.cells  # what is asked for is computed, if need be
 
 
-def _is_given(group: Group, row: Row, folder: Path) -> bool:
+def _is_given(group: Group, name: str, path: Path) -> bool:
     """Whether a plan of others is in the folder still; if so, the group gets it."""
-    found = _plan(folder, row)
-    if found is None or found.digest != group.digest:
+    try:
+        found = decode(read_bytes(path), PlanFile, str(path))
+    except FileError:
+        return name in group.cells
+    if name in group.cells:
+        if found.plan != group.plan(name):
+            say(f"{name}: is another plan than that of this name in {path}, which it replaces")
+        return True
+    if found.digest != group.digest or check(group.problem, found.plan).violations:
         return False
-    group.give(row["planner"], found.plan)
+    group.give(name, found.plan)
     return True
 
 
-def _plan(folder: Path, row: Row) -> PlanFile | None:
-    """A row's plan, if it is there."""
-    path = folder / plan_path(row)
-    try:
-        return decode(read_bytes(path), PlanFile, str(path))
-    except FileError:
-        return None
+def _words(key: Key) -> str:
+    """A scene and seed for people."""
+    return key[0] if key[1] is None else f"{key[0]} seed {key[1]}"
 
 
-def _tell_leaving(where: object, count: int, why: str) -> None:
-    rows = counted(count, "row")
-    say(f"{where}: {rows} of earlier commands {why}; they leave results.csv, their cells stay")
+def _tell_leaving(where: object, rows: Sequence[Row], why: str) -> None:
+    names = ", ".join(dict.fromkeys(row["planner"] for row in rows))
+    count = counted(len(rows), "row")
+    say(f"{where}: {count} ({names}) of {why}: no longer in {RESULTS}; finished cells stay")

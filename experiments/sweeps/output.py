@@ -49,11 +49,17 @@ class Output:
         if is_first and not self._before.runs:  # results of other settings, for a moment
             path = self._folder / RUN
             write(path, lambda: path.unlink(missing_ok=True))
+        if is_first and self._before.runs:
+            self._save_run()
         for group in new:
             self._kept[group] = published(self._folder, group, self._rows(group))
         save_results(self._folder, self._all(), whole=len(self._kept) == len(self._groups))
-        if is_first:
-            save_run(self._folder, self._settings, self._before.runs, self._about_run())
+        if is_first and not self._before.runs:
+            self._save_run()
+
+    def _save_run(self) -> None:
+        assert self._folder is not None
+        save_run(self._folder, self._settings, self._before.runs, self._about_run())
 
     def rows(self) -> list[Row]:
         """All rows that this run was asked for and has, in that order."""
@@ -66,13 +72,15 @@ class Output:
         ]
 
     def _all(self) -> list[Row]:
-        """Rows of all that the folder has, those of this run last, in the order of the command."""
+        """Rows of all that the folder has, scene by scene, those of this run last."""
         rest = dict(self._before.rows)
         own = []
         for group in self._groups:
             before = rest.pop(key_of(group, self._about), [])
             own.append(self._kept.get(group, before))
-        return [row for some in (*rest.values(), *own) for row in some]
+        rows = [row for some in (*rest.values(), *own) for row in some]
+        scenes = list(dict.fromkeys(row["scene"] for row in rows))
+        return sorted(rows, key=lambda row: scenes.index(row["scene"]))
 
     def _rows(self, group: Group) -> list[Row]:
         return [row | self._about for row in group.rows()]

@@ -13,7 +13,7 @@ from cocap_opt.io import FileError
 from experiments.files import read_text, save_bytes, save_csv, write
 from experiments.rows import GAP_KEYS, ROUNDING, Row
 
-PARQUET = "results.parquet"
+RESULTS, PARQUET = "results.csv", "results.parquet"
 MOST = 2**63 - 1  # that any number may be
 SHARE, ANY = (-ROUNDING, 1 + ROUNDING), (-MOST, MOST)
 RANGES = {  # of columns whose numbers are not just positive; a bound below 0 proves infeasibility
@@ -36,12 +36,15 @@ def load_results(folder: Path) -> list[Row]:
     FileError
         If it is no such table, or has a number that no sweep writes.
     """
-    path = folder / "results.csv"
+    path = folder / RESULTS
     table = csv.DictReader(io.StringIO(read_text(path)))
-    missing = [key for key in GAP_KEYS if key not in (table.fieldnames or ())]
-    if missing:
-        raise FileError(f"{path}: has no column {missing[0]!r}")
-    rows = [_typed(row, f"{path}: line {table.line_num}") for row in table]
+    try:
+        missing = [key for key in (*GAP_KEYS, "digest") if key not in (table.fieldnames or ())]
+        if missing:
+            raise FileError(f"{path}: has no column {missing[0]!r}")
+        rows = [_typed(row, f"{path}: line {table.line_num}") for row in table]
+    except csv.Error as error:
+        raise FileError(f"{path}: line {table.line_num}: {error}") from None
     if not rows:
         raise FileError(f"{path}: has no results yet")
     return rows
@@ -74,11 +77,12 @@ def save_results(folder: Path, rows: Sequence[Row], whole: bool) -> None:
 
     Rows of different commands may have different keys.
     """
-    keys = dict.fromkeys(key for row in rows for key in row)
-    rows = [dict.fromkeys(keys) | row for row in rows]
+    numbers = (*WHOLE_NUMBERS, *NUMBERS)
+    nothing = {key: None if key in numbers else "" for row in rows for key in row}
+    rows = [nothing | row for row in rows]
     if not whole:
         write(folder / PARQUET, lambda: (folder / PARQUET).unlink(missing_ok=True))
-    save_csv(folder / "results.csv", rows)
+    save_csv(folder / RESULTS, rows)
     if whole:
         save_bytes(folder / PARQUET, parquet(rows))
 

@@ -82,15 +82,20 @@ class Group:
         limit, rendered = self._settings.limit, self._settings.rendered
         return cell_of(self.problem, self.digest, self.seed, planner, limit, rendered)
 
-    def join(self, planner: str) -> None:
-        """Have a planner's cell, too."""
-        self.cells.setdefault(planner, self.cell(planner))
+    def join(self, planner: str, content: CellFile | None = None) -> None:
+        """Have a planner's cell, too, of which it may be known what has become."""
+        cell = self.cells.setdefault(planner, self.cell(planner))
+        if content is not None:
+            self.found[cell] = content
 
     def give(self, name: str, plan: Plan) -> None:
         """Have a plan of others, too."""
-        self.join(name)
-        cell = self.cells[name]
-        self.found[cell] = given_plan(cell, self.problem, plan)
+        self.join(name, given_plan(self.cell(name), self.problem, plan))
+
+    def plan(self, name: str) -> Plan | None:
+        """The plan of a planner or of others, if it is there yet."""
+        content = self.found.get(self.cells[name])
+        return None if content is None or content.plan is None else content.plan.plan
 
     def missing(self) -> list[Task]:
         """What can begin: the planners' cells, or the bound once all of them are there."""
@@ -131,7 +136,7 @@ class Group:
         """A row per plan; a cell that failed has one, too."""
         assert self.bound is not None
         bound = _bound_part(self.bound)
-        return [gap_row(part, bound) for part in self._plan_parts()]
+        return [gap_row(part, bound) | {"digest": self.digest} for part in self._plan_parts()]
 
     def _bound_task(self) -> Task:
         start = start_of([self.found[cell] for cell in self.cells.values()])

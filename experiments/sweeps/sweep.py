@@ -7,14 +7,22 @@ from pathlib import Path
 from typing import NamedTuple
 
 from cocap_opt.stop import Limit, Stop, catch_interrupt
-from experiments.files import clear_leftovers, make_folder
+from experiments.files import clear_leftovers, make_folder, only_writer
 from experiments.progress import Watch, watching
 from experiments.rows import Row
 from experiments.streams import say
 from experiments.sweeps.about import about_run
 from experiments.sweeps.cells import CellFile, Status, Store
 from experiments.sweeps.crew import Alone, Crew
-from experiments.sweeps.earlier import earlier
+from experiments.sweeps.earlier import (
+    Earlier,
+    IsSame,
+    Key,
+    earlier,
+    key_of,
+    rejoin,
+    without_other_scenes,
+)
 from experiments.sweeps.layout import FOLDERS
 from experiments.sweeps.output import Output
 from experiments.sweeps.run import Group, Settings, recall, run
@@ -37,6 +45,11 @@ class Hired(NamedTuple):
         return "this process" if self.workers is None else f"{self.workers} processes"
 
 
+def _still_the_same(key: Key, digest: str) -> bool:
+    """Of scenes that come with the code, whose rows leave when it changes."""
+    return True
+
+
 def sweep(
     groups: Sequence[Group],
     settings: Settings,
@@ -44,6 +57,7 @@ def sweep(
     hired: Hired,
     retry: bool = False,
     about: Row = NOTHING,
+    is_same: IsSame = _still_the_same,
 ) -> list[Row]:
     """Compute what is missing; write run.json, results.csv, results.parquet, and what they name.
 
@@ -54,6 +68,8 @@ def sweep(
     settings : that all groups share
     retry : cells in the folder that have failed are computed, too
     about : keys that all rows get besides
+    is_same : whether a scene and seed of an earlier row, which is not among the groups, still has
+        the digest that the row says
 
     Returns
     -------
@@ -61,11 +77,39 @@ def sweep(
     cut short.
     """
     make_folder(folder, *FOLDERS)
-    if folder is not None:
-        clear_leftovers([folder, *(folder / part for part in FOLDERS)])
+    with only_writer(folder):
+        if folder is not None:
+            clear_leftovers([folder, *(folder / part for part in FOLDERS)])
+        before = _before(folder, groups, settings, about, is_same)
+        return _sweep(groups, settings, folder, hired, retry, about, before)
+
+
+def _before(
+    folder: Path | None, groups: Sequence[Group], settings: Settings, about: Row, is_same: IsSame
+) -> Earlier:
+    """What earlier commands left that can stay; the groups get the planners that they had."""
+    if folder is None:
+        return Earlier({}, [])
+    by_key = {key_of(group, about): group for group in groups}
+    assert len(by_key) == len(groups), "a scene and seed twice"
+    digests = {key: group.digest for key, group in by_key.items()}
+    found = without_other_scenes(earlier(folder, settings), folder, digests, is_same)
+    for key, group in by_key.items():
+        rejoin(group, found.rows.get(key, []), folder)
+    return found
+
+
+def _sweep(
+    groups: Sequence[Group],
+    settings: Settings,
+    folder: Path | None,
+    hired: Hired,
+    retry: bool,
+    about: Row,
+    before: Earlier,
+) -> list[Row]:
     scenes = list(dict.fromkeys(group.problem.name for group in groups))
     seeds = sorted({group.seed for group in groups})
-    before = earlier(folder, groups, settings, about)
     begun = partial(about_run, scenes, seeds, hired.words)
     output = Output(folder, groups, settings, before, begun, about)
     store = Store(folder, retry, hired.cell_limit)
