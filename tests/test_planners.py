@@ -579,6 +579,7 @@ def test_cocap_that_is_stopped_late_is_no_worse_than_sequential(
     result, spare = cocap(problem, most_nodes=3), sequential(problem)
     assert without.value < spare.value == result.value
     assert result.plan == spare.plan and result.reason is Reason.STOPPED
+    assert "the plan of sequential planning" in result.message
     assert cocap(problem).plan == finished.plan
     assert finished.value > spare.value
 

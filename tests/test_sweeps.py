@@ -25,7 +25,7 @@ from cocap_opt.problem import NO_RULES, Problem
 from cocap_opt.result import Reason, Result
 from cocap_opt.stop import Limit, Stop, never
 from experiments import commands
-from experiments.files import decode_certificate
+from experiments.files import decode_certificate, only_writer
 from experiments.options import OWN_STARTS
 from experiments.progress import unseen
 from experiments.rows import SOLVERS, RefereeError, Row
@@ -790,3 +790,90 @@ def test_ctrl_c_with_nothing_to_give_is_no_success(tmp_path: Path) -> None:
         patch.setattr("experiments.sweeps.sweep.run", lambda *_: None)
         with pytest.raises(KeyboardInterrupt):
             sweep([group], Settings(limit=1, bound_limit=1), tmp_path, Hired(None, None, 60.0))
+
+
+# -- one folder, several commands ---------------------------------------------------------
+
+
+def gap(folder: Path, *words: object) -> int:
+    """Exit code of a command that adds to a folder; bounds are not searched for."""
+    given = ["gap", *map(str, words), "--out", str(folder), "--bound-limit", "0"]
+    return commands.run(given)
+
+
+def seeds_of(folder: Path) -> list[tuple[str, int | None]]:
+    """Scenes and seeds of the table, each row's."""
+    return [(row["scene"], row["seed"]) for row in load_results(folder)]
+
+
+def test_an_exported_scene_takes_no_seed_of_another(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It has the name of what it was made of, and is one sample: rows never mix."""
+    scene, folder = tmp_path / "corridor-3.json", tmp_path / "run"
+    assert commands.run(["export", "corridor", "--seed", "3", "-o", str(scene)]) == 0
+    assert gap(folder, scene, "--planner", "greedy", "--seeds", 5) == 0
+    assert seeds_of(folder) == [("corridor", 0)]
+    assert gap(folder, "corridor", "--planner", "greedy", "--seeds", "1-3") == 0
+    assert seeds_of(folder) == [("corridor", seed) for seed in (1, 2, 3)]
+    assert "a scene that now has another seed" in capsys.readouterr().err
+    for row in load_results(folder):
+        problem = load_problem(folder / scene_path(row))
+        assert problem_digest(problem) == row["digest"]
+        assert check(problem, load_plan(folder / plan_path(row)).plan).reward == row["reward"]
+
+
+def test_an_edited_scene_leaves_its_old_rows(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Seeds that are not named again are of what the file was before."""
+    scene, folder = tmp_path / "scene.toml", tmp_path / "run"
+    text = """
+steps = 2
+[map]
+size = [20, 12]
+[[walk]]
+points = [[5, 6], [15, 6]]
+speed = 1.5
+[[drones]]
+count = 1
+"""
+    scene.write_text(text)
+    assert gap(folder, scene, "--planner", "greedy", "--seeds", "0-1") == 0
+    scene.write_text(text.replace("1.5", "1.6"))
+    assert gap(folder, scene, "--planner", "greedy", "--seeds", "2") == 0
+    assert [seed for _, seed in seeds_of(folder)] == [2]
+    assert "another scene of that name" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("content", [b"epoch,loss\n1,0.5\n", b"scene,seed\n\r\r", b""])
+def test_a_table_that_cannot_be_read_is_not_written_over(
+    content: bytes, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It may be somebody's, or may be mended."""
+    (tmp_path / "results.csv").write_bytes(content)
+    assert gap(tmp_path, "tiny-share", "--planner", "greedy") == 2
+    assert "results.csv" in capsys.readouterr().err
+    assert (tmp_path / "results.csv").read_bytes() == content
+
+
+def test_one_command_at_a_time_writes_into_a_folder(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A second one would write over the first one's rows."""
+    with only_writer(tmp_path):
+        assert gap(tmp_path, "tiny-share", "--planner", "greedy") == 2
+    assert "another command writes there" in capsys.readouterr().err
+    assert gap(tmp_path, "tiny-share", "--planner", "greedy") == 0
+
+
+def test_planners_that_are_not_named_are_not_tried_again(tmp_path: Path) -> None:
+    """What became of them is known; only what is named is computed, or retried."""
+    folder = folder_for_a_sweep(tmp_path / "run")
+    (group,) = groups(range(1), ("greedy", "cocap"))[:1]
+    Store(folder).save(failed(group.cells["cocap"], Status.EXCEEDED, "", seconds=1e6))
+    swept([group], folder)
+    (again,) = groups(range(1), ("sequential",))[:1]
+    sweep([again], SETTINGS, folder, Hired(None, None, 1e4), retry=True)
+    reasons = {row["planner"]: row["reason"] for row in load_results(folder)}
+    assert reasons == {"sequential": "finished", "greedy": "finished", "cocap": "exceeded"}
