@@ -75,7 +75,7 @@ def draw_measure(
     _draw_pairs(ax, dots, color=colour, ls="none", marker=".", ms=4, alpha=0.4)
     whole = [(p.size, v) for p, v in shown if measure.whole(p)]
     spoilt = [(p.size, v) for p, v in shown if not measure.whole(p)]
-    label = name if line is None else f"{name}, ~ n$^{{{line[0]:.1f}}}$"
+    label = name if line is None else f"{name}, ~ n^{line[0]:.1f}"
     style = {"ls": "none", "marker": marker, "ms": 7, "mec": colour, "zorder": 4}
     _draw_pairs(ax, whole, label=label, mfc=colour, **style)
     _draw_pairs(ax, spoilt, mfc="white", **style)
