@@ -138,7 +138,7 @@ def _problems(scenes: Sequence[str], seeds: Sequence[int], plans: Sequence[Path]
 
 def _seeded(scene: str, seeds: Sequence[int]) -> dict[int, Problem]:
     """A scene by its seeds. What other seeds make is one sample, not many; it is that of seed 0."""
-    first = {_digest(scene, 0): 0}
+    first = {_digest(scene, 0): 0} if any(seeds) else {}
     found: dict[int, Problem] = {}
     again = []
     for seed in seeds:
