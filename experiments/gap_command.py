@@ -148,7 +148,7 @@ def _seeded(scene: str, seeds: Sequence[int]) -> dict[int, Problem]:
         if known != seed:
             again.append(f"{seed} makes the scene of seed {known}")
     if again:
-        more = f", and so do {len(again) - 1} others" if again[1:] else ""
+        more = f", and {len(again) - 1} more likewise" if again[1:] else ""
         say(f"{scene}: seed {again[0]}{more}; each scene is taken once")
     return found
 
