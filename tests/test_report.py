@@ -130,6 +130,9 @@ def test_the_seed_with_most_to_avoid_is_shown() -> None:
     ]  # fmt: skip
     seed, some = telling_seed(rows)
     assert seed == 2 and [r["planner"] for r in telling_pair(some)] == ["greedy", "best"]
+    alone = row("greedy", 3, 120.0, conflicts=9)
+    assert telling_seed([*rows, alone])[0] == 2  # nothing to compare it with
+    assert telling_seed([alone])[0] == 3
     seed, some = telling_seed(rows[:3])
     assert seed == 0 and [r["planner"] for r in telling_pair(some)] == ["cocap", "best"]
     assert telling_pair([row("cocap", 0, None)]) == []

@@ -112,6 +112,11 @@ def test_times_are_compared_on_the_same_runs() -> None:
         ("hard", "cocap"): "1.0", ("easy", "joint"): "4.0", ("easy", "cocap"): "1.0",
         ("all", "cocap"): "1.0",
     }  # fmt: skip
+    ragged = [row("cocap", seed, 90.0, seconds=100.0 * seed + 1) for seed in range(3)]
+    cocap, joint = time_table([*ragged, row("joint", 0, 90.0, seconds=2.0)], 60.0)
+    assert (cocap["of the fastest"], joint["of the fastest"]) == ("1.0", "2.0")
+    cocap, joint = time_table([*ragged, row("joint", 7, 90.0)], 60.0)
+    assert (cocap["of the fastest"], joint["of the fastest"]) == ("-", "-")
 
 
 def test_only_runs_are_timed() -> None:
