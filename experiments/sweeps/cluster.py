@@ -28,7 +28,9 @@ from experiments.sweeps.crew import ClusterError
 from experiments.sweeps.work import Task, failed, run_task
 
 POLL = 0.2  # s, between two looks at Ctrl-C and at the clock
-ANSWER = 10.0  # s, in which a scheduler answers and a worker restarts
+ANSWER = 10.0  # s, in which a scheduler answers
+RESTART = 120.0  # s, in which a worker restarts on a busy machine; one that is late never does
+GONE = "--workers: they do not come back; what was finished is kept, and the same command goes on"
 LOST = "--scheduler: it is lost; what was finished is kept, and the same command goes on"
 OTHER_CODE = "has other code, or other versions of libraries, than this process"
 LOCAL = {
@@ -44,10 +46,12 @@ class Cluster:
     ----------
     stop : asked often, ends the waiting
     cell_limit : s, after which a cell's worker is restarted
+    is_own : whether nobody else can bring workers
     """
 
-    def __init__(self, client: Client, stop: Stop, cell_limit: float) -> None:
+    def __init__(self, client: Client, stop: Stop, cell_limit: float, is_own: bool = False) -> None:
         self.client, self._stop, self._limit = client, stop, cell_limit
+        self._is_own = is_own
         self._running: dict[Future, tuple[Task, float]] = {}
 
     def room(self) -> int:
@@ -89,8 +93,10 @@ class Cluster:
             else:
                 time.sleep(POLL)
                 looks += 1
-                if looks == round(ANSWER / POLL):
+                if looks == round(ANSWER / POLL) and not self._is_own:
                     say("there are no workers any more; waiting for others")
+                if looks == round(RESTART / POLL) and self._is_own:
+                    raise ClusterError(GONE)
         return None
 
     def _restart(self, future: Future) -> None:
@@ -98,7 +104,7 @@ class Cluster:
         busy = [w for w, keys in self.client.processing().items() if future.key in keys]
         future.cancel()
         with suppress(ValueError, TimeoutError):  # not all workers have somebody to restart them
-            self.client.restart_workers(busy, timeout=ANSWER, raise_for_error=False)
+            self.client.restart_workers(busy, timeout=RESTART, raise_for_error=False)
 
 
 def _outcome(task: Task, future: Future) -> CellFile:
@@ -173,7 +179,7 @@ def local(workers: int, stop: Stop, cell_limit: float) -> Iterator[Cluster]:
             )  # fmt: skip
             client = stack.enter_context(Client(stack.enter_context(cluster)))
             client.register_plugin(_Quiet(cores))
-        yield Cluster(client, stop, cell_limit)
+        yield Cluster(client, stop, cell_limit, is_own=True)
 
 
 @contextmanager
