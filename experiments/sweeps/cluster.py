@@ -46,12 +46,13 @@ class Cluster:
     ----------
     stop : asked often, ends the waiting
     cell_limit : s, after which a cell's worker is restarted
-    is_own : whether nobody else can bring workers
+    own : the cluster, if it is this process's own: nobody else can bring workers then
     """
 
-    def __init__(self, client: Client, stop: Stop, cell_limit: float, is_own: bool = False) -> None:
-        self.client, self._stop, self._limit = client, stop, cell_limit
-        self._is_own = is_own
+    def __init__(
+        self, client: Client, stop: Stop, cell_limit: float, own: LocalCluster | None = None
+    ) -> None:
+        self.client, self._stop, self._limit, self._own = client, stop, cell_limit, own
         self._running: dict[Future, tuple[Task, float]] = {}
 
     def room(self) -> int:
@@ -93,9 +94,9 @@ class Cluster:
             else:
                 time.sleep(POLL)
                 looks += 1
-                if looks == round(ANSWER / POLL) and not self._is_own:
+                if looks == round(ANSWER / POLL) and self._own is None:
                     say("there are no workers any more; waiting for others")
-                if looks == round(RESTART / POLL) and self._is_own:
+                if looks == round(RESTART / POLL) and self._own is not None:
                     raise ClusterError(GONE)
         return None
 
@@ -103,8 +104,23 @@ class Cluster:
         """Restart the worker of a cell that has taken too long: nothing else stops it."""
         busy = [w for w, keys in self.client.processing().items() if future.key in keys]
         future.cancel()
+        if self._own is not None:
+            self._kill(self._own, busy)
+            return
         with suppress(ValueError, TimeoutError):  # not all workers have somebody to restart them
             self.client.restart_workers(busy, timeout=RESTART, raise_for_error=False)
+
+    def _kill(self, own: LocalCluster, busy: list[str]) -> None:
+        """Kill workers, and wait until the scheduler knows; their nannies start others.
+
+        A nanny that is asked to restart its worker on a busy machine may close instead.
+        """
+        for nanny in own.workers.values():
+            if nanny.worker_address in busy:
+                os.kill(nanny.pid, getattr(signal, "SIGKILL", signal.SIGTERM))
+        end = time.monotonic() + RESTART
+        while not set(busy).isdisjoint(self.client.nthreads()) and time.monotonic() < end:
+            time.sleep(POLL)
 
 
 def _outcome(task: Task, future: Future) -> CellFile:
@@ -179,7 +195,7 @@ def local(workers: int, stop: Stop, cell_limit: float) -> Iterator[Cluster]:
             )  # fmt: skip
             client = stack.enter_context(Client(stack.enter_context(cluster)))
             client.register_plugin(_Quiet(cores))
-        yield Cluster(client, stop, cell_limit, is_own=True)
+        yield Cluster(client, stop, cell_limit, own=cluster)
 
 
 @contextmanager
