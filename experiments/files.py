@@ -140,6 +140,11 @@ def write(name: Path | str, action: Callable[[], None]) -> None:
         raise FileError(f"{name}: cannot be written: {error.strerror}") from error
 
 
+def remove(path: Path) -> None:
+    """Have no such file."""
+    write(path, lambda: path.unlink(missing_ok=True))
+
+
 def read_text(path: Path) -> str:
     """Content of a file in UTF-8, or a FileError that names it."""
     try:

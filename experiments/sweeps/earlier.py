@@ -36,14 +36,36 @@ def key_of(group: Group, about: Row) -> Key:
     return group.problem.name, about.get("seed", group.seed)
 
 
-def earlier(folder: Path, settings: Settings) -> Earlier:
-    """What is in a folder and has the same settings and code; that the rest leaves is said.
+def earlier(
+    folder: Path | None, groups: Sequence[Group], settings: Settings, about: Row, is_same: IsSame
+) -> Earlier:
+    """What earlier commands left that can stay, of which the groups get their planners.
+
+    What cannot stay is said.
+
+    Parameters
+    ----------
+    about : keys that all rows of the groups get besides
+    is_same : asked of scenes and seeds that are not among the groups
 
     Raises
     ------
     FileError
         If results.csv is damaged or of another program: it is not overwritten.
     """
+    if folder is None:
+        return Earlier({}, [])
+    by_key = {key_of(group, about): group for group in groups}
+    assert len(by_key) == len(groups), "a scene and seed twice"
+    digests = {key: group.digest for key, group in by_key.items()}
+    found = _without_other_scenes(_standing(folder, settings), folder, digests, is_same)
+    for key, group in by_key.items():
+        _rejoin(group, found.rows.get(key, []), folder)
+    return found
+
+
+def _standing(folder: Path, settings: Settings) -> Earlier:
+    """What has the same settings and code."""
     nothing = Earlier({}, [])
     if not (folder / RESULTS).exists():
         return nothing
@@ -66,17 +88,12 @@ def earlier(folder: Path, settings: Settings) -> Earlier:
     return Earlier(known, about.runs)
 
 
-def without_other_scenes(
+def _without_other_scenes(
     found: Earlier, folder: Path, digests: dict[Key, str], is_same: IsSame
 ) -> Earlier:
     """What is left without rows of other scenes that had the names of those that run now.
 
     A scene that runs now under another seed leaves, too: it is one sample.
-
-    Parameters
-    ----------
-    digests : of the scenes and seeds that run now
-    is_same : asked of the others
     """
     kept = dict(found.rows)
     samples = {(name, digest) for (name, _), digest in digests.items()}
@@ -89,7 +106,7 @@ def without_other_scenes(
     return found._replace(rows=kept)
 
 
-def rejoin(group: Group, rows: Sequence[Row], folder: Path) -> None:
+def _rejoin(group: Group, rows: Sequence[Row], folder: Path) -> None:
     """Give a group the planners of its earlier rows, of which it is known what has become."""
     store = Store(folder)
     lost = [row for row in rows if not _is_rejoined(group, row, folder, store)]
@@ -102,10 +119,12 @@ def _is_rejoined(group: Group, row: Row, folder: Path, store: Store) -> bool:
     name = row["planner"]
     if name not in SOLVERS:
         return _is_given(group, name, folder / plan_path(row))
+    if name in group.cells:  # what is asked for is computed, if need be
+        return True
     content = store.find(group.cell(name))
-    if name not in group.cells and content is not None:
+    if content is not None:
         group.join(name, content)
-    return name in group.cells  # what is asked for is computed, if need be
+    return content is not None
 
 
 def _is_given(group: Group, name: str, path: Path) -> bool:

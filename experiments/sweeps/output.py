@@ -6,7 +6,7 @@ All of them tell only of scenes and seeds that are whole, and of what earlier ru
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from experiments.files import write
+from experiments.files import remove
 from experiments.rows import Row
 from experiments.sweeps.about import RUN, Run, save_run
 from experiments.sweeps.earlier import Earlier, key_of
@@ -47,8 +47,7 @@ class Output:
             return
         is_first = not self._kept
         if is_first and not self._before.runs:  # results of other settings, for a moment
-            path = self._folder / RUN
-            write(path, lambda: path.unlink(missing_ok=True))
+            remove(self._folder / RUN)
         if is_first and self._before.runs:
             self._save_run()
         for group in new:

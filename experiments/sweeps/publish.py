@@ -10,7 +10,7 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from cocap_opt.io import SceneFile, encode
-from experiments.files import save_bytes, write
+from experiments.files import remove, save_bytes
 from experiments.rows import Row, without_rules
 from experiments.sweeps.cells import FREE, RULES, CellFile
 from experiments.sweeps.layout import certificate_path, plan_path, scene_path, trace_path
@@ -54,6 +54,6 @@ def _traces(bound: CellFile, row: Row) -> Files:
 def _put(path: Path, content: bytes | None) -> None:
     """Make a file have this content, or not be there."""
     if content is None:
-        write(path, lambda: path.unlink(missing_ok=True))
+        remove(path)
     elif not (path.is_file() and path.read_bytes() == content):
         save_bytes(path, content)

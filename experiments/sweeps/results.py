@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from cocap_opt.io import FileError
-from experiments.files import read_text, save_bytes, save_csv, write
+from experiments.files import read_text, remove, save_bytes, save_csv
 from experiments.rows import GAP_KEYS, ROUNDING, Row
 
 RESULTS, PARQUET = "results.csv", "results.parquet"
@@ -81,7 +81,7 @@ def save_results(folder: Path, rows: Sequence[Row], whole: bool) -> None:
     nothing = {key: None if key in numbers else "" for row in rows for key in row}
     rows = [nothing | row for row in rows]
     if not whole:
-        write(folder / PARQUET, lambda: (folder / PARQUET).unlink(missing_ok=True))
+        remove(folder / PARQUET)
     save_csv(folder / RESULTS, rows)
     if whole:
         save_bytes(folder / PARQUET, parquet(rows))

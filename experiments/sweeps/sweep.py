@@ -14,15 +14,7 @@ from experiments.streams import say
 from experiments.sweeps.about import about_run
 from experiments.sweeps.cells import CellFile, Status, Store
 from experiments.sweeps.crew import Alone, Crew
-from experiments.sweeps.earlier import (
-    Earlier,
-    IsSame,
-    Key,
-    earlier,
-    key_of,
-    rejoin,
-    without_other_scenes,
-)
+from experiments.sweeps.earlier import Earlier, IsSame, Key, earlier
 from experiments.sweeps.layout import FOLDERS
 from experiments.sweeps.output import Output
 from experiments.sweeps.run import Group, Settings, recall, run
@@ -80,23 +72,8 @@ def sweep(
     with only_writer(folder):
         if folder is not None:
             clear_leftovers([folder, *(folder / part for part in FOLDERS)])
-        before = _before(folder, groups, settings, about, is_same)
+        before = earlier(folder, groups, settings, about, is_same)
         return _sweep(groups, settings, folder, hired, retry, about, before)
-
-
-def _before(
-    folder: Path | None, groups: Sequence[Group], settings: Settings, about: Row, is_same: IsSame
-) -> Earlier:
-    """What earlier commands left that can stay; the groups get the planners that they had."""
-    if folder is None:
-        return Earlier({}, [])
-    by_key = {key_of(group, about): group for group in groups}
-    assert len(by_key) == len(groups), "a scene and seed twice"
-    digests = {key: group.digest for key, group in by_key.items()}
-    found = without_other_scenes(earlier(folder, settings), folder, digests, is_same)
-    for key, group in by_key.items():
-        rejoin(group, found.rows.get(key, []), folder)
-    return found
 
 
 def _sweep(
