@@ -18,6 +18,7 @@ class Limit(StrEnum):
     NONE = "none"
     TIME = "time"
     NODES = "nodes"
+    WORK = "work"  # units of work, which are the same on every machine
     MEMORY = "memory"
     NUMERICS = "numerics"  # a solver's accuracy
     INTERRUPT = "interrupt"
@@ -47,6 +48,25 @@ class TimeLimit:
         return max(0.0, self._deadline - time.monotonic())
 
 
+class WorkLimit:
+    """Reached when more than so many units of work are begun: the same on every machine.
+
+    A unit is a pricing round of column generation or branch-and-price, or a node that CoCap
+    generates. What counts no work, such as value iteration or a generic solver, runs to its end.
+    """
+
+    def __init__(self, units: int) -> None:
+        self._left = units
+
+    def begin_work(self) -> None:
+        """Count one more unit."""
+        self._left -= 1
+
+    def __call__(self) -> Limit:
+        """Say whether more units than allowed have begun."""
+        return Limit.WORK if self._left < 0 else Limit.NONE
+
+
 class FirstOf:
     """Reached when any of its criteria is; all are asked each time."""
 
@@ -58,6 +78,11 @@ class FirstOf:
         reached = [limit for stop in self._criteria if (limit := stop()) is not Limit.NONE]
         return reached[0] if reached else Limit.NONE
 
+    def begin_work(self) -> None:
+        """Count one more unit of work for all criteria."""
+        for stop in self._criteria:
+            begin_work(stop)
+
     @property
     def seconds_left(self) -> float:
         """Seconds until the first time limit among the criteria."""
@@ -67,6 +92,12 @@ class FirstOf:
 def seconds_left(stop: Stop) -> float:
     """Seconds until a criterion's time limit, for solvers that take one; infinite without."""
     return float(getattr(stop, "seconds_left", math.inf))
+
+
+def begin_work(stop: Stop) -> None:
+    """Count one more unit of work for criteria that limit it."""
+    if callable(count := getattr(stop, "begin_work", None)):
+        count()
 
 
 class Interrupt:

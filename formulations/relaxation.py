@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cocap_opt.data import FloatArray
-from cocap_opt.stop import Limit
+from cocap_opt.stop import Limit, begin_work
 from formulations import envelope
 from formulations.certificate import Decision
 from formulations.duals import blended
@@ -78,6 +78,7 @@ class Relaxation:
         """
         search, before = self.search, np.inf
         while (open_ := self.best.bound - cutoff()) > 0:
+            begin_work(search.stop)
             self.limit = search.stop()
             if self.limit is not Limit.NONE:
                 return

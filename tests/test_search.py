@@ -11,10 +11,13 @@ from cocap_opt.check import check
 from cocap_opt.model import Model, compiled
 from cocap_opt.plan import conflicts
 from cocap_opt.problem import NO_RULES, CollisionRules, Problem
+from cocap_opt.result import Reason
 from cocap_opt.reward import objective_of
+from cocap_opt.stop import FirstOf, Limit, WorkLimit, never
 from cocap_opt.timegraph import CLOSED
 from formulations.branching import amounts_of, fractional, whole_paths
 from formulations.certificate import Decision, price
+from formulations.column_generation import column_generation
 from formulations.diving import dive
 from formulations.duals import blended
 from formulations.master import Arc, Master, _users, arcs_of, make_column
@@ -288,3 +291,15 @@ def test_a_mixture_is_split_by_group() -> None:
         )
         assert float(roots @ amounts) == pytest.approx(total)
     assert seen_in(columns, np.zeros(2)) == []
+
+
+@pytest.mark.parametrize("units", [0, 1, 5])
+def test_a_work_limit_makes_the_same_search_every_time(units: int) -> None:
+    """Pricing rounds are counted, not seconds: plan, bound and statistics are the same again."""
+    problem = load_scene("bottleneck", 0)
+    one, other = (column_generation(problem, WorkLimit(units)) for _ in range(2))
+    assert (one.reason, one.limit) == (Reason.STOPPED, Limit.WORK)
+    assert one.statistics["iterations"] == units
+    assert (one.plan, one.bound, one.statistics) == (other.plan, other.bound, other.statistics)
+    composed = column_generation(problem, FirstOf(never, WorkLimit(units)))
+    assert (composed.plan, composed.bound) == (one.plan, one.bound)

@@ -17,7 +17,7 @@ from cocap_opt.planners.team import Team, no_plan, remark, stopped
 from cocap_opt.planners.value_iteration import value_iteration
 from cocap_opt.problem import Problem
 from cocap_opt.result import Reason, Result
-from cocap_opt.stop import Limit, Stop, never
+from cocap_opt.stop import Limit, Stop, begin_work, never
 from cocap_opt.timegraph import NO_CHARGES, Charges
 
 SPARE_FROM = 64  # nodes generated from which on a spare plan costs little
@@ -116,6 +116,7 @@ def cocap(
 def _limit(stop: Stop, most_nodes: int | None, counts: Counts) -> Limit:
     if most_nodes is not None and counts.generated >= most_nodes:
         return Limit.NODES
+    begin_work(stop)
     return stop()
 
 
