@@ -10,11 +10,11 @@ from fractions import Fraction
 
 import numpy as np
 
-from cocap_opt.faces import FaceGeometry
-from cocap_opt.plan import Plan
-from cocap_opt.problem import Problem, Robot, State
-from cocap_opt.timegraph import time_graph
-from cocap_opt.views import make_views
+from cocap_opt.graph.timegraph import time_graph
+from cocap_opt.problem.plan import Plan
+from cocap_opt.problem.problem import Problem, Robot, State
+from cocap_opt.vision.faces import FaceGeometry
+from cocap_opt.vision.views import make_views
 
 
 @dataclass(frozen=True)

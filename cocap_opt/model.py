@@ -11,15 +11,15 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from cocap_opt.cache import cached_table, content_key
-from cocap_opt.coverage import CoverageTable, coverage_table
 from cocap_opt.data import BoolArray
-from cocap_opt.faces import FaceGeometry
-from cocap_opt.plan import Plan
-from cocap_opt.problem import AnyCamera, Cell, Motion, Problem, Robot
+from cocap_opt.graph.timegraph import TimeGraph, time_graph
+from cocap_opt.problem.plan import Plan
+from cocap_opt.problem.problem import AnyCamera, Cell, Motion, Problem, Robot
 from cocap_opt.stop import Limit, Stop, never
-from cocap_opt.timegraph import TimeGraph, time_graph
-from cocap_opt.views import Views, make_views
+from cocap_opt.vision.cache import cached_table, content_key
+from cocap_opt.vision.coverage import CoverageTable, coverage_table
+from cocap_opt.vision.faces import FaceGeometry
+from cocap_opt.vision.views import Views, make_views
 
 Path = tuple[int, ...]  # T+1 state numbers of one robot
 
@@ -77,7 +77,7 @@ class Model:
     def _divide(self, classes: Iterable[list[int]]) -> None:
         """Put the robots into classes."""
         self.classes = tuple(self._make_class(robots) for robots in classes)
-        of = {i: group for group in self.classes for i in group.robots}
+        of = {i: robot_class for robot_class in self.classes for i in robot_class.robots}
         self.class_of = tuple(of[i] for i in range(len(self.problem.robots)))
 
     def _make_class(self, robots: list[int]) -> RobotClass:
@@ -94,50 +94,50 @@ class Model:
     @property
     def class_sizes(self) -> tuple[int, ...]:
         """How many robots each class has."""
-        return tuple(len(group.robots) for group in self.classes)
+        return tuple(len(robot_class.robots) for robot_class in self.classes)
 
     @cached_property
     def cells(self) -> tuple[tuple[Cell, ...], ...]:
         """Cell of every place of every class; border places lie outside the map."""
-        return tuple(_cells(self.problem, group) for group in self.classes)
+        return tuple(_cells(self.problem, robot_class) for robot_class in self.classes)
 
     def start(self, robot: int) -> int:
         """State number of a robot's start."""
         return self.class_of[robot].graph.index(self.problem.robots[robot].start)
 
-    def views(self, group: RobotClass) -> Views:
+    def views(self, robot_class: RobotClass) -> Views:
         """A fresh source of coverage that evaluates only what it is asked for."""
-        return make_views(self._geometry, self.problem, group.graph, group.spec.camera)
+        return make_views(self._geometry, self.problem, robot_class.graph, robot_class.spec.camera)
 
-    def reachable(self, group: RobotClass) -> BoolArray:
+    def reachable(self, robot_class: RobotClass) -> BoolArray:
         """States [T+1, S] that some robot with this class's motion and camera can reach."""
-        alike = self._alike(group)
+        alike = self._alike(robot_class)
         starts = [start for other in alike for start in other.starts]
-        return group.graph.reachable(starts, self.problem.horizon)
+        return robot_class.graph.reachable(starts, self.problem.horizon)
 
-    def _alike(self, group: RobotClass) -> list[RobotClass]:
-        return [other for other in self.classes if _sight(other) == _sight(group)]
+    def _alike(self, robot_class: RobotClass) -> list[RobotClass]:
+        return [other for other in self.classes if _sight(other) == _sight(robot_class)]
 
-    def coverage(self, group: RobotClass) -> CoverageTable:
+    def coverage(self, robot_class: RobotClass) -> CoverageTable:
         """Coverage of every state that the class can reach (shared by classes that see alike)."""
-        self.prepare(group, never)
-        return self._tables[_sight(group)]
+        self.prepare(robot_class, never)
+        return self._tables[_sight(robot_class)]
 
-    def prepare(self, group: RobotClass, stop: Stop) -> Limit:
+    def prepare(self, robot_class: RobotClass, stop: Stop) -> Limit:
         """Compute the coverage of a class, unless a limit is reached before it is whole.
 
         Coverage that is there already, in memory or in the cache, is taken at any time.
         """
-        problem, sight, limit = self.problem, _sight(group), Limit.NONE
+        problem, sight, limit = self.problem, _sight(robot_class), Limit.NONE
         if sight in self._tables:
             return limit
 
         def make() -> CoverageTable | None:
             nonlocal limit
             table, limit = coverage_table(
-                self.views(group),
-                group.graph.n_places,
-                self.reachable(group),
+                self.views(robot_class),
+                robot_class.graph.n_places,
+                self.reachable(robot_class),
                 problem.first_step,
                 stop,
                 self.progress,
@@ -145,7 +145,7 @@ class Model:
             return table
 
         if self._use_cache:
-            starts = sorted(start for other in self._alike(group) for start in other.starts)
+            starts = sorted(start for other in self._alike(robot_class) for start in other.starts)
             poses = [actor.poses[: problem.horizon + 1] for actor in problem.actors]
             shapes = [actor.shape for actor in problem.actors]
             key = content_key(
@@ -156,19 +156,19 @@ class Model:
         else:
             table = make()
         if table is not None and problem.objective.over_time:
-            table = table._replace(groups=table.groups % max(self.n_faces, 1))
+            table = table._replace(view_sums=table.view_sums % max(self.n_faces, 1))
         if table is not None:
             self._tables[sight] = table
         return limit
 
     def prepare_all(self, stop: Stop) -> Limit:
         """Compute the coverage of all classes, unless a limit is reached."""
-        limits = (self.prepare(group, stop) for group in self.classes)
+        limits = (self.prepare(robot_class, stop) for robot_class in self.classes)
         return next((limit for limit in limits if limit is not Limit.NONE), Limit.NONE)
 
     def plan(self, paths: Sequence[Path]) -> Plan:
         """Plan made of one path of state numbers per robot."""
-        graphs = (group.graph for group in self.class_of)
+        graphs = (robot_class.graph for robot_class in self.class_of)
         return Plan(
             paths=tuple(
                 tuple(graph.state(s) for s in path)
@@ -178,23 +178,23 @@ class Model:
 
     def paths(self, plan: Plan) -> tuple[Path, ...]:
         """State numbers of a plan's paths."""
-        graphs = (group.graph for group in self.class_of)
+        graphs = (robot_class.graph for robot_class in self.class_of)
         return tuple(
             tuple(graph.index(state) for state in path)
             for graph, path in zip(graphs, plan.paths, strict=True)
         )
 
 
-def _cells(problem: Problem, group: RobotClass) -> tuple[Cell, ...]:
-    layer, x, y = group.graph.coordinates(np.arange(group.graph.n_places)).tolist()
-    own = [problem.layers.index(height) for height in group.spec.motion.layers]
+def _cells(problem: Problem, robot_class: RobotClass) -> tuple[Cell, ...]:
+    layer, x, y = robot_class.graph.coordinates(np.arange(robot_class.graph.n_places)).tolist()
+    own = [problem.layers.index(height) for height in robot_class.spec.motion.layers]
     inside = [own[k] if 0 <= k < len(own) else -1 for k in layer]
     return tuple(Cell(*at) for at in zip(x, y, inside, strict=True))
 
 
-def _sight(group: RobotClass) -> tuple[Motion, AnyCamera]:
+def _sight(robot_class: RobotClass) -> tuple[Motion, AnyCamera]:
     """What the coverage of a class depends on, besides its starts."""
-    return group.spec.motion, group.spec.camera
+    return robot_class.spec.motion, robot_class.spec.camera
 
 
 @lru_cache(maxsize=8)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-from cocap_opt.plan import Plan
+from cocap_opt.problem.plan import Plan
 from cocap_opt.stop import Limit
 
 

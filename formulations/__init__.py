@@ -4,7 +4,7 @@ from functools import partial
 from importlib import import_module
 from typing import Any
 
-from formulations.result import BoundMethod, CertifiedResult, ExactMethod
+from cocap_opt.formulations.result import BoundMethod, CertifiedResult, ExactMethod
 
 __all__ = ["BOUNDS", "EXACT", "BoundMethod", "CertifiedResult", "ExactMethod"]
 
@@ -20,19 +20,25 @@ def _lazy(module: str, function: str) -> Any:
 
 
 BOUNDS: dict[str, BoundMethod] = {
-    "alone": _lazy("formulations.cheap", "alone"),
-    "online": _lazy("formulations.cheap", "online"),
-    "concave": _lazy("formulations.cone_program", "concave"),
-    "single-view": _lazy("formulations.cone_program", "single_view"),
-    "envelope": _lazy("formulations.cone_program", "envelope"),
-    "column-generation": _lazy("formulations.column_generation", "column_generation"),
+    "alone": _lazy("cocap_opt.formulations.simple_bounds", "alone"),
+    "online": _lazy("cocap_opt.formulations.simple_bounds", "online"),
+    "concave": _lazy("cocap_opt.formulations.relaxations.cone_program", "concave"),
+    "single-view": _lazy("cocap_opt.formulations.relaxations.cone_program", "single_view"),
+    "envelope": _lazy("cocap_opt.formulations.relaxations.cone_program", "envelope"),
+    "column-generation": _lazy(
+        "cocap_opt.formulations.column_generation.root_bound", "column_generation"
+    ),
 }
 
 EXACT: dict[str, ExactMethod] = {
-    "brute-force": _lazy("formulations.brute_force", "brute_force"),
-    "branch-and-price": _lazy("formulations.branch_and_price", "branch_and_price"),
-    "highs": _lazy("formulations.mathopt", "highs"),
-    "scip": _lazy("formulations.mathopt", "scip"),
-    "cp-sat": _lazy("formulations.cp_sat", "cp_sat"),
-    "scip-nonlinear": _lazy("formulations.scip_nonlinear", "scip_nonlinear"),  # needs PySCIPOpt
+    "brute-force": _lazy("cocap_opt.formulations.brute_force", "brute_force"),
+    "branch-and-price": _lazy(
+        "cocap_opt.formulations.column_generation.branch_and_price", "branch_and_price"
+    ),
+    "highs": _lazy("cocap_opt.formulations.integer_programs.mathopt", "highs"),
+    "scip": _lazy("cocap_opt.formulations.integer_programs.mathopt", "scip"),
+    "cp-sat": _lazy("cocap_opt.formulations.integer_programs.cp_sat", "cp_sat"),
+    "scip-nonlinear": _lazy(
+        "cocap_opt.formulations.integer_programs.scip_nonlinear", "scip_nonlinear"
+    ),  # needs PySCIPOpt
 }

@@ -7,13 +7,7 @@ from itertools import product
 import numpy as np
 
 from cocap_opt.data import FloatArray
-from cocap_opt.model import Model, Path, compiled
-from cocap_opt.plan import Plan, conflicts
-from cocap_opt.problem import Problem
-from cocap_opt.result import Reason, UnsupportedError
-from cocap_opt.reward import move_reward, robot_pixels, view_reward
-from cocap_opt.stop import Limit, Stop, never
-from formulations.result import (
+from cocap_opt.formulations.result import (
     OPTIMALITY,
     CertifiedResult,
     Report,
@@ -21,6 +15,12 @@ from formulations.result import (
     silent,
     usable_start,
 )
+from cocap_opt.model import Model, Path, compiled
+from cocap_opt.objective import move_reward, robot_pixels, view_reward
+from cocap_opt.problem.plan import Plan, conflicts
+from cocap_opt.problem.problem import Problem
+from cocap_opt.result import Reason, UnsupportedError
+from cocap_opt.stop import Limit, Stop, never
 
 MOST_PLANS = 2_000_000
 
@@ -104,13 +104,15 @@ def count_paths(model: Model, robot: int) -> int:
 
 def all_paths(model: Model, robot: int) -> list[Path]:
     """All paths of a robot that end in its goal."""
-    group = model.class_of[robot]
+    robot_class = model.class_of[robot]
     paths: list[Path] = [(model.start(robot),)]
     for _ in range(model.problem.horizon):
         paths = [
-            (*path, head) for path in paths for head in group.graph.successors(path[-1]).tolist()
+            (*path, head)
+            for path in paths
+            for head in robot_class.graph.successors(path[-1]).tolist()
         ]
-    if group.goal is None:
+    if robot_class.goal is None:
         return paths
-    ends = (group.graph.state(path[-1]) for path in paths)
-    return [p for p, end in zip(paths, ends, strict=True) if (end.x, end.y) == group.goal]
+    ends = (robot_class.graph.state(path[-1]) for path in paths)
+    return [p for p, end in zip(paths, ends, strict=True) if (end.x, end.y) == robot_class.goal]

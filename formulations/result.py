@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 from cocap_opt.check import check
-from cocap_opt.plan import Plan
-from cocap_opt.problem import Problem
+from cocap_opt.formulations.certificates.certificate import CertificateFile
+from cocap_opt.formulations.certificates.proof import ProofFile
+from cocap_opt.problem.plan import Plan
+from cocap_opt.problem.problem import Problem
 from cocap_opt.result import Reason, Result, relative_gap
 from cocap_opt.stop import Limit, Stop, never
-from formulations.certificate import CertificateFile
-from formulations.proof import ProofFile
 
 OPTIMALITY = 1e-6  # relative gap at which a plan is called optimal
 

@@ -7,16 +7,16 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from cocap_opt.data import ProblemError
-from cocap_opt.io import FileError, load_problem
-from cocap_opt.plan import Plan
-from cocap_opt.problem import Problem, State
-from scenarios import conventions, hughes
-from scenarios.bottleneck import bottleneck, bottleneck_tight
-from scenarios.bridge import bridge
-from scenarios.corridor import corridor, corridor_tight
-from scenarios.field import field_large, field_long, field_small
-from scenarios.passage import passage
-from scenarios.tiny import TINY
+from cocap_opt.files.documents import FileError, load_problem
+from cocap_opt.problem.plan import Plan
+from cocap_opt.problem.problem import Problem, State
+from cocap_opt.scenarios.built_in.bottleneck import bottleneck, bottleneck_tight
+from cocap_opt.scenarios.built_in.bridge import bridge
+from cocap_opt.scenarios.built_in.corridor import corridor, corridor_tight
+from cocap_opt.scenarios.built_in.field import field_large, field_long, field_small
+from cocap_opt.scenarios.built_in.passage import passage
+from cocap_opt.scenarios.built_in.tiny import TINY
+from cocap_opt.scenarios.formats import conventions, hughes
 
 SCENES: dict[str, Callable[[int], Problem]] = {
     "corridor": corridor,
@@ -63,19 +63,19 @@ def _ends(*suffixes: str) -> Callable[[Path], bool]:
 
 
 def _read_greedy_perspectives(path: Path, seed: int) -> Problem:
-    from scenarios import greedy_perspectives
+    from cocap_opt.scenarios.formats import greedy_perspectives
 
     return greedy_perspectives.read(path, seed)
 
 
 def _read_greedy_perspectives_as(path: Path, seed: int, options: Mapping[str, str]) -> Problem:
-    from scenarios import greedy_perspectives
+    from cocap_opt.scenarios.formats import greedy_perspectives
 
     return greedy_perspectives.read(path, seed, conventions.conventions_of(options))
 
 
 def _read_greedy_perspectives_own_starts(path: Path) -> Problem:
-    from scenarios import greedy_perspectives
+    from cocap_opt.scenarios.formats import greedy_perspectives
 
     return greedy_perspectives.read(path, conventions=conventions.OWN_STARTS)
 
@@ -83,13 +83,13 @@ def _read_greedy_perspectives_own_starts(path: Path) -> Problem:
 def _read_greedy_perspectives_plan(path: Path, problem: Problem) -> Plan | None:
     if not _ends(".csv")(path):
         return None
-    from scenarios import greedy_perspectives
+    from cocap_opt.scenarios.formats import greedy_perspectives
 
     return Plan(paths=greedy_perspectives.read_plan(path, problem))
 
 
 def _read_movingai(path: Path, seed: int) -> Problem:
-    from scenarios import movingai
+    from cocap_opt.scenarios.formats import movingai
 
     return movingai.read(path, seed)
 
@@ -100,7 +100,7 @@ def _read_hughes_plan(path: Path, problem: Problem) -> Plan | None:
 
 
 def _read_recipe(path: Path, seed: int) -> Problem:
-    from scenarios import recipe
+    from cocap_opt.scenarios.recipe import recipe
 
     return recipe.read(path, seed)
 

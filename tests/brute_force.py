@@ -13,12 +13,12 @@ import numpy as np
 
 from cocap_opt.check import broken_motions, broken_rules
 from cocap_opt.data import FloatArray
-from cocap_opt.faces import FaceGeometry
-from cocap_opt.motion import time_expanded_graph
-from cocap_opt.plan import Plan
-from cocap_opt.problem import Problem, State
-from cocap_opt.timegraph import time_graph
-from cocap_opt.views import make_views
+from cocap_opt.graph.motion import time_expanded_graph
+from cocap_opt.graph.timegraph import time_graph
+from cocap_opt.problem.plan import Plan
+from cocap_opt.problem.problem import Problem, State
+from cocap_opt.vision.faces import FaceGeometry
+from cocap_opt.vision.views import make_views
 
 StatePath = tuple[State, ...]
 

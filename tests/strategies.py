@@ -9,8 +9,8 @@ from hypothesis import assume, settings
 from hypothesis import strategies as st
 
 from cocap_opt.data import ProblemError
-from cocap_opt.motion import free_places, time_expanded_graph
-from cocap_opt.problem import (
+from cocap_opt.graph.motion import free_places, time_expanded_graph
+from cocap_opt.problem.problem import (
     NO_RULES,
     PAPER_RULES,
     Actor,
@@ -28,9 +28,9 @@ from cocap_opt.problem import (
     State,
     TriangulatedCuboid,
 )
+from cocap_opt.scenarios.built_in.parts import block
 from cocap_opt.stop import Limit
-from cocap_opt.workspace import HeightMap, Mesh, Workspace
-from scenarios._parts import block
+from cocap_opt.world.workspace import HeightMap, Mesh, Workspace
 
 WALL = 20.0  # m, higher than anything flies
 MOST_PLANS = 20_000  # combinations of paths that brute force goes through

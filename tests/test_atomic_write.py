@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from cocap_opt.atomic_write import write_atomically, write_together
+from cocap_opt.files.atomic_write import write_atomically, write_together
 
 
 @pytest.mark.parametrize("name", ["x" * 255, "\N{LATIN SMALL LETTER SHARP S}" * 127])

@@ -18,9 +18,8 @@ from hypothesis import strategies as st
 from strategies import WALL, Calls, examples, meetings, problems, standing, tiny
 
 from cocap_opt.check import check
+from cocap_opt.graph.motion import time_expanded_graph
 from cocap_opt.model import Model, compiled
-from cocap_opt.motion import time_expanded_graph
-from cocap_opt.plan import Plan
 from cocap_opt.planners import PLANNERS, Planner
 from cocap_opt.planners.circles import (
     Circle,
@@ -33,10 +32,11 @@ from cocap_opt.planners.circles import (
 from cocap_opt.planners.formation import STANDOFF, formation
 from cocap_opt.planners.myopic import myopic
 from cocap_opt.planners.one_step import one_step
-from cocap_opt.problem import Actor, Camera, Cone, Motion, Problem, Robot, State
+from cocap_opt.problem.plan import Plan
+from cocap_opt.problem.problem import Actor, Camera, Cone, Motion, Problem, Robot, State
 from cocap_opt.result import Reason
 from cocap_opt.stop import Limit, never
-from cocap_opt.workspace import HeightMap
+from cocap_opt.world.workspace import HeightMap
 
 NEIGHBOURS = Motion()
 BOTH = [formation, one_step]
@@ -126,8 +126,8 @@ def test_only_views_are_evaluated_that_are_looked_at(
     monkeypatch.setattr(Model, "prepare", prepared)
     actor = standing(13.2, 12.1, 0.0, 0.4, steps=12)
     problem = field(State(2, 2), State(20, 3), actors=(actor,))
-    (group,) = compiled(problem).classes
-    reachable = np.count_nonzero(compiled(problem).reachable(group))
+    (robot_class,) = compiled(problem).classes
+    reachable = np.count_nonzero(compiled(problem).reachable(robot_class))
     evaluated = planner(problem, never).statistics["evaluated"]
     assert 0 < evaluated < reachable / 10
 

@@ -6,18 +6,25 @@ from pathlib import Path
 
 import pytest
 
-from cocap_opt.problem import Problem
+from cocap_opt.experiments.studies.benchmarks import growth as growth_module
+from cocap_opt.experiments.studies.benchmarks import solvers as solvers_module
+from cocap_opt.experiments.studies.benchmarks.__main__ import main
+from cocap_opt.experiments.studies.benchmarks.figures import Figure, at_least, below
+from cocap_opt.experiments.studies.benchmarks.points import MEASURES, Point, exponent
+from cocap_opt.experiments.studies.benchmarks.rows import Options
+from cocap_opt.experiments.studies.benchmarks.runs import (
+    Moment,
+    Run,
+    RunError,
+    measured,
+    run,
+    scene,
+)
+from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
+from cocap_opt.formulations.result import CertifiedResult
+from cocap_opt.problem.problem import Problem
 from cocap_opt.result import Reason
 from cocap_opt.stop import Limit, Stop
-from experiments.benchmarks import growth as growth_module
-from experiments.benchmarks import solvers as solvers_module
-from experiments.benchmarks.__main__ import main
-from experiments.benchmarks.figures import Figure, at_least, below
-from experiments.benchmarks.points import MEASURES, Point, exponent
-from experiments.benchmarks.rows import Options
-from experiments.benchmarks.runs import Moment, Run, RunError, measured, run, scene
-from formulations.branch_and_price import branch_and_price
-from formulations.result import CertifiedResult
 
 MADE = [Figure("seconds", 1.5, "s", below(2), below(1), note="a, note"), Figure("more", 3.0, "x")]
 

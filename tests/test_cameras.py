@@ -10,13 +10,13 @@ from strategies import tiny
 
 from cocap_opt.check import check
 from cocap_opt.data import ProblemError
+from cocap_opt.experiments.cli.commands import run
+from cocap_opt.formulations import EXACT
 from cocap_opt.planners import PLANNERS
-from cocap_opt.problem import Camera, Cone
+from cocap_opt.problem.problem import Camera, Cone
+from cocap_opt.scenarios import load_scene
+from cocap_opt.scenarios.cameras import CAMERAS, with_camera, with_tilts
 from cocap_opt.stop import never
-from experiments.commands import run
-from formulations import EXACT
-from scenarios import load_scene
-from scenarios.cameras import CAMERAS, with_camera, with_tilts
 
 
 def test_angles_of_view_are_those_of_the_makers() -> None:

@@ -13,14 +13,9 @@ from scipy.optimize import linprog
 from strategies import examples, problems, tiny
 
 from cocap_opt.check import broken_rules
-from cocap_opt.model import Model, compiled, compiled_apart
-from cocap_opt.motion import time_expanded_graph
-from cocap_opt.plan import Plan
-from cocap_opt.problem import NO_RULES, Cell, Objective, Problem, State
-from cocap_opt.reward import largest_roots, no_pixels
-from formulations import BOUNDS, envelope
-from formulations.branch_and_price import branch_and_price
-from formulations.certificate import (
+from cocap_opt.formulations import BOUNDS
+from cocap_opt.formulations.certificates import envelope
+from cocap_opt.formulations.certificates.certificate import (
     CertificateError,
     CertificateFile,
     Curve,
@@ -33,8 +28,30 @@ from formulations.certificate import (
     price,
     verify,
 )
-from formulations.proof import Branch, Leaf, ProofFile, leaves, price_proof, verify_proof
-from formulations.resources import Cells, Move, Resource, Swap, Visit, flight_of, uses
+from cocap_opt.formulations.certificates.proof import (
+    Branch,
+    Leaf,
+    ProofFile,
+    leaves,
+    price_proof,
+    verify_proof,
+)
+from cocap_opt.formulations.certificates.resources import (
+    Cells,
+    Move,
+    Resource,
+    Swap,
+    Visit,
+    flight_of,
+    uses,
+)
+from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
+from cocap_opt.formulations.relaxations import separation
+from cocap_opt.graph.motion import time_expanded_graph
+from cocap_opt.model import Model, compiled, compiled_apart
+from cocap_opt.objective import largest_roots, no_pixels
+from cocap_opt.problem.plan import Plan
+from cocap_opt.problem.problem import NO_RULES, Cell, Objective, Problem, State
 
 Rows = tuple[tuple[float, ...], ...]
 
@@ -82,7 +99,7 @@ def random_curve(number: int, top: float, rng: np.random.Generator) -> Curve:
 
 
 def random_cuts(model: Model, rng: np.random.Generator) -> list[EnvelopeCut]:
-    """Envelope cuts of some groups, with random values and shares."""
+    """Envelope cuts of some view sums, with random values and shares."""
     if model.problem.objective.over_time:
         return []
     largest = largest_roots(model).max(axis=0).reshape(model.problem.horizon + 1, -1)
@@ -115,7 +132,7 @@ def random_resource(model: Model, rng: np.random.Generator) -> Resource:
 def random_multipliers(model: Model, rng: np.random.Generator, decisions: int = 0) -> Multipliers:
     """Multipliers of all kinds, none of them good."""
     problem = model.problem
-    shape = (problem.group_steps, len(problem.face_weights))
+    shape = (problem.view_sum_steps, len(problem.face_weights))
     return Multipliers(
         alpha=as_rows(rng.choice([0.0, 0.3, 1.0, 2.0], size=shape)),
         beta=as_rows(rng.choice([1e-4, 0.01, 1.0], size=shape)),
@@ -157,7 +174,7 @@ def test_any_multipliers_give_a_bound(problem: Problem, seed: int) -> None:
     rng = np.random.default_rng(seed)
     best, model = optimum(problem).value, some_model(problem, rng)
     assert price(model, random_multipliers(model, rng)).bound >= best
-    shape = (problem.group_steps, len(problem.face_weights))
+    shape = (problem.view_sum_steps, len(problem.face_weights))
     reference = ReferencePixels(as_rows(rng.choice([0.0, 10.0, 1e4], size=shape)))
     assert price(compiled(problem), reference).bound >= best
 
@@ -243,9 +260,9 @@ def test_constants_of_many_corners_are_rounded_up(monkeypatch: pytest.MonkeyPatc
     assert merged > exact
 
 
-def seen_by(number: int, roots: np.ndarray, amounts: np.ndarray) -> envelope.Seen:
+def seen_by(number: int, roots: np.ndarray, amounts: np.ndarray) -> separation.Seen:
     """What one class sees."""
-    return envelope.Seen(np.full(len(roots), number), roots, amounts)
+    return separation.Seen(np.full(len(roots), number), roots, amounts)
 
 
 @examples(30)
@@ -255,7 +272,7 @@ def test_the_best_cut_is_valid_and_no_weaker_than_single_view(seed: int, robots:
     rng = np.random.default_rng(seed)
     roots = np.sort(rng.uniform(1.0, 10.0, 4))
     amounts = rng.dirichlet(np.ones(5))[:4] * robots
-    cut, height = envelope.best_cut(0, seen_by(0, roots, amounts), np.array([10.0]), (robots,))
+    cut, height = separation.best_cut(0, seen_by(0, roots, amounts), np.array([10.0]), (robots,))
     assert height <= min(float(amounts @ roots), math.sqrt(amounts @ roots**2)) * (1 + 1e-3)
     for chosen in product([0.0, *roots], repeat=robots):
         at = np.array(chosen)
@@ -271,8 +288,8 @@ def test_the_best_cut_of_robots_apart_is_the_best_coupling(seed: int) -> None:
     roots = np.sort(rng.uniform(1.0, 10.0, (3, 2)), axis=1)
     assume((np.diff(roots) > 0.2).all())
     amounts = np.array([rng.dirichlet(np.ones(3))[:2] for _ in range(3)])
-    seen = envelope.Seen(np.repeat(np.arange(3), 2), roots.ravel(), amounts.ravel())
-    _, height = envelope.best_cut(0, seen, np.full(3, 10.0), (1, 1, 1))
+    seen = separation.Seen(np.repeat(np.arange(3), 2), roots.ravel(), amounts.ravel())
+    _, height = separation.best_cut(0, seen, np.full(3, 10.0), (1, 1, 1))
     corners = list(product(range(3), repeat=3))
     values = np.column_stack([np.zeros(3), roots])
     shares = np.column_stack([1 - amounts.sum(axis=1), amounts])
@@ -286,7 +303,7 @@ def test_the_best_cut_of_robots_apart_is_the_best_coupling(seed: int) -> None:
 def test_for_two_robots_the_cut_is_the_antitone_coupling() -> None:
     """Two robots half here and half there: the best mixture pairs much with little."""
     seen = seen_by(0, np.array([1.0, 4.0, 9.0]), np.array([0.5, 0.75, 0.5]))
-    _, height = envelope.best_cut(0, seen, np.array([9.0]), (2,))
+    _, height = separation.best_cut(0, seen, np.array([9.0]), (2,))
     # Amounts 0: 0.25, 1: 0.5, 4: 0.75, 9: 0.5, most paired with least: 9-0, 9-1, 4-1, 4-4.
     pairs = [(0.25, 9, 0), (0.25, 9, 1), (0.25, 4, 1), (0.25, 4, 4)]
     best = sum(p * math.hypot(a, b) for p, a, b in pairs)
@@ -347,13 +364,13 @@ def exact_bonus(problem: Problem, a: State, b: State) -> Fraction:
 def exact_price(problem: Problem, certificate: Multipliers) -> Fraction:
     """What multipliers without cuts prove, in rational arithmetic, within 2^-BITS a root.
 
-    Written from the formula in `formulations.certificate` alone, over the networkx graph.
+    Written from the formula in `certificates.certificate` alone, over the networkx graph.
     """
     weights = [[Fraction(w) for w in row] for row in weights_of(problem).tolist()]
     alpha = [[Fraction(a) for a in row] for row in certificate.alpha]
     beta = [[Fraction(b) for b in row] for row in certificate.beta]
     model = Model(problem, use_cache=False)
-    seen = {int(g) for group in model.classes for g in model.coverage(group).groups}
+    seen = {int(g) for robot_class in model.classes for g in model.coverage(robot_class).view_sums}
     steps, faces = range(problem.horizon + 1), range(len(weights[0]))
     total = sum((Fraction(row.multiplier) for row in certificate.rows), Fraction(0))
     for t, f in product(steps, faces):
@@ -361,13 +378,15 @@ def exact_price(problem: Problem, certificate: Multipliers) -> Fraction:
             total += weights[t][f] * (1 - alpha[t][f]) ** 2 / (4 * beta[t][f])
     for robot, spec in enumerate(problem.robots):
         graph = time_expanded_graph(problem, robot)
-        group = model.class_of[robot]
-        table = model.coverage(group)
+        robot_class = model.class_of[robot]
+        table = model.coverage(robot_class)
 
-        def paid(state: State, t: int, group=group, table=table) -> Fraction:  # type: ignore[no-untyped-def]
-            groups, pixels = table.row(t * group.graph.n_states + group.graph.index(state))
+        def paid(state: State, t: int, robot_class=robot_class, table=table) -> Fraction:  # type: ignore[no-untyped-def]
+            view_sums, pixels = table.row(
+                t * robot_class.graph.n_states + robot_class.graph.index(state)
+            )
             value = Fraction(0)
-            for g, c in zip(groups.tolist(), pixels.tolist(), strict=True):
+            for g, c in zip(view_sums.tolist(), pixels.tolist(), strict=True):
                 f = g % len(faces)
                 root = root_below(Fraction(c))
                 value += weights[t][f] * (alpha[t][f] * root + beta[t][f] * Fraction(c))
@@ -425,7 +444,7 @@ def small_certificate() -> tuple[Problem, CertificateFile]:
     """A certificate with all its parts, of the tiny instance."""
     problem = tiny()
     rng = np.random.default_rng(1)
-    shape = (problem.group_steps, len(problem.face_weights))
+    shape = (problem.view_sum_steps, len(problem.face_weights))
     certificate = Multipliers(
         as_rows(rng.uniform(0.2, 0.9, shape)),
         as_rows(rng.uniform(0.01, 0.1, shape)),
@@ -666,24 +685,24 @@ def cut_of(
     t: int = 1,
     face: int = 0,
     share: float = 0.5,
-    robot_class: int = 0,
+    class_number: int = 0,
     roots: tuple[float, ...] = (1e3, 1e4),
     values: tuple[float, ...] = (1e3, 1e4),
 ) -> EnvelopeCut:
     """A cut with one field changed."""
-    return EnvelopeCut(t, face, (Curve(robot_class, roots, values),), share)
+    return EnvelopeCut(t, face, (Curve(class_number, roots, values),), share)
 
 
 @pytest.mark.parametrize(
     ("cut", "words"),
     [
-        (cut_of(t=3), "no group"),
-        (cut_of(face=99), "no group"),
-        (cut_of(face=-1), "no group"),
+        (cut_of(t=3), "no view_sum"),
+        (cut_of(face=99), "no view_sum"),
+        (cut_of(face=-1), "no view_sum"),
         (cut_of(share=1.5), "share"),
         (cut_of(share=math.nan), "share"),
-        (cut_of(robot_class=1), "robot_class"),
-        (cut_of(robot_class=-1), "robot_class"),
+        (cut_of(class_number=1), "robot_class"),
+        (cut_of(class_number=-1), "robot_class"),
         (EnvelopeCut(1, 0, (Curve(0, (1.0,), (1.0,)),) * 2, 0.5), "robot_class"),
         (cut_of(roots=()), "roots"),
         (cut_of(roots=(2.0, 1.0)), "roots"),
@@ -696,7 +715,7 @@ def cut_of(
     ],
 )
 def test_cuts_that_are_none_are_refused(cut: EnvelopeCut, words: str) -> None:
-    """A cut must belong to a group, and be functions of the robots that there are."""
+    """A cut must belong to a view sum, and be functions of the robots that there are."""
     problem, file = small_certificate()
     assert isinstance(file.certificate, Multipliers)
     certificate = msgspec.structs.replace(file.certificate, cuts=(cut,))

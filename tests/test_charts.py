@@ -9,22 +9,22 @@ from hypothesis import strategies as st
 from matplotlib.figure import Figure
 from test_tables import row
 
-from cocap_opt.plan import SwapConflict, conflicts
-from cocap_opt.planners import PLANNERS
-from cocap_opt.result import Reason
-from cocap_opt.stop import Limit
-from experiments import commands
-from experiments.charts import (
+from cocap_opt.experiments.cli import commands
+from cocap_opt.experiments.report.charts import (
     draw_conflicts,
     draw_gaps,
     draw_progress,
     gaps_figure,
     progress_figure,
 )
-from experiments.figures import picture
-from experiments.trace import Trace, load_trace, trace_text
-from formulations.result import CertifiedResult, Snapshot
-from scenarios import load_scene
+from cocap_opt.experiments.report.figures import picture
+from cocap_opt.experiments.results.trace import Trace, load_trace, trace_text
+from cocap_opt.formulations.result import CertifiedResult, Snapshot
+from cocap_opt.planners import PLANNERS
+from cocap_opt.problem.plan import SwapConflict, conflicts
+from cocap_opt.result import Reason
+from cocap_opt.scenarios import load_scene
+from cocap_opt.stop import Limit
 
 NUMBER = st.floats(0, 1e6)
 

@@ -13,18 +13,20 @@ import numpy as np
 import pytest
 from test_scenes import SEQUENCE
 
-from cocap_opt.io import save_problem
+from cocap_opt.experiments.cli import commands
+from cocap_opt.experiments.cli.commands import AT_THE_ROOT
+from cocap_opt.experiments.cli.main import main
+from cocap_opt.experiments.console import progress
+from cocap_opt.experiments.results import rows
+from cocap_opt.experiments.results.gap_table import told_apart
+from cocap_opt.experiments.results.printing import print_gap_table
+from cocap_opt.experiments.results.rows import Row
+from cocap_opt.files.documents import save_problem
+from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.model import compiled
 from cocap_opt.planners import PLANNERS
-from cocap_opt.problem import NO_RULES
-from experiments import commands, progress, rows
-from experiments.cli import main
-from experiments.commands import AT_THE_ROOT
-from experiments.gap_table import told_apart
-from experiments.printing import print_gap_table
-from experiments.rows import Row
-from formulations import BOUNDS, EXACT
-from scenarios import SCENES
+from cocap_opt.problem.problem import NO_RULES
+from cocap_opt.scenarios import SCENES
 
 KEYS = {
     "scene", "seed", "planner", "method", "reward", "bound", "gap", "reason", "limit", "seconds",
@@ -54,7 +56,7 @@ class Run:
 
 def start_command(*words: object) -> subprocess.Popen[str]:
     """One command in a process of its own."""
-    code = f"from experiments.cli import main; main({[str(word) for word in words]})"
+    code = f"from cocap_opt.experiments.cli.main import main; main({[str(word) for word in words]})"
     return subprocess.Popen(
         [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
@@ -718,7 +720,7 @@ def test_show_draws_a_picture(
 
 def test_scenes_lists_all_scenes_and_formats(capsys: pytest.CaptureFixture[str]) -> None:
     """Everything that can stand for SCENE is listed."""
-    from scenarios import FORMATS, SCENES
+    from cocap_opt.scenarios import FORMATS, SCENES
 
     listed = Run(capsys, "scenes", "--json").json
     assert {row["scene"] for row in listed["scenes"]} == set(SCENES)
@@ -742,7 +744,7 @@ def test_the_same_plan_file_in_any_process(tmp_path: Path) -> None:
     for hash_seed in ("1", "2"):
         target = tmp_path / f"plan-{hash_seed}.json"
         words = ["plan", "bottleneck", "-o", str(target)]
-        code = f"from experiments.cli import main; main({words})"
+        code = f"from cocap_opt.experiments.cli.main import main; main({words})"
         subprocess.run(
             [sys.executable, "-c", code], check=True, capture_output=True,
             env=os.environ | {"PYTHONHASHSEED": hash_seed},
@@ -783,12 +785,12 @@ def test_ctrl_c_gives_the_best_plan_and_bound_so_far(
     assert (answer["reward"], answer["bound"]) == (row["reward"], row["bound"])
 
 
-@pytest.mark.parametrize("module", ["cyclopts", "experiments.documents"])
+@pytest.mark.parametrize("module", ["cyclopts", "cocap_opt.experiments.results.documents"])
 def test_ctrl_c_while_modules_are_imported_is_one_line(module: str) -> None:
     """The half second before a command begins ends without a traceback, and so does a command."""
     code = f"""
 import os, signal, sys
-from experiments.cli import main
+from cocap_opt.experiments.cli.main import main
 
 class Press:
     @staticmethod
@@ -811,7 +813,9 @@ def test_standard_output_that_takes_nothing(redirection: str, code: int) -> None
     """A closed, full or cut-off standard output is no traceback."""
     if "full" in redirection and not Path("/dev/full").exists():
         pytest.skip("needs /dev/full")
-    python = f"{sys.executable} -c 'from experiments.cli import main; main([\"scenes\"])'"
+    python = (
+        f"{sys.executable} -c 'from cocap_opt.experiments.cli.main import main; main([\"scenes\"])'"
+    )
     done = subprocess.run(
         ["bash", "-c", f"set -o pipefail; {python} {redirection}"], capture_output=True, text=True,
         check=False,
@@ -827,7 +831,8 @@ def test_standard_error_that_takes_nothing(redirection: str) -> None:
     if "full" in redirection and not Path("/dev/full").exists():
         pytest.skip("needs /dev/full")
     words = ["plan", "no-such-scene"]
-    python = f"{sys.executable} -c 'from experiments.cli import main; main({json.dumps(words)})'"
+    program = "from cocap_opt.experiments.cli.main import main"
+    python = f"{sys.executable} -c '{program}; main({json.dumps(words)})'"
     done = subprocess.run(
         ["bash", "-c", f"{python} {redirection}"], capture_output=True, check=False
     )

@@ -10,18 +10,25 @@ import pytest
 from others import DATA
 from test_readers import SEQUENCE, STARTS
 
-from cocap_opt.bonuses import bonuses_of
 from cocap_opt.check import check
 from cocap_opt.data import ProblemError
-from cocap_opt.io import FileError, load_problem, problem_digest
+from cocap_opt.experiments.cli.main import main
+from cocap_opt.files.documents import FileError, load_problem, problem_digest
+from cocap_opt.graph.move_rewards import bonuses_of
 from cocap_opt.model import compiled
-from cocap_opt.plan import Plan
 from cocap_opt.planners import PLANNERS
-from cocap_opt.problem import CollisionRules, Problem
+from cocap_opt.problem.plan import Plan
+from cocap_opt.problem.problem import CollisionRules, Problem
+from cocap_opt.scenarios import load_scene
+from cocap_opt.scenarios.formats import greedy_perspectives
+from cocap_opt.scenarios.formats.conventions import (
+    ALLOWED,
+    FAITHFUL,
+    OURS,
+    OWN_STARTS,
+    conventions_of,
+)
 from cocap_opt.stop import never
-from experiments.cli import main
-from scenarios import greedy_perspectives, load_scene
-from scenarios.conventions import ALLOWED, FAITHFUL, OURS, OWN_STARTS, conventions_of
 
 
 @pytest.fixture

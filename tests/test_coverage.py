@@ -15,14 +15,13 @@ from hypothesis import strategies as st
 from strategies import WALL, examples, problems, shapes
 
 from cocap_opt.check import check
-from cocap_opt.coverage import coverage_table
 from cocap_opt.data import FOCAL as FOCAL_RANGE
 from cocap_opt.data import LARGEST, MOST_PIXELS, MOST_WEIGHT, SMALLEST, FloatArray
-from cocap_opt.faces import FaceGeometry
+from cocap_opt.graph.timegraph import time_graph
 from cocap_opt.model import Model
-from cocap_opt.plan import Plan
 from cocap_opt.planners.joint import joint
-from cocap_opt.problem import (
+from cocap_opt.problem.plan import Plan
+from cocap_opt.problem.problem import (
     Actor,
     Camera,
     Cuboid,
@@ -35,12 +34,13 @@ from cocap_opt.problem import (
     State,
     TriangulatedCuboid,
 )
-from cocap_opt.projection import camera_axes, image_area
 from cocap_opt.stop import Limit
-from cocap_opt.timegraph import time_graph
-from cocap_opt.views import make_views
-from cocap_opt.visibility import sample_points
-from cocap_opt.workspace import HeightMap
+from cocap_opt.vision.coverage import coverage_table
+from cocap_opt.vision.faces import FaceGeometry
+from cocap_opt.vision.projection import camera_axes, image_area
+from cocap_opt.vision.views import make_views
+from cocap_opt.vision.visibility import sample_points
+from cocap_opt.world.workspace import HeightMap
 
 FRONT, LEFT, BACK, RIGHT, TOP = range(5)  # faces of a cuboid; the front looks along its heading
 FLYING = 5.0  # m
@@ -496,18 +496,18 @@ def test_shifted_scenes_look_the_same(far: tuple[float, ...], problem: Problem) 
 def test_values_do_not_depend_on_the_batch(problem: Problem, data: st.DataObject) -> None:
     """A view has the same value, to the last bit, alone, in any batch, and in the table."""
     model = Model(problem, use_cache=False)
-    for group in model.classes:
-        table, reachable = model.coverage(group), model.reachable(group)
+    for robot_class in model.classes:
+        table, reachable = model.coverage(robot_class), model.reachable(robot_class)
         for t in range(problem.first_step, problem.horizon + 1):
             states = np.flatnonzero(reachable[t])
             batch = data.draw(st.permutations(states.tolist()))[:5]
-            together = model.views(group).coverage(t, np.array(batch, dtype=np.int64))
+            together = model.views(robot_class).coverage(t, np.array(batch, dtype=np.int64))
             for state, row in zip(batch, together, strict=True):
-                alone = model.views(group).coverage(t, np.array([state]))[0]
+                alone = model.views(robot_class).coverage(t, np.array([state]))[0]
                 assert alone.tobytes() == row.tobytes()
                 stored = np.zeros(model.n_faces)
-                groups, pixels = table.row(t * group.graph.n_states + state)
-                stored[groups - t * model.n_faces] = pixels
+                view_sums, pixels = table.row(t * robot_class.graph.n_states + state)
+                stored[view_sums - t * model.n_faces] = pixels
                 assert stored.tobytes() == alone.tobytes()
 
 
@@ -516,17 +516,17 @@ def test_values_do_not_depend_on_the_batch(problem: Problem, data: st.DataObject
 def test_table_holds_what_is_seen_and_nothing_else(problem: Problem) -> None:
     """Rows are in order and never empty, and every stored number of pixels is positive."""
     model = Model(problem, use_cache=False)
-    for group in model.classes:
-        table = model.coverage(group)
+    for robot_class in model.classes:
+        table = model.coverage(robot_class)
         assert (np.diff(table.nodes) > 0).all()
         assert (np.diff(table.indptr) > 0).all()
         assert (table.pixels > 0).all()
-        assert table.indptr[-1] == len(table.pixels) == len(table.groups)
+        assert table.indptr[-1] == len(table.pixels) == len(table.view_sums)
         sums = table.row_sums(table.pixels)
         for node, total in zip(table.nodes.tolist(), sums.tolist(), strict=True):
             assert table.row(node)[1].sum() == pytest.approx(total)
-        steps = table.nodes // group.graph.n_states
-        assert (np.repeat(steps, np.diff(table.indptr)) * model.n_faces <= table.groups).all()
+        steps = table.nodes // robot_class.graph.n_states
+        assert (np.repeat(steps, np.diff(table.indptr)) * model.n_faces <= table.view_sums).all()
 
 
 # -- clipping -----------------------------------------------------------------------------
@@ -728,13 +728,13 @@ def test_values_do_not_depend_on_the_rays_cast_at_once(
     actors = facing(6.0, 4.0), facing(7.0, 4.4, yaw=0.5), facing(4.0, 5.0, z=3.0)
     scene = make_scene(*actors, heights=walled(3, 5, 4.7), layers=(3.0, FLYING))
     expected = all_views(scene)
-    monkeypatch.setattr("cocap_opt.visibility.RAYS", rays)
+    monkeypatch.setattr("cocap_opt.vision.visibility.RAYS", rays)
     assert all_views(scene).tobytes() == expected.tobytes()
 
 
 MANY_STEPS = """
 import numpy as np
-from cocap_opt.visibility import Occluders
+from cocap_opt.vision.visibility import Occluders
 triangle = np.array([[[1.0, -9.0, -9.0], [1.0, 9.0, -9.0], [1.0, 0.0, 9.0]]])
 steps = [Occluders(triangle, np.zeros(3)) for _ in range(1500)]
 eye, target = np.zeros((1, 3)), np.array([[2.0, 0.0, 0.0]])

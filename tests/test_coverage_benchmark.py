@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cocap_opt.experiments.studies.benchmarks import coverage as coverage_module
+from cocap_opt.experiments.studies.benchmarks.__main__ import main
+from cocap_opt.experiments.studies.benchmarks.town import HOUSE, PACE, town
 from cocap_opt.model import Model
-from experiments.benchmarks import coverage as coverage_module
-from experiments.benchmarks.__main__ import main
-from experiments.benchmarks.town import HOUSE, PACE, town
 
 
 @pytest.mark.parametrize("resolution", [1.0, 2.5])
@@ -27,8 +27,8 @@ def test_a_town_is_what_it_says(resolution: float) -> None:
         for x, y in actor.poses[:, :2].tolist():
             assert heights[problem.height_map.cell_of(x, y)] == 0.0
     model = Model(problem, use_cache=False)
-    (group,) = model.classes
-    assert model.reachable(group)[-1].sum() == 8 * (heights == 0).sum()
+    (robot_class,) = model.classes
+    assert model.reachable(robot_class)[-1].sum() == 8 * (heights == 0).sum()
 
 
 def test_the_command_measures_coverage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,17 +8,33 @@ from hypothesis import given
 from hypothesis import strategies as st
 from strategies import WALL, examples, problems, shapes
 
-from cocap_opt.coverage import coverage_table
 from cocap_opt.data import FloatArray, IntArray
-from cocap_opt.faces import FaceGeometry, Faces
+from cocap_opt.experiments.studies.benchmarks.town import town
+from cocap_opt.graph.timegraph import TimeGraph, time_graph
 from cocap_opt.model import Model
-from cocap_opt.problem import Actor, Camera, Cone, Cuboid, Motion, Problem, Robot, Shape, State
-from cocap_opt.projection import camera_axes, dot, frustum_distances, image_area, image_samples
-from cocap_opt.timegraph import TimeGraph, time_graph
-from cocap_opt.views import eyes_at, make_views
-from cocap_opt.visibility import Occluders, Samples, rays_arrive, seen_samples, seen_share
-from cocap_opt.workspace import HeightMap
-from experiments.benchmarks.town import town
+from cocap_opt.problem.problem import (
+    Actor,
+    Camera,
+    Cone,
+    Cuboid,
+    Motion,
+    Problem,
+    Robot,
+    Shape,
+    State,
+)
+from cocap_opt.vision.coverage import coverage_table
+from cocap_opt.vision.faces import FaceGeometry, Faces
+from cocap_opt.vision.projection import (
+    camera_axes,
+    dot,
+    frustum_distances,
+    image_area,
+    image_samples,
+)
+from cocap_opt.vision.views import eyes_at, make_views
+from cocap_opt.vision.visibility import Occluders, Samples, rays_arrive, seen_samples, seen_share
+from cocap_opt.world.workspace import HeightMap
 
 
 def graph_of(problem: Problem) -> TimeGraph:
@@ -383,10 +399,14 @@ def test_a_table_does_not_depend_on_the_number_of_threads(threads: int) -> None:
     """Entry by entry the same, to the last bit."""
     problem = town(0, robots=2, actors=3, cells=30, steps=3, resolution=2.5)
     model = Model(problem, use_cache=False)
-    (group,) = model.classes
+    (robot_class,) = model.classes
     tables = [
         coverage_table(
-            model.views(group), group.graph.n_places, model.reachable(group), 1, threads=n
+            model.views(robot_class),
+            robot_class.graph.n_places,
+            model.reachable(robot_class),
+            1,
+            threads=n,
         )[0]
         for n in (1, threads)
     ]

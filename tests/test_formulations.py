@@ -12,17 +12,17 @@ from hypothesis import strategies as st
 from strategies import Calls, examples, meetings, problems, tiny
 
 from cocap_opt.check import check
+from cocap_opt.formulations import BOUNDS, EXACT
+from cocap_opt.formulations.certificates.certificate import verify
+from cocap_opt.formulations.certificates.proof import ProofFile, verify_proof
+from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
+from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Snapshot
 from cocap_opt.planners import PLANNERS
-from cocap_opt.problem import NO_RULES, Motion, Problem
+from cocap_opt.problem.problem import NO_RULES, Motion, Problem
 from cocap_opt.result import Reason, UnsupportedError
+from cocap_opt.scenarios import load_scene
+from cocap_opt.scenarios.built_in.tiny import TINY_OPTIMA
 from cocap_opt.stop import Limit, TimeLimit, never
-from formulations import BOUNDS, EXACT
-from formulations.branch_and_price import branch_and_price
-from formulations.certificate import verify
-from formulations.proof import ProofFile, verify_proof
-from formulations.result import OPTIMALITY, CertifiedResult, Snapshot
-from scenarios import load_scene
-from scenarios.tiny import TINY_OPTIMA
 
 TOLERANCE = 1e-9
 METHODS = {**BOUNDS, **EXACT}
@@ -169,7 +169,8 @@ def test_results_are_deterministic(problem: Problem) -> None:
 def test_results_do_not_depend_on_the_process() -> None:
     """Nor on the order of sets and dictionaries of one: a tree comes out the same in two."""
     code = (
-        "import hashlib, msgspec; from scenarios import load_scene; from formulations import EXACT;"
+        "import hashlib, msgspec; from cocap_opt.scenarios import load_scene;"
+        "from cocap_opt.formulations import EXACT;"
         "result = EXACT['branch-and-price'](load_scene('tiny-give-way'));"
         "assert result.statistics['nodes'] > 1;"
         "print(hashlib.sha256(msgspec.json.encode(result.certificate)).hexdigest())"

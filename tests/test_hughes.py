@@ -11,23 +11,24 @@ import pytest
 from others import DATA
 from strategies import tiny
 
-from cocap_opt.bonuses import NO_BONUSES, bonuses_of
 from cocap_opt.check import check
 from cocap_opt.data import ProblemError
-from cocap_opt.faces import FaceGeometry
-from cocap_opt.io import FileError
+from cocap_opt.files.documents import FileError
+from cocap_opt.formulations import EXACT
+from cocap_opt.graph.move_rewards import NO_BONUSES, bonuses_of
+from cocap_opt.graph.timegraph import time_graph
 from cocap_opt.model import compiled
-from cocap_opt.plan import Plan
+from cocap_opt.objective import marginal_reward, no_pixels, robot_pixels
 from cocap_opt.planners.myopic import myopic
-from cocap_opt.problem import Cone, Problem, State
-from cocap_opt.render import Renderer
+from cocap_opt.problem.plan import Plan
+from cocap_opt.problem.problem import Cone, Problem, State
 from cocap_opt.result import UnsupportedError
-from cocap_opt.reward import marginal_reward, no_pixels, robot_pixels
+from cocap_opt.scenarios import load_scene, read_foreign_plan
+from cocap_opt.scenarios.formats import hughes
 from cocap_opt.stop import never
-from cocap_opt.timegraph import time_graph
-from cocap_opt.views import make_views
-from formulations import EXACT
-from scenarios import hughes, load_scene, read_foreign_plan
+from cocap_opt.vision.faces import FaceGeometry
+from cocap_opt.vision.render import Renderer
+from cocap_opt.vision.views import make_views
 
 
 def actor(x: float, y: float, yaw: float, weight: float = 1.0) -> dict[str, Any]:
@@ -218,12 +219,12 @@ def test_their_greedy_paths_are_optima_of_their_planning_reward(name: str) -> No
     assert plan is not None
     model, seen = compiled(problem), no_pixels(problem)
     for robot, path in enumerate(model.paths(plan)):
-        group = model.class_of[robot]
-        reward = marginal_reward(model, group, seen)
+        robot_class = model.class_of[robot]
+        reward = marginal_reward(model, robot_class, seen)
         views = sum(float(reward[t, state]) for t, state in enumerate(path))
         for bonuses, exact in ((bonuses_of(problem.objective), True), (NO_BONUSES, False)):
-            best = group.graph.backward_sweep(reward, bonuses)[0, path[0]]
-            theirs = views + bonuses.of_path(group.graph.shape, path)
+            best = robot_class.graph.backward_sweep(reward, bonuses)[0, path[0]]
+            theirs = views + bonuses.of_path(robot_class.graph.shape, path)
             assert (theirs == pytest.approx(best, rel=1e-12)) == exact
         seen = seen + robot_pixels(model, robot, path)
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from strategies import examples, problems, tiny
 
 from cocap_opt.data import FOCAL, LARGEST, MOST_WEIGHT, SMALLEST
-from cocap_opt.io import (
+from cocap_opt.files.documents import (
     FileError,
     PlanFile,
     SceneFile,
@@ -26,8 +26,8 @@ from cocap_opt.io import (
     save_plan,
     save_problem,
 )
-from cocap_opt.plan import Plan
-from cocap_opt.problem import (
+from cocap_opt.problem.plan import Plan
+from cocap_opt.problem.problem import (
     Actor,
     Camera,
     CollisionRules,
@@ -40,7 +40,7 @@ from cocap_opt.problem import (
     State,
     TriangulatedCuboid,
 )
-from cocap_opt.workspace import HeightMap
+from cocap_opt.world.workspace import HeightMap
 
 FINITE = st.floats(-LARGEST, LARGEST)
 POSITIVE = st.floats(SMALLEST, LARGEST)

@@ -13,21 +13,25 @@ from hypothesis import strategies as st
 from strategies import examples, meetings, problems, tiny
 
 from cocap_opt.check import check
+from cocap_opt.formulations.certificates.certificate import verify
+from cocap_opt.formulations.column_generation.root_bound import column_generation
+from cocap_opt.formulations.integer_programs import mathopt, scip_nonlinear
+from cocap_opt.formulations.integer_programs.cp_sat import cp_sat
+from cocap_opt.formulations.integer_programs.cp_sat import solve as solve_by_cp_sat
+from cocap_opt.formulations.integer_programs.mathopt import Worker, highs, scip
+from cocap_opt.formulations.integer_programs.outer_approximation import (
+    certified_root,
+    no_root,
+    outer_approximation,
+)
+from cocap_opt.formulations.integer_programs.program import Answer, Call, Program, Solver
+from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Snapshot, silent
 from cocap_opt.model import compiled, compiled_apart
-from cocap_opt.plan import Plan
-from cocap_opt.problem import NO_RULES, Problem
+from cocap_opt.problem.plan import Plan
+from cocap_opt.problem.problem import NO_RULES, Problem
 from cocap_opt.result import Reason, UnsupportedError
+from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import Limit, TimeLimit, never
-from formulations import mathopt, scip_nonlinear
-from formulations.certificate import verify
-from formulations.column_generation import column_generation
-from formulations.cp_sat import cp_sat
-from formulations.cp_sat import solve as solve_by_cp_sat
-from formulations.mathopt import Worker, highs, scip
-from formulations.outer_approximation import certified_root, no_root, outer_approximation
-from formulations.program import Answer, Call, Program, Solver
-from formulations.result import OPTIMALITY, CertifiedResult, Snapshot, silent
-from scenarios import load_scene
 
 MILPS: dict[str, Any] = {"highs": highs, "scip": scip, "cp-sat": cp_sat}
 needs_pyscipopt = pytest.mark.skipif(
@@ -150,9 +154,9 @@ def test_an_interrupt_ends_a_long_solve(method: str) -> None:
 INTERRUPTED = """
 import os, signal, threading
 from cocap_opt.stop import catch_interrupt
-from formulations import EXACT
-from formulations.outer_approximation import no_root
-from scenarios import load_scene
+from cocap_opt.formulations import EXACT
+from cocap_opt.formulations.integer_programs.outer_approximation import no_root
+from cocap_opt.scenarios import load_scene
 
 problem = load_scene("bottleneck").replace(horizon=9)
 with catch_interrupt() as interrupt:

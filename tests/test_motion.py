@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from strategies import WALL, cameras, examples, height_maps, motions, problems, tiny
 
 from cocap_opt.check import broken_motions
-from cocap_opt.motion import (
+from cocap_opt.graph.motion import (
     free_places,
     motion_graph,
     moves,
@@ -21,9 +21,9 @@ from cocap_opt.motion import (
     time_expanded_graph,
     turned,
 )
-from cocap_opt.plan import Plan
-from cocap_opt.problem import Camera, Motion, Problem, Robot, State
-from cocap_opt.workspace import HeightMap, Workspace
+from cocap_opt.problem.plan import Plan
+from cocap_opt.problem.problem import Camera, Motion, Problem, Robot, State
+from cocap_opt.world.workspace import HeightMap, Workspace
 
 PILLAR = HeightMap(heights=np.array([[0.0, 0.0], [0.0, 4.0]]))  # 4 m high in one corner of four
 

@@ -5,19 +5,19 @@ import pytest
 from nbformat import NotebookNode
 
 from cocap_opt.check import check
-from cocap_opt.planners import PLANNERS
-from cocap_opt.stop import never
-from experiments.benchmarks.runs import scene
-from experiments.notebooks.__main__ import main
-from experiments.notebooks.running import digest, executed, load, notebooks
-from experiments.notebooks.tables import (
+from cocap_opt.experiments.notebooks.__main__ import main
+from cocap_opt.experiments.notebooks.running import digest, executed, load, notebooks
+from cocap_opt.experiments.notebooks.tables import (
     check_table,
     differences,
     differences_by_person,
     outcomes,
     side_table,
 )
-from formulations import EXACT
+from cocap_opt.experiments.studies.benchmarks.runs import scene
+from cocap_opt.formulations import EXACT
+from cocap_opt.planners import PLANNERS
+from cocap_opt.stop import never
 
 FILES = notebooks()
 LARGEST = 300_000  # bytes of a stored notebook
@@ -66,7 +66,7 @@ def test_stored_outputs_are_those_of_the_cells(path: Path) -> None:
     """What one reads on a web page comes from one run of the code that stands there."""
     notebook = load(path)
     cells = code(notebook)
-    assert notebook.metadata.get("ran") == digest(notebook), "run python -m experiments.notebooks"
+    assert notebook.metadata.get("ran") == digest(notebook), "run cocap-opt study notebooks"
     assert [cell.execution_count for cell in cells] == list(range(1, len(cells) + 1))
     kinds = [output.output_type for cell in cells for output in cell.outputs]
     assert kinds and "error" not in kinds

@@ -6,15 +6,15 @@ from strategies import examples, problems
 from test_tables import row
 
 from cocap_opt.check import check
-from cocap_opt.plan import Plan, conflicts
+from cocap_opt.experiments.results.statistics import Mean, mean
+from cocap_opt.experiments.studies.paper import answers, reproduction
+from cocap_opt.experiments.studies.paper.__main__ import main
+from cocap_opt.experiments.studies.paper.giving_way import encounters, most_generous, own_reward
 from cocap_opt.planners import PLANNERS
-from cocap_opt.problem import Problem
+from cocap_opt.problem.plan import Plan, conflicts
+from cocap_opt.problem.problem import Problem
+from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import never
-from experiments.paper import answers, reproduction
-from experiments.paper.__main__ import main
-from experiments.paper.giving_way import encounters, most_generous, own_reward
-from experiments.statistics import Mean, mean
-from scenarios import load_scene
 
 
 def interval(low: float, high: float) -> Mean:

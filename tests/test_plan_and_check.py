@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from strategies import WALL, examples, tiny
 
 from cocap_opt.check import Verdict, broken_motions, broken_rules, check
-from cocap_opt.plan import Plan, SwapConflict, VertexConflict, conflicts
-from cocap_opt.problem import (
+from cocap_opt.problem.plan import Plan, SwapConflict, VertexConflict, conflicts
+from cocap_opt.problem.problem import (
     NO_RULES,
     PAPER_RULES,
     Camera,
@@ -23,7 +23,7 @@ from cocap_opt.problem import (
     Robot,
     State,
 )
-from cocap_opt.workspace import HeightMap
+from cocap_opt.world.workspace import HeightMap
 
 HEADINGS = 8
 

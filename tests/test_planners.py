@@ -21,9 +21,10 @@ from hypothesis import strategies as st
 from strategies import WALL, examples, meetings, number_of_plans, problems, standing, tiny
 
 from cocap_opt.check import broken_motions, check
+from cocap_opt.graph.motion import time_expanded_graph
+from cocap_opt.graph.timegraph import Charges
 from cocap_opt.model import Model
-from cocap_opt.motion import time_expanded_graph
-from cocap_opt.plan import Conflict, Plan, SwapConflict, conflicts
+from cocap_opt.objective import no_pixels, objective_of, robot_pixels
 from cocap_opt.planners import PLANNERS, Planner
 from cocap_opt.planners.cocap import cocap
 from cocap_opt.planners.greedy import greedy
@@ -33,7 +34,8 @@ from cocap_opt.planners.single import LowLevel, SingleRobotPath, SingleRobotTask
 from cocap_opt.planners.team import hover
 from cocap_opt.planners.value_iteration import value_iteration
 from cocap_opt.planners.view_search import ViewSearch
-from cocap_opt.problem import (
+from cocap_opt.problem.plan import Conflict, Plan, SwapConflict, conflicts
+from cocap_opt.problem.problem import (
     NO_RULES,
     PAPER_RULES,
     Actor,
@@ -47,11 +49,9 @@ from cocap_opt.problem import (
     State,
 )
 from cocap_opt.result import Reason, Result, UnsupportedError, relative_gap
-from cocap_opt.reward import no_pixels, objective_of, robot_pixels
+from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import FirstOf, Limit, TimeLimit, catch_interrupt, never, seconds_left
-from cocap_opt.timegraph import Charges
-from cocap_opt.workspace import HeightMap
-from scenarios import load_scene
+from cocap_opt.world.workspace import HeightMap
 
 OBEY_RULES = {"sequential", "cocap", "cocap-vs", "joint", "formation", "one-step"}
 COMPLETE = {"cocap", "cocap-vs", "joint"}  # without a plan only where there is none
@@ -270,7 +270,7 @@ def test_goal_out_of_reach() -> None:
 
 
 def seen_by_others(model: Model, seed: int) -> np.ndarray:
-    """Random pixels [G] that other robots might have."""
+    """Random pixels [Z] that other robots might have."""
     rng = np.random.default_rng(seed)
     pixels = rng.choice([0.0, 10.0, 4000.0], len(no_pixels(model.problem)))
     return pixels * rng.random(len(pixels))

@@ -13,18 +13,18 @@ from hypothesis import strategies as st
 from strategies import examples, plate, tiny
 
 from cocap_opt.check import check
-from cocap_opt.io import load_plan
-from cocap_opt.plan import Plan
+from cocap_opt.experiments.cli.main import main
+from cocap_opt.experiments.report import player_scene
+from cocap_opt.experiments.report.figures import blocked_cells, robot_colour
+from cocap_opt.experiments.report.player import player_data, player_page, seen_pixels
+from cocap_opt.experiments.report.player_picture import go_to, opened, programs, resize
+from cocap_opt.files.documents import load_plan
 from cocap_opt.planners import PLANNERS
-from cocap_opt.problem import Actor, Camera, Cone, Motion, Prism, Problem, Robot, State
+from cocap_opt.problem.plan import Plan
+from cocap_opt.problem.problem import Actor, Camera, Cone, Motion, Prism, Problem, Robot, State
+from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import never
-from cocap_opt.workspace import HeightMap
-from experiments import player_scene
-from experiments.cli import main
-from experiments.figures import blocked_cells, robot_colour
-from experiments.player import player_data, player_page, seen_pixels
-from experiments.player_picture import go_to, opened, programs, resize
-from scenarios import load_scene
+from cocap_opt.world.workspace import HeightMap
 
 ROOT = Path(__file__).parents[1]
 SCENES = ["bottleneck", "bridge", "tiny-give-way", "tiny-hover"]
@@ -300,9 +300,9 @@ def test_plans_of_other_starts_are_not_shown_together(
 def test_what_is_installed_has_the_page() -> None:
     """The files of the page are package data: an installed player has them all."""
     setuptools = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]
-    package = ROOT / "experiments"
+    package = ROOT / "experiments" / "report"
     installed = {
-        f for glob in setuptools["package-data"]["experiments"] for f in package.glob(glob)
+        f for glob in setuptools["package-data"]["*"] for f in (package / "page").glob(glob)
     }
     assert installed >= set((package / "page").iterdir())
     assert {f.suffix for f in installed} == {".html", ".css", ".js"}
@@ -484,7 +484,7 @@ def test_the_camera_turns_zooms_and_looks_down(player: Any) -> None:
 
 def test_numbers_of_crowded_drones_stay_near_them(player: Any) -> None:
     """They are apart, at most so far from their drones, and where there is no room left out."""
-    script = (ROOT / "experiments" / "page" / "view.js").read_text()
+    script = (ROOT / "experiments" / "report" / "page" / "view.js").read_text()
     crowd = "const put = []; for (let i = 0; i < 64; i++) {"
     crowd += "const place = freePlace(5, 7, put); if (place) put.push(place); }"
     places = player.execute_script(f"{script}; {crowd} return put")

@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from strategies import WALL, examples, problems, standing, tiny
 
 from cocap_opt.data import FloatArray, ProblemError
-from cocap_opt.io import SceneFile, encode, problem_digest
+from cocap_opt.files.documents import SceneFile, encode, problem_digest
 from cocap_opt.planners.greedy import greedy
-from cocap_opt.problem import (
+from cocap_opt.problem.problem import (
     NO_RULES,
     PAPER_RULES,
     Actor,
@@ -33,7 +33,7 @@ from cocap_opt.problem import (
     State,
     TriangulatedCuboid,
 )
-from cocap_opt.workspace import HeightMap
+from cocap_opt.world.workspace import HeightMap
 
 NAN, INF = math.nan, math.inf
 BOX = [[0.0, 0.0], [0.0, 0.0]]

@@ -16,10 +16,10 @@ from others import DATA
 from strategies import examples
 
 from cocap_opt.data import ProblemError
-from cocap_opt.workspace import HeightMap
-from scenarios import _esri_ascii, _raster
-from scenarios.rasters import Raster, read_raster, sample
-from scenarios.resample import to_grid
+from cocap_opt.scenarios.recipe import esri_ascii, raster
+from cocap_opt.scenarios.recipe.rasters import Raster, read_raster, sample
+from cocap_opt.scenarios.recipe.resample import to_grid
+from cocap_opt.world.workspace import HeightMap
 
 # Two rows as files hold them, the northernmost first, and what they are with x first.
 ROWS = [[1.0, 2.0, 3.5], [4.0, 5.0, 6.0]]
@@ -146,7 +146,7 @@ def test_chunks_do_not_show(
     grid: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch, chunk: int
 ) -> None:
     """A number that lies across two chunks is one number, and messages count from the start."""
-    monkeypatch.setattr(_esri_ascii, "CHUNK", chunk)
+    monkeypatch.setattr(esri_ascii, "CHUNK", chunk)
     path = grid(HEADER + " 1.000 2.00\n\n3.50000000000\t4 5 6")
     assert_array_equal(read_raster(path).values, VALUES)
     refused(grid(HEADER + NUMBERS[:-2] + "six"), "row 2, column 3 .* not 'six'")
@@ -388,7 +388,7 @@ def test_without_rasterio(tiff: Write, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_only_the_window_counts(tiff: Write, monkeypatch: pytest.MonkeyPatch) -> None:
     """A file of more cells than can be read at once can be read through a window."""
-    monkeypatch.setattr(_raster, "MOST_READ", 4)
+    monkeypatch.setattr(raster, "MOST_READ", 4)
     path = tiff()
     refused(path, "window: must hold at most 4 cells, not 3 x 2")
     assert_array_equal(
@@ -427,7 +427,7 @@ def test_the_old_town_of_bilbao() -> None:
     assert_array_equal(text.values, image.values)
     assert text.cell == pytest.approx(image.cell, abs=5e-4)
     assert text.origin == pytest.approx(image.origin, abs=5e-4)
-    for raster in (text, image):
-        grid = to_grid(raster)
+    for read in (text, image):
+        grid = to_grid(read)
         assert_array_equal(grid.values, text.values)
-        assert sample(raster, *np.add(raster.origin, 100.0)) == grid.values[39, 39]
+        assert sample(read, *np.add(read.origin, 100.0)) == grid.values[39, 39]

@@ -14,12 +14,12 @@ from others import DATA
 
 from cocap_opt.check import check
 from cocap_opt.data import FloatArray, ProblemError
-from cocap_opt.plan import Plan
-from cocap_opt.problem import PAPER_RULES, Cuboid, Problem, State, TriangulatedCuboid
-from experiments.benchmarks.peers import differences
-from scenarios import greedy_perspectives, movingai
-from scenarios.conventions import OURS, OWN_STARTS
-from scenarios.greedy_perspectives import heading_index
+from cocap_opt.experiments.studies.benchmarks.peers import differences
+from cocap_opt.problem.plan import Plan
+from cocap_opt.problem.problem import PAPER_RULES, Cuboid, Problem, State, TriangulatedCuboid
+from cocap_opt.scenarios.formats import greedy_perspectives, movingai
+from cocap_opt.scenarios.formats.conventions import OURS, OWN_STARTS
+from cocap_opt.scenarios.formats.greedy_perspectives import heading_index
 
 SEQUENCE = """\
 planner:

@@ -10,18 +10,18 @@ import trimesh
 from rasterio.transform import Affine
 
 from cocap_opt.data import FloatArray, ProblemError
-from cocap_opt.doubts import doubts
-from cocap_opt.problem import Actor, Cuboid, Problem, State
+from cocap_opt.formulations import EXACT
+from cocap_opt.problem.plausibility import doubts
+from cocap_opt.problem.problem import Actor, Cuboid, Problem, State
+from cocap_opt.scenarios import SCENES, load_scene
+from cocap_opt.scenarios.recipe.drones import DronesTable, StartTable
+from cocap_opt.scenarios.recipe.meshes import read_mesh
+from cocap_opt.scenarios.recipe.people import TracksTable, WalkTable
+from cocap_opt.scenarios.recipe.recipe import EXAMPLE, MeshTable, Recipe, WallsTable, read
+from cocap_opt.scenarios.recipe.terrain import MapTable
+from cocap_opt.scenarios.recipe.walls import extruded, read_walls
 from cocap_opt.stop import never
-from cocap_opt.workspace import HeightMap, Mesh, Workspace
-from formulations import EXACT
-from scenarios import SCENES, load_scene
-from scenarios.drones import DronesTable, StartTable
-from scenarios.meshes import read_mesh
-from scenarios.people import TracksTable, WalkTable
-from scenarios.recipe import EXAMPLE, MeshTable, Recipe, WallsTable, read
-from scenarios.terrain import MapTable
-from scenarios.walls import extruded, read_walls
+from cocap_opt.world.workspace import HeightMap, Mesh, Workspace
 
 EAST, NORTH = 500600.988, 4794197.109  # m, corner of the rasters below
 
@@ -435,7 +435,7 @@ def test_the_bridge_changes_the_plan() -> None:
 
 def test_a_mesh_survives_a_file(tmp_path: Path) -> None:
     """Scene files keep meshes and datum, bit for bit."""
-    from cocap_opt.io import load_problem, problem_digest, save_problem
+    from cocap_opt.files.documents import load_problem, problem_digest, save_problem
 
     problem = load_scene("bridge", 2)
     heights = problem.height_map

@@ -9,8 +9,24 @@ from hypothesis import strategies as st
 from strategies import Calls, examples, meetings, problems, tiny
 
 from cocap_opt.check import broken_rules
+from cocap_opt.formulations.certificates.certificate import verify
+from cocap_opt.formulations.certificates.resources import misruled, misuse
+from cocap_opt.formulations.relaxations import collision_rows
+from cocap_opt.formulations.relaxations import flow as flows
+from cocap_opt.formulations.relaxations.collision_rows import conflict_rows
+from cocap_opt.formulations.relaxations.cone_program import (
+    concave,
+    envelope,
+    no_cuts,
+    relax,
+    single_view,
+)
+from cocap_opt.formulations.relaxations.flow import Flow, make_flow
+from cocap_opt.formulations.relaxations.separation import Seen, best_cut
+from cocap_opt.formulations.result import Snapshot, silent
 from cocap_opt.model import Model, Path, compiled, compiled_apart
-from cocap_opt.problem import (
+from cocap_opt.objective import objective_of
+from cocap_opt.problem.problem import (
     NO_RULES,
     PAPER_RULES,
     CollisionRules,
@@ -21,17 +37,9 @@ from cocap_opt.problem import (
     State,
 )
 from cocap_opt.result import Reason, UnsupportedError
-from cocap_opt.reward import objective_of
+from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import Limit, TimeLimit, never
-from cocap_opt.workspace import HeightMap
-from formulations import flow as flows
-from formulations.certificate import verify
-from formulations.cone_program import concave, envelope, no_cuts, relax, single_view
-from formulations.envelope import Seen, best_cut
-from formulations.flow import Flow, conflict_rows, make_flow
-from formulations.resources import misruled, misuse
-from formulations.result import Snapshot, silent
-from scenarios import load_scene
+from cocap_opt.world.workspace import HeightMap
 
 RELAXATIONS = {"concave": concave, "single-view": single_view, "envelope": envelope}
 ACCURACY = {"rel": 1e-4, "abs": 1e-3}  # of an interior-point solution, certified
@@ -238,7 +246,7 @@ def test_large_scenes_are_refused_in_words(monkeypatch: pytest.MonkeyPatch) -> N
     with pytest.raises(UnsupportedError, match="at most 10 edges"):
         single_view(tiny())
     monkeypatch.undo()
-    monkeypatch.setattr(flows, "MOST_ENTRIES", 1)
+    monkeypatch.setattr(collision_rows, "MOST_ENTRIES", 1)
     problem = tiny().replace(rules=CollisionRules(separation=5.0))
     with pytest.raises(UnsupportedError, match="separation rows"):
         single_view(problem)

@@ -8,13 +8,8 @@ from hypothesis import assume, given
 from PIL import Image
 from strategies import examples, problems, tiny
 
-from cocap_opt.model import Model
-from cocap_opt.problem import Actor, Camera, Cuboid, Motion, Problem, Robot, State
-from cocap_opt.render import SKY, TERRAIN, Renderer
-from cocap_opt.timegraph import time_graph
-from cocap_opt.workspace import HeightMap
-from experiments.commands import run
-from experiments.rendering import (
+from cocap_opt.experiments.cli.commands import run
+from cocap_opt.experiments.results.rendered import (
     FaceView,
     Pose,
     error_row,
@@ -22,7 +17,12 @@ from experiments.rendering import (
     poses_of,
     rendered_reward,
 )
-from scenarios import load_scene
+from cocap_opt.graph.timegraph import time_graph
+from cocap_opt.model import Model
+from cocap_opt.problem.problem import Actor, Camera, Cuboid, Motion, Problem, Robot, State
+from cocap_opt.scenarios import load_scene
+from cocap_opt.vision.render import SKY, TERRAIN, Renderer
+from cocap_opt.world.workspace import HeightMap
 
 
 def face_on(distance: float = 10.0, tilt: float = 0.0) -> Problem:

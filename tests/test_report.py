@@ -7,12 +7,12 @@ from selenium.webdriver.support.wait import WebDriverWait
 from test_player import value
 from test_tables import row
 
-from experiments import commands
-from experiments.limitations import limitations
-from experiments.player_picture import PLAYER, opened, programs
-from experiments.report import telling_pair, telling_seed
-from experiments.sweeps.about import RunFile, about_run
-from experiments.sweeps.run import Settings
+from cocap_opt.experiments.cli import commands
+from cocap_opt.experiments.report.limitations import limitations
+from cocap_opt.experiments.report.player_picture import PLAYER, opened, programs
+from cocap_opt.experiments.report.report import telling_pair, telling_seed
+from cocap_opt.experiments.sweeps.about import RunFile, about_run
+from cocap_opt.experiments.sweeps.run import Settings
 
 SWEEP = ("gap", "tiny-queue", "bottleneck", "--time-limit", "0.5", "--seeds", "0",
          "--planner", "greedy", "--planner", "cocap", "--planner", "sequential")  # fmt: skip
@@ -73,7 +73,7 @@ def test_a_report_needs_only_its_folder(
 ) -> None:
     """It may be made from a copy somewhere else, where nobody knows the scenes."""
     copy = shutil.copytree(results, tmp_path / "copy")
-    monkeypatch.setattr("scenarios.SCENES", {})
+    monkeypatch.setattr("cocap_opt.scenarios.SCENES", {})
     assert report(copy, tmp_path / "report.html") == 0
 
 

@@ -11,9 +11,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 from strategies import examples
 
 from cocap_opt.data import FloatArray, ProblemError
-from cocap_opt.workspace import HeightMap
-from scenarios.rasters import Raster
-from scenarios.resample import MOST_CELLS, Grid, How, filled, to_grid
+from cocap_opt.scenarios.recipe.rasters import Raster
+from cocap_opt.scenarios.recipe.resample import MOST_CELLS, Grid, How, filled, to_grid
+from cocap_opt.world.workspace import HeightMap
 
 HOW: tuple[How, ...] = ("highest", "mean")
 LENGTHS = st.integers(10, 4000).map(lambda mm: mm / 1000)  # m, not exact in binary

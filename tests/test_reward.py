@@ -13,10 +13,7 @@ from strategies import examples, problems, tiny
 from cocap_opt.check import check
 from cocap_opt.data import FloatArray
 from cocap_opt.model import Model, Path
-from cocap_opt.plan import Plan
-from cocap_opt.problem import Objective, Problem
-from cocap_opt.reward import (
-    group_weights,
+from cocap_opt.objective import (
     marginal_gain,
     marginal_reward,
     move_reward,
@@ -24,7 +21,10 @@ from cocap_opt.reward import (
     objective_of,
     robot_pixels,
     view_reward,
+    view_sum_weights,
 )
+from cocap_opt.problem.plan import Plan
+from cocap_opt.problem.problem import Objective, Problem
 
 TEAMS = problems(robots=st.integers(1, 3), most_plans=10**6)
 
@@ -41,7 +41,7 @@ class Flown(NamedTuple):
         return self.model.plan(self.paths)
 
     def pixels(self, robots: list[int]) -> FloatArray:
-        """Pixels [G] of some of the robots together."""
+        """Pixels [Z] of some of the robots together."""
         total = no_pixels(self.model.problem)
         for robot in robots:
             total = total + robot_pixels(self.model, robot, self.paths[robot])
@@ -63,10 +63,10 @@ def flown(draw: st.DrawFn, teams: st.SearchStrategy[Problem] = TEAMS) -> Flown:
     problem = draw(teams)
     model = Model(problem, use_cache=False)
     paths = []
-    for i, group in enumerate(model.class_of):
+    for i, robot_class in enumerate(model.class_of):
         path = [model.start(i)]
         for _ in range(problem.horizon):
-            heads = [path[-1], *group.graph.successors(path[-1]).tolist()]
+            heads = [path[-1], *robot_class.graph.successors(path[-1]).tolist()]
             path.append(draw(st.sampled_from(heads)))
         paths.append(tuple(path))
     return Flown(model, tuple(paths))
@@ -131,8 +131,8 @@ def test_marginal_rewards_telescope(run: Flown, data: st.DataObject) -> None:
     """Marginal rewards along the robots' paths, in any order, add up to J."""
     total, before = 0.0, list[int]()
     for robot in data.draw(st.permutations(range(len(run.paths)))):
-        group = run.model.class_of[robot]
-        reward = marginal_reward(run.model, group, run.pixels(before))
+        robot_class = run.model.class_of[robot]
+        reward = marginal_reward(run.model, robot_class, run.pixels(before))
         gain = sum(float(reward[t, state]) for t, state in enumerate(run.paths[robot]))
         gain += run.moves(robot)
         before.append(robot)
@@ -209,12 +209,12 @@ def test_actor_without_weight_is_worth_nothing(run: Flown) -> None:
     assert check(problem.replace(actors=worthless), run.plan).reward == nobody.reward
 
 
-def test_group_weights_are_zero_before_the_first_step() -> None:
-    """The weights by group repeat the faces' weights at every step that counts."""
+def test_view_sum_weights_are_zero_before_the_first_step() -> None:
+    """The weights by view sum repeat the faces' weights at every step that counts."""
     problem = tiny()
-    assert group_weights(problem).tolist() == [0.0] * 5 + [1.0] * 10
+    assert view_sum_weights(problem).tolist() == [0.0] * 5 + [1.0] * 10
     early = problem.replace(objective=Objective(count_start=True))
-    assert group_weights(early).tolist() == [1.0] * 15
+    assert view_sum_weights(early).tolist() == [1.0] * 15
 
 
 def test_pixels_add_up_within_a_step_only() -> None:

@@ -16,15 +16,23 @@ from brute_force import optimum
 
 from cocap_opt.check import check
 from cocap_opt.data import FloatArray, ProblemError
-from cocap_opt.io import FileError, problem_digest, save_problem
-from cocap_opt.plan import Plan, conflicts
+from cocap_opt.files.documents import FileError, problem_digest, save_problem
+from cocap_opt.formulations import BOUNDS
 from cocap_opt.planners import PLANNERS
-from cocap_opt.problem import NO_RULES, Actor, Camera, CollisionRules, Cuboid, Motion, Problem
+from cocap_opt.problem.plan import Plan, conflicts
+from cocap_opt.problem.problem import (
+    NO_RULES,
+    Actor,
+    Camera,
+    CollisionRules,
+    Cuboid,
+    Motion,
+    Problem,
+)
+from cocap_opt.scenarios import FORMATS, SCENES, load_scene, read_foreign_plan, scene_of_plan
+from cocap_opt.scenarios.built_in.field import field
+from cocap_opt.scenarios.built_in.tiny import TINY, TINY_OPTIMA
 from cocap_opt.stop import never
-from formulations import BOUNDS
-from scenarios import FORMATS, SCENES, load_scene, read_foreign_plan, scene_of_plan
-from scenarios.field import field
-from scenarios.tiny import TINY, TINY_OPTIMA
 
 # Robots, actors, steps.
 SIZES = {"corridor": (2, 2, 8), "bottleneck": (4, 4, 11), "passage": (8, 4, 12)}
@@ -176,7 +184,7 @@ def test_scenes_are_the_same_in_every_process() -> None:
     """Nothing depends on the process, and listing scenes does not load PyYAML."""
     code = (
         "import sys, scenarios\n"
-        "from cocap_opt.io import problem_digest\n"
+        "from cocap_opt.files.documents import problem_digest\n"
         "assert 'yaml' not in sys.modules\n"
         "print(*(problem_digest(build(3)) for build in scenarios.SCENES.values()))"
     )

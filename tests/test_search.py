@@ -8,39 +8,63 @@ from hypothesis import strategies as st
 from strategies import examples, meetings, problems, tiny
 
 from cocap_opt.check import check
+from cocap_opt.formulations.certificates.certificate import Decision, price
+from cocap_opt.formulations.certificates.resources import (
+    Cells,
+    Move,
+    Swap,
+    Visit,
+    charges_of,
+    flight_of,
+    uses,
+)
+from cocap_opt.formulations.column_generation.branching import amounts_of, fractional, whole_paths
+from cocap_opt.formulations.column_generation.diving import dive
+from cocap_opt.formulations.column_generation.master import (
+    Arc,
+    Master,
+    _users,
+    arcs_of,
+    make_column,
+)
+from cocap_opt.formulations.column_generation.pairs import best_pair
+from cocap_opt.formulations.column_generation.pricing import Pricer
+from cocap_opt.formulations.column_generation.primal import (
+    best_response,
+    improved,
+    in_conflict,
+    incumbent_of,
+)
+from cocap_opt.formulations.column_generation.relaxation import seen_in
+from cocap_opt.formulations.column_generation.root import (
+    aggregated_root,
+    root_relaxation,
+    solved_root,
+)
+from cocap_opt.formulations.column_generation.root_bound import column_generation
+from cocap_opt.formulations.column_generation.search import Search
+from cocap_opt.formulations.relaxations.duals import blended
+from cocap_opt.formulations.result import OPTIMALITY
+from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.model import Model, compiled
-from cocap_opt.plan import conflicts
-from cocap_opt.problem import NO_RULES, CollisionRules, Problem
+from cocap_opt.objective import objective_of
+from cocap_opt.problem.plan import conflicts
+from cocap_opt.problem.problem import NO_RULES, CollisionRules, Problem
 from cocap_opt.result import Reason
-from cocap_opt.reward import objective_of
+from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import FirstOf, Limit, WorkLimit, never
-from cocap_opt.timegraph import CLOSED
-from formulations.branching import amounts_of, fractional, whole_paths
-from formulations.certificate import Decision, price
-from formulations.column_generation import column_generation
-from formulations.diving import dive
-from formulations.duals import blended
-from formulations.master import Arc, Master, _users, arcs_of, make_column
-from formulations.pairs import best_pair
-from formulations.pricing import Pricer
-from formulations.primal import best_response, improved, in_conflict, incumbent_of
-from formulations.relaxation import seen_in
-from formulations.resources import Cells, Move, Swap, Visit, charges_of, flight_of, uses
-from formulations.result import OPTIMALITY
-from formulations.root import aggregated_root, root_relaxation, solved_root
-from formulations.search import Search
-from scenarios import load_scene
 
 
 def all_arcs(model: Model) -> list[Arc]:
     """Every step that any robot can make."""
     arcs = []
-    for number, group in enumerate(model.classes):
-        reached = model.reachable(group)
+    for number, robot_class in enumerate(model.classes):
+        reached = model.reachable(robot_class)
         for t in range(model.problem.horizon):
             for tail in np.flatnonzero(reached[t]).tolist():
                 arcs += [
-                    Arc(number, t, tail, head) for head in group.graph.successors(tail).tolist()
+                    Arc(number, t, tail, head)
+                    for head in robot_class.graph.successors(tail).tolist()
                 ]
     return arcs
 
@@ -90,21 +114,24 @@ def test_charges_cost_a_path_what_it_uses(problem: Problem, seed: int) -> None:
     """The charge that a sweep takes from a path is the cost of the resources that it uses."""
     model, rng = compiled(problem), np.random.default_rng(seed)
     robot = int(rng.integers(len(problem.robots)))
-    group, flight = model.class_of[robot], flight_of(model, robot, random_path(model, robot, rng))
-    number, t = flight.robot_class, int(rng.integers(problem.horizon))
+    robot_class, flight = (
+        model.class_of[robot],
+        flight_of(model, robot, random_path(model, robot, rng)),
+    )
+    number, t = flight.class_number, int(rng.integers(problem.horizon))
     here, there = flight.cells[t], flight.cells[t + 1]
     resources = [Cells(t, (here,)), Cells(t + 1, (there,), number), Cells(t, (here,), number + 1),
-                 Visit(t, group.graph.state(flight.path[t]), number)]  # fmt: skip
+                 Visit(t, robot_class.graph.state(flight.path[t]), number)]  # fmt: skip
     if here != there:
         resources += [Swap(t, (there, here)), Move(t, (here, there), number),
                       Move(t, (there, here), number)]  # fmt: skip
     costs = rng.uniform(-5, 5, len(resources)).tolist()
     used = sum(c for r, c in zip(resources, costs, strict=True) if uses(model, r, flight))
     # Only this path is open: all other states are closed.
-    reward = np.full((problem.horizon + 1, group.graph.n_states), CLOSED)
+    reward = np.full((problem.horizon + 1, robot_class.graph.n_states), CLOSED)
     reward[np.arange(problem.horizon + 1), list(flight.path)] = 1.0
     charges = charges_of(model, number, zip(resources, costs, strict=True))
-    value = group.graph.backward_sweep(reward, charges=charges)
+    value = robot_class.graph.backward_sweep(reward, charges=charges)
     assert value[0, flight.path[0]] == pytest.approx(problem.horizon + 1 - used)
 
 
@@ -199,7 +226,7 @@ def test_masters_and_paths_agree_on_what_uses_a_resource(problem: Problem, seed:
     for robot in range(len(problem.robots)):
         flight = flight_of(model, robot, random_path(model, robot, rng))
         other = flight_of(model, robot, random_path(model, robot, rng))
-        number, graph = flight.robot_class, model.class_of[robot].graph
+        number, graph = flight.class_number, model.class_of[robot].graph
         t = int(rng.integers(problem.horizon))
         moved = (other.cells[t], other.cells[t + 1])
         resources = [
@@ -277,16 +304,16 @@ def test_a_best_response_avoids_the_others() -> None:
             assert objective_of(model, [column.path, other.path]) <= value + 1e-9
 
 
-def test_a_mixture_is_split_by_group() -> None:
+def test_a_mixture_is_split_by_view_sum() -> None:
     """Every column's roots come with its weight."""
     problem = load_scene("corridor", 0)
     columns = Search(compiled(problem)).first_columns()[:2]
     mixture = np.array([0.25, 0.75])
-    parts = {group: (seen.roots, seen.amounts) for group, seen in seen_in(columns, mixture)}
-    assert set(parts) == {int(g) for c in columns for g in c.groups}
-    for group, (roots, amounts) in parts.items():
+    parts = {view_sum: (seen.roots, seen.amounts) for view_sum, seen in seen_in(columns, mixture)}
+    assert set(parts) == {int(g) for c in columns for g in c.view_sums}
+    for robot_class, (roots, amounts) in parts.items():
         total = sum(
-            weight * float(np.sqrt(c.pixels[c.groups == group]).sum())
+            weight * float(np.sqrt(c.pixels[c.view_sums == robot_class]).sum())
             for c, weight in zip(columns, mixture.tolist(), strict=True)
         )
         assert float(roots @ amounts) == pytest.approx(total)

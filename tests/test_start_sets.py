@@ -15,17 +15,17 @@ from strategies import examples, meetings
 from test_readers import SEQUENCE
 
 from cocap_opt.check import check
-from cocap_opt.io import load_plan
-from cocap_opt.plan import Plan
+from cocap_opt.experiments.cli.main import main as cocap_opt
+from cocap_opt.experiments.results.rows import colliding, without_rules
+from cocap_opt.experiments.studies.benchmarks import start_sets as module
+from cocap_opt.experiments.studies.benchmarks.__main__ import main
+from cocap_opt.experiments.studies.benchmarks.start_sets_table import SetRun, mean_rows, typed
+from cocap_opt.files.documents import load_plan
 from cocap_opt.planners import PLANNERS
-from cocap_opt.problem import Problem
+from cocap_opt.problem.plan import Plan
+from cocap_opt.problem.problem import Problem
 from cocap_opt.result import relative_gap
-from experiments.benchmarks import start_sets as module
-from experiments.benchmarks.__main__ import main
-from experiments.benchmarks.start_sets_table import SetRun, mean_rows, typed
-from experiments.cli import main as cocap_opt
-from experiments.rows import colliding, without_rules
-from scenarios import load_scene
+from cocap_opt.scenarios import load_scene
 
 # In both sets greedy planning sends both robots to one cell; in the first all planners differ.
 STARTS = "x,y,z,theta\n0,1,5,1.58\n4,2,5,3.95\n5,3,5,1.58\n3,3,5,2.37\n"

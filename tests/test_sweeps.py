@@ -17,41 +17,49 @@ import pytest
 from distributed import Client, LocalCluster
 
 from cocap_opt.check import check
-from cocap_opt.coverage import usable_cores
-from cocap_opt.io import decode, load_plan, load_problem, problem_digest
-from cocap_opt.model import compiled
-from cocap_opt.plan import Plan
-from cocap_opt.problem import NO_RULES, Problem
-from cocap_opt.result import Reason, Result
-from cocap_opt.stop import Limit, Stop, never
-from experiments import commands
-from experiments.files import decode_certificate, only_writer
-from experiments.options import OWN_STARTS
-from experiments.progress import unseen
-from experiments.rows import SOLVERS, RefereeError, Row
-from experiments.sweeps import cells as cells_module
-from experiments.sweeps import cluster as cluster_module
-from experiments.sweeps import earlier as earlier_module
-from experiments.sweeps.about import load_run
-from experiments.sweeps.cells import BOUND, OWN, Cell, CellFile, Status, Store, code_digest
-from experiments.sweeps.cluster import Cluster, existing, local
-from experiments.sweeps.crew import Alone, ClusterError
-from experiments.sweeps.layout import (
+from cocap_opt.experiments.cli import commands
+from cocap_opt.experiments.cli.options import OWN_STARTS
+from cocap_opt.experiments.console.progress import unseen
+from cocap_opt.experiments.results.files import decode_certificate, only_writer
+from cocap_opt.experiments.results.layout import (
     FOLDERS,
     certificate_path,
     plan_path,
     scene_path,
     trace_path,
 )
-from experiments.sweeps.results import load_results
-from experiments.sweeps.run import Group, Settings, recall, run
-from experiments.sweeps.start import start_of
-from experiments.sweeps.sweep import Hired, sweep
-from experiments.sweeps.work import Task, failed, run_task
-from experiments.trace import load_trace
-from formulations.result import hovering
-from scenarios import load_scene
-from scenarios.field import field
+from cocap_opt.experiments.results.rows import SOLVERS, RefereeError, Row
+from cocap_opt.experiments.results.trace import load_trace
+from cocap_opt.experiments.sweeps import cells as cells_module
+from cocap_opt.experiments.sweeps import cluster as cluster_module
+from cocap_opt.experiments.sweeps import earlier as earlier_module
+from cocap_opt.experiments.sweeps.about import load_run
+from cocap_opt.experiments.sweeps.cells import (
+    BOUND,
+    OWN,
+    Cell,
+    CellFile,
+    Status,
+    Store,
+    code_digest,
+)
+from cocap_opt.experiments.sweeps.cluster import Cluster, existing, local
+from cocap_opt.experiments.sweeps.crew import Alone, ClusterError
+from cocap_opt.experiments.sweeps.results import load_results
+from cocap_opt.experiments.sweeps.run import Group, Settings, recall, run
+from cocap_opt.experiments.sweeps.start import start_of
+from cocap_opt.experiments.sweeps.sweep import Hired, sweep
+from cocap_opt.experiments.sweeps.work import Task, failed, run_task
+from cocap_opt.files.documents import decode, load_plan, load_problem, problem_digest
+from cocap_opt.formulations.result import hovering
+from cocap_opt.model import compiled
+from cocap_opt.problem.plan import Plan
+from cocap_opt.problem.problem import NO_RULES, Problem
+from cocap_opt.result import Reason, Result
+from cocap_opt.scenarios import load_scene
+from cocap_opt.scenarios.built_in.field import field
+from cocap_opt.stop import Limit, Stop, never
+from cocap_opt.vision.coverage import usable_cores
 
 PLANNER_NAMES = ("greedy", "sequential", "cocap")
 SETTINGS = Settings(limit=60.0, bound_limit=60.0)
@@ -377,7 +385,7 @@ def test_the_code_is_all_that_cells_depend_on(monkeypatch: pytest.MonkeyPatch) -
         digests.add(code_digest.__wrapped__())
     for module in cells_module.MODULES:
         assert (Path(cells_module.__file__).parents[1] / f"{module}.py").is_file()
-    monkeypatch.setattr(cells_module, "MODULES", ("rows",))
+    monkeypatch.setattr(cells_module, "MODULES", ("results/rows",))
     digests.add(code_digest.__wrapped__())
     assert len(digests) == 3
 
@@ -413,7 +421,7 @@ def test_a_planner_that_fails_costs_its_own_cell(
 
 def test_a_bound_that_fails_leaves_the_plans(monkeypatch: pytest.MonkeyPatch) -> None:
     """Rewards are there, bounds and gaps are not, and why."""
-    from experiments.sweeps import work
+    from cocap_opt.experiments.sweeps import work
 
     def broken(*_: object) -> object:
         raise MemoryError
@@ -504,7 +512,8 @@ def test_nobody_timed_what_was_not_planned() -> None:
 def command(*arguments: object) -> list[str]:
     """Command line of a small sweep: a scene without seeds, and one that each seed changes."""
     return [
-        sys.executable, "-c", "from experiments.cli import main; main()", "gap", "tiny-queue",
+        sys.executable, "-c", "from cocap_opt.experiments.cli.main import main; main()",
+        "gap", "tiny-queue",
         "corridor", "--seeds", "0-2", "--planner", "greedy", "--planner", "cocap",
         *map(str, arguments),
     ]  # fmt: skip
@@ -727,7 +736,7 @@ def test_a_worker_lets_go_of_its_models_and_knows_its_code() -> None:
 
 BAD_PLANNERS = """
 import os, time
-from experiments.rows import SOLVERS
+from cocap_opt.experiments.results.rows import SOLVERS
 SOLVERS["sleeps"] = lambda problem, stop: time.sleep(1000)
 SOLVERS["dies"] = lambda problem, stop: os._exit(1)
 """
@@ -786,8 +795,8 @@ def test_ctrl_c_with_nothing_to_give_is_no_success(tmp_path: Path) -> None:
         yield lambda: Limit.INTERRUPT
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("experiments.sweeps.sweep.catch_interrupt", interrupted)
-        patch.setattr("experiments.sweeps.sweep.run", lambda *_: None)
+        patch.setattr("cocap_opt.experiments.sweeps.sweep.catch_interrupt", interrupted)
+        patch.setattr("cocap_opt.experiments.sweeps.sweep.run", lambda *_: None)
         with pytest.raises(KeyboardInterrupt):
             sweep([group], Settings(limit=1, bound_limit=1), tmp_path, Hired(None, None, 60.0))
 

@@ -9,12 +9,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from cocap_opt.io import FileError
-from experiments import commands
-from experiments.result_commands import DOCUMENT_STYLES
-from experiments.statistics import mean, shifted_geometric_mean
-from experiments.sweeps.results import load_results
-from experiments.tables import all_tables, difference_table, planner_table, price_table, time_table
+from cocap_opt.experiments.cli import commands
+from cocap_opt.experiments.cli.result_commands import DOCUMENT_STYLES
+from cocap_opt.experiments.results.statistics import mean, shifted_geometric_mean
+from cocap_opt.experiments.results.tables import (
+    all_tables,
+    difference_table,
+    planner_table,
+    price_table,
+    time_table,
+)
+from cocap_opt.experiments.sweeps.results import load_results
+from cocap_opt.files.documents import FileError
 
 SOME = st.lists(st.floats(0, 1e6), min_size=2, max_size=30)
 
@@ -144,7 +150,7 @@ def test_a_table_of_differences_needs_its_planner() -> None:
 )
 def test_names_are_escaped(style: str, name: str) -> None:
     """A scene's name breaks no table."""
-    from experiments.documents import DOCUMENTS
+    from cocap_opt.experiments.results.documents import DOCUMENTS
 
     assert tuple(DOCUMENTS) == DOCUMENT_STYLES
     text = DOCUMENTS[style](all_tables(ROWS, 60.0))

@@ -14,8 +14,8 @@ from others import DATA
 from strategies import examples
 
 from cocap_opt.data import FloatArray, ProblemError
-from cocap_opt.problem import Cuboid, Prism, TriangulatedCuboid
-from scenarios.tracks import Track, actor, at_steps, headings, present, read_tracks
+from cocap_opt.problem.problem import Cuboid, Prism, TriangulatedCuboid
+from cocap_opt.scenarios.recipe.tracks import Track, actor, at_steps, headings, present, read_tracks
 
 ROWS = [(1, 0, 100.0, 250.0), (1, 1, 112.5, 250.0), (2, 1, -30.0, 0.5), (2, 2, -30.0, 1.5)]
 HEADED = "id,frame,x,y\n1,0,1,2\n1,1,1,3\n"
@@ -258,7 +258,7 @@ def test_doubts_are_said(
 ) -> None:
     """A wrong unit is likely where people race, are giants or dwarfs, or fill no room."""
     text = "".join(f"1 {t} {x} {y} {z}\n" for t, (x, y, z) in enumerate(rows))
-    with caplog.at_level(logging.WARNING, logger="scenarios.tracks"):
+    with caplog.at_level(logging.WARNING, logger="cocap_opt.scenarios.recipe.tracks"):
         read(tmp_path, text, unit=unit, fps=1)
     assert len(caplog.messages) == len(words)
     for message, word in zip(caplog.messages, words, strict=True):

@@ -10,12 +10,11 @@ from scipy.optimize import linprog
 from strategies import examples, plate, problems
 
 from cocap_opt.check import check
-from cocap_opt.columns import MARGIN, PROBE
 from cocap_opt.data import FloatArray, ProblemError
-from cocap_opt.faces import FaceGeometry
-from cocap_opt.motion import free_places, place_graph
+from cocap_opt.graph.motion import free_places, place_graph
+from cocap_opt.graph.timegraph import time_graph
 from cocap_opt.planners import PLANNERS
-from cocap_opt.problem import (
+from cocap_opt.problem.problem import (
     Actor,
     Camera,
     Cuboid,
@@ -25,12 +24,13 @@ from cocap_opt.problem import (
     State,
     TriangulatedCuboid,
 )
+from cocap_opt.scenarios import load_scene
+from cocap_opt.scenarios.built_in.parts import block
 from cocap_opt.stop import never
-from cocap_opt.timegraph import time_graph
-from cocap_opt.views import make_views
-from cocap_opt.workspace import HeightMap, Mesh, Workspace
-from scenarios import load_scene
-from scenarios._parts import block
+from cocap_opt.vision.faces import FaceGeometry
+from cocap_opt.vision.views import make_views
+from cocap_opt.world.columns import MARGIN, PROBE
+from cocap_opt.world.workspace import HeightMap, Mesh, Workspace
 
 FLAT = HeightMap(heights=np.zeros((6, 5)))
 TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])

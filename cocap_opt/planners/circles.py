@@ -10,12 +10,12 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.model import Model
+from cocap_opt.objective import view_sum_weights
 from cocap_opt.planners.view_search import LazyCoverage
-from cocap_opt.problem import Camera, Problem, Robot
-from cocap_opt.reward import group_weights
+from cocap_opt.problem.problem import Camera, Problem, Robot
 from cocap_opt.stop import Limit, Stop
-from cocap_opt.timegraph import CLOSED
 
 
 class Circle(NamedTuple):
@@ -128,7 +128,7 @@ def rewards_of(
             there = reach[seat][t, states]
             if there.any():
                 pixels[which[there]] += views[robot](t, states[there])
-        weights = group_weights(problem)[problem.groups_at(t)]
+        weights = view_sum_weights(problem)[problem.view_sums_at(t)]
         rewards[t] = (np.sqrt(pixels) * weights).sum(axis=1)
     return rewards, limit
 

@@ -8,17 +8,17 @@ import heapq
 import time
 from dataclasses import asdict, dataclass, replace
 
-from cocap_opt.constraints import forbid
+from cocap_opt.coordination.constraints import forbid
+from cocap_opt.graph.timegraph import NO_CHARGES, Charges
 from cocap_opt.model import compiled
-from cocap_opt.plan import Conflict, Plan, conflicts
 from cocap_opt.planners.sequential import sequential
 from cocap_opt.planners.single import LowLevel, SingleRobotTask
 from cocap_opt.planners.team import Team, no_plan, remark, stopped
 from cocap_opt.planners.value_iteration import value_iteration
-from cocap_opt.problem import Problem
+from cocap_opt.problem.plan import Conflict, Plan, conflicts
+from cocap_opt.problem.problem import Problem
 from cocap_opt.result import Reason, Result
 from cocap_opt.stop import Limit, Stop, begin_work, never
-from cocap_opt.timegraph import NO_CHARGES, Charges
 
 SPARE_FROM = 64  # nodes generated from which on a spare plan costs little
 

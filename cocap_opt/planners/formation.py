@@ -19,18 +19,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from cocap_opt.bonuses import bonuses_of
 from cocap_opt.data import FloatArray
+from cocap_opt.graph.move_rewards import bonuses_of
+from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.model import Path, compiled
+from cocap_opt.objective import marginal_gain, no_pixels, view_sum_weights
 from cocap_opt.planners.circles import best_turns, places_of, rewards_of, share_out
 from cocap_opt.planners.sequential import sequential
 from cocap_opt.planners.single import SingleRobotPath, SingleRobotTask
 from cocap_opt.planners.view_search import LazyCoverage
-from cocap_opt.problem import Problem
+from cocap_opt.problem.problem import Problem
 from cocap_opt.result import Result
-from cocap_opt.reward import group_weights, marginal_gain, no_pixels
 from cocap_opt.stop import Limit, Stop, never
-from cocap_opt.timegraph import CLOSED
 
 STANDOFF = 5.0  # m, from the outermost actor (Greedy Perspectives)
 HEIGHT = 5.0  # m, of flight (Greedy Perspectives)
@@ -62,8 +62,10 @@ def formation(
     """
     begin = time.perf_counter()
     model, limit = compiled(problem), Limit.NONE
-    sources = {group.robots: LazyCoverage(model.views(group)) for group in model.classes}
-    views = [sources[group.robots] for group in model.class_of]
+    sources = {
+        robot_class.robots: LazyCoverage(model.views(robot_class)) for robot_class in model.classes
+    }
+    views = [sources[robot_class.robots] for robot_class in model.class_of]
     places = [_starts(problem, robot) for robot in range(len(problem.robots))]
     for circle in share_out(problem):
         limit = stop() if limit is Limit.NONE else limit
@@ -106,14 +108,14 @@ def _keep_place(task: SingleRobotTask, places: FloatArray, views: LazyCoverage) 
         return SingleRobotPath(None, pixels, 0)
     path = _look(task, way, views)
     for t in range(task.model.problem.first_step, len(path)):
-        pixels[task.model.problem.groups_at(t)] += views(t, np.array(path[t : t + 1]))[0]
+        pixels[task.model.problem.view_sums_at(t)] += views(t, np.array(path[t : t + 1]))[0]
     return SingleRobotPath(path, pixels, views.evaluated - before)
 
 
 def _nearest(task: SingleRobotTask, places: FloatArray) -> Path | None:
     """Path of least distance from the places [T+1, 3] (m), summed over the steps."""
-    problem, group = task.model.problem, task.model.class_of[task.robot]
-    graph, start = group.graph, task.model.start(task.robot)
+    problem, robot_class = task.model.problem, task.model.class_of[task.robot]
+    graph, start = robot_class.graph, task.model.start(task.robot)
     layer, *cell = graph.coordinates(np.arange(graph.n_places))
     ground = np.column_stack(cell) + 0.5
     at = problem.height_map.origin + problem.height_map.resolution * ground
@@ -122,24 +124,24 @@ def _nearest(task: SingleRobotTask, places: FloatArray) -> Path | None:
     reward = graph.no_reward(problem.horizon)
     for row, place in zip(reward, places, strict=True):
         row -= np.tile(np.linalg.norm(at - place, axis=1), graph.n_orientations)
-    value = graph.backward_sweep(reward, charges=task.charges, goal=group.goal)
+    value = graph.backward_sweep(reward, charges=task.charges, goal=robot_class.goal)
     path = graph.best_path(value, start, charges=task.charges)
     return None if path is None else tuple(path)
 
 
 def _look(task: SingleRobotTask, way: Path, views: LazyCoverage) -> Path:
     """Path through the same places that looks where the marginal reward is greatest in all."""
-    problem, group = task.model.problem, task.model.class_of[task.robot]
-    graph, bonuses = group.graph, bonuses_of(problem.objective)
+    problem, robot_class = task.model.problem, task.model.class_of[task.robot]
+    graph, bonuses = robot_class.graph, bonuses_of(problem.objective)
     everywhere = np.arange(graph.n_orientations) * graph.n_places
     reward = np.full((len(way), graph.n_states), CLOSED)
     for t, state in enumerate(way):
         states = everywhere + state % graph.n_places
         reward[t, states] = 0.0
         if t >= problem.first_step:
-            groups = problem.groups_at(t)
-            gain = marginal_gain(task.pixels[groups], views(t, states))
-            reward[t, states] = (gain * group_weights(problem)[groups]).sum(axis=1)
+            view_sums = problem.view_sums_at(t)
+            gain = marginal_gain(task.pixels[view_sums], views(t, states))
+            reward[t, states] = (gain * view_sum_weights(problem)[view_sums]).sum(axis=1)
     value = graph.backward_sweep(reward, bonuses)
     # A way that can be flown can be flown without turning.
     return tuple(graph.best_path(value, way[0], bonuses) or way)

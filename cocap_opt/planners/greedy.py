@@ -10,7 +10,7 @@ from cocap_opt.model import compiled
 from cocap_opt.planners.single import LowLevel, SingleRobotTask
 from cocap_opt.planners.team import Team, no_path, no_plan, plan_or_hover, team_result
 from cocap_opt.planners.value_iteration import value_iteration
-from cocap_opt.problem import Problem
+from cocap_opt.problem.problem import Problem
 from cocap_opt.result import Result
 from cocap_opt.stop import Limit, Stop, never
 

@@ -11,18 +11,18 @@ from functools import cached_property
 
 import numpy as np
 
-from cocap_opt.bonuses import bonuses_of
-from cocap_opt.constraints import place_of, places_too_close
+from cocap_opt.coordination.constraints import place_of, places_too_close
 from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.graph.move_rewards import bonuses_of
+from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.model import Model, Path, RobotClass, compiled
+from cocap_opt.objective import no_pixels, objective_of, view_sum_weights
 from cocap_opt.planners.single import SingleRobotTask
 from cocap_opt.planners.team import Team, no_plan, stopped
 from cocap_opt.planners.value_iteration import value_iteration
-from cocap_opt.problem import Cell, Problem
+from cocap_opt.problem.problem import Cell, Problem
 from cocap_opt.result import Reason, Result, UnsupportedError
-from cocap_opt.reward import group_weights, no_pixels, objective_of
 from cocap_opt.stop import Limit, Stop, never
-from cocap_opt.timegraph import CLOSED
 
 INFEASIBLE = Reason.INFEASIBLE, "no plan obeys the rules: no pair of paths is left"
 TEMPORARIES = 5  # arrays of a step's size that one step back needs at once
@@ -68,7 +68,7 @@ def joint(problem: Problem, stop: Stop = never) -> Result:
 class _Side:
     """One robot's part of the pair: the places it can reach at each step, numbered per step."""
 
-    group: RobotClass
+    robot_class: RobotClass
     start: int  # state number
     places: list[IntArray]  # per step [n_t] place numbers, increasing
 
@@ -80,11 +80,11 @@ class _Side:
         return cls(model.class_of[robot], start, [np.flatnonzero(r.any(axis=0)) for r in reach])
 
     def sizes(self, t: int) -> tuple[int, int]:
-        return self.group.graph.n_orientations, len(self.places[t])
+        return self.robot_class.graph.n_orientations, len(self.places[t])
 
     def states(self, t: int) -> IntArray:
         """State numbers [O * n_t], orientation by orientation."""
-        origins = np.arange(self.group.graph.n_orientations) * self.group.graph.n_places
+        origins = np.arange(self.robot_class.graph.n_orientations) * self.robot_class.graph.n_places
         return (origins[:, None] + self.places[t]).ravel()
 
     def position(self, t: int, places: IntArray) -> IntArray:
@@ -94,17 +94,17 @@ class _Side:
 
     def targets(self, t: int) -> IntArray:
         """Positions at t+1 that each move leads to from each place of t [K, n_t]."""
-        return self.position(t + 1, self.group.graph.neighbours[:, self.places[t]])
+        return self.position(t + 1, self.robot_class.graph.neighbours[:, self.places[t]])
 
     def moves(self, t: int, at: IntArray, there: IntArray) -> IntArray:
         """Cell moves [n, 3] from positions at t to positions at t+1."""
-        graph = self.group.graph
+        graph = self.robot_class.graph
         tails, heads = self.places[t][at], self.places[t + 1][there]
         return (graph.coordinates(heads) - graph.coordinates(tails)).T
 
     def cell(self, model: Model, place: int) -> Cell:
-        layer, x, y = self.group.graph.coordinates(np.array([place]))[:, 0].tolist()
-        return Cell(x, y, model.problem.layers.index(self.group.spec.motion.layers[layer]))
+        layer, x, y = self.robot_class.graph.coordinates(np.array([place]))[:, 0].tolist()
+        return Cell(x, y, model.problem.layers.index(self.robot_class.spec.motion.layers[layer]))
 
 
 class _StoppedError(Exception):
@@ -137,8 +137,8 @@ class _Pair:
                 ahead_a, ahead_b = len(self.a.places[t + 1]), len(self.b.places[t + 1])
                 work += TEMPORARIES * float(o_a * (ahead_a + 1)) * float(o_b * (ahead_b + 1))
                 # Of each move its targets, of each exchange its places and its pairs' values.
-                work += 5.0 * len(self.a.group.graph.moves) * n_a
-                work += 5.0 * len(self.b.group.graph.moves) * n_b
+                work += 5.0 * len(self.a.robot_class.graph.moves) * n_a
+                work += 5.0 * len(self.b.robot_class.graph.moves) * n_b
                 if self.model.problem.rules.swap:
                     work += (3.0 * o_a * o_b + 8.0) * len(self._exchanges(t)[0])
             peak = max(peak, later + work)
@@ -172,7 +172,7 @@ class _Pair:
         shape = (*self.a.sizes(t), *self.b.sizes(t))
         coverage_a, coverage_b = self._coverage(self.a, t), self._coverage(self.b, t)
         n_faces = self.model.n_faces
-        weights = group_weights(self.model.problem)[t * n_faces : (t + 1) * n_faces]
+        weights = view_sum_weights(self.model.problem)[t * n_faces : (t + 1) * n_faces]
         root_a, root_b = np.sqrt(coverage_a) @ weights, np.sqrt(coverage_b) @ weights
         own = root_a[:, None] + root_b[None, :]
         # Where both see a face, the roots do not add up.
@@ -187,7 +187,7 @@ class _Pair:
         own = own.reshape(shape)
         for i, place in enumerate(self.a.places[t].tolist()):
             cell = self.a.cell(self.model, place)
-            near = np.array(places_too_close(self.model, self.b.group, cell), dtype=np.int64)
+            near = np.array(places_too_close(self.model, self.b.robot_class, cell), dtype=np.int64)
             if len(near):
                 at = self.b.position(t, near)
                 own[:, i, :, at[at < shape[3]]] = CLOSED
@@ -195,18 +195,20 @@ class _Pair:
 
     def _coverage(self, side: _Side, t: int) -> FloatArray:
         """Coverage [O * n_t, F] of a robot's states at t."""
-        table, n_states = self.model.coverage(side.group), side.group.graph.n_states
+        table, n_states = self.model.coverage(side.robot_class), side.robot_class.graph.n_states
         rows = [table.row(t * n_states + int(state)) for state in side.states(t)]
         coverage = np.zeros((len(rows), self.model.n_faces))
-        for row, (groups, pixels) in zip(coverage, rows, strict=True):
-            row[groups - t * self.model.n_faces] = pixels
+        for row, (view_sums, pixels) in zip(coverage, rows, strict=True):
+            row[view_sums - t * self.model.n_faces] = pixels
         return coverage
 
     def _close_goals(self, values: FloatArray) -> FloatArray:
         for side, axis in ((self.a, 1), (self.b, 3)):
-            if side.group.goal is not None:
-                _, x, y = side.group.graph.coordinates(side.places[self.horizon])
-                elsewhere = np.flatnonzero((x != side.group.goal[0]) | (y != side.group.goal[1]))
+            if side.robot_class.goal is not None:
+                _, x, y = side.robot_class.graph.coordinates(side.places[self.horizon])
+                elsewhere = np.flatnonzero(
+                    (x != side.robot_class.goal[0]) | (y != side.robot_class.goal[1])
+                )
                 values[(slice(None),) * axis + (elsewhere,)] = CLOSED
         return values
 
@@ -222,10 +224,10 @@ class _Pair:
         """Maximum over the turns of one robot, whose orientations are on `axis`."""
         moved = np.moveaxis(values, axis, 0)
         result = np.empty_like(values)
-        pitches = side.group.graph.shape[1]
+        pitches = side.robot_class.graph.shape[1]
         for orientation, best in enumerate(np.moveaxis(result, axis, 0)):
             self.ask()
-            turns = side.group.graph.turns[orientation]
+            turns = side.robot_class.graph.turns[orientation]
             kept = [turn for turn in turns if turn // pitches == orientation // pitches]
             np.copyto(best, moved[kept[0]])
             for turn in kept[1:]:
@@ -239,7 +241,7 @@ class _Pair:
 
     def _rates(self, side: _Side) -> list[float]:
         """Rewards of one robot's cell moves [K]."""
-        rates: list[float] = self.bonuses.of_moves(np.array(side.group.graph.moves)).tolist()
+        rates: list[float] = self.bonuses.of_moves(np.array(side.robot_class.graph.moves)).tolist()
         return rates
 
     def _best_move(self, t: int, ahead: FloatArray, side: _Side, axis: int) -> FloatArray:
@@ -310,7 +312,7 @@ class _Pair:
             at_b = self.b.position(t, place_there)
             both = (here < len(self.b.places[t + 1])) & (at_b < len(self.b.places[t]))
             at_a = np.flatnonzero(both & (place_there != place_here))
-            back = self.b.group.graph.adjacent(place_there[at_a], place_here[at_a])
+            back = self.b.robot_class.graph.adjacent(place_there[at_a], place_here[at_a])
             at_a = at_a[back]
             found.append(np.stack([at_a, at_b[at_a], there[at_a], here[at_a]]))
         at_a, at_b, there, here = np.concatenate(found, axis=1)
@@ -319,16 +321,16 @@ class _Pair:
     @cached_property
     def twins(self) -> IntArray:
         """Place of b in the same cell as each place of a [P]; NOWHERE if b never flies there."""
-        graph = self.a.group.graph
+        graph = self.a.robot_class.graph
         twins = np.full(graph.n_places, NOWHERE)
         for place in np.flatnonzero(graph.free).tolist():
-            twin = place_of(self.model, self.b.group, self.a.cell(self.model, place))
+            twin = place_of(self.model, self.b.robot_class, self.a.cell(self.model, place))
             twins[place] = NOWHERE if twin is None else twin
         return twins
 
     def best_paths(self, values: list[FloatArray]) -> tuple[Path, Path] | None:
         """Read the best pair of paths off the values; ties go to the first pair of states."""
-        graph_a, graph_b = self.a.group.graph, self.b.group.graph
+        graph_a, graph_b = self.a.robot_class.graph, self.b.robot_class.graph
         path_a, path_b = [self.a.start], [self.b.start]
         if values[0][self._at(0, path_a[0], path_b[0])] == CLOSED:
             return None
@@ -350,7 +352,7 @@ class _Pair:
         return tuple(path_a), tuple(path_b)
 
     def _positions(self, side: _Side, t: int, states: IntArray) -> tuple[IntArray, IntArray]:
-        orientation, place = np.divmod(states, side.group.graph.n_places)
+        orientation, place = np.divmod(states, side.robot_class.graph.n_places)
         return orientation, side.position(t, place)
 
     def _at(self, t: int, a: int, b: int) -> tuple[int, int, int, int]:
@@ -360,9 +362,9 @@ class _Pair:
 
     def _swapped(self, a: int, b: int, heads_a: IntArray, heads_b: IntArray) -> BoolArray:
         """Which pairs of successors [na, nb] exchange the robots' cells."""
-        n_a, n_b = self.a.group.graph.n_places, self.b.group.graph.n_places
-        a_there = place_of(self.model, self.a.group, self.b.cell(self.model, b % n_b))
-        b_there = place_of(self.model, self.b.group, self.a.cell(self.model, a % n_a))
+        n_a, n_b = self.a.robot_class.graph.n_places, self.b.robot_class.graph.n_places
+        a_there = place_of(self.model, self.a.robot_class, self.b.cell(self.model, b % n_b))
+        b_there = place_of(self.model, self.b.robot_class, self.a.cell(self.model, a % n_a))
         if a_there is None or b_there is None or a_there == a % n_a:
             return np.zeros((len(heads_a), len(heads_b)), dtype=np.bool_)
         swapped: BoolArray = (heads_a % n_a == a_there)[:, None] & (heads_b % n_b == b_there)

@@ -4,12 +4,12 @@ What the robots know of one another is worth what this loses. Collisions are ign
 Source: the baseline of this name in Hughes et al. 2024 (arXiv 2404.03103).
 """
 
+from cocap_opt.objective import no_pixels
 from cocap_opt.planners.greedy import greedy
 from cocap_opt.planners.single import SingleRobotPath, SingleRobotTask
 from cocap_opt.planners.value_iteration import value_iteration
-from cocap_opt.problem import Problem
+from cocap_opt.problem.problem import Problem
 from cocap_opt.result import Result
-from cocap_opt.reward import no_pixels
 from cocap_opt.stop import Stop, never
 
 

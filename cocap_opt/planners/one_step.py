@@ -9,34 +9,34 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cocap_opt.bonuses import bonuses_of
-from cocap_opt.constraints import avoid_paths
+from cocap_opt.coordination.constraints import avoid_paths
 from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.graph.move_rewards import bonuses_of
+from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.model import Model, RobotClass, compiled
+from cocap_opt.objective import marginal_gain, no_pixels, view_sum_weights
 from cocap_opt.planners.single import SingleRobotPath
 from cocap_opt.planners.team import Team, no_path, no_plan, team_result
 from cocap_opt.planners.view_search import LazyCoverage
-from cocap_opt.problem import Problem, State
+from cocap_opt.problem.problem import Problem, State
 from cocap_opt.result import Reason, Result
-from cocap_opt.reward import group_weights, marginal_gain, no_pixels
 from cocap_opt.stop import Limit, Stop, never
-from cocap_opt.timegraph import CLOSED
 
 
 @dataclass
 class _Flight:
     """One robot on its way."""
 
-    group: RobotClass
+    robot_class: RobotClass
     coverage: LazyCoverage  # shared by its class
     in_reach: BoolArray | None  # [T+1, S] states from which the goal can be reached; None: no goal
-    pixels: FloatArray  # [G] px/m2 seen so far
+    pixels: FloatArray  # [Z] px/m2 seen so far
     path: list[int]  # state numbers, one per step so far
     evaluated: int = 0
 
     def state(self, t: int) -> State:
         """State at a step."""
-        return self.group.graph.state(self.path[t])
+        return self.robot_class.graph.state(self.path[t])
 
     def look(self, t: int, states: IntArray) -> FloatArray:
         """Coverage [n, F] of states [n] at step t."""
@@ -93,23 +93,25 @@ def one_step(problem: Problem, stop: Stop = never) -> Result:
 def _at_starts(model: Model) -> list[_Flight]:
     """All robots where they start, with what they see there if that counts."""
     problem = model.problem
-    sources = {group.robots: LazyCoverage(model.views(group)) for group in model.classes}
-    reach = {group.robots: _in_reach(model, group) for group in model.classes}
+    sources = {
+        robot_class.robots: LazyCoverage(model.views(robot_class)) for robot_class in model.classes
+    }
+    reach = {robot_class.robots: _in_reach(model, robot_class) for robot_class in model.classes}
     flights = []
-    for robot, group in enumerate(model.class_of):
-        source, path = sources[group.robots], [model.start(robot)]
-        flight = _Flight(group, source, reach[group.robots], no_pixels(problem), path)
+    for robot, robot_class in enumerate(model.class_of):
+        source, path = sources[robot_class.robots], [model.start(robot)]
+        flight = _Flight(robot_class, source, reach[robot_class.robots], no_pixels(problem), path)
         if problem.first_step == 0:
-            flight.pixels[problem.groups_at(0)] += flight.look(0, np.array(path))[0]
+            flight.pixels[problem.view_sums_at(0)] += flight.look(0, np.array(path))[0]
         flights.append(flight)
     return flights
 
 
-def _in_reach(model: Model, group: RobotClass) -> BoolArray | None:
-    if group.goal is None:
+def _in_reach(model: Model, robot_class: RobotClass) -> BoolArray | None:
+    if robot_class.goal is None:
         return None
-    graph = group.graph
-    to_go = graph.backward_sweep(graph.no_reward(model.problem.horizon), goal=group.goal)
+    graph = robot_class.graph
+    to_go = graph.backward_sweep(graph.no_reward(model.problem.horizon), goal=robot_class.goal)
     return to_go > CLOSED
 
 
@@ -117,8 +119,8 @@ def _open_heads(model: Model, flights: list[_Flight], robot: int, t: int) -> Int
     """States that a robot may go to from step t, those before it having moved."""
     flight = flights[robot]
     others = _others(flights, robot, t)
-    closed = avoid_paths(model, flight.group, others)
-    graph, tail = flight.group.graph, flight.path[-1]
+    closed = avoid_paths(model, flight.robot_class, others)
+    graph, tail = flight.robot_class.graph, flight.path[-1]
     here, heads = tail % graph.n_places, graph.successors(tail)
     is_open = [
         (1, place) not in closed.places and (place == here or (0, here, place) not in closed.moves)
@@ -139,14 +141,14 @@ def _others(
 def _move(model: Model, flights: list[_Flight], robot: int, t: int, heads: IntArray) -> None:
     """Take the best of the heads [n] for step t."""
     problem, flight = model.problem, flights[robot]
-    graph, groups = flight.group.graph, problem.groups_at(t)
+    graph, view_sums = flight.robot_class.graph, problem.view_sums_at(t)
     coverage = flight.look(t, heads)
-    seen = sum((other.pixels[groups] for other in flights), np.zeros(coverage.shape[1]))
-    gains = marginal_gain(seen, coverage) * group_weights(problem)[groups]
+    seen = sum((other.pixels[view_sums] for other in flights), np.zeros(coverage.shape[1]))
+    gains = marginal_gain(seen, coverage) * view_sum_weights(problem)[view_sums]
     # A path of one step, so that bonuses and ties are those of all other planners.
     value = np.full((2, graph.n_states), CLOSED)
     value[0, flight.path[-1]] = 0.0
     value[1, heads] = gains.sum(axis=1)
     _, head = graph.best_path(value, flight.path[-1], bonuses_of(problem.objective)) or []
     flight.path.append(head)
-    flight.pixels[groups] += coverage[np.flatnonzero(heads == head)[0]]
+    flight.pixels[view_sums] += coverage[np.flatnonzero(heads == head)[0]]

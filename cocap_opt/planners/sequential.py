@@ -5,12 +5,12 @@ Source: Greedy Perspectives, "sequential planning with inter-robot collision con
 
 import time
 
-from cocap_opt.constraints import avoid_paths
+from cocap_opt.coordination.constraints import avoid_paths
 from cocap_opt.model import compiled
 from cocap_opt.planners.single import LowLevel, SingleRobotTask
 from cocap_opt.planners.team import Team, no_plan, plan_or_hover, team_result
 from cocap_opt.planners.value_iteration import value_iteration
-from cocap_opt.problem import Problem, State
+from cocap_opt.problem.problem import Problem, State
 from cocap_opt.result import Reason, Result
 from cocap_opt.stop import Limit, Stop, never
 

@@ -4,9 +4,9 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from cocap_opt.data import FloatArray
+from cocap_opt.graph.timegraph import NO_CHARGES, Charges
 from cocap_opt.model import Model, Path
 from cocap_opt.stop import Limit, Stop, never
-from cocap_opt.timegraph import NO_CHARGES, Charges
 
 
 class SingleRobotTask(NamedTuple):
@@ -14,7 +14,7 @@ class SingleRobotTask(NamedTuple):
 
     model: Model
     robot: int
-    pixels: FloatArray  # [G] px/m2 that the other robots have on every (step, face)
+    pixels: FloatArray  # [Z] px/m2 that the other robots have on every (step, face)
     charges: Charges = NO_CHARGES  # infinite where the robot must not go
     stop: Stop = never
 
@@ -23,7 +23,7 @@ class SingleRobotPath(NamedTuple):
     """A robot's path and what it sees along it."""
 
     path: Path | None  # None: there is no path, or `limit` stopped the search
-    pixels: FloatArray  # [G] px/m2 along the path
+    pixels: FloatArray  # [Z] px/m2 along the path
     evaluated: int  # states whose coverage was needed for the first time
     limit: Limit = Limit.NONE  # what stopped the search; NONE: it ran to its end
 

@@ -8,11 +8,11 @@ import numpy as np
 
 from cocap_opt.data import FloatArray
 from cocap_opt.model import Model, Path
-from cocap_opt.plan import conflicts
+from cocap_opt.objective import no_pixels, objective
 from cocap_opt.planners.single import LowLevel, SingleRobotPath, SingleRobotTask
-from cocap_opt.problem import Problem
+from cocap_opt.problem.plan import conflicts
+from cocap_opt.problem.problem import Problem
 from cocap_opt.result import Reason, Result
-from cocap_opt.reward import no_pixels, objective
 from cocap_opt.stop import Limit
 
 EVERYBODY = -1  # no robot is left out
@@ -26,7 +26,7 @@ class Team:
     found: list[SingleRobotPath]
 
     def others(self, robot: int) -> FloatArray:
-        """Pixels [G] of all robots but one (or of EVERYBODY)."""
+        """Pixels [Z] of all robots but one (or of EVERYBODY)."""
         pixels = no_pixels(self.model.problem)
         for i, single in enumerate(self.found):
             if i != robot:
@@ -80,14 +80,14 @@ def team_result(team: Team, limit: Limit, begin: float) -> Result:
 
 def hover(model: Model, robot: int) -> SingleRobotPath:
     """The path that stays at the start: what a robot does for which no time is left."""
-    problem, group = model.problem, model.class_of[robot]
+    problem, robot_class = model.problem, model.class_of[robot]
     start, pixels = problem.robots[robot].start, no_pixels(problem)
-    if group.goal not in (None, (start.x, start.y)):
+    if robot_class.goal not in (None, (start.x, start.y)):
         return SingleRobotPath(None, pixels, 0)
-    views, state = model.views(group), np.array([model.start(robot)])
+    views, state = model.views(robot_class), np.array([model.start(robot)])
     steps = range(problem.first_step, problem.horizon + 1)
     for t in steps:
-        pixels[problem.groups_at(t)] += views.coverage(t, state)[0]
+        pixels[problem.view_sums_at(t)] += views.coverage(t, state)[0]
     return SingleRobotPath((model.start(robot),) * (problem.horizon + 1), pixels, len(steps))
 
 

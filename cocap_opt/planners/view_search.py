@@ -10,15 +10,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from cocap_opt.bonuses import bonuses_of
 from cocap_opt.data import FloatArray, IntArray
+from cocap_opt.graph.move_rewards import bonuses_of
+from cocap_opt.graph.timegraph import CLOSED, TimeGraph
 from cocap_opt.model import Model, RobotClass
+from cocap_opt.objective import marginal_gain, no_pixels, view_sum_weights
 from cocap_opt.planners.single import SingleRobotPath, SingleRobotTask
-from cocap_opt.problem import Problem
-from cocap_opt.reward import group_weights, marginal_gain, no_pixels
+from cocap_opt.problem.problem import Problem
 from cocap_opt.stop import Limit
-from cocap_opt.timegraph import CLOSED, TimeGraph
-from cocap_opt.views import Views, eyes_at
+from cocap_opt.vision.views import Views, eyes_at
 
 # gamma ** T by default. Measured over 8 seeds with gamma from 0.6 to 1: near this value CoCap
 # gets 92-99 % of the J that it gets with value iteration and evaluates 17-40 % of the states
@@ -64,8 +64,8 @@ class ViewSearch:
 
     def __call__(self, task: SingleRobotTask) -> SingleRobotPath:
         """Search; backtracks from dead ends, and fails only if there is no path at all."""
-        model, group = task.model, task.model.class_of[task.robot]
-        coverage = self._source(model, group)
+        model, robot_class = task.model, task.model.class_of[task.robot]
+        coverage = self._source(model, robot_class)
         evaluated_before = coverage.evaluated
         path, limit = self._search(task, coverage)
         pixels = no_pixels(model.problem)
@@ -73,10 +73,10 @@ class ViewSearch:
             pixels = self._path_pixels(model, coverage, path)
         return SingleRobotPath(path, pixels, coverage.evaluated - evaluated_before, limit)
 
-    def _source(self, model: Model, group: RobotClass) -> LazyCoverage:
-        key = model, group.robots
+    def _source(self, model: Model, robot_class: RobotClass) -> LazyCoverage:
+        key = model, robot_class.robots
         if key not in self._sources:
-            self._sources[key] = LazyCoverage(model.views(group))
+            self._sources[key] = LazyCoverage(model.views(robot_class))
         return self._sources[key]
 
     def _path_pixels(
@@ -84,7 +84,7 @@ class ViewSearch:
     ) -> FloatArray:
         pixels = no_pixels(model.problem)
         for t in range(model.problem.first_step, len(path)):
-            pixels[model.problem.groups_at(t)] += coverage(t, np.array([path[t]]))[0]
+            pixels[model.problem.view_sums_at(t)] += coverage(t, np.array([path[t]]))[0]
         return pixels
 
     def _search(
@@ -93,7 +93,7 @@ class ViewSearch:
         problem, graph = task.model.problem, task.model.class_of[task.robot].graph
         horizon, bonuses = problem.horizon, bonuses_of(problem.objective)
         gamma = FINAL_DISCOUNT ** (1 / horizon) if self.gamma is None else self.gamma
-        weights = group_weights(problem)
+        weights = view_sum_weights(problem)
         may_enter = _goal_filter(task)
         start = task.model.start(task.robot)
         parent: dict[tuple[int, int], int] = {}
@@ -118,9 +118,9 @@ class ViewSearch:
             heads = heads[[may_enter(k, state, int(head)) for head in heads]]
             if not len(heads):
                 continue  # a dead end: the queue holds the alternatives
-            groups = problem.groups_at(k + 1)
-            gains = marginal_gain(task.pixels[groups], coverage(k + 1, heads))
-            rewards = (gains * weights[groups]).sum(axis=1)
+            view_sums = problem.view_sums_at(k + 1)
+            gains = marginal_gain(task.pixels[view_sums], coverage(k + 1, heads))
+            rewards = (gains * weights[view_sums]).sum(axis=1)
             rewards += bonuses.of_edges(graph.shape, state, heads)
             ways = _ways(problem, graph, k + 1, heads)
             for head, reward, way in zip(heads.tolist(), rewards.tolist(), ways, strict=True):
@@ -156,12 +156,12 @@ def _ways(
 
 def _goal_filter(task: SingleRobotTask) -> Callable[[int, int, int], bool]:
     """Say which steps of motion are open: not closed by a charge, and the goal still in reach."""
-    group = task.model.class_of[task.robot]
-    graph, charges = group.graph, task.charges
+    robot_class = task.model.class_of[task.robot]
+    graph, charges = robot_class.graph, task.charges
     in_reach = None
-    if group.goal is not None:
+    if robot_class.goal is not None:
         in_reach = graph.backward_sweep(
-            graph.no_reward(task.model.problem.horizon), goal=group.goal
+            graph.no_reward(task.model.problem.horizon), goal=robot_class.goal
         )
 
     def may_enter(t: int, tail: int, head: int) -> bool:

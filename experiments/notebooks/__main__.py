@@ -1,4 +1,4 @@
-"""Run all notebooks again and store their outputs: python -m experiments.notebooks."""
+"""Run all notebooks again and store their outputs: cocap-opt study notebooks."""
 
 import sys
 from collections.abc import Sequence
@@ -7,12 +7,12 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from cocap_opt.io import FileError
-from experiments.entry import program, run_app
-from experiments.streams import say
+from cocap_opt.experiments.cli.program import program, run_app
+from cocap_opt.experiments.console.streams import say
+from cocap_opt.files.documents import FileError
 
 app = program(
-    "python -m experiments.notebooks",
+    "cocap-opt study notebooks",
     "Run the project's notebooks and store them with their outputs.",
 )
 
@@ -25,7 +25,7 @@ def notebooks(
 
     A notebook of which a cell fails is left as it is.
 
-    Example: python -m experiments.notebooks first_tour
+    Example: cocap-opt study notebooks first_tour
     """
     for path in _chosen(names):
         say(path.name)
@@ -35,7 +35,7 @@ def notebooks(
 
 def _chosen(names: Sequence[str]) -> list[Path]:
     try:
-        from experiments.notebooks.running import notebooks
+        from cocap_opt.experiments.notebooks.running import notebooks
     except ModuleNotFoundError as error:
         words = f"{error.name} is not installed: pip install -e '.[notebooks]'"
         raise FileError(words) from error
@@ -50,7 +50,7 @@ def _chosen(names: Sequence[str]) -> list[Path]:
 def _store(path: Path) -> None:
     from nbclient.exceptions import CellExecutionError
 
-    from experiments.notebooks.running import store
+    from cocap_opt.experiments.notebooks.running import store
 
     try:
         store(path)

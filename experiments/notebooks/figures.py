@@ -7,12 +7,12 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from cocap_opt.check import Verdict
-from cocap_opt.plan import Plan
-from cocap_opt.problem import Problem
-from experiments.figures import draw_frame
-from experiments.notebooks.tables import above, differences_by_person
-from experiments.paper.figures import COLOURS
-from formulations.result import OPTIMALITY, CertifiedResult
+from cocap_opt.experiments.notebooks.tables import above, differences_by_person
+from cocap_opt.experiments.report.figures import draw_frame
+from cocap_opt.experiments.studies.paper.figures import COLOURS
+from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult
+from cocap_opt.problem.plan import Plan
+from cocap_opt.problem.problem import Problem
 
 DARK = 0.6  # of the largest difference, from which on numbers on it are white
 MARKERS = "osD^vPX"

@@ -9,7 +9,7 @@ from nbclient import NotebookClient
 from nbformat import NotebookNode
 from traitlets.config import Config
 
-from cocap_opt.atomic_write import write_atomically
+from cocap_opt.files.atomic_write import write_atomically
 
 FOLDER = Path(__file__).parent
 MOST_SECONDS = 120  # for a cell

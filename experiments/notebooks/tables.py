@@ -10,21 +10,21 @@ import pandas as pd
 
 from cocap_opt.check import check, view_rewards
 from cocap_opt.data import FloatArray
+from cocap_opt.experiments.console.progress import unseen
+from cocap_opt.experiments.results.gap_table import cover, plans_of, rows_of
+from cocap_opt.experiments.results.rows import Judged, Row, bound_is_proved, judge
+from cocap_opt.experiments.results.tables import Table, number
+from cocap_opt.experiments.results.trace import Trace
+from cocap_opt.experiments.studies.paper.giving_way import Encounter
+from cocap_opt.formulations.certificates.certificate import verify
+from cocap_opt.formulations.certificates.proof import ProofFile, leaves, verify_proof
+from cocap_opt.formulations.result import BoundMethod, CertifiedResult
 from cocap_opt.model import compiled
-from cocap_opt.plan import Plan
-from cocap_opt.problem import Cuboid, Problem
+from cocap_opt.problem.plan import Plan
+from cocap_opt.problem.problem import Cuboid, Problem
 from cocap_opt.result import Result, relative_gap
+from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import Limit, TimeLimit, never
-from experiments.gap_table import cover, plans_of, rows_of
-from experiments.paper.giving_way import Encounter
-from experiments.progress import unseen
-from experiments.rows import Judged, Row, bound_is_proved, judge
-from experiments.tables import Table, number
-from experiments.trace import Trace
-from formulations.certificate import verify
-from formulations.proof import ProofFile, leaves, verify_proof
-from formulations.result import BoundMethod, CertifiedResult
-from scenarios import load_scene
 
 WARM_UP = "tiny-share"  # a scene on which methods import what they need before they are timed
 SIDES = ("front", "left", "back", "right", "top")  # of a cuboid, in the order of its faces

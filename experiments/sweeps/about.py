@@ -13,12 +13,12 @@ from typing import Literal
 
 import msgspec
 
-import scenarios
-from cocap_opt.coverage import usable_cores
-from cocap_opt.io import decode, encode, read_bytes
-from experiments.files import save_bytes
-from experiments.sweeps.cells import code_digest
-from experiments.sweeps.run import Settings
+from cocap_opt import scenarios
+from cocap_opt.experiments.results.files import save_bytes
+from cocap_opt.experiments.sweeps.cells import code_digest
+from cocap_opt.experiments.sweeps.run import Settings
+from cocap_opt.files.documents import decode, encode, read_bytes
+from cocap_opt.vision.coverage import usable_cores
 
 PACKAGES = (
     "cocap-opt", "clarabel", "cvxpy", "distributed", "embreex", "highspy", "networkx", "numpy",

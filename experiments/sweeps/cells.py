@@ -13,13 +13,11 @@ from typing import Any, Literal
 
 import msgspec
 
-import cocap_opt
-import experiments
-import formulations
-from cocap_opt.io import FileError, PlanFile, decode, encode, read_bytes
-from cocap_opt.problem import Problem
-from experiments.files import save_bytes
-from experiments.sweeps.layout import CELLS
+from cocap_opt import data, experiments, formulations
+from cocap_opt.experiments.results.files import save_bytes
+from cocap_opt.experiments.results.layout import CELLS
+from cocap_opt.files.documents import FileError, PlanFile, decode, encode, read_bytes
+from cocap_opt.problem.problem import Problem
 
 BOUND = "bound"  # in place of a planner's name
 OWN = "own"  # the certificate of a planner that proves a bound itself
@@ -27,8 +25,8 @@ RULES, FREE = "rules", "free"  # certificates and traces of the bound with and w
 KEY_DIGITS = 20
 # Code and libraries that cells depend on, besides the packages of planners and bounds.
 MODULES = (
-    "files", "gap_table", "rendering", "rows", "trace", "sweeps/cells", "sweeps/start",
-    "sweeps/work",
+    "results/files", "results/gap_table", "results/rendered", "results/rows", "results/trace",
+    "sweeps/cells", "sweeps/start", "sweeps/work",
 )  # fmt: skip
 LIBRARIES = ("clarabel", "embreex", "highspy", "numpy", "ortools", "scipy")
 
@@ -141,7 +139,7 @@ def code_digest() -> str:
     digest = hashlib.sha256(" ".join(libraries).encode())
     for module in MODULES:
         digest.update((Path(str(experiments.__file__)).parent / f"{module}.py").read_bytes())
-    for package in (cocap_opt, formulations):
+    for package in (data, formulations):
         folder = Path(str(package.__file__)).parent
         for path in sorted(folder.rglob("*.py")):
             digest.update(path.relative_to(folder).as_posix().encode() + path.read_bytes())

@@ -20,12 +20,12 @@ import distributed
 from distributed import Client, Future, KilledWorker, LocalCluster, Worker, WorkerPlugin
 from distributed.client import ClosedClientError
 
+from cocap_opt.experiments.console.streams import say
+from cocap_opt.experiments.sweeps.cells import CellFile, Status, code_digest
+from cocap_opt.experiments.sweeps.crew import ClusterError
+from cocap_opt.experiments.sweeps.work import Task, failed, run_task
 from cocap_opt.model import compiled, compiled_apart
 from cocap_opt.stop import Limit, Stop
-from experiments.streams import say
-from experiments.sweeps.cells import CellFile, Status, code_digest
-from experiments.sweeps.crew import ClusterError
-from experiments.sweeps.work import Task, failed, run_task
 
 POLL = 0.2  # s, between two looks at Ctrl-C and at the clock
 ANSWER = 10.0  # s, in which a scheduler answers

@@ -2,10 +2,10 @@
 
 from typing import Protocol
 
+from cocap_opt.experiments.console.progress import Watch
+from cocap_opt.experiments.sweeps.cells import CellFile
+from cocap_opt.experiments.sweeps.work import Task, run_task
 from cocap_opt.stop import Stop
-from experiments.progress import Watch
-from experiments.sweeps.cells import CellFile
-from experiments.sweeps.work import Task, run_task
 
 
 class ClusterError(ValueError):

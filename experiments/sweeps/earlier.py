@@ -10,15 +10,15 @@ from pathlib import Path
 from typing import NamedTuple
 
 from cocap_opt.check import check
-from cocap_opt.io import FileError, PlanFile, decode, read_bytes
-from experiments.printing import counted
-from experiments.rows import SOLVERS, Row
-from experiments.streams import say
-from experiments.sweeps.about import Run, load_run, rows_digest
-from experiments.sweeps.cells import Store
-from experiments.sweeps.layout import plan_path
-from experiments.sweeps.results import RESULTS, load_results
-from experiments.sweeps.run import Group, Settings
+from cocap_opt.experiments.console.streams import say
+from cocap_opt.experiments.results.layout import plan_path
+from cocap_opt.experiments.results.printing import counted
+from cocap_opt.experiments.results.rows import SOLVERS, Row
+from cocap_opt.experiments.sweeps.about import Run, load_run, rows_digest
+from cocap_opt.experiments.sweeps.cells import Store
+from cocap_opt.experiments.sweeps.results import RESULTS, load_results
+from cocap_opt.experiments.sweeps.run import Group, Settings
+from cocap_opt.files.documents import FileError, PlanFile, decode, read_bytes
 
 Key = tuple[str, int | None]  # a scene and a seed; None where the starts are the scene file's own
 IsSame = Callable[[Key, str], bool]  # whether a scene and seed still has a digest

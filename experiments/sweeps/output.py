@@ -6,13 +6,13 @@ All of them tell only of scenes and seeds that are whole, and of what earlier ru
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from experiments.files import remove
-from experiments.rows import Row
-from experiments.sweeps.about import RUN, Run, save_run
-from experiments.sweeps.earlier import Earlier, key_of
-from experiments.sweeps.publish import published
-from experiments.sweeps.results import save_results
-from experiments.sweeps.run import Group, Settings
+from cocap_opt.experiments.results.files import remove
+from cocap_opt.experiments.results.rows import Row
+from cocap_opt.experiments.sweeps.about import RUN, Run, save_run
+from cocap_opt.experiments.sweeps.earlier import Earlier, key_of
+from cocap_opt.experiments.sweeps.publish import published
+from cocap_opt.experiments.sweeps.results import save_results
+from cocap_opt.experiments.sweeps.run import Group, Settings
 
 
 class Output:

@@ -9,12 +9,12 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-from cocap_opt.io import SceneFile, encode
-from experiments.files import remove, save_bytes
-from experiments.rows import Row, without_rules
-from experiments.sweeps.cells import FREE, RULES, CellFile
-from experiments.sweeps.layout import certificate_path, plan_path, scene_path, trace_path
-from experiments.sweeps.run import Group
+from cocap_opt.experiments.results.files import remove, save_bytes
+from cocap_opt.experiments.results.layout import certificate_path, plan_path, scene_path, trace_path
+from cocap_opt.experiments.results.rows import Row, without_rules
+from cocap_opt.experiments.sweeps.cells import FREE, RULES, CellFile
+from cocap_opt.experiments.sweeps.run import Group
+from cocap_opt.files.documents import SceneFile, encode
 
 Files = dict[Path, bytes | None]  # None: there is to be none
 

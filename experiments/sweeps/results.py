@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from cocap_opt.io import FileError
-from experiments.files import read_text, remove, save_bytes, save_csv
-from experiments.rows import GAP_KEYS, ROUNDING, Row
+from cocap_opt.experiments.results.files import read_text, remove, save_bytes, save_csv
+from cocap_opt.experiments.results.rows import GAP_KEYS, ROUNDING, Row
+from cocap_opt.files.documents import FileError
 
 RESULTS, PARQUET = "results.csv", "results.parquet"
 MOST = 2**63 - 1  # that any number may be

@@ -10,12 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import msgspec
 
-from cocap_opt.io import problem_digest
-from cocap_opt.plan import Plan
-from cocap_opt.problem import Problem
-from cocap_opt.result import Reason, Result
-from cocap_opt.stop import Limit, Stop
-from experiments.rows import (
+from cocap_opt.experiments.results.rows import (
     Bounded,
     Judged,
     RefereeError,
@@ -25,11 +20,16 @@ from experiments.rows import (
     hold_against,
     planner_part,
 )
-from experiments.sweeps.cells import BOUND, Cell, CellFile, Status, Store, cell_of
-from experiments.sweeps.crew import Crew
-from experiments.sweeps.start import start_of
-from experiments.sweeps.work import Task, failed, given_plan
-from formulations.result import no_bound
+from cocap_opt.experiments.sweeps.cells import BOUND, Cell, CellFile, Status, Store, cell_of
+from cocap_opt.experiments.sweeps.crew import Crew
+from cocap_opt.experiments.sweeps.start import start_of
+from cocap_opt.experiments.sweeps.work import Task, failed, given_plan
+from cocap_opt.files.documents import problem_digest
+from cocap_opt.formulations.result import no_bound
+from cocap_opt.problem.plan import Plan
+from cocap_opt.problem.problem import Problem
+from cocap_opt.result import Reason, Result
+from cocap_opt.stop import Limit, Stop
 
 
 class Settings(msgspec.Struct, frozen=True, kw_only=True):

@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import msgspec
 
-from cocap_opt.io import encode
-from cocap_opt.plan import Plan
-from experiments.files import decode_certificate
-from experiments.sweeps.cells import OWN, CellFile
+from cocap_opt.experiments.results.files import decode_certificate
+from cocap_opt.experiments.sweeps.cells import OWN, CellFile
+from cocap_opt.files.documents import encode
+from cocap_opt.problem.plan import Plan
 
 
 class Start(NamedTuple):

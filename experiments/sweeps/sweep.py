@@ -6,18 +6,18 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
+from cocap_opt.experiments.console.progress import Watch, watching
+from cocap_opt.experiments.console.streams import say
+from cocap_opt.experiments.results.files import clear_leftovers, make_folder, only_writer
+from cocap_opt.experiments.results.layout import FOLDERS
+from cocap_opt.experiments.results.rows import Row
+from cocap_opt.experiments.sweeps.about import about_run
+from cocap_opt.experiments.sweeps.cells import CellFile, Status, Store
+from cocap_opt.experiments.sweeps.crew import Alone, Crew
+from cocap_opt.experiments.sweeps.earlier import Earlier, IsSame, Key, earlier
+from cocap_opt.experiments.sweeps.output import Output
+from cocap_opt.experiments.sweeps.run import Group, Settings, recall, run
 from cocap_opt.stop import Limit, Stop, catch_interrupt
-from experiments.files import clear_leftovers, make_folder, only_writer
-from experiments.progress import Watch, watching
-from experiments.rows import Row
-from experiments.streams import say
-from experiments.sweeps.about import about_run
-from experiments.sweeps.cells import CellFile, Status, Store
-from experiments.sweeps.crew import Alone, Crew
-from experiments.sweeps.earlier import Earlier, IsSame, Key, earlier
-from experiments.sweeps.layout import FOLDERS
-from experiments.sweeps.output import Output
-from experiments.sweeps.run import Group, Settings, recall, run
 
 NOTHING: Row = {}
 
@@ -138,7 +138,7 @@ def _crew(hired: Hired, stop: Stop, watch: Watch) -> Iterator[Crew]:
     if hired.scheduler is None and hired.workers is None:
         yield Alone(stop, watch)
         return
-    from experiments.sweeps.cluster import existing, local  # dask is slow to import
+    from cocap_opt.experiments.sweeps.cluster import existing, local  # dask is slow to import
 
     if hired.scheduler is not None:
         with existing(hired.scheduler, stop, hired.cell_limit) as cluster:

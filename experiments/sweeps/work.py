@@ -9,13 +9,9 @@ from typing import NamedTuple
 
 import msgspec
 
-from cocap_opt.io import encode
-from cocap_opt.plan import Plan
-from cocap_opt.problem import Problem
-from cocap_opt.result import Reason, Result
-from cocap_opt.stop import FirstOf, Stop, TimeLimit, never
-from experiments.files import decode_certificate, plan_file
-from experiments.gap_table import (
+from cocap_opt.experiments.console.progress import Watch, unseen
+from cocap_opt.experiments.results.files import decode_certificate, plan_file
+from cocap_opt.experiments.results.gap_table import (
     WITH_RULES,
     WITHOUT_RULES,
     Limits,
@@ -24,8 +20,7 @@ from experiments.gap_table import (
     plans_of,
     rendered_j,
 )
-from experiments.progress import Watch, unseen
-from experiments.rows import (
+from cocap_opt.experiments.results.rows import (
     Bounded,
     Judged,
     bound_part,
@@ -33,12 +28,17 @@ from experiments.rows import (
     planner_part,
     without_rules,
 )
-from experiments.sweeps.cells import BOUND, FREE, OWN, RULES, Cell, CellFile, Status
-from experiments.sweeps.start import Start
-from experiments.trace import Trace, both, trace_text
-from formulations.certificate import CertificateFile
-from formulations.proof import ProofFile
-from formulations.result import CertifiedResult
+from cocap_opt.experiments.results.trace import Trace, both, trace_text
+from cocap_opt.experiments.sweeps.cells import BOUND, FREE, OWN, RULES, Cell, CellFile, Status
+from cocap_opt.experiments.sweeps.start import Start
+from cocap_opt.files.documents import encode
+from cocap_opt.formulations.certificates.certificate import CertificateFile
+from cocap_opt.formulations.certificates.proof import ProofFile
+from cocap_opt.formulations.result import CertifiedResult
+from cocap_opt.problem.plan import Plan
+from cocap_opt.problem.problem import Problem
+from cocap_opt.result import Reason, Result
+from cocap_opt.stop import FirstOf, Stop, TimeLimit, never
 
 NO_START = Start()
 

@@ -1,0 +1,1 @@
+"""What robots mean to one another: constraints from conflicts and other robots' paths."""

@@ -1,0 +1,174 @@
+"""Motion of one robot as networkx graphs: where it can go in one step, and how it can turn.
+
+Moving and turning do not depend on each other, so the motion graph is the tensor product of
+a place graph (cells) and an orientation graph (headings and gimbal pitches), both with
+self-loops. `timegraph` compiles the two factors; nobody needs the product to plan.
+"""
+
+from __future__ import annotations  # networkx graphs take type arguments in stubs only
+
+from collections.abc import Iterator
+from itertools import product
+from typing import TYPE_CHECKING, Any, TypeVar, cast
+
+import networkx as nx
+import numpy as np
+from numpy.typing import NDArray
+
+from cocap_opt.data import BoolArray
+from cocap_opt.problem.problem import AnyCamera, Motion, Problem, State
+from cocap_opt.world.columns import Columns
+from cocap_opt.world.workspace import Workspace
+
+T = TypeVar("T", bound=np.generic)
+Move = tuple[int, int, int]  # (layers, cells along x, cells along y)
+Place = tuple[int, int, int]  # (layer, x, y)
+Orientation = tuple[int, int]  # (heading, pitch)
+if TYPE_CHECKING:
+    Graph = nx.DiGraph[Any]
+
+
+def free_places(workspace: Workspace, motion: Motion) -> BoolArray:
+    """Places where a robot may be, [layer, X, Y]: nothing solid within its clearance."""
+    altitudes = workspace.height_map.altitudes(motion.layers)
+    return ~workspace.columns.solid(altitudes - motion.clearance, altitudes + motion.clearance)
+
+
+def moves(motion: Motion) -> list[Move]:
+    """All cell moves of one step; the first is to stay."""
+    climb = min(motion.climb, len(motion.layers) - 1)
+    reach, climbs = range(-motion.radius, motion.radius + 1), range(-climb, climb + 1)
+    return sorted(product(climbs, reach, reach), key=lambda move: (move != (0, 0, 0), move))
+
+
+def swept_cells(dx: int, dy: int) -> list[tuple[int, int]]:
+    """Cells, relative to the first, that the straight line between two cell centres touches.
+
+    A diagonal move touches the two cells at whose corner it passes.
+    """
+    # The line meets the closed unit square around (i, j) unless the square lies wholly on
+    # one side of it (separating axis; integers, so the test is exact).
+    return [
+        (i, j)
+        for i in range(min(0, dx), max(0, dx) + 1)
+        for j in range(min(0, dy), max(0, dy) + 1)
+        if 2 * abs(dx * j - dy * i) <= abs(dx) + abs(dy)
+    ]
+
+
+def allowed_starts(workspace: Workspace, free: BoolArray, motion: Motion, move: Move) -> BoolArray:
+    """Places [layer, X, Y] from which `move` is allowed, of those that are free.
+
+    The cells that it passes must have nothing solid from the lower of its two altitudes to
+    the higher, nor within the clearance of these. With corner cutting only the two ends count.
+    """
+    if motion.corner_cutting:
+        return free & shifted(free, move, False)
+    _, dx, dy = move
+    columns, here = workspace.columns, workspace.height_map.altitudes(motion.layers)
+    there = shifted(here, move, np.nan)
+    low, high = np.minimum(here, there) - motion.clearance, np.maximum(here, there)
+    high += motion.clearance
+    allowed: BoolArray = ~np.isnan(there)  # it does not lead out of the map
+    for i, j in swept_cells(dx, dy):
+        below, above = (shifted(part, (0, i, j), np.nan) for part in columns)
+        allowed &= ~Columns(below, above).solid(low, high)
+    return allowed
+
+
+def shifted(values: NDArray[T], move: Move, outside: float) -> NDArray[T]:
+    """`values` [layer, X, Y] looked up at every place + `move`."""
+    result = np.full_like(values, outside)
+    source, target = [], []
+    for step, size in zip(move, values.shape, strict=True):
+        source.append(slice(max(0, step), max(0, size + min(0, step))))
+        target.append(slice(max(0, -step), max(0, size - max(0, step))))
+    result[tuple(target)] = values[tuple(source)]
+    return result
+
+
+def place_graph(workspace: Workspace, motion: Motion) -> Graph:
+    """Directed graph of the cells a robot can fly in: nodes (layer, x, y), self-loops included."""
+    free = free_places(workspace, motion)
+    _, width, depth = free.shape
+    tails, heads = [], []
+    for climb, dx, dy in moves(motion):
+        tails.append(np.flatnonzero(allowed_starts(workspace, free, motion, (climb, dx, dy))))
+        heads.append(tails[-1] + (climb * width + dx) * depth + dy)
+    tail, head = np.concatenate(tails), np.concatenate(heads)
+    # There may be millions of edges: networkx takes them in half the time tail by tail, and in
+    # a tenth where they share the nodes' tuples.
+    order = np.argsort(tail, kind="stable")
+    places: list[Place] = list(np.ndindex(free.shape))
+    graph: Graph = nx.DiGraph()
+    graph.add_nodes_from(places[i] for i in np.flatnonzero(free).tolist())
+    graph.add_edges_from(
+        (places[i], places[k])
+        for i, k in zip(tail[order].tolist(), head[order].tolist(), strict=True)
+    )
+    return graph
+
+
+def turned(index: int, most: int, size: int, cyclic: bool) -> set[int]:
+    """Indices reachable from `index` by at most `most` steps on a ring or a line of `size`."""
+    if cyclic:
+        most = min(most, size // 2)
+        return {i % size for i in range(index - most, index + most + 1)}
+    return set(range(max(0, index - most), min(size, index + most + 1)))
+
+
+def orientation_graph(motion: Motion, camera: AnyCamera) -> Graph:
+    """Directed graph of orientations: nodes (heading, pitch), self-loops included.
+
+    Headings are a ring, pitches a line.
+    """
+    graph: Graph = nx.DiGraph()
+    for heading, pitch in product(range(motion.headings), range(len(camera.tilts))):
+        graph.add_edges_from(
+            ((heading, pitch), (next_heading, next_pitch))
+            for next_heading in turned(heading, motion.turn, motion.headings, cyclic=True)
+            for next_pitch in turned(pitch, motion.pitch_turn, len(camera.tilts), cyclic=False)
+        )
+    return graph
+
+
+def motion_graph(problem: Problem, robot: int) -> Graph:
+    """Motion graph of one robot; nodes are `State`, an edge is one step of motion."""
+    motion, camera = problem.robots[robot].motion, problem.robots[robot].camera
+    graph = nx.tensor_product(
+        place_graph(problem.workspace, motion), orientation_graph(motion, camera)
+    )
+    # The stubs of both functions say Graph where they return the type they are given.
+    return cast("Graph", nx.relabel_nodes(graph, {node: _state(*node) for node in graph}))
+
+
+def _state(place: Place, orientation: Orientation) -> State:
+    layer, x, y = place
+    return State(x, y, layer, *orientation)
+
+
+def time_expanded_graph(problem: Problem, robot: int) -> Graph:
+    """Time-expanded graph of one robot: nodes (State, t) that lie on some path from its start.
+
+    It is the tensor product of the motion graph and the directed path 0..T, pruned to what
+    the start reaches and, where there is a goal, to what reaches the goal. Every planner
+    searches this graph; `timegraph.TimeGraph` is its compiled form.
+    """
+    steps: Graph = nx.path_graph(problem.horizon + 1, create_using=nx.DiGraph)
+    graph = cast("Graph", nx.tensor_product(motion_graph(problem, robot), steps))
+    spec = problem.robots[robot]
+    source = (spec.start, 0)
+    keep = {source} | nx.descendants(graph, source)
+    ends = [node for node in keep if node[1] == problem.horizon and _at_goal(node[0], spec.goal)]
+    keep &= set(_reached(graph.reverse(copy=False), ends))
+    pruned: Graph = graph.subgraph(keep).copy()
+    return pruned
+
+
+def _at_goal(state: State, goal: tuple[int, int] | None) -> bool:
+    return goal is None or (state.x, state.y) == goal
+
+
+def _reached(graph: Graph, sources: list[tuple[State, int]]) -> Iterator[tuple[State, int]]:
+    for layer in nx.bfs_layers(graph, sources):
+        yield from layer

@@ -1,0 +1,77 @@
+"""What robots gain by their moves alone, whatever they see: `Objective` as planners take it.
+
+The reward of an edge is a part that the cell move decides, plus a part that the turn decides,
+plus `stationarity` for the one edge that changes nothing. So value iteration can still take
+the maximum over turns first and over moves after it.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from cocap_opt.data import FloatArray, IntArray
+from cocap_opt.problem.problem import Objective
+
+Shape = tuple[int, ...]  # (headings, pitches, layers, X, Y) of a numbering of states
+
+
+class Bonuses(NamedTuple):
+    """Rewards for one step of one robot, which add up; see `Objective`."""
+
+    stationarity: float = 0.0  # for an unchanged state
+    keep_cell: float = 0.0
+    keep_heading: float = 0.0
+    balanced: float = 0.0  # for dx + dy = 0
+
+    @property
+    def none(self) -> bool:
+        """Whether no step is worth anything by itself."""
+        return not any(self)
+
+    @property
+    def stay(self) -> float:
+        """Reward of the step that changes nothing: it gets all of them."""
+        return math.fsum(self)
+
+    def of_moves(self, moves: IntArray) -> FloatArray:
+        """Part of the reward [n] that cell moves [n, 3] decide (layers, cells along x and y)."""
+        _, dx, dy = moves.T
+        stays = (moves == 0).all(axis=1)
+        rewards: FloatArray = self.keep_cell * stays + self.balanced * (dx + dy == 0)
+        return rewards
+
+    def of_edges(self, shape: Shape, tails: IntArray | int, heads: IntArray) -> FloatArray:
+        """Rewards [n] of the steps between numbered states.
+
+        Parameters
+        ----------
+        shape : of the numbering, `TimeGraph.shape`
+        tails : [n] states, or one that all steps begin at
+        heads : [n]
+        """
+        rewards: FloatArray = self.stationarity * (heads == tails)
+        if self.keep_cell or self.keep_heading or self.balanced:
+            before, after = np.unravel_index(tails, shape), np.unravel_index(heads, shape)
+            turn, _, *move = (b - a for a, b in zip(before, after, strict=True))
+            rewards += self.of_moves(np.stack(move, axis=1))
+            rewards += self.keep_heading * (turn == 0)
+        return rewards
+
+    def of_path(self, shape: Shape, path: Sequence[int]) -> float:
+        """Reward of all steps along a path of state numbers."""
+        if self.none:
+            return 0.0
+        states = np.array(path, dtype=np.int64)
+        return math.fsum(self.of_edges(shape, states[:-1], states[1:]).tolist())
+
+
+NO_BONUSES = Bonuses()
+
+
+def bonuses_of(objective: Objective) -> Bonuses:
+    """The rewards for moves in an objective."""
+    return Bonuses(
+        objective.stationarity, objective.keep_cell, objective.keep_heading, objective.balanced
+    )

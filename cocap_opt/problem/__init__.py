@@ -1,0 +1,1 @@
+"""The planning problem as immutable data, and plans with their conflicts."""

@@ -1,0 +1,54 @@
+"""A plan, and the conflicts between its robots."""
+
+from collections.abc import Iterator
+from itertools import combinations
+from typing import NamedTuple
+
+import msgspec
+
+from cocap_opt.problem.problem import Cell, Problem, State
+
+
+class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """One path per robot: `paths[i][t]` is robot i's state at step t = 0..T."""
+
+    paths: tuple[tuple[State, ...], ...]
+
+
+class VertexConflict(NamedTuple):
+    """Two robots in one cell, or nearer than the separation, at step t."""
+
+    t: int
+    robots: tuple[int, int]
+    cells: tuple[Cell, Cell]
+
+
+class SwapConflict(NamedTuple):
+    """Two robots exchange cells between t and t+1; `cells` are those they leave."""
+
+    t: int
+    robots: tuple[int, int]
+    cells: tuple[Cell, Cell]
+
+
+Conflict = VertexConflict | SwapConflict
+
+
+def conflicts(problem: Problem, plan: Plan) -> Iterator[Conflict]:
+    """All conflicts under the problem's rules, earliest step first, then by robots."""
+    if problem.rules.none:
+        return
+    cells = [
+        [problem.cell(i, state) for state in path] for i, path in enumerate(plan.paths)
+    ]  # [R][T+1]
+    pairs = list(combinations(range(len(cells)), 2))
+    for t in range(problem.horizon + 1):
+        for i, k in pairs:
+            here = cells[i][t], cells[k][t]
+            if problem.too_close(*here):
+                yield VertexConflict(t, (i, k), here)
+        if t < problem.horizon and problem.rules.swap:
+            for i, k in pairs:
+                here, there = (cells[i][t], cells[k][t]), (cells[i][t + 1], cells[k][t + 1])
+                if here == there[::-1] and here[0] != here[1]:
+                    yield SwapConflict(t, (i, k), here)

@@ -1,0 +1,142 @@
+"""What in a problem is allowed but hardly meant: units mixed up, people inside walls.
+
+Nothing here changes a result. A scene in which nobody can be seen has J = 0 and a proof of it;
+this says why.
+"""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from cocap_opt.problem.problem import Actor, Problem, Robot
+from cocap_opt.world.columns import mesh_spans
+from cocap_opt.world.workspace import Mesh, Workspace
+
+SUNK = 0.3  # m, by which feet may be below what they stand on
+FLOATING = 1.0  # m, by which they may be above it
+PROBE = 1e-3  # m, width of what is looked at around the foot point
+HEIGHTS = 0.3, 4.0  # m, of people and what they ride
+FASTEST = 100.0  # m per step
+
+Pose = tuple[float, float, float, float]
+
+
+def doubts(problem: Problem) -> list[str]:
+    """Everything in a problem that is likely a mistake, in words, one line each."""
+    found = [
+        f"meshes[{k}] is not closed, so that only its surface is solid"
+        for k, mesh in enumerate(problem.meshes)
+        if not mesh.is_solid
+    ]
+    found += [
+        f"meshes[{k}] is wholly below the ground: its top is at {mesh.vertices[:, 2].max():.4g} m"
+        for k, mesh in enumerate(problem.meshes)
+        if _below_ground(problem, mesh)
+    ]
+    if not problem.actors:
+        found.append("there are no actors, so that every view reward is 0")
+    for j, actor in enumerate(problem.actors):
+        found += [f"actors[{j}] {doubt}" for doubt in _about(problem, actor)]
+    return found + list(_in_the_way(problem))
+
+
+def _below_ground(problem: Problem, mesh: Mesh) -> bool:
+    """Whether nothing of a mesh, where it is above the map at all, looks out of the ground."""
+    tops = Workspace(problem.height_map, (mesh,)).columns.high[1:].max(axis=0, initial=-math.inf)
+    above = tops > -math.inf
+    return bool(above.any() and (tops <= problem.height_map.heights)[above].all())
+
+
+def _in_the_way(problem: Problem) -> Iterator[str]:
+    """Robots that can fly where somebody is: nothing keeps them apart."""
+    for i, robot in enumerate(problem.robots):
+        for j, actor in enumerate(problem.actors):
+            height = _height_within(problem, robot, actor)
+            if height is not None:
+                yield (
+                    f"robots[{i}] can fly into actors[{j}], {height:.3g} m above its feet; nothing "
+                    "keeps them apart"
+                )
+                break
+
+
+def _height_within(problem: Problem, robot: Robot, actor: Actor) -> float | None:
+    """How high above an actor's feet (m) a robot can fly into it; None where it cannot."""
+    for x, y, z, _ in actor.poses[: problem.horizon + 1].tolist():
+        cell = problem.height_map.cell_of(x, y)
+        if problem.height_map.inside(*cell):
+            for layer in robot.motion.layers:
+                above: float = problem.height_map.altitude(*cell, layer) - z
+                if 0 <= above < actor.shape.height:
+                    return above
+    return None
+
+
+def _about(problem: Problem, actor: Actor) -> Iterator[str]:
+    """What is doubtful about an actor."""
+    poses = actor.poses[: problem.horizon + 1]
+    if not HEIGHTS[0] <= actor.shape.height <= HEIGHTS[1]:
+        yield f"is {actor.shape.height:.3g} m high: is the unit right?"
+    fastest = float(np.hypot(*np.diff(poses[:, :2], axis=0).T).max(initial=0.0))
+    if fastest > FASTEST:
+        yield f"moves by {fastest:.3g} m in one step: is the unit right?"
+    steps: list[Pose] = [(x, y, z, yaw) for x, y, z, yaw in poses.tolist()]
+    off = [t for t, (x, y, _, _) in enumerate(steps) if not _on_map(problem, x, y)]
+    if off:
+        x, y, _, _ = steps[off[0]]
+        yield _at(off, steps, "is off the map", f"at ({x:.7g}, {y:.7g}) m")
+    depths = {t: depth for t, pose in enumerate(steps) if (depth := _sunk(problem, actor, pose))}
+    if depths:
+        words = f"its feet are {next(iter(depths.values())):.3g} m below the top of what is there"
+        yield _at(list(depths), steps, "is inside an obstacle", words)
+    high = {t: up for t, pose in enumerate(steps) if (up := _floats(problem, actor, pose))}
+    if high:
+        words = f"its feet are {next(iter(high.values())):.3g} m above what is below"
+        yield _at(list(high), steps, "floats", words)
+
+
+def _at(when: list[int], steps: list[Pose], what: str, words: str) -> str:
+    return f"{what} at {len(when)} of {len(steps)} steps; at step {when[0]} {words}"
+
+
+def _on_map(problem: Problem, x: float, y: float) -> bool:
+    return problem.height_map.inside(*problem.height_map.cell_of(x, y))
+
+
+def _sunk(problem: Problem, actor: Actor, pose: Pose) -> float:
+    """How far (m) an actor's feet are below the top of what it is in; 0 where it is in nothing."""
+    x, y, z, _ = pose
+    if not _on_map(problem, x, y):
+        return 0.0
+    middle = z + actor.shape.height / 2
+    spans = problem.workspace.columns.at(*problem.height_map.cell_of(x, y))
+    if any(_holds(span, z, middle) for span in spans[1:]):
+        # Something of a mesh is in the cell; it need not be where the actor is.
+        spans = [spans[0], *_mesh_spans(problem, x, y)]
+    return max((top - z for low, top in spans if _holds((low, top), z, middle)), default=0.0)
+
+
+def _holds(span: tuple[float, float], foot: float, middle: float) -> bool:
+    return span[0] < middle and span[1] > foot + SUNK
+
+
+def _mesh_spans(problem: Problem, x: float, y: float) -> list[tuple[float, float]]:
+    """Altitudes at which meshes are solid at a point."""
+    found: list[tuple[float, float]] = []
+    for mesh in problem.meshes:
+        vertices = (mesh.vertices - np.array([x, y, 0.0])) / np.array([PROBE, PROBE, 1.0])
+        middle = np.array([0.5, 0.5, 0.0])
+        spans = mesh_spans(vertices + middle, mesh.triangles, (1, 1), mesh.is_solid)
+        found += zip(spans.low.tolist(), spans.high.tolist(), strict=True)
+    return found
+
+
+def _floats(problem: Problem, actor: Actor, pose: Pose) -> float:
+    """How far (m) an actor's feet are above anything; 0 where it stands on something."""
+    x, y, z, _ = pose
+    if not _on_map(problem, x, y):
+        return 0.0
+    spans = problem.workspace.columns.at(*problem.height_map.cell_of(x, y))
+    below = max((top for low, top in spans if low < z + actor.shape.height), default=math.inf)
+    return z - below if z - below > FLOATING else 0.0

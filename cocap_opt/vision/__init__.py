@@ -1,0 +1,1 @@
+"""What a camera sees: projection, visibility, coverage of all states, rendering."""

@@ -1,0 +1,111 @@
+"""Coverage tables on disk, found by content.
+
+A file's name is the digest of all that the table depends on, the code included; its first
+bytes are the digest of the rest, so a damaged file is noticed and made again.
+"""
+
+import hashlib
+import io
+import logging
+import os
+from collections.abc import Callable
+from contextlib import suppress
+from importlib.metadata import version
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from cocap_opt import data
+from cocap_opt.files.atomic_write import write_atomically
+from cocap_opt.graph import motion, timegraph
+from cocap_opt.problem import problem
+from cocap_opt.vision import coverage, faces, projection, views, visibility
+from cocap_opt.vision.coverage import CoverageTable
+from cocap_opt.world import columns, polygons, workspace
+
+log = logging.getLogger(__name__)
+
+# All code that a coverage table depends on.
+_CODE = (
+    data, polygons, columns, workspace, problem, motion, timegraph, coverage, faces, projection,
+    views, visibility,
+)  # fmt: skip
+_DIGEST_BYTES = hashlib.sha256().digest_size
+
+
+def cache_folder() -> Path | None:
+    """Folder of the cache: COCAP_OPT_CACHE, or cocap-opt in the user's cache folder.
+
+    None where the user has no home and therefore no such folder.
+    """
+    if folder := os.environ.get("COCAP_OPT_CACHE"):
+        return Path(folder)
+    if caches := os.environ.get("XDG_CACHE_HOME"):
+        return Path(caches) / "cocap-opt"
+    try:
+        return Path.home() / ".cache" / "cocap-opt"
+    except RuntimeError:  # no HOME, and the user is not in the password database
+        return None
+
+
+def code_digest() -> bytes:
+    """Digest of the code that computes coverage."""
+    digest = hashlib.sha256(version("embreex").encode())
+    for module in _CODE:
+        digest.update(Path(str(module.__file__)).read_bytes())
+    return digest.digest()
+
+
+def content_key(*parts: object) -> str:
+    """Digest of plain data, arrays and this package's data classes."""
+    digest = hashlib.sha256(code_digest())
+    digest.update(msgspec.msgpack.encode(parts, enc_hook=_plain))
+    return digest.hexdigest()
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, np.ndarray):
+        return [str(value.dtype), list(value.shape), np.ascontiguousarray(value).tobytes()]
+    raise TypeError(f"no digest for {type(value).__name__}")
+
+
+def cached_table(key: str, make: Callable[[], CoverageTable | None]) -> CoverageTable | None:
+    """Table with this content key from disk, or made and, if it was made, written there."""
+    folder = cache_folder()
+    if folder is None:
+        return make()
+    path = folder / f"{key}.coverage"
+    table = _read(path)
+    if table is None:
+        table = make()
+        if table is not None:
+            _write(path, table)
+    return table
+
+
+def _read(path: Path) -> CoverageTable | None:
+    try:
+        if not path.is_file():  # opening a pipe would wait for someone to write into it
+            return None
+        content = path.read_bytes()
+    except OSError:
+        return None
+    digest, body = content[:_DIGEST_BYTES], content[_DIGEST_BYTES:]
+    if hashlib.sha256(body).digest() == digest:
+        # NumPy names no set of errors for what is not its file.
+        with suppress(Exception), np.load(io.BytesIO(body), allow_pickle=False) as arrays:
+            return CoverageTable(**{name: arrays[name] for name in CoverageTable._fields})
+    log.warning("cache file %s is damaged; computing its content again", path)
+    return None
+
+
+def _write(path: Path, table: CoverageTable) -> None:
+    body = io.BytesIO()
+    np.savez(body, **table._asdict())
+    content = hashlib.sha256(body.getvalue()).digest() + body.getvalue()
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_atomically(path, content)
+    except OSError as error:  # a full or read-only disk costs speed, not the run
+        log.warning("cannot write cache file %s: %s", path, error)

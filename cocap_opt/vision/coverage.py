@@ -1,0 +1,142 @@
+"""Coverage of all states that a class of robots can reach, kept sparsely.
+
+Most states see nothing.
+"""
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.stop import Limit, Stop, never
+from cocap_opt.vision.views import Views
+from cocap_opt.vision.visibility import spans
+
+
+class CoverageTable(NamedTuple):
+    """Coverage of all reachable states that see anything, in compressed sparse rows.
+
+    Group g = t F + f is face f at step t; a node is t S + s.
+    """
+
+    nodes: IntArray  # [n] increasing
+    indptr: IntArray  # [n + 1]
+    view_sums: IntArray  # [nnz]
+    pixels: FloatArray  # [nnz] px/m2, > 0
+
+    def row(self, node: int) -> tuple[IntArray, FloatArray]:
+        """Groups and their coverage of one node; empty where it sees nothing."""
+        at = int(np.searchsorted(self.nodes, node))
+        if at == len(self.nodes) or self.nodes[at] != node:
+            return self.view_sums[:0], self.pixels[:0]
+        part = slice(self.indptr[at], self.indptr[at + 1])
+        return self.view_sums[part], self.pixels[part]
+
+    def entries(self, nodes: IntArray) -> tuple[IntArray, IntArray]:
+        """Which of the nodes [n] see something, entry by entry, and where the entries are."""
+        if not len(self.nodes):
+            return nodes[:0], nodes[:0]
+        at = np.minimum(np.searchsorted(self.nodes, nodes), len(self.nodes) - 1)
+        which = np.flatnonzero(self.nodes[at] == nodes)
+        first = self.indptr[at[which]]
+        counts = self.indptr[at[which] + 1] - first
+        return np.repeat(which, counts), spans(first, counts)
+
+    def row_sums(self, values: FloatArray) -> FloatArray:
+        """Sum of `values` [nnz] over each row [n]; rows are never empty."""
+        if not len(self.nodes):
+            return np.zeros(0)
+        return np.add.reduceat(values, self.indptr[:-1])
+
+
+def coverage_table(
+    views: Views,
+    n_places: int,
+    reachable: BoolArray,
+    first_step: int,
+    stop: Stop = never,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+    threads: int | None = None,
+) -> tuple[CoverageTable | None, Limit]:
+    """Evaluate all reachable states [T+1, S] from `first_step` on.
+
+    Parameters
+    ----------
+    n_places : number of places, of which each has all orientations
+    threads : that work at once, all usable cores if not given; the table does not depend on it
+
+    Returns
+    -------
+    The table, or None and the limit that was reached before it was whole.
+    """
+    n_steps, n_states = reachable.shape
+    parts = [_NO_ROWS]
+    pool = ThreadPoolExecutor(threads or usable_cores())
+    try:
+        for t in range(first_step, n_steps):
+            limit = stop()
+            if limit is not Limit.NONE:
+                return None, limit
+            states, size = np.flatnonzero(reachable[t]), views.batch(t)
+            # Those of one place share rays.
+            states = states[np.argsort(states % n_places, kind="stable")]
+            batches = [states[start : start + size] for start in range(0, len(states), size)]
+            found = [_NO_ROWS]
+            for rows in pool.map(partial(_seen_by, views, t, n_states), batches):
+                found.append(rows)
+                limit = stop()
+                if limit is not Limit.NONE:
+                    return None, limit
+            parts.append(_in_order(_joined(found)))
+            progress(t + 1, n_steps)
+    finally:
+        pool.shutdown(cancel_futures=True)
+    nodes, counts, view_sums, pixels = _joined(parts)
+    indptr = np.concatenate([[0], np.cumsum(counts)])
+    return CoverageTable(nodes=nodes, indptr=indptr, view_sums=view_sums, pixels=pixels), Limit.NONE
+
+
+def usable_cores() -> int:
+    """Number of processor cores that this process may run on."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+class _Rows(NamedTuple):
+    """Some rows of a table."""
+
+    nodes: IntArray  # [n]
+    counts: IntArray  # [n] entries of each
+    view_sums: IntArray  # [nnz]
+    pixels: FloatArray  # [nnz]
+
+
+_NONE = np.zeros(0, dtype=np.int64)
+_NO_ROWS = _Rows(_NONE, _NONE, _NONE, np.zeros(0))
+
+
+def _seen_by(views: Views, t: int, n_states: int, states: IntArray) -> _Rows:
+    """Rows of those of some states that see anything at step t."""
+    coverage = views.coverage(t, states)
+    row, face = np.nonzero(coverage)
+    counts = np.bincount(row, minlength=len(states))
+    seen = np.flatnonzero(counts)
+    view_sums = t * coverage.shape[1] + face
+    return _Rows(t * n_states + states[seen], counts[seen], view_sums, coverage[row, face])
+
+
+def _joined(parts: list[_Rows]) -> _Rows:
+    return _Rows(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+
+
+def _in_order(rows: _Rows) -> _Rows:
+    """The same rows, nodes increasing."""
+    order = np.argsort(rows.nodes)
+    first, counts = (np.cumsum(rows.counts) - rows.counts)[order], rows.counts[order]
+    entries = spans(first, counts)
+    return _Rows(rows.nodes[order], counts, rows.view_sums[entries], rows.pixels[entries])

@@ -1,0 +1,211 @@
+"""What a camera sees, pixel by pixel: the reference that coverage is held against.
+
+One ray goes through the middle of every pixel; what it meets first is what the pixel shows.
+Of `coverage` it shares where the faces are, and neither projection nor sample points.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from cocap_opt.data import FloatArray, IntArray
+from cocap_opt.problem.problem import Camera, Problem, Robot, State
+from cocap_opt.result import UnsupportedError
+from cocap_opt.vision.faces import FaceGeometry, Faces
+from cocap_opt.vision.visibility import Occluders
+
+SKY, TERRAIN = -2, -1  # in place of a face
+RAYS = 500_000  # cast at once, to bound the memory
+BORDER = 2.0  # px around the box in which an actor is looked for
+
+
+class Picture(NamedTuple):
+    """What each pixel shows."""
+
+    faces: IntArray  # [height, width] number of a face, TERRAIN or SKY
+    shade: FloatArray  # [height, width] cosine between ray and surface normal; 0 for the sky
+
+
+class _Hits(NamedTuple):
+    """What rays meet first."""
+
+    surface: IntArray  # [n] which of the surfaces; -1 for none
+    triangle: IntArray  # [n] which of its triangles
+
+
+class Renderer:
+    """Renders views of a problem's robots.
+
+    Parameters
+    ----------
+    step : one ray is cast for each block of step x step pixels, through its middle, and
+        stands for all of its pixels; 1 is exact
+    """
+
+    def __init__(self, problem: Problem, step: int = 1) -> None:
+        for robot in problem.robots:
+            pinhole(robot)
+        self._problem, self._step = problem, step
+        self._geometry = FaceGeometry(problem)
+        self._alone = lru_cache(maxsize=256)(self._only)
+
+    def areas(self, t: int) -> FloatArray:
+        """Area of every face [F] at step t, in m2."""
+        return self._geometry.at(t).areas
+
+    def pixels(self, robot: Robot, t: int, state: State) -> FloatArray:
+        """Pixels [F] of every face in a robot's image at step t."""
+        counts = np.zeros(len(self._problem.face_weights))
+        faces = self._geometry.at(t)
+        for actor, box in self._boxes(faces, robot, state):
+            for _, ways, hits in self._cast(robot, state, box, (faces.actors, faces.terrain)):
+                of_actors = np.flatnonzero(hits.surface == 0)
+                triangle, ways = hits.triangle[of_actors], ways[of_actors]
+                # From inside a body its faces are seen from behind, which counts as not at all.
+                outside = (_normals(faces.actors.triangles[triangle]) * ways).sum(axis=1) < 0
+                seen = faces.triangle_faces[triangle[outside]]
+                own = seen[self._problem.face_owner[seen] == actor]
+                counts += np.bincount(own, minlength=len(counts))
+        return counts * self._step**2
+
+    def unhidden(self, robot: Robot, t: int, state: State) -> FloatArray:
+        """Pixels [F] that every face would have if its own actor stood alone in the world."""
+        counts = np.zeros(len(self._problem.face_weights))
+        faces = self._geometry.at(t)
+        for actor, box in self._boxes(faces, robot, state):
+            alone, own = self._alone(t, actor)
+            for _, _, hits in self._cast(robot, state, box, (alone,)):
+                seen = own[hits.triangle[hits.surface == 0]]
+                counts += np.bincount(seen, minlength=len(counts))
+        return counts * self._step**2
+
+    def coverage(self, robot: Robot, t: int, state: State) -> FloatArray:
+        """Rendered px/m2 [F] of every face in a robot's image at step t."""
+        result: FloatArray = self.pixels(robot, t, state) / self.areas(t)
+        return result
+
+    def picture(self, robot: Robot, t: int, state: State) -> Picture:
+        """The whole image, one pixel for each block."""
+        faces = self._geometry.at(t)
+        surfaces = (faces.actors, faces.terrain)
+        camera = pinhole(robot)
+        width, height = (-(-size // self._step) for size in (camera.width, camera.height))
+        shown, shade = np.full(width * height, SKY), np.zeros(width * height)
+        box = (0, 0, camera.width, camera.height)
+        for at, ways, hits in self._cast(robot, state, box, surfaces):
+            for k, surface in enumerate(surfaces):
+                own = np.flatnonzero(hits.surface == k)
+                triangle = hits.triangle[own]
+                shown[at[own]] = TERRAIN if k else faces.triangle_faces[triangle]
+                shade[at[own]] = np.abs((_normals(surface.triangles[triangle]) * ways[own]).sum(1))
+        return Picture(shown.reshape(height, width), shade.reshape(height, width))
+
+    def _only(self, t: int, actor: int) -> tuple[Occluders, IntArray]:
+        """One actor alone, and the face of each of its triangles."""
+        faces = self._geometry.at(t)
+        own = np.flatnonzero(self._problem.face_owner[faces.triangle_faces] == actor)
+        alone = Occluders(faces.actors.triangles[own], self._geometry.origin)
+        return alone, faces.triangle_faces[own]
+
+    def _boxes(
+        self, faces: Faces, robot: Robot, state: State
+    ) -> Iterator[tuple[int, tuple[int, int, int, int]]]:
+        """Actors and the part of the image (left, top, right, bottom) in which each can be."""
+        camera, axes = pinhole(robot), _axes(robot, state)
+        for actor in range(len(self._problem.actors)):
+            corners = faces.polygons[self._problem.face_owner == actor].reshape(-1, 3)
+            right, up, depth = axes @ (corners - eye(self._problem, robot, state)).T
+            wide, high = (size / 2 / camera.focal * depth for size in (camera.width, camera.height))
+            sides = np.stack([wide - right, wide + right, high - up, high + up])
+            if (sides < 0).all(axis=1).any():  # it is wholly beyond one side of the image
+                continue
+            whole = (0, 0, camera.width, camera.height)
+            if depth.min() <= 0:  # partly behind the camera: it may be anywhere
+                yield actor, whole
+                continue
+            u = camera.width / 2 + camera.focal * right / depth
+            v = camera.height / 2 - camera.focal * up / depth
+            first = np.floor(np.maximum([u.min() - BORDER, v.min() - BORDER], 0.0))
+            last = np.ceil(np.minimum([u.max() + BORDER, v.max() + BORDER], whole[2:]))
+            left, top, end, bottom = (int(x) for x in (*first, *last))
+            if left < end and top < bottom:
+                yield actor, (left, top, end, bottom)
+
+    def _cast(
+        self,
+        robot: Robot,
+        state: State,
+        box: tuple[int, int, int, int],
+        surfaces: Sequence[Occluders],
+    ) -> Iterator[tuple[IntArray, FloatArray, _Hits]]:
+        """Rays of a box of pixels, some at a time: where in the image, ways [n, 3], and hits."""
+        camera, step, axes = pinhole(robot), self._step, _axes(robot, state)
+        columns = np.arange(box[0] // step, -(-box[2] // step))
+        width = -(-camera.width // step)
+        rows_at_once = max(RAYS // max(len(columns), 1), 1)
+        for first in range(box[1] // step, -(-box[3] // step), rows_at_once):
+            rows = np.arange(first, min(first + rows_at_once, -(-box[3] // step)))
+            row, column = (part.ravel() for part in np.meshgrid(rows, columns, indexing="ij"))
+            local = np.column_stack(
+                [
+                    (column + 0.5) * step - camera.width / 2,
+                    camera.height / 2 - (row + 0.5) * step,
+                    np.full(len(row), camera.focal),
+                ]
+            )
+            ways = local @ axes
+            ways /= np.linalg.norm(ways, axis=1)[:, None]
+            eyes = np.tile(eye(self._problem, robot, state), (len(ways), 1))
+            yield row * width + column, ways, _nearest(surfaces, eyes, ways)
+
+
+def pinhole(robot: Robot) -> Camera:
+    """A robot's camera.
+
+    Raises
+    ------
+    UnsupportedError
+        If it is none that makes pictures.
+    """
+    if not isinstance(robot.camera, Camera):
+        raise UnsupportedError("only pinhole cameras make pictures")
+    return robot.camera
+
+
+def eye(problem: Problem, robot: Robot, state: State) -> FloatArray:
+    """Where the camera is [3], in m."""
+    x, y, terrain = state.x, state.y, problem.height_map
+    altitude = terrain.altitude(x, y, robot.motion.layers[state.layer])
+    return np.array([*terrain.centre(x, y), altitude])
+
+
+def _axes(robot: Robot, state: State) -> FloatArray:
+    """Right, up and forward unit vectors of the camera [3, 3]."""
+    yaw = 2 * math.pi * state.heading / robot.motion.headings
+    tilt = robot.camera.tilts[state.pitch]
+    flat = np.array([math.cos(yaw), math.sin(yaw), 0.0])
+    right, above = np.array([math.sin(yaw), -math.cos(yaw), 0.0]), np.array([0.0, 0.0, 1.0])
+    forward = math.cos(tilt) * flat - math.sin(tilt) * above
+    return np.stack([right, np.cross(right, forward), forward])
+
+
+def _nearest(surfaces: Sequence[Occluders], eyes: FloatArray, ways: FloatArray) -> _Hits:
+    """The first of all surfaces that each ray meets."""
+    distance = np.full(len(ways), np.inf)
+    hits = _Hits(np.full(len(ways), -1), np.full(len(ways), -1))
+    for k, surface in enumerate(surfaces):
+        far, triangle = surface.first_hit(eyes, ways)
+        nearer = far < distance
+        distance[nearer] = far[nearer]
+        hits.surface[nearer], hits.triangle[nearer] = k, triangle[nearer]
+    return hits
+
+
+def _normals(triangles: FloatArray) -> FloatArray:
+    """Unit normals [n, 3] of triangles [n, 3, 3]."""
+    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    result: FloatArray = normals / np.linalg.norm(normals, axis=1)[:, None]
+    return result

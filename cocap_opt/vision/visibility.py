@@ -1,0 +1,228 @@
+"""Which share of a face a camera sees past terrain and other actors, by ray casting.
+
+Rays are cast by Embree. It computes in float32, so everything is shifted to a local origin
+first: at map coordinates of 5e5 m it would otherwise lose several per cent of the pixels.
+"""
+
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore import EmbreeDevice
+from embreex.rtcore_scene import EmbreeScene
+
+from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.vision.projection import centroids, dot
+from cocap_opt.world.workspace import HeightMap
+
+RAYS = 100_000  # rays cast at once, to bound the memory
+ALL = 1e-9  # of a face, less than which is not left out
+TOUCH = 1e-3  # m; a hit this near to the sample point is the sampled face itself
+
+
+def terrain_triangles(height_map: HeightMap) -> FloatArray:
+    """Surface of the columns of a height map as triangles [n, 3, 3] in m.
+
+    Every cell has a flat top; where two cells (or a cell and the outside) differ in height,
+    a vertical wall joins them. The outside is as low as the lowest cell.
+    """
+    heights, resolution = height_map.heights, height_map.resolution
+    ox, oy = height_map.origin
+    width, depth = heights.shape
+    x = ox + resolution * np.arange(width + 1)
+    y = oy + resolution * np.arange(depth + 1)
+    i, j = (index.ravel() for index in np.indices(heights.shape))
+    quads = [_quads((x[i], y[j]), (x[i + 1], y[j]), (x[i + 1], y[j + 1]), (x[i], y[j + 1]),
+                    heights.ravel(), heights.ravel())]  # fmt: skip
+    outside = float(heights.min())
+    framed = np.pad(heights, 1, constant_values=outside)
+    step_x = framed[:-1, 1:-1], framed[1:, 1:-1]
+    i, j = np.nonzero(step_x[0] != step_x[1])
+    low, high = np.minimum(*step_x)[i, j], np.maximum(*step_x)[i, j]
+    quads.append(_quads((x[i], y[j]), (x[i], y[j + 1]), (x[i], y[j + 1]), (x[i], y[j]), low, high))
+    step_y = framed[1:-1, :-1], framed[1:-1, 1:]
+    i, j = np.nonzero(step_y[0] != step_y[1])
+    low, high = np.minimum(*step_y)[i, j], np.maximum(*step_y)[i, j]
+    quads.append(_quads((x[i], y[j]), (x[i + 1], y[j]), (x[i + 1], y[j]), (x[i], y[j]), low, high))
+    corners = np.concatenate(quads)
+    return corners[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3, 3)
+
+
+def _quads(
+    a: tuple[FloatArray, FloatArray],
+    b: tuple[FloatArray, FloatArray],
+    c: tuple[FloatArray, FloatArray],
+    d: tuple[FloatArray, FloatArray],
+    first: FloatArray,
+    second: FloatArray,
+) -> FloatArray:
+    """Quads [n, 4, 3] over four (x, y) corners; the last two corners at the second height."""
+    corners = [
+        np.column_stack([*corner, z])
+        for corner, z in zip((a, b, c, d), (first, first, second, second), strict=True)
+    ]
+    return np.stack(corners, axis=1)
+
+
+def fan_triangles(polygon: FloatArray) -> FloatArray:
+    """Triangles [V-2, 3, 3] of a convex polygon [V, 3]."""
+    return np.stack([polygon[[0, k, k + 1]] for k in range(1, len(polygon) - 1)])
+
+
+def sample_points(polygon: FloatArray, samples: int) -> tuple[FloatArray, FloatArray]:
+    """Points [n, 3] spread over a convex polygon [V, 3] and the share of area of each [n].
+
+    Each triangle between an edge and the middle is cut into `samples` squared equal triangles,
+    whose centroids are the points. So a mirrored polygon has mirrored points.
+    """
+    a, b = centroids(samples)
+    points, areas = [], []
+    for triangle in _around_middle(polygon):
+        first, second = triangle[1] - triangle[0], triangle[2] - triangle[0]
+        points.append(triangle[0] + a[:, None] * first + b[:, None] * second)
+        areas.append(np.full(len(a), np.linalg.norm(np.cross(first, second)) / len(a)))
+    share = np.concatenate(areas)
+    return np.concatenate(points), share / share.sum()
+
+
+def _around_middle(polygon: FloatArray) -> list[FloatArray]:
+    """Triangles [3, 3] between the edges of a convex polygon [V, 3] and its middle."""
+    middle = polygon.mean(axis=0)
+    ends = zip(polygon, np.roll(polygon, -1, axis=0), strict=True)
+    return [np.stack([middle, a, b]) for a, b in ends]
+
+
+@cache
+def _device() -> EmbreeDevice:
+    """The one device of the process: each takes one of its 1024 thread-local keys."""
+    return EmbreeDevice()
+
+
+class Occluders:
+    """Things that block views: the terrain, or the actors of one step.
+
+    Parameters
+    ----------
+    triangles : [n, 3, 3] m
+    origin : [3] m, subtracted from all points
+    owners : [n] actor of each triangle; -1 for terrain
+
+    Attributes
+    ----------
+    triangles : [n, 3, 3] m
+    """
+
+    def __init__(
+        self, triangles: FloatArray, origin: FloatArray, owners: IntArray | None = None
+    ) -> None:
+        self._origin = origin
+        self._owners = np.full(len(triangles), -1) if owners is None else owners
+        self.triangles = triangles
+        self._scene: EmbreeScene | None = None
+        if len(triangles):
+            self._scene = EmbreeScene(_device(), robust=True)
+            TriangleMesh(self._scene, (triangles - origin).astype(np.float32))
+            # Builds the scene now: with the first ray threads would do so at the same time.
+            self.first_hit(origin[None], np.array([[0.0, 0.0, 1.0]]))
+
+    def first_hit(self, eyes: FloatArray, ways: FloatArray) -> tuple[FloatArray, IntArray]:
+        """Distance in m at which rays first meet something, and which triangle.
+
+        Parameters
+        ----------
+        eyes : [n, 3] m, where the rays begin
+        ways : [n, 3] unit vectors
+
+        Returns
+        -------
+        distances, triangles : [n] each; inf and -1 where there is nothing
+        """
+        if self._scene is None or not len(eyes):
+            return np.full(len(eyes), np.inf), np.full(len(eyes), -1)
+        hit = self._scene.run(
+            (eyes - self._origin).astype(np.float32), ways.astype(np.float32), output=True
+        )
+        triangles = hit["primID"].astype(np.int64)
+        return np.where(triangles >= 0, hit["tfar"].astype(np.float64), np.inf), triangles
+
+    def free_share(
+        self, eyes: FloatArray, targets: FloatArray, target_owners: IntArray | None = None
+    ) -> FloatArray:
+        """How far a ray from each eye [n, 3] gets toward its target [n, 3]: 1 where it arrives.
+
+        Below 1 it is the share of the distance at which the ray is stopped. A face that is
+        turned to the camera cannot be hidden by its own (convex) actor, `target_owners` [n].
+        """
+        ways = targets - eyes
+        length = np.maximum(np.sqrt(dot(ways, ways)), TOUCH)  # a nearer one arrives
+        distance, triangle = self.first_hit(eyes, ways / length[:, None])
+        arrives = distance >= length - TOUCH
+        if target_owners is not None:
+            hits = np.flatnonzero(triangle >= 0)
+            arrives[hits] |= self._owners[triangle[hits]] == target_owners[hits]
+        return np.where(arrives, 1.0, distance / length)
+
+
+class Samples(NamedTuple):
+    """Sample points of all faces, or of other things, one after the other."""
+
+    points: FloatArray  # [M, 3] m
+    shares: FloatArray  # [M] share of its face's area that each point stands for
+    counts: IntArray  # [F] number of points of each face
+
+    def of(self, faces: IntArray) -> tuple[IntArray, IntArray]:
+        """Points of faces [n], one after the other: which of the faces, and which point."""
+        counts, first = self.counts[faces], np.cumsum(self.counts) - self.counts
+        return np.repeat(np.arange(len(faces)), counts), spans(first[faces], counts)
+
+
+def spans(first: IntArray, counts: IntArray) -> IntArray:
+    """Numbers first, first + 1, .. of each of the spans [n], one after the other."""
+    ends = np.cumsum(counts)
+    result: IntArray = np.arange(int(counts.sum())) + np.repeat(first + counts - ends, counts)
+    return result
+
+
+def seen_samples(
+    occluders: list[Occluders],
+    eyes: FloatArray,
+    samples: Samples,
+    faces: IntArray,
+    owners: IntArray,
+) -> BoolArray:
+    """Which sample points of faces [n] are seen, one after the other as `Samples.of` has them.
+
+    Parameters
+    ----------
+    eyes : [n, 3] camera positions, one per pair of camera and face
+    faces : [n] which face is looked at
+    owners : [F] actor of each face
+    """
+    parts = np.cumsum(samples.counts[faces]) // RAYS
+    cuts = np.flatnonzero(np.diff(parts)) + 1
+    seen = [np.zeros(0, dtype=bool)]
+    for at in np.split(np.arange(len(faces)), cuts):
+        pair, point = samples.of(faces[at])
+        eye, owner = eyes[at][pair], owners[faces[at]][pair]
+        seen.append(rays_arrive(occluders, eye, samples.points[point], owner))
+    return np.concatenate(seen)
+
+
+def seen_share(samples: Samples, faces: IntArray, seen: BoolArray) -> FloatArray:
+    """Share of the area of faces [n] that is seen, given which of their sample points are."""
+    pair, point = samples.of(faces)
+    # It adds up in this order, so that the result does not depend on n.
+    share = np.bincount(pair, weights=seen * samples.shares[point], minlength=len(faces))
+    return np.where(share < 1 - ALL, share, 1.0)
+
+
+def rays_arrive(
+    occluders: list[Occluders], eyes: FloatArray, targets: FloatArray, owners: IntArray
+) -> BoolArray:
+    """Whether each ray [n] gets from its eye to its target, on a face of the actor `owners`."""
+    arrives = np.ones(len(eyes), dtype=bool)
+    for occluder in occluders:
+        rest = np.flatnonzero(arrives)
+        arrives[rest] = occluder.free_share(eyes[rest], targets[rest], owners[rest]) >= 1.0
+    return arrives

@@ -1,0 +1,1 @@
+"""What is solid: height maps, meshes, and the columns of matter above each cell."""

@@ -1,0 +1,165 @@
+"""Where solid matter is: a height map, and meshes for what overhangs."""
+
+import math
+from functools import cached_property, lru_cache
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+
+from cocap_opt.data import (
+    LARGEST,
+    SMALLEST,
+    Data,
+    FloatArray,
+    IntArray,
+    frozen,
+    require,
+    within,
+)
+from cocap_opt.world.columns import NO_SPANS, Columns, Spans, columns_of, mesh_spans
+
+MOST_TRIANGLES = 1_000_000
+
+Place = tuple[int, int, float]  # cell x, y and flight height (m)
+
+
+class HeightMap(Data, frozen=True, eq=False, dict=True):
+    """A 2.5D map: `heights[x, y]` [X, Y] is the top of the solid column in a cell, in metres.
+
+    Cell (i, j) covers `origin + resolution * ([i, i+1) x [j, j+1))`.
+
+    Raises
+    ------
+    ProblemError
+        If an array is not 2-D, empty or not finite, or a number is out of range.
+    """
+
+    heights: FloatArray  # [X, Y] m
+    resolution: float = 1.0  # m, edge of a cell
+    origin: tuple[float, float] = (0.0, 0.0)  # m, corner of cell (0, 0)
+    datum: FloatArray | None = None  # [X, Y] m, what flight heights are above; None: 0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        msgspec.structs.force_setattr(self, "heights", frozen(self.heights, "heights", 2))
+        within(self.resolution, SMALLEST, LARGEST, "resolution", "m")
+        for value in self.origin:
+            within(value, -LARGEST, LARGEST, "origin", "m")
+        if self.datum is not None:
+            msgspec.structs.force_setattr(self, "datum", frozen(self.datum, "datum", 2))
+            sizes = self.shape
+            same = self.datum.shape == sizes
+            require(same, "datum", f"must have {sizes[0]} x {sizes[1]} cells like the heights")
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Number of cells along x and y."""
+        x, y = self.heights.shape
+        return x, y
+
+    def centre(self, x: int, y: int) -> tuple[float, float]:
+        """World coordinates (m) of the middle of cell (x, y)."""
+        ox, oy = self.origin
+        return ox + (x + 0.5) * self.resolution, oy + (y + 0.5) * self.resolution
+
+    def cell_of(self, x: float, y: float) -> tuple[int, int]:
+        """Cell that holds the world point (x, y) in metres; it may lie outside the map."""
+        ox, oy = self.origin
+        return math.floor((x - ox) / self.resolution), math.floor((y - oy) / self.resolution)
+
+    def inside(self, x: int, y: int) -> bool:
+        """Whether the map has this cell."""
+        width, depth = self.shape
+        return 0 <= x < width and 0 <= y < depth
+
+    def altitude(self, x: int, y: int, height: float) -> float:
+        """Altitude (m) of flight height `height` in cell (x, y)."""
+        return height if self.datum is None else height + float(self.datum[x, y])
+
+    def way(self, one: Place, other: Place) -> tuple[float, float, float]:
+        """Way (m) from one place to another, each a cell x, y and a flight height."""
+        (ax, ay, low), (bx, by, high) = one, other
+        up = self.altitude(bx, by, high) - self.altitude(ax, ay, low)
+        return (bx - ax) * self.resolution, (by - ay) * self.resolution, up
+
+    def altitudes(self, heights: tuple[float, ...]) -> FloatArray:
+        """Altitudes [layer, X, Y] (m) of flight heights in all cells."""
+        datum = np.zeros(self.shape) if self.datum is None else self.datum
+        result: FloatArray = np.array(heights)[:, None, None] + datum
+        return result
+
+
+class Mesh(Data, frozen=True, eq=False, dict=True):
+    """A solid or a surface made of triangles: what a height map cannot hold.
+
+    It blocks motion and hides actors. Where its triangles are the whole surface of something,
+    its inside is solid, too; otherwise the triangles are thin plates.
+
+    Raises
+    ------
+    ProblemError
+        If vertices are not [V, 3] finite numbers, or triangles not [M, 3] numbers 0..V-1.
+    """
+
+    vertices: FloatArray  # [V, 3] m
+    triangles: IntArray  # [M, 3] numbers of vertices, counter-clockwise seen from outside
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        msgspec.structs.force_setattr(self, "vertices", frozen(self.vertices, "vertices", 2))
+        columns = self.vertices.shape[1]
+        require(columns == 3, "vertices", f"must have 3 columns x, y, z, not {columns}")
+        given = frozen(self.triangles, "triangles", 2)
+        columns = given.shape[1]
+        require(columns == 3, "triangles", f"must have 3 columns, not {columns}")
+        most = f"must be at most {MOST_TRIANGLES}, not {len(given)}"
+        require(len(given) <= MOST_TRIANGLES, "triangles", most)
+        last = len(self.vertices) - 1
+        numbers = bool(((given >= 0) & (given <= last) & (given == np.floor(given))).all())
+        require(numbers, "triangles", f"must be numbers of vertices, 0..{last}")
+        triangles = given.astype(np.int64)
+        triangles.setflags(write=False)
+        msgspec.structs.force_setattr(self, "triangles", triangles)
+
+    @cached_property
+    def is_solid(self) -> bool:
+        """Whether the triangles close: every edge is passed as often one way as the other."""
+        edges = np.concatenate([self.triangles[:, [k, (k + 1) % 3]] for k in range(3)])
+        low, high = edges.min(axis=1), edges.max(axis=1)
+        _, number = np.unique(low * len(self.vertices) + high, return_inverse=True)
+        balance = np.bincount(number, weights=np.where(edges[:, 0] == low, 1, -1))
+        return not balance.any()
+
+    @property
+    def corners(self) -> FloatArray:
+        """Corners of the triangles [M, 3, 3] (m)."""
+        result: FloatArray = self.vertices[self.triangles]
+        return result
+
+
+class Workspace(NamedTuple):
+    """All that is solid, and the grid in which robots move."""
+
+    height_map: HeightMap
+    meshes: tuple[Mesh, ...] = ()
+
+    @property
+    def columns(self) -> Columns:
+        """Solid matter above every cell."""
+        return _columns(self)
+
+
+@lru_cache(maxsize=16)
+def _columns(workspace: Workspace) -> Columns:
+    spans = [NO_SPANS, *(_spans(mesh, workspace.height_map) for mesh in workspace.meshes)]
+    whole = Spans(*(np.concatenate(parts) for parts in zip(*spans, strict=True)))
+    return columns_of(workspace.height_map.heights, whole)
+
+
+def _spans(mesh: Mesh, height_map: HeightMap) -> Spans:
+    # In cells along x and y, from the corner of the map.
+    corner = np.array([*height_map.origin, 0.0])
+    scale = np.array([height_map.resolution, height_map.resolution, 1.0])
+    vertices = (mesh.vertices - corner) / scale
+    return mesh_spans(vertices, mesh.triangles, height_map.shape, mesh.is_solid)

@@ -1,0 +1,100 @@
+"""The commands of `cocap-opt figure`: charts for papers, as PNG, PDF or SVG."""
+
+from pathlib import Path
+
+from cyclopts import App
+from matplotlib.figure import Figure
+
+from cocap_opt.experiments.cli.options import (
+    Json,
+    OfPlanners,
+    OfScenes,
+    Output,
+    Seed,
+    UsageError,
+    chosen,
+    file_type,
+    load,
+)
+from cocap_opt.experiments.report.charts import conflicts_figure, gaps_figure, progress_figure
+from cocap_opt.experiments.report.figures import PICTURES, picture
+from cocap_opt.experiments.results.files import check_output, read_plans, save_bytes
+from cocap_opt.experiments.results.layout import TRACES
+from cocap_opt.experiments.results.printing import path_text, print_result, titles
+from cocap_opt.experiments.results.trace import load_trace
+from cocap_opt.experiments.sweeps.results import load_results
+
+app = App(name="figure", help="Draw charts of results, as PNG, PDF or SVG.", version_flags=[])
+
+
+@app.command
+def gaps(
+    folder: Path,
+    /,
+    *,
+    output: Output,
+    scene: OfScenes = None,
+    planner: OfPlanners = None,
+    json: Json = False,
+) -> int:
+    """Draw the gaps of a sweep's planners: a point per seed, mean and 95 % interval.
+
+    Example: cocap-opt figure gaps results -o gaps.pdf
+    """
+    _check(output)
+    return _save(output, gaps_figure(chosen(load_results(folder), scene, planner)), json)
+
+
+@app.command
+def progress(*trace: Path, output: Output, json: Json = False) -> int:
+    """Draw the gap of solver runs over time, from files that --trace has written, or a sweep.
+
+    A folder stands for the traces of the sweep in it.
+
+    Example: cocap-opt figure progress trace.csv -o progress.pdf
+    """
+    _check(output)
+    if not trace:
+        raise UsageError("TRACE: name a file that `solve --trace` has written")
+    paths = [path for given in trace for path in _traces(given)]
+    traces = [load_trace(path) for path in paths]
+    return _save(output, progress_figure(dict(zip(titles(paths), traces, strict=True))), json)
+
+
+def _traces(path: Path) -> list[Path]:
+    """The files of a sweep's folder, or the file itself."""
+    if not path.is_dir():
+        return [path]
+    found = sorted((path / TRACES).glob("*.csv"))
+    if not found:
+        raise UsageError(f"{path}: has no traces of a sweep")
+    return found
+
+
+@app.command
+def conflicts(
+    scene: str, /, *plan: Path, output: Output, seed: Seed = 0, json: Json = False
+) -> int:  # fmt: skip
+    """Draw which drones collide at which step, in one or more plans.
+
+    Example: cocap-opt figure conflicts bottleneck greedy.json cocap.json -o conflicts.pdf
+    """
+    _check(output)
+    if not plan:
+        raise UsageError("PLAN: name a plan, such as plan.json")
+    problem, plans = read_plans(plan, scene, load(scene, seed))
+    return _save(
+        output, conflicts_figure(problem, dict(zip(titles(plan), plans, strict=True))), json
+    )
+
+
+def _check(output: Path | None) -> None:
+    file_type(output, PICTURES)
+    check_output(output)
+
+
+def _save(output: Path | None, figure: Figure, json: bool) -> int:
+    assert output is not None
+    save_bytes(output, picture(figure, output.suffix.lower()))
+    print_result({"file": path_text(output)}, json)
+    return 0

@@ -1,0 +1,59 @@
+"""The command line, `cocap-opt`: the commands are in `cocap_opt.experiments.cli.commands`.
+
+Results go to standard output, as a table or with --json as one JSON object and nothing
+else; progress and messages go to standard error. Exit codes: 0 done (also when there is no
+plan: that is a result), 1 a claim does not hold (verify), 2 wrong input, 130 interrupted
+before there was anything to give.
+"""
+
+import os
+import signal
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from types import FrameType
+
+from cocap_opt.experiments.console.streams import discard, open_streams, say
+
+INTERRUPTED = 130
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line and exit."""
+    open_streams()
+    try:
+        with _leave_at_once():
+            from cocap_opt.experiments.cli.commands import run  # half a second
+        code = run(arguments)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        # The reader of our output has gone, as with `| head`.
+        discard(sys.stdout)
+        code = 0
+    except OSError as error:  # files name themselves; what is left is the output
+        discard(sys.stdout)
+        say(f"standard output: cannot be written: {error.strerror}")
+        code = 2
+    except KeyboardInterrupt:  # a second Ctrl-C, or one before there was anything to give
+        say("interrupted")
+        code = INTERRUPTED
+    sys.exit(code)
+
+
+@contextmanager
+def _leave_at_once() -> Iterator[None]:
+    """End the process at Ctrl-C: modules that are being imported may swallow an exception."""
+    before = signal.getsignal(signal.SIGINT)
+    if before is not signal.default_int_handler:  # the caller has other plans with it
+        yield
+        return
+
+    def leave(number: int, frame: FrameType | None) -> None:
+        say("interrupted")
+        os._exit(INTERRUPTED)
+
+    signal.signal(signal.SIGINT, leave)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)

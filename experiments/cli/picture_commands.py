@@ -1,0 +1,104 @@
+"""The commands that show plans: a player, pictures from above, and what each drone sees."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from cocap_opt.check import check
+from cocap_opt.data import MOST_PIXELS
+from cocap_opt.experiments.cli.options import Json, Output, Seed, UsageError, file_type, load
+from cocap_opt.experiments.console.progress import watching
+from cocap_opt.experiments.results.files import (
+    check_output,
+    make_folder,
+    read_plan,
+    read_plans,
+    save_bytes,
+)
+from cocap_opt.experiments.results.printing import path_text, print_result, titles
+from cocap_opt.problem.plan import Plan
+from cocap_opt.problem.problem import Problem
+from cocap_opt.result import UnsupportedError
+
+SHOWN = (".html", ".png", ".pdf", ".svg", ".gif")
+
+
+def show(
+    scene: str, /, *plan: Path, output: Output, seed: Seed = 0, json: Json = False
+) -> int:  # fmt: skip
+    """Play plans side by side in an HTML file, or draw one from above.
+
+    The HTML file needs no network and no other file. PNG, PDF and SVG show the last step, a GIF
+    all steps.
+
+    Example: cocap-opt show corridor greedy.json cocap.json -o plans.html
+    """
+    suffix = file_type(output, SHOWN)
+    assert output is not None
+    if not plan:
+        raise UsageError("PLAN: name a plan, such as plan.json")
+    if suffix != ".html" and len(plan) > 1:
+        raise UsageError(f"PLAN: a {suffix} file shows one plan, not {len(plan)}; .html takes more")
+    check_output(output)
+    problem, plans = read_plans(plan, scene, load(scene, seed))
+    save_bytes(output, _shown(problem, plans, titles(plan), suffix))
+    print_result({"scene": problem.name, "seed": seed, "file": path_text(output)}, json)
+    return 0
+
+
+def render(
+    scene: str,
+    plan: Path,
+    /,
+    *,
+    output: Annotated[Path | None, Parameter(name=["-o", "--output"], help="folder to write to")],
+    seed: Seed = 0,
+    width: Annotated[int, Parameter(help="of the pictures, px")] = 800,
+    pixel_step: Annotated[
+        int, Parameter(help="count one pixel of each block of so many by so many; 1 is exact")
+    ] = 1,
+    json: Json = False,
+) -> int:
+    """Render what each drone sees, and compare planned coverage with what is in the pictures.
+
+    The folder gets a PNG per drone and step, and coverage.csv with a row
+    for each face in a picture.
+
+    Example: cocap-opt render corridor plan.json -o views
+    """
+    from cocap_opt.experiments.report.rendering import write_views  # matplotlib is slow to import
+
+    if output is None:
+        raise UsageError("-o: name the folder to write to")
+    for option, value, most in (("--width", width, MOST_PIXELS), ("--pixel-step", pixel_step, 100)):
+        if not 1 <= value <= most:
+            raise UsageError(f"{option}: must be 1..{most}, not {value}")
+    problem, shown = read_plan(plan, scene, load(scene, seed))
+    make_folder(output)
+    with watching(f"{problem.name} seed {seed}") as watch:
+        try:
+            row = write_views(output, problem, shown, width, pixel_step,
+                              lambda done, all_: watch.count("view", done, all_))  # fmt: skip
+        except UnsupportedError as error:
+            raise UsageError(f"{scene}: {error}") from error
+    print_result({"scene": problem.name, "seed": seed, "folder": path_text(output)} | row, json)
+    return 0
+
+
+def _shown(problem: Problem, plans: Sequence[Plan], names: Sequence[str], suffix: str) -> bytes:
+    """The file that shows plans: a player, or a picture of the only one."""
+    from cocap_opt.experiments.report.figures import (  # matplotlib is slow to import
+        gif,
+        picture,
+        plan_figure,
+    )
+    from cocap_opt.experiments.report.player import player_page
+
+    if suffix == ".html":
+        return player_page(problem, list(zip(names, plans, strict=True))).encode()
+    verdict, steps = check(problem, plans[0]), range(problem.horizon + 1)
+    if suffix == ".gif":
+        return gif([plan_figure(problem, plans[0], verdict, t) for t in steps])
+    return picture(plan_figure(problem, plans[0], verdict, problem.horizon), suffix)

@@ -1,0 +1,106 @@
+"""The commands that show what sweeps have found."""
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from cocap_opt.experiments.cli.options import (
+    Json,
+    OfPlanners,
+    OfScenes,
+    Output,
+    UsageError,
+    choose,
+    chosen,
+    file_type,
+)
+from cocap_opt.experiments.results.files import check_output, save_bytes
+from cocap_opt.experiments.results.printing import path_text, print_json, print_result
+from cocap_opt.experiments.results.rows import Row
+from cocap_opt.experiments.results.tables import AGAINST, all_tables
+from cocap_opt.experiments.sweeps.about import load_run
+from cocap_opt.experiments.sweeps.results import load_results
+
+DOCUMENT_STYLES = ("markdown", "latex", "html")
+Against = Annotated[
+    str | None, Parameter(help=f"the planner that others are compared with, else {AGAINST}")
+]
+
+
+def table(
+    folder: Path,
+    /,
+    *,
+    style: Annotated[
+        str, Parameter(name="--format", help=f"one of {', '.join(DOCUMENT_STYLES)}")
+    ] = "markdown",
+    scene: OfScenes = None,
+    planner: OfPlanners = None,
+    against: Against = None,
+    output: Output = None,
+    json: Json = False,
+) -> int:
+    """Make tables of the results in a folder: planners, differences, prices, times.
+
+    Means come with 95 % confidence intervals (Student's t), times as
+    shifted geometric means.
+
+    Example: cocap-opt table results --format latex -o tables.tex
+    """
+    from cocap_opt.experiments.results.documents import DOCUMENTS  # pandas is slow to import
+
+    choose("--format", style, DOCUMENTS)
+    check_output(output)
+    rows = chosen(load_results(folder), scene, planner)
+    tables = all_tables(rows, load_run(folder).settings.limit, _against(against, rows))
+    if json:
+        print_json({"tables": tables})
+    elif output is None:
+        sys.stdout.write(DOCUMENTS[style](tables))
+    if output is not None:
+        save_bytes(output, DOCUMENTS[style](tables).encode())
+    return 0
+
+
+def report(
+    folder: Path,
+    /,
+    *,
+    output: Output,
+    scene: OfScenes = None,
+    planner: OfPlanners = None,
+    against: Against = None,
+    players: Annotated[int, Parameter(help="scenes of which plans are shown, at most")] = 4,
+    json: Json = False,
+) -> int:
+    """Make one HTML page of a sweep: tables, figures, players, settings and limitations.
+
+    It needs no network and no other file.
+
+    Example: cocap-opt report results -o report.html
+    """
+    from cocap_opt.experiments.report.report import (
+        report_page,  # matplotlib and pandas are slow to import
+    )
+
+    file_type(output, (".html",))
+    assert output is not None
+    if players < 0:
+        raise UsageError(f"--players: must be at least 0, not {players}")
+    check_output(output)
+    rows, run = chosen(load_results(folder), scene, planner), load_run(folder)
+    content = report_page(folder, rows, run, _against(against, rows), players)
+    save_bytes(output, content.encode())
+    print_result({"file": path_text(output)}, json)
+    return 0
+
+
+def _against(planner: str | None, rows: Sequence[Row]) -> str:
+    """The planner that others are compared with; a name that is given must be in the results."""
+    if planner is None:
+        return AGAINST
+    choose("--against", planner, dict.fromkeys(row["planner"] for row in rows))
+    return planner

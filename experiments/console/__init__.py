@@ -1,0 +1,1 @@
+"""The terminal: streams, progress, numbers in options."""

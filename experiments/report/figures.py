@@ -1,0 +1,205 @@
+"""Pictures of plans by matplotlib. Each drawing function takes an axes and returns it."""
+
+import io
+from collections.abc import Sequence
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch, Polygon, Wedge
+from matplotlib.text import Text
+from matplotlib.ticker import MaxNLocator, ScalarFormatter
+from PIL import Image
+
+from cocap_opt.check import Verdict
+from cocap_opt.data import BoolArray
+from cocap_opt.graph.motion import free_places
+from cocap_opt.problem.plan import Plan
+from cocap_opt.problem.problem import Problem, State
+from cocap_opt.world.workspace import Workspace
+
+GROUND, COVERED, WALL, ACTOR = "#f4f1ea", "#cfc8b8", "#6b6f76", "#d1495b"
+VIEW_LENGTH = 0.2  # of the map, how far view cones are drawn; cameras see farther
+FRAME_MILLISECONDS = 500
+PICTURES = (".png", ".pdf", ".svg")
+
+
+def robot_colour(robot: int) -> tuple[float, float, float, float]:
+    """Colour of a robot, the same in every picture; red is kept for actors."""
+    cycle = [0, 2, 1, 4, 9, 5, 8, 6, 7]
+    colour: tuple[float, float, float, float] = mpl.colormaps["tab10"](cycle[robot % len(cycle)])
+    return colour
+
+
+def actor_colour(actor: int) -> tuple[float, float, float]:
+    """Colour of an actor where each has one of its own."""
+    red, green, blue, _ = mpl.colormaps["tab10"](actor % 10)
+    return red, green, blue
+
+
+def position(problem: Problem, state: State) -> tuple[float, float]:
+    """World coordinates (m) of a state."""
+    return problem.height_map.centre(state.x, state.y)
+
+
+def blocked_cells(problem: Problem, workspace: Workspace) -> BoolArray:
+    """Cells [X, Y] of a workspace in which no robot may be at the lowest flight height."""
+    lowest = problem.layers[:1]
+    low = (robot.motion for robot in problem.robots if robot.motion.layers[:1] == lowest)
+    free = [free_places(workspace, motion.replace(layers=lowest))[0] for motion in set(low)]
+    blocked: BoolArray = ~np.any(free, axis=0)
+    return blocked
+
+
+def draw_terrain(ax: Axes, problem: Problem) -> Axes:
+    """Terrain from above: cells that block the lowest flight height are dark.
+
+    Lighter are cells that are free there, with a mesh above.
+    """
+    height_map = problem.height_map
+    width, depth = height_map.shape
+    (ox, oy), res = height_map.origin, height_map.resolution
+    extent = (ox, ox + width * res, oy, oy + depth * res)
+    blocked = blocked_cells(problem, problem.workspace)
+    covered = np.isfinite(problem.workspace.columns.low[1:]).any(axis=0)
+    kind = np.where(blocked, 2, np.where(covered, 1, 0))
+    ax.imshow(
+        kind.T, origin="lower", extent=extent, cmap=ListedColormap([GROUND, COVERED, WALL]),
+        vmin=0, vmax=2, interpolation="nearest", zorder=0,
+    )  # fmt: skip
+    words = {WALL: f"blocks {problem.layers[0]:g} m", COVERED: "something above or below"}
+    shown = [(WALL, 2), (COVERED, 1)]
+    handles = [Patch(color=colour, label=words[colour]) for colour, k in shown if (kind == k).any()]
+    if handles and covered.any():
+        ax.legend(handles=handles, fontsize=6, loc="upper right", framealpha=0.8)
+    ax.set_aspect("equal")
+    ax.set_xlim(*extent[:2])  # what is drawn later must not move the frame
+    ax.set_ylim(*extent[2:])
+    for axis, corner in ((ax.xaxis, ox), (ax.yaxis, oy)):
+        axis.set_major_locator(MaxNLocator(6))
+        # Map coordinates have seven digits; what they share is said once.
+        shared = corner // 1000 * 1000 if abs(corner) >= 10_000 else 0.0
+        axis.set_major_formatter(ScalarFormatter(useOffset=shared))
+    ax.set_xlabel("x (m)")
+    ax.set_ylabel("y (m)")
+    return ax
+
+
+def draw_actors(ax: Axes, problem: Problem, t: int) -> Axes:
+    """Actors at step t as filled outlines with their walk so far."""
+    for j, actor in enumerate(problem.actors):
+        x, y, _, yaw = actor.poses[t]
+        ax.plot(*actor.poses[: t + 1, :2].T, color=ACTOR, lw=1, ls=":", zorder=3)
+        outline = actor.shape.faces()
+        base = np.unique(np.concatenate(outline)[:, :2].round(9), axis=0)
+        order = np.argsort(np.arctan2(base[:, 1], base[:, 0]))
+        c, s = np.cos(yaw), np.sin(yaw)
+        corners = base[order] @ np.array([[c, s], [-s, c]]) + [x, y]
+        ax.add_patch(Polygon(corners, facecolor=ACTOR, edgecolor="black", lw=0.6, zorder=5))
+        tip = (x + 0.9 * c, y + 0.9 * s)
+        ax.annotate(
+            "", xy=tip, xytext=(x, y), arrowprops={"arrowstyle": "-|>", "lw": 0.8}, zorder=6,
+            annotation_clip=False,
+        )  # fmt: skip
+        ax.text(x, y, str(j), color="white", fontsize=6, ha="center", va="center", zorder=7)
+    return ax
+
+
+def draw_robots(ax: Axes, problem: Problem, plan: Plan, t: int) -> Axes:
+    """Robots at step t with their view cones and tracks; a ring marks each start."""
+    length = VIEW_LENGTH * min(problem.height_map.shape) * problem.height_map.resolution
+    for i, (robot, path) in enumerate(zip(problem.robots, plan.paths, strict=True)):
+        colour = robot_colour(i)
+        track = np.array([position(problem, state) for state in path])
+        ax.plot(*track.T, color=colour, lw=0.8, alpha=0.35, zorder=2)
+        ax.plot(*track[: t + 1].T, color=colour, lw=1.8, zorder=4)
+        ax.plot(*track[0], marker="o", mfc="none", mec=colour, ms=8, zorder=4)
+        yaw = 360 * path[t].heading / robot.motion.headings
+        half = np.degrees(robot.camera.half_angle)
+        cone = Wedge(
+            tuple(track[t]), length, yaw - half, yaw + half, color=colour, alpha=0.18, zorder=1
+        )
+        ax.add_patch(cone)
+        ax.plot(*track[t], marker="o", color=colour, mec="black", mew=0.6, ms=7, zorder=8)
+        ax.text(
+            track[t, 0],
+            track[t, 1],
+            str(i),
+            color="white",
+            fontsize=6,
+            ha="center",
+            va="center",
+            zorder=9,
+        )
+    return ax
+
+
+def draw_reward(ax: Axes, verdict: Verdict, t: int) -> Axes:
+    """View reward per step, the current step marked."""
+    steps = np.arange(1, len(verdict.reward_per_step) + 1)
+    ax.bar(
+        steps, verdict.reward_per_step, color=["#30638e" if s <= t else "#c9d6df" for s in steps]
+    )
+    ax.set_xlabel("step")
+    ax.set_ylabel("view reward")
+    ax.set_xticks(steps[:: max(1, len(steps) // 10)])
+    draw_frame(ax)
+    return ax
+
+
+def draw_frame(ax: Axes) -> Axes:
+    """Only the two sides of the frame that have numbers."""
+    for side in ("top", "right"):
+        ax.spines[side].set_visible(False)
+    return ax
+
+
+def plan_figure(problem: Problem, plan: Plan, verdict: Verdict, t: int) -> Figure:
+    """Top view at step t above the reward per step."""
+    width, depth = problem.height_map.shape
+    height = min(max(5.0 * depth / width, 2.5), 9.0)
+    figure = Figure(figsize=(5.6, height + 1.7), layout="constrained", dpi=110)
+    top, bottom = figure.subplots(2, 1, height_ratios=[height, 1.1])
+    draw_terrain(top, problem)
+    draw_robots(top, problem, plan, t)
+    draw_actors(top, problem, t)
+    conflicts = f", {len(verdict.conflicts)} conflicts" if verdict.conflicts else ""
+    words = f"step {t} of {problem.horizon} (whole plan: J = {verdict.reward:,.0f}{conflicts})"
+    top.set_title(f"{problem.name}, {words}", fontsize=10)
+    draw_reward(bottom, verdict, t)
+    return figure
+
+
+def picture(figure: Figure, suffix: str) -> bytes:
+    """A figure as a file.
+
+    Parameters
+    ----------
+    suffix : one of PICTURES; in PDF text stays text
+    """
+    content = io.BytesIO()
+    FigureCanvasAgg(figure)
+    for text in figure.findobj(Text):  # names of scenes and files are no mathematics
+        text.set_parse_math(False)
+    with mpl.rc_context({"pdf.fonttype": 42, "text.parse_math": False}):
+        figure.savefig(content, format=suffix[1:])
+    return content.getvalue()
+
+
+def png(figure: Figure) -> bytes:
+    """A figure as a PNG file."""
+    return picture(figure, ".png")
+
+
+def gif(figures: Sequence[Figure]) -> bytes:
+    """Figures as frames of a GIF file that repeats."""
+    frames = [Image.open(io.BytesIO(png(figure))).convert("RGB") for figure in figures]
+    content = io.BytesIO()
+    frames[0].save(
+        content, format="GIF", save_all=True, append_images=frames[1:], loop=0,
+        duration=FRAME_MILLISECONDS,
+    )  # fmt: skip
+    return content.getvalue()

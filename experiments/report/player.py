@@ -1,0 +1,145 @@
+"""The player: plans of one scene in one HTML file, which needs no network and no other file.
+
+What it draws and how is in the folder `page`; here is what it is told.
+"""
+
+import json
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from cocap_opt.check import check
+from cocap_opt.data import FloatArray
+from cocap_opt.experiments.report.pages import filled, part
+from cocap_opt.experiments.report.player_scene import SceneData
+from cocap_opt.model import compiled
+from cocap_opt.problem.plan import Conflict, Plan, SwapConflict, conflicts
+from cocap_opt.problem.problem import Cone, Problem
+
+SCRIPTS = ("raster.js", "world.js", "bodies.js", "view.js", "chart.js", "player.js")
+DIGITS = 5  # of px/m2 as they are shown; rewards have all
+
+Data = dict[str, Any]
+Titled = tuple[str, Plan]  # a plan and what it is called
+
+
+def player_page(problem: Problem, plans: Sequence[Titled]) -> str:
+    """The text of an HTML file that plays plans side by side.
+
+    Parameters
+    ----------
+    plans : at least one; all must be such as can be flown (`check` finds no violations)
+    """
+    parts = {
+        "style": part("player.css"),
+        "script": "\n".join(map(part, SCRIPTS)),
+        "data": _inert(player_data(problem, plans)),
+    }
+    return filled("player.html", parts)
+
+
+def _inert(data: Data) -> str:
+    """JSON that ends no script element and begins nothing, whatever names are in it."""
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False)
+    return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
+
+
+def player_data(problem: Problem, plans: Sequence[Titled]) -> Data:
+    """All that the player is told, as one JSON object.
+
+    Lengths are in m, angles in rad, positions those of `SceneData`. Of each plan, `seen[t][f]`
+    is what all drones together see of a face at step t (px/m2; 1/m2 for cones), whether or not
+    the step counts, and `rewards[t]` the referee's view reward, 0 where it does not.
+    """
+    scene = SceneData(problem)
+    seen = [seen_pixels(problem, plan) for _, plan in plans]
+    shown = [_plan_data(scene, titled, pixels) for titled, pixels in zip(plans, seen, strict=True)]
+    return {
+        "name": problem.name,
+        "about": _about(problem),
+        "steps": problem.horizon,
+        "first": problem.first_step,
+        "layers": len(problem.layers),
+        "unit": _unit(problem),
+        "most": _digits(max(float(pixels.max(initial=0.0)) for pixels in seen)) or 1.0,
+        "mostReward": max(max(plan["rewards"]) for plan in shown),
+        **scene.scope([plan for _, plan in plans]),
+        "terrain": scene.terrain(),
+        **scene.meshes(),
+        "people": [scene.person(actor) for actor in problem.actors],
+        "drones": [scene.drone(number) for number in range(len(problem.robots))],
+        "plans": shown,
+    }
+
+
+def seen_pixels(problem: Problem, plan: Plan) -> FloatArray:
+    """What all drones together see of every face at every step [T+1, F], px/m2."""
+    model = compiled(problem)
+    seen = np.zeros((problem.horizon + 1, model.n_faces))
+    for i, path in enumerate(model.paths(plan)):
+        views = model.views(model.class_of[i])
+        for t, state in enumerate(path):
+            seen[t] += views.coverage(t, np.array([state]))[0]
+    return seen
+
+
+def _plan_data(scene: SceneData, titled: Titled, seen: FloatArray) -> Data:
+    problem, (title, plan) = scene.problem, titled
+    verdict = check(problem, plan)
+    robots = problem.robots
+    return {
+        "title": title,
+        "reward": verdict.reward,
+        "moves": verdict.reward_moves,
+        "rewards": [verdict.reward_at_start, *verdict.reward_per_step],
+        "seen": [[_digits(value) for value in row] for row in seen.tolist()],
+        "paths": [
+            scene.rounded(scene.path(robot, path))
+            for robot, path in zip(robots, plan.paths, strict=True)
+        ],
+        "heights": [
+            [f"{robot.motion.layers[state.layer]:g}" for state in path]
+            for robot, path in zip(robots, plan.paths, strict=True)
+        ],
+        "conflicts": [_conflict(problem, conflict) for conflict in conflicts(problem, plan)],
+    }
+
+
+def _conflict(problem: Problem, conflict: Conflict) -> Data:
+    first, second = conflict.robots
+    swap = isinstance(conflict, SwapConflict)
+    return {
+        "step": conflict.t,
+        "robots": [first, second],
+        "swap": swap,
+        "words": f"drones {first} and {second} {_what(problem, conflict)}",
+    }
+
+
+def _what(problem: Problem, conflict: Conflict) -> str:
+    a, b = conflict.cells
+    if isinstance(conflict, SwapConflict):
+        return "swap cells"
+    if a == b:
+        return "are in one cell"
+    ends = (a.x, a.y, problem.layers[a.layer]), (b.x, b.y, problem.layers[b.layer])
+    apart = float(np.hypot.reduce(problem.height_map.way(*ends)))
+    return f"are {apart:.3g} m apart, less than {problem.rules.separation:g} m"
+
+
+def _digits(value: float) -> float:
+    return float(f"{value:.{DIGITS}g}")
+
+
+def _unit(problem: Problem) -> str:
+    """Unit of coverage: cones do not count pixels."""
+    cones = [isinstance(robot.camera, Cone) for robot in problem.robots]
+    return "1/m²" if all(cones) else "px/m² or 1/m²" if any(cones) else "px/m²"
+
+
+def _about(problem: Problem) -> str:
+    """How much there is of what."""
+    counts = ((len(problem.robots), "drone", "drones"), (len(problem.actors), "person", "people"),
+              (problem.horizon, "step", "steps"))  # fmt: skip
+    return ", ".join(f"{count} {one if count == 1 else many}" for count, one, many in counts)

@@ -1,0 +1,199 @@
+"""What the player shows of a scene: terrain, meshes, people and drones, in coordinates of its own.
+
+Positions are from the corner of the map and from its lowest height, in m. They have as many
+digits as one can see; map coordinates of 500 km would not fit into a picture's precision.
+"""
+
+import math
+from collections.abc import Iterable
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from cocap_opt.data import FloatArray
+from cocap_opt.experiments.report.figures import VIEW_LENGTH, blocked_cells, robot_colour
+from cocap_opt.problem.plan import Plan
+from cocap_opt.problem.problem import (
+    Actor,
+    Camera,
+    Cuboid,
+    Problem,
+    Robot,
+    Shape,
+    State,
+    TriangulatedCuboid,
+)
+from cocap_opt.world.workspace import Workspace
+
+MOST_CELLS = 128  # along an edge of the map as it is drawn
+MOST_TRIANGLES = 10_000  # of all meshes; what is finer is drawn as the cells that it fills
+DIGITS = 5  # of the map's size
+FLAT = 0.05  # share of the cells that are at the lowest height where things stand on flat ground
+OBSTACLE = 0.25  # m above the ground, from where on something stands there
+GROUND, LOW, BLOCKS = 0, 1, 2  # what a cell is; BLOCKS: the lowest flight height
+SLAB = 0.012  # of the map's size, how far its edge goes down
+MARGIN = 4.0  # m, of what happens to the edge of the picture
+SIDES = ("front", "left", "back", "right")
+
+Data = dict[str, Any]
+
+
+class SceneData:
+    """A scene in the player's coordinates, as JSON values."""
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+        heights = problem.height_map.heights
+        self._corner = np.array([*problem.height_map.origin, float(heights.min())])
+        self._size = np.array(problem.height_map.shape) * problem.height_map.resolution
+        self._decimals = DIGITS - 1 - math.floor(math.log10(self._size.max()))
+
+    def rounded(self, values: FloatArray) -> Any:
+        """Lengths (m) or angles with as many decimals as can be seen; lists of lists."""
+        return (np.asarray(values).round(max(self._decimals, 3)) + 0.0).tolist()
+
+    def local(self, points: FloatArray) -> FloatArray:
+        """World points [.., 3] in the player's coordinates."""
+        result: FloatArray = points - self._corner
+        return result
+
+    def path(self, robot: Robot, path: tuple[State, ...]) -> FloatArray:
+        """Poses [T+1, 5] of a robot: x, y, z, heading and tilt."""
+        height_map, motion = self.problem.height_map, robot.motion
+        rows = [
+            (*height_map.centre(s.x, s.y), height_map.altitude(s.x, s.y, motion.layers[s.layer]),
+             math.tau * s.heading / motion.headings, robot.camera.tilts[s.pitch])
+            for s in path
+        ]  # fmt: skip
+        poses = np.array(rows)
+        poses[:, :3] = self.local(poses[:, :3])
+        return poses
+
+    @cached_property
+    def _block(self) -> int:
+        """Cells along the edge of those that are drawn."""
+        return math.ceil(max(self.problem.height_map.shape) / MOST_CELLS)
+
+    def _coarse(self, values: FloatArray, take: np.ufunc) -> FloatArray:
+        """Values [.., X, Y] of cells as they are drawn."""
+        for axis in (-2, -1):
+            starts = np.arange(0, values.shape[axis], self._block)
+            values = take.reduceat(values, starts, axis=axis)
+        return values
+
+    def terrain(self) -> Data:
+        """Columns of the height map; of a large map, the highest of some cells."""
+        height_map = self.problem.height_map
+        parts = (np.minimum(height_map.heights, self._ceiling), self._ground, self._kinds)
+        heights, ground, kinds = (self._coarse(part, np.maximum) for part in parts)
+        return {
+            "cell": height_map.resolution * self._block,
+            "cells": list(heights.shape),
+            "size": self._size.tolist(),
+            "slab": self.rounded(SLAB * self._size.max()),
+            "heights": self.rounded(heights.ravel() - self._corner[2]),
+            "grounds": self.rounded(np.minimum(ground, heights).ravel() - self._corner[2]),
+            "kinds": "".join(str(int(kind)) for kind in kinds.ravel()),
+        }
+
+    @property
+    def _ceiling(self) -> float:
+        """Altitude to which columns are drawn: one may be as high as a number can be."""
+        tops = [self.problem.height_map.altitudes(self.problem.layers).max()]
+        tops += [actor.poses[:, 2].max() for actor in self.problem.actors]
+        return float(max(tops) + self._size.max())
+
+    @cached_property
+    def _ground(self) -> FloatArray:
+        """Altitudes [X, Y] of the ground: the datum, or what is lowest if many cells are.
+
+        Of another map nobody knows what of it stands on the ground: all of it is ground.
+        """
+        height_map = self.problem.height_map
+        heights, lowest = height_map.heights, height_map.heights.min()
+        if height_map.datum is not None:
+            return np.minimum(height_map.datum, heights)
+        return np.full_like(heights, lowest) if (heights == lowest).mean() >= FLAT else heights
+
+    @property
+    def _kinds(self) -> FloatArray:
+        """What every cell [X, Y] of the height map is."""
+        height_map = self.problem.height_map
+        blocked = blocked_cells(self.problem, Workspace(height_map))  # meshes are drawn themselves
+        stands = height_map.heights > self._ground + OBSTACLE
+        kinds = np.where(stands, np.where(blocked, BLOCKS, LOW), GROUND)
+        return kinds.astype(np.float64)
+
+    def meshes(self) -> Data:
+        """Meshes as triangles, or as boxes: cells x, y and altitudes that they fill."""
+        meshes = self.problem.meshes
+        if sum(len(mesh.triangles) for mesh in meshes) > MOST_TRIANGLES:
+            return {"meshes": [], "boxes": self._boxes()}
+        shown = [
+            {
+                "vertices": self.rounded(self.local(mesh.vertices).ravel()),
+                "triangles": mesh.triangles.ravel().tolist(),
+            }
+            for mesh in meshes
+        ]
+        return {"meshes": shown, "boxes": []}
+
+    def _boxes(self) -> list[list[float]]:
+        columns = self.problem.workspace.columns
+        low = self._coarse(columns.low[1:], np.minimum) - self._corner[2]
+        high = self._coarse(columns.high[1:], np.maximum) - self._corner[2]
+        filled = np.argwhere(low <= high)
+        return [
+            [int(x), int(y), self.rounded(low[k, x, y]), self.rounded(high[k, x, y])]
+            for k, x, y in filled
+        ]
+
+    def scope(self, plans: Iterable[Plan]) -> Data:
+        """Two corners of a box around all that happens, and how far view cones are drawn (m)."""
+        steps, robots = self.problem.horizon + 1, self.problem.robots
+        parts = [self.local(actor.poses[:steps, :3]) for actor in self.problem.actors]
+        for plan in plans:
+            paths = zip(robots, plan.paths, strict=True)
+            parts += [self.path(robot, path)[:, :3] for robot, path in paths]
+        points = np.concatenate(parts)
+        least, most = points.min(axis=0), points.max(axis=0)
+        margin, edge = np.array([MARGIN, MARGIN, 0.0]), np.array([*self._size, np.inf])
+        # The map's edge ends the picture, but for people beyond it who are not too far away.
+        floor = np.where(least < 0, -edge - margin, np.array([0.0, 0.0, -np.inf]))
+        edge = np.where(most > edge, 2 * edge + margin, edge)
+        low, high = np.clip(least - margin, floor, edge), np.clip(most + margin, floor, edge)
+        size = min(float(self._size.min()), float((high - low)[:2].max()))
+        return {"scope": [self.rounded(low), self.rounded(high)], "reach": VIEW_LENGTH * size}
+
+    def person(self, actor: Actor) -> Data:
+        """Faces around the foot point, what they are called, and poses [T+1, 4]."""
+        poses = actor.poses[: self.problem.horizon + 1].copy()
+        poses[:, :3] = self.local(poses[:, :3])
+        faces = actor.shape.faces()
+        return {
+            "faces": [self.rounded(face) for face in faces],
+            "names": face_names(actor.shape),
+            "height": self.rounded(np.array(actor.shape.height)),
+            "poses": self.rounded(poses),
+        }
+
+    def drone(self, number: int) -> Data:
+        """Colour, and half of the angles of view; `rise` is None for a cone, which looks level."""
+        camera = self.problem.robots[number].camera
+        red, green, blue, _ = (round(255 * share) for share in robot_colour(number))
+        rise = math.atan(camera.height / 2 / camera.focal) if isinstance(camera, Camera) else None
+        return {
+            "colour": f"#{red:02x}{green:02x}{blue:02x}",
+            "half": camera.half_angle,
+            "rise": rise,
+        }
+
+
+def face_names(shape: Shape) -> list[str]:
+    """What the faces of a shape are called, in their order."""
+    if isinstance(shape, Cuboid):
+        return [*SIDES, "top"]
+    if isinstance(shape, TriangulatedCuboid):
+        return [f"{side}, half {k}" for side in (*SIDES, "top") for k in (1, 2)]
+    return [*(f"side {k}" for k in range(shape.sides)), "top"]

@@ -1,0 +1,108 @@
+"""Pictures of what drones see, and the table of planned and rendered pixels beside them."""
+
+import io
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from cocap_opt.check import check
+from cocap_opt.data import FloatArray
+from cocap_opt.experiments.report.figures import actor_colour
+from cocap_opt.experiments.results.files import save_csv, write
+from cocap_opt.experiments.results.rendered import (
+    FaceView,
+    error_row,
+    face_views,
+    poses_of,
+    rendered_reward,
+)
+from cocap_opt.experiments.results.rows import Row
+from cocap_opt.files.atomic_write import write_atomically
+from cocap_opt.model import compiled
+from cocap_opt.problem.plan import Plan
+from cocap_opt.problem.problem import Problem
+from cocap_opt.vision.render import TERRAIN, Picture, Renderer, pinhole
+
+SKY_COLOUR, GROUND_COLOUR = (0.80, 0.88, 0.95), (0.62, 0.60, 0.55)
+
+
+def write_views(
+    folder: Path,
+    problem: Problem,
+    plan: Plan,
+    width: int,
+    pixel_step: int,
+    progress: Callable[[int, int], None],
+) -> Row:
+    """Write a picture per robot and step, and coverage.csv; returns what it comes to.
+
+    Parameters
+    ----------
+    width : px, of the pictures
+    pixel_step : of the renderer that counts pixels
+    """
+    verdict = check(problem, plan)
+    steps = [max(round(pinhole(robot).width / width), 1) for robot in problem.robots]
+    painters = {step: Renderer(problem, step) for step in set(steps)}
+    for pose in poses_of(plan):
+        painter = painters[steps[pose.robot]]
+        picture = painter.picture(problem.robots[pose.robot], pose.t, pose.state)
+        name = folder / f"drone{pose.robot:02d}-step{pose.t:03d}.png"
+        content = png(problem, picture)
+        write(name, partial(write_atomically, name, content))
+    renderer = Renderer(problem, pixel_step)
+    poses = poses_of(plan, problem.first_step)
+    views = list(face_views(compiled(problem), renderer, poses, progress))
+    save_csv(
+        folder / "coverage.csv", [_csv_row(problem, view) for view in views] or [{"robot": ""}]
+    )
+    return {
+        "reward": verdict.reward,
+        "reward_rendered": rendered_reward(problem, views, verdict.reward_moves),
+        **error_row(views),
+    }
+
+
+def _csv_row(problem: Problem, view: FaceView) -> Row:
+    actor = int(problem.face_owner[view.face])
+    return {
+        "robot": view.pose.robot,
+        "step": view.pose.t,
+        "actor": actor,
+        "face": view.face - int(np.searchsorted(problem.face_owner, actor)),
+        "planned (px/m2)": view.planned / view.area,
+        "rendered (px/m2)": view.rendered / view.area,
+        "rendered (px)": view.rendered,
+        "unhidden (px)": view.unhidden,
+    }
+
+
+def png(problem: Problem, picture: Picture) -> bytes:
+    """A rendered image: actors' faces in colours of their own, the terrain shaded."""
+    height, width = picture.faces.shape
+    image = np.empty((height, width, 3))
+    image[:] = SKY_COLOUR
+    light = 0.35 + 0.65 * picture.shade[..., None]
+    ground = picture.faces == TERRAIN
+    image[ground] = (light * GROUND_COLOUR)[ground]
+    colours = face_colours(problem)
+    if len(colours):
+        actors = picture.faces >= 0
+        image[actors] = (light * colours[np.maximum(picture.faces, 0)])[actors]
+    content = io.BytesIO()
+    Image.fromarray((255 * np.clip(image, 0, 1)).astype(np.uint8)).save(content, format="PNG")
+    return content.getvalue()
+
+
+def face_colours(problem: Problem) -> FloatArray:
+    """Colour of every face [F, 3]: the actor's, in a brightness of the face's own."""
+    owners = problem.face_owner.tolist()
+    colours = []
+    for f, owner in enumerate(owners):
+        first = owners.index(owner)
+        share = (f - first) / max(owners.count(owner) - 1, 1)
+        colours.append((1 - 0.5 * share) * np.array(actor_colour(owner)) + 0.25 * share)
+    return np.array(colours).reshape(-1, 3)

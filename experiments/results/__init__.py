@@ -1,0 +1,1 @@
+"""Results: rows, tables, statistics, files and what is printed of them."""

@@ -1,0 +1,107 @@
+"""The value and bound of a method over time, as it reports them, and the file they are kept in.
+
+The file is a CSV with the columns value, bound (in units of J), seconds, columns, nodes; a value
+or bound that there was not yet is an empty field.
+"""
+
+import csv
+import io
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+from cocap_opt.experiments.results.files import read_text
+from cocap_opt.experiments.results.rows import ROUNDING
+from cocap_opt.files.documents import FileError
+from cocap_opt.formulations.result import CertifiedResult, Report, Snapshot
+
+COLUMNS = Snapshot._fields
+MOST = 1e100  # that any J may be
+
+
+class Trace:
+    """Keeps what a method reports: its best value and bound, whenever one has improved.
+
+    Examples
+    --------
+    >>> trace = Trace()
+    >>> result = EXACT["branch-and-price"](problem, report=trace.report)
+    >>> trace.end(result)
+    """
+
+    def __init__(self, snapshots: Sequence[Snapshot] = ()) -> None:
+        self._snapshots = list(snapshots)
+
+    @property
+    def snapshots(self) -> tuple[Snapshot, ...]:
+        """What has been reported, in order of time."""
+        return tuple(self._snapshots)
+
+    def report(self, snapshot: Snapshot) -> None:
+        """Keep a snapshot that is better than those before."""
+        if self._snapshots:
+            last = self._snapshots[-1]
+            better = max(last.value, snapshot.value), min(last.bound, snapshot.bound)
+            if better == (last.value, last.bound):
+                return
+            snapshot = snapshot._replace(value=better[0], bound=better[1])
+        self._snapshots.append(snapshot)
+
+    def end(self, result: CertifiedResult) -> None:
+        """Keep how it ended, even where nothing has improved since."""
+        last = self._snapshots[-1] if self._snapshots else Snapshot(-math.inf, math.inf, 0.0)
+        self._snapshots.append(
+            last._replace(value=result.value, bound=result.bound, seconds=result.seconds)
+        )
+
+
+def both(first: Report, second: Report) -> Report:
+    """Report to two."""
+
+    def report(snapshot: Snapshot) -> None:
+        first(snapshot)
+        second(snapshot)
+
+    return report
+
+
+def trace_text(trace: Trace) -> str:
+    """A trace as CSV."""
+    text = io.StringIO(newline="")
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    for snapshot in trace.snapshots:
+        writer.writerow("" if math.isinf(number) else number for number in snapshot)
+    return text.getvalue()
+
+
+def load_trace(path: Path) -> Trace:
+    """Read a trace.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be read, or is no such CSV.
+    """
+    rows = csv.DictReader(io.StringIO(read_text(path)))
+    if tuple(rows.fieldnames or ()) != COLUMNS:
+        raise FileError(f"{path}: must be a CSV with the columns {', '.join(COLUMNS)}")
+    return Trace([_snapshot(row, f"{path}: line {rows.line_num}") for row in rows])
+
+
+def _snapshot(row: dict[str, str], where: str) -> Snapshot:
+    try:
+        if None in row.values() or None in row:  # too few, or too many
+            raise ValueError
+        value = float(row["value"] or -math.inf)
+        bound = float(row["bound"] or math.inf)
+        found = Snapshot(
+            value, bound, float(row["seconds"]), int(row["columns"]), int(row["nodes"])
+        )
+    except (TypeError, ValueError) as error:
+        raise FileError(f"{where}: must be five numbers") from error
+    if not (0 <= found.seconds < math.inf and value <= bound + ROUNDING * abs(value)):
+        raise FileError(f"{where}: must be five numbers, seconds >= 0, no value above its bound")
+    if any(row[key] and abs(float(row[key])) > MOST for key in ("value", "bound")):
+        raise FileError(f"{where}: value and bound must be at most {MOST:g}, or empty")
+    return found

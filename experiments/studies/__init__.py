@@ -1,0 +1,1 @@
+"""The project's own measurements: the paper, start sets, growth, solvers, views."""

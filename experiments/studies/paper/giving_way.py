@@ -1,0 +1,91 @@
+"""Who gives way to whom, and what of its own reward that costs.
+
+Two drones whose unconstrained plans collide cannot both keep them. In sequential planning no
+drone makes way for a later one; it may fly elsewhere because of a still earlier one. A coordinated
+plan may send the earlier one elsewhere, at a cost to its own view, for the good of the team. That
+is measured here, in encounters of two drones that collide with nobody else, so that each drone
+counts once: a drone's own reward is J of its path alone.
+"""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+from cocap_opt.check import check
+from cocap_opt.problem.plan import Plan, conflicts
+from cocap_opt.problem.problem import Problem
+
+GIVES = 1e-6  # share of its own reward from which on a drone counts as giving some up
+
+
+class Encounter(NamedTuple):
+    """Two drones that collide in the unconstrained plan, and what a plan makes of that."""
+
+    scene: str
+    seed: int
+    robots: tuple[int, int]  # the earlier planned first
+    step: int  # of their first conflict
+    own_before: tuple[float, float]  # J of each one's path alone, in the unconstrained plan
+    own_after: tuple[float, float]
+    moved: tuple[bool, bool]  # whether the path is another one
+    team: float  # J of the plan
+
+    @property
+    def given_up(self) -> tuple[float, float]:
+        """Share of its own reward that each has less; negative if it has more."""
+        before, after = self.own_before, self.own_after
+        return _share_lost(before[0], after[0]), _share_lost(before[1], after[1])
+
+    @property
+    def earlier_gives_way(self) -> bool:
+        """Whether the earlier drone flies elsewhere and has less of its own."""
+        return self.moved[0] and self.given_up[0] > GIVES
+
+
+def encounters(problem: Problem, seed: int, unconstrained: Plan, plan: Plan) -> list[Encounter]:
+    """What becomes of each two drones that collide with each other only, if unconstrained."""
+    team = check(problem, plan).reward
+    found = []
+    for pair, step in _apart(_first_conflicts(problem, unconstrained)).items():
+        before = [own_reward(problem, robot, unconstrained) for robot in pair]
+        after = [own_reward(problem, robot, plan) for robot in pair]
+        moved = [unconstrained.paths[robot] != plan.paths[robot] for robot in pair]
+        found.append(
+            Encounter(
+                problem.name, seed, pair, step, (before[0], before[1]), (after[0], after[1]),
+                (moved[0], moved[1]), team,
+            )
+        )  # fmt: skip
+    return found
+
+
+def own_reward(problem: Problem, robot: int, plan: Plan) -> float:
+    """J of one robot's path, as if it were alone."""
+    alone = problem.replace(robots=(problem.robots[robot],))
+    return check(alone, Plan(paths=(plan.paths[robot],))).reward
+
+
+def _first_conflicts(problem: Problem, plan: Plan) -> dict[tuple[int, int], int]:
+    """The step of each pair's first conflict."""
+    steps: dict[tuple[int, int], int] = {}
+    for conflict in conflicts(problem, plan):
+        steps.setdefault(conflict.robots, conflict.t)
+    return steps
+
+
+def _apart(steps: Mapping[tuple[int, int], int]) -> dict[tuple[int, int], int]:
+    """Those of pairs that share no drone with another."""
+    partners = Counter(robot for pair in steps for robot in pair)
+    return {
+        pair: step for pair, step in steps.items() if all(partners[robot] == 1 for robot in pair)
+    }
+
+
+def _share_lost(before: float, after: float) -> float:
+    return (before - after) / before if before > 0 else 0.0
+
+
+def most_generous(some: Sequence[Encounter]) -> Encounter | None:
+    """The encounter in which the earlier drone gives up the most."""
+    giving = [e for e in some if e.earlier_gives_way]
+    return max(giving, key=lambda e: e.given_up[0], default=None)

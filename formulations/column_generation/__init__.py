@@ -1,0 +1,1 @@
+"""Column generation and branch-and-price: bounds and proved optima over paths."""

@@ -1,0 +1,126 @@
+"""Pricing: what multipliers are worth, and the paths that would improve the master.
+
+One backward sweep prices all robots of a class at once. The value is the bound that the
+multipliers' certificate proves, but for rounding; `certificate.price` computes it again by
+other means before anything is called proved.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from cocap_opt.data import FloatArray, IntArray
+from cocap_opt.formulations.certificates.certificate import Decision
+from cocap_opt.formulations.certificates.resources import Resource, charges_of
+from cocap_opt.formulations.column_generation.master import Column, make_column
+from cocap_opt.formulations.relaxations.duals import Duals
+from cocap_opt.graph.move_rewards import bonuses_of
+from cocap_opt.graph.timegraph import CLOSED
+from cocap_opt.model import Model
+from cocap_opt.objective import spread, view_sum_weights
+from cocap_opt.vision.coverage import CoverageTable
+
+
+class Priced(NamedTuple):
+    """A bound, the multipliers it belongs to, and each robot's best path for them."""
+
+    bound: float
+    duals: Duals
+    columns: list[Column]
+
+
+class Pricer:
+    """Prices multipliers of one model."""
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        self._weights = view_sum_weights(model.problem)
+        tables = [
+            model.coverage(robot_class) for robot_class in model.classes
+        ]  # some classes share one
+        distinct = {id(table): table for table in tables}
+        self._shared = {
+            at: _Entries.of(table, len(self._weights)) for at, table in distinct.items()
+        }
+        self._entries = [self._shared[id(table)] for table in tables]
+
+    def __call__(self, duals: Duals, decisions: Sequence[Decision] = ()) -> Priced:
+        """Bound of these multipliers for plans that obey the decisions, and new columns."""
+        model, bonuses = self.model, bonuses_of(self.model.problem.objective)
+        bound, costs = self._constant(duals, decisions)
+        base = {at: entries.base(duals) for at, entries in self._shared.items()}
+        columns = []
+        for number, robot_class in enumerate(model.classes):
+            own = base[id(model.coverage(robot_class))]
+            reward = spread(model, robot_class, self._paid(number, duals, own))
+            charges = charges_of(model, number, costs)
+            value = robot_class.graph.backward_sweep(reward, bonuses, charges, robot_class.goal)
+            for robot, start in zip(robot_class.robots, robot_class.starts, strict=True):
+                bound += float(value[0, start])
+                if value[0, start] > CLOSED:
+                    path = robot_class.graph.best_path(value, start, bonuses, charges)
+                    assert path is not None
+                    columns.append(make_column(model, robot, tuple(path)))
+        return Priced(bound, duals, columns)
+
+    def _constant(
+        self, duals: Duals, decisions: Sequence[Decision]
+    ) -> tuple[float, list[tuple[Resource, float]]]:
+        """Constants of the bound, and the costs of resources."""
+        rest = np.ones_like(duals.alpha)
+        total = 0.0
+        for cut, share in duals.cuts:
+            rest[cut.view_sum] -= share
+            total += float(self._weights[cut.view_sum]) * share * cut.constant
+        left = np.maximum(rest - duals.alpha, 0.0)
+        beta = np.where(duals.beta > 0, duals.beta, 1.0)
+        total += float((self._weights * left**2 / (4 * beta)).sum())
+        costs = list(duals.rows)
+        total += sum(mu for _, mu in duals.rows)
+        for decision, nu in zip(decisions, duals.decisions.tolist(), strict=True):
+            if decision.closes:
+                costs.append((decision.resource, math.inf))
+            else:
+                total += decision.sign * nu * decision.robots
+                costs.append((decision.resource, decision.sign * nu))
+        return total, costs
+
+    def _paid(self, number: int, duals: Duals, base: FloatArray) -> FloatArray:
+        """What the nodes of a class's coverage table are paid [n].
+
+        Parameters
+        ----------
+        base : [nnz] what every class that shares the table is paid for its entries
+        """
+        entries, paid = self._entries[number], base.copy()
+        for cut, share in duals.cuts:
+            if share > 0:
+                own = entries.of_view_sum(cut.view_sum)
+                paid[own] += share * cut.phi(number, entries.roots[own])
+        return entries.table.row_sums(paid * self._weights[entries.table.view_sums])
+
+
+class _Entries(NamedTuple):
+    """The entries of a coverage table, view sum by view sum."""
+
+    table: CoverageTable
+    roots: FloatArray  # [nnz] px^0.5/m
+    order: IntArray  # [nnz] entries sorted by view sum
+    bounds: IntArray  # [Z+1] where each view sum's begin in `order`
+
+    @classmethod
+    def of(cls, table: CoverageTable, n_view_sums: int) -> "_Entries":
+        order = np.argsort(table.view_sums, kind="stable")
+        bounds = np.searchsorted(table.view_sums[order], np.arange(n_view_sums + 1))
+        return cls(table, np.sqrt(table.pixels), order, bounds)
+
+    def base(self, duals: Duals) -> FloatArray:
+        """What each entry is paid by alpha and beta [nnz], before weights and cuts."""
+        paid: FloatArray = duals.alpha[self.table.view_sums] * self.roots
+        paid += duals.beta[self.table.view_sums] * self.table.pixels
+        return paid
+
+    def of_view_sum(self, view_sum: int) -> IntArray:
+        return self.order[self.bounds[view_sum] : self.bounds[view_sum + 1]]

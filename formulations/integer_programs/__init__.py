@@ -1,0 +1,1 @@
+"""Integer programs over the aggregated flow, and the generic solvers that take them."""

@@ -1,0 +1,205 @@
+"""CP-SAT, OR-tools' solver over whole numbers, on the same outer approximation.
+
+Roots become whole numbers V of a unit so small that rounding every coefficient up costs less
+than ROUNDING of J: with V <= sum ceil(a) x + ceil(b) instead of w u <= sum a x + b, no plan's
+J is cut off, and the program's optimum stays an upper bound.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+from scipy import sparse
+
+from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.formulations.integer_programs.attending import attend
+from cocap_opt.formulations.integer_programs.outer_approximation import (
+    Root,
+    certified_root,
+    outer_approximation,
+)
+from cocap_opt.formulations.integer_programs.program import Answer, Call, Program
+from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Report, silent
+from cocap_opt.problem.plan import Plan
+from cocap_opt.problem.problem import Problem
+from cocap_opt.stop import Limit, Stop, never, seconds_left
+
+ROUNDING = 1e-8  # of the largest J, all roundings together
+MOST = 2.0**52  # largest J in whole numbers
+SEED = 0
+
+
+def cp_sat(
+    problem: Problem,
+    stop: Stop = never,
+    start: Plan | None = None,
+    report: Report = silent,
+    gap: float = OPTIMALITY,
+    root: Root = certified_root,
+) -> CertifiedResult:
+    """Optimum by outer approximation with CP-SAT; one worker, so that runs can be repeated.
+
+    Raises
+    ------
+    UnsupportedError
+        If the scene is too large for a flow model (see `cocap_opt.formulations.relaxations.flow`).
+    """
+    return outer_approximation(problem, stop, start, report, gap, solve, root)
+
+
+def solve(program: Program, call: Call) -> Answer:
+    """Solve a program."""
+    from ortools.sat.python import cp_model
+
+    translated = _Translated(program)
+    if call.hint is not None:
+        translated.hint(*call.hint)
+    solver = cp_model.CpSolver()
+    solver.parameters.num_workers = 1
+    solver.parameters.random_seed = SEED
+    solver.parameters.catch_sigint_signal = False  # its handler aborts the process
+    # Roots are worth millions: one worker that looks for better and better plans would go up
+    # by ones. This one lowers the bound instead, with all rows in its linear relaxation.
+    solver.parameters.use_objective_lb_search = True
+    solver.parameters.linearization_level = 2
+    # With it, presolve of 9.15 cuts optima off (github.com/google/or-tools/issues/5293).
+    solver.parameters.presolve_inclusion_work_limit = 0
+    solver.parameters.relative_gap_limit = call.tolerance
+    if math.isfinite(seconds := seconds_left(call.stop)):
+        solver.parameters.max_time_in_seconds = max(seconds, 0.0)
+    solutions: list[tuple[FloatArray, FloatArray]] = []
+
+    class Collect(cp_model.CpSolverSolutionCallback):
+        def on_solution_callback(self) -> None:
+            solutions.append(translated.solution(self.response_proto.solution))
+
+    def tick() -> None:
+        while solutions:
+            call.found(*solutions.pop(0))
+        call.tick()
+
+    collect = Collect()
+    _, limit = attend(
+        lambda: solver.solve(translated.model, collect), call.stop, tick, solver.stop_search
+    )
+    status = solver.response_proto.status
+    if status == cp_model.MODEL_INVALID:
+        message = f"CP-SAT refuses the model: {translated.model.validate()}"
+        return Answer(None, None, math.inf, Limit.NUMERICS, message=message)
+    nodes = int(solver.num_branches)
+    if status == cp_model.INFEASIBLE:
+        return Answer(None, None, -math.inf, nodes=nodes)
+    # Useful whatever the status is (the objective's value is not), once there is one: 0 is
+    # what it has before the search begins.
+    bound = solver.best_objective_bound / translated.scale
+    if status == cp_model.UNKNOWN and bound == 0.0:
+        bound = math.inf
+    x, y = None, None
+    if status in (cp_model.OPTIMAL, cp_model.FEASIBLE):
+        x, y = translated.solution(solver.response_proto.solution)
+    if status == cp_model.OPTIMAL:
+        return Answer(x, y, bound, Limit.NONE, nodes)
+    limit = limit if limit is not Limit.NONE else Limit.TIME
+    return Answer(x, y, bound, limit, nodes)
+
+
+class _Translated:
+    """A program in whole numbers.
+
+    Attributes
+    ----------
+    scale : J in whole numbers / J
+    """
+
+    def __init__(self, program: Program) -> None:
+        from ortools.sat.python import cp_model
+
+        self.program = program
+        flow, roots = program.flow, program.roots
+        horizon = flow.model.problem.horizon
+        n_terms = len(roots.used) * (program.n_robots + 2) + program.n_robots * horizon + 1
+        largest = math.sqrt(program.n_views)  # root, in units of the best view's
+        most = float(roots.weights.sum()) * largest
+        most += flow.largest_bonus * program.n_robots * horizon
+        self.scale = min(n_terms / ROUNDING, MOST) / most if most > 0 else 1.0
+        self.model = cp_model.CpModel()
+        first = flow.steps == 0
+        low = np.where(first, flow.supply, 0.0)
+        high = np.where(first, flow.supply, flow.capacity)
+        self.x = self._variables(low, high)
+        self.y = self._variables(np.zeros(flow.n_edges), flow.capacity[flow.tails])
+        self.worth = self.scale * roots.weights  # of the roots in the program's units
+        self.v = self._variables(np.zeros(len(roots.used)), _up(self.worth * largest))
+        self._flow_rows()
+        self._root_rows()
+        bonus = _up(self.scale * flow.bonus)
+        paid = [int(bonus[e]) * self.y[e] for e in np.flatnonzero(bonus).tolist()]
+        self.model.maximize(sum(self.v) + sum(paid))
+
+    def _variables(self, low: FloatArray | IntArray, high: FloatArray | IntArray) -> list[Any]:
+        bounds = zip(*(part.astype(np.int64).tolist() for part in (low, high)), strict=True)
+        return [self.model.new_int_var(a, b, "") for a, b in bounds]
+
+    def _flow_rows(self) -> None:
+        flow, conflicts = self.program.flow, self.program.conflicts
+        later = flow.steps > 0
+        before = flow.steps < flow.model.problem.horizon
+        for n, edges in _members(flow.entering, later):
+            self.model.add(sum(self.y[e] for e in edges) == self.x[n])
+        for n, edges in _members(flow.leaving, before):
+            self.model.add(sum(self.y[e] for e in edges) == self.x[n])
+        for _, nodes in _members(conflicts.at_nodes):
+            self.model.add(sum(self.x[n] for n in nodes) <= 1)
+        for _, edges in _members(conflicts.crossing):
+            self.model.add(sum(self.y[e] for e in edges) <= 1)
+
+    def _root_rows(self) -> None:
+        program, roots = self.program, self.program.roots
+        for g in range(len(roots.used)):
+            self._bound_root(g, roots.seen, g, self.worth[g], 0.0)
+        for g, z0 in zip(*(part.tolist() for part in program.tangents), strict=True):
+            slope = self.worth[g] / (2 * math.sqrt(z0))
+            constant = self.worth[g] * math.sqrt(z0) / 2
+            self._bound_root(g, roots.pixels, g, slope, constant)
+        rows, constants, view_sums = program.cut_rows()
+        for k, (g, constant) in enumerate(zip(view_sums.tolist(), constants.tolist(), strict=True)):
+            self._bound_root(g, rows, k, self.worth[g], self.worth[g] * constant)
+
+    def _bound_root(
+        self, g: int, matrix: sparse.csr_array, row: int, factor: float, constant: float
+    ) -> None:
+        """Add V <= sum ceil(factor * row) x + ceil(constant)."""
+        from ortools.sat.python import cp_model
+
+        part = slice(matrix.indptr[row], matrix.indptr[row + 1])
+        coefficients = _up(factor * matrix.data[part])
+        nodes = [self.x[n] for n in matrix.indices[part].tolist()]
+        paid = cp_model.LinearExpr.weighted_sum(nodes, coefficients.tolist())
+        self.model.add(self.v[g] <= paid + int(_up(np.array([constant]))[0]))
+
+    def hint(self, x: FloatArray, y: FloatArray) -> None:
+        """Begin with a plan."""
+        roots = np.floor(self.worth * self.program.roots_at(x)).astype(np.int64)
+        for variables, values in ((self.x, np.rint(x)), (self.y, np.rint(y)), (self.v, roots)):
+            for variable, value in zip(variables, values.astype(np.int64).tolist(), strict=True):
+                self.model.add_hint(variable, value)
+
+    def solution(self, values: Any) -> tuple[FloatArray, FloatArray]:
+        """Nodes and edges of a solution, whose values are in the order of the variables."""
+        n, e = len(self.x), len(self.y)
+        found = np.fromiter(values, dtype=np.float64, count=n + e)
+        return found[:n], found[n:]
+
+
+def _up(values: FloatArray) -> IntArray:
+    """Whole numbers that are not below the values, rounding in their arithmetic included."""
+    return np.ceil(values * (1 + 1e-12)).astype(np.int64)
+
+
+def _members(
+    matrix: sparse.csr_array, which: BoolArray | None = None
+) -> list[tuple[int, list[int]]]:
+    """Columns of the entries of each row."""
+    rows = range(matrix.shape[0]) if which is None else np.flatnonzero(which).tolist()
+    at, columns = matrix.indptr.tolist(), matrix.indices.tolist()
+    return [(row, columns[at[row] : at[row + 1]]) for row in rows]

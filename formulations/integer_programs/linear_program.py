@@ -1,0 +1,87 @@
+"""Programs (`program`) as matrices, for solvers that take real numbers.
+
+Variables are x [N] robots in each node, y [E] robots along each edge, z [g] pixels, s [g] sums
+of roots and u [g] roots, in this order: rows on pixels then have two entries each instead of
+one per node that sees the face.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy import sparse
+
+from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.formulations.integer_programs.program import Program
+
+
+class LinearProgram(NamedTuple):
+    """max gain v subject to row_low <= rows v <= row_high and low <= v <= high."""
+
+    gain: FloatArray  # [n]
+    low: FloatArray  # [n]
+    high: FloatArray  # [n]
+    whole: BoolArray  # [n] must be a whole number
+    rows: sparse.csr_array  # [m, n]
+    row_low: FloatArray  # [m]
+    row_high: FloatArray  # [m]
+    first_pixels: int  # number of the first of the z
+
+
+def linear_program(program: Program) -> LinearProgram:
+    """Matrices of a program; its objective is J / program.unit."""
+    flow, roots = program.flow, program.roots
+    n, e, g = flow.n_nodes, flow.n_edges, len(roots.used)
+    first = flow.steps == 0
+    rows, row_low, row_high = _rows(program)
+    gain = [np.zeros(n), flow.bonus, np.zeros(2 * g), roots.weights]
+    high = [np.where(first, flow.supply, flow.capacity), flow.capacity[flow.tails]]
+    return LinearProgram(
+        gain=np.concatenate(gain) / program.unit,
+        low=np.concatenate([np.where(first, flow.supply, 0.0), np.zeros(e + 3 * g)]),
+        high=np.concatenate([*high, np.full(3 * g, math.inf)]),
+        whole=np.repeat([True, program.whole_edges, False], [n, e, 3 * g]),
+        rows=rows,
+        row_low=row_low,
+        row_high=row_high,
+        first_pixels=n + e,
+    )
+
+
+def _rows(program: Program) -> tuple[sparse.csr_array, FloatArray, FloatArray]:
+    """Rows over (x, y, z, s, u), the equations first."""
+    flow, roots, conflicts = program.flow, program.roots, program.conflicts
+    g = len(roots.used)
+    later = np.flatnonzero(flow.steps > 0)
+    before = np.flatnonzero(flow.steps < flow.model.problem.horizon)
+    inside, one = sparse.eye_array(flow.n_nodes, format="csr"), sparse.eye_array(g, format="csr")
+    of, z0 = program.tangents
+    slopes = _at(of, 1 / (2 * np.sqrt(z0)), g)
+    cuts, constants, cut_view_sums = program.cut_rows()
+    widths = [flow.n_nodes, flow.n_edges, g, g, g]
+    blocks: list[list[Any]] = [
+        [inside[later], -flow.entering[later], None, None, None],
+        [inside[before], -flow.leaving[before], None, None, None],
+        [-roots.pixels, None, one, None, None],
+        [-roots.seen, None, None, one, None],
+        [None, None, None, -one, one],
+        [None, None, -slopes, None, _at(of, np.ones(len(of)), g)],
+        [-cuts, None, None, None, _at(cut_view_sums, np.ones(len(constants)), g)],
+        [conflicts.at_nodes, None, None, None, None],
+        [None, conflicts.crossing, None, None, None],
+        [sparse.csr_array((0, width)) for width in widths],  # says how wide the columns are
+    ]
+    n_equal = len(later) + len(before)
+    n_conflicts = conflicts.cliques.shape[0] + conflicts.crossing.shape[0]
+    high = np.concatenate(
+        [np.zeros(n_equal + 3 * g), np.sqrt(z0) / 2, constants, np.ones(n_conflicts)]
+    )
+    low = np.full(len(high), -math.inf)
+    low[:n_equal] = 0.0
+    return sparse.csr_array(sparse.block_array(blocks)), low, high
+
+
+def _at(columns: IntArray, values: FloatArray, width: int) -> sparse.csr_array:
+    """One entry per row."""
+    index = (np.arange(len(columns)), columns)
+    return sparse.csr_array((values, index), shape=(len(columns), width))

@@ -1,0 +1,60 @@
+"""A process that solves MathOpt's requests, one after the other, until its input ends.
+
+It is started by `mathopt` and imports nothing of this project. Messages on
+standard input: R, length (8 bytes), a SolveRequest; or S, which interrupts the solve. Answers
+on standard output: length (8 bytes), a SolveResponse.
+"""
+
+import os
+import queue
+import sys
+import threading
+
+from ortools.math_opt import callback_pb2, rpc_pb2
+from ortools.math_opt.core.python import solver
+from ortools.util.python.solve_interrupter import SolveInterrupter
+
+
+def answer(data: bytes, interrupter: SolveInterrupter) -> bytes:
+    """Solve a request; what goes wrong is told in the response's status."""
+    request = rpc_pb2.SolveRequest.FromString(data)
+    response = rpc_pb2.SolveResponse()
+    try:
+        result = solver.solve(
+            request.model, request.solver_type, request.initializer, request.parameters,
+            request.model_parameters, None, callback_pb2.CallbackRegistrationProto(), None,
+            interrupter.pybind_interrupter,
+        )  # fmt: skip
+        response.result.CopyFrom(result)
+    except Exception as error:  # whatever it is, the caller must hear of it
+        response.status.code = 2
+        response.status.message = str(error)
+    return bytes(response.SerializeToString())
+
+
+def main() -> None:
+    """Serve until standard input ends."""
+    requests: queue.Queue[tuple[bytes, SolveInterrupter]] = queue.Queue()
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # solvers print there
+
+    def listen() -> None:
+        interrupter = SolveInterrupter()
+        while kind := sys.stdin.buffer.read(1):
+            if kind == b"S":
+                interrupter.interrupt()
+            else:
+                size = int.from_bytes(sys.stdin.buffer.read(8), "big")
+                interrupter = SolveInterrupter()
+                requests.put((sys.stdin.buffer.read(size), interrupter))
+        os._exit(0)  # whoever asked is gone
+
+    threading.Thread(target=listen, daemon=True).start()
+    while True:
+        data = answer(*requests.get())
+        answers.write(len(data).to_bytes(8, "big") + data)
+        answers.flush()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,140 @@
+"""Integer programs with roots bounded from above, and what their solvers are asked and answer.
+
+The root u of a view sum is concave in its pixels z, so every tangent lies above it:
+
+    u <= z / (2 sqrt(z0)) + sqrt(z0) / 2     for any z0 > 0 (tangent)
+    u <= sum of roots of pixels              (single-view cut)
+    u <= constant + sum of phi(roots)        (envelope cuts of the root's certificate)
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from scipy import sparse
+
+from cocap_opt.data import FloatArray, IntArray
+from cocap_opt.formulations.certificates.certificate import Multipliers, usable_cuts
+from cocap_opt.formulations.certificates.envelope import Cut
+from cocap_opt.formulations.relaxations.collision_rows import ConflictRows
+from cocap_opt.formulations.relaxations.flow import Flow, Roots, cut_rows
+from cocap_opt.objective import most_views
+from cocap_opt.stop import Limit, Stop
+
+TANGENTS = 5  # per view sum at the beginning, each at a quarter of the pixels of the one before
+SLACK = 1e-9  # relative, by which a root may be overestimated at a plan
+
+
+class Answer(NamedTuple):
+    """What a solver says of a program."""
+
+    x: FloatArray | None  # [N] robots in each node; None without a solution
+    y: FloatArray | None  # [E]
+    bound: float  # on J; -inf where there is no solution
+    limit: Limit = Limit.NONE  # why it stopped before its tolerance
+    nodes: int = 0
+    message: str = ""
+
+
+class Call(NamedTuple):
+    """What a solver is asked for."""
+
+    hint: tuple[FloatArray, FloatArray] | None  # x, y of a plan
+    tolerance: float  # relative gap
+    stop: Stop
+    tick: Callable[[], None]  # to be called every now and then
+    found: Callable[[FloatArray, FloatArray], None]  # to be called with each new x, y
+
+
+class Solver(Protocol):
+    """Solves programs of one problem, one after the other."""
+
+    def __call__(self, program: "Program", call: Call) -> Answer:
+        """Solve a program."""
+
+
+class Program:
+    """Integer flow with roots bounded from above by linear functions of the pixels.
+
+    Attributes
+    ----------
+    unit : the objective of a linear program is J / unit
+    cuts : envelope cuts
+    """
+
+    def __init__(
+        self, flow: Flow, roots: Roots, conflicts: ConflictRows, root: Multipliers | None
+    ) -> None:
+        self.flow, self.roots, self.conflicts = flow, roots, conflicts
+        self.unit = max(float(roots.weights.max(initial=0.0)), flow.largest_bonus) or 1.0
+        self.n_robots = len(flow.model.problem.robots)
+        self.n_views = most_views(flow.model.problem)
+        # Without swaps, whole numbers of robots in the nodes are enough: between two steps
+        # the rest is a transport problem.
+        self.whole_edges = conflicts.crossing.shape[0] > 0
+        self.cuts: list[Cut] = []
+        self._tangents: list[tuple[int, float]] = []
+        view_sums = np.arange(len(roots.used))
+        for k in range(TANGENTS):
+            self._add(view_sums, np.full(len(view_sums), self.n_views / 4.0**k))
+        if root is not None:
+            self._take(root)
+
+    @property
+    def tangents(self) -> tuple[IntArray, FloatArray]:
+        """Groups [k] (numbers among `roots.used`) and z0 [k] in units of their best views."""
+        view_sums, z0 = zip(*self._tangents, strict=True) if self._tangents else ((), ())
+        return np.array(view_sums, dtype=np.int64), np.array(z0, dtype=np.float64)
+
+    @property
+    def n_whole(self) -> int:
+        """Number of variables that must be whole."""
+        return self.flow.n_nodes + self.whole_edges * self.flow.n_edges
+
+    def roots_at(self, x: FloatArray) -> FloatArray:
+        """Roots [g] that the program allows at robots in nodes."""
+        pixels, seen = self.roots.pixels @ x, self.roots.seen @ x
+        allowed: FloatArray = seen.copy()
+        of, z0 = self.tangents
+        np.minimum.at(allowed, of, pixels[of] / (2 * np.sqrt(z0)) + np.sqrt(z0) / 2)
+        rows, constants, view_sums = self.cut_rows()
+        np.minimum.at(allowed, view_sums, constants + rows @ x)
+        return allowed
+
+    def point(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Values of all variables of a linear program (see `linear_program`) for a plan."""
+        pixels, seen = self.roots.pixels @ x, self.roots.seen @ x
+        return np.concatenate([x, y, pixels, seen, self.roots_at(x)])
+
+    def refine(self, x: FloatArray) -> int:
+        """Add tangents at whole x where roots are overestimated; how many."""
+        pixels = self.roots.pixels @ x
+        wrong = np.flatnonzero(
+            (pixels > 0) & (self.roots_at(x) > np.sqrt(np.maximum(pixels, 0.0)) * (1 + SLACK))
+        )
+        self._add(wrong, pixels[wrong])
+        return len(wrong)
+
+    def cut_rows(self) -> tuple[sparse.csr_array, FloatArray, IntArray]:
+        """The envelope cuts as rows (`flow.cut_rows`)."""
+        return cut_rows(self.flow, self.roots, self.cuts)
+
+    def _add(self, view_sums: IntArray, z0: FloatArray) -> None:
+        self._tangents += zip(view_sums.tolist(), z0.tolist(), strict=True)
+
+    def _take(self, root: Multipliers) -> None:
+        """Take over what makes the root's certificate: its cuts, and tangents of its slopes."""
+        model = self.flow.model
+        alpha, beta = (
+            np.array(part, dtype=np.float64).reshape(-1)[self.roots.used]
+            for part in (root.alpha, root.beta)
+        )
+        rest = np.ones(len(alpha))
+        for cut, share in usable_cuts(model, root.cuts):
+            at = int(np.searchsorted(self.roots.used, cut.view_sum))
+            if at < len(self.roots.used) and self.roots.used[at] == cut.view_sum:
+                self.cuts.append(cut)
+                rest[at] -= share
+        curved = np.flatnonzero((rest - alpha > 1e-6) & (beta > 0))
+        slope = beta[curved] * self.roots.scale[curved] / (rest - alpha)[curved]
+        self._add(curved, np.clip(1 / (4 * slope**2), 1e-6, self.n_views))

@@ -1,0 +1,1 @@
+"""Concave relaxations, their cuts, and the multipliers that they give."""

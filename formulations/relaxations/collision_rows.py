@@ -1,0 +1,256 @@
+"""Collision rules as rows of a flow: cliques of cells in which at most one robot is, and swaps."""
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from scipy import sparse
+from scipy.spatial import cKDTree
+
+from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.formulations.certificates.resources import Cells, Resource, Swap
+from cocap_opt.formulations.relaxations.flow import Flow, incidence, joined
+from cocap_opt.problem.problem import Cell, Problem
+from cocap_opt.result import UnsupportedError
+
+MOST_ENTRIES = 500_000  # of the separation rows
+
+
+@dataclass(frozen=True, eq=False)
+class ConflictRows:
+    """At most one robot in each row; rows that only one robot can reach are left out."""
+
+    flow: Flow
+    slots: IntArray  # [K] places at steps, t (number of places) + place
+    occupied: sparse.csr_array  # [K, N] 1 where a node lies in a slot
+    cliques: sparse.csr_array  # [rows, K] slots of which at most one robot is in any
+    swaps: IntArray  # [W, 3] t and the two places
+    crossing: sparse.csr_array  # [W, E] 1 where an edge moves between the two
+
+    @property
+    def at_nodes(self) -> sparse.csr_array:
+        """Clique rows over nodes [rows, N]."""
+        return sparse.csr_array(self.cliques @ self.occupied)
+
+    def resource(self, row: int) -> Resource:
+        """What a row is about; cliques are numbered first, then swaps."""
+        if row >= self.cliques.shape[0]:
+            t, one, other = self.swaps[row - self.cliques.shape[0]].tolist()
+            return Swap(t, (self.flow.cell(one), self.flow.cell(other)))
+        members = self.cliques.indices[self.cliques.indptr[row] : self.cliques.indptr[row + 1]]
+        steps, places = np.divmod(self.slots[members], _n_places(self.flow))
+        return Cells(int(steps[0]), tuple(sorted(map(self.flow.cell, places.tolist()))))
+
+    def multipliers(self, values: FloatArray, least: float) -> tuple[tuple[Resource, float], ...]:
+        """Rows with their multipliers, but for those that are too small to matter."""
+        large = np.flatnonzero(values > least).tolist()
+        return tuple((self.resource(row), float(values[row])) for row in large)
+
+
+def conflict_rows(flow: Flow) -> ConflictRows:
+    """All rows of a problem's collision rules.
+
+    Raises
+    ------
+    UnsupportedError
+        If the separation needs more than MOST_ENTRIES entries.
+    """
+    problem = flow.model.problem
+    n_places, n_robots = _n_places(flow), len(problem.robots)
+    later = np.flatnonzero(flow.steps > 0)
+    if problem.rules.none or n_robots < 2:
+        later = later[:0]
+    slots, at = np.unique(flow.steps[later] * n_places + flow.places[later], return_inverse=True)
+    occupied = incidence(at, later, (len(slots), flow.n_nodes))
+    reach = _reach(flow, slots)
+    cliques = sparse.csr_array(_cliques(problem, slots, n_places))
+    shared = np.asarray((cliques @ reach > 0).sum(axis=1)).ravel() > 1
+    swaps, crossing = np.zeros((0, 3), dtype=np.int64), sparse.csr_array((0, flow.n_edges))
+    if problem.rules.swap and len(slots):
+        swaps, crossing = _swaps(flow, slots, reach)
+    return ConflictRows(flow, slots, occupied, cliques[shared], swaps, crossing)
+
+
+def _n_places(flow: Flow) -> int:
+    problem = flow.model.problem
+    width, depth = problem.height_map.shape
+    return len(problem.layers) * width * depth
+
+
+def _reach(flow: Flow, slots: IntArray) -> sparse.csr_array:
+    """1 where a robot can be in a slot [K, R]."""
+    problem, n_places = flow.model.problem, _n_places(flow)
+    rows, columns = [], []
+    for k, robot_class in enumerate(flow.model.classes):
+        own = np.flatnonzero(flow.owner == k)
+        for robot, start in zip(robot_class.robots, robot_class.starts, strict=True):
+            seen = robot_class.graph.reachable([start], problem.horizon)
+            mine = own[seen[flow.steps[own], flow.states[own]]]
+            found = np.unique(flow.steps[mine] * n_places + flow.places[mine])
+            at = np.flatnonzero(np.isin(slots, found))
+            rows.append(at)
+            columns.append(np.full(len(at), robot))
+    shape = (len(slots), len(problem.robots))
+    return incidence(joined(rows), joined(columns), shape)
+
+
+def _cliques(problem: Problem, slots: IntArray, n_places: int) -> sparse.csr_array:
+    """Sets of slots, any two too close, that hold all pairs of slots that are too close."""
+    if not problem.rules.separation or not len(slots):
+        return sparse.eye_array(len(slots), format="csr")
+    if problem.height_map.datum is not None:
+        return _pairs_too_close(problem, slots, n_places)
+    sizes = (len(problem.layers), *problem.height_map.shape)
+    t, place = np.divmod(slots, n_places)
+    layer, x, y = np.unravel_index(place, sizes)
+    blocks, entries = [], 0
+    for shape in _shapes(problem):
+        # A shape is laid wherever one of its cells falls into a slot.
+        laid = [np.column_stack([t, x - i, y - j])[layer == k] for k, i, j in shape]
+        origins = np.unique(np.concatenate(laid), axis=0)
+        rows, columns = [], []
+        for k, i, j in shape:
+            u, v = origins[:, 1] + i, origins[:, 2] + j
+            inside = np.flatnonzero((u >= 0) & (u < sizes[1]) & (v >= 0) & (v < sizes[2]))
+            level = np.full(len(inside), k)
+            wanted = np.ravel_multi_index((level, u[inside], v[inside]), sizes)
+            wanted += origins[inside, 0] * n_places
+            at = np.minimum(np.searchsorted(slots, wanted), len(slots) - 1)
+            found = slots[at] == wanted
+            rows.append(inside[found])
+            columns.append(at[found])
+        entries += sum(map(len, rows))
+        if entries > MOST_ENTRIES:
+            raise UnsupportedError(
+                f"a flow model takes at most {MOST_ENTRIES} entries of separation rows, here "
+                "there are more; column-generation adds the few that matter"
+            )
+        blocks.append(incidence(joined(rows), joined(columns), (len(origins), len(slots))))
+    return _distinct(sparse.csr_array(sparse.vstack(blocks)))
+
+
+def _pairs_too_close(problem: Problem, slots: IntArray, n_places: int) -> sparse.csr_array:
+    """The slots, and all two of one step that are too close: what fits any terrain."""
+    sizes = (len(problem.layers), *problem.height_map.shape)
+    t, place = np.divmod(slots, n_places)
+    layer, x, y = np.unravel_index(place, sizes)
+    cells = [Cell(*at) for at in zip(x.tolist(), y.tolist(), layer.tolist(), strict=True)]
+    altitude = problem.height_map.altitudes(problem.layers)[layer, x, y]
+    # Steps are put so far apart that no two of different steps are near.
+    apart = 2 * problem.rules.separation
+    size = problem.height_map.resolution
+    points = np.column_stack([x * size, y * size, altitude, t * apart])
+    reach = problem.rules.separation * (1 + 1e-9)
+    tree = cKDTree(points)
+    if tree.count_neighbors(tree, reach) > MOST_ENTRIES:
+        raise UnsupportedError(
+            f"a flow model takes at most {MOST_ENTRIES} entries of separation rows, here "
+            "there are more; column-generation adds the few that matter"
+        )
+    near = tree.query_pairs(reach, output_type="ndarray").tolist()
+    pairs = [(a, b) for a, b in near if problem.too_close(cells[a], cells[b])]
+    one, other = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
+    number = np.arange(len(pairs))
+    rows, columns = np.concatenate([number, number]), np.concatenate([one, other])
+    alone = sparse.eye_array(len(slots), format="csr")
+    return sparse.csr_array(
+        sparse.vstack([alone, incidence(rows, columns, (len(pairs), len(slots)))])
+    )
+
+
+Shape = list[tuple[int, int, int]]  # (layer, cells along x, cells along y)
+
+
+def _shapes(problem: Problem) -> list[Shape]:
+    """Cliques of cells that, laid anywhere, hold every two cells that are too close.
+
+    The pairs that are farthest apart come first: what lies between them is too close to
+    both and to most of the rest.
+    """
+    layers, (width, depth) = range(len(problem.layers)), problem.height_map.shape
+    near = np.array(
+        [
+            problem.too_close(Cell(0, 0, a), Cell(i, j, b))
+            for a, b, i, j in product(layers, layers, range(width), range(depth))
+        ]
+    ).reshape(len(layers), len(layers), width, depth)
+    reach = (np.arange(1 - width, width), np.arange(1 - depth, depth))
+    box = np.array(list(product(layers, *reach)), dtype=np.int64)  # [n, 3]
+    heights = np.array(problem.layers) / problem.height_map.resolution
+    covered = np.zeros((len(layers), len(layers), 2 * width - 1, 2 * depth - 1), dtype=bool)
+    pairs = [
+        (-float(np.hypot(np.hypot(i, j), heights[b] - heights[a])), a, b, int(i), int(j))
+        for a, (b, i, j) in product(layers, box.tolist())
+        if (a, 0, 0) <= (b, i, j) and near[a, b, abs(i), abs(j)]
+    ]
+    shapes = []
+    for _, a, b, i, j in sorted(pairs):
+        if covered[a, b, i + width - 1, j + depth - 1]:
+            continue
+        shape = _clique(near, box, heights, (a, 0, 0), (b, i, j))
+        shapes.append([(int(k), int(u), int(v)) for k, u, v in shape])
+        for k, u, v in shape:
+            away = shape - (0, u, v)
+            inside = (np.abs(away[:, 1]) < width) & (np.abs(away[:, 2]) < depth)
+            level, du, dv = away[inside].T
+            covered[k, level, du + width - 1, dv + depth - 1] = True
+    return shapes
+
+
+def _clique(
+    near: BoolArray,
+    box: IntArray,
+    heights: FloatArray,
+    one: tuple[int, int, int],
+    other: tuple[int, int, int],
+) -> IntArray:
+    """Cells [n, 3], any two too close, with two given ones: from their middle outwards."""
+    ends = np.array([one, other], dtype=np.int64)
+    middle = ends[:, 1:].mean(axis=0)
+    away = np.column_stack([box[:, 1:] - middle, heights[box[:, 0]] - heights[ends[:, 0]].mean()])
+    candidates = box[np.argsort(np.linalg.norm(away, axis=1), kind="stable")]
+
+    def close_to(cell: IntArray) -> BoolArray:
+        gap = np.abs(candidates - cell)
+        inside = (gap[:, 1] < near.shape[2]) & (gap[:, 2] < near.shape[3])
+        found: BoolArray = (
+            inside & near[cell[0], candidates[:, 0], gap[:, 1] * inside, gap[:, 2] * inside]
+        )
+        return found
+
+    chosen = list(np.unique(ends, axis=0))
+    open_ = np.logical_and.reduce([close_to(end) for end in chosen])
+    open_ &= ~(candidates[:, None] == ends[None]).all(axis=2).any(axis=1)
+    while open_.any():
+        cell = candidates[np.argmax(open_)]
+        chosen.append(cell)
+        open_ &= close_to(cell) & (candidates != cell).any(axis=1)
+    return np.array(chosen)
+
+
+def _distinct(rows: sparse.csr_array) -> sparse.csr_array:
+    """Rows of 0 and 1 without repetitions; sets are told apart by a sum of random numbers."""
+    marks = np.random.default_rng(0).random((rows.shape[1], 2))
+    _, first = np.unique(np.round(rows @ marks, 9), axis=0, return_index=True)
+    return sparse.csr_array(rows[np.sort(first)])
+
+
+def _swaps(
+    flow: Flow, slots: IntArray, reach: sparse.csr_array
+) -> tuple[IntArray, sparse.csr_array]:
+    """Moves [W, 3] between two cells, either way, in which two robots can meet."""
+    one, other = flow.places[flow.tails], flow.places[flow.heads]
+    moving = np.flatnonzero(one != other)
+    one, other = one[moving], other[moving]
+    keys = np.column_stack(
+        [flow.steps[flow.tails[moving]], np.minimum(one, other), np.maximum(one, other)]
+    )
+    pairs, at = np.unique(keys, axis=0, return_inverse=True)
+    both = np.zeros((len(pairs), 2), dtype=bool)
+    both[at, (one < other).astype(np.int64)] = True
+    crossing = incidence(at, moving, (len(pairs), flow.n_edges))
+    kept = np.flatnonzero(both.all(axis=1))
+    t, *ends = pairs[kept].T
+    one, other = (reach[np.searchsorted(slots, (t + 1) * _n_places(flow) + end)] for end in ends)
+    kept = kept[np.asarray((one + other > 0).sum(axis=1)).ravel() > 1]
+    return pairs[kept], sparse.csr_array(crossing[kept])

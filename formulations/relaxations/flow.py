@@ -1,0 +1,347 @@
+"""Aggregated flow: all robots of a class as one commodity over the time-expanded graph.
+
+Robots of one class differ only in their start, and J depends only on how many robots stand in
+each state. Any flow with one unit from each start splits into one path per start, so that one
+flow per class has the same relaxation value and the same integer optimum as one flow per
+robot: the model's size does not grow with the number of robots.
+
+Numbers of a flow: x[n] robots in node n (a state at a step), y[e] robots along edge e. Pixels,
+roots and collision rules between places are rows over nodes, which are far fewer than edges.
+
+Sources: Yu and LaValle 2013 (anonymous path finding as integer flow); Royset and Sato 2010
+(search models whose size does not grow with the number of searchers).
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from scipy import sparse
+from scipy.optimize import linear_sum_assignment
+
+from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.formulations.certificates.envelope import Cut
+from cocap_opt.graph.move_rewards import bonuses_of
+from cocap_opt.graph.timegraph import CLOSED, TimeGraph
+from cocap_opt.model import Model, Path, RobotClass
+from cocap_opt.objective import largest_roots, view_sum_weights
+from cocap_opt.problem.problem import Cell, Problem
+from cocap_opt.result import UnsupportedError
+from cocap_opt.stop import Limit, Stop, never
+
+MOST_EDGES = 400_000  # of the time-expanded graph
+Compile = Callable[[Problem], Model]  # one class of robots for all that are alike, or each apart
+
+UNUSED = 1e-6  # amounts below are rounding errors
+
+
+@dataclass(frozen=True, eq=False)
+class Flow:
+    """Nodes and edges that lie on a path from some start to the end (or the goal)."""
+
+    model: Model
+    owner: IntArray  # [N] class of each node
+    steps: IntArray  # [N] t
+    states: IntArray  # [N] state number in its class's graph
+    tails: IntArray  # [E] nodes
+    heads: IntArray  # [E] nodes
+    supply: FloatArray  # [N] robots that start there
+
+    @property
+    def n_nodes(self) -> int:
+        """N."""
+        return len(self.states)
+
+    @property
+    def n_edges(self) -> int:
+        """E."""
+        return len(self.tails)
+
+    @cached_property
+    def serves_all(self) -> bool:
+        """Whether every robot has a path."""
+        return round(float(self.supply.sum())) == len(self.model.problem.robots)
+
+    @cached_property
+    def entering(self) -> sparse.csr_array:
+        """1 where an edge enters a node [N, E]."""
+        return incidence(self.heads, np.arange(self.n_edges), (self.n_nodes, self.n_edges))
+
+    @cached_property
+    def leaving(self) -> sparse.csr_array:
+        """1 where an edge leaves a node [N, E]."""
+        return incidence(self.tails, np.arange(self.n_edges), (self.n_nodes, self.n_edges))
+
+    @cached_property
+    def bonus(self) -> FloatArray:
+        """Rewards of the edges for the moves themselves [E]."""
+        bonuses = bonuses_of(self.model.problem.objective)
+        rewards, owner = np.zeros(self.n_edges), self.owner[self.tails]
+        tails, heads = self.states[self.tails], self.states[self.heads]
+        for k, robot_class in enumerate(self.model.classes):
+            own = owner == k
+            rewards[own] = bonuses.of_edges(robot_class.graph.shape, tails[own], heads[own])
+        return rewards
+
+    @property
+    def largest_bonus(self) -> float:
+        """Of all edges."""
+        return float(self.bonus.max(initial=0.0))
+
+    @cached_property
+    def capacity(self) -> FloatArray:
+        """Robots that can be in a node by the vertex rule and the size of its class [N]."""
+        if not self.model.problem.rules.none:
+            return np.ones(self.n_nodes)
+        return np.array(self.model.class_sizes, dtype=np.float64)[self.owner]
+
+    @cached_property
+    def places(self) -> IntArray:
+        """Number of the cell of each node [N], comparable between commodities."""
+        found = np.zeros(self.n_nodes, dtype=np.int64)
+        for k, robot_class in enumerate(self.model.classes):
+            own = self.owner == k
+            graph = robot_class.graph
+            layer, x, y = graph.coordinates(self.states[own] % graph.n_places)
+            layers = np.array(
+                [self.model.problem.layers.index(h) for h in robot_class.spec.motion.layers]
+            )
+            found[own] = np.ravel_multi_index((layers[layer], x, y), self._cells)
+        return found
+
+    @property
+    def _cells(self) -> tuple[int, int, int]:
+        problem = self.model.problem
+        return (len(problem.layers), *problem.height_map.shape)
+
+    def cell(self, place: int) -> Cell:
+        """Cell with this number."""
+        layer, x, y = (int(i) for i in np.unravel_index(place, self._cells))
+        return Cell(x, y, layer)
+
+    def coverage(self) -> sparse.csr_array:
+        """Pixels [Z, N] that a robot in a node has of each view sum."""
+        n_view_sums = len(view_sum_weights(self.model.problem))
+        rows, columns, pixels = [], [], []
+        for k, robot_class in enumerate(self.model.classes):
+            own = np.flatnonzero(self.owner == k)
+            table = self.model.coverage(robot_class)
+            nodes = self.steps[own] * robot_class.graph.n_states + self.states[own]
+            which, entries = table.entries(nodes)
+            rows.append(table.view_sums[entries])
+            columns.append(own[which])
+            pixels.append(table.pixels[entries])
+        at = (joined(rows), joined(columns))
+        values = np.concatenate([np.zeros(0), *pixels])
+        return sparse.csr_array((values, at), shape=(n_view_sums, self.n_nodes))
+
+    # -- back and forth between flows and paths --------------------------------------------
+
+    def amounts(self, paths: Sequence[Path]) -> tuple[FloatArray, FloatArray]:
+        """Robots in each node [N] and along each edge [E] for one path per robot."""
+        x, y = np.zeros(self.n_nodes), np.zeros(self.n_edges)
+        for k, robot_class in enumerate(self.model.classes):
+            for robot in robot_class.robots:
+                nodes = [self._node(k, t, state) for t, state in enumerate(paths[robot])]
+                np.add.at(x, nodes, 1.0)
+                for tail, head in pairwise(nodes):
+                    low, high = np.searchsorted(self.tails, [tail, tail + 1])
+                    y[low + int(np.flatnonzero(self.heads[low:high] == head)[0])] += 1.0
+        return x, y
+
+    def _node(self, number: int, t: int, state: int) -> int:
+        first, end = np.searchsorted(self.owner, [number, number + 1])
+        low, high = first + np.searchsorted(self.steps[first:end], [t, t + 1])
+        return int(low + np.searchsorted(self.states[low:high], state))
+
+    def paths(self, y: FloatArray, x: FloatArray | None = None) -> tuple[Path, ...]:
+        """One path per robot, each from its own start, that together make a flow.
+
+        Parameters
+        ----------
+        y : [E] robots along each edge; it may be fractional where x is whole and given: from
+            step to step a mixture of assignments of robots to nodes holds one that is whole
+        x : [N] robots in each node; None: what y says
+
+        Raises
+        ------
+        ValueError
+            If the flow splits into no paths.
+        """
+        whole = np.rint(self.supply + self.entering @ y if x is None else x).astype(np.int64)
+        paths: dict[int, list[int]] = {}
+        for k, robot_class in enumerate(self.model.classes):
+            at = [self._node(k, 0, start) for start in robot_class.starts]
+            ways = [[node] for node in at]
+            for _ in range(self.model.problem.horizon):
+                at = self._step(at, whole, y)
+                for way, node in zip(ways, at, strict=True):
+                    way.append(node)
+            for robot, way in zip(robot_class.robots, ways, strict=True):
+                paths[robot] = self.states[way].tolist()
+        return tuple(tuple(paths[robot]) for robot in range(len(paths)))
+
+    def _step(self, at: list[int], whole: IntArray, y: FloatArray) -> list[int]:
+        """Where robots at these nodes go, along used edges, as many to each node as are there."""
+        ahead: list[dict[int, float]] = []
+        for node in at:
+            low, high = np.searchsorted(self.tails, [node, node + 1])
+            used = low + np.flatnonzero(y[low:high] > UNUSED)
+            ahead.append(dict(zip(self.heads[used].tolist(), self.bonus[used], strict=True)))
+        heads = sorted({head for some in ahead for head in some})
+        slots = [head for head in heads for _ in range(whole[head])]
+        if len(slots) != len(at):
+            raise ValueError("the flow is not whole")
+        gain = np.array([[some.get(head, -np.inf) for head in slots] for some in ahead])
+        # A forbidden edge costs more than all rewards together bring.
+        worst = -2.0 * len(at) * (self.largest_bonus or 1.0)
+        _, chosen = linear_sum_assignment(np.where(np.isinf(gain), worst, gain), maximize=True)
+        if np.isinf(gain[np.arange(len(at)), chosen]).any():
+            raise ValueError("the flow is not whole")
+        return [slots[k] for k in chosen.tolist()]
+
+
+def make_flow(model: Model, stop: Stop = never) -> tuple[Flow | None, Limit]:
+    """Flow of a model; None and the limit that was reached before it was whole.
+
+    Raises
+    ------
+    UnsupportedError
+        If the time-expanded graph has more than MOST_EDGES edges.
+    """
+    owner, steps, states, supply, tails, heads = ([] for _ in range(6))
+    n_nodes = n_edges = 0
+    for k, robot_class in enumerate(model.classes):
+        useful = _useful(model, robot_class)
+        t, state = np.nonzero(useful)
+        own = np.zeros(len(t))
+        np.add.at(
+            own, [np.searchsorted(state[t == 0], s) for s in robot_class.starts if useful[0, s]], 1
+        )
+        for one, other in _edges(robot_class.graph, useful):
+            if (limit := stop()) is not Limit.NONE:
+                return None, limit
+            n_edges += len(one)
+            if n_edges > MOST_EDGES:
+                raise UnsupportedError(
+                    f"a flow model takes at most {MOST_EDGES} edges of the time-expanded graph, "
+                    "here there are more; column-generation takes any number"
+                )
+            tails.append(n_nodes + one)
+            heads.append(n_nodes + other)
+        owner.append(np.full(len(t), k))
+        steps.append(t)
+        states.append(state)
+        supply.append(own)
+        n_nodes += len(t)
+    flow = Flow(
+        model, joined(owner), joined(steps), joined(states), joined(tails),
+        joined(heads), np.concatenate(supply),
+    )  # fmt: skip
+    return flow, Limit.NONE
+
+
+def _useful(model: Model, robot_class: RobotClass) -> BoolArray:
+    """States [T+1, S] on a path from one of the starts to the end (or the goal)."""
+    graph, horizon = robot_class.graph, model.problem.horizon
+    to_go = graph.backward_sweep(graph.no_reward(horizon), goal=robot_class.goal)
+    found: BoolArray = graph.reachable(robot_class.starts, horizon) & (to_go > CLOSED)
+    return found
+
+
+def _edges(graph: TimeGraph, useful: BoolArray) -> Iterator[tuple[IntArray, IntArray]]:
+    """Tails and heads of the edges of each step, as numbers of useful nodes; by tail, head."""
+    turns = _padded(graph.turns)
+    first = 0
+    for here, there in pairwise(useful):
+        tails = np.flatnonzero(here)
+        orientation, place = np.divmod(tails, graph.n_places)
+        moved = graph.neighbours.T[place][:, None, :]  # [n, 1, K]
+        turned = turns[orientation][:, :, None]  # [n, M, 1]
+        heads = np.where((moved >= 0) & (turned >= 0), turned * graph.n_places + moved, -1)
+        heads = heads.reshape(len(tails), turns.shape[1] * len(graph.neighbours))
+        open_ = (heads >= 0) & there[heads]
+        which, head = np.nonzero(open_)[0], heads[open_]
+        order = np.lexsort((head, which))
+        ahead = first + len(tails)
+        number = np.cumsum(there) - 1
+        yield first + which[order], ahead + number[head[order]]
+        first = ahead
+
+
+def _padded(turns: Sequence[Sequence[int]]) -> IntArray:
+    """Orientations that each orientation can turn to [O, M]; -1 where there are fewer."""
+    table = np.full((len(turns), max(map(len, turns))), -1, dtype=np.int64)
+    for row, some in zip(table, turns, strict=True):
+        row[: len(some)] = some
+    return table
+
+
+def joined(parts: Sequence[IntArray]) -> IntArray:
+    """Concatenate numbers, of which there may be none."""
+    return np.concatenate([np.zeros(0, dtype=np.int64), *parts])
+
+
+def incidence(rows: IntArray, columns: IntArray, shape: tuple[int, int]) -> sparse.csr_array:
+    """Make a matrix with ones at these rows [n] and columns [n]."""
+    return sparse.csr_array((np.ones(len(rows)), (rows, columns)), shape=shape)
+
+
+# -- roots -------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Roots:
+    """The view sums that count and that somebody can see, in units of each one's best view."""
+
+    used: IntArray  # [g] view sums
+    scale: FloatArray  # [g] px^0.5/m, root of the best single view
+    largest: FloatArray  # [C, g] px^0.5/m, of each class, views that lead nowhere as well
+    weights: FloatArray  # [g] of the root in these units
+    pixels: sparse.csr_array  # [g, N] in units of scale^2
+    seen: sparse.csr_array  # [g, N] roots of pixels
+
+    @classmethod
+    def of(cls, flow: Flow) -> "Roots":
+        """Groups of a flow."""
+        coverage = flow.coverage()
+        weights = view_sum_weights(flow.model.problem)
+        best = np.asarray(coverage.max(axis=1).todense()).ravel()
+        used = np.flatnonzero((best > 0) & (weights > 0))
+        scale = np.sqrt(best[used])
+        pixels = sparse.csr_array(sparse.diags_array(1 / scale**2) @ coverage[used])
+        largest = largest_roots(flow.model)[:, used]
+        return cls(used, scale, largest, weights[used] * scale, pixels, pixels.sqrt())
+
+    def entries(self, g: int) -> tuple[IntArray, FloatArray]:
+        """Nodes that see a view sum, and their roots px^0.5/m."""
+        part = slice(self.seen.indptr[g], self.seen.indptr[g + 1])
+        nodes: IntArray = self.seen.indices[part].astype(np.int64)
+        return nodes, self.seen.data[part] * self.scale[g]
+
+
+def cut_rows(
+    flow: Flow, roots: Roots, cuts: Sequence[Cut]
+) -> tuple[sparse.csr_array, FloatArray, IntArray]:
+    """Envelope cuts as rows, in units of the roots.
+
+    Returns
+    -------
+    phi of the nodes [k, N], constants [k], and each cut's position among `roots.used` [k].
+    """
+    where = np.searchsorted(roots.used, [cut.view_sum for cut in cuts]).astype(np.int64)
+    entries = [roots.entries(g) for g in where.tolist()]
+    scales = roots.scale[where]
+    data = [
+        cut.phi_of(flow.owner[nodes], seen) / scale
+        for cut, (nodes, seen), scale in zip(cuts, entries, scales, strict=True)
+    ]
+    parts = (
+        np.concatenate([np.zeros(0), *data]),
+        np.concatenate([np.zeros(0, dtype=np.int64), *(nodes for nodes, _ in entries)]),
+        np.cumsum([0, *(len(nodes) for nodes, _ in entries)]),
+    )
+    rows = sparse.csr_array(parts, shape=(len(cuts), flow.n_nodes))
+    return rows, np.array([cut.constant for cut in cuts]) / scales, where

@@ -1,0 +1,48 @@
+"""Bridge: two people walk through an underpass, three drones film them from both sides.
+
+            #######                      the deck, 6 to 7 m high, seen from the side:
+            #deck #
+     0 1 -->                                9 m   - - - - - - - - - -   above the deck
+            #     #                             ########
+      R     #######                         3 m - - - - - - - - - - -   below it
+
+A height map has one top in each cell: for it the underpass is solid rock, in which nobody can be
+seen, and drones that follow must climb over it. With the deck as a mesh they fly through, and
+those above do not see through it.
+"""
+
+import numpy as np
+
+from cocap_opt.problem.problem import Camera, Motion, Problem
+from cocap_opt.scenarios.built_in.parts import SIZE, Room, block, drones, walker
+from cocap_opt.world.workspace import HeightMap
+
+STEPS = 10  # horizon T
+DECK = Room(12, 19, 11, 19)  # cells; north and south of it are embankments
+BOTTOM, TOP = 6.0, 7.0  # m
+MOTION = Motion(layers=(3.0, 9.0), clearance=0.5)
+GIMBAL = Camera(tilts=(np.radians(10.0), np.radians(40.0)))
+
+
+def bridge(seed: int) -> Problem:
+    """Underpass below a deck that is a mesh; drones fly below and above it.
+
+    Random are the drones' cells and headings, and the people's pace and distance.
+    """
+    rng = np.random.default_rng(seed)
+    heights = np.zeros((SIZE, SIZE))
+    heights[DECK.x0 : DECK.x1] = TOP
+    heights[DECK.x0 : DECK.x1, DECK.y0 : DECK.y1] = 0.0
+    actors = []
+    for x, y in ((8.0, 14.0), (10.0, 16.0)):
+        first, pace = x + rng.uniform(-0.3, 0.3), 1.3 + rng.uniform(-0.1, 0.1)
+        actors.append(walker([(0.0, y), (SIZE, y)], first, pace, STEPS))
+    team = drones(3, Room(3, 8, 10, 20).cells, [7, 0, 1], rng, MOTION)
+    return Problem(
+        name="bridge",
+        height_map=HeightMap(heights=heights),
+        meshes=(block((DECK.x0, DECK.y0, BOTTOM), (DECK.x1, DECK.y1, TOP)),),
+        robots=tuple(robot.replace(camera=GIMBAL) for robot in team),
+        actors=tuple(actors),
+        horizon=STEPS,
+    )

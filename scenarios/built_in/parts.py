@@ -1,0 +1,84 @@
+"""What the built-in scenes are made of: rooms between walls, walking actors, waiting drones."""
+
+from itertools import pairwise, product
+from typing import NamedTuple
+
+import numpy as np
+
+from cocap_opt.data import FloatArray
+from cocap_opt.problem.problem import Actor, Motion, Robot, State
+from cocap_opt.world.workspace import HeightMap, Mesh
+
+SIZE = 30  # cells of 1 m along x and y
+WALL = 10.0  # m, twice the flight height: a wall stops drones and their views
+NEIGHBOURS = Motion()  # of most drones: 3x3 cells, yaw by -45, 0 or 45 degrees
+
+Point = tuple[float, float]  # m
+
+
+class Room(NamedTuple):
+    """Cells x0 <= x < x1, y0 <= y < y1."""
+
+    x0: int
+    x1: int
+    y0: int
+    y1: int
+
+    @property
+    def cells(self) -> list[tuple[int, int]]:
+        """All cells (x, y)."""
+        return [(x, y) for x in range(self.x0, self.x1) for y in range(self.y0, self.y1)]
+
+
+def rooms_in_rock(*rooms: Room) -> HeightMap:
+    """Map that is wall but for these rooms."""
+    heights = np.full((SIZE, SIZE), WALL)
+    for x0, x1, y0, y1 in rooms:
+        heights[x0:x1, y0:y1] = 0.0
+    return HeightMap(heights=heights)
+
+
+def walker(points: list[Point], first: float, pace: float, steps: int) -> Actor:
+    """Actor that walks along straight legs, looking where it goes.
+
+    Parameters
+    ----------
+    points : corners of the way (m)
+    first : length of the way (m) already behind it at step 0
+    pace : m per step
+    steps : horizon T; the way must be long enough for them
+    """
+    legs = [np.subtract(b, a) for a, b in pairwise(points)]
+    lengths = [float(np.hypot(*leg)) for leg in legs]
+    corners = np.concatenate([[0.0], np.cumsum(lengths)])
+    poses: FloatArray = np.zeros((steps + 1, 4))
+    for t in range(steps + 1):
+        done = first + pace * t
+        leg = int(np.searchsorted(corners, done, side="right")) - 1
+        share = (done - corners[leg]) / lengths[leg]
+        poses[t, :2] = points[leg] + share * legs[leg]
+        poses[t, 3] = np.arctan2(legs[leg][1], legs[leg][0])
+    return Actor(poses=poses)
+
+
+def block(low: tuple[float, float, float], high: tuple[float, float, float]) -> Mesh:
+    """A box from one corner to the opposite one (m)."""
+    corners = np.array(list(product(*zip(low, high, strict=True))))
+    sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    triangles = [side[k] for side in sides for k in (0, 1, 2, 0, 2, 3)]
+    return Mesh(vertices=corners, triangles=np.reshape(triangles, (-1, 3)))
+
+
+def drones(
+    count: int,
+    cells: list[tuple[int, int]],
+    headings: list[int],
+    rng: np.random.Generator,
+    motion: Motion = NEIGHBOURS,
+) -> tuple[Robot, ...]:
+    """Drones in distinct random cells of these, which must be free, with random headings."""
+    chosen = rng.choice(cells, size=count, replace=False)
+    return tuple(
+        Robot(start=State(int(x), int(y), heading=int(rng.choice(headings))), motion=motion)
+        for x, y in chosen
+    )

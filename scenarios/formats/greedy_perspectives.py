@@ -1,0 +1,393 @@
+"""Reader of the scenes (`seq.yaml`) and paths of Greedy Perspectives.
+
+Source of the format and of its meaning: Suresh et al., "Greedy Perspectives", 2024 (arXiv
+2310.10863), repository GreedyPerspectives/GreedyPerspectives, `res/experiments`, and the
+behaviour of its planner. What is said in another notation there is translated:
+
+========================  =====================================  ==============================
+what                      there                                  here
+========================  =====================================  ==============================
+heading index 0           looks along +y                         looks along +x
+camera tilt               angle from straight down               angle below the horizon
+horizon                   H rows                                 T = H - 1 moves
+actor                     box of 1 x 1 x 2.5 m, whatever the     the same
+                          file says
+========================  =====================================  ==============================
+
+Both count headings counter-clockwise. What can be meant in two ways (faces, start, tilts,
+rules, corners, start set) is a choice: `Conventions`. Their planner's bonus for moves with
+dx + dy = 0 is no part of the reward that they report; here it is part of the objective only
+with `Conventions.bonus`. `action_space`, `stepSize`, every `geometry` and
+`map.pose` are in the files but were never used, and are not read.
+"""
+
+import math
+import os
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
+
+import msgspec
+import numpy as np
+import yaml
+from msgspec import Meta
+
+from cocap_opt.data import FloatArray, ProblemError
+from cocap_opt.problem.problem import (
+    Actor,
+    Camera,
+    Cuboid,
+    Motion,
+    Objective,
+    Problem,
+    Robot,
+    State,
+    TriangulatedCuboid,
+)
+from cocap_opt.scenarios.formats.conventions import FAITHFUL, Conventions
+from cocap_opt.scenarios.text import integer, naming, number, one_line, read_table, read_text
+from cocap_opt.world.workspace import HeightMap
+
+# Of their triangles: with 4 samples the rewards of whole plans differ by less than 0.1 % from
+# those with their pixels, and those of steps by less than 2 %; so they do with 20.
+FACE_SAMPLES = 4
+
+BONUS = 100.0  # of their planner, for each move with dx + dy = 0
+
+# msgspec has no constraint "finite"; a million kilometres stand for it.
+Coordinate = Annotated[float, Meta(ge=-1e9, le=1e9)]
+Length = Annotated[float, Meta(ge=1e-3, le=1e9)]
+Count = Annotated[int, Meta(ge=1, le=10**9)]
+
+
+class Pose(NamedTuple):
+    """Start pose of a robot, as in the files: metres, and radians from +y, ccw."""
+
+    x: Coordinate
+    y: Coordinate
+    z: Coordinate
+    theta: Coordinate
+
+
+class _Camera(msgspec.Struct):
+    intrinsics: tuple[Length, Count, Count]  # focal length, width, height, px
+    tilt: Annotated[float, Meta(ge=0, le=math.pi)]  # rad from straight down
+
+
+class _Agent(msgspec.Struct):
+    start: Pose = msgspec.field(name="startPose")
+    camera: _Camera
+
+
+class _AgentItem(msgspec.Struct):
+    agent: _Agent
+
+
+class _Actor(msgspec.Struct):
+    trajectory: list[tuple[Coordinate, Coordinate, Coordinate]]  # x, y (m), yaw (rad)
+
+
+class _ActorItem(msgspec.Struct):
+    actor: _Actor
+
+
+class _Time(msgspec.Struct):
+    horizon: Annotated[int, Meta(ge=2)]  # rows, one more than moves
+
+
+class _Resolution(msgspec.Struct):
+    heading: Annotated[int, Meta(ge=4, le=360, multiple_of=4)]  # +x must be one of them
+
+
+class _Map(msgspec.Struct):
+    file: str
+    cell: Length = msgspec.field(name="gridSize")  # m
+
+
+class _World(msgspec.Struct):
+    time: _Time
+    state_resolution: _Resolution
+    map: _Map
+    actors: list[_ActorItem]
+    agents: Annotated[list[_AgentItem], Meta(min_length=1)]
+
+
+class _Planner(msgspec.Struct):
+    world: _World
+
+
+class _Sequence(msgspec.Struct):
+    """The parts of a `seq.yaml` that their planner uses."""
+
+    planner: _Planner
+
+
+def read(path: Path, seed: int = 0, conventions: Conventions = FAITHFUL) -> Problem:
+    """Read a scene; the map and, where there is one, `starts.csv` lie beside the file.
+
+    Parameters
+    ----------
+    path
+        The scene's `seq.yaml`.
+    seed
+        Number of the start set: rows seed * R .. seed * R + R - 1 of `starts.csv` for R
+        robots. Of no effect where the file's own start poses are used.
+    conventions
+        How the scene is meant; `FAITHFUL` is as their program plans it.
+
+    Raises
+    ------
+    ProblemError
+        If a file cannot be read or holds something not allowed; one line, naming the file.
+    """
+    with naming(path):
+        world = _world(read_text(path))
+        shape = TriangulatedCuboid if conventions.triangles else Cuboid
+        actors = _actors(world, shape(height=2.5))
+        cameras = _cameras(world, conventions)
+        headings = world.state_resolution.heading
+        motion = Motion(headings=headings, corner_cutting=conventions.corner_cutting)
+        map_file = _map_file(path, world.map.file)
+    with naming(map_file):
+        height_map = HeightMap(heights=_heights(map_file), resolution=world.map.cell)
+    source, poses = _starts(path, world, seed, conventions)
+    # All that can still be wrong is a start pose, so the errors name the file it came from.
+    with naming(source):
+        return Problem(
+            name=path.resolve().parent.name,
+            height_map=height_map,
+            robots=tuple(
+                _robot(pose, camera, motion, height_map)
+                for pose, camera in zip(poses, cameras, strict=True)
+            ),
+            actors=actors,
+            horizon=world.time.horizon - 1,
+            rules=conventions.rules,
+            objective=Objective(
+                count_start=conventions.count_start, balanced=BONUS if conventions.bonus else 0.0
+            ),
+            face_samples=FACE_SAMPLES,
+        )
+
+
+def read_plan(path: Path, problem: Problem) -> tuple[tuple[State, ...], ...]:
+    """Read the paths that Greedy Perspectives' planner found for a problem made by `read`.
+
+    The file has columns robot, t, x_cell, y_cell, heading_idx, one row per robot and step, in
+    any order. Returned is one path per robot, of T+1 states. Whether they are feasible is for
+    the referee to say.
+
+    Raises
+    ------
+    ProblemError
+        If a column, a robot or a step is missing, given twice or not part of the problem, or
+        a value is not a whole number; one line, naming the file.
+    """
+    steps = range(problem.horizon + 1)
+    states: dict[tuple[int, int], State] = {}
+    columns = ("robot", "t", "x_cell", "y_cell", "heading_idx")
+    with naming(path):
+        for line, row in read_table(path, columns):
+            robot, t, x, y, theirs = (integer(row[c], f"line {line}, {c}") for c in columns)
+            _check_index(robot, len(problem.robots), f"line {line}, robot")
+            _check_index(t, len(steps), f"line {line}, t")
+            headings = problem.robots[robot].motion.headings
+            _check_index(theirs, headings, f"line {line}, heading_idx")
+            if (robot, t) in states:
+                raise ProblemError(f"line {line}: robot {robot} must have step {t} only once")
+            states[robot, t] = State(x, y, heading=_our_heading(theirs, headings))
+        for robot in range(len(problem.robots)):
+            missing = [t for t in steps if (robot, t) not in states]
+            if missing:
+                raise ProblemError(
+                    f"robot {robot}: must have a row for each step 0..{problem.horizon}, "
+                    f"but has none for step {missing[0]}"
+                )
+    return tuple(tuple(states[i, t] for t in steps) for i in range(len(problem.robots)))
+
+
+class Reported(NamedTuple):
+    """View reward of their plan at each step t = 0..T, as their program has it."""
+
+    as_reported: tuple[float, ...]  # with the tilts that their cache mixes up
+    own_tilt: tuple[float, ...]  # evaluated anew with each robot's own
+
+
+def read_reward(path: Path, problem: Problem) -> Reported:
+    """Read the view reward that Greedy Perspectives' program gave the plan of `read_plan`.
+
+    The file has columns t, reported_view_reward, own_tilt_view_reward, one row per step.
+
+    Raises
+    ------
+    ProblemError
+        If a value is no number, or the rows are not those of the steps in order; one line,
+        naming the file.
+    """
+    columns = ("reported_view_reward", "own_tilt_view_reward")
+    with naming(path):
+        rows = read_table(path, ("t", *columns))
+        steps = [integer(row["t"], f"line {line}, t") for line, row in rows]
+        if steps != list(range(problem.horizon + 1)):
+            raise ProblemError(f"t: must be the steps 0..{problem.horizon}, one row each, in order")
+        return Reported(
+            *(tuple(number(row[c], f"line {line}, {c}") for line, row in rows) for c in columns)
+        )
+
+
+# Their numbers of the faces that ours are, in the order of `TriangulatedCuboid`: front (x = .5),
+# left (y = .5), back, right and top. 0 and 1 are the bottom.
+THEIR_FACES = (7, 6, 8, 9, 2, 3, 4, 5, 11, 10)
+
+
+def read_coverage(path: Path, problem: Problem) -> dict[tuple[int, State], FloatArray]:
+    """Read the coverage that Greedy Perspectives' planner rendered for a problem made by `read`.
+
+    The file has columns x, y, h, t, actor, face, ppa, one row per face that a state sees.
+
+    Returns
+    -------
+    dict
+        Coverage [F] in px/m2 by step and state.
+
+    Raises
+    ------
+    ProblemError
+        If a value is not a number or not part of the problem; one line, naming the file.
+    """
+    columns = ("x", "y", "h", "t", "actor", "face")
+    headings, per_actor = problem.robots[0].motion.headings, len(THEIR_FACES)
+    ours = {theirs: k for k, theirs in enumerate(THEIR_FACES)}
+    found: dict[tuple[int, State], FloatArray] = {}
+    with naming(path):
+        if len(problem.face_weights) != per_actor * len(problem.actors):
+            raise ProblemError("the scene must have been read with triangles")
+        for line, row in read_table(path, (*columns, "ppa")):
+            x, y, heading, t, actor, face = (integer(row[c], f"line {line}, {c}") for c in columns)
+            _check_index(t, problem.horizon + 1, f"line {line}, t")
+            _check_index(actor, len(problem.actors), f"line {line}, actor")
+            _check_index(face, per_actor + 2, f"line {line}, face")
+            key = t, State(x, y, heading=_our_heading(heading, headings))
+            if face in ours:
+                values = found.setdefault(key, np.zeros(len(problem.face_weights)))
+                values[actor * per_actor + ours[face]] = number(row["ppa"], f"line {line}, ppa")
+    return found
+
+
+def heading_index(theta: float, headings: int = 8) -> int:
+    """Their heading index of an angle (rad): truncated toward zero, after wrapping to +-pi."""
+    return int(math.remainder(theta, math.tau) / (math.tau / headings)) % headings
+
+
+def _our_heading(theirs: int, headings: int) -> int:
+    return (theirs + headings // 4) % headings
+
+
+def _check_index(value: int, size: int, field: str) -> None:
+    if not 0 <= value < size:
+        raise ProblemError(f"{field}: must be 0..{size - 1}, not {value}")
+
+
+class _Loader(yaml.SafeLoader):
+    """The safe loader, whose constructors fail in many ways at a scalar of the wrong form.
+
+    The loader in C, which msgspec.yaml takes, crashes on text that is nested too deeply.
+    """
+
+    def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
+        try:
+            return super().construct_object(node, deep)
+        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+            kind = node.tag.rpartition(":")[2]
+            problem = f"cannot be read as {kind}: {str(node.value)[:40]!r}"
+            raise yaml.constructor.ConstructorError(
+                problem=problem, problem_mark=node.start_mark
+            ) from error
+
+
+def _world(text: str) -> _World:
+    try:
+        return msgspec.convert(yaml.load(text, _Loader), _Sequence).planner.world
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        raise ProblemError(one_line(error)) from error
+
+
+def _starts(
+    path: Path, world: _World, seed: int, conventions: Conventions
+) -> tuple[Path, list[Pose]]:
+    """Start pose of each robot, and the file that says so."""
+    start_sets = path.with_name("starts.csv")
+    # Whatever has that name must be readable: a link that leads nowhere is no reason to skip it.
+    if conventions.start_set == "seed" and os.path.lexists(start_sets):
+        with naming(start_sets):
+            return start_sets, _start_set(start_sets, seed, len(world.agents))
+    return path, [item.agent.start for item in world.agents]
+
+
+def _cameras(world: _World, conventions: Conventions) -> list[Camera]:
+    cameras = [_camera(item.agent.camera) for item in world.agents]
+    if conventions.tilt == "first":
+        return [camera.replace(tilts=cameras[0].tilts) for camera in cameras]
+    return cameras
+
+
+def _camera(camera: _Camera) -> Camera:
+    focal, width, height = camera.intrinsics
+    tilt = math.pi / 2 - camera.tilt
+    return Camera(focal=focal, width=width, height=height, tilts=(tilt,))
+
+
+def _actors(world: _World, shape: Cuboid | TriangulatedCuboid) -> tuple[Actor, ...]:
+    rows = world.time.horizon
+    actors = []
+    for j, item in enumerate(world.actors):
+        trajectory = item.actor.trajectory[:rows]
+        if len(trajectory) < rows:
+            raise ProblemError(
+                f"planner.world.actors[{j}].actor.trajectory: must have a row for each of the "
+                f"{rows} steps of time.horizon, not {len(trajectory)}"
+            )
+        poses = [(x, y, 0.0, yaw) for x, y, yaw in trajectory]
+        actors.append(Actor(poses=np.array(poses), shape=shape))
+    return tuple(actors)
+
+
+def _robot(pose: Pose, camera: Camera, motion: Motion, height_map: HeightMap) -> Robot:
+    x, y = height_map.cell_of(pose.x, pose.y)
+    heading = _our_heading(heading_index(pose.theta, motion.headings), motion.headings)
+    return Robot(
+        start=State(x, y, heading=heading), motion=motion.replace(layers=(pose.z,)), camera=camera
+    )
+
+
+def _map_file(path: Path, stated: str) -> Path:
+    """File of the map: the files state it relative to a folder further up."""
+    for candidate in (path.parent / Path(stated).name, path.parent / stated):
+        if os.path.isfile(candidate):  # unlike Path.is_file, false too for an impossible name
+            return candidate
+    raise ProblemError(f"planner.world.map.file: no file {stated!r} beside the scene")
+
+
+def _heights(path: Path) -> FloatArray:
+    try:
+        with path.open("rb") as file:
+            heights = np.lib.format.read_array(file, allow_pickle=False)
+    except Exception as error:  # NumPy names no set of errors for a damaged file
+        raise ProblemError(f"must be a .npy array of numbers: {one_line(error)}") from error
+    if heights.dtype.kind not in "iuf":
+        raise ProblemError(f"must be a .npy array of numbers, not of {heights.dtype}")
+    return heights.astype(np.float64)
+
+
+def _start_set(path: Path, seed: int, robots: int) -> list[Pose]:
+    rows = read_table(path, Pose._fields)
+    sets, rest = divmod(len(rows), robots)
+    if rest or not rows:
+        raise ProblemError(
+            f"must hold sets of {robots} rows, one row a robot of the scene, not {len(rows)} rows"
+        )
+    if not 0 <= seed < sets:
+        raise ProblemError(f"seed: must be 0..{sets - 1} ({sets} start sets), not {seed}")
+    return [
+        Pose(*(number(row[field], f"line {line}, {field}") for field in Pose._fields))
+        for line, row in rows[seed * robots : (seed + 1) * robots]
+    ]

@@ -1,0 +1,250 @@
+"""Reader of the MovingAI benchmark's grid maps and scenarios (`.map`, `.scen`).
+
+Source of the format: Sturtevant, "Benchmarks for grid-based pathfinding", 2012, and Stern et
+al., "Multi-agent pathfinding: definitions, variants, and benchmarks", 2019 (movingai.com).
+
+A cell is (column, row), the first row at the top of the file. It becomes the cell x = column,
+y = row of the height map, one metre wide: world y grows down the printed map, so the world is
+its mirror image. Free terrain (`.` and `G` ground, `S` swamp) has height 0; everything else
+(`@` and `O` out of bounds, `T` trees, `W` water) becomes a column.
+
+The rows of a scenario are trips from a start to a goal. The first rows put a robot on their
+start each, the following ones let an actor walk their trip, on a shortest path that does not
+cut corners, as the benchmark's optimal lengths assume. Actors ignore each other.
+"""
+
+from __future__ import annotations  # networkx graphs take type arguments in stubs only
+
+import math
+import random
+from collections.abc import Iterable, Iterator
+from itertools import islice
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import networkx as nx
+import numpy as np
+
+from cocap_opt.data import BoolArray, FloatArray, ProblemError
+from cocap_opt.problem.problem import Actor, Motion, Problem, Robot, State
+from cocap_opt.scenarios.text import integer, naming, number, read_text
+from cocap_opt.world.workspace import HeightMap
+
+FREE = ".GS"
+BLOCKED = "@OTW"
+
+if TYPE_CHECKING:
+    Graph = nx.Graph[Any]
+
+GridCell = tuple[int, int]  # column, row
+
+
+class Trip(NamedTuple):
+    """One row of a scenario."""
+
+    start: GridCell
+    goal: GridCell
+    length: float  # cells, of a shortest path; some files, as `tunnel.scen`, hold 0 throughout
+
+
+def read(
+    path: Path,
+    seed: int = 0,
+    *,
+    robots: int = 2,
+    actors: int = 2,
+    steps: int = 10,
+    wall: float = 10.0,
+) -> Problem:
+    """Read a scenario; the map it names must lie beside it.
+
+    Robots fly at 5 m and first look toward the first actor. Actors walk one cell a step, look
+    where they go, and stand still once they have arrived. Rows that do not serve are skipped:
+    for a robot those whose start is blocked or taken, for an actor those without a path.
+
+    Parameters
+    ----------
+    path
+        The `.scen` file.
+    seed
+        0 takes the rows in the order of the file, any other seed in a random order of its own.
+    robots, actors, steps
+        Number of robots, of actors, and of moves (the horizon T).
+    wall
+        Height of blocked cells, m.
+
+    Raises
+    ------
+    ProblemError
+        If a file cannot be read, holds something not allowed, or has too few rows that serve;
+        one line, naming the file.
+    """
+    with naming(path):
+        for name, value, least in (("seed", seed, 0), ("robots", robots, 1), ("actors", actors, 0)):
+            _require(value >= least, name, f"must be >= {least}, not {value}")
+        _require(steps >= 1, "steps", f"must be >= 1, not {steps}")
+        _require(math.isfinite(wall) and wall > 0, "wall", f"must be > 0 m, not {wall}")
+    free, trips = read_trips(path)
+    order = iter(_shuffled(trips, seed))
+    starts = list(islice(_distinct_starts(order, free), robots))
+    walks = list(islice(_walks(order, walking_graph(free)), actors))
+    with naming(path):
+        _require(
+            (len(starts), len(walks)) == (robots, actors),
+            "rows",
+            f"must give {robots} robots a free start of their own and {actors} actors a path to "
+            f"their goal, but serve only {len(starts)} and {len(walks)}",
+        )
+        return Problem(
+            name=path.stem,
+            height_map=HeightMap(heights=np.where(free, 0.0, wall)),
+            robots=tuple(_robot(start, walks[0][0] if walks else start) for start in starts),
+            actors=tuple(Actor(poses=_poses(walk, steps)) for walk in walks),
+            horizon=steps,
+        )
+
+
+def read_trips(path: Path) -> tuple[BoolArray, list[Trip]]:
+    """Return the free cells [columns, rows] of a scenario's map, and its trips in file order.
+
+    Raises
+    ------
+    ProblemError
+        If the version line, a row or the map is not as the format demands; one line, naming
+        the file.
+    """
+    with naming(path):
+        lines = list(enumerate(read_text(path).splitlines(), start=1))
+        version = lines[0][1].split() if lines else []
+        _require(version in (["version", "1"], ["version", "1.0"]), "line 1", "must be 'version 1'")
+        rows = [(line, _fields(text, line)) for line, text in lines[1:] if text.strip()]
+        _require(len(rows) > 0, "rows", "must be at least one")
+        names = {fields[1] for _, fields in rows}
+        _require(len(names) == 1, "map", f"must be the same in all rows, not {len(names)} maps")
+    # Some scenarios name the map by its path in the benchmark's own folders.
+    free = read_map(path.parent / Path(names.pop()).name)
+    with naming(path):
+        return free, [_trip(fields, f"line {line}", free.shape) for line, fields in rows]
+
+
+def read_map(path: Path) -> BoolArray:
+    """Return which cells of a `.map` file are free [columns, rows].
+
+    Raises
+    ------
+    ProblemError
+        If the header is not "type octile", "height H", "width W", "map", the rows do not have
+        that shape, or a character is unknown; one line, naming the file.
+    """
+    with naming(path):
+        lines = read_text(path).rstrip().splitlines()
+        _require(len(lines) > 4, "header", "must be 'type octile', 'height', 'width', 'map', rows")
+        kind, height, width, end = (line.split() for line in lines[:4])
+        _require(kind == ["type", "octile"], "line 1", "must be 'type octile'")
+        rows, columns = _size(height, "line 2", "height"), _size(width, "line 3", "width")
+        _require(end == ["map"], "line 4", "must be 'map'")
+        grid = lines[4:]
+        _require(len(grid) == rows, "height", f"must be the number of rows {len(grid)}, not {rows}")
+        for line, row in enumerate(grid, start=5):
+            _require(len(row) == columns, f"line {line}", f"must have {columns} characters")
+            known = set(row) <= set(FREE + BLOCKED)
+            _require(known, f"line {line}", f"must hold only the characters {FREE}{BLOCKED}")
+        return np.array([[terrain in FREE for terrain in row] for row in grid]).T
+
+
+def walking_graph(free: BoolArray) -> Graph:
+    """Graph of the free cells [columns, rows], 8-connected, diagonals not cutting a corner.
+
+    Weights are lengths in cells.
+    """
+    graph: Graph = nx.Graph()
+    graph.add_nodes_from((int(x), int(y)) for x, y in np.argwhere(free))
+    for x, y in graph:
+        for dx, dy in ((1, 0), (0, 1), (1, 1), (1, -1)):
+            # A straight move has only its target among these three.
+            if all(cell in graph for cell in ((x + dx, y + dy), (x + dx, y), (x, y + dy))):
+                graph.add_edge((x, y), (x + dx, y + dy), weight=math.hypot(dx, dy))
+    return graph
+
+
+def shortest_walk(graph: Graph, trip: Trip) -> list[GridCell] | None:
+    """Cells of a shortest path from start to goal, both included; None where there is none."""
+    try:
+        path: list[GridCell] = nx.shortest_path(graph, trip.start, trip.goal, weight="weight")
+    except (nx.NetworkXNoPath, nx.NodeNotFound):
+        return None
+    return path
+
+
+def _require(condition: bool, field: str, allowed: str) -> None:
+    if not condition:
+        raise ProblemError(f"{field}: {allowed}")
+
+
+def _size(fields: list[str], line: str, key: str) -> int:
+    _require(len(fields) == 2 and fields[0] == key, line, f"must be '{key}' and a number")
+    size = integer(fields[1], f"{line}, {key}")
+    _require(size >= 1, f"{line}, {key}", f"must be >= 1, not {size}")
+    return size
+
+
+def _fields(text: str, line: int) -> list[str]:
+    """Nine fields of a row: bucket, map, width, height, start x y, goal x y, length."""
+    fields = text.split("\t") if "\t" in text else text.split()
+    _require(len(fields) == 9, f"line {line}", f"must have 9 fields, not {len(fields)}")
+    return fields
+
+
+def _trip(fields: list[str], line: str, shape: tuple[int, ...]) -> Trip:
+    width, height, *ends = (integer(text, line) for text in fields[2:8])
+    _require(
+        (width, height) in (shape, (0, 0)),  # 0 0, as in `tunnel.scen`: not stated
+        line,
+        f"width and height must be those of the map, {shape[0]} {shape[1]}, not {width} {height}",
+    )
+    start, goal = (ends[0], ends[1]), (ends[2], ends[3])
+    for x, y in (start, goal):
+        inside = 0 <= x < shape[0] and 0 <= y < shape[1]
+        _require(inside, line, f"start and goal must lie inside the map, not at ({x}, {y})")
+    return Trip(start, goal, number(fields[8], line))
+
+
+def _shuffled(trips: list[Trip], seed: int) -> list[Trip]:
+    if seed == 0:
+        return trips
+    # Of all that `random` offers, only random() is promised to stay the same in later versions.
+    rng = random.Random(seed)
+    return sorted(trips, key=lambda _: rng.random())
+
+
+def _distinct_starts(trips: Iterable[Trip], free: BoolArray) -> Iterator[GridCell]:
+    taken: set[GridCell] = set()
+    for trip in trips:
+        if free[trip.start] and trip.start not in taken:
+            taken.add(trip.start)
+            yield trip.start
+
+
+def _walks(trips: Iterable[Trip], graph: Graph) -> Iterator[list[GridCell]]:
+    return (walk for trip in trips if (walk := shortest_walk(graph, trip)) is not None)
+
+
+def _robot(start: GridCell, target: GridCell) -> Robot:
+    """Robot at `start` with the heading nearest to the direction of `target`."""
+    motion = Motion()
+    angle = math.atan2(target[1] - start[1], target[0] - start[0])
+    heading = round(angle / (math.tau / motion.headings)) % motion.headings
+    return Robot(start=State(*start, heading=heading), motion=motion)
+
+
+def _poses(walk: list[GridCell], steps: int) -> FloatArray:
+    """Poses [T+1, 4] of an actor on its walk, in the middle of cells of 1 m."""
+    poses = np.zeros((steps + 1, 4))
+    cells = np.array(walk)
+    moves = np.diff(cells, axis=0)
+    times = np.arange(steps + 1)
+    poses[:, :2] = cells[np.minimum(times, len(cells) - 1)] + 0.5
+    if len(moves):  # having arrived, it keeps looking where it last went
+        dx, dy = moves[np.minimum(times, len(moves) - 1)].T
+        poses[:, 3] = np.arctan2(dy, dx)
+    return poses

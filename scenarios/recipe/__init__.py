@@ -1,0 +1,1 @@
+"""Recipes: scenes made of maps, meshes, tracks and drones."""

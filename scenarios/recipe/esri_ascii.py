@@ -1,0 +1,161 @@
+"""Reader of ESRI ASCII grids (`.asc`).
+
+Source of the format: ESRI, "Esri ASCII raster format", ArcGIS documentation: a header of keys
+and values, then `nrows` times `ncols` numbers, the northernmost row first. As GDAL does, `dx`
+and `dy` are taken for cells that are not square.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+
+from cocap_opt.data import FloatArray, ProblemError
+from cocap_opt.scenarios.recipe.raster import Axis, Raster, Window, cells_met, finished, mark_holes
+from cocap_opt.scenarios.text import integer, number
+
+KEYS = (
+    "ncols", "nrows", "xllcorner", "yllcorner", "xllcenter", "yllcenter", "cellsize", "dx", "dy",
+    "nodata_value",
+)  # fmt: skip
+CHUNK = 1 << 20  # bytes; a file is never held as text
+LONGEST = 200  # bytes, of a line of the header
+
+Header = dict[str, str]
+
+
+def read(path: Path, nodata: float | None, window: Window | None) -> Raster:
+    """Read a grid; see `cocap_opt.scenarios.recipe.rasters.read_raster`."""
+    with path.open("rb") as file:
+        header = _read_header(file)
+        x, y = _axis(header, "x"), _axis(header, "y")
+        columns, rows = cells_met(x, y, window)
+        values = _read_values(file, x.cells, y.cells, columns, rows)
+    for value in (_nodata(header), nodata):
+        mark_holes(values, value)
+    return finished(values, x.cut(columns), y.cut(rows))
+
+
+def _read_header(file: BinaryIO) -> Header:
+    """Read the lines before the first that starts with a number."""
+    header: Header = {}
+    line = 0
+    while True:
+        line += 1
+        start = file.tell()
+        text = file.readline(LONGEST)
+        fields = text.decode("utf-8-sig", errors="replace").split()
+        if not text or (fields and _is_number(fields[0])):
+            file.seek(start)
+            return header
+        if fields:
+            key, value = _entry(fields, line)
+            if key in header:
+                raise ProblemError(f"line {line}: {key} must be given once")
+            header[key] = value
+
+
+def _entry(fields: list[str], line: int) -> tuple[str, str]:
+    key = fields[0].lower()
+    if key not in KEYS or len(fields) != 2:
+        raise ProblemError(
+            f"line {line}: must be a value after one of {', '.join(KEYS)}, "
+            f"not {' '.join(fields)[:40]!r}"
+        )
+    return key, fields[1]
+
+
+def _is_number(text: str | bytes) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _axis(header: Header, name: str) -> Axis:
+    cell = _edge(header, f"d{name}")
+    key = {"x": "ncols", "y": "nrows"}[name]
+    cells = integer(_required(header, key), key)
+    if cells < 1:
+        raise ProblemError(f"{key}: must be >= 1, not {cells}")
+    return Axis(_lower(header, name, cell), cell, cells)
+
+
+def _required(header: Header, key: str) -> str:
+    if key not in header:
+        raise ProblemError(f"header: must have {key}")
+    return header[key]
+
+
+def _edge(header: Header, key: str) -> float:
+    if ("cellsize" in header) == (key in header):
+        raise ProblemError("header: must have either cellsize or both dx and dy")
+    key = "cellsize" if "cellsize" in header else key
+    edge = number(header[key], key)
+    if edge <= 0:
+        raise ProblemError(f"{key}: must be > 0 m, not {edge:g}")
+    return edge
+
+
+def _lower(header: Header, name: str, cell: float) -> float:
+    corner, centre = f"{name}llcorner", f"{name}llcenter"
+    if (corner in header) == (centre in header):
+        raise ProblemError(f"header: must have either {corner} or {centre}")
+    if corner in header:
+        return number(header[corner], corner)
+    return number(header[centre], centre) - cell / 2
+
+
+def _nodata(header: Header) -> float | None:
+    if "nodata_value" not in header:
+        return None
+    try:
+        return float(header["nodata_value"])  # may be far beyond all heights, or nan
+    except ValueError as error:
+        text = header["nodata_value"][:40]
+        raise ProblemError(f"nodata_value: must be a number, not {text!r}") from error
+
+
+def _read_values(
+    file: BinaryIO, width: int, height: int, columns: range, rows: range
+) -> FloatArray:
+    """Read all values, keep those of `columns` and `rows` (from the south), north first."""
+    kept = np.empty((len(rows), len(columns)))
+    done = 0
+    for block in _blocks(file, width):
+        if done + len(block) > width * height:
+            raise ProblemError(f"values: must be {width} x {height}, but there are more")
+        row, column = np.divmod(np.arange(done, done + len(block)), width)
+        row -= height - rows.stop
+        column -= columns.start
+        met = (row >= 0) & (row < len(rows)) & (column >= 0) & (column < len(columns))
+        kept[row[met], column[met]] = block[met]
+        done += len(block)
+    if done < width * height:
+        raise ProblemError(f"values: must be {width} x {height} = {width * height}, not {done}")
+    return kept
+
+
+def _blocks(file: BinaryIO, width: int) -> Iterator[FloatArray]:
+    """Numbers of the rest of a file, some at a time; `width` is for messages."""
+    done, tail = 0, b""
+    while chunk := file.read(CHUNK):
+        words = (tail + chunk).split()
+        tail = b"" if chunk[-1:].isspace() else words.pop()
+        yield _numbers(words, done, width)
+        done += len(words)
+    yield _numbers(tail.split(), done, width)
+
+
+def _numbers(words: list[bytes], done: int, width: int) -> FloatArray:
+    try:
+        return np.fromiter(map(float, words), np.float64, len(words))
+    except ValueError as error:
+        k = next(k for k, word in enumerate(words) if not _is_number(word))
+        row, column = divmod(done + k, width)
+        raise ProblemError(
+            f"row {row + 1}, column {column + 1} from the north-west: must be a number, "
+            f"not {words[k][:40].decode(errors='replace')!r}"
+        ) from error

@@ -1,0 +1,131 @@
+"""Reader of GeoTIFF files, through rasterio (GDAL), which is imported only here.
+
+Source of the format: Open Geospatial Consortium, "OGC GeoTIFF Standard", 19-008r4, 2019.
+"""
+
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cocap_opt.data import ProblemError
+from cocap_opt.scenarios.recipe.raster import (
+    SLIVER,
+    Axis,
+    Raster,
+    Window,
+    cells_met,
+    finished,
+    mark_holes,
+)
+from cocap_opt.scenarios.text import one_line
+
+MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")  # TIFF and BigTIFF, in either byte order
+METRE = (None, "", "m", "metre", "metres", "meter", "meters")
+CACHE = 64  # MB; GDAL's own choice is a share of all memory
+
+
+def read(path: Path, band: int | None, nodata: float | None, window: Window | None) -> Raster:
+    """Read a band; see `cocap_opt.scenarios.recipe.rasters.read_raster`."""
+    with path.open("rb") as file:
+        if file.read(4) not in MAGIC:
+            raise ProblemError("must be a TIFF file, as its name says")
+    try:
+        import rasterio
+        from rasterio.errors import CRSError, NotGeoreferencedWarning, RasterioError
+    except ImportError as error:
+        raise ProblemError("needs rasterio: pip install 'cocap-opt[maps]'") from error
+    try:
+        with warnings.catch_warnings(), rasterio.Env(GDAL_CACHEMAX=CACHE):
+            warnings.simplefilter("ignore")
+            warnings.simplefilter("error", NotGeoreferencedWarning)
+            with rasterio.open(path, driver="GTiff") as dataset:
+                return _read(dataset, band, nodata, window)
+    except NotGeoreferencedWarning as error:
+        raise _no_geotransform() from error
+    except (RasterioError, CRSError, UnicodeError) as error:
+        raise ProblemError(f"cannot be read: {one_line(_first_cause(error))}") from error
+
+
+def _read(dataset: Any, band: int | None, nodata: float | None, window: Window | None) -> Raster:
+    band = _band(dataset, band)
+    _refuse_units(dataset, band)
+    x, y = _axes(dataset)
+    columns, rows = cells_met(x, y, window)
+    a, e = dataset.transform.a, dataset.transform.e
+    across, down = _in_file(columns, x.cells, a > 0), _in_file(rows, y.cells, e > 0)
+    part = ((down.start, down.stop), (across.start, across.stop))
+    values = dataset.read(band, window=part, out_dtype="float64")
+    values[dataset.read_masks(band, window=part) == 0] = np.nan
+    mark_holes(values, nodata)
+    northernmost_first = values[:: -1 if e > 0 else 1, :: -1 if a < 0 else 1]
+    return finished(
+        northernmost_first,
+        x.cut(columns),
+        y.cut(rows),
+        scale=dataset.scales[band - 1],
+        offset=dataset.offsets[band - 1],
+    )
+
+
+def _band(dataset: Any, band: int | None) -> int:
+    if band is None and dataset.count > 1:
+        raise ProblemError(f"band: must be given, 1..{dataset.count}")
+    band = 1 if band is None else band
+    if not 1 <= band <= dataset.count:
+        raise ProblemError(f"band: must be within 1..{dataset.count}, not {band}")
+    kind = dataset.dtypes[band - 1]
+    if kind.startswith("complex"):
+        raise ProblemError(f"band {band}: must hold real numbers, not {kind}")
+    return band
+
+
+def _refuse_units(dataset: Any, band: int) -> None:
+    """Refuse what is not in metres: where coordinates are not, heights are in doubt as well."""
+    crs = dataset.crs
+    if crs and crs.is_geographic:
+        raise ProblemError("coordinates: must be metres of a projection, not degrees")
+    if crs:
+        unit, factor = crs.units_factor
+        if factor != 1:
+            raise ProblemError(f"coordinates: must be metres, not {unit} ({factor:.9g} m)")
+    unit = dataset.units[band - 1]
+    if unit not in METRE:
+        raise ProblemError(f"heights: must be metres, not {unit}")
+
+
+def _axes(dataset: Any) -> tuple[Axis, Axis]:
+    transform = dataset.transform
+    if transform.is_identity and (dataset.gcps[0] or dataset.rpcs):
+        raise _no_geotransform()
+    turned = max(abs(transform.b) * dataset.height, abs(transform.d) * dataset.width)  # m
+    if turned > SLIVER * min(abs(transform.a), abs(transform.e)):
+        raise ProblemError("geotransform: must be neither rotated nor sheared")
+    if transform.a == 0 or transform.e == 0:
+        raise ProblemError("geotransform: cells must have an area")
+    return (
+        _axis(transform.c, transform.a, dataset.width),
+        _axis(transform.f, transform.e, dataset.height),
+    )
+
+
+def _axis(start: float, step: float, cells: int) -> Axis:
+    return Axis(min(start, start + step * cells), abs(step), cells)
+
+
+def _in_file(met: range, cells: int, increasing: bool) -> range:
+    """The cells `met` of an axis as the file numbers them."""
+    return met if increasing else range(cells - met.stop, cells - met.start)
+
+
+def _no_geotransform() -> ProblemError:
+    return ProblemError(
+        "geotransform: must be there, to say where the raster lies and how large its cells are"
+    )
+
+
+def _first_cause(error: BaseException) -> Exception:
+    while isinstance(error.__cause__, Exception):
+        error = error.__cause__
+    return error if isinstance(error, Exception) else Exception(str(error))

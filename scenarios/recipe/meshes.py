@@ -1,0 +1,122 @@
+"""Meshes from files: what a height map cannot hold.
+
+They are read by trimesh: OBJ, STL, PLY and OFF, and glTF (GLB), which by its standard has its y
+axis upwards.
+"""
+
+import math
+import warnings
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import trimesh
+from trimesh.resolvers import Resolver
+
+from cocap_opt.data import FloatArray, IntArray, ProblemError
+from cocap_opt.scenarios.text import naming, one_line
+from cocap_opt.world.workspace import Mesh
+
+PER_METRE = {"m": 1.0, "cm": 100.0, "mm": 1000.0, "ft": 1 / 0.3048}
+UP = {".glb": "y", ".gltf": "y"}  # of other files z, as in surveying
+SUFFIXES = (".obj", ".glb", ".gltf", ".stl", ".ply", ".off")
+
+Unit = Literal["m", "cm", "mm", "ft"]
+Axis = Literal["y", "z"]
+
+
+def read_mesh(
+    path: Path,
+    *,
+    unit: Unit = "m",
+    up: Axis | None = None,
+    turn: float = 0.0,
+    at: tuple[float, float, float] = (0.0, 0.0, 0.0),
+) -> Mesh:
+    """Read all geometry of a file as one mesh; vertices at the same place become one.
+
+    Parameters
+    ----------
+    path
+        An OBJ, GLB, glTF, STL, PLY or OFF file.
+    unit
+        Of its coordinates.
+    up
+        Its axis that is upwards. None: y for glTF, z for the others.
+    turn
+        Angle in rad, counter-clockwise seen from above, by which it is turned about its origin.
+    at
+        Where its origin comes to lie (m).
+
+    Raises
+    ------
+    ProblemError
+        If the file cannot be read or holds no triangles; one line, naming the file.
+    """
+    with naming(path):
+        if path.suffix.lower() not in SUFFIXES:
+            raise ProblemError(f"must be named {', '.join(SUFFIXES)}")
+        vertices, triangles = _load(path)
+        vertices = vertices / PER_METRE[unit]
+        if (up or UP.get(path.suffix.lower(), "z")) == "y":
+            vertices = vertices[:, [0, 2, 1]] * np.array([1.0, -1.0, 1.0])
+        return Mesh(vertices=_placed(vertices, turn, at), triangles=triangles)
+
+
+class _Beside(Resolver):
+    """Files that a mesh file names: regular ones in its folder or below, and no others."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder.resolve()
+
+    def get(self, name: str) -> bytes:
+        path = (self._folder / name).resolve()
+        if not path.is_relative_to(self._folder) or not path.is_file():
+            raise FileNotFoundError(f"{name} is no file beside it")
+        return path.read_bytes()
+
+    def namespaced(self, namespace: str) -> "_Beside":
+        return _Beside(self._folder / namespace)
+
+    def keys(self) -> list[str]:
+        return []
+
+    def write(self, name: str, data: bytes) -> None:
+        raise NotImplementedError
+
+
+def _load(path: Path) -> tuple[FloatArray, IntArray]:
+    """Vertices [V, 3] and triangles [M, 3] of a file."""
+    kind = path.suffix.lower()
+    if not path.is_file():  # opening a pipe would wait for someone to write into it
+        raise ProblemError("cannot be read: no such file")
+    try:
+        # Warnings are about numbers that are refused below.
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")
+            with path.open("rb") as file:
+                scene = trimesh.load_scene(
+                    file, file_type=kind[1:], resolver=_Beside(path.parent), skip_materials=True
+                )
+            shape = scene.to_mesh()
+            shape.merge_vertices(merge_tex=True, merge_norm=True)
+            vertices = np.array(shape.vertices, dtype=np.float64)
+            triangles = np.array(shape.faces, dtype=np.int64)
+    except OSError as error:
+        raise ProblemError(f"cannot be read: {error.strerror or one_line(error)}") from error
+    except ImportError as error:  # what trimesh wants for text that is none
+        raise ProblemError(f"cannot be read as {kind}") from error
+    except Exception as error:  # trimesh names no set of errors for a damaged file
+        raise ProblemError(f"cannot be read as {kind}: {one_line(error)}") from error
+    if not len(triangles):
+        raise ProblemError("must hold at least one triangle")
+    if vertices.ndim != 2 or vertices.shape[1] != 3 or not np.isfinite(vertices).all():
+        raise ProblemError("vertices: must be finite numbers x, y, z")
+    return vertices, triangles
+
+
+def _placed(vertices: FloatArray, turn: float, at: tuple[float, float, float]) -> FloatArray:
+    c, s = math.cos(turn), math.sin(turn)
+    x, y, z = vertices.T
+    placed: FloatArray = np.column_stack([c * x - s * y, s * x + c * y, z]) + np.array(at)
+    return placed

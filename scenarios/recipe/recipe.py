@@ -1,0 +1,224 @@
+"""A scene made of parts that others made: a map, meshes, tracked people, and drones.
+
+The file is TOML. Files are named relative to its folder; lengths are in metres, angles in
+degrees, times in seconds. `EXAMPLE` has every table once.
+"""
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+import numpy as np
+from msgspec import Meta
+
+from cocap_opt.data import LARGEST, MOST_STEPS, ProblemError
+from cocap_opt.problem.problem import Actor, CollisionRules, Objective, Problem, Robot
+from cocap_opt.scenarios.recipe.drones import DronesTable, add_drones
+from cocap_opt.scenarios.recipe.meshes import Axis, Unit, read_mesh
+from cocap_opt.scenarios.recipe.people import TracksTable, WalkTable, tracked, walking
+from cocap_opt.scenarios.recipe.tables import Coordinate, Length, Point, Size, Table
+from cocap_opt.scenarios.recipe.terrain import Flight, MapTable, Terrain, make_terrain
+from cocap_opt.scenarios.recipe.walls import read_walls
+from cocap_opt.scenarios.text import naming, one_line, read_text
+from cocap_opt.world.workspace import HeightMap, Mesh, Workspace
+
+EXAMPLE = """\
+name = "example"            # left out: that of the file
+steps = 20                  # number of moves
+step = 0.5                  # seconds each
+flight = "above-ground"     # or "above-sea": what the layers of all drones are above
+face_samples = 3            # squared: sight rays to each triangle of a face
+
+[map]
+file = "houses.tif"         # .tif or .asc; in place of it: size = [60, 40], origin = [0, 0]
+heights = "above-ground"    # or "absolute", which needs a ground
+ground = "terrain.tif"      # bare terrain; "surface": the map itself is that; left out: flat, 0
+resolution = 1.0            # m, cells of the plan; left out: those of the file
+window = [10, 10, 70, 50]   # x0, y0, x1, y1 of the part that is used
+fill = 0.0                  # what the file has where it has no data; left out: refused
+nodata = -32768             # a value that means no data, besides what the file says
+band = 1                    # of the file; left out: the only one
+lowest = 0.5                # m, what is lower above the ground is no obstacle
+
+[[mesh]]
+file = "bridge.glb"         # .obj, .glb, .gltf, .stl, .ply or .off
+unit = "m"                  # "m", "cm", "mm" or "ft"
+up = "y"                    # axis that is upwards; left out: y for glTF, z for others
+turn = 90                   # counter-clockwise about its origin
+at = [35, 20, 0]            # where its origin comes to lie
+
+[[walls]]
+file = "geometry.json"      # ground plans of PedPy, in m
+name = "bottleneck"         # which of them
+height = 2.0
+border = 0.2                # thickness of walls around the walkable area; left out: none
+at = [30, 10]               # added to their points
+base = 50.0                 # altitude of their foot; left out: the lowest ground
+
+[[tracks]]
+file = "people.txt"
+columns = ["id", "frame", "x", "y", "z"]   # left out: as the file says
+unit = "cm"                 # left out, as fps: as the file says
+fps = 16
+begin = 37.0                # time of step 0; left out: the first at which all are there
+ids = [12, 15, 16]          # or: count = 3, the first that are there at all steps
+at = [40, 20]               # added to their points
+delimiter = " "             # left out: what the first row looks like
+still = 0.1                 # m/s; who is slower keeps the heading
+shape = { type = "prism", sides = 6, apothem = 0.25 }
+
+[[walk]]
+points = [[20, 20], [60, 22]]
+speed = 1.2
+first = 0.5                 # m of the way that are behind at step 0
+shape = { type = "cuboid", length = 0.4, width = 0.5, height = 1.8 }
+
+[[drones]]
+count = 3                   # in random cells, chosen by the seed, within 15 m of someone
+near = 15
+camera = "dji-mavic-pro"
+tilts = [10, 40]            # below the horizon; several make a gimbal
+motion = { layers = [4, 6], clearance = 0.5 }
+
+[[drones]]
+starts = [{ x = 30, y = 20, height = 4, heading = 90 }]    # heading 0: along x
+
+[rules]
+separation = 2.0
+
+[objective]
+stationarity = 0.0
+"""
+
+
+class MeshTable(Table):
+    """One of the tables `mesh`."""
+
+    file: str
+    unit: Unit = "m"
+    up: Axis | None = None
+    turn: Coordinate = 0.0
+    at: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)
+
+
+class WallsTable(Table):
+    """One of the tables `walls`."""
+
+    file: str
+    height: Length
+    name: str | None = None
+    border: Size = 0.0
+    at: Point = (0.0, 0.0)
+    base: Coordinate | None = None
+
+
+class Recipe(Table):
+    """The whole file."""
+
+    steps: Annotated[int, Meta(ge=1, le=MOST_STEPS)]
+    map: MapTable
+    drones: Annotated[tuple[DronesTable, ...], Meta(min_length=1)]
+    name: str | None = None  # None: as the file
+    step: Annotated[float, Meta(gt=0, le=LARGEST)] = 1.0
+    flight: Flight = "above-ground"
+    mesh: tuple[MeshTable, ...] = ()
+    walls: tuple[WallsTable, ...] = ()
+    tracks: tuple[TracksTable, ...] = ()
+    walk: tuple[WalkTable, ...] = ()
+    rules: CollisionRules = CollisionRules()
+    objective: Objective = Objective()
+    face_samples: int = 3
+
+
+def read(path: Path, seed: int = 0) -> Problem:
+    """Read a recipe and all files that it names.
+
+    Parameters
+    ----------
+    path
+        The TOML file.
+    seed
+        Chooses the starts of drones that have a `count`.
+
+    Raises
+    ------
+    ProblemError
+        If a file cannot be read, or something is not allowed or does not fit together; one
+        line, naming file and field.
+    """
+    with naming(path):
+        recipe = _decode(path)
+        with naming("map"):
+            terrain = make_terrain(recipe.map, path.parent, recipe.flight)
+        solid = tuple(_meshes(recipe, path.parent, terrain))
+        actors = tuple(_actors(recipe, path.parent, terrain))
+        workspace, rng = Workspace(terrain.height_map, solid), np.random.default_rng(seed)
+        team: list[Robot] = []
+        for k, given in enumerate(recipe.drones):
+            with naming(f"drones[{k}]"):
+                team = add_drones(given, team, workspace, actors, recipe.rules, rng)
+        return Problem(
+            name=recipe.name or path.stem,
+            height_map=terrain.height_map,
+            meshes=solid,
+            robots=tuple(team),
+            actors=actors,
+            horizon=recipe.steps,
+            rules=recipe.rules,
+            objective=recipe.objective,
+            face_samples=recipe.face_samples,
+        )
+
+
+def _decode(path: Path) -> Recipe:
+    try:
+        return msgspec.toml.decode(read_text(path), type=Recipe)
+    except (msgspec.MsgspecError, RecursionError) as error:
+        raise ProblemError(one_line(error)) from error
+
+
+def _meshes(recipe: Recipe, folder: Path, terrain: Terrain) -> Iterator[Mesh]:
+    for k, given in enumerate(recipe.mesh):
+        with naming(f"mesh[{k}]"):
+            turn = math.radians(given.turn)
+            mesh = read_mesh(
+                folder / given.file, unit=given.unit, up=given.up, turn=turn, at=given.at
+            )
+            _require_on_map([mesh], terrain.height_map)
+        yield mesh
+    for k, plan in enumerate(recipe.walls):
+        with naming(f"walls[{k}]"):
+            base = float(terrain.ground.min()) if plan.base is None else plan.base
+            walls = read_walls(
+                folder / plan.file, name=plan.name, height=plan.height, border=plan.border,
+                at=plan.at, base=base,
+            )  # fmt: skip
+            _require_on_map(walls, terrain.height_map)
+        yield from walls
+
+
+def _require_on_map(meshes: list[Mesh], height_map: HeightMap) -> None:
+    vertices = np.concatenate([mesh.vertices for mesh in meshes])
+    low, high = vertices.min(axis=0)[:2], vertices.max(axis=0)[:2]
+    first = np.array(height_map.origin)
+    last = first + np.array(height_map.shape) * height_map.resolution
+    if (high < first).any() or (low > last).any():
+        ends = zip((*low, *first), (*high, *last), strict=True)
+        x, y, map_x, map_y = (f"{a:.6g}..{b:.6g}" for a, b in ends)
+        raise ProblemError(
+            f"must lie on the map, x {map_x} and y {map_y} m, not at x {x} and y {y} m; `at` "
+            "moves it, `unit` scales it"
+        )
+
+
+def _actors(recipe: Recipe, folder: Path, terrain: Terrain) -> Iterator[Actor]:
+    for k, given in enumerate(recipe.tracks):
+        with naming(f"tracks[{k}]"):
+            actors = tracked(given, folder, terrain, recipe.step, recipe.steps)
+        yield from actors
+    for k, walk in enumerate(recipe.walk):
+        with naming(f"walk[{k}]"):
+            actor = walking(walk, terrain, recipe.step, recipe.steps)
+        yield actor

@@ -1,0 +1,343 @@
+"""Files of tracked people as tables: which column is what, in which unit, and its numbers.
+
+A row is a person at a moment. Fields are separated by blanks, commas or semicolons; `#` begins a
+comment; numbers have decimal points. Before the rows may stand a line of names, and comments that
+state the columns, their unit and the frame rate, as PeTrack and JuPedSim write them:
+
+    # framerate: 25 fps
+    # id frame x/m y/m z/m
+"""
+
+import io
+import math
+import re
+from collections.abc import Callable, Iterator, Sequence
+from itertools import islice
+from pathlib import Path
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cocap_opt.data import LARGEST, FloatArray, IntArray, ProblemError
+from cocap_opt.scenarios.text import read_text
+
+PER_METRE = {"m": 1.0, "cm": 100.0, "mm": 1000.0}
+DELIMITERS = (" ", "\t", ",", ";")
+MOST_FPS = 1e6
+MOST = 1e12  # of ids, frames and times, which may count seconds since 1970
+
+# Names of columns without case, blanks and underscores, and without the unit behind them.
+_SPELLINGS = {
+    "id": "id persid personid person pedid pedestrianid pedestrian ped agentid agent trackid track",
+    "frame": "frame frames fr frameid framenumber",
+    "time": "time t seconds",
+    "x": "x posx positionx",
+    "y": "y posy positiony",
+    "z": "z posz positionz height",
+}
+_ROLES = {word: role for role, words in _SPELLINGS.items() for word in words.split()}
+_ORDER = ("id", "frame", "x", "y", "z")  # where nothing names the columns; z may be missing
+
+_UNIT = r"(mm|cm|m|(?:centi|milli)?met(?:re|er)s?)(?![\w/])"
+_UNIT_OF_NAME = re.compile(rf"[/\[(]\s*{_UNIT}", re.IGNORECASE)
+_UNIT_OF_TIME = re.compile(r"[/\[(]\s*(\w+)")
+_UNIT_OF_COMMENT = re.compile(
+    r"(?:\bunits?\s*[:=]\s*|(?<![\w/])[xyz]\s*[/\[(]\s*"
+    r"|\b(?:x|y|units?|data|coordinates?|positions?|points?|trajector(?:y|ies))\b.*\bin\s+)"
+    + _UNIT,
+    re.IGNORECASE,
+)
+_FRAME_RATE = re.compile(
+    r"\b(?:frame[\s_-]?rate|fps)\s*[:=]\s*([-+]?[\d.]+(?:e[-+]?\d+)?)", re.IGNORECASE
+)
+
+
+class Table(NamedTuple):
+    """The rows of a file, in its order."""
+
+    ids: IntArray | NDArray[np.str_]  # [n]
+    times: FloatArray  # [n] s
+    points: FloatArray  # [n, 2] m
+    heights: FloatArray | None  # [n] m, the column z
+    line: Callable[[int], int]  # number of a row's line, from 1; slow, for messages
+    unit: str  # of the file
+
+
+class _Layout(NamedTuple):
+    comments: list[str]  # before the first row, without #
+    header: list[str] | None
+    first: int  # line of the first row, from 1
+    row: list[str]  # fields of the first row
+    delimiter: str | None  # None: blanks
+
+
+_Columns = dict[str, int]  # role -> place in a row
+_Values = dict[str, FloatArray]  # role -> [n]; ids that are words are kept apart
+T = TypeVar("T", str, float)
+
+
+def read_table(
+    path: Path,
+    columns: Sequence[str] | None,
+    unit: str | None,
+    fps: float | None,
+    delimiter: str | None,
+) -> Table:
+    """Read the rows of a file; the parameters are those of `tracks.read_tracks`.
+
+    Raises
+    ------
+    ProblemError
+        If something is missing, not allowed, or stated otherwise by the file; one line, without
+        the file's name.
+    """
+    _check_options(unit, fps, delimiter)
+    text = read_text(path)
+    layout = _layout(text, delimiter)
+    names = _names(layout, columns)
+    places = _places(names, "columns" if columns else "header")
+    unit = _settled("unit", _stated_units(layout, names), unit)
+    rate = _rate(layout, places, fps)
+    values, words = _values(text, layout, places, len(names))
+
+    def line(row: int) -> int:
+        return next(islice(_row_lines(text, layout), row, None))[0]
+
+    _check(values, line)
+    per_metre = PER_METRE[unit]
+    return Table(
+        ids=values["id"].astype(np.int64) if words is None else words,
+        times=values["time"] if rate is None else values["frame"] / rate,
+        points=np.column_stack([values["x"], values["y"]]) / per_metre,
+        heights=values["z"] / per_metre if "z" in values else None,
+        line=line,
+        unit=unit,
+    )
+
+
+def _check_options(unit: str | None, fps: float | None, delimiter: str | None) -> None:
+    if unit is not None and unit not in PER_METRE:
+        raise ProblemError(f"unit: must be {', '.join(PER_METRE)}, not {unit!r}")
+    if fps is not None:
+        _check_rate(fps)
+    if delimiter is not None and delimiter not in DELIMITERS:
+        allowed = "a blank, a tabulator, a comma or a semicolon"
+        raise ProblemError(f"delimiter: must be {allowed}, not {delimiter!r}")
+
+
+def _check_rate(fps: float) -> None:
+    if not 0 < fps <= MOST_FPS:  # false for nan, too
+        raise ProblemError(f"fps: must be > 0 and at most {MOST_FPS:g} frames/s, not {fps:g}")
+
+
+# -- before the rows ----------------------------------------------------------------------
+
+
+def _layout(text: str, delimiter: str | None) -> _Layout:
+    comments: list[str] = []
+    header = None
+    for line, raw in enumerate(io.StringIO(text), start=1):
+        content, _, comment = raw.partition("#")
+        if not content.strip():
+            comments.append(comment.strip(" \t\n#"))
+            continue
+        found = _separator(content) if delimiter is None else delimiter
+        separator = None if found == " " else found
+        fields = _fields(content, separator)
+        # Not the first field alone: an id may be a word.
+        if header is None and not any(map(_is_number, fields)):
+            header = fields
+            continue
+        return _Layout(comments, header, line, fields, separator)
+    raise ProblemError("must hold at least one row of numbers")
+
+
+def _separator(line: str) -> str:
+    """What separates the fields of a line."""
+    if ";" in line:
+        return ";"
+    first = line.partition(",")[0].split()
+    # 1 0 2,5: decimal commas, which are refused as numbers.
+    return "," if "," in line and not (len(first) > 1 and _is_number(first[0])) else " "
+
+
+def _fields(line: str, delimiter: str | None) -> list[str]:
+    return [field.strip(' \t\n"') for field in line.strip(" \n").split(delimiter)]
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _names(layout: _Layout, columns: Sequence[str] | None) -> Sequence[str]:
+    """Names of the columns; further ones, which a comment does not name, are called "-"."""
+    count = len(layout.row)
+    names = columns or layout.header
+    if names is not None:
+        if len(names) != count:
+            raise ProblemError(f"line {layout.first}: must have {len(names)} values, not {count}")
+        return names
+    named = _names_of_comment(layout)
+    if named is None and count not in (len(_ORDER) - 1, len(_ORDER)):
+        raise ProblemError(
+            f"columns: must be given where nothing names them and rows have {count} values"
+        )
+    return [*(named or _ORDER)[:count], *["-"] * (count - len(named or _ORDER))]
+
+
+def _names_of_comment(layout: _Layout) -> list[str] | None:
+    for comment in reversed(layout.comments):
+        for delimiter in (layout.delimiter, None):
+            names = _fields(comment, delimiter)
+            if {"id", "x", "y"} <= {_role(name) for name in names}:
+                return names
+    return None
+
+
+def _role(name: str) -> str | None:
+    word = re.split(r"[/\[(]", name)[0]
+    return _ROLES.get(re.sub(r"[\s_-]", "", word).lower())
+
+
+def _places(names: Sequence[str], field: str) -> _Columns:
+    places: _Columns = {}
+    for place, name in enumerate(names):
+        role = _role(name)
+        if role in places:
+            raise ProblemError(f"{field}: must name one column {role}, not two")
+        if role is not None:
+            places[role] = place
+    if not {"id", "x", "y"} <= places.keys() or not places.keys() & {"frame", "time"}:
+        raise ProblemError(
+            f"{field}: must name the columns id, frame or time, x and y, not {', '.join(names)}"
+        )
+    if "time" in places:
+        _check_seconds(names[places["time"]])
+    return places
+
+
+def _check_seconds(name: str) -> None:
+    unit = _UNIT_OF_TIME.search(name)
+    if unit and unit[1].lower() not in ("s", "sec", "second", "seconds"):
+        raise ProblemError(f"time: must be in s, not {unit[1]}")
+
+
+def _stated_units(layout: _Layout, names: Sequence[str]) -> set[str]:
+    found = [unit for comment in layout.comments for unit in _UNIT_OF_COMMENT.findall(comment)]
+    for name in names:
+        if _role(name) in ("x", "y", "z"):
+            found += _UNIT_OF_NAME.findall(name)
+    return {_short(unit.lower()) for unit in found}
+
+
+def _short(unit: str) -> str:
+    """Short name of a unit, which may be spelt out."""
+    return "cm" if unit.startswith("c") else "mm" if unit.startswith(("mm", "mi")) else "m"
+
+
+def _rate(layout: _Layout, places: _Columns, fps: float | None) -> float | None:
+    """Frames per second; None where the column of times is used instead."""
+    if "time" in places and (fps is None or "frame" not in places):
+        if fps is not None:
+            raise ProblemError("fps: must be left out where times stand in place of frames")
+        return None
+    rates = [rate for comment in layout.comments for rate in _FRAME_RATE.findall(comment)]
+    stated = {float(rate) for rate in rates if _is_number(rate)}
+    if fps is not None:  # 29.97 is 29.97003
+        fps = next((rate for rate in stated if math.isclose(fps, rate, rel_tol=1e-5)), float(fps))
+    settled = _settled("fps", stated, fps)
+    _check_rate(settled)
+    return settled
+
+
+def _settled(field: str, stated: set[T], given: T | None) -> T:
+    """What the file states and the caller gives, if that is one value."""
+    if len(stated) > 1:
+        both = " and ".join(sorted(f"{value}" for value in stated))
+        raise ProblemError(f"{field}: must be one, but the file states {both}")
+    for value in stated:
+        if given not in (None, value):
+            raise ProblemError(f"{field}: must be {value}, as the file states, not {given}")
+        return value
+    if given is None:
+        raise ProblemError(f"{field}: must be given, for the file does not state it")
+    return given
+
+
+# -- rows ---------------------------------------------------------------------------------
+
+
+def _values(
+    text: str, layout: _Layout, places: _Columns, count: int
+) -> tuple[_Values, NDArray[np.str_] | None]:
+    """Numbers of all columns that are used, and the ids where they are words."""
+    words = not _is_number(layout.row[places["id"]])
+    if not words:
+        try:
+            # A hundred times faster than the loop; it refuses all that is not plain numbers.
+            table = np.loadtxt(
+                io.StringIO(text), delimiter=layout.delimiter, skiprows=layout.first - 1, ndmin=2
+            )
+            return {role: table[:, place] for role, place in places.items()}, None
+        except ValueError:
+            pass  # the loop can read it, or says what is wrong in which line
+    columns = {role: place for role, place in places.items() if not (words and role == "id")}
+    rows = _rows(text, layout, count)
+    numbers = (_number(row[k], line, role) for line, row in rows for role, k in columns.items())
+    table = np.fromiter(numbers, np.float64).reshape(-1, len(columns))
+    values = dict(zip(columns, table.T, strict=True))
+    if not words:
+        return values, None
+    return values, np.array(
+        [_word(row[places["id"]], line) for line, row in _rows(text, layout, count)]
+    )
+
+
+def _row_lines(text: str, layout: _Layout) -> Iterator[tuple[int, str]]:
+    """Lines that are rows, without comments, each with its number."""
+    for line, raw in enumerate(io.StringIO(text), start=1):
+        content = raw.partition("#")[0]
+        if line >= layout.first and content.strip():
+            yield line, content
+
+
+def _rows(text: str, layout: _Layout, count: int) -> Iterator[tuple[int, list[str]]]:
+    for line, content in _row_lines(text, layout):
+        row = _fields(content, layout.delimiter)
+        if len(row) != count:
+            raise ProblemError(f"line {line}: must have {count} values, not {len(row)}")
+        yield line, row
+
+
+def _number(text: str, line: int, role: str) -> float:
+    try:
+        return float(text)
+    except ValueError as error:
+        raise ProblemError(f"line {line}, {role}: must be a number, not {text[:40]!r}") from error
+
+
+def _word(text: str, line: int) -> str:
+    if not text:
+        raise ProblemError(f"line {line}, id: must not be empty")
+    return text
+
+
+def _check(values: _Values, line: Callable[[int], int]) -> None:
+    """Raise unless all numbers are finite and within limits, ids and frames whole."""
+    for role, column in values.items():
+        most = LARGEST if role in ("x", "y", "z") else MOST
+        whole = role in ("id", "frame")
+        wrong = ~(np.abs(column) <= most)  # true for nan, too
+        if whole:
+            wrong |= column != np.floor(column)
+        if wrong.any():
+            row = int(np.argmax(wrong))
+            kind = "a whole number" if whole else "a number"
+            raise ProblemError(
+                f"line {line(row)}, {role}: must be {kind} within +-{most:g}, not {column[row]:g}"
+            )

@@ -1,0 +1,306 @@
+"""People tracked by others, as actors: tracks from a file, their points at steps, and headings.
+
+Source of the formats: text files of PeTrack and JuPedSim (ped.fz-juelich.de), whose columns are
+id, frame, x, y, z with z the height of the head above the floor, and CSV files like them. A track
+is the way of one person:
+
+    tracks = read_tracks(Path("walk.txt"), unit="cm", fps=16)
+    there = present(tracks, begin=5.0, step=0.5, steps=20)
+    actors = [actor(track, 5.0, 0.5, 20) for track in there]
+
+People are there from their first frame to their last. Between frames they walk straight on; over
+a gap of more than `MOST_GAP` nobody knows where they went, and at a step inside it they are not
+there. Steps whose times are those of frames have the frames' points.
+"""
+
+import logging
+import math
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from cocap_opt.data import LARGEST, MOST_STEPS, BoolArray, FloatArray, IntArray, ProblemError
+from cocap_opt.problem.problem import Actor, Prism, Shape
+from cocap_opt.scenarios.recipe.track_table import PER_METRE, Table, read_table
+from cocap_opt.scenarios.text import naming
+
+log = logging.getLogger(__name__)
+
+BODY = Prism(sides=6, apothem=0.25, height=1.75)  # as wide as shoulders
+STILL = 0.1  # m/s
+MOST_GAP = 1.0  # s
+SLACK = 1e-6  # s, by which rounding may shift times
+
+# Beyond these a unit or a frame rate is likely to be wrong.
+HEIGHTS = 0.4, 2.6  # m
+SPEEDS = 0.2, 10.0  # m/s
+EXTENTS = 0.05, 1e5  # m
+
+
+class Track(NamedTuple):
+    """The way of one person. Arrays are read-only."""
+
+    id: int | str  # as in the file
+    times: FloatArray  # [n] s, increasing
+    points: FloatArray  # [n, 2] m, x and y
+    height: float | None  # m, of the head above the floor; None where the file has none
+
+
+def read_tracks(
+    path: Path,
+    *,
+    columns: Sequence[str] | None = None,
+    unit: Literal["m", "cm", "mm"] | None = None,
+    fps: float | None = None,
+    delimiter: str | None = None,
+) -> list[Track]:
+    """Read the tracks of a file, in the order of their ids; rows may have any order.
+
+    What makes a wrong unit or frame rate likely is logged as a warning. A track's height is the
+    median of its z, and None where that is not above 0, as in files which keep z at 0.
+
+    Parameters
+    ----------
+    path
+        A text file; `cocap_opt.scenarios.recipe.track_table` says how its lines look.
+    columns
+        Names of all its columns: id, frame or time (s), x, y and, if there, z; others are not
+        read. None: as its header or a comment names them, or else id, frame, x, y, z.
+    unit
+        Of x, y and z. None: as the file states.
+    fps
+        Frames per second. None: as the file states; not needed where there are times.
+    delimiter
+        " " (any blanks), tabulator, "," or ";". None: what the first line looks like.
+
+    Raises
+    ------
+    ProblemError
+        If the file cannot be read or holds something not allowed, if unit or frame rate are
+        neither stated nor given or stated otherwise, or if a person has two rows for one
+        moment; one line, naming the file.
+    """
+    with naming(path):
+        table = read_table(path, columns, unit, fps, delimiter)
+        tracks = _tracks(table)
+    for doubt in _doubts(tracks, table.unit):
+        log.warning("%s: %s", path, doubt)
+    return tracks
+
+
+def at_steps(track: Track, begin: float, step: float, steps: int) -> FloatArray:
+    """Points [T+1, 2] of a track at the times begin + t step, t = 0..T, linear between frames.
+
+    Parameters
+    ----------
+    track
+        Who walks.
+    begin
+        Time of step 0, s.
+    step
+        Time between steps, s.
+    steps
+        Number of steps T.
+
+    Raises
+    ------
+    ProblemError
+        If the person is not there at a step, or a parameter is out of range.
+    """
+    times = _times(begin, step, steps)
+    absent = _absent(track, times)
+    if absent.any():
+        t = int(np.argmax(absent))
+        raise ProblemError(
+            f"track {track.id}: must be there at step {t} ({times[t]:.12g} s), but is there "
+            f"{presence(track)}"
+        )
+    return np.column_stack([np.interp(times, track.times, axis) for axis in track.points.T])
+
+
+def present(tracks: Sequence[Track], begin: float, step: float, steps: int) -> list[Track]:
+    """Those that are there at all steps, and which `at_steps` therefore takes.
+
+    Raises
+    ------
+    ProblemError
+        If a parameter is out of range.
+    """
+    times = _times(begin, step, steps)
+    return [track for track in tracks if not _absent(track, times).any()]
+
+
+def appearances(track: Track) -> list[float]:
+    """Times (s) at which someone comes: at first, and after every gap."""
+    gaps = np.flatnonzero(np.diff(track.times) > MOST_GAP + SLACK)
+    times: list[float] = track.times[[0, *(gaps + 1)]].tolist()
+    return times
+
+
+def headings(points: FloatArray, still: float) -> FloatArray:
+    """Yaw [T+1] (rad, from +x, counter-clockwise, in (-pi, pi]) of who passes points [T+1, 2].
+
+    It is the direction from the step before to the step after, at the ends from or to the end.
+    Who moves by less than `still` metres a step keeps the heading of the last step in which it
+    moved; before it first moves it has the heading it will move in, and 0 if it never does.
+
+    Raises
+    ------
+    ProblemError
+        If `still` is not >= 0.
+    """
+    if not still >= 0:  # true for nan, too
+        raise ProblemError(f"still: must be >= 0 m, not {still:g}")
+    if len(points) < 2:
+        return np.zeros(len(points))
+    motion = np.gradient(points, axis=0)  # m per step
+    length = np.hypot(*motion.T)
+    moving = np.flatnonzero((length >= still) & (length > 0))
+    if not len(moving):
+        return np.zeros(len(points))
+    last = np.searchsorted(moving, np.arange(len(points)), side="right") - 1
+    dx, dy = motion[moving[np.maximum(last, 0)]].T
+    yaw = np.arctan2(dy, dx)
+    return np.where(yaw <= -math.pi, math.pi, yaw)
+
+
+def actor(
+    track: Track,
+    begin: float,
+    step: float,
+    steps: int,
+    *,
+    shape: Shape = BODY,
+    still: float = STILL,
+    ground: Callable[[float, float], float] | None = None,
+) -> Actor:
+    """Return the actor that walks a track, looking where it goes.
+
+    Parameters
+    ----------
+    track, begin, step, steps
+        As in `at_steps`.
+    shape
+        Its body; the height is the track's where the track has one.
+    still
+        Speed (m/s) below which it keeps its heading, see `headings`.
+    ground
+        Height (m) of the floor at (x, y); None: 0.
+
+    Raises
+    ------
+    ProblemError
+        If the person is not there at a step, or a parameter is out of range.
+    """
+    points = at_steps(track, begin, step, steps)
+    floor = [0.0 if ground is None else ground(x, y) for x, y in points.tolist()]
+    return Actor(
+        poses=np.column_stack([points, floor, headings(points, still * step)]),
+        shape=shape if track.height is None else shape.replace(height=track.height),
+    )
+
+
+# -- from rows to tracks ------------------------------------------------------------------
+
+
+def _tracks(table: Table) -> list[Track]:
+    ids, person = np.unique(table.ids, return_inverse=True)
+    order = np.lexsort((table.times, person))
+    _require_distinct(table, order)
+    parts = np.split(order, np.flatnonzero(np.diff(person[order])) + 1)
+    return [_track(table, name, rows) for name, rows in zip(ids.tolist(), parts, strict=True)]
+
+
+def _require_distinct(table: Table, order: IntArray) -> None:
+    ids, times = table.ids[order], table.times[order]
+    same = (ids[1:] == ids[:-1]) & (times[1:] == times[:-1])
+    if same.any():
+        k = int(np.argmax(same))
+        raise ProblemError(
+            f"line {table.line(int(order[k + 1]))}: must not be a second row for id {ids[k]} at "
+            f"{times[k]:.12g} s, which line {table.line(int(order[k]))} has"
+        )
+
+
+def _track(table: Table, name: int | str, rows: IntArray) -> Track:
+    times, points = table.times[rows], table.points[rows]
+    times.setflags(write=False)
+    points.setflags(write=False)
+    height = 0.0 if table.heights is None else float(np.median(table.heights[rows]))
+    return Track(name, times, points, height if height > 0 else None)
+
+
+def _doubts(tracks: Sequence[Track], unit: str) -> Iterator[str]:
+    """What makes it likely that the unit or the frame rate is wrong."""
+    speeds = [speed for track in tracks if (speed := _speed(track)) > 0]
+    speed = float(np.median(speeds)) if speeds else 0.0
+    known = [(track.height, track.id) for track in tracks if track.height is not None]
+    odd = [(height, name) for height, name in known if not HEIGHTS[0] <= height <= HEIGHTS[1]]
+    if speed > SPEEDS[1]:
+        # Where heights are right, so is the unit.
+        unit_of = None if known and not odd else _likely(speed, unit, SPEEDS)
+        yield f"median speed {speed:.3g} m/s: is {unit_of or 'fps right'}?"
+    if odd:
+        height, name = odd[0]
+        yield (
+            f"height of {len(odd)} of {len(known)} people outside {HEIGHTS[0]:g}..{HEIGHTS[1]:g} "
+            f"m, {height:.3g} m of {name}: is "
+            f"{_likely(height, unit, HEIGHTS) or 'z a height above the floor'}?"
+        )
+    extent = float(np.ptp(np.concatenate([track.points for track in tracks]), axis=0).max())
+    if not EXTENTS[0] <= extent <= EXTENTS[1]:
+        yield f"all points lie within {extent:.3g} m: is the unit {unit} right?"
+
+
+def _speed(track: Track) -> float:
+    """Mean speed, m/s."""
+    if len(track.times) < 2:
+        return 0.0
+    way = np.hypot(*np.diff(track.points, axis=0).T).sum()
+    return float(way / (track.times[-1] - track.times[0]))
+
+
+def _likely(value: float, unit: str, limits: tuple[float, float]) -> str | None:
+    """The unit in which a length that was read in another would be within limits."""
+    low, high = limits
+    for other, per_metre in PER_METRE.items():
+        if low <= value * PER_METRE[unit] / per_metre <= high:
+            return f"the unit {other}"
+    return None
+
+
+# -- at steps -----------------------------------------------------------------------------
+
+
+def _times(begin: float, step: float, steps: int) -> FloatArray:
+    """Times [T+1] of the steps, s."""
+    if not 1 <= steps <= MOST_STEPS:
+        raise ProblemError(f"steps: must be 1..{MOST_STEPS}, not {steps}")
+    if not 0 < step <= LARGEST:  # false for nan, too
+        raise ProblemError(f"step: must be > 0 s and at most {LARGEST:g} s, not {step:g}")
+    if not math.isfinite(begin):
+        raise ProblemError(f"begin: must be a number, not {begin:g}")
+    return begin + step * np.arange(steps + 1, dtype=np.float64)
+
+
+def _absent(track: Track, times: FloatArray) -> BoolArray:
+    """At which of the times nobody knows where the person is."""
+    after = np.searchsorted(track.times, times).clip(0, len(track.times) - 1)
+    last, following = track.times[np.maximum(after - 1, 0)], track.times[after]
+    gap = following - last > MOST_GAP + SLACK
+    lost = gap & (times > last + SLACK) & (times < following - SLACK)
+    outside = (times < track.times[0] - SLACK) | (times > track.times[-1] + SLACK)
+    return np.asarray(lost | outside)
+
+
+def presence(track: Track) -> str:
+    """From when to when, in words."""
+    gaps = np.flatnonzero(np.diff(track.times) > MOST_GAP + SLACK)
+    begins = appearances(track)
+    ends = track.times[[*gaps, -1]]
+    spans = [f"from {a:.12g} to {b:.12g} s" for a, b in zip(begins, ends, strict=True)]
+    return " and ".join(
+        spans if len(spans) < 5 else [*spans[:3], f"at {len(spans) - 3} more times"]
+    )
