@@ -2,12 +2,14 @@
 
 import math
 import sys
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from functools import wraps
+from typing import ParamSpec, TypeVar
 
 from cocap_opt.problem.plan import Plan
-from cocap_opt.stop import Limit
+from cocap_opt.stop import Clock, Limit
 
 
 class UnsupportedError(ValueError):
@@ -52,3 +54,19 @@ def relative_gap(value: float, bound: float) -> float:
     if not (math.isfinite(value) and math.isfinite(bound)):
         return math.inf
     return (bound - value) / max(bound, sys.float_info.min)
+
+
+P = ParamSpec("P")
+R = TypeVar("R", bound=Result)
+
+
+def timed(method: Callable[P, R]) -> Callable[P, R]:
+    """Make a method's result say how many seconds the method took."""
+
+    @wraps(method)
+    def run(*args: P.args, **kwargs: P.kwargs) -> R:
+        clock = Clock()
+        result = method(*args, **kwargs)
+        return replace(result, seconds=clock.seconds)
+
+    return run

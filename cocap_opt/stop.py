@@ -1,45 +1,75 @@
-"""Limits, and stopping criteria: callables that say which limit is reached, and compose.
+"""Stopping criteria that compose, the exception that ends work, and the clock.
 
-Solvers ask as often as they like; a time limit starts to count when it is made.
+Long work calls `stop.check()` as often as it likes, which raises `LimitReached`; whoever has
+something to give catches it. A time limit starts to count when it is made.
 """
 
 import math
 import signal
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from enum import StrEnum
 from types import FrameType
 
 
 class Limit(StrEnum):
-    """Which limit stopped it."""
+    """The limit that stopped a computation."""
 
     NONE = "none"
     TIME = "time"
-    NODES = "nodes"
     WORK = "work"  # units of work, which are the same on every machine
     MEMORY = "memory"
     NUMERICS = "numerics"  # a solver's accuracy
     INTERRUPT = "interrupt"
 
 
-Stop = Callable[[], Limit]
+class LimitReached(Exception):  # noqa: N818  it is no error
+    """A limit was reached in the midst of the work; `limit` says which."""
+
+    def __init__(self, limit: Limit) -> None:
+        super().__init__(limit)
+        self.limit = limit
 
 
-def never() -> Limit:
-    """No limit."""
-    return Limit.NONE
+class Stop:
+    """A stopping criterion; this one never stops. Others override `reached`."""
+
+    def reached(self) -> Limit:
+        """Return the limit that is reached, or `Limit.NONE`."""
+        return Limit.NONE
+
+    def check(self) -> None:
+        """Raise LimitReached if the limit is reached."""
+        limit = self.reached()
+        if limit is not Limit.NONE:
+            raise LimitReached(limit)
+
+    def begin_work(self) -> None:
+        """Count one more unit of work, and raise LimitReached if that is one too many."""
+        self.count_work()
+        self.check()
+
+    def count_work(self) -> None:
+        """Count one more unit of work."""
+
+    @property
+    def seconds_left(self) -> float:
+        """Seconds until the time limit, for solvers that take one; infinite without one."""
+        return math.inf
 
 
-class TimeLimit:
+never = Stop()
+
+
+class TimeLimit(Stop):
     """Reached `seconds` after it was made."""
 
     def __init__(self, seconds: float) -> None:
         self._deadline = time.monotonic() + seconds
 
-    def __call__(self) -> Limit:
-        """Say whether the time is up."""
+    def reached(self) -> Limit:
+        """Return `Limit.TIME` once the time is up."""
         return Limit.TIME if time.monotonic() >= self._deadline else Limit.NONE
 
     @property
@@ -48,8 +78,8 @@ class TimeLimit:
         return max(0.0, self._deadline - time.monotonic())
 
 
-class WorkLimit:
-    """Reached when more than so many units of work are begun: the same on every machine.
+class WorkLimit(Stop):
+    """Reached when more than `units` units of work are begun: the same on every machine.
 
     A unit is a pricing round of column generation or branch-and-price, or a node that CoCap
     generates. What counts no work, such as value iteration or a generic solver, runs to its end.
@@ -58,56 +88,45 @@ class WorkLimit:
     def __init__(self, units: int) -> None:
         self._left = units
 
-    def begin_work(self) -> None:
-        """Count one more unit."""
-        self._left -= 1
-
-    def __call__(self) -> Limit:
-        """Say whether more units than allowed have begun."""
+    def reached(self) -> Limit:
+        """Return `Limit.WORK` once more units than allowed have begun."""
         return Limit.WORK if self._left < 0 else Limit.NONE
 
+    def count_work(self) -> None:
+        """Count one more unit of work."""
+        self._left -= 1
 
-class FirstOf:
+
+class FirstOf(Stop):
     """Reached when any of its criteria is; all are asked each time."""
 
     def __init__(self, *criteria: Stop) -> None:
         self._criteria = criteria
 
-    def __call__(self) -> Limit:
-        """Ask all criteria; the first that is reached is named."""
-        reached = [limit for stop in self._criteria if (limit := stop()) is not Limit.NONE]
-        return reached[0] if reached else Limit.NONE
+    def reached(self) -> Limit:
+        """Return the first limit that is reached among the criteria."""
+        limits = [stop.reached() for stop in self._criteria]
+        return next((limit for limit in limits if limit is not Limit.NONE), Limit.NONE)
 
-    def begin_work(self) -> None:
+    def count_work(self) -> None:
         """Count one more unit of work for all criteria."""
         for stop in self._criteria:
-            begin_work(stop)
+            stop.count_work()
 
     @property
     def seconds_left(self) -> float:
         """Seconds until the first time limit among the criteria."""
-        return min((seconds_left(stop) for stop in self._criteria), default=math.inf)
+        return min((stop.seconds_left for stop in self._criteria), default=math.inf)
 
 
-def seconds_left(stop: Stop) -> float:
-    """Seconds until a criterion's time limit, for solvers that take one; infinite without."""
-    return float(getattr(stop, "seconds_left", math.inf))
-
-
-def begin_work(stop: Stop) -> None:
-    """Count one more unit of work for criteria that limit it."""
-    if callable(count := getattr(stop, "begin_work", None)):
-        count()
-
-
-class Interrupt:
+class Interrupt(Stop):
     """Reached after Ctrl-C inside `catch_interrupt`."""
 
     def __init__(self) -> None:
         self.pressed = False
 
-    def __call__(self) -> Limit:
-        """Say whether Ctrl-C was pressed."""
+    def reached(self) -> Limit:
+        """Return `Limit.INTERRUPT` once Ctrl-C was pressed."""
         return Limit.INTERRUPT if self.pressed else Limit.NONE
 
 
@@ -125,3 +144,15 @@ def catch_interrupt() -> Iterator[Interrupt]:
         yield interrupt
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+class Clock:
+    """Seconds of wall-clock time since it was made."""
+
+    def __init__(self) -> None:
+        self._begin = time.perf_counter()
+
+    @property
+    def seconds(self) -> float:
+        """Seconds so far."""
+        return time.perf_counter() - self._begin

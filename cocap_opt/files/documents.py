@@ -2,7 +2,7 @@
 
 import hashlib
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal, TypeVar, get_args, get_type_hints
 
 import msgspec
 import numpy as np
@@ -17,13 +17,24 @@ class FileError(ValueError):
     """A file cannot be used; the message is one line that names file, field and what is allowed."""
 
 
+class Document(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Base of all files of this project: scenes, plans, certificates, proofs and results.
+
+    A document names its kind in `format` and its `version`, whose type lists the versions that
+    are read; the default is written. A new version may add fields that have a default, which
+    older files then have; whatever else changes ends the reading of older versions. Unknown
+    fields, and files of a newer version, are refused in words.
+    """
+
+
 class Header(msgspec.Struct):
-    """What all files of this project begin with; other fields are not looked at."""
+    """The fields that tell what kind of document a file is; others are not looked at."""
 
     format: str
+    version: int = 1
 
 
-class SceneFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class SceneFile(Document, frozen=True, kw_only=True):
     """A scene file."""
 
     format: Literal["cocap-opt scene"] = "cocap-opt scene"
@@ -31,7 +42,7 @@ class SceneFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     problem: Problem
 
 
-class PlanFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class PlanFile(Document, frozen=True, kw_only=True):
     """A plan file: the plan, what it claims, and the digest of its scene."""
 
     format: Literal["cocap-opt plan"] = "cocap-opt plan"
@@ -44,6 +55,7 @@ class PlanFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
 
 
 T = TypeVar("T")
+D = TypeVar("D", bound=Document)
 
 
 def _encode_array(value: object) -> object:
@@ -82,6 +94,33 @@ def decode(content: bytes, kind: type[T], name: str) -> T:
         raise FileError(f"{name}: {' '.join(str(error).split())}") from error
 
 
+def decode_document(content: bytes, name: str, *kinds: type[D]) -> D:
+    """Decode a document that is one of some kinds.
+
+    Raises
+    ------
+    FileError
+        One line with the file's name, the field and what is allowed: another kind of file, a
+        version that is not read, an unknown field, a value out of range.
+    """
+    header = decode(content, Header, name)
+    formats = {_default(kind, "format"): kind for kind in kinds}
+    if header.format not in formats:
+        allowed = " or ".join(repr(known) for known in formats)
+        raise FileError(f"{name}: format: must be {allowed}, not {header.format!r}")
+    kind = formats[header.format]
+    versions = get_args(get_type_hints(kind)["version"])
+    if header.version not in versions:
+        known = ", ".join(map(str, sorted(versions)))
+        newer = ": a newer cocap-opt wrote it" if header.version > max(versions) else ""
+        raise FileError(f"{name}: version: must be {known}, not {header.version}{newer}")
+    return decode(content, kind, name)
+
+
+def _default(kind: type[Document], field: str) -> object:
+    return next(f.default for f in msgspec.structs.fields(kind) if f.name == field)
+
+
 def read_bytes(path: Path) -> bytes:
     """Content of a file, or a FileError that names it."""
     try:
@@ -92,11 +131,7 @@ def read_bytes(path: Path) -> bytes:
 
 def load_problem(path: Path) -> Problem:
     """Read a scene file."""
-    content = read_bytes(path)
-    kind = decode(content, Header, str(path)).format
-    if kind != "cocap-opt scene":
-        raise FileError(f"{path}: format: must be 'cocap-opt scene', not {kind!r}")
-    return decode(content, SceneFile, str(path)).problem
+    return decode_document(read_bytes(path), str(path), SceneFile).problem
 
 
 def save_problem(path: Path, problem: Problem) -> None:
@@ -115,7 +150,7 @@ def problem_digest(problem: Problem) -> str:
 
 def load_plan(path: Path) -> PlanFile:
     """Read a plan file."""
-    return decode(read_bytes(path), PlanFile, str(path))
+    return decode_document(read_bytes(path), str(path), PlanFile)
 
 
 def save_plan(path: Path, content: PlanFile) -> None:

@@ -748,7 +748,7 @@ def test_a_scene_of_many_steps_fits_into_one_process() -> None:
     An Embree device takes one of the 1024 keys that a process has for thread-local data, and
     one too many is a crash: scenes must share a device.
     """
-    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[1])}
+    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])}
     done = subprocess.run(
         [sys.executable, "-c", MANY_STEPS], env=environment, capture_output=True, text=True,
         check=False, timeout=60,

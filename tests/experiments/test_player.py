@@ -26,7 +26,7 @@ from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import never
 from cocap_opt.world.workspace import HeightMap
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 SCENES = ["bottleneck", "bridge", "tiny-give-way", "tiny-hover"]
 EVIL = (
     "</script><script>document.title='x'</script><!--"
