@@ -1,27 +1,32 @@
-"""A problem compiled for solvers: robot classes, their graphs and their coverage.
+"""A problem compiled for planners and formulations: robot classes, their graphs and coverage.
 
-Robots with the same motion, camera and goal form a class: they differ only in their start,
-share one graph and one coverage table, and one sweep prices them all.
+Robots with the same motion, camera and goal form a robot class: they differ only in where they
+start, share one graph and one coverage table, and one sweep prices them all.
 """
 
-from collections.abc import Callable, Iterable, Sequence
-from copy import copy
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
 
-from cocap_opt.data import BoolArray
+from cocap_opt.data import BoolArray, FloatArray
 from cocap_opt.graph.timegraph import TimeGraph, time_graph
 from cocap_opt.problem.plan import Plan
 from cocap_opt.problem.problem import AnyCamera, Cell, Motion, Problem, Robot
-from cocap_opt.stop import Limit, Stop, never
+from cocap_opt.stop import Stop, never
 from cocap_opt.vision.cache import cached_table, content_key
 from cocap_opt.vision.coverage import CoverageTable, coverage_table
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.views import Views, make_views
 
 Path = tuple[int, ...]  # T+1 state numbers of one robot
+Progress = Callable[[int, int], None]  # told how many steps' coverage is there, and of how many
+Sight = tuple[Motion, AnyCamera]  # what a robot's coverage depends on besides its start
+
+
+def _tell_nobody(done: int, total: int) -> None:
+    pass
 
 
 @dataclass(frozen=True)
@@ -38,51 +43,65 @@ class RobotClass:
         """Cell in which all of them must end."""
         return self.spec.goal
 
+    @property
+    def sight(self) -> Sight:
+        """Motion and camera, on which the coverage of the class depends besides its starts."""
+        return self.spec.motion, self.spec.camera
 
-def nobody(done: int, total: int) -> None:
-    """Tell nobody how far it is."""
+    def reward_to_goal(self, horizon: int) -> FloatArray | None:
+        """Zero for states [T+1, S] from which the goal is in reach, CLOSED for others.
+
+        None where there is no goal.
+        """
+        return None if self.goal is None else _to_goal(self.graph, horizon, self.goal)
 
 
 class Model:
-    """What planners and formulations share of one problem. Coverage is made when asked for.
+    """A compiled problem. Coverage is computed when it is first asked for, and then kept.
+
+    Parameters
+    ----------
+    use_cache : take coverage from the disk cache, and write it there
 
     Attributes
     ----------
     classes : the robot classes
     class_of : [R] class of each robot
-    is_apart : whether every robot is a class of its own, though others may be like it
-    progress : told how many steps' coverage is there, and of how many
+    is_disaggregated : every robot is a class of its own, though others may be like it
     """
 
     def __init__(self, problem: Problem, use_cache: bool = True) -> None:
-        self.problem = problem
-        self._use_cache = use_cache
-        self._geometry = FaceGeometry(problem)
-        self._tables: dict[tuple[Motion, AnyCamera], CoverageTable] = {}
-        self.progress: Callable[[int, int], None] = nobody
-        self.is_apart = False
-        members: dict[tuple[object, ...], list[int]] = {}
-        for i, robot in enumerate(problem.robots):
-            members.setdefault((robot.motion, robot.camera, robot.goal), []).append(i)
-        self._divide(members.values())
+        self._divide(_Coverage(problem, use_cache), is_disaggregated=False)
 
-    def apart(self) -> "Model":
-        """The same model with every robot as a class of its own; coverage is shared."""
-        other = copy(self)
-        other.__dict__.pop("cells", None)
-        other.is_apart = True
-        other._divide([i] for i in range(len(self.problem.robots)))
+    def disaggregated(self) -> "Model":
+        """Return a model in which every robot is a class of its own; coverage is shared."""
+        other = object.__new__(Model)
+        other._divide(self._coverage, is_disaggregated=True)
         return other
 
-    def _divide(self, classes: Iterable[list[int]]) -> None:
+    apart = disaggregated  # TODO: goes once nobody uses it
+
+    @property
+    def is_apart(self) -> bool:
+        """Is to be replaced by is_disaggregated."""
+        return self.is_disaggregated
+
+    def _divide(self, coverage: "_Coverage", is_disaggregated: bool) -> None:
         """Put the robots into classes."""
-        self.classes = tuple(self._make_class(robots) for robots in classes)
+        self._coverage = coverage
+        self.problem = problem = coverage.problem
+        self.is_disaggregated = is_disaggregated
+        members: dict[tuple[object, ...], list[int]] = {}
+        for i, robot in enumerate(problem.robots):
+            own = (i,) if is_disaggregated else (robot.motion, robot.camera, robot.goal)
+            members.setdefault(own, []).append(i)
+        self.classes = tuple(self._make_class(robots) for robots in members.values())
         of = {i: robot_class for robot_class in self.classes for i in robot_class.robots}
-        self.class_of = tuple(of[i] for i in range(len(self.problem.robots)))
+        self.class_of = tuple(of[i] for i in range(len(problem.robots)))
 
     def _make_class(self, robots: list[int]) -> RobotClass:
         spec = self.problem.robots[robots[0]]
-        graph = time_graph(self.problem.workspace, spec.motion, len(spec.camera.tilts))
+        graph = _graph(self.problem, spec)
         starts = tuple(graph.index(self.problem.robots[i].start) for i in robots)
         return RobotClass(spec, tuple(robots), starts, graph)
 
@@ -93,7 +112,7 @@ class Model:
 
     @property
     def class_sizes(self) -> tuple[int, ...]:
-        """How many robots each class has."""
+        """Number of robots of each class."""
         return tuple(len(robot_class.robots) for robot_class in self.classes)
 
     @cached_property
@@ -106,65 +125,35 @@ class Model:
         return self.class_of[robot].graph.index(self.problem.robots[robot].start)
 
     def views(self, robot_class: RobotClass) -> Views:
-        """A fresh source of coverage that evaluates only what it is asked for."""
-        return make_views(self._geometry, self.problem, robot_class.graph, robot_class.spec.camera)
+        """Return a fresh source of coverage that evaluates only the states it is asked for."""
+        return self._coverage.views(robot_class.spec)
 
     def reachable(self, robot_class: RobotClass) -> BoolArray:
         """States [T+1, S] that some robot with this class's motion and camera can reach."""
-        alike = self._alike(robot_class)
-        starts = [start for other in alike for start in other.starts]
-        return robot_class.graph.reachable(starts, self.problem.horizon)
-
-    def _alike(self, robot_class: RobotClass) -> list[RobotClass]:
-        return [other for other in self.classes if _sight(other) == _sight(robot_class)]
+        return self._coverage.reachable(robot_class.spec)
 
     def coverage(self, robot_class: RobotClass) -> CoverageTable:
         """Coverage of every state that the class can reach (shared by classes that see alike)."""
-        self.prepare(robot_class, never)
-        return self._tables[_sight(robot_class)]
+        return self._coverage.table(robot_class.spec, never, _tell_nobody)
 
-    def prepare(self, robot_class: RobotClass, stop: Stop) -> Limit:
-        """Compute the coverage of a class, unless a limit is reached before it is whole.
+    def prepare(
+        self, robot_class: RobotClass, stop: Stop = never, progress: Progress = _tell_nobody
+    ) -> None:
+        """Compute the coverage of a class.
 
         Coverage that is there already, in memory or in the cache, is taken at any time.
+
+        Raises
+        ------
+        LimitReached
+            If a limit is reached before the coverage is whole.
         """
-        problem, sight, limit = self.problem, _sight(robot_class), Limit.NONE
-        if sight in self._tables:
-            return limit
+        self._coverage.table(robot_class.spec, stop, progress)
 
-        def make() -> CoverageTable | None:
-            nonlocal limit
-            table, limit = coverage_table(
-                self.views(robot_class),
-                robot_class.graph.n_places,
-                self.reachable(robot_class),
-                problem.first_step,
-                stop,
-                self.progress,
-            )
-            return table
-
-        if self._use_cache:
-            starts = sorted(start for other in self._alike(robot_class) for start in other.starts)
-            poses = [actor.poses[: problem.horizon + 1] for actor in problem.actors]
-            shapes = [actor.shape for actor in problem.actors]
-            key = content_key(
-                problem.workspace, *sight, starts, problem.horizon, problem.face_samples,
-                problem.first_step, poses, shapes,
-            )  # fmt: skip
-            table = cached_table(key, make)
-        else:
-            table = make()
-        if table is not None and problem.objective.over_time:
-            table = table._replace(view_sums=table.view_sums % max(self.n_faces, 1))
-        if table is not None:
-            self._tables[sight] = table
-        return limit
-
-    def prepare_all(self, stop: Stop) -> Limit:
-        """Compute the coverage of all classes, unless a limit is reached."""
-        limits = (self.prepare(robot_class, stop) for robot_class in self.classes)
-        return next((limit for limit in limits if limit is not Limit.NONE), Limit.NONE)
+    def prepare_all(self, stop: Stop = never, progress: Progress = _tell_nobody) -> None:
+        """Compute the coverage of all classes; raises LimitReached as `prepare` does."""
+        for robot_class in self.classes:
+            self.prepare(robot_class, stop, progress)
 
     def plan(self, paths: Sequence[Path]) -> Plan:
         """Plan made of one path of state numbers per robot."""
@@ -185,6 +174,69 @@ class Model:
         )
 
 
+class _Coverage:
+    """Coverage tables of a problem, one for each motion and camera, made when asked for."""
+
+    def __init__(self, problem: Problem, use_cache: bool) -> None:
+        self.problem = problem
+        self._use_cache = use_cache
+        self._geometry = FaceGeometry(problem)
+        self._tables: dict[Sight, CoverageTable] = {}
+
+    def views(self, spec: Robot) -> Views:
+        graph = _graph(self.problem, spec)
+        return make_views(self._geometry, self.problem, graph, spec.camera)
+
+    def reachable(self, spec: Robot) -> BoolArray:
+        return _graph(self.problem, spec).reachable(self._starts(spec), self.problem.horizon)
+
+    def _starts(self, spec: Robot) -> list[int]:
+        """State numbers of the starts of all robots that move and see alike, increasing."""
+        graph, alike = _graph(self.problem, spec), (spec.motion, spec.camera)
+        robots = self.problem.robots
+        return sorted(graph.index(r.start) for r in robots if (r.motion, r.camera) == alike)
+
+    def table(self, spec: Robot, stop: Stop, progress: Progress) -> CoverageTable:
+        """The table of this robot's motion and camera; LimitReached if it is not whole in time."""
+        sight = spec.motion, spec.camera
+        if sight not in self._tables:
+            self._tables[sight] = self._make(spec, stop, progress)
+        return self._tables[sight]
+
+    def _make(self, spec: Robot, stop: Stop, progress: Progress) -> CoverageTable:
+        problem = self.problem
+
+        def make() -> CoverageTable:
+            n_places = _graph(problem, spec).n_places
+            return coverage_table(
+                self.views(spec), n_places, self.reachable(spec), problem.first_step,
+                stop, progress,
+            )  # fmt: skip
+
+        if self._use_cache:
+            poses = [actor.poses[: problem.horizon + 1] for actor in problem.actors]
+            shapes = [actor.shape for actor in problem.actors]
+            key = content_key(
+                problem.workspace, spec.motion, spec.camera, self._starts(spec), problem.horizon,
+                problem.face_samples, problem.first_step, poses, shapes,
+            )  # fmt: skip
+            table = cached_table(key, make)
+        else:
+            table = make()
+        if problem.objective.over_time:
+            table = table._replace(view_sums=table.view_sums % max(len(problem.face_weights), 1))
+        return table
+
+
+@lru_cache(maxsize=16)
+def _to_goal(graph: TimeGraph, horizon: int, goal: tuple[int, int]) -> FloatArray:
+    return graph.backward_sweep(graph.no_reward(horizon), goal=goal)
+
+
+def _graph(problem: Problem, spec: Robot) -> TimeGraph:
+    return time_graph(problem.workspace, spec.motion, len(spec.camera.tilts))
+
+
 def _cells(problem: Problem, robot_class: RobotClass) -> tuple[Cell, ...]:
     layer, x, y = robot_class.graph.coordinates(np.arange(robot_class.graph.n_places)).tolist()
     own = [problem.layers.index(height) for height in robot_class.spec.motion.layers]
@@ -192,18 +244,20 @@ def _cells(problem: Problem, robot_class: RobotClass) -> tuple[Cell, ...]:
     return tuple(Cell(*at) for at in zip(x, y, inside, strict=True))
 
 
-def _sight(robot_class: RobotClass) -> tuple[Motion, AnyCamera]:
-    """What the coverage of a class depends on, besides its starts."""
-    return robot_class.spec.motion, robot_class.spec.camera
-
-
 @lru_cache(maxsize=8)
 def compiled(problem: Problem) -> Model:
-    """The model of a problem, made once per process."""
+    """Return the model of a problem, made once per process and shared by all that ask for it.
+
+    A model changes only by keeping the coverage that it has computed, so sharing shows nowhere
+    but in the time it takes.
+    """
     return Model(problem)
 
 
 @lru_cache(maxsize=8)
-def compiled_apart(problem: Problem) -> Model:
-    """The same, with every robot as a class of its own."""
-    return compiled(problem).apart()
+def compiled_disaggregated(problem: Problem) -> Model:
+    """Return the same model with every robot as a class of its own."""
+    return compiled(problem).disaggregated()
+
+
+compiled_apart = compiled_disaggregated  # TODO: goes once nobody uses it

@@ -1,27 +1,35 @@
-"""Planners: callables from a Problem to a Result. To add one: one file, one line below."""
+"""Planners: callables from a problem to a result. To add one: one file, one line below."""
 
-from collections.abc import Callable
+from typing import Protocol
 
-from cocap_opt.planners.cocap import cocap
+from cocap_opt.planners.cocap import cocap, cocap_vs, cocap_vs_undiscounted
 from cocap_opt.planners.formation import formation
-from cocap_opt.planners.greedy import greedy
+from cocap_opt.planners.greedy import greedy, greedy_rounds
 from cocap_opt.planners.joint import joint
 from cocap_opt.planners.myopic import myopic
 from cocap_opt.planners.one_step import one_step
 from cocap_opt.planners.sequential import sequential
-from cocap_opt.planners.view_search import ViewSearch
 from cocap_opt.problem.problem import Problem
 from cocap_opt.result import Result
-from cocap_opt.stop import Stop
+from cocap_opt.stop import Stop, never
 
-Planner = Callable[[Problem, Stop], Result]
+__all__ = ["PLANNERS", "Planner"]
+
+
+class Planner(Protocol):
+    """A method that plans all robots of a problem, and proves nothing unless it says so."""
+
+    def __call__(self, problem: Problem, stop: Stop = never) -> Result:
+        """Plan a problem; at a limit, return the best plan so far."""
+
 
 PLANNERS: dict[str, Planner] = {
     "greedy": greedy,
-    "greedy-rounds": lambda problem, stop: greedy(problem, stop, rounds=10),
+    "greedy-rounds": greedy_rounds,
     "sequential": sequential,
     "cocap": cocap,
-    "cocap-vs": lambda problem, stop: cocap(problem, stop, low_level=ViewSearch()),
+    "cocap-vs": cocap_vs,
+    "cocap-vs-undiscounted": cocap_vs_undiscounted,
     "joint": joint,
     "formation": formation,
     "myopic": myopic,

@@ -13,9 +13,9 @@ from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.model import Model
 from cocap_opt.objective import view_sum_weights
-from cocap_opt.planners.view_search import LazyCoverage
+from cocap_opt.planners.lazy_coverage import LazyCoverage
 from cocap_opt.problem.problem import Camera, Problem, Robot
-from cocap_opt.stop import Limit, Stop
+from cocap_opt.stop import Stop
 
 
 class Circle(NamedTuple):
@@ -105,7 +105,7 @@ def distance_in_view(robot: Robot, above: float, wanted: float) -> float:
 
 def rewards_of(
     model: Model, circle: Circle, places: Places, views: list[LazyCoverage], stop: Stop
-) -> tuple[FloatArray, Limit]:
+) -> FloatArray:
     """View reward [T+1, K] of a circle's robots if all are in their places and look inwards.
 
     A robot sees nothing from a place that is blocked, or that it cannot have reached yet.
@@ -114,14 +114,12 @@ def rewards_of(
     ----------
     views : [R] coverage of every robot's states
     """
-    problem, limit = model.problem, Limit.NONE
+    problem = model.problem
     reach = [_reachable(model, robot) for robot in circle.robots]
     _, steps, turns, _ = places.at.shape
     rewards = np.zeros((steps, turns))
     for t in range(problem.first_step, problem.horizon + 1):
-        limit = stop() if limit is Limit.NONE else limit
-        if limit is not Limit.NONE:
-            break
+        stop.check()
         pixels = np.zeros((turns, len(problem.face_weights)))
         for seat, robot in enumerate(circle.robots):
             which, states = _looking_inwards(model, robot, seat, places, t)
@@ -130,7 +128,7 @@ def rewards_of(
                 pixels[which[there]] += views[robot](t, states[there])
         weights = view_sum_weights(problem)[problem.view_sums_at(t)]
         rewards[t] = (np.sqrt(pixels) * weights).sum(axis=1)
-    return rewards, limit
+    return rewards
 
 
 def _reachable(model: Model, robot: int) -> BoolArray:

@@ -14,7 +14,7 @@ sees most on the way. (Two robots on a circle face each other; their program set
 angle.)
 """
 
-import time
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -25,12 +25,12 @@ from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.model import Path, compiled
 from cocap_opt.objective import marginal_gain, no_pixels, view_sum_weights
 from cocap_opt.planners.circles import best_turns, places_of, rewards_of, share_out
+from cocap_opt.planners.lazy_coverage import LazyCoverage, lazy_coverage
+from cocap_opt.planners.low_level import SingleRobotPath, SingleRobotTask
 from cocap_opt.planners.sequential import sequential
-from cocap_opt.planners.single import SingleRobotPath, SingleRobotTask
-from cocap_opt.planners.view_search import LazyCoverage
 from cocap_opt.problem.problem import Problem
-from cocap_opt.result import Result
-from cocap_opt.stop import Limit, Stop, never
+from cocap_opt.result import Result, timed
+from cocap_opt.stop import LimitReached, Stop, never
 
 STANDOFF = 5.0  # m, from the outermost actor (Greedy Perspectives)
 HEIGHT = 5.0  # m, of flight (Greedy Perspectives)
@@ -38,6 +38,7 @@ HEIGHT = 5.0  # m, of flight (Greedy Perspectives)
 ORIENTATIONS = 32
 
 
+@timed
 def formation(
     problem: Problem,
     stop: Stop = never,
@@ -60,18 +61,13 @@ def formation(
         As `sequential` has it; `statistics` holds the number of states `evaluated`. Without
         actors all robots stay where they are, or go to their goals.
     """
-    begin = time.perf_counter()
-    model, limit = compiled(problem), Limit.NONE
-    sources = {
-        robot_class.robots: LazyCoverage(model.views(robot_class)) for robot_class in model.classes
-    }
-    views = [sources[robot_class.robots] for robot_class in model.class_of]
+    model = compiled(problem)
+    views = lazy_coverage(model)
     places = [_starts(problem, robot) for robot in range(len(problem.robots))]
-    for circle in share_out(problem):
-        limit = stop() if limit is Limit.NONE else limit
-        if limit is Limit.NONE:
+    with suppress(LimitReached):  # sequential planning hears of it, too
+        for circle in share_out(problem):
             around = places_of(problem, circle, standoff, height, orientations)
-            rewards, limit = rewards_of(model, circle, around, views, stop)
+            rewards = rewards_of(model, circle, around, views, stop)
             turns = best_turns(problem, circle, around, rewards)
             for seat, robot in enumerate(circle.robots):
                 places[robot][:, :2] = around.at[seat, np.arange(len(turns)), turns]
@@ -80,10 +76,10 @@ def formation(
     def low_level(task: SingleRobotTask) -> SingleRobotPath:
         return _keep_place(task, places[task.robot], views[task.robot])
 
-    result = sequential(problem, stop if limit is Limit.NONE else lambda: limit, low_level)
-    evaluated = sum(source.evaluated for source in sources.values())
+    result = sequential(problem, stop, low_level)
+    evaluated = sum(source.evaluated for source in set(views))
     statistics = {**result.statistics, "evaluated": evaluated}
-    return replace(result, seconds=time.perf_counter() - begin, statistics=statistics)
+    return replace(result, statistics=statistics)
 
 
 def _starts(problem: Problem, robot: int) -> FloatArray:
@@ -100,9 +96,8 @@ def _keep_place(task: SingleRobotTask, places: FloatArray, views: LazyCoverage) 
     Both by value iteration: over all states, then over those along the way, for the marginal
     view reward.
     """
-    pixels, limit = no_pixels(task.model.problem), task.stop()
-    if limit is not Limit.NONE:
-        return SingleRobotPath(None, pixels, 0, limit)
+    task.stop.check()
+    pixels = no_pixels(task.model.problem)
     before, way = views.evaluated, _nearest(task, places)
     if way is None:
         return SingleRobotPath(None, pixels, 0)

@@ -4,53 +4,63 @@ Each robot in turn gets its best path given what the earlier ones see. Without c
 rules the plan has at least half the optimal J, if the low level is exact.
 """
 
-import time
-
 from cocap_opt.model import compiled
-from cocap_opt.planners.single import LowLevel, SingleRobotTask
-from cocap_opt.planners.team import Team, no_path, no_plan, plan_or_hover, team_result
-from cocap_opt.planners.value_iteration import value_iteration
+from cocap_opt.planners.low_level import LowLevel, SingleRobotTask, value_iteration
+from cocap_opt.planners.team import Team, no_path, no_plan_in_time, team_result
 from cocap_opt.problem.problem import Problem
-from cocap_opt.result import Result
-from cocap_opt.stop import Limit, Stop, never
+from cocap_opt.result import Result, timed
+from cocap_opt.stop import Limit, LimitReached, Stop, never
+
+ROUNDS = 10  # of `greedy_rounds`
 
 
+@timed
 def greedy(
-    problem: Problem,
-    stop: Stop = never,
-    low_level: LowLevel = value_iteration,
-    rounds: int = 1,
+    problem: Problem, stop: Stop = never, low_level: LowLevel = value_iteration, rounds: int = 1
 ) -> Result:
     """Plan the robots in order, each best given the earlier ones; collisions are ignored.
 
-    With `rounds` > 1 each robot is planned again in turn against all others, until that
-    gains nothing or the rounds are over; only gains are kept.
+    Parameters
+    ----------
+    low_level : plans one robot
+    rounds : with more than 1, each robot is planned again in turn against all others, until a
+        round gains nothing; only gains are kept
+
+    Returns
+    -------
+    Result
+        At a limit, robots that are not planned yet stay at their starts.
     """
-    begin = time.perf_counter()
-    model = compiled(problem)
-    team = Team(model, [])
-    limit = Limit.NONE
-    for robot in range(len(problem.robots)):
-        task = SingleRobotTask(model, robot, team.others(robot), stop=stop)
-        single, limit = plan_or_hover(low_level, task, limit)
-        if single.path is None:
-            return no_plan(limit, begin, no_path(robot))
-        team.found.append(single)
-    for _ in range(rounds - 1):
-        before = team.value
-        limit = _improve(team, low_level, stop) if limit is Limit.NONE else limit
-        if team.value <= before:
-            break
-    return team_result(team, limit, begin)
+    team, limit = Team(compiled(problem)), Limit.NONE
+    try:
+        for robot in range(len(problem.robots)):
+            single = low_level(_task(team, robot, stop))
+            if single.path is None:
+                return no_path(robot)
+            team = team.with_path(robot, single)
+        for _ in range(rounds - 1):
+            before = team.value
+            for robot in range(len(problem.robots)):
+                team = _better(team, robot, low_level, stop)
+            if team.value <= before:
+                break
+    except LimitReached as reached:
+        team, limit = team.hovering(), reached.limit
+        if any(single.path is None for single in team.found):
+            return no_plan_in_time(limit)
+    return team_result(team, limit)
 
 
-def _improve(team: Team, low_level: LowLevel, stop: Stop) -> Limit:
-    """Plan each robot again against all others and keep what makes J grow."""
-    for robot in range(len(team.found)):
-        single = low_level(SingleRobotTask(team.model, robot, team.others(robot), stop=stop))
-        if single.limit is not Limit.NONE:
-            return single.limit
-        changed = team.with_path(robot, single)
-        if changed.value > team.value:
-            team.found[robot] = single
-    return Limit.NONE
+def greedy_rounds(problem: Problem, stop: Stop = never) -> Result:
+    """Plan greedily, then in rounds of best responses until nobody gains; ignore collisions."""
+    return greedy(problem, stop, rounds=ROUNDS)
+
+
+def _task(team: Team, robot: int, stop: Stop) -> SingleRobotTask:
+    return SingleRobotTask(team.model, robot, team.others(robot), stop=stop)
+
+
+def _better(team: Team, robot: int, low_level: LowLevel, stop: Stop) -> Team:
+    """The team with one robot planned again against all others, if that makes J grow."""
+    changed = team.with_path(robot, low_level(_task(team, robot, stop)))
+    return changed if changed.value > team.value else team

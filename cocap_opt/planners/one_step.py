@@ -3,7 +3,6 @@
 What looking ahead is worth, measured by doing without.
 """
 
-import time
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -15,11 +14,11 @@ from cocap_opt.graph.move_rewards import bonuses_of
 from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.model import Model, RobotClass, compiled
 from cocap_opt.objective import marginal_gain, no_pixels, view_sum_weights
-from cocap_opt.planners.single import SingleRobotPath
-from cocap_opt.planners.team import Team, no_path, no_plan, team_result
-from cocap_opt.planners.view_search import LazyCoverage
+from cocap_opt.planners.lazy_coverage import LazyCoverage, lazy_coverage
+from cocap_opt.planners.low_level import SingleRobotPath
+from cocap_opt.planners.team import Team, no_path, no_plan, no_plan_in_time, team_result
 from cocap_opt.problem.problem import Problem, State
-from cocap_opt.result import Reason, Result
+from cocap_opt.result import Reason, Result, timed
 from cocap_opt.stop import Limit, Stop, never
 
 
@@ -29,7 +28,7 @@ class _Flight:
 
     robot_class: RobotClass
     coverage: LazyCoverage  # shared by its class
-    in_reach: BoolArray | None  # [T+1, S] states from which the goal can be reached; None: no goal
+    to_goal: FloatArray | None  # [T+1, S] CLOSED where the goal is out of reach; None: no goal
     pixels: FloatArray  # [Z] px/m2 seen so far
     path: list[int]  # state numbers, one per step so far
     evaluated: int = 0
@@ -46,13 +45,14 @@ class _Flight:
         return seen
 
     def may_be(self, t: int, states: IntArray) -> BoolArray:
-        """From which states [n] at step t the goal can still be reached, as if alone."""
-        if self.in_reach is None:
+        """Mark the states [n] at step t from which the goal can still be reached, as if alone."""
+        if self.to_goal is None:
             return np.ones(len(states), dtype=bool)
-        result: BoolArray = self.in_reach[t, states]
+        result: BoolArray = self.to_goal[t, states] > CLOSED
         return result
 
 
+@timed
 def one_step(problem: Problem, stop: Stop = never) -> Result:
     """At each step move the robots in order, each to the state of greatest marginal reward.
 
@@ -68,51 +68,38 @@ def one_step(problem: Problem, stop: Stop = never) -> Result:
     Result
         `statistics` holds the number of states `evaluated`: those that a robot could go to.
     """
-    begin = time.perf_counter()
     model, limit = compiled(problem), Limit.NONE
     flights = _at_starts(model)
     for robot, flight in enumerate(flights):
         if not flight.may_be(0, np.array(flight.path)).all():
-            return no_plan(limit, begin, no_path(robot))
+            return no_path(robot)
     for t in range(problem.horizon):
         for robot, flight in enumerate(flights):
-            limit = stop() if limit is Limit.NONE else limit
+            limit = stop.reached()
             heads = np.array(flight.path[-1:])
             if limit is Limit.NONE:
                 heads = _open_heads(model, flights, robot, t)
             if not heads.size:
                 words = f"robot {robot} cannot reach its goal beside the others after step {t}"
-                return no_plan(limit, begin, (Reason.FAILED, words), {"failed_robot": robot})
+                return no_plan(Reason.FAILED, words, {"failed_robot": robot})
             _move(model, flights, robot, t + 1, heads)
     if not all(flight.may_be(-1, np.array(flight.path[-1:])).all() for flight in flights):
-        return no_plan(limit, begin, (Reason.STOPPED, ""))
-    found = [SingleRobotPath(tuple(f.path), f.pixels, f.evaluated) for f in flights]
-    return team_result(Team(model, found), limit, begin)
+        return no_plan_in_time(limit)
+    found = tuple(SingleRobotPath(tuple(f.path), f.pixels, f.evaluated) for f in flights)
+    return team_result(Team(model, found), limit)
 
 
 def _at_starts(model: Model) -> list[_Flight]:
-    """All robots where they start, with what they see there if that counts."""
+    """Put all robots where they start, with the pixels they have there if these count."""
     problem = model.problem
-    sources = {
-        robot_class.robots: LazyCoverage(model.views(robot_class)) for robot_class in model.classes
-    }
-    reach = {robot_class.robots: _in_reach(model, robot_class) for robot_class in model.classes}
-    flights = []
+    flights, sources = [], lazy_coverage(model)
     for robot, robot_class in enumerate(model.class_of):
-        source, path = sources[robot_class.robots], [model.start(robot)]
-        flight = _Flight(robot_class, source, reach[robot_class.robots], no_pixels(problem), path)
+        to_goal, path = robot_class.reward_to_goal(problem.horizon), [model.start(robot)]
+        flight = _Flight(robot_class, sources[robot], to_goal, no_pixels(problem), path)
         if problem.first_step == 0:
             flight.pixels[problem.view_sums_at(0)] += flight.look(0, np.array(path))[0]
         flights.append(flight)
     return flights
-
-
-def _in_reach(model: Model, robot_class: RobotClass) -> BoolArray | None:
-    if robot_class.goal is None:
-        return None
-    graph = robot_class.graph
-    to_go = graph.backward_sweep(graph.no_reward(model.problem.horizon), goal=robot_class.goal)
-    return to_go > CLOSED
 
 
 def _open_heads(model: Model, flights: list[_Flight], robot: int, t: int) -> IntArray:
@@ -132,7 +119,7 @@ def _open_heads(model: Model, flights: list[_Flight], robot: int, t: int) -> Int
 def _others(
     flights: list[_Flight], robot: int, t: int
 ) -> Iterable[tuple[int, tuple[State, State]]]:
-    """Where the others are at step t and at the next: there still, if they have not moved."""
+    """Places of the others at step t and at the next: there still, if they have not moved."""
     for other, flight in enumerate(flights):
         if other != robot:
             yield other, (flight.state(t), flight.state(-1))

@@ -1,21 +1,23 @@
-"""What the planners of whole teams share: paths found so far, and results made of them."""
+"""Paths of a team as they are found robot by robot, and the results made of them."""
 
-import time
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from cocap_opt.data import FloatArray
 from cocap_opt.model import Model, Path
 from cocap_opt.objective import no_pixels, objective
-from cocap_opt.planners.single import LowLevel, SingleRobotPath, SingleRobotTask
+from cocap_opt.planners.low_level import SingleRobotPath
 from cocap_opt.problem.plan import conflicts
 from cocap_opt.problem.problem import Problem
 from cocap_opt.result import Reason, Result
 from cocap_opt.stop import Limit
 
 EVERYBODY = -1  # no robot is left out
+ONE_STEP_AT_A_TIME = (
+    "a heuristic: pixels add up over time, and this planner looks at one step at a time"
+)
 
 
 @dataclass(frozen=True)
@@ -23,7 +25,7 @@ class Team:
     """Paths found so far and the pixels along them, robot by robot."""
 
     model: Model
-    found: list[SingleRobotPath]
+    found: tuple[SingleRobotPath, ...] = ()
 
     def others(self, robot: int) -> FloatArray:
         """Pixels [Z] of all robots but one (or of EVERYBODY)."""
@@ -44,38 +46,19 @@ class Team:
         return objective(self.model, self.others(EVERYBODY), self.paths)
 
     @property
-    def evaluated(self) -> int:
-        """Number of states whose coverage was needed."""
-        return sum(single.evaluated for single in self.found)
+    def collides(self) -> bool:
+        """True where two of the paths conflict."""
+        plan = self.model.plan(self.paths)
+        return next(conflicts(self.model.problem, plan), None) is not None
 
     def with_path(self, robot: int, single: SingleRobotPath) -> "Team":
-        """The team with another path for one robot."""
-        return Team(self.model, [*self.found[:robot], single, *self.found[robot + 1 :]])
+        """Return the team with another path for one robot, or with the next robot's first one."""
+        return Team(self.model, (*self.found[:robot], single, *self.found[robot + 1 :]))
 
-
-def plan_or_hover(
-    low_level: LowLevel, task: SingleRobotTask, limit: Limit
-) -> tuple[SingleRobotPath, Limit]:
-    """A robot's best path; once a limit is reached, the path that stays where it is."""
-    if limit is Limit.NONE:
-        single = low_level(task)
-        if single.limit is Limit.NONE:
-            return single, limit
-        limit = single.limit
-    return hover(task.model, task.robot), limit
-
-
-def team_result(team: Team, limit: Limit, begin: float) -> Result:
-    """Result of a planner that went through all robots, hovering where time was up."""
-    return Result(
-        plan=team.model.plan(team.paths),
-        value=team.value,
-        reason=Reason.FINISHED if limit is Limit.NONE else Reason.STOPPED,
-        limit=limit,
-        seconds=time.perf_counter() - begin,
-        message=remark(team.model.problem),
-        statistics={"evaluated": team.evaluated},
-    )
+    def hovering(self) -> "Team":
+        """Return the team in which all robots without a path stay at their starts."""
+        robots = range(len(self.found), len(self.model.problem.robots))
+        return Team(self.model, (*self.found, *(hover(self.model, robot) for robot in robots)))
 
 
 def hover(model: Model, robot: int) -> SingleRobotPath:
@@ -91,62 +74,64 @@ def hover(model: Model, robot: int) -> SingleRobotPath:
     return SingleRobotPath((model.start(robot),) * (problem.horizon + 1), pixels, len(steps))
 
 
+# -- results ------------------------------------------------------------------------------
+
+
+def team_result(
+    team: Team, limit: Limit = Limit.NONE, statistics: Mapping[str, float] | None = None
+) -> Result:
+    """Result of a planner that has a path for every robot; hovering ones where time was up."""
+    return Result(
+        plan=team.model.plan(team.paths),
+        value=team.value,
+        reason=Reason.FINISHED if limit is Limit.NONE else Reason.STOPPED,
+        limit=limit,
+        message=remark(team.model.problem),
+        statistics=statistics or {"evaluated": sum(single.evaluated for single in team.found)},
+    )
+
+
 def remark(problem: Problem) -> str:
-    """What is to be said of plans made robot by robot, step by step."""
-    if problem.objective.over_time:
-        return "a heuristic: pixels add up over time, and this planner looks at one step at a time"
-    return ""
+    """Warning about plans made robot by robot, step by step; empty where there is none."""
+    return ONE_STEP_AT_A_TIME if problem.objective.over_time else ""
 
 
 def stopped(
-    model: Model, limit: Limit, begin: float, statistics: Mapping[str, float], wanted: Team
+    model: Model, limit: Limit, statistics: Mapping[str, float], wanted: Team | None = None
 ) -> Result:
-    """What a planner returns at a limit that has no plan which obeys the rules yet.
+    """Result of a planner that is stopped before it has a plan which obeys the rules.
 
-    All robots stay where they are, which obeys every rule, since starts do; then one after the
-    other takes the path that it was to have, where that collides with nobody and is worth it.
-    Robots that must go somewhere make it no plan.
+    All robots stay at their starts, which obeys every rule; then one after the other takes the
+    path that it was to have, where that collides with nobody and increases J. There is no
+    plan where a robot has a goal elsewhere.
 
     Parameters
     ----------
     wanted : paths with conflicts, of the first robots at least
     """
-    team = Team(model, [hover(model, robot) for robot in range(len(model.problem.robots))])
+    team = Team(model).hovering()
     if any(single.path is None for single in team.found):
-        return no_plan(limit, begin, (Reason.STOPPED, ""), statistics)
-    for robot, single in enumerate(wanted.found):
+        return no_plan_in_time(limit, statistics)
+    for robot, single in enumerate(wanted.found if wanted else ()):
         changed = team.with_path(robot, single)
-        if changed.value > team.value and not _collides(changed):
+        if changed.value > team.value and not changed.collides:
             team = changed
-    return replace(team_result(team, limit, begin), statistics=statistics)
+    return team_result(team, limit, statistics)
 
 
-def _collides(team: Team) -> bool:
-    plan = team.model.plan(team.paths)
-    return next(conflicts(team.model.problem, plan), None) is not None
+def no_plan(reason: Reason, message: str, statistics: Mapping[str, float] | None = None) -> Result:
+    """Result without a plan, for a reason and in words."""
+    return Result(None, float("-inf"), reason, message=message, statistics=statistics or {})
 
 
-def no_plan(
-    limit: Limit,
-    begin: float,
-    otherwise: tuple[Reason, str],
-    statistics: Mapping[str, float] | None = None,
-) -> Result:
-    """Result without a plan: stopped by a limit, or `otherwise` for this reason, in words."""
-    reason, message = otherwise
-    if limit is not Limit.NONE:
-        reason, message = Reason.STOPPED, f"no plan was found before the {limit} limit"
+def no_plan_in_time(limit: Limit, statistics: Mapping[str, float] | None = None) -> Result:
+    """Result without a plan, since a limit was reached."""
+    words = f"no plan was found before the {limit} limit"
     return Result(
-        plan=None,
-        value=float("-inf"),
-        reason=reason,
-        limit=limit,
-        seconds=time.perf_counter() - begin,
-        message=message,
-        statistics=statistics or {},
+        None, float("-inf"), Reason.STOPPED, limit, message=words, statistics=statistics or {}
     )
 
 
-def no_path(robot: int) -> tuple[Reason, str]:
-    """Why there is no plan where a robot alone has no path."""
-    return Reason.INFEASIBLE, f"robot {robot} has no path, even alone"
+def no_path(robot: int) -> Result:
+    """Result of a team of which one robot alone has no path."""
+    return no_plan(Reason.INFEASIBLE, f"robot {robot} has no path, even alone")

@@ -1,144 +1,193 @@
-"""Single-robot planning by view search, CoCap Alg. 2: lazy best-first search.
+"""CoCap, Alg. 2: single-robot planning by view search, a lazy best-first search.
 
-It asks for the coverage of a state only when it reaches it, which is its whole point:
-rendering views costs far more than searching.
+Source: Rauniyar, Corah, Scherer 2024 (arXiv 2412.20695), whose order is literal here: the key
+
+    Rbar_{k+1} = (R_{k+1} + Rbar_k) gamma^(k-1),    k from 1, Rbar_1 = 0
+
+compounds, since Rbar_k is discounted already. A state includes its step, dominance compares the
+compounded values, states that are processed or dominated are skipped, and a dead end backtracks
+to the best of what is left in the queue. The search asks for the coverage of a state only when
+it reaches it, which is its whole point: rendering views costs far more than searching. The paper
+names no gamma; `cocap-opt study gamma` measures some.
 """
 
 import heapq
-from collections.abc import Callable
+from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 
-from cocap_opt.data import FloatArray, IntArray
+from cocap_opt.data import IntArray
 from cocap_opt.graph.move_rewards import bonuses_of
 from cocap_opt.graph.timegraph import CLOSED, TimeGraph
-from cocap_opt.model import Model, RobotClass
+from cocap_opt.model import Model, Path
 from cocap_opt.objective import marginal_gain, no_pixels, view_sum_weights
-from cocap_opt.planners.single import SingleRobotPath, SingleRobotTask
+from cocap_opt.planners.lazy_coverage import LazyCoverage
+from cocap_opt.planners.low_level import SingleRobotPath, SingleRobotTask
 from cocap_opt.problem.problem import Problem
-from cocap_opt.stop import Limit
-from cocap_opt.vision.views import Views, eyes_at
+from cocap_opt.vision.views import eyes_at
 
-# gamma ** T by default. Measured over 8 seeds with gamma from 0.6 to 1: near this value CoCap
-# gets 92-99 % of the J that it gets with value iteration and evaluates 17-40 % of the states
-# (corridor, T = 8, and bottleneck, T = 11); 0.05 costs most of the states, 1 gives 84-96 % of J.
+GAMMA = 0.99  # of Alg. 2
+# gamma ** T of the undiscounted search. Measured over 8 seeds with gamma from 0.6 to 1: near this
+# value CoCap gets 92-99 % of the J that it gets with value iteration and evaluates 17-40 % of the
+# states (corridor, T = 8, and bottleneck, T = 11); 0.05 costs most of the states, 1 gives 84-96 %.
 FINAL_DISCOUNT = 0.2
-TIE = 6  # digits; what is nearer than that is equally near
+TIE = 6  # digits; angles and distances that agree to these are equal
+
+Way = tuple[float, float]  # off the heading (rad), and far (m), the nearest actor is
 
 
-class LazyCoverage:
-    """Coverage of the states of one class, evaluated on first use and then remembered."""
+class Discount(Protocol):
+    """The order in which states are taken from the queue."""
 
-    def __init__(self, views: Views) -> None:
-        self._views = views
-        self._known: dict[tuple[int, int], FloatArray] = {}
+    def collect(self, value: float, reward: float, k: int, horizon: int) -> float:
+        """Value of the (k+1)-th state of a path, from that of the k-th and its own reward."""
 
-    @property
-    def evaluated(self) -> int:
-        """Number of states evaluated so far."""
-        return len(self._known)
+    def key(self, value: float, k: int, horizon: int) -> float:
+        """Key in the queue of the (k+1)-th state of a path, from its value."""
 
-    def __call__(self, t: int, states: IntArray) -> FloatArray:
-        """Coverage [n, F] in px/m2 of states [n] at step t."""
-        new = [s for s in states.tolist() if (t, s) not in self._known]
-        if new:
-            rows = self._views.coverage(t, np.array(new, dtype=np.int64))
-            self._known.update(zip(((t, s) for s in new), rows, strict=True))
-        return np.array([self._known[t, s] for s in states.tolist()])
+
+@dataclass(frozen=True)
+class Compounded:
+    """The paper's discount: values are discounted again at every step, and are the keys."""
+
+    gamma: float = GAMMA
+
+    def collect(self, value: float, reward: float, k: int, horizon: int) -> float:
+        """Return Rbar_{k+1}."""
+        return (reward + value) * self.gamma ** (k - 1)
+
+    def key(self, value: float, k: int, horizon: int) -> float:
+        """Return Rbar_{k+1}."""
+        return value
+
+
+@dataclass(frozen=True)
+class Undiscounted:
+    """Values are plain sums of rewards; only the keys in the queue are discounted by depth.
+
+    With gamma below 1 promising shallow branches compete with deep ones: paths are better, and
+    more states are evaluated. With 1 the search dives.
+    """
+
+    gamma: float | None = None  # None: FINAL_DISCOUNT ** (1 / T)
+
+    def collect(self, value: float, reward: float, k: int, horizon: int) -> float:
+        """Return the sum of the rewards so far."""
+        return value + reward
+
+    def key(self, value: float, k: int, horizon: int) -> float:
+        """Return the sum, discounted by depth."""
+        gamma = FINAL_DISCOUNT ** (1 / horizon) if self.gamma is None else self.gamma
+        return value * gamma ** (k - 1)
+
+
+def algorithm_2(task: SingleRobotTask, coverage: LazyCoverage, discount: Discount) -> Path | None:
+    """CoCap's Alg. 2: the path to the first state of the last step popped; None if there is none.
+
+    States are (k, v): state number v as the k-th of a path, k = 1..T+1.
+    """
+    last = task.model.problem.horizon + 1
+    start = (1, task.model.start(task.robot))
+    Rbar, parent, processed = {start: 0.0}, {start: start}, set[tuple[int, int]]()
+    queue = _Queue()
+    queue.push(0.0, (0.0, 0.0), start)
+    while queue:
+        k, v = node = queue.pop()
+        if k == last:
+            return _trace(parent, node)
+        if node in processed:
+            continue
+        processed.add(node)
+        task.stop.check()
+        for w, R, way in _rewarded_successors(task, coverage, k, v):
+            child = (k + 1, w)
+            value = discount.collect(Rbar[node], R, k, last - 1)
+            if child not in processed and value > Rbar.get(child, CLOSED):  # not dominated
+                Rbar[child], parent[child] = value, node
+                queue.push(discount.key(value, k, last - 1), way, child)
+    return None
 
 
 @dataclass(frozen=True)
 class ViewSearch:
-    """Best-first search over (step, state), keyed by the discounted reward of the path so far.
+    """View search as a low level. Each instance remembers the coverage it has evaluated."""
 
-    The key of a child at step k+1 is (Rbar_k + R_{k+1}) gamma^k: the reward collected on the
-    way to its parent, plus its own, discounted by depth. (The paper has gamma^(k-1), which
-    orders the queue alike.) Below 1, gamma lets promising
-    shallow branches compete with deep ones (better paths, more states evaluated); at 1 the
-    search dives. Each instance remembers the coverage it has evaluated.
-    """
-
-    gamma: float | None = None  # None: FINAL_DISCOUNT ** (1 / T)
+    discount: Discount = Compounded()
     _sources: dict[tuple[Model, tuple[int, ...]], LazyCoverage] = field(default_factory=dict)
 
     def __call__(self, task: SingleRobotTask) -> SingleRobotPath:
-        """Search; backtracks from dead ends, and fails only if there is no path at all."""
+        """Search for a path; raises LimitReached."""
         model, robot_class = task.model, task.model.class_of[task.robot]
-        coverage = self._source(model, robot_class)
-        evaluated_before = coverage.evaluated
-        path, limit = self._search(task, coverage)
-        pixels = no_pixels(model.problem)
-        if path is not None:
-            pixels = self._path_pixels(model, coverage, path)
-        return SingleRobotPath(path, pixels, coverage.evaluated - evaluated_before, limit)
-
-    def _source(self, model: Model, robot_class: RobotClass) -> LazyCoverage:
         key = model, robot_class.robots
         if key not in self._sources:
             self._sources[key] = LazyCoverage(model.views(robot_class))
-        return self._sources[key]
-
-    def _path_pixels(
-        self, model: Model, coverage: LazyCoverage, path: tuple[int, ...]
-    ) -> FloatArray:
-        pixels = no_pixels(model.problem)
-        for t in range(model.problem.first_step, len(path)):
-            pixels[model.problem.view_sums_at(t)] += coverage(t, np.array([path[t]]))[0]
-        return pixels
-
-    def _search(
-        self, task: SingleRobotTask, coverage: LazyCoverage
-    ) -> tuple[tuple[int, ...] | None, Limit]:
-        problem, graph = task.model.problem, task.model.class_of[task.robot].graph
-        horizon, bonuses = problem.horizon, bonuses_of(problem.objective)
-        gamma = FINAL_DISCOUNT ** (1 / horizon) if self.gamma is None else self.gamma
-        weights = view_sum_weights(problem)
-        may_enter = _goal_filter(task)
-        start = task.model.start(task.robot)
-        parent: dict[tuple[int, int], int] = {}
-        best = {(0, start): 0.0}
-        processed: set[tuple[int, int]] = set()
-        # Ties go to the deeper node, then to the one that looks more directly at the nearest
-        # actor, then to the nearer one: without a view there is nothing else to go by.
-        queue = [(0.0, 0, (0.0, 0.0), 0, start)]
-        pushed = 0
-        while queue:
-            _, minus_depth, _, _, state = heapq.heappop(queue)
-            k = -minus_depth
-            if k == horizon:
-                return _trace(parent, k, state), Limit.NONE
-            if (k, state) in processed:
-                continue
-            processed.add((k, state))
-            limit = task.stop()
-            if limit is not Limit.NONE:
-                return None, limit
-            heads = graph.successors(state)
-            heads = heads[[may_enter(k, state, int(head)) for head in heads]]
-            if not len(heads):
-                continue  # a dead end: the queue holds the alternatives
-            view_sums = problem.view_sums_at(k + 1)
-            gains = marginal_gain(task.pixels[view_sums], coverage(k + 1, heads))
-            rewards = (gains * weights[view_sums]).sum(axis=1)
-            rewards += bonuses.of_edges(graph.shape, state, heads)
-            ways = _ways(problem, graph, k + 1, heads)
-            for head, reward, way in zip(heads.tolist(), rewards.tolist(), ways, strict=True):
-                total = best[k, state] + reward
-                node = (k + 1, head)
-                if node in processed or total <= best.get(node, CLOSED):
-                    continue
-                best[node] = total
-                parent[node] = state
-                pushed += 1
-                heapq.heappush(queue, (-total * gamma**k, -(k + 1), way, pushed, head))
-        return None, Limit.NONE
+        coverage = self._sources[key]
+        evaluated_before = coverage.evaluated
+        path, pixels = algorithm_2(task, coverage, self.discount), no_pixels(model.problem)
+        for t, state in enumerate(path or ()):
+            if t >= model.problem.first_step:
+                pixels[model.problem.view_sums_at(t)] += coverage(t, np.array([state]))[0]
+        return SingleRobotPath(path, pixels, coverage.evaluated - evaluated_before)
 
 
-def _ways(
-    problem: Problem, graph: TimeGraph, t: int, states: IntArray
-) -> list[tuple[float, float]]:
-    """How far off each state's heading the nearest actor is (rad), and how far away (m)."""
+class _Queue:
+    """States to be processed, the greatest key first.
+
+    Ties go to the deeper state, then to the one that looks more directly at the nearest actor,
+    then to the nearer one: without a view there is nothing else to go by. Last to the older.
+    """
+
+    def __init__(self) -> None:
+        self._heap: list[tuple[float, int, Way, int, int]] = []
+        self._pushed = 0
+
+    def __bool__(self) -> bool:
+        return bool(self._heap)
+
+    def push(self, key: float, way: Way, node: tuple[int, int]) -> None:
+        self._pushed += 1
+        k, state = node
+        heapq.heappush(self._heap, (-key, -k, way, self._pushed, state))
+
+    def pop(self) -> tuple[int, int]:
+        _, minus_k, _, _, state = heapq.heappop(self._heap)
+        return -minus_k, state
+
+
+def _rewarded_successors(
+    task: SingleRobotTask, coverage: LazyCoverage, k: int, v: int
+) -> Iterator[tuple[int, float, Way]]:
+    """States that may follow the k-th one, v, with their marginal rewards and ways to actors."""
+    problem, graph = task.model.problem, task.model.class_of[task.robot].graph
+    heads = graph.successors(v)
+    heads = heads[_open_heads(task, k - 1, v, heads)]
+    if not len(heads):
+        return  # a dead end: the queue holds the alternatives
+    view_sums = problem.view_sums_at(k)
+    gains = marginal_gain(task.pixels[view_sums], coverage(k, heads))
+    rewards = (gains * view_sum_weights(problem)[view_sums]).sum(axis=1)
+    rewards += bonuses_of(problem.objective).of_edges(graph.shape, v, heads)
+    yield from zip(heads.tolist(), rewards.tolist(), _ways(problem, graph, k, heads), strict=True)
+
+
+def _open_heads(task: SingleRobotTask, t: int, tail: int, heads: IntArray) -> list[bool]:
+    """Say which moves from step t are open: no charge closes them, the goal stays in reach."""
+    robot_class, charges = task.model.class_of[task.robot], task.charges
+    places, here = robot_class.graph.n_places, tail % robot_class.graph.n_places
+    to_go = robot_class.reward_to_goal(task.model.problem.horizon)
+    return [
+        (t + 1, head % places) not in charges.places
+        and (t + 1, head) not in charges.states
+        and (head % places == here or (t, here, head % places) not in charges.moves)
+        and (to_go is None or to_go[t + 1, head] > CLOSED)
+        for head in heads.tolist()
+    ]
+
+
+def _ways(problem: Problem, graph: TimeGraph, t: int, states: IntArray) -> list[Way]:
+    """Angle (rad) from each state's heading to the nearest actor, and distance (m) of it."""
     if not problem.actors:
         return [(0.0, 0.0)] * len(states)
     orientation, place = np.divmod(states, graph.n_places)
@@ -154,32 +203,9 @@ def _ways(
     return list(zip(off.round(TIE).tolist(), near.round(TIE).tolist(), strict=True))
 
 
-def _goal_filter(task: SingleRobotTask) -> Callable[[int, int, int], bool]:
-    """Say which steps of motion are open: not closed by a charge, and the goal still in reach."""
-    robot_class = task.model.class_of[task.robot]
-    graph, charges = robot_class.graph, task.charges
-    in_reach = None
-    if robot_class.goal is not None:
-        in_reach = graph.backward_sweep(
-            graph.no_reward(task.model.problem.horizon), goal=robot_class.goal
-        )
-
-    def may_enter(t: int, tail: int, head: int) -> bool:
-        tail_place, head_place = tail % graph.n_places, head % graph.n_places
-        return (
-            (t + 1, head_place) not in charges.places
-            and (t + 1, head) not in charges.states
-            and (head_place == tail_place or (t, tail_place, head_place) not in charges.moves)
-            and (in_reach is None or in_reach[t + 1, head] > CLOSED)
-        )
-
-    return may_enter
-
-
-def _trace(parent: dict[tuple[int, int], int], k: int, state: int) -> tuple[int, ...]:
-    path = [state]
-    while k:
-        state = parent[k, state]
-        k -= 1
-        path.append(state)
+def _trace(parent: dict[tuple[int, int], tuple[int, int]], node: tuple[int, int]) -> Path:
+    path = [node[1]]
+    while parent[node] != node:
+        node = parent[node]
+        path.append(node[1])
     return tuple(reversed(path))

@@ -70,8 +70,8 @@ def _plain(value: object) -> object:
     raise TypeError(f"no digest for {type(value).__name__}")
 
 
-def cached_table(key: str, make: Callable[[], CoverageTable | None]) -> CoverageTable | None:
-    """Table with this content key from disk, or made and, if it was made, written there."""
+def cached_table(key: str, make: Callable[[], CoverageTable]) -> CoverageTable:
+    """Read the table with this content key from disk, or make it and write it there."""
     folder = cache_folder()
     if folder is None:
         return make()
@@ -79,8 +79,7 @@ def cached_table(key: str, make: Callable[[], CoverageTable | None]) -> Coverage
     table = _read(path)
     if table is None:
         table = make()
-        if table is not None:
-            _write(path, table)
+        _write(path, table)
     return table
 
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
-from cocap_opt.stop import Limit, Stop, never
+from cocap_opt.stop import Stop, never
 from cocap_opt.vision.views import Views
 from cocap_opt.vision.visibility import spans
 
@@ -61,7 +61,7 @@ def coverage_table(
     stop: Stop = never,
     progress: Callable[[int, int], None] = lambda done, total: None,
     threads: int | None = None,
-) -> tuple[CoverageTable | None, Limit]:
+) -> CoverageTable:
     """Evaluate all reachable states [T+1, S] from `first_step` on.
 
     Parameters
@@ -69,18 +69,17 @@ def coverage_table(
     n_places : number of places, of which each has all orientations
     threads : that work at once, all usable cores if not given; the table does not depend on it
 
-    Returns
-    -------
-    The table, or None and the limit that was reached before it was whole.
+    Raises
+    ------
+    LimitReached
+        If a limit is reached before the table is whole.
     """
     n_steps, n_states = reachable.shape
     parts = [_NO_ROWS]
     pool = ThreadPoolExecutor(threads or usable_cores())
     try:
         for t in range(first_step, n_steps):
-            limit = stop()
-            if limit is not Limit.NONE:
-                return None, limit
+            stop.check()
             states, size = np.flatnonzero(reachable[t]), views.batch(t)
             # Those of one place share rays.
             states = states[np.argsort(states % n_places, kind="stable")]
@@ -88,16 +87,14 @@ def coverage_table(
             found = [_NO_ROWS]
             for rows in pool.map(partial(_seen_by, views, t, n_states), batches):
                 found.append(rows)
-                limit = stop()
-                if limit is not Limit.NONE:
-                    return None, limit
+                stop.check()
             parts.append(_in_order(_joined(found)))
             progress(t + 1, n_steps)
     finally:
         pool.shutdown(cancel_futures=True)
     nodes, counts, view_sums, pixels = _joined(parts)
     indptr = np.concatenate([[0], np.cumsum(counts)])
-    return CoverageTable(nodes=nodes, indptr=indptr, view_sums=view_sums, pixels=pixels), Limit.NONE
+    return CoverageTable(nodes=nodes, indptr=indptr, view_sums=view_sums, pixels=pixels)
 
 
 def usable_cores() -> int:
