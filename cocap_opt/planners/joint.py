@@ -5,7 +5,6 @@ the other: a step costs S^2 * 2 |A| instead of S^2 |A|^2. Only the swap rule cou
 moves; the pairs of cells that it touches are done again without the forbidden exchange.
 """
 
-import time
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -17,12 +16,11 @@ from cocap_opt.graph.move_rewards import bonuses_of
 from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.model import Model, Path, RobotClass, compiled
 from cocap_opt.objective import no_pixels, objective_of, view_sum_weights
-from cocap_opt.planners.single import SingleRobotTask
-from cocap_opt.planners.team import Team, no_plan, stopped
-from cocap_opt.planners.value_iteration import value_iteration
+from cocap_opt.planners.low_level import SingleRobotTask, value_iteration
+from cocap_opt.planners.team import no_plan, no_plan_in_time, stopped
 from cocap_opt.problem.problem import Cell, Problem
-from cocap_opt.result import Reason, Result, UnsupportedError
-from cocap_opt.stop import Limit, Stop, never
+from cocap_opt.result import Reason, Result, UnsupportedError, timed
+from cocap_opt.stop import Limit, LimitReached, Stop, never
 
 INFEASIBLE = Reason.INFEASIBLE, "no plan obeys the rules: no pair of paths is left"
 TEMPORARIES = 5  # arrays of a step's size that one step back needs at once
@@ -31,6 +29,7 @@ MEMORY_LIMIT = 8e9  # bytes that the process may have
 NOWHERE = -1  # number of no place
 
 
+@timed
 def joint(problem: Problem, stop: Stop = never) -> Result:
     """Best plan of one or two robots, proved by value iteration over pairs of states.
 
@@ -39,29 +38,27 @@ def joint(problem: Problem, stop: Stop = never) -> Result:
     UnsupportedError
         For more than two robots.
     """
-    begin = time.perf_counter()
     model = compiled(problem)
     if len(problem.robots) > 2:
         raise UnsupportedError(f"joint planning takes one or two robots, not {len(problem.robots)}")
     if problem.objective.over_time:
         raise UnsupportedError("joint planning takes no pixels that add up over time")
-    paths: tuple[Path, ...] | None = None
-    limit = model.prepare_all(stop)
-    limit = stop() if limit is Limit.NONE else limit
-    if limit is Limit.NONE and len(problem.robots) == 1:
-        single = value_iteration(SingleRobotTask(model, 0, no_pixels(problem), stop=stop))
-        limit, paths = single.limit, (single.path,) if single.path else None
-    elif limit is Limit.NONE:
-        limit, paths = _Pair(model, stop).solve()
-    if limit is Limit.MEMORY:
-        return no_plan(limit, begin, INFEASIBLE)
-    if limit is not Limit.NONE:
-        return stopped(model, limit, begin, {}, Team(model, []))
+    try:
+        model.prepare_all(stop)
+        stop.check()
+        if len(problem.robots) == 1:
+            path = value_iteration(SingleRobotTask(model, 0, no_pixels(problem), stop=stop)).path
+            paths = None if path is None else (path,)
+        else:
+            paths = _Pair(model, stop).solve()
+    except LimitReached as reached:
+        if reached.limit is Limit.MEMORY:
+            return no_plan_in_time(reached.limit)
+        return stopped(model, reached.limit, {})
     if paths is None:
-        return no_plan(Limit.NONE, begin, INFEASIBLE)
+        return no_plan(*INFEASIBLE)
     value = objective_of(model, paths)
-    seconds = time.perf_counter() - begin
-    return Result(model.plan(paths), value, Reason.OPTIMAL, bound=value, seconds=seconds)
+    return Result(model.plan(paths), value, Reason.OPTIMAL, bound=value)
 
 
 @dataclass(frozen=True)
@@ -107,14 +104,6 @@ class _Side:
         return Cell(x, y, model.problem.layers.index(self.robot_class.spec.motion.layers[layer]))
 
 
-class _StoppedError(Exception):
-    """A limit was reached in the midst of the work."""
-
-    def __init__(self, limit: Limit) -> None:
-        super().__init__(limit)
-        self.limit = limit
-
-
 class _Pair:
     """Value iteration over pairs; arrays [Oa, na_t, Ob, nb_t] over both robots' states."""
 
@@ -145,20 +134,11 @@ class _Pair:
             later += float(o_a * n_a) * float(o_b * n_b)
         return PROCESS + 8.0 * peak
 
-    def solve(self) -> tuple[Limit, tuple[Path, ...] | None]:
-        """Best pair of paths, None if there is none; or the limit that was reached."""
-        try:
-            if self.bytes_needed > MEMORY_LIMIT:
-                return Limit.MEMORY, None
-            return Limit.NONE, self.best_paths(self.sweep())
-        except _StoppedError as stopped_by:
-            return stopped_by.limit, None
-
-    def ask(self) -> None:
-        """Give up if a limit is reached; one step back may take many seconds."""
-        limit = self.stop()
-        if limit is not Limit.NONE:
-            raise _StoppedError(limit)
+    def solve(self) -> tuple[Path, ...] | None:
+        """Best pair of paths, None if there is none; raises LimitReached."""
+        if self.bytes_needed > MEMORY_LIMIT:
+            raise LimitReached(Limit.MEMORY)
+        return self.best_paths(self.sweep())
 
     def sweep(self) -> list[FloatArray]:
         """Best reward to go of all pairs at every step."""
@@ -177,7 +157,7 @@ class _Pair:
         own = root_a[:, None] + root_b[None, :]
         # Where both see a face, the roots do not add up.
         for face in np.flatnonzero(weights):
-            self.ask()
+            self.stop.check()
             rows = np.flatnonzero(coverage_a[:, face])
             columns = np.flatnonzero(coverage_b[:, face])
             if len(rows) and len(columns):
@@ -226,7 +206,7 @@ class _Pair:
         result = np.empty_like(values)
         pitches = side.robot_class.graph.shape[1]
         for orientation, best in enumerate(np.moveaxis(result, axis, 0)):
-            self.ask()
+            self.stop.check()
             turns = side.robot_class.graph.turns[orientation]
             kept = [turn for turn in turns if turn // pitches == orientation // pitches]
             np.copyto(best, moved[kept[0]])
@@ -251,7 +231,7 @@ class _Pair:
         best: FloatArray = turned.take(targets[0], axis=axis + 1)
         best += rates[0]
         for target, rate in zip(targets[1:], rates[1:], strict=True):
-            self.ask()
+            self.stop.check()
             moved = turned.take(target, axis=axis + 1)
             if rate:
                 moved += rate
@@ -273,7 +253,7 @@ class _Pair:
         turned_a = _with_closed_end(self._turned(half, self.a, 0), 1)
         redone = np.full((len(at_a), best.shape[0], best.shape[2]), CLOSED)
         for target, rate in zip(self.a.targets(t), self._rates(self.a), strict=True):
-            self.ask()
+            self.stop.check()
             to = np.where(target[at_a] == there, half.shape[1], target[at_a])
             np.maximum(redone, turned_a[:, to, :, at_b] + rate, out=redone)
         # What a is rewarded for going to b's cell.
@@ -281,7 +261,7 @@ class _Pair:
         both = self._turned(self._turned(ahead, self.a, 0), self.b, 2)
         both = _with_closed_end(both, 3)
         for target, rate in zip(self.b.targets(t), self._rates(self.b), strict=True):
-            self.ask()
+            self.stop.check()
             to = np.where(target[at_b] == here, ahead.shape[3], target[at_b])
             np.maximum(redone, both[:, there, :, to] + (gone + rate), out=redone)
         if self.bonuses.stationarity:
@@ -306,7 +286,7 @@ class _Pair:
         here = self.b.position(t + 1, place_here)
         found = []
         for there in self.a.targets(t):
-            self.ask()
+            self.stop.check()
             target = self.a.places[t + 1][np.minimum(there, n_there - 1)]
             place_there = np.where(there < n_there, self.twins[target], NOWHERE)
             at_b = self.b.position(t, place_there)
