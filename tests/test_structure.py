@@ -20,7 +20,7 @@ ALLOWED = {
 # module is in one of them (a folder stands for all that it holds).
 ORDER = {
     "core": (
-        "data", "stop", "world", "problem", "result", "files", "graph", "vision", "check",
+        "data", "stop", "drawing", "world", "problem", "result", "files", "graph", "vision", "check",
         "model", "objective", "coordination", "planners",
     ),
     "formulations": (

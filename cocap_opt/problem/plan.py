@@ -14,6 +14,10 @@ class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
 
     paths: tuple[tuple[State, ...], ...]
 
+    def __repr__(self) -> str:
+        steps = max(map(len, self.paths), default=1) - 1
+        return f"Plan of {len(self.paths)} drones over {steps} steps"
+
 
 class VertexConflict(NamedTuple):
     """Two robots in one cell, or nearer than the separation, at step t."""

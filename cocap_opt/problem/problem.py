@@ -11,13 +11,16 @@ multi-actor scenes in outdoor environments", 2024 (arXiv 2412.20695), and Suresh
 "Greedy Perspectives", 2024 (arXiv 2310.10863).
 """
 
+import html
 import math
+from collections.abc import Sequence
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import msgspec
 import numpy as np
 
+from cocap_opt import drawing
 from cocap_opt.data import (
     FOCAL,
     LARGEST,
@@ -37,6 +40,9 @@ from cocap_opt.data import (
     within,
 )
 from cocap_opt.world.workspace import HeightMap, Mesh, Workspace
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 class State(NamedTuple):
@@ -374,6 +380,14 @@ class Objective(Data, frozen=True):
             within(getattr(self, field), 0, MOST_WEIGHT, field)
 
 
+class Paths(Protocol):
+    """A plan, as pictures need it."""
+
+    @property
+    def paths(self) -> Sequence[Sequence[State]]:
+        """One path of states per robot."""
+
+
 class Problem(Data, frozen=True, eq=False, dict=True):
     """One view-planning problem. Everything a planner, a bound or the referee needs to know.
 
@@ -468,6 +482,56 @@ class Problem(Data, frozen=True, eq=False, dict=True):
                     f"robots[{i}].start",
                     f"conflicts with the start of robots[{k}] under the rules {self.rules}",
                 )
+
+    def __repr__(self) -> str:
+        x, y = self.height_map.shape
+        return (
+            f"Problem {self.name!r}: {len(self.robots)} drones film {len(self.actors)} people over "
+            f"{self.horizon} steps\n"
+            f"on {x} x {y} cells of {self.height_map.resolution:g} m; collision rules: {self.rules}"
+        )
+
+    def _repr_html_(self) -> str:
+        """Describe the problem in a notebook, with a picture."""
+        return f"<p>{html.escape(repr(self))}</p>{drawing.inline_image(self.plot())}"
+
+    def plot(self, plan: "Paths | None" = None, ax: "Axes | None" = None) -> "Axes":
+        """Draw the scene from above, with the flights of a plan or the drones' starts.
+
+        Parameters
+        ----------
+        plan : a plan, or whatever has its `paths`
+        ax : matplotlib axes; a figure of its own if not given
+        """
+        return drawing.draw(self._top_view(plan), ax)
+
+    def _top_view(self, plan: "Paths | None") -> drawing.TopView:
+        lowest = self.layers[0]
+        clearance = max(
+            robot.motion.clearance for robot in self.robots if robot.motion.layers[0] == lowest
+        )
+        altitude = self.height_map.altitudes((lowest,))
+        columns = self.workspace.columns
+        blocked = columns.solid(altitude - clearance, altitude + clearance)[0]
+        covered = np.isfinite(columns.low[1:]).any(axis=0)
+        paths = [[robot.start] for robot in self.robots] if plan is None else plan.paths
+        flights = [
+            np.array(
+                [
+                    (*self.height_map.centre(s.x, s.y), math.tau * s.heading / r.motion.headings)
+                    for s in path
+                ]
+            )
+            for r, path in zip(self.robots, paths, strict=True)
+        ]
+        return drawing.TopView(
+            kinds=np.where(blocked, 2, np.where(covered, 1, 0)),
+            corner=self.height_map.origin,
+            cell=self.height_map.resolution,
+            height=lowest,
+            walks=[actor.poses[: self.horizon + 1, :2] for actor in self.actors],
+            flights=flights,
+        )
 
     @property
     def workspace(self) -> Workspace:

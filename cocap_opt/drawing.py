@@ -1,0 +1,129 @@
+"""Top views of scenes and flights by matplotlib, from plain arrays.
+
+Each function draws on an axes and returns it; matplotlib is imported when something is drawn.
+"""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from cocap_opt.data import FloatArray, IntArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+GROUND, COVERED, WALL, PERSON = "#f4f1ea", "#cfc8b8", "#6b6f76", "#d1495b"
+# Colours of drones, of matplotlib's ten; red is kept for people.
+DRONE_COLOURS = tuple(f"C{k}" for k in (0, 2, 1, 4, 9, 5, 8, 6, 7))
+TICK = 0.9  # cells, length of the line that shows a heading
+
+
+class TopView(NamedTuple):
+    """A scene from above, and flights over it if there are any."""
+
+    kinds: IntArray  # [X, Y] 0 ground, 1 something above that does not block, 2 blocks
+    corner: tuple[float, float]  # m, of cell (0, 0)
+    cell: float  # m, edge of a cell
+    height: float  # m, at which cells block
+    walks: Sequence[FloatArray]  # per person [T+1, 2] m
+    flights: Sequence[FloatArray]  # per drone [T+1, 3] x, y (m) and yaw (rad); or its start [1, 3]
+
+
+def draw(view: TopView, ax: Axes | None = None) -> Axes:
+    """Draw the map, the walks of people from a cross to a disc, and the drones' flights.
+
+    A ring marks where each drone starts; the line at each of its places shows its heading.
+    """
+    if ax is None:
+        from matplotlib.figure import Figure
+
+        width, depth = view.kinds.shape
+        size = min(max(5.0 * depth / width, 2.5), 9.0)
+        ax = Figure(figsize=(5.6, size), layout="constrained", dpi=100).subplots()
+    _draw_map(ax, view)
+    for number, walk in enumerate(view.walks):
+        ax.plot(*walk.T, color=PERSON, lw=1, ls=":", zorder=3)
+        ax.plot(*walk[0], marker="x", color=PERSON, ms=4, zorder=3)
+        _draw_numbered_disc(ax, walk[-1], PERSON, number)
+    for number, flight in enumerate(view.flights):
+        _draw_flight(ax, flight, DRONE_COLOURS[number % len(DRONE_COLOURS)], number, view.cell)
+    _draw_legend(ax, view)
+    return ax
+
+
+def _draw_map(ax: Axes, view: TopView) -> None:
+    from matplotlib.colors import ListedColormap
+    from matplotlib.ticker import MaxNLocator, ScalarFormatter
+
+    (x, y), (width, depth) = view.corner, view.kinds.shape
+    extent = (x, x + width * view.cell, y, y + depth * view.cell)
+    ax.imshow(
+        view.kinds.T, origin="lower", extent=extent, vmin=0, vmax=2, interpolation="nearest",
+        cmap=ListedColormap([GROUND, COVERED, WALL]), zorder=0,
+    )  # fmt: skip
+    ax.set_aspect("equal")
+    ax.set_xlim(*extent[:2])  # what is drawn later must not move the frame
+    ax.set_ylim(*extent[2:])
+    for axis, corner in ((ax.xaxis, x), (ax.yaxis, y)):
+        axis.set_major_locator(MaxNLocator(6))
+        # Map coordinates have seven digits; the digits that all of them share are shown once.
+        shared = corner // 1000 * 1000 if abs(corner) >= 10_000 else 0.0
+        axis.set_major_formatter(ScalarFormatter(useOffset=shared))
+    ax.set_xlabel("x (m)")
+    ax.set_ylabel("y (m)")
+
+
+def _draw_flight(ax: Axes, flight: FloatArray, colour: str, number: int, cell: float) -> None:
+    ax.plot(*flight[:, :2].T, color=colour, lw=1.8, zorder=4)
+    ticks = np.stack([np.cos(flight[:, 2]), np.sin(flight[:, 2])], axis=1) * TICK * cell
+    for (x, y, _), (dx, dy) in zip(flight.tolist(), ticks.tolist(), strict=True):
+        ax.plot([x, x + dx], [y, y + dy], color=colour, lw=0.8, alpha=0.8, zorder=4)
+    ax.plot(*flight[0, :2], marker="o", mfc="white", mec=colour, ms=9, zorder=6)
+    if len(flight) == 1:
+        _write_number(ax, flight[0, :2], number, "black")
+    else:
+        _draw_numbered_disc(ax, flight[-1, :2], colour, number)
+
+
+def _draw_numbered_disc(ax: Axes, at: FloatArray, colour: str, number: int) -> None:
+    ax.plot(*at, marker="o", color=colour, mec="black", mew=0.6, ms=8, zorder=8)
+    _write_number(ax, at, number, "white")
+
+
+def _write_number(ax: Axes, at: FloatArray, number: int, colour: str) -> None:
+    x, y = at.tolist()
+    ax.text(x, y, str(number), color=colour, fontsize=6, ha="center", va="center", zorder=9)
+
+
+def _draw_legend(ax: Axes, view: TopView) -> None:
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    def disc(colour: str, label: str) -> Line2D:
+        return Line2D([], [], marker="o", ls="none", color=colour, mec="black", label=label)
+
+    handles: list[Patch | Line2D] = []
+    if view.flights:
+        flown = any(len(flight) > 1 for flight in view.flights)
+        handles.append(disc(DRONE_COLOURS[0], "drones" if flown else "drones' starts"))
+    if view.walks:
+        handles.append(disc(PERSON, "people"))
+    words = {1: (COVERED, "something above"), 2: (WALL, f"blocks flight at {view.height:g} m")}
+    for kind, (colour, label) in words.items():
+        if (view.kinds == kind).any():
+            handles.append(Patch(color=colour, label=label))
+    ax.legend(handles=handles, fontsize=6, loc="best", framealpha=0.85)
+
+
+def inline_image(ax: Axes) -> str:
+    """HTML image of the axes' figure, which needs no file."""
+    content = io.BytesIO()
+    figure = ax.get_figure(root=True)
+    assert figure is not None
+    figure.savefig(content, format="png")
+    return f'<img src="data:image/png;base64,{base64.b64encode(content.getvalue()).decode()}">'
