@@ -1,1 +1,17 @@
-"""Results: rows, tables, statistics, files and what is printed of them."""
+"""Results: rows, judging, tables, statistics, the files they are in, and what is printed of them."""
+
+__all__ = [
+    "claims",
+    "columns",
+    "documents",
+    "files",
+    "gap_table",
+    "judging",
+    "layout",
+    "printing",
+    "rendered",
+    "rows",
+    "statistics",
+    "tables",
+    "trace",
+]

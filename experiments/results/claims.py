@@ -4,7 +4,9 @@ import math
 from collections.abc import Callable
 
 from cocap_opt.check import Verdict, check
-from cocap_opt.experiments.results.rows import ROUNDING, Row, finite
+from cocap_opt.experiments.results.judging import ROUNDING
+from cocap_opt.experiments.results.printing import Record
+from cocap_opt.experiments.results.rows import finite
 from cocap_opt.files.documents import PlanFile, problem_digest
 from cocap_opt.formulations.certificates.certificate import (
     CertificateError,
@@ -17,12 +19,12 @@ from cocap_opt.problem.plan import Plan
 from cocap_opt.problem.problem import Problem
 from cocap_opt.result import relative_gap
 
-NO_PLAN = "proved: there is no plan"
+_NO_PLAN = "proved: there is no plan"
 
 
-def reward_parts(verdict: Verdict) -> Row:
-    """What J is made of; the last only where a scene rewards it."""
-    parts: Row = {
+def reward_parts(verdict: Verdict) -> Record:
+    """Returns the parts of J by their names; rewards for moves only where a scene has them."""
+    parts: Record = {
         "reward_at_start": verdict.reward_at_start,
         "reward_per_step": verdict.reward_per_step,
     }
@@ -31,73 +33,89 @@ def reward_parts(verdict: Verdict) -> Row:
     return parts
 
 
-def verify_plan(problem: Problem, content: PlanFile | Plan, answer: Row) -> None:
-    """Judge a plan afresh and hold it against what its file claims."""
-    claimed = content if isinstance(content, PlanFile) else None
-    verdict = check(problem, content.plan if isinstance(content, PlanFile) else content)
-    answer["violations"] += [*verdict.violations, *verdict.conflicts]
-    answer["planner"] = claimed.planner if claimed else None
-    answer["conflicts"] = len(verdict.conflicts)
-    answer["reward"] = None
-    if not verdict.violations:
-        answer["reward"] = verdict.reward
-        answer |= reward_parts(verdict) | {"reward_per_face": verdict.face_reward}
-    if claimed is None:
-        return
-    if claimed.digest != problem_digest(problem):
-        what = "scene, seed, rules or objective"
-        answer["violations"].append(f"digest: the plan belongs to another {what}")
-    if verdict.violations:
-        return
-    if not math.isclose(claimed.reward, verdict.reward, rel_tol=1e-9):
-        answer["violations"].append(
-            f"reward: the plan claims {claimed.reward!r}, it is {verdict.reward!r}"
-        )
+class Verification:
+    """Holds claims against a scene, and keeps what is found.
 
-
-def verify_bound(
-    problem: Problem,
-    content: CertificateFile | ProofFile,
-    name: str,
-    answer: Row,
-    progress: Callable[[int, int], None],
-) -> None:
-    """Price a certificate, or all leaves of a proof, and hold that against the claimed bound.
-
-    The answer has the lowest bound of all that hold.
-
-    Parameters
+    Attributes
     ----------
-    name : of the file
-    progress : told how many leaves are done, and of how many
+    answer : what `verify` prints, complete after `conclude`
     """
-    answer.setdefault("method", None)
-    answer.setdefault("bound", None)
-    try:
-        if isinstance(content, ProofFile):
-            verify_proof(problem, content, progress)
-        else:
-            verify(problem, content)
-    except CertificateError as error:
-        answer["violations"].append(f"{name}: {error}")
-        return
-    # What has been proved is what the file claims.
-    if answer["bound"] is None or content.proved < answer["bound"]:
-        answer["method"], answer["bound"] = content.method, content.bound
-    if content.proved < 0:  # J >= 0
-        answer["message"] = NO_PLAN
 
+    def __init__(self, problem: Problem, seed: int, about: Record) -> None:
+        self._problem = problem
+        self.answer: Record = {
+            "scene": problem.name, "seed": seed, "valid": True, "violations": [], **about
+        }  # fmt: skip
 
-def conclude(answer: Row) -> None:
-    """Hold plan and bound against each other, and say whether all claims hold."""
-    reward, bound, violations = answer.get("reward"), answer.get("bound"), answer["violations"]
-    answer["optimal"] = None
-    if reward is not None and answer.get("message") == NO_PLAN and not violations:
-        violations.append("plan: obeys the rules, though it is proved that no plan does")
-    if reward is not None and bound is not None and not violations:
-        gap = relative_gap(reward, bound)
-        answer["gap"] = finite(gap)
-        if reward > bound + ROUNDING * abs(bound):
-            violations.append("reward: above the bound, one of the two is wrong")
-        answer["optimal"] = gap <= OPTIMALITY and not violations
-    answer["valid"] = not violations
+    def verify_plan(self, content: PlanFile | Plan) -> None:
+        """Judges a plan afresh, and compares that with what its file claims."""
+        claimed = content if isinstance(content, PlanFile) else None
+        verdict = check(self._problem, content.plan if isinstance(content, PlanFile) else content)
+        self.answer["violations"] += [*verdict.violations, *verdict.conflicts]
+        self.answer["planner"] = claimed.planner if claimed else None
+        self.answer["conflicts"] = len(verdict.conflicts)
+        self.answer["reward"] = None
+        if not verdict.violations:
+            self.answer["reward"] = verdict.reward
+            self.answer |= reward_parts(verdict) | {"reward_per_face": verdict.face_reward}
+        if claimed is not None:
+            self._compare(claimed, verdict)
+
+    def _compare(self, claimed: PlanFile, verdict: Verdict) -> None:
+        if claimed.digest != problem_digest(self._problem):
+            other = "scene, seed, rules or objective"
+            self._refuse(f"digest: the plan belongs to another {other}")
+        if verdict.violations:
+            return
+        if not math.isclose(claimed.reward, verdict.reward, rel_tol=1e-9):
+            self._refuse(f"reward: the plan claims {claimed.reward!r}, it is {verdict.reward!r}")
+
+    def verify_bound(
+        self,
+        content: CertificateFile | ProofFile,
+        name: str,
+        progress: Callable[[int, int], None],
+    ) -> None:
+        """Prices a certificate, or all leaves of a proof, and compares that with the claimed bound.
+
+        The answer has the lowest bound of all that hold.
+
+        Parameters
+        ----------
+        name : of the file
+        progress : told how many leaves are done, and of how many
+        """
+        answer = self.answer
+        answer.setdefault("method", None)
+        answer.setdefault("bound", None)
+        try:
+            if isinstance(content, ProofFile):
+                verify_proof(self._problem, content, progress)
+            else:
+                verify(self._problem, content)
+        except CertificateError as error:
+            self._refuse(f"{name}: {error}")
+            return
+        # What has been proved is what the file claims.
+        if answer["bound"] is None or content.proved < answer["bound"]:
+            answer["method"], answer["bound"] = content.method, content.bound
+        if content.proved < 0:  # J >= 0
+            answer["message"] = _NO_PLAN
+
+    def conclude(self) -> None:
+        """Compares plan and bound, and says if all claims hold."""
+        answer, violations = self.answer, self.answer["violations"]
+        reward, bound = answer.get("reward"), answer.get("bound")
+        answer["optimal"] = None
+        if reward is not None and answer.get("message") == _NO_PLAN and not violations:
+            self._refuse("plan: obeys the rules, though it is proved that no plan does")
+        if reward is not None and bound is not None and not violations:
+            gap = relative_gap(reward, bound)
+            answer["gap"] = finite(gap)
+            if reward > bound + ROUNDING * abs(bound):
+                self._refuse("reward: above the bound, one of the two is wrong")
+            answer["optimal"] = gap <= OPTIMALITY and not violations
+        answer["valid"] = not violations
+
+    def _refuse(self, words: str) -> None:
+        self.answer["violations"].append(words)

@@ -8,7 +8,7 @@ from cocap_opt.experiments.results.tables import Table
 
 
 def markdown(tables: Mapping[str, Table]) -> str:
-    """A heading and a table each; bars in names are escaped."""
+    """Returns tables in Markdown with their titles as headings; bars in names are escaped."""
     parts = [
         f"## {title}\n\n{_frame(_escaped(table)).to_markdown(index=False, disable_numparse=True)}\n"
         for title, table in tables.items()
@@ -17,7 +17,7 @@ def markdown(tables: Mapping[str, Table]) -> str:
 
 
 def latex(tables: Mapping[str, Table]) -> str:
-    """A tabular of the package booktabs each, with its title as a caption."""
+    """Returns tables in LaTeX (package booktabs) with their titles as captions."""
     return "% \\usepackage{booktabs}\n" + "\n".join(
         _frame(table).to_latex(
             index=False,
@@ -31,7 +31,7 @@ def latex(tables: Mapping[str, Table]) -> str:
 
 
 def html(tables: Mapping[str, Table], level: int = 2) -> str:
-    """A heading of some level and a table each, to be put into a page."""
+    """Returns tables for an HTML page with their titles as headings of some level."""
     heading = f"h{level}"
     return "\n".join(
         f"<{heading}>{title}</{heading}>\n"

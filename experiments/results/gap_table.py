@@ -1,194 +1,126 @@
-"""The gap table, cell by cell: a scene and a seed, a plan per planner, and what bounds them."""
+"""The gap table as it is printed, with sentences that say what its bounds are, and its means."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
-from pathlib import Path
+from collections.abc import Sequence
 
-import msgspec
+from msgspec import UNSET
 
-from cocap_opt.experiments.console.progress import Watch
-from cocap_opt.experiments.results.files import plan_file, save
-from cocap_opt.experiments.results.layout import stem_of
-from cocap_opt.experiments.results.rows import (
-    BOUND_METHOD,
-    Bounded,
-    Judged,
-    Row,
-    bound_part,
-    gap_row,
-    hold_against,
-    judge,
-    planner_part,
-    run_certified,
-    run_planner,
-    without_rules,
-)
-from cocap_opt.files.documents import problem_digest
-from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Report
-from cocap_opt.model import compiled
-from cocap_opt.problem.problem import Problem
-from cocap_opt.result import Reason, Result, relative_gap
-from cocap_opt.stop import Limit, Stop
-from cocap_opt.vision.render import Renderer
+from cocap_opt.experiments.results.printing import Marked, Record, print_note, print_table
+from cocap_opt.experiments.results.rows import Row
 
-Limits = Callable[[], Stop]  # makes a limit that begins to count at once
-Reports = Callable[[str], Report]  # makes what a search for a bound reports to, by its name
-WITHOUT_RULES, WITH_RULES = "without rules", "with rules"  # names of the two searches
+_OPEN = "*"  # marks a bound that a limit stopped
+PROVED = ("optimal", "infeasible")
+_MISSING = {  # why there is no bound
+    "stopped": "a limit stopped its search before there was one",
+    "error": "its search ended in an error",
+    "exceeded": "its search took longer than a cell may",
+    "died": "the process of its search died",
+}
+_NAMED = 3  # cases that are named in a sentence
+_MEANS = ("reward", "bound", "gap", "gap_free", "seconds")
 
 
-def cover(problem: Problem, stop: Stop, watch: Watch) -> None:
-    """Compute coverage before any limit of a planner or a bound begins to count.
-
-    Results then do not depend on what coverage has been computed before.
-    """
-    watch.coverage_of(problem)
-    compiled(problem).prepare_all(stop)
-
-
-def plans_of(
-    problem: Problem,
-    seed: int,
-    planners: Sequence[str],
-    limits: Limits,
-    folder: Path | None,
-    watch: Watch,
-) -> dict[str, Judged[Result]]:
-    """A judged plan by planner; `cover` comes before, so that no planner's seconds hold it."""
-    plans = {}
-    for name in planners:
-        watch.show(name)
-        plans[name] = judged = run_planner(problem, name, limits())
-        content = plan_file(problem, name, judged)
-        if folder is not None and content is not None:
-            save(folder / f"plans/{stem_of(problem.name, seed)}-{name}.json", content)
-    return plans
+def print_gap_table(rows: Sequence[Row]) -> None:
+    """Prints the gap table and, where there are several seeds, means over them."""
+    _print_rows(rows)
+    means = _means(rows)
+    if len(rows) > len(means):
+        print_table("means over seeds", means)
 
 
-def rows_of(
-    problem: Problem,
-    seed: int,
-    plans: Mapping[str, Judged[Result]],
-    limits: Limits,
-    folder: Path | None,
-    watch: Watch,
-) -> list[Row]:
-    """Rows of plans, by whomever they are, against what bounds them all."""
-    under, free = bounds_of(
-        problem, list(plans.values()), limits, watch, lambda run: watch.report(f"{run}:")
-    )
-    stem = stem_of(problem.name, seed)
-    bounded = Bounded(under, _save_certificate(folder, stem, under.result))
-    if free is under:
-        bounded_free = bounded
-    else:
-        bounded_free = Bounded(free, _save_certificate(folder, f"{stem}-free", free.result))
-    bound = bound_part(bounded, bounded_free)
+def _print_rows(rows: Sequence[Row]) -> None:
+    keys = ["scene", "seed", "planner", "reward"]
+    keys += ["reward_rendered"] if any(r.reward_rendered is not UNSET for r in rows) else []
+    keys += ["bound", "gap", "gap_free", "conflicts", "reason"]
+    if any(row.limit != "none" for row in rows):
+        keys.append("limit")
+    keys.append("seconds")
+    table: list[Record] = [{key: _shown(row, key) for key in keys} for row in rows]
+    print_table(_title(rows), table)
+    if any(_OPEN in (shown["bound"].mark, shown["gap_free"].mark) for shown in table):
+        print_note(
+            f"{_OPEN} A limit stopped the search for this bound: it is certified, but the optimum "
+            "may be lower."
+        )
+    for words in _missing_bounds(rows):
+        print_note(words)
+    if any(row.conflicts for row in rows):
+        print_note(
+            "A plan with conflicts breaks the scene's rules: its reward may exceed the bound, "
+            "and it has no gap."
+        )
+
+
+def _shown(row: Row, key: str) -> object:
+    """Returns the value of a column, with a mark where it depends on a bound that is open."""
+    value = getattr(row, key)
+    if value is UNSET:
+        return None
+    reasons = {"bound": row.bound_reason, "gap_free": row.bound_free_reason}
+    if key not in reasons:
+        return value
+    is_open = value is not None and reasons[key] not in PROVED
+    return Marked(value, _OPEN if is_open else " ")
+
+
+def _title(rows: Sequence[Row]) -> str:
+    """Returns the title, which says how good the bounds are."""
+    if not rows:
+        return "no rows"
+    proved = [row for row in rows if row.bound_reason in PROVED]
+    others = [r for r in rows if r.bound is not None and r.bound_reason not in PROVED]
+    methods = ", ".join(dict.fromkeys(row.bound_method for row in (*proved, *others)))
+    if not others:
+        return f"gap to the proved optimum ({methods})" if proved else "no bounds"
+    if proved:
+        return (
+            f"gap to the proved optimum, or where marked {_OPEN} to a certified bound ({methods})"
+        )
+    return f"gap to a certified bound ({methods})"
+
+
+def _missing_bounds(rows: Sequence[Row]) -> list[str]:
+    """Returns sentences that say which bounds are missing, and why."""
+    found: dict[tuple[str, str], dict[str, None]] = {}
+    for row in rows:
+        words, value, reason = "No bound", row.bound, row.bound_reason
+        if value is not None:
+            words, value, reason = "No bound without rules", row.bound_free, row.bound_free_reason
+        if value is None and reason not in PROVED:
+            found.setdefault((words, reason), {})[f"{row.scene} seed {row.seed}"] = None
     return [
-        gap_row(planner_part(problem, seed, name, judged), bound) for name, judged in plans.items()
+        f"{words} for {_first(list(cases))}: {_MISSING.get(reason, reason)}."
+        for (words, reason), cases in found.items()
     ]
 
 
-def rendered_j(problem: Problem, judged: Judged[Result]) -> float | None:
-    """J of a plan's rendered pixels; None where there is no plan."""
-    from cocap_opt.experiments.results.rendered import (  # matplotlib is slow
-        face_views,
-        poses_of,
-        rendered_reward,
-    )
-
-    if judged.result.plan is None or judged.verdict is None:
-        return None
-    poses = poses_of(judged.result.plan, problem.first_step)
-    views = face_views(compiled(problem), Renderer(problem), poses)
-    return rendered_reward(problem, views, judged.verdict.reward_moves)
+def _first(names: Sequence[str]) -> str:
+    """Returns the first names, and how many more there are."""
+    more = len(names) - _NAMED
+    return ", ".join(names[:_NAMED]) + (f" and {more} more" if more > 0 else "")
 
 
-def _save_certificate(folder: Path | None, stem: str, result: CertifiedResult) -> str:
-    """Path of the file in the folder; empty where there is none."""
-    certificate = result.certificate
-    if folder is None or certificate is None:
-        return ""
-    path = f"certificates/{stem}.json"
-    save(folder / path, certificate)
-    return path
+def _means(rows: Sequence[Row]) -> list[Record]:
+    """Returns means over seeds, numbers of plans that obey the rules, and of proved optima.
 
-
-def bounds_of(
-    problem: Problem,
-    plans: Sequence[Judged[Result]],
-    limits: Limits,
-    watch: Watch,
-    reports: Reports,
-) -> tuple[Judged[CertifiedResult], Judged[CertifiedResult]]:
-    """Best plan and best certified bound under the scene's rules, and without any rules.
-
-    What bounds all plans bounds those that obey the rules, and the best plan of all may obey
-    them; so the problem without rules comes first, and sometimes settles both.
+    A mean exists only where all seeds have a value: means over different seeds mislead.
     """
-    problem_free = without_rules(problem)
-    watch.coverage_of(problem_free)
-    start = _best(plans).result.plan
-    free = run_certified(problem_free, BOUND_METHOD, limits(), start, reports(WITHOUT_RULES))
-    if problem_free is problem:
-        return free, free
-    known = [judged.result for judged in plans if isinstance(judged.result, CertifiedResult)]
-    known.append(_under_rules(problem, free.result))
-    bound = min((b for b in known if b.certificate), key=_bound, default=known[-1])
-    best = _best([j for j in (*plans, judge(BOUND_METHOD, problem, free.result)) if j.valid])
-    if relative_gap(best.reward, bound.bound) > OPTIMALITY and bound.bound >= 0:
-        start = best.result.plan
-        found = run_certified(problem, BOUND_METHOD, limits(), start, reports(WITH_RULES))
-        best = _best([best, found])
-        tightest = min(found.result, bound, key=_bound)
-        bound = replace(found.result, bound=tightest.bound, certificate=tightest.certificate)
-    under = _joined(best, bound)
-    if best.reward > free.reward:  # what obeys the rules may fly where there are none
-        free = _joined(best, free.result)
-    return under, free
+    table = []
+    for scene, planner in dict.fromkeys((row.scene, row.planner) for row in rows):
+        some = [row for row in rows if (row.scene, row.planner) == (scene, planner)]
+        table.append(
+            {
+                "scene": scene,
+                "planner": planner,
+                "seeds": len(some),
+                "feasible": sum(row.valid for row in some),
+                "bounds proved": sum(row.bound_is_proved for row in some),
+                **{key: _mean(some, key) for key in _MEANS},
+            }
+        )
+    return table
 
 
-def _bound(result: Result) -> float:
-    return result.bound
-
-
-def _best(plans: Sequence[Judged[Result]]) -> Judged[Result]:
-    none = Judged(Result(None, -math.inf, Reason.FAILED), None)
-    return max(plans, key=lambda judged: judged.reward, default=none)
-
-
-def _under_rules(problem: Problem, free: CertifiedResult) -> CertifiedResult:
-    """A bound on all plans, as one on those that obey a problem's rules."""
-    if free.certificate is None:
-        return free
-    digest = problem_digest(problem)
-    return replace(free, certificate=msgspec.structs.replace(free.certificate, digest=digest))
-
-
-def _joined(best: Judged[Result], bound: CertifiedResult) -> Judged[CertifiedResult]:
-    """A plan and a bound that may come from different runs, and what they prove together."""
-    hold_against(BOUND_METHOD, best.reward, bound.bound)
-    reason, limit = bound.reason, bound.limit
-    if relative_gap(best.reward, bound.bound) <= OPTIMALITY:
-        reason, limit = Reason.OPTIMAL, Limit.NONE
-    elif bound.bound < 0:  # J >= 0
-        reason, limit = Reason.INFEASIBLE, Limit.NONE
-    plan, value = best.result.plan, best.result.value
-    result = replace(bound, plan=plan, value=value, reason=reason, limit=limit)
-    return Judged(result, best.verdict)
-
-
-def told_apart(problems: dict[tuple[str, int], Problem]) -> dict[tuple[str, int], Problem]:
-    """Problems by (scene as typed, seed), no two scenes of one name.
-
-    A scene that has another's name, or a name that another was typed as, is called as it was
-    typed. The name is no part of a problem's digest, so certificates and plans still fit.
-    """
-    claimed: dict[str, set[str]] = {}
-    for (scene, _), problem in problems.items():
-        claimed.setdefault(problem.name, set()).add(scene)
-        claimed.setdefault(scene, set()).add(scene)
-    return {
-        (scene, seed): problem.replace(name=scene) if len(claimed[problem.name]) > 1 else problem
-        for (scene, seed), problem in problems.items()
-    }
+def _mean(rows: Sequence[Row], key: str) -> float | None:
+    values = [getattr(row, key) for row in rows]
+    return None if None in values else math.fsum(values) / len(values)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cocap_opt.experiments.results.rows import Row
+from cocap_opt.experiments.results.printing import Record
 from cocap_opt.model import Model
 from cocap_opt.problem.plan import Plan
 from cocap_opt.problem.problem import Problem, State
@@ -35,7 +35,7 @@ class FaceView(NamedTuple):
 
     @property
     def hidden(self) -> bool:
-        """Whether something hides a part of what would be in the image."""
+        """Something hides a part of what would be in the image."""
         return self.rendered < self.unhidden
 
     @property
@@ -45,7 +45,7 @@ class FaceView(NamedTuple):
 
 
 def poses_of(plan: Plan, first_step: int = 0) -> list[Pose]:
-    """All poses of a plan, step by step."""
+    """Returns all poses of a plan, step by step."""
     steps = range(first_step, len(plan.paths[0]))
     return [Pose(i, t, path[t]) for t in steps for i, path in enumerate(plan.paths)]
 
@@ -56,7 +56,12 @@ def face_views(
     poses: Sequence[Pose],
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> Iterator[FaceView]:
-    """Every face that is seen, by plan or in the picture, from each pose."""
+    """Yields every face that is seen, by plan or in the picture, from each pose.
+
+    Parameters
+    ----------
+    progress : told how many poses are done, and of how many
+    """
     problem = model.problem
     for done, pose in enumerate(poses):
         robot, robot_class = problem.robots[pose.robot], model.class_of[pose.robot]
@@ -71,7 +76,7 @@ def face_views(
 
 
 def rendered_reward(problem: Problem, views: Iterable[FaceView], reward_moves: float) -> float:
-    """J of a plan with its rendered pixels in place of the planned ones.
+    """Returns J of a plan with its rendered pixels in place of the planned ones.
 
     Parameters
     ----------
@@ -86,13 +91,13 @@ def rendered_reward(problem: Problem, views: Iterable[FaceView], reward_moves: f
     return math.fsum([*(weights[key] * math.sqrt(z) for key, z in seen.items()), reward_moves])
 
 
-def error_row(views: Sequence[FaceView]) -> Row:
-    """How far planned pixels are from rendered ones, in % of these.
+def error_row(views: Sequence[FaceView]) -> Record:
+    """Returns errors of planned pixels against rendered ones, in % of these.
 
     Faces count that have LEAST_PIXELS or more by plan or in the picture. Of one that is planned
     and not in the picture the error is infinite.
     """
-    row: Row = {"faces": len(views)}
+    row: Record = {"faces": len(views)}
     for name, hidden in (("clear", False), ("hidden", True)):
         errors = [
             100 * abs(v.error) for v in views

@@ -1,288 +1,291 @@
-"""Rows of results: what the command line prints, in the keys that do not change.
+"""Rows of results: each column is stated here once, with its type, unit, range and meaning.
 
-Every plan has passed the referee before it gets here, and every bound comes from a
-certificate priced by its own plain sweep; no number is a solver's word.
+`plan`, `bound` and `solve` print a `PlanRow`. The gap table, `results.csv` and `gap --json` are
+made of `Row`, which is put together from what is known of a plan (`PlannedRow`) and what is known
+of its scene and seed (`BoundColumns`). Every plan has passed the referee before it gets here, and
+every bound comes from a certificate; no number is a solver's word.
 """
 
 import logging
 import math
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Generic, NamedTuple, TypeVar
+from dataclasses import dataclass, replace
+from typing import Annotated, Any
 
-from cocap_opt.check import Verdict, check
-from cocap_opt.formulations import BOUNDS, EXACT
-from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Report, silent
-from cocap_opt.planners import PLANNERS
+from msgspec import UNSET, UnsetType
+
+from cocap_opt.experiments.results.columns import About, columns_of
+from cocap_opt.experiments.results.judging import BOUND_METHOD, ROUNDING, Judged
+from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult
 from cocap_opt.problem.plan import Plan, conflicts
-from cocap_opt.problem.problem import NO_RULES, Problem
-from cocap_opt.result import Reason, Result, UnsupportedError, relative_gap
-from cocap_opt.stop import Stop
+from cocap_opt.problem.problem import Problem
+from cocap_opt.result import Reason, relative_gap
 
-log = logging.getLogger(__name__)
+_log = logging.getLogger(__name__)
 
-Row = dict[str, Any]
-R = TypeVar("R", bound=Result)
-R_co = TypeVar("R_co", bound=Result, covariant=True)
+ERROR = "error"  # the reason of a planner or a bound that ended by an error
+OWN_STARTS = "those in the scene's own file"
+_REWARD = "sqrt(px/m2)"
+_ANY = {"unit": _REWARD, "least": -(2**63 - 1)}  # a bound below 0 proves that there is no plan
+_SHARE = {"least": -ROUNDING, "most": 1 + ROUNDING}
 
-BOUND_METHOD = "branch-and-price"  # of the gap table; at any limit it has a bound
-ROUNDING = 1e-9  # relative, of J and of bounds: both are rounded sums
-GAP_KEYS = (
-    "scene", "seed", "planner", "method", "reward", "bound", "gap", "reason", "limit", "seconds",
-    "conflicts", "message", "gap_free", "colliding", "robots", "actors", "steps", "bound_method",
-    "bound_reason", "bound_limit", "bound_seconds", "certificate", "optimum", "optimum_free",
-    "bound_free", "bound_free_reason", "bound_free_limit", "bound_free_seconds", "certificate_free",
-)  # fmt: skip
-MEANS = ("reward", "bound", "gap", "gap_free", "seconds")
-
-SOLVERS: Mapping[str, Callable[[Problem, Stop], Result]] = {**PLANNERS, **EXACT}
+_Bound = Annotated[
+    float | None,
+    About("A number that J of no plan exceeds that obeys the scene's rules; certified.", **_ANY),
+]
+_Number = float | None
+_Count = int | None
 
 
-class Judged(NamedTuple, Generic[R_co]):
-    """A result with the referee's verdict; no verdict where there is no plan."""
+@dataclass(frozen=True, kw_only=True)
+class PlanRow:
+    """What is known of a plan; with a bound if one comes with it."""
 
-    result: R_co
-    verdict: Verdict | None
+    scene: Annotated[str, About("The scene's name.")]
+    seed: Annotated[_Count, About("Its seed; none where the starts are the scene file's own.")]
+    planner: Annotated[str | None, About("The planner, or the file of a plan of others.")]
+    method: Annotated[str | None, About("The method that made the bound.")] = None
+    reward: Annotated[_Number, About("J of the plan by the referee; none without a plan.", **_ANY)]
+    bound: _Bound = None
+    gap: Annotated[
+        _Number, About("(bound - reward) / bound, of a plan that obeys the rules.", **_SHARE)
+    ] = None
+    reason: Annotated[
+        str,
+        About(
+            "Why the planner stopped: finished, optimal, infeasible, failed, unsupported or "
+            "stopped; or why its cell has no result: error, exceeded or died."
+        ),
+    ]
+    limit: Annotated[str, About("The limit that stopped the planner, or none.")]
+    seconds: Annotated[
+        _Number, About("Wall-clock time of the planner; coverage comes before.", unit="s")
+    ]
+    conflicts: Annotated[_Count, About("Collision rules that the plan breaks.")]
+    message: Annotated[str, About("What else is to be said, in words.")]
 
-    @property
-    def reward(self) -> float:
-        """The referee's J; -inf where there is no plan."""
-        return self.verdict.reward if self.verdict else -math.inf
+    @classmethod
+    def of(
+        cls, problem: Problem, seed: int | None, planner: str | None, judged: Judged[Any]
+    ) -> "PlanRow":
+        """Returns the row of a plan, without a bound: only certified bounds are shown."""
+        result = judged.result
+        reason, messages = result.reason, [result.message] if result.message else []
+        if judged.verdict and problem.actors and not any(judged.verdict.face_reward):
+            messages.append("no drone sees anybody at any step")
+            _log.warning("%s, %s: %s", problem.name, planner or "bound", messages[-1])
+        if reason is Reason.OPTIMAL and math.isfinite(result.bound) and judged.gap > OPTIMALITY:
+            # What is certified is less than what the method says.
+            reason = Reason.FINISHED
+            messages = messages or ["what is open is within the accuracy of the computation"]
+        return PlanRow(
+            scene=problem.name,
+            seed=seed,
+            planner=planner,
+            reward=finite(judged.reward),
+            reason=str(reason),
+            limit=str(result.limit),
+            seconds=finite(result.seconds),
+            conflicts=judged.conflicts if judged.verdict else None,
+            message="; ".join(messages),
+        )
+
+    @classmethod
+    def certified(
+        cls, problem: Problem, seed: int | None, method: str, judged: Judged[CertifiedResult]
+    ) -> "PlanRow":
+        """Returns the row of a bound, with a plan if its method found one."""
+        result = judged.result
+        row = PlanRow.of(problem, seed, method if result.plan else None, judged)
+        messages = [row.message] if row.message else []
+        if result.reason is Reason.INFEASIBLE and result.bound < 0:
+            messages.append("proved: no plan obeys the rules, no J is below 0")
+        if result.certificate is None and math.isfinite(result.bound):
+            messages.append(f"no certificate: the bound is what {method} proves by itself")
+        return replace(
+            row,
+            method=method,
+            bound=finite(result.bound),
+            gap=finite(judged.gap),
+            message="; ".join(messages),
+        )
 
     @property
     def valid(self) -> bool:
-        """Whether there is a plan that obeys the rules."""
-        return self.verdict is not None and self.verdict.valid
+        """There is a plan, and it obeys the rules."""
+        return self.reward is not None and not self.conflicts
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlannedRow(PlanRow):
+    """What the gap table says of a plan alone."""
+
+    colliding: Annotated[_Count, About("Drones that take part in a conflict.")]
+    robots: Annotated[int, About("Drones of the scene.")]
+    actors: Annotated[int, About("People of the scene.")]
+    steps: Annotated[int, About("Steps after the start.")]
+    time_limit: Annotated[_Number, About("Time that the planner was allowed.", unit="s")] = None
+    work_limit: Annotated[
+        _Count, About("Units of work that the planner was allowed; none where any number was.")
+    ] = None
+    reward_rendered: Annotated[
+        _Number | UnsetType, About("J of the rendered pixels of the plan.", **_ANY)
+    ] = UNSET
+
+    @classmethod
+    def of_planner(
+        cls, problem: Problem, seed: int, planner: str, judged: Judged[Any], **more: Any
+    ) -> "PlannedRow":
+        """Returns the row of a plan of the gap table, with more columns by their names."""
+        return PlannedRow(**{
+            **_fields(PlanRow.of(problem, seed, planner, judged)),
+            "colliding": colliding(problem, judged.result.plan),
+            "robots": len(problem.robots),
+            "actors": len(problem.actors),
+            "steps": problem.horizon,
+            **more,
+        })  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class BoundColumns:
+    """What all rows of one scene and seed share: what bounds their plans, and the best plans."""
+
+    bound: _Bound = None
+    bound_method: Annotated[str, About("The method that made the bound.")] = BOUND_METHOD
+    bound_reason: Annotated[
+        str, About("Why the search for the bound stopped: optimal means that J of a plan meets it.")
+    ]
+    bound_limit: Annotated[str, About("The limit that stopped this search, or none.")] = "none"
+    bound_seconds: Annotated[_Number, About("Wall-clock time of this search.", unit="s")] = None
+    bound_time_limit: Annotated[
+        _Number, About("Time that each of the two searches for bounds was allowed.", unit="s")
+    ] = None
+    bound_work_limit: Annotated[
+        _Count, About("Units of work that each of them was allowed; none where any number was.")
+    ] = None
+    certificate: Annotated[str, About("The file that proves the bound.")] = ""
+    optimum: Annotated[
+        _Number, About("The largest known J of a plan that obeys the rules.", **_ANY)
+    ] = None
+    optimum_free: Annotated[_Number, About("The largest known J of any plan.", **_ANY)] = None
+    bound_free: Annotated[
+        _Number, About("A number that J of no plan exceeds, without collision rules.", **_ANY)
+    ] = None
+    bound_free_reason: Annotated[str, About("Why the search for bound_free stopped.")]
+    bound_free_limit: Annotated[str, About("The limit that stopped that search, or none.")] = "none"
+    bound_free_seconds: Annotated[_Number, About("Wall-clock time of that search.", unit="s")] = (
+        None
+    )
+    certificate_free: Annotated[str, About("The file that proves bound_free.")] = ""
+
+    @classmethod
+    def of(
+        cls, under: Judged[CertifiedResult], free: Judged[CertifiedResult], **more: Any
+    ) -> "BoundColumns":
+        """Returns the columns of the best plan and bound under the rules, and without any.
+
+        Parameters
+        ----------
+        more : further columns by their names
+        """
+        bound, bound_free = under.result, free.result
+        return BoundColumns(
+            bound=finite(bound.bound),
+            bound_method=bound.certificate.method if bound.certificate else BOUND_METHOD,
+            bound_reason=str(bound.reason),
+            bound_limit=str(bound.limit),
+            bound_seconds=bound.seconds,
+            optimum=finite(under.reward),
+            optimum_free=finite(free.reward),
+            bound_free=finite(bound_free.bound),
+            bound_free_reason=str(bound_free.reason),
+            bound_free_limit=str(bound_free.limit),
+            bound_free_seconds=bound_free.seconds,
+            **more,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row(BoundColumns, PlannedRow):
+    """A row of the gap table: a plan, and what bounds all plans of its scene and seed."""
+
+    gap_free: Annotated[
+        _Number, About("(bound_free - reward) / bound_free, of the same plans.", **_SHARE)
+    ]
+    digest: Annotated[str, About("Digest of the scene.")]
+    starts: Annotated[
+        str | UnsetType, About("Where the drones start, if not where the seed has them.")
+    ] = UNSET
+
+    @classmethod
+    def joined(cls, plan: PlannedRow, bound: BoundColumns, digest: str) -> "Row":
+        """Returns the row of a plan and of what bounds it. Only plans that obey the rules have gaps.
+
+        Parameters
+        ----------
+        digest : of the problem
+        """
+        return Row(**{
+            **_fields(plan),
+            **_fields(bound),
+            "method": bound.bound_method,
+            "gap": _gap(plan, bound.bound),
+            "gap_free": _gap(plan, bound.bound_free),
+            "digest": digest,
+        })  # fmt: skip
 
     @property
-    def conflicts(self) -> int:
-        """Number of broken collision rules."""
-        return len(self.verdict.conflicts) if self.verdict else 0
+    def key(self) -> tuple[str, int | None]:
+        """Scene and seed."""
+        return self.scene, self.seed
 
     @property
-    def gap(self) -> float:
-        """Gap of a plan that obeys the rules to its own result's bound; infinite otherwise."""
-        return relative_gap(self.reward, self.result.bound) if self.valid else math.inf
+    def bound_is_proved(self) -> bool:
+        """The bound is proved to be the optimum."""
+        return self.bound_reason == Reason.OPTIMAL
+
+    @property
+    def is_optimal(self) -> bool:
+        """The plan is proved to be the best."""
+        return self.valid and self.gap is not None and self.gap <= OPTIMALITY
+
+    @property
+    def has_error(self) -> bool:
+        """The planner or the bound ended by an error, which is no result."""
+        return ERROR in (self.reason, self.bound_reason)
+
+    @property
+    def price(self) -> tuple[float, float] | None:
+        """Least and largest price of collision avoidance, as shares of the free bound."""
+        known = (self.bound, self.optimum, self.bound_free, self.optimum_free)
+        bound, optimum, bound_free, optimum_free = known
+        if bound is None or optimum is None or bound_free is None or optimum_free is None:
+            return None
+        if bound_free <= 0:
+            return None
+        return max(optimum_free - bound, 0.0) / bound_free, (bound_free - optimum) / bound_free
 
 
-class RefereeError(RuntimeError):
-    """A method returned a plan or a bound that the referee refuses: a bug, never a result."""
+COLUMNS = columns_of(Row)
 
 
-def judge(name: str, problem: Problem, result: R) -> Judged[R]:
-    """Have a plan judged, and held against its result's claims."""
-    if result.plan is None:
-        return Judged(result, None)
-    verdict = check(problem, result.plan)
-    if verdict.violations:
-        raise RefereeError(f"{name}: {verdict.violations[0]}")
-    if not math.isclose(verdict.reward, result.value, rel_tol=1e-9, abs_tol=1e-9):
-        raise RefereeError(f"{name}: claims J = {result.value!r}, it is {verdict.reward!r}")
-    if verdict.valid:
-        hold_against(name, verdict.reward, result.bound)
-    return Judged(result, verdict)
+def _fields(row: PlanRow | BoundColumns) -> dict[str, Any]:
+    return {name: getattr(row, name) for name in row.__dataclass_fields__}
 
 
-def of_others(problem: Problem, plan: Plan) -> Judged[Result]:
-    """A plan by others, judged; how long it took them, nobody says."""
-    verdict = check(problem, plan)
-    return Judged(Result(plan, verdict.reward, Reason.FINISHED, seconds=math.nan), verdict)
-
-
-def hold_against(name: str, reward: float, bound: float) -> None:
-    """Refuse a bound that is below the J of a plan that obeys the rules, but for rounding."""
-    if reward > bound + ROUNDING * abs(bound):
-        raise RefereeError(f"{name}: bound {bound!r} is below J = {reward!r}")
-
-
-def without_rules(problem: Problem) -> Problem:
-    """The problem without inter-robot collisions; the same one if it has no rules."""
-    return problem if problem.rules.none else problem.replace(rules=NO_RULES)
-
-
-def run_planner(problem: Problem, name: str, stop: Stop) -> Judged[Result]:
-    """Plan, and have the plan judged."""
-    try:
-        result = SOLVERS[name](problem, stop)
-    except UnsupportedError as error:
-        return Judged(Result(None, -math.inf, Reason.UNSUPPORTED, message=str(error)), None)
-    return judge(name, problem, result)
-
-
-def run_certified(
-    problem: Problem,
-    name: str,
-    stop: Stop,
-    start: Plan | None = None,
-    report: Report = silent,
-    gap: float = OPTIMALITY,
-) -> Judged[CertifiedResult]:
-    """Run a bound or an exact method, and have its plan judged; its certificate is priced.
-
-    Raises
-    ------
-    UnsupportedError
-        If the method does not take such problems.
-    """
-    if name in EXACT:
-        result = EXACT[name](problem, stop, start, report, gap)
-    else:
-        result = BOUNDS[name](problem, stop, start, report)
-    return judge(name, problem, result)
-
-
-def plan_row(problem: Problem, seed: int, planner: str | None, judged: Judged[Result]) -> Row:
-    """Row of a plan, without a bound: only certified bounds are printed."""
-    result = judged.result
-    reason, messages = result.reason, [result.message] if result.message else []
-    if judged.verdict and problem.actors and not any(judged.verdict.face_reward):
-        messages.append("no drone sees anybody at any step")
-        log.warning("%s, %s: %s", problem.name, planner or "bound", messages[-1])
-    if reason is Reason.OPTIMAL and math.isfinite(result.bound) and judged.gap > OPTIMALITY:
-        # What is certified is less than what the method says.
-        reason = Reason.FINISHED
-        messages = messages or ["what is open is within the accuracy of the computation"]
-    return {
-        "scene": problem.name,
-        "seed": seed,
-        "planner": planner,
-        "method": None,
-        "reward": finite(judged.reward),
-        "bound": None,
-        "gap": None,
-        "reason": str(reason),
-        "limit": str(result.limit),
-        "seconds": finite(result.seconds),
-        "conflicts": judged.conflicts if judged.verdict else None,
-        "message": "; ".join(messages),
-    }
-
-
-def certified_row(problem: Problem, seed: int, method: str, judged: Judged[CertifiedResult]) -> Row:
-    """Row of a bound, with a plan if its method found one."""
-    result = judged.result
-    row = plan_row(problem, seed, method if result.plan else None, judged)
-    messages = [row["message"]] if row["message"] else []
-    if result.reason is Reason.INFEASIBLE and result.bound < 0:
-        messages.append("proved: no plan obeys the rules, no J is below 0")
-    if result.certificate is None and math.isfinite(result.bound):
-        messages.append(f"no certificate: the bound is what {method} proves by itself")
-    row |= {
-        "method": method,
-        "bound": finite(result.bound),
-        "gap": finite(judged.gap),
-        "message": "; ".join(messages),
-    }
-    return row
-
-
-class Bounded(NamedTuple):
-    """Best plan and bound of a problem, and where in the folder its certificate is."""
-
-    judged: Judged[CertifiedResult]
-    path: str = ""
-
-
-def planner_part(problem: Problem, seed: int, planner: str, judged: Judged[Result]) -> Row:
-    """What a row of the gap table says of a plan alone."""
-    return plan_row(problem, seed, planner, judged) | {
-        "colliding": colliding(problem, judged.result.plan),
-        "robots": len(problem.robots),
-        "actors": len(problem.actors),
-        "steps": problem.horizon,
-    }
-
-
-def bound_part(bounded: Bounded, free: Bounded) -> Row:
-    """What all rows of the gap table say of one scene and seed.
-
-    Parameters
-    ----------
-    free : of the problem without rules
-    """
-    bound, bound_free = bounded.judged.result, free.judged.result
-    return {
-        "method": method_of(bound),
-        "bound": finite(bound.bound),
-        "bound_method": method_of(bound),
-        "bound_reason": str(bound.reason),
-        "bound_limit": str(bound.limit),
-        "bound_seconds": bound.seconds,
-        "certificate": bounded.path,
-        "optimum": finite(bounded.judged.reward),
-        "optimum_free": finite(free.judged.reward),
-        "bound_free": finite(bound_free.bound),
-        "bound_free_reason": str(bound_free.reason),
-        "bound_free_limit": str(bound_free.limit),
-        "bound_free_seconds": bound_free.seconds,
-        "certificate_free": free.path,
-    }
-
-
-def gap_row(plan: Row, bound: Row) -> Row:
-    """Row of the gap table from its two parts. Only a plan that obeys the rules has gaps."""
-    row = plan | {"method": bound["method"], "bound": bound["bound"]}
-    for gap, key in (("gap", "bound"), ("gap_free", "bound_free")):
-        known = obeys(plan) and bound[key] is not None
-        row[gap] = finite(relative_gap(plan["reward"], bound[key])) if known else None
-    return {key: (row | bound)[key] for key in GAP_KEYS} | row
-
-
-def obeys(row: Row) -> bool:
-    """Whether there is a plan that obeys the rules."""
-    return row["reward"] is not None and not row["conflicts"]
-
-
-def bound_is_proved(row: Row) -> bool:
-    """Whether the bound is proved to be the optimum."""
-    return bool(row["bound_reason"] == Reason.OPTIMAL)
+def _gap(plan: PlanRow, bound: float | None) -> float | None:
+    if plan.reward is None or bound is None or not plan.valid:
+        return None
+    return finite(relative_gap(plan.reward, bound))
 
 
 def colliding(problem: Problem, plan: Plan | None) -> int | None:
-    """Number of robots that take part in a conflict; None where there is no plan."""
+    """Returns the number of robots that take part in a conflict; None where there is no plan."""
     if plan is None:
         return None
     return len({robot for conflict in conflicts(problem, plan) for robot in conflict.robots})
 
 
-def method_of(result: CertifiedResult) -> str:
-    """The method that made a bound of the gap table."""
-    return result.certificate.method if result.certificate else BOUND_METHOD
-
-
-def default_planners(problem: Problem) -> list[str]:
-    """Planners of a gap table: the paper's, and the joint optimum where it can be had."""
-    names = ["greedy", "sequential", "cocap", "cocap-vs"]
-    return [*names, "joint"] if len(problem.robots) <= 2 else names
-
-
 def finite(value: float) -> float | None:
-    """None for what JSON cannot hold."""
+    """Returns a number, or None for what JSON cannot hold."""
     return value if math.isfinite(value) else None
-
-
-def mean_table(rows: Sequence[Row]) -> list[Row]:
-    """Per scene and planner: means over seeds, how many plans obey the rules, how many optima
-    are proved.
-
-    A mean exists only where all seeds have a value: means over different seeds mislead.
-    """
-    keys = list(dict.fromkeys((row["scene"], row["planner"]) for row in rows))
-    table = []
-    for scene, planner in keys:
-        some = [row for row in rows if (row["scene"], row["planner"]) == (scene, planner)]
-        table.append(
-            {
-                "scene": scene,
-                "planner": planner,
-                "seeds": len(some),
-                "feasible": sum(map(obeys, some)),
-                "bounds proved": sum(map(bound_is_proved, some)),
-                **{key: _mean(some, key) for key in MEANS},
-            }
-        )
-    return table
-
-
-def _mean(rows: Sequence[Row], key: str) -> float | None:
-    values = [row[key] for row in rows]
-    return None if None in values else math.fsum(values) / len(values)

@@ -11,7 +11,7 @@ SHIFT = 10.0  # s, of geometric means of times, as in qpbenchmark and Mittelmann
 
 
 class Mean(NamedTuple):
-    """Mean of a sample and its confidence interval by Student's t; none of fewer than two."""
+    """Mean of a sample and its confidence interval by Student's t; nan for fewer than two values."""
 
     value: float
     low: float
@@ -21,7 +21,7 @@ class Mean(NamedTuple):
 
 
 def mean(values: Sequence[float]) -> Mean:
-    """Mean of at least one value."""
+    """Returns the mean of at least one value."""
     from scipy.stats import t as student  # slow to import
 
     sample = np.asarray(values, dtype=float)
@@ -34,5 +34,8 @@ def mean(values: Sequence[float]) -> Mean:
 
 
 def shifted_geometric_mean(values: Sequence[float], shift: float = SHIFT) -> float:
-    """exp(mean(log(value + shift))) - shift: neither the easiest nor the hardest rules it."""
+    """Returns exp(mean(log(value + shift))) - shift.
+
+    Neither the easiest instances nor the hardest alone decide it.
+    """
     return math.exp(math.fsum(math.log(value + shift) for value in values) / len(values)) - shift

@@ -6,27 +6,27 @@ Each is a list of rows whose values are already text, so that all formats show t
 import math
 from collections.abc import Iterable, Sequence
 from statistics import median
+from typing import Any
 
-from cocap_opt.experiments.results.rows import Row, bound_is_proved, obeys
+from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.results.statistics import mean, shifted_geometric_mean
-from cocap_opt.formulations.result import OPTIMALITY
 from cocap_opt.result import Reason
 
 Table = list[dict[str, str]]
 NONE = "-"
-LARGE = 1000  # rewards from which on no decimals are shown
+_LARGE = 1000  # rewards from which on no decimals are shown
 AGAINST = "sequential"  # what the paper compares itself with
 
 
 def planner_table(rows: Sequence[Row]) -> Table:
-    """Per scene and planner: reward, gap, and how often the rules hold and the plan is best.
+    """Returns reward, gap, and numbers of plans that obey the rules and are best, by planner.
 
     Rewards are of all plans. Only plans that obey the rules have gaps; where not all of them do,
     the mean is over fewer seeds than others', and their number is said.
     """
     table = []
     for (scene, planner), some in grouped(rows, "scene", "planner").items():
-        valid = [row for row in some if obeys(row)]
+        valid = [row for row in some if row.valid]
         gaps = percent(valid, "gap")
         table.append(
             {
@@ -38,8 +38,8 @@ def planner_table(rows: Sequence[Row]) -> Table:
                 "gap (%)": _of(interval(gaps), len(gaps), len(some)),
                 "largest gap (%)": number(max(gaps, default=None), 3),
                 "gap to free (%)": interval(percent(valid, "gap_free")),
-                "proved optimal": _share(sum(map(is_optimal, valid)), len(some)),
-                "stopped by a limit": str(sum(row["reason"] == Reason.STOPPED for row in some)),
+                "proved optimal": _share(sum(row.is_optimal for row in valid), len(some)),
+                "stopped by a limit": str(sum(row.reason == Reason.STOPPED for row in some)),
                 "seconds, median": _median(values(some, "seconds")),
             }
         )
@@ -47,20 +47,20 @@ def planner_table(rows: Sequence[Row]) -> Table:
 
 
 def difference_table(rows: Sequence[Row], against: str = AGAINST) -> Table:
-    """Per scene and planner: J minus J of another planner on the same seeds, in % of the latter.
+    """Returns J minus J of another planner on the same seeds, in % of the latter, by planner.
 
     Only seeds are compared on which both plans obey the rules.
     """
     table = []
     for (scene,), some in grouped(rows, "scene").items():
-        reference = {row["seed"]: row for row in some if row["planner"] == against}
+        reference = {row.seed: row.reward for row in some if row.planner == against and row.valid}
         for (planner,), own in grouped(some, "planner").items():
             if planner == against:
                 continue
             pairs = [
-                (row["reward"], reference[row["seed"]]["reward"])
+                (row.reward, other)
                 for row in own
-                if obeys(row) and row["seed"] in reference and obeys(reference[row["seed"]])
+                if row.valid and (other := reference.get(row.seed)) is not None
             ]
             shares = [100 * (a - b) / b for a, b in pairs if b > 0]
             table.append(
@@ -78,76 +78,63 @@ def difference_table(rows: Sequence[Row], against: str = AGAINST) -> Table:
 
 
 def price_table(rows: Sequence[Row]) -> Table:
-    """Per scene: what collision avoidance costs at least and at most, both ends certified.
+    """Returns what collision avoidance costs at least and at most, by scene; both are certified.
 
     At least it costs what the best free plan has more than the bound under the rules, at most
     what the free bound has more than the best plan that obeys them, in % of the free optimum.
     """
     table = []
     for (scene,), some in grouped(rows, "scene").items():
-        first = {row["seed"]: row for row in some}.values()
-        ends = [end for row in first if (end := price(row)) is not None]
+        first = {row.seed: row for row in some}.values()
+        ends = [end for row in first if (end := row.price) is not None]
         table.append(
             {
                 "scene": scene,
                 "at least (%)": interval([100 * low for low, _ in ends]),
                 "at most (%)": interval([100 * high for _, high in ends]),
                 "largest (%)": number(max((100 * high for _, high in ends), default=None), 3),
-                "bound proved best": _share(sum(map(bound_is_proved, first)), len(first)),
+                "bound proved best": _share(sum(row.bound_is_proved for row in first), len(first)),
                 "seeds": str(len(ends)),
             }
         )
     return table
 
 
-def price(row: Row) -> tuple[float, float] | None:
-    """Least and largest price of collision avoidance of a scene and seed, as shares."""
-    known = [row[key] for key in ("bound", "optimum", "bound_free", "optimum_free")]
-    if None in known or row["bound_free"] <= 0:
-        return None
-    bound, optimum, bound_free, optimum_free = known
-    return max(optimum_free - bound, 0.0) / bound_free, (bound_free - optimum) / bound_free
+def time_table(rows: Sequence[Row]) -> Table:
+    """Returns shifted geometric means of seconds by scene and planner, at the end over all scenes.
 
-
-def time_table(rows: Sequence[Row], limit: float) -> Table:
-    """Per scene and planner: shifted geometric means of seconds, at the end over all scenes.
-
-    A run without a plan that obeys the rules counts as one that took the whole limit. Over all
-    scenes only planners are compared that were run on every scene and seed.
-
-    Parameters
-    ----------
-    limit : s, that planners had
+    A run without a plan that obeys the rules counts as one that took the time it was allowed.
+    Over all scenes only planners are compared that were run on every scene and seed.
     """
     timed = [row for row in rows if _is_timed(row)]
     scenes = grouped(timed, "scene")
-    table = [row for (scene,), some in scenes.items() for row in _times(scene, some, limit)]
+    table = [row for (scene,), some in scenes.items() for row in _times(scene, some)]
     if len(scenes) < 2:
         return table
-    instances = {(row["scene"], row["seed"]) for row in timed}
+    instances = {row.key for row in timed}
     everywhere = [
         row
         for some in grouped(timed, "planner").values()
-        if {(row["scene"], row["seed"]) for row in some} == instances
+        if {row.key for row in some} == instances
         for row in some
     ]
-    return table + _times("all", everywhere, limit)
+    return table + _times("all", everywhere)
 
 
 def _is_timed(row: Row) -> bool:
-    """Whether a row is of a run: nobody times plans of others, or scenes that are not taken."""
-    ran = row["reward"] is None and row["reason"] != Reason.UNSUPPORTED
-    return ran or row["seconds"] is not None
+    """Returns True for a run: plans of others are not timed, nor scenes that are not taken."""
+    ran = row.reward is None and row.reason != Reason.UNSUPPORTED
+    return ran or row.seconds is not None
 
 
-def _times(scene: str, rows: Sequence[Row], limit: float) -> Table:
-    """The rows of a table of times; ratios are over what all of its planners were run on."""
+def _times(scene: str, rows: Sequence[Row]) -> Table:
+    """Returns rows of a table of times; ratios are over what all of its planners were run on."""
     planners = {planner: some for (planner,), some in grouped(rows, "planner").items()}
-    instances = [{(row["scene"], row["seed"]) for row in some} for some in planners.values()]
+    instances = [{row.key for row in some} for some in planners.values()]
     common = set.intersection(*instances) if instances else set()
-    means = {planner: _mean_seconds(some, limit) for planner, some in planners.items()}
+    means = {planner: _mean_seconds(some) for planner, some in planners.items()}
     alike = {
-        planner: _mean_seconds([r for r in some if (r["scene"], r["seed"]) in common], limit)
+        planner: _mean_seconds([row for row in some if row.key in common])
         for planner, some in planners.items()
         if common
     }
@@ -157,7 +144,7 @@ def _times(scene: str, rows: Sequence[Row], limit: float) -> Table:
             "scene": scene,
             "planner": planner,
             "runs": str(len(some)),
-            "no valid plan": str(sum(not obeys(row) for row in some)),
+            "no valid plan": str(sum(not row.valid for row in some)),
             "shifted geometric mean (s)": number(means[planner], 3),
             "of the fastest": number(alike[planner] / least if least > 0 else None, 1),
             "median (s)": _median(values(some, "seconds")),
@@ -167,56 +154,52 @@ def _times(scene: str, rows: Sequence[Row], limit: float) -> Table:
     ]
 
 
-def _mean_seconds(rows: Sequence[Row], limit: float) -> float:
-    return shifted_geometric_mean([row["seconds"] if obeys(row) else limit for row in rows])
+def _mean_seconds(rows: Sequence[Row]) -> float:
+    taken = (row.seconds if row.valid else row.time_limit for row in rows)
+    return shifted_geometric_mean([seconds or 0.0 for seconds in taken])
 
 
-def is_optimal(row: Row) -> bool:
-    """Whether a plan is proved to be the best."""
-    return obeys(row) and row["gap"] is not None and row["gap"] <= OPTIMALITY
-
-
-def all_tables(rows: Sequence[Row], limit: float, against: str = AGAINST) -> dict[str, Table]:
-    """All tables by their titles; those that have no rows are left out."""
-    planners = {row["planner"] for row in rows}
+def all_tables(rows: Sequence[Row], against: str = AGAINST) -> dict[str, Table]:
+    """Returns all tables by their titles; those that have no rows are left out."""
+    planners = {row.planner for row in rows}
     tables = {
         "Planners": planner_table(rows),
         "Paired differences": difference_table(rows, against) if against in planners else [],
         "Price of collision avoidance": price_table(rows),
-        "Time": time_table(rows, limit),
+        "Time": time_table(rows),
     }
     return {title: table for title, table in tables.items() if table}
 
 
-def grouped(rows: Iterable[Row], *keys: str) -> dict[tuple[str, ...], list[Row]]:
-    """Rows by the values of some keys, in the order in which these first occur."""
-    view_sums: dict[tuple[str, ...], list[Row]] = {}
+def grouped(rows: Iterable[Row], *keys: str) -> dict[tuple[Any, ...], list[Row]]:
+    """Returns rows by the values of some columns, in the order in which these first occur."""
+    found: dict[tuple[Any, ...], list[Row]] = {}
     for row in rows:
-        view_sums.setdefault(tuple(row[key] for key in keys), []).append(row)
-    return view_sums
+        found.setdefault(tuple(getattr(row, key) for key in keys), []).append(row)
+    return found
 
 
 def values(rows: Sequence[Row], key: str) -> list[float]:
-    """What rows have under a key, where they have something."""
-    return [row[key] for row in rows if row[key] is not None]
+    """Returns the numbers that rows have in a column, where they have one."""
+    return [value for row in rows if (value := getattr(row, key)) is not None]
 
 
 def percent(rows: Sequence[Row], key: str) -> list[float]:
-    """Shares that rows have under a key, in %."""
+    """Returns the shares that rows have in a column, in %."""
     return [100 * value for value in values(rows, key)]
 
 
 def _of(text: str, part: int, whole: int) -> str:
-    """A mean, and over how many seeds it is if not over all."""
+    """Returns a mean, with the number of seeds that it is over if not over all."""
     return text if part in (0, whole) else f"{text} (n = {part})"
 
 
 def _spread(sample: Sequence[float]) -> str:
-    """Mean and standard deviation."""
+    """Returns mean and standard deviation."""
     if not sample:
         return NONE
     found = mean(sample)
-    digits = 0 if abs(found.value) >= LARGE else 2
+    digits = 0 if abs(found.value) >= _LARGE else 2
     spread = "" if math.isnan(found.spread) else f" ± {number(found.spread, digits)}"
     return number(found.value, digits) + spread
 
@@ -226,7 +209,7 @@ def _median(sample: Sequence[float]) -> str:
 
 
 def interval(sample: Sequence[float], digits: int = 3) -> str:
-    """Mean and confidence interval, if there are values."""
+    """Returns mean and confidence interval, if there are values."""
     if not sample:
         return NONE
     found = mean(sample)
@@ -237,7 +220,7 @@ def interval(sample: Sequence[float], digits: int = 3) -> str:
 
 
 def number(value: float | None, digits: int) -> str:
-    """A number with so many digits, if there is one."""
+    """Returns a number with so many digits, if there is one."""
     if value is None or not math.isfinite(value):
         return NONE
     return f"{round(value, digits) + 0.0:,.{digits}f}"  # never -0

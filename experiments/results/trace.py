@@ -1,7 +1,7 @@
 """The value and bound of a method over time, as it reports them, and the file they are kept in.
 
 The file is a CSV with the columns value, bound (in units of J), seconds, columns, nodes; a value
-or bound that there was not yet is an empty field.
+or bound that was not known yet is an empty field.
 """
 
 import csv
@@ -11,12 +11,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cocap_opt.experiments.results.files import read_text
-from cocap_opt.experiments.results.rows import ROUNDING
+from cocap_opt.experiments.results.judging import ROUNDING
 from cocap_opt.files.documents import FileError
 from cocap_opt.formulations.result import CertifiedResult, Report, Snapshot
 
-COLUMNS = Snapshot._fields
-MOST = 1e100  # that any J may be
+_COLUMNS = Snapshot._fields
+_MOST = 1e100  # that any J may be
 
 
 class Trace:
@@ -32,13 +32,37 @@ class Trace:
     def __init__(self, snapshots: Sequence[Snapshot] = ()) -> None:
         self._snapshots = list(snapshots)
 
+    @classmethod
+    def load(cls, path: Path) -> "Trace":
+        """Reads a trace from a file.
+
+        Raises
+        ------
+        FileError
+            If the file cannot be read, or is no such CSV.
+        """
+        rows = csv.DictReader(io.StringIO(read_text(path)))
+        if tuple(rows.fieldnames or ()) != _COLUMNS:
+            raise FileError(f"{path}: must be a CSV with the columns {', '.join(_COLUMNS)}")
+        return cls([_snapshot(row, f"{path}: line {rows.line_num}") for row in rows])
+
     @property
     def snapshots(self) -> tuple[Snapshot, ...]:
-        """What has been reported, in order of time."""
+        """All snapshots that are kept, in order of time."""
         return tuple(self._snapshots)
 
+    @property
+    def text(self) -> str:
+        """The trace as CSV."""
+        text = io.StringIO(newline="")
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(_COLUMNS)
+        for snapshot in self._snapshots:
+            writer.writerow("" if math.isinf(number) else number for number in snapshot)
+        return text.getvalue()
+
     def report(self, snapshot: Snapshot) -> None:
-        """Keep a snapshot that is better than those before."""
+        """Keeps a snapshot that is better than those before."""
         if self._snapshots:
             last = self._snapshots[-1]
             better = max(last.value, snapshot.value), min(last.bound, snapshot.bound)
@@ -47,46 +71,21 @@ class Trace:
             snapshot = snapshot._replace(value=better[0], bound=better[1])
         self._snapshots.append(snapshot)
 
+    def beside(self, other: Report) -> Report:
+        """Returns what reports to another, and to this trace."""
+
+        def report(snapshot: Snapshot) -> None:
+            other(snapshot)
+            self.report(snapshot)
+
+        return report
+
     def end(self, result: CertifiedResult) -> None:
-        """Keep how it ended, even where nothing has improved since."""
+        """Keeps how the method ended, even where nothing has improved since."""
         last = self._snapshots[-1] if self._snapshots else Snapshot(-math.inf, math.inf, 0.0)
         self._snapshots.append(
             last._replace(value=result.value, bound=result.bound, seconds=result.seconds)
         )
-
-
-def both(first: Report, second: Report) -> Report:
-    """Report to two."""
-
-    def report(snapshot: Snapshot) -> None:
-        first(snapshot)
-        second(snapshot)
-
-    return report
-
-
-def trace_text(trace: Trace) -> str:
-    """A trace as CSV."""
-    text = io.StringIO(newline="")
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
-    for snapshot in trace.snapshots:
-        writer.writerow("" if math.isinf(number) else number for number in snapshot)
-    return text.getvalue()
-
-
-def load_trace(path: Path) -> Trace:
-    """Read a trace.
-
-    Raises
-    ------
-    FileError
-        If the file cannot be read, or is no such CSV.
-    """
-    rows = csv.DictReader(io.StringIO(read_text(path)))
-    if tuple(rows.fieldnames or ()) != COLUMNS:
-        raise FileError(f"{path}: must be a CSV with the columns {', '.join(COLUMNS)}")
-    return Trace([_snapshot(row, f"{path}: line {rows.line_num}") for row in rows])
 
 
 def _snapshot(row: dict[str, str], where: str) -> Snapshot:
@@ -102,6 +101,6 @@ def _snapshot(row: dict[str, str], where: str) -> Snapshot:
         raise FileError(f"{where}: must be five numbers") from error
     if not (0 <= found.seconds < math.inf and value <= bound + ROUNDING * abs(value)):
         raise FileError(f"{where}: must be five numbers, seconds >= 0, no value above its bound")
-    if any(row[key] and abs(float(row[key])) > MOST for key in ("value", "bound")):
-        raise FileError(f"{where}: value and bound must be at most {MOST:g}, or empty")
+    if any(row[key] and abs(float(row[key])) > _MOST for key in ("value", "bound")):
+        raise FileError(f"{where}: value and bound must be at most {_MOST:g}, or empty")
     return found

@@ -1,0 +1,80 @@
+"""What a column of a table holds: stated once, and used by all that reads, writes or explains it."""
+
+from types import NoneType
+from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
+
+from msgspec import UnsetType
+
+from cocap_opt.files.documents import FileError
+
+_LARGEST = 2**63 - 1
+
+
+class About(NamedTuple):
+    """Stands beside a field's type, in `Annotated`, and says what the field means.
+
+    Attributes
+    ----------
+    meaning : a sentence
+    unit : of a number; empty where it has none
+    least, most : range of a number
+    """
+
+    meaning: str
+    unit: str = ""
+    least: float = 0
+    most: float = _LARGEST
+
+
+class Column(NamedTuple):
+    """A column by its name.
+
+    Attributes
+    ----------
+    kind : int, float or str
+    is_optional : its fields may be empty, which means that there is no such value
+    is_extra : only some tables have it
+    """
+
+    name: str
+    kind: type
+    about: About
+    is_optional: bool
+    is_extra: bool
+
+    def parse(self, text: str, where: str) -> Any:
+        """Returns the value of a field of a CSV file; None where an optional field is empty.
+
+        Raises
+        ------
+        FileError
+            If it is no number where one must be, or out of range; the message begins with `where`.
+        """
+        if self.kind is str:
+            return text
+        if not text and self.is_optional:
+            return None
+        try:
+            number = self.kind(text)
+        except ValueError:
+            raise FileError(f"{where}: must be a number, not {text[:30]!r}") from None
+        least, most = self.about.least, self.about.most
+        if not least <= number <= most:
+            raise FileError(f"{where}: must be {least:g}..{most:g}, not {text[:30]!r}")
+        return number
+
+
+def columns_of(row: type) -> dict[str, Column]:
+    """Returns the columns of a data class whose fields are annotated with `About`, by their names."""
+    return {
+        name: _column(name, hint)
+        for name, hint in get_type_hints(row, include_extras=True).items()
+    }  # fmt: skip
+
+
+def _column(name: str, hint: Any) -> Column:
+    assert get_origin(hint) is Annotated, f"{name}: says nothing about itself"
+    inner, about = get_args(hint)
+    kinds = set(get_args(inner)) or {inner}
+    (kind,) = kinds - {NoneType, UnsetType}
+    return Column(name, kind, about, NoneType in kinds, UnsetType in kinds)

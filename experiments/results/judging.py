@@ -1,0 +1,135 @@
+"""Planners, bounds and exact methods by name, run and judged by the referee."""
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Generic, NamedTuple, TypeVar
+
+from cocap_opt.check import Verdict, check
+from cocap_opt.formulations import BOUNDS, EXACT
+from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Report, silent
+from cocap_opt.planners import PLANNERS
+from cocap_opt.problem.plan import Plan
+from cocap_opt.problem.problem import NO_RULES, Problem
+from cocap_opt.result import Reason, Result, UnsupportedError, relative_gap
+from cocap_opt.stop import FirstOf, Stop, TimeLimit, WorkLimit, never
+
+R = TypeVar("R", bound=Result)
+R_co = TypeVar("R_co", bound=Result, covariant=True)
+
+BOUND_METHOD = "branch-and-price"  # of the gap table; at any limit it has a bound
+ROUNDING = 1e-9  # relative, of J and of bounds: both are rounded sums
+
+SOLVERS: Mapping[str, Callable[[Problem, Stop], Result]] = {**PLANNERS, **EXACT}
+
+
+class RefereeError(RuntimeError):
+    """A method returned a plan or a bound that the referee refuses: a bug, never a result."""
+
+
+class Allowance(NamedTuple):
+    """The limits of one computation, which begin to count with it."""
+
+    seconds: float
+    work: int | None = None  # units of `WorkLimit`; any number if None
+
+    def begin(self, stop: Stop = never) -> Stop:
+        """Returns a stop that is reached with `stop`, or once this allowance is spent."""
+        criteria = [stop, TimeLimit(self.seconds)]
+        if self.work is not None:
+            criteria.append(WorkLimit(self.work))
+        return FirstOf(*criteria)
+
+
+class Judged(NamedTuple, Generic[R_co]):
+    """A result with the referee's verdict; there is no verdict where there is no plan."""
+
+    result: R_co
+    verdict: Verdict | None
+
+    @property
+    def reward(self) -> float:
+        """The referee's J; -inf where there is no plan."""
+        return self.verdict.reward if self.verdict else -math.inf
+
+    @property
+    def valid(self) -> bool:
+        """There is a plan, and it obeys the rules."""
+        return self.verdict is not None and self.verdict.valid
+
+    @property
+    def conflicts(self) -> int:
+        """Number of broken collision rules."""
+        return len(self.verdict.conflicts) if self.verdict else 0
+
+    @property
+    def gap(self) -> float:
+        """Gap of a plan that obeys the rules to its own result's bound; infinite otherwise."""
+        return relative_gap(self.reward, self.result.bound) if self.valid else math.inf
+
+
+def judge(name: str, problem: Problem, result: R) -> Judged[R]:
+    """Has the referee judge a method's plan, and compares that with what the result claims.
+
+    Raises
+    ------
+    RefereeError
+        If the plan cannot be flown, has another J than claimed, or is better than the bound.
+    """
+    if result.plan is None:
+        return Judged(result, None)
+    verdict = check(problem, result.plan)
+    if verdict.violations:
+        raise RefereeError(f"{name}: {verdict.violations[0]}")
+    if not math.isclose(verdict.reward, result.value, rel_tol=1e-9, abs_tol=1e-9):
+        raise RefereeError(f"{name}: claims J = {result.value!r}, it is {verdict.reward!r}")
+    if verdict.valid:
+        require_bound(name, verdict.reward, result.bound)
+    return Judged(result, verdict)
+
+
+def judge_plan(problem: Problem, plan: Plan) -> Judged[Result]:
+    """Has the referee judge a plan of others, whose seconds are not known."""
+    verdict = check(problem, plan)
+    return Judged(Result(plan, verdict.reward, Reason.FINISHED, seconds=math.nan), verdict)
+
+
+def require_bound(name: str, reward: float, bound: float) -> None:
+    """Raises RefereeError if a bound is below the J of a plan that it covers, but for rounding."""
+    if reward > bound + ROUNDING * abs(bound):
+        raise RefereeError(f"{name}: bound {bound!r} is below J = {reward!r}")
+
+
+def without_rules(problem: Problem) -> Problem:
+    """Returns the problem without inter-robot collisions; the same one if it has no rules."""
+    return problem if problem.rules.none else problem.replace(rules=NO_RULES)
+
+
+def run_planner(problem: Problem, name: str, stop: Stop) -> Judged[Result]:
+    """Runs a planner or an exact method, and has its plan judged."""
+    try:
+        result = SOLVERS[name](problem, stop)
+    except UnsupportedError as error:
+        return Judged(Result(None, -math.inf, Reason.UNSUPPORTED, message=str(error)), None)
+    return judge(name, problem, result)
+
+
+def run_certified(
+    problem: Problem,
+    name: str,
+    stop: Stop,
+    start: Plan | None = None,
+    report: Report = silent,
+    gap: float = OPTIMALITY,
+) -> Judged[CertifiedResult]:
+    """Runs a bound or an exact method, and has its plan judged.
+
+    Raises
+    ------
+    UnsupportedError
+        If the method does not take such problems.
+    """
+    if name in EXACT:
+        result = EXACT[name](problem, stop, start, report, gap)
+    else:
+        result = BOUNDS[name](problem, stop, start, report)
+    return judge(name, problem, result)
