@@ -1,1 +1,3 @@
-"""What robots mean to one another: constraints from conflicts and other robots' paths."""
+"""Relations between robots: constraints, best responses, and value iteration over pairs."""
+
+__all__ = ["best_response", "constraints", "pair_iteration"]

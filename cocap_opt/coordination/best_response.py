@@ -1,0 +1,27 @@
+"""Best responses: one robot's best path given what the others see, by value iteration."""
+
+from cocap_opt.data import FloatArray
+from cocap_opt.graph.move_rewards import bonuses_of
+from cocap_opt.graph.timegraph import NO_CHARGES, Charges
+from cocap_opt.model import Model, Path
+from cocap_opt.objective import marginal_reward
+
+
+def best_response(
+    model: Model, robot: int, pixels: FloatArray, charges: Charges = NO_CHARGES
+) -> Path | None:
+    """Returns a robot's path of the largest marginal gain; None where the charges leave none.
+
+    One backward sweep over all states of the time-expanded graph, then the path is read off
+    forward. It is exact and needs the coverage of every reachable state.
+
+    Parameters
+    ----------
+    pixels : [Z] px/m2 that the other robots have in every view sum
+    charges : costs of places, moves and states; infinite where the robot must not go
+    """
+    robot_class, bonuses = model.class_of[robot], bonuses_of(model.problem.objective)
+    graph, reward = robot_class.graph, marginal_reward(model, robot_class, pixels)
+    value = graph.backward_sweep(reward, bonuses, charges, robot_class.goal)
+    path = graph.best_path(value, model.start(robot), bonuses, charges)
+    return None if path is None else tuple(path)
