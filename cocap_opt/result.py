@@ -1,15 +1,21 @@
 """What a planner or a solver returns, and why it stopped, in two words that do not mix."""
 
+import html
 import math
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import wraps
-from typing import ParamSpec, TypeVar
+from typing import TYPE_CHECKING, ParamSpec, TypeVar, cast
 
+from cocap_opt import drawing
 from cocap_opt.problem.plan import Plan
+from cocap_opt.problem.problem import Problem
 from cocap_opt.stop import Clock, Limit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 class UnsupportedError(ValueError):
@@ -27,7 +33,7 @@ class Reason(StrEnum):
     STOPPED = "stopped"  # a limit stopped it; the other word says which
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Result:
     """Outcome of a planner: a value and a bound always exist, be they infinite."""
 
@@ -39,11 +45,47 @@ class Result:
     seconds: float = 0.0
     message: str = ""  # why there is no plan, in words
     statistics: Mapping[str, float] = field(default_factory=dict)
+    problem: Problem | None = field(default=None, compare=False)  # the problem it is a result of
 
     @property
     def gap(self) -> float:
         """(bound - value) / bound."""
         return relative_gap(self.value, self.bound)
+
+    def summary(self) -> str:
+        """Describe the result in a few lines."""
+        stopped = f"stopped by the {self.limit} limit"
+        lines = {
+            "J": f"{self.value:,.2f}" if self.plan else "no plan",
+            "bound": f"{self.bound:,.2f}" if self.bound < math.inf else "none",
+            "gap": f"{100 * self.gap:.3f} %" if math.isfinite(self.gap) else "unknown",
+            "reason": str(self.reason) if self.limit is Limit.NONE else stopped,
+            "seconds": f"{self.seconds:.3f}",
+        }
+        words = [f"{key:8}{value}" for key, value in lines.items()]
+        return "\n".join([*words, *([self.message] if self.message else [])])
+
+    def __repr__(self) -> str:
+        words = ", ".join(" ".join(line.split()) for line in self.summary().splitlines()[:5])
+        return f"{type(self).__name__}({words})"
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Draw the plan from above.
+
+        Raises
+        ------
+        ValueError
+            If there is no plan.
+        """
+        if self.problem is None or self.plan is None:
+            raise ValueError("this result has no plan to draw")
+        return self.problem.plot(self.plan, ax)
+
+    def _repr_html_(self) -> str:
+        """Describe the result in a notebook, with a picture of its plan."""
+        words = f"<pre>{html.escape(self.summary())}</pre>"
+        drawn = self.problem is not None and self.plan is not None
+        return words + (drawing.inline_image(self.plot()) if drawn else "")
 
 
 def relative_gap(value: float, bound: float) -> float:
@@ -61,12 +103,16 @@ R = TypeVar("R", bound=Result)
 
 
 def timed(method: Callable[P, R]) -> Callable[P, R]:
-    """Make a method's result say how many seconds the method took."""
+    """Make a method's result say how many seconds it took, and for which problem.
+
+    The problem is the method's first argument.
+    """
 
     @wraps(method)
     def run(*args: P.args, **kwargs: P.kwargs) -> R:
         clock = Clock()
         result = method(*args, **kwargs)
-        return replace(result, seconds=clock.seconds)
+        problem = cast(Problem, args[0] if args else kwargs["problem"])
+        return replace(result, seconds=clock.seconds, problem=problem)
 
     return run
