@@ -1,173 +1,198 @@
-"""What the measurements say of the paper's claims, in sentences and tables.
+"""The paper's claims, answered from measurements in sentences and tables.
 
-A claim about a mean holds where its whole confidence interval is on the right side of the
-line, does not hold where it is on the wrong side, and is otherwise left open.
+A claim about a mean holds if its whole confidence interval is on the right side of the line,
+does not hold if it is on the wrong side, and is left open otherwise.
 """
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from statistics import median
 
-from cocap_opt.experiments.results.rows import Row, bound_is_proved, obeys
+from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.results.statistics import Mean, mean
 from cocap_opt.experiments.results.tables import NONE, Table, grouped, interval, percent, values
 from cocap_opt.experiments.studies.paper.giving_way import Encounter
 from cocap_opt.result import relative_gap
 from cocap_opt.stop import Limit
 
-CLOSE = 1.0  # % below the bound without collisions that is called close to it
-PUBLISHED = {"sequential": 482.0, "cocap": 3981.0, "cocap-vs": 2.7}  # s, their corridor, 8 steps
 SOURCE = "Rauniyar, Corah, Scherer 2024 (arXiv 2412.20695)"
 HOLDS, FAILS, OPEN = "holds", "does not hold", "is left open by so many seeds"
+_CLOSE = 1.0  # % below the bound without collisions that is called close to it
+_PUBLISHED = {"sequential": 482.0, "cocap": 3981.0, "cocap-vs": 2.7}  # s, their corridor, 8 steps
 
 
 def verdict_below(found: Mean, line: float) -> str:
-    """Whether a mean is below a line, as far as its interval says."""
+    """HOLDS, FAILS or OPEN for the claim that a mean is below a line."""
     if found.high < line:
         return HOLDS
     return FAILS if found.low > line else OPEN
 
 
 def verdict_above(found: Mean, line: float) -> str:
-    """Whether a mean is above a line, as far as its interval says."""
+    """HOLDS, FAILS or OPEN for the claim that a mean is above a line."""
     return verdict_below(
         Mean(-found.value, -found.high, -found.low, found.spread, found.size), -line
     )
 
 
-def closeness(scene: str, rows: Sequence[Row]) -> str:
-    """Does CoCap come close to unconstrained performance?
+@dataclass(frozen=True)
+class SceneAnswers:
+    """Answers about one scene, a sentence each.
 
-    What it is below the certified bound without collisions is an upper limit of what it loses;
-    what it is below the best plan found without collisions is a lower one.
-    """
-    own = [row for row in rows if row["planner"] == "cocap"]
-    planned = [row for row in own if obeys(row) and row["gap_free"] is not None]
-    if not planned:
-        return f"{scene}: CoCap has no plan that obeys the rules; the claim cannot be tried."
-    found = mean(percent(planned, "gap_free"))
-    least = mean([100 * relative_gap(row["reward"], row["optimum_free"]) for row in planned])
-    words = verdict_below(found, CLOSE)
-    if words != HOLDS:
-        words = FAILS if verdict_below(least, CLOSE) == FAILS else OPEN
-    if len(planned) < len(own):
-        words = f"{OPEN}, as it has no plan on {len(own) - len(planned)} of {len(own)}"
-    return (
-        f"{scene}: CoCap is {_text(found)} below the certified bound of planning without "
-        f"collisions, at most {max(percent(planned, 'gap_free')):.2f} %. That it comes within "
-        f"{CLOSE:g} % of unconstrained performance {words} (mean over {found.size} seeds)."
-    )
-
-
-def against_sequential(scene: str, rows: Sequence[Row]) -> str:
-    """Is CoCap better than sequential planning?"""
-    pairs = _pairs(rows, "cocap", "sequential", lambda row: row["reward"] if obeys(row) else None)
-    if not pairs:
-        return f"{scene}: there is no seed on which both planners have a plan."
-    found = mean([100 * (a - b) / b for a, b in pairs])
-    return (
-        f"{scene}: CoCap's reward is {_text(found)} above that of sequential planning on the same "
-        f"seeds (better on {sum(a > b for a, b in pairs)}, worse on {sum(a < b for a, b in pairs)} "
-        f"of {len(pairs)}). That it outperforms sequential planning {verdict_above(found, 0.0)}."
-    )
-
-
-def sequential_failures(scene: str, rows: Sequence[Row]) -> str:
-    """When does sequential planning fail?"""
-    collides = {row["seed"] for row in rows if row["planner"] == "greedy" and row["conflicts"]}
-    own = [row for row in rows if row["planner"] == "sequential"]
-    without = sum(not obeys(row) for row in own)
-    parts = []
-    for words, chosen in (("with", True), ("without", False)):
-        some = [row for row in own if obeys(row) and (row["seed"] in collides) == chosen]
-        gaps = percent(some, "gap")
-        said = _text(mean(gaps)) if gaps else NONE
-        parts.append(f"{said} on the {len(gaps)} seeds {words} collisions in the greedy plan")
-    return (
-        f"{scene}: below the best certified bound, sequential planning is {' and '.join(parts)}; "
-        f"it finds no plan on {without} of {len(own)} seeds."
-    )
-
-
-def time_answer(scene: str, rows: Sequence[Row], coverage: float) -> str:
-    """Is view search so much faster than value iteration?
-
-    Value iteration needs the coverage of all states, which is computed before it; view search
-    computes what it touches while it runs. So that is added here to the former's time.
-
-    Parameters
+    Attributes
     ----------
-    coverage : s, of all states of one seed of the scene, on one thread
+    rows : of the gap table, of all planners and seeds of the scene
     """
-    pairs = _pairs(rows, "cocap", "cocap-vs", lambda row: row["seconds"])
-    if not pairs:
-        return f"{scene}: not both low levels were timed."
-    ours = [median(times) for times in zip(*pairs, strict=True)]
-    log_ratio = mean([math.log((a + coverage) / b) for a, b in pairs if b > 0])
-    ratio, low, high = (math.exp(log_ratio[k]) for k in range(3))
-    theirs = PUBLISHED["cocap"] / PUBLISHED["cocap-vs"]
-    reach = f" [{low:.2g}, {high:.2g}]" if log_ratio.size > 1 else ""
-    return (
-        f"{scene}: CoCap takes {ours[0]:.3f} s with value iteration, after {coverage:.3f} s for "
-        f"the coverage of all states, and {ours[1]:.3f} s with view search (medians). The former "
-        f"takes {ratio:.2g}{reach} times as long as the latter (geometric mean); published are "
-        f"{theirs:,.0f} times. That view search is the faster one "
-        f"{verdict_above(log_ratio, 0.0)} here."
-    )
 
+    scene: str
+    rows: Sequence[Row]
 
-def scaling_answer(rows: Sequence[Row], limit: float) -> list[str]:
-    """What more drones cost: a sentence per team size."""
-    sentences = []
-    for (scene,), some in grouped(rows, "scene").items():
+    def closeness(self) -> str:
+        """Answers if CoCap comes close to unconstrained performance.
+
+        CoCap loses at most its distance below the certified bound without collisions, and at
+        least its distance below the best plan found without collisions.
+        """
+        own = self._of("cocap")
+        planned = [row for row in own if row.valid and row.gap_free is not None]
+        if not planned:
+            words = "CoCap has no plan that obeys the rules; the claim cannot be tried."
+            return f"{self.scene}: {words}"
+        found = mean(percent(planned, "gap_free"))
+        least = mean([
+            100 * relative_gap(row.reward, row.optimum_free)
+            for row in planned
+            if row.reward is not None and row.optimum_free is not None
+        ])  # fmt: skip
+        words = verdict_below(found, _CLOSE)
+        if words != HOLDS:
+            words = FAILS if verdict_below(least, _CLOSE) == FAILS else OPEN
+        if len(planned) < len(own):
+            words = f"{OPEN}, as it has no plan on {len(own) - len(planned)} of {len(own)}"
+        return (
+            f"{self.scene}: CoCap is {_text(found)} below the certified bound of planning without "
+            f"collisions, at most {max(percent(planned, 'gap_free')):.2f} %. That it comes within "
+            f"{_CLOSE:g} % of unconstrained performance {words} (mean over {found.size} seeds)."
+        )
+
+    def against_sequential(self) -> str:
+        """Answers if CoCap is better than sequential planning."""
+        pairs = self._pairs("cocap", "sequential", lambda row: row.reward if row.valid else None)
+        if not pairs:
+            return f"{self.scene}: there is no seed on which both planners have a plan."
+        found = mean([100 * (a - b) / b for a, b in pairs])
+        better, worse = sum(a > b for a, b in pairs), sum(a < b for a, b in pairs)
+        return (
+            f"{self.scene}: CoCap's reward is {_text(found)} above that of sequential planning on "
+            f"the same seeds (better on {better}, worse on {worse} of {len(pairs)}). That it "
+            f"outperforms sequential planning {verdict_above(found, 0.0)}."
+        )
+
+    def sequential_failures(self) -> str:
+        """Answers when sequential planning fails."""
+        collides = {row.seed for row in self._of("greedy") if row.conflicts}
+        own = self._of("sequential")
+        without = sum(not row.valid for row in own)
+        parts = []
+        for words, chosen in (("with", True), ("without", False)):
+            some = [row for row in own if row.valid and (row.seed in collides) == chosen]
+            gaps = percent(some, "gap")
+            said = _text(mean(gaps)) if gaps else NONE
+            parts.append(f"{said} on the {len(gaps)} seeds {words} collisions in the greedy plan")
+        return (
+            f"{self.scene}: below the best certified bound, sequential planning is "
+            f"{' and '.join(parts)}; it finds no plan on {without} of {len(own)} seeds."
+        )
+
+    def times(self, coverage: float) -> str:
+        """Answers if view search is faster than value iteration.
+
+        Value iteration needs the coverage of all states, which is computed before it; view
+        search computes what it touches while it runs. So that time is added to the former's.
+
+        Parameters
+        ----------
+        coverage : s, of all states of one seed of the scene, on one thread
+        """
+        pairs = self._pairs("cocap", "cocap-vs", lambda row: row.seconds)
+        if not pairs:
+            return f"{self.scene}: not both low levels were timed."
+        ours = [median(times) for times in zip(*pairs, strict=True)]
+        log_ratio = mean([math.log((a + coverage) / b) for a, b in pairs if b > 0])
+        ratio, low, high = (math.exp(log_ratio[k]) for k in range(3))
+        theirs = _PUBLISHED["cocap"] / _PUBLISHED["cocap-vs"]
+        reach = f" [{low:.2g}, {high:.2g}]" if log_ratio.size > 1 else ""
+        return (
+            f"{self.scene}: CoCap takes {ours[0]:.3f} s with value iteration, after "
+            f"{coverage:.3f} s for the coverage of all states, and {ours[1]:.3f} s with view "
+            f"search (medians). The former takes {ratio:.2g}{reach} times as long as the latter "
+            f"(geometric mean); published are {theirs:,.0f} times. That view search is the faster "
+            f"one {verdict_above(log_ratio, 0.0)} here."
+        )
+
+    def comparison(self) -> Table:
+        """Published seconds beside ours, and the gaps that only bounds can tell."""
+        table = []
+        for planner in _PUBLISHED:
+            own = self._of(planner)
+            planned = [row for row in own if row.valid]
+            published = f"{_PUBLISHED[planner]:g}" if self.scene == "corridor" else NONE
+            table.append(
+                {
+                    "scene": self.scene,
+                    "planner": planner,
+                    "published (s)": published,
+                    "ours (s)": interval(values(own, "seconds"), 3),
+                    "seeds": f"{len(planned)} of {len(own)}",
+                    "reward": interval(values(planned, "reward"), 0),
+                    "below the best bound (%)": interval(percent(planned, "gap"), 3),
+                    "below the free bound (%)": interval(percent(planned, "gap_free"), 3),
+                    "bound proved optimal": (
+                        f"{sum(row.bound_is_proved for row in own)} of {len(own)}"
+                    ),
+                }
+            )
+        return table
+
+    def scaling(self, limit: float) -> str:
+        """Answers what a team of this size costs.
+
+        Parameters
+        ----------
+        limit : s, that each planner had
+        """
         parts = []
         for planner in ("sequential", "cocap"):
-            own = [row for row in some if row["planner"] == planner]
-            gaps = percent([row for row in own if obeys(row)], "gap")
-            stopped = sum(row["limit"] == Limit.TIME for row in own)
+            own = self._of(planner)
+            gaps = percent([row for row in own if row.valid], "gap")
+            stopped = sum(row.limit == Limit.TIME for row in own)
             words = f", stopped by the limit of {limit:g} s on {stopped}" if stopped else ""
             gap = f"{_text(mean(gaps))} below the bound" if gaps else "without a plan"
             parts.append(f"{planner} is {gap} on {len(gaps)} of {len(own)} seeds{words}")
-        sentences.append(f"{scene}: {'; '.join(parts)}.")
-    return sentences
+        return f"{self.scene}: {'; '.join(parts)}."
 
+    def _of(self, planner: str) -> list[Row]:
+        return [row for row in self.rows if row.planner == planner]
 
-def _pairs(
-    rows: Sequence[Row], first: str, second: str, figure: Callable[[Row], float | None]
-) -> list[tuple[float, float]]:
-    """A figure of two planners on the seeds on which both have it."""
-    found: dict[str, dict[int, float]] = {first: {}, second: {}}
-    for row in rows:
-        if row["planner"] in found and (number := figure(row)) is not None:
-            found[row["planner"]][row["seed"]] = number
-    common = sorted(found[first].keys() & found[second].keys())
-    return [(found[first][seed], found[second][seed]) for seed in common]
-
-
-def comparison_table(scene: str, rows: Sequence[Row]) -> Table:
-    """Published seconds beside ours, and what only bounds can say."""
-    table = []
-    for planner in PUBLISHED:
-        own = [row for row in rows if row["planner"] == planner]
-        planned = [row for row in own if obeys(row)]
-        table.append(
-            {
-                "scene": scene,
-                "planner": planner,
-                "published (s)": f"{PUBLISHED[planner]:g}" if scene == "corridor" else NONE,
-                "ours (s)": interval(values(own, "seconds"), 3),
-                "seeds": f"{len(planned)} of {len(own)}",
-                "reward": interval(values(planned, "reward"), 0),
-                "below the best bound (%)": interval(percent(planned, "gap"), 3),
-                "below the free bound (%)": interval(percent(planned, "gap_free"), 3),
-                "bound proved optimal": f"{sum(map(bound_is_proved, own))} of {len(own)}",
-            }
+    def _pairs(
+        self, first: str, second: str, figure: Callable[[Row], float | None]
+    ) -> list[tuple[float, float]]:
+        """A figure of two planners, on the seeds on which both have it."""
+        one, other = (
+            {row.seed: number for row in self._of(name) if (number := figure(row)) is not None}
+            for name in (first, second)
         )
-    return table
+        return [(number, other[seed]) for seed, number in one.items() if seed in other]
 
 
-def giving_table(planner: str, some: Sequence[Encounter]) -> dict[str, str]:
-    """How often the earlier and the later drone of an encounter gives way, and at what cost."""
+def answers_of(rows: Sequence[Row]) -> list[SceneAnswers]:
+    """Answers about each scene of some rows."""
+    return [SceneAnswers(scene, some) for (scene,), some in grouped(rows, "scene").items()]
+
+
+def giving_row(planner: str, some: Sequence[Encounter]) -> dict[str, str]:
+    """Row that counts who gives way in encounters, and says at what cost."""
     earlier = [100 * e.given_up[0] for e in some if e.earlier_gives_way]
     return {
         "planner": planner,

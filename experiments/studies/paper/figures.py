@@ -1,4 +1,4 @@
-"""Figures of the paper's experiments. Each drawing function takes an axes and returns it."""
+"""Figures of the paper's experiments."""
 
 from collections.abc import Iterable, Mapping, Sequence
 
@@ -20,11 +20,11 @@ from cocap_opt.experiments.studies.paper.giving_way import Encounter
 from cocap_opt.problem.plan import Plan
 from cocap_opt.problem.problem import Problem
 
-COLOURS = {
+_COLOURS = {
     "greedy": "#8d99ae", "sequential": "#edae49", "cocap": "#30638e", "cocap-vs": "#66a182",
 }  # fmt: skip
-AROUND = 2.0  # m
-NAMES = {
+_AROUND = 2.0  # m
+_NAMES = {
     "greedy": "unconstrained (collides)", "sequential": "sequential",
     "cocap": "CoCap, value iteration", "cocap-vs": "CoCap, view search",
 }  # fmt: skip
@@ -40,7 +40,7 @@ def curves_figure(curves: Mapping[str, Mapping[str, Sequence[Sequence[float]]]])
     figure = Figure(figsize=(5.4 * len(curves), 3.8), layout="constrained", dpi=130)
     for ax, (scene, planners) in zip(np.ravel(figure.subplots(1, len(curves))), curves.items(),
                                      strict=True):  # fmt: skip
-        draw_curves(ax, planners)
+        _draw_curves(ax, planners)
         counts = sorted({len(rewards) for rewards in planners.values()})
         words = " to ".join(map(str, dict.fromkeys((counts[0], counts[-1]))))
         ax.set_title(f"{scene} ({words} seeds)", fontsize=10)
@@ -48,17 +48,17 @@ def curves_figure(curves: Mapping[str, Mapping[str, Sequence[Sequence[float]]]])
     return figure
 
 
-def draw_curves(ax: Axes, planners: Mapping[str, Sequence[Sequence[float]]]) -> Axes:
-    """Mean and spread of each planner's reward per step."""
+def _draw_curves(ax: Axes, planners: Mapping[str, Sequence[Sequence[float]]]) -> Axes:
+    """Draw the mean and the spread of each planner's reward per step."""
     for k, (planner, rewards) in enumerate(planners.items()):
         if not rewards:
             continue
         values = np.array(rewards)
         steps = np.arange(1, values.shape[1] + 1) + 0.06 * k  # side by side, not on each other
         mean, spread = values.mean(axis=0), values.std(axis=0, ddof=min(1, len(values) - 1))
-        colour = COLOURS.get(planner, "black")
+        colour = _COLOURS.get(planner, "black")
         ax.fill_between(steps, mean - spread, mean + spread, color=colour, alpha=0.12, lw=0)
-        ax.plot(steps, mean, color=colour, marker="o", ms=3, lw=1.6, label=NAMES.get(planner))
+        ax.plot(steps, mean, color=colour, marker="o", ms=3, lw=1.6, label=_NAMES.get(planner))
     ax.set_xlabel("step")
     ax.set_ylabel("view reward (mean, ± 1 sd shaded)")
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
@@ -68,7 +68,12 @@ def draw_curves(ax: Axes, planners: Mapping[str, Sequence[Sequence[float]]]) -> 
 
 
 def encounter_figure(problem: Problem, encounter: Encounter, plans: Mapping[str, Plan]) -> Figure:
-    """An encounter in several plans side by side, at the step where two drones would collide."""
+    """An encounter in several plans side by side, at the step at which two drones would collide.
+
+    Parameters
+    ----------
+    plans : by planner
+    """
     low, high = _extent(problem, plans.values())
     height = 1.2 + 4.0 * (high[1] - low[1]) / (high[0] - low[0])
     figure = Figure(figsize=(4.6 * len(plans), height), layout="constrained", dpi=130)
@@ -81,7 +86,7 @@ def encounter_figure(problem: Problem, encounter: Encounter, plans: Mapping[str,
         ax.set_ylim(low[1], high[1])
         verdict = check(problem, plan)
         words = f", {len(verdict.conflicts)} conflicts" if verdict.conflicts else ""
-        ax.set_title(f"{NAMES.get(name, name)}\nJ = {verdict.reward:,.0f}{words}", fontsize=9)
+        ax.set_title(f"{_NAMES.get(name, name)}\nJ = {verdict.reward:,.0f}{words}", fontsize=9)
     i, k = encounter.robots
     figure.suptitle(
         f"{problem.name}, seed {encounter.seed}, step {encounter.step}: drones {i} and {k}",
@@ -96,30 +101,30 @@ def _extent(problem: Problem, plans: Iterable[Plan]) -> tuple[FloatArray, FloatA
     places += [(float(x), float(y)) for actor in problem.actors for x, y in actor.poses[:, :2]]
     origin = np.array(problem.height_map.origin)
     end = origin + np.array(problem.height_map.shape) * problem.height_map.resolution
-    low, high = np.min(places, axis=0) - AROUND, np.max(places, axis=0) + AROUND
+    low, high = np.min(places, axis=0) - _AROUND, np.max(places, axis=0) + _AROUND
     return np.maximum(low, origin), np.minimum(high, end)
 
 
 def scaling_figure(points: Mapping[str, Sequence[tuple[int, float, float]]]) -> Figure:
-    """Time and reward against the number of robots, per planner.
+    """Time and reward against the number of drones, per planner.
 
     Parameters
     ----------
-    points : by planner (robots, median seconds, mean share of the certified bound
-        without collisions in %)
+    points : by planner (drones, median seconds, mean reward in % of the certified bound
+        without collisions)
     """
     figure = Figure(figsize=(9.6, 3.8), layout="constrained", dpi=130)
     left, right = figure.subplots(1, 2)
     for planner, some in points.items():
         robots, seconds, shares = zip(*some, strict=True)
-        style = {"color": COLOURS.get(planner, "black"), "marker": "o", "ms": 3.5, "lw": 1.5}
-        left.plot(robots, seconds, label=NAMES.get(planner, planner), **style)
-        right.plot(robots, shares, label=NAMES.get(planner, planner), **style)
+        style = {"color": _COLOURS.get(planner, "black"), "marker": "o", "ms": 3.5, "lw": 1.5}
+        left.plot(robots, seconds, label=_NAMES.get(planner, planner), **style)
+        right.plot(robots, shares, label=_NAMES.get(planner, planner), **style)
     left.set_yscale("log")
     left.set_ylabel("time, median (s)")
     right.set_ylabel("mean reward, of the bound\nwithout collisions (%)")
     for ax in (left, right):
-        ax.set_xlabel("robots")
+        ax.set_xlabel("drones")
         ax.xaxis.set_major_locator(MaxNLocator(integer=True))
         ax.grid(alpha=0.25, which="both")
     figure.legend(

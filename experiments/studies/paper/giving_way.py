@@ -1,10 +1,10 @@
-"""Who gives way to whom, and what of its own reward that costs.
+"""Encounters of drones: which of two gives way, and what of its own reward that costs.
 
 Two drones whose unconstrained plans collide cannot both keep them. In sequential planning no
 drone makes way for a later one; it may fly elsewhere because of a still earlier one. A coordinated
 plan may send the earlier one elsewhere, at a cost to its own view, for the good of the team. That
-is measured here, in encounters of two drones that collide with nobody else, so that each drone
-counts once: a drone's own reward is J of its path alone.
+is measured here in encounters of two drones that collide with no third one, so that each drone
+counts once. A drone's own reward is J of its path alone.
 """
 
 from collections import Counter
@@ -15,11 +15,11 @@ from cocap_opt.check import check
 from cocap_opt.problem.plan import Plan, conflicts
 from cocap_opt.problem.problem import Problem
 
-GIVES = 1e-6  # share of its own reward from which on a drone counts as giving some up
+_GIVES = 1e-6  # share of its own reward from which on a drone counts as giving some up
 
 
 class Encounter(NamedTuple):
-    """Two drones that collide in the unconstrained plan, and what a plan makes of that."""
+    """Two drones that collide in the unconstrained plan, and their paths in another plan."""
 
     scene: str
     seed: int
@@ -27,23 +27,23 @@ class Encounter(NamedTuple):
     step: int  # of their first conflict
     own_before: tuple[float, float]  # J of each one's path alone, in the unconstrained plan
     own_after: tuple[float, float]
-    moved: tuple[bool, bool]  # whether the path is another one
+    moved: tuple[bool, bool]  # true if the path is another one
     team: float  # J of the plan
 
     @property
     def given_up(self) -> tuple[float, float]:
-        """Share of its own reward that each has less; negative if it has more."""
+        """Share of its own reward that each loses; negative if it gains."""
         before, after = self.own_before, self.own_after
         return _share_lost(before[0], after[0]), _share_lost(before[1], after[1])
 
     @property
     def earlier_gives_way(self) -> bool:
-        """Whether the earlier drone flies elsewhere and has less of its own."""
-        return self.moved[0] and self.given_up[0] > GIVES
+        """True if the earlier drone flies elsewhere and loses own reward by it."""
+        return self.moved[0] and self.given_up[0] > _GIVES
 
 
 def encounters(problem: Problem, seed: int, unconstrained: Plan, plan: Plan) -> list[Encounter]:
-    """What becomes of each two drones that collide with each other only, if unconstrained."""
+    """All encounters of two drones that collide in the unconstrained plan, and with no third."""
     team = check(problem, plan).reward
     found = []
     for pair, step in _apart(_first_conflicts(problem, unconstrained)).items():
@@ -65,6 +65,12 @@ def own_reward(problem: Problem, robot: int, plan: Plan) -> float:
     return check(alone, Plan(paths=(plan.paths[robot],))).reward
 
 
+def most_generous(some: Sequence[Encounter]) -> Encounter | None:
+    """The encounter in which the earlier drone gives up the most; None if none gives up any."""
+    giving = [e for e in some if e.earlier_gives_way]
+    return max(giving, key=lambda e: e.given_up[0], default=None)
+
+
 def _first_conflicts(problem: Problem, plan: Plan) -> dict[tuple[int, int], int]:
     """The step of each pair's first conflict."""
     steps: dict[tuple[int, int], int] = {}
@@ -74,7 +80,7 @@ def _first_conflicts(problem: Problem, plan: Plan) -> dict[tuple[int, int], int]
 
 
 def _apart(steps: Mapping[tuple[int, int], int]) -> dict[tuple[int, int], int]:
-    """Those of pairs that share no drone with another."""
+    """The pairs that share no drone with another pair."""
     partners = Counter(robot for pair in steps for robot in pair)
     return {
         pair: step for pair, step in steps.items() if all(partners[robot] == 1 for robot in pair)
@@ -83,9 +89,3 @@ def _apart(steps: Mapping[tuple[int, int], int]) -> dict[tuple[int, int], int]:
 
 def _share_lost(before: float, after: float) -> float:
     return (before - after) / before if before > 0 else 0.0
-
-
-def most_generous(some: Sequence[Encounter]) -> Encounter | None:
-    """The encounter in which the earlier drone gives up the most."""
-    giving = [e for e in some if e.earlier_gives_way]
-    return max(giving, key=lambda e: e.given_up[0], default=None)

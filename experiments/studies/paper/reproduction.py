@@ -1,6 +1,5 @@
-"""All of the paper's experiments: computed by sweeps, written as one page with its figures."""
+"""All of the paper's experiments, computed by sweeps and written as one page with its figures."""
 
-import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from statistics import median
@@ -11,8 +10,8 @@ from cocap_opt.experiments.results.documents import markdown
 from cocap_opt.experiments.results.files import save_bytes
 from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.results.statistics import mean
-from cocap_opt.experiments.results.tables import Table, grouped, planner_table, price_table, values
-from cocap_opt.experiments.studies.paper import answers
+from cocap_opt.experiments.results.tables import Table, planner_table, price_table, values
+from cocap_opt.experiments.studies.paper.answers import SOURCE, answers_of, giving_row
 from cocap_opt.experiments.studies.paper.figures import (
     curves_figure,
     encounter_figure,
@@ -22,15 +21,14 @@ from cocap_opt.experiments.studies.paper.giving_way import Encounter, encounters
 from cocap_opt.experiments.sweeps.run import Group, Settings
 from cocap_opt.experiments.sweeps.sweep import Hired, has_error, sweep
 from cocap_opt.model import Model
-from cocap_opt.problem.plan import Plan
 from cocap_opt.problem.problem import Problem
 from cocap_opt.scenarios import load_scene
 from cocap_opt.scenarios.built_in.field import field
-from cocap_opt.stop import never
+from cocap_opt.stop import Clock, never
 
 SCENES = ("corridor", "bottleneck")
-PLANNERS = ("greedy", "sequential", "cocap", "cocap-vs")
-AT_A_TIME = 3600.0  # s, that a worker may have for a cell
+_PLANNERS = ("greedy", "sequential", "cocap", "cocap-vs")
+_AT_A_TIME = 3600.0  # s, that a worker may take for a cell
 FIELD = {"actors": 6, "cells": 30, "steps": 8}  # of the scaling experiment
 
 
@@ -42,17 +40,29 @@ def reproduce(
     limit: float,
     workers: int | None,
 ) -> bool:
-    """Compute what is missing, and write paper.md and its figures; whether nothing was an error."""
+    """Compute what is missing, and write paper.md and its figures.
+
+    Parameters
+    ----------
+    sizes : of the teams in the scaling experiment
+    limit : s, of each plan and each bound
+    workers : processes; None for this one
+
+    Returns
+    -------
+    bool
+        True if no cell ended by an error.
+    """
     settings = Settings(limit=limit, bound_limit=limit)
     main = [
-        Group(load_scene(scene, seed), seed, PLANNERS, settings, {})
+        Group(load_scene(scene, seed), seed, _PLANNERS, settings, {})
         for scene in SCENES
         for seed in seeds
     ]
     teams = [
         Group(
-            field(seed, robots=n, **FIELD).replace(name=f"field, {n} robots"), seed,
-            PLANNERS, settings, {},
+            field(seed, robots=n, **FIELD).replace(name=f"field, {n} drones"), seed,
+            _PLANNERS, settings, {},
         )
         for n in sizes
         for seed in scaling_seeds
@@ -76,7 +86,7 @@ def _write(
     limit: float,
     missing: int,
 ) -> None:
-    """Write the page and its figures, of what there is."""
+    """Write the page and its figures from the groups that are whole."""
     giving, found = _giving_way(groups)
     example = most_generous(found["cocap"])
     figures = {"curves.png": png(curves_figure(_curves(groups)))}
@@ -93,21 +103,16 @@ def _write(
 def _swept(
     folder: Path, groups: Sequence[Group], settings: Settings, workers: int | None
 ) -> list[Row]:
-    return sweep(groups, settings, folder, Hired(workers, None, AT_A_TIME))
-
-
-def _plan(group: Group, planner: str) -> Plan | None:
-    content = group.found[group.cells[planner]].plan
-    return None if content is None else content.plan
+    return sweep(groups, settings, folder, Hired(workers, None, _AT_A_TIME))
 
 
 def _curves(groups: Sequence[Group]) -> dict[str, dict[str, list[Sequence[float]]]]:
     """Reward per step by scene and planner, a curve per seed."""
     curves: dict[str, dict[str, list[Sequence[float]]]] = {}
     for group in groups:
-        planners = curves.setdefault(group.problem.name, {name: [] for name in PLANNERS})
+        planners = curves.setdefault(group.problem.name, {name: [] for name in _PLANNERS})
         for planner, seen in planners.items():
-            if (plan := _plan(group, planner)) is not None:
+            if (plan := group.plan(planner)) is not None:
                 seen.append(check(group.problem, plan).reward_per_step)
     return curves
 
@@ -116,34 +121,34 @@ def _giving_way(groups: Sequence[Group]) -> tuple[Table, dict[str, list[Encounte
     """Encounters by planner, over all scenes, and their table."""
     found: dict[str, list[Encounter]] = {"sequential": [], "cocap": []}
     for group in groups:
-        unconstrained = _plan(group, "greedy")
+        unconstrained = group.plan("greedy")
         for planner, some in found.items():
-            plan = _plan(group, planner)
+            plan = group.plan(planner)
             if unconstrained is not None and plan is not None:
                 some += encounters(group.problem, group.seed, unconstrained, plan)
-    return [answers.giving_table(planner, some) for planner, some in found.items()], found
+    return [giving_row(planner, some) for planner, some in found.items()], found
 
 
 def _example(groups: Sequence[Group], example: Encounter) -> bytes:
-    """The encounter in the plans of three planners."""
+    """Picture of an encounter in the plans of three planners."""
     where = (example.scene, example.seed)
     group = next(group for group in groups if (group.problem.name, group.seed) == where)
-    plans = {name: _plan(group, name) for name in ("greedy", "sequential", "cocap")}
+    plans = {name: group.plan(name) for name in ("greedy", "sequential", "cocap")}
     shown = {name: plan for name, plan in plans.items() if plan is not None}
     return png(encounter_figure(group.problem, example, shown))
 
 
 def _points(rows: Sequence[Row], sizes: Sequence[int]) -> dict[str, list[tuple[int, float, float]]]:
-    """Per planner and team size: median seconds, mean share of the free bound in %.
+    """Per planner and team size: median seconds, and mean reward in % of the free bound.
 
     That bound holds for plans with conflicts, too, so that all seeds count for every planner
     that has a plan on each.
     """
     points: dict[str, list[tuple[int, float, float]]] = {}
-    for planner in PLANNERS:
+    for planner in _PLANNERS:
         for n in sizes:
-            own = [r for r in rows if (r["planner"], r["robots"]) == (planner, n)]
-            shares = [100 * r["reward"] / r["bound_free"] for r in own if r["reward"] is not None]
+            own = [r for r in rows if (r.planner, r.robots) == (planner, n)]
+            shares = [100 * r.reward / r.bound_free for r in own if r.reward is not None]
             if own and len(shares) == len(own):
                 seconds = median(values(own, "seconds"))
                 points.setdefault(planner, []).append((n, seconds, mean(shares).value))
@@ -151,14 +156,14 @@ def _points(rows: Sequence[Row], sizes: Sequence[int]) -> dict[str, list[tuple[i
 
 
 def _coverage_seconds(problem: Problem) -> float:
-    """What the coverage of all states takes on one thread."""
+    """Seconds that the coverage of all states takes on one thread, the median of three."""
     return median(_timed(Model(problem, use_cache=False)) for _ in range(3))
 
 
 def _timed(model: Model) -> float:
-    begin = time.perf_counter()
+    clock = Clock()
     model.prepare_all(never)
-    return time.perf_counter() - begin
+    return clock.seconds
 
 
 def _page(
@@ -170,21 +175,14 @@ def _page(
     missing: int,
 ) -> str:
     """The page in Markdown."""
-    by_scene = {scene: some for (scene,), some in grouped(rows, "scene").items()}
-    comparison = [row for s, some in by_scene.items() for row in answers.comparison_table(s, some)]
+    scenes = answers_of(rows)
+    comparison = [row for answers in scenes for row in answers.comparison()]
     questions: Mapping[str, list[str]] = {
-        "Does CoCap come close to unconstrained performance?": [
-            answers.closeness(scene, some) for scene, some in by_scene.items()
-        ],
-        "Does CoCap outperform sequential planning?": [
-            answers.against_sequential(scene, some) for scene, some in by_scene.items()
-        ],
-        "When does sequential planning fail?": [
-            answers.sequential_failures(scene, some) for scene, some in by_scene.items()
-        ],
+        "Does CoCap come close to unconstrained performance?": [a.closeness() for a in scenes],
+        "Does CoCap outperform sequential planning?": [a.against_sequential() for a in scenes],
+        "When does sequential planning fail?": [a.sequential_failures() for a in scenes],
         "Is view search faster?": [
-            answers.time_answer(scene, some, _coverage_seconds(load_scene(scene, some[0]["seed"])))
-            for scene, some in by_scene.items()
+            a.times(_coverage_seconds(load_scene(a.scene, a.rows[0].seed or 0))) for a in scenes
         ],
     }
     parts = ["# The CoCap paper, reproduced and answered\n"]
@@ -194,7 +192,7 @@ def _page(
         parts.append(f"## {question}\n\n" + "".join(f"- {words}\n" for words in sentences))
     parts.append(markdown({"Published and measured": comparison}))
     parts.append(
-        f"Published seconds: {answers.SOURCE}, its corridor of 8 steps on the authors' machine; "
+        f"Published seconds: {SOURCE}, its corridor of 8 steps on the authors' machine; "
         "its rewards are of scenes that were not published. Intervals: 95 %, Student's t.\n"
     )
     parts.append("## Reward per step\n\n![Reward per step](curves.png)\n")
@@ -203,13 +201,13 @@ def _page(
     parts.append(markdown({"Planners": planner_table(rows), "Price": price_table(rows)}))
     if team_rows:
         parts.append("## Scaling\n\n![Time and reward against team size](scaling.png)\n")
-        parts.append("".join(f"- {words}\n" for words in answers.scaling_answer(team_rows, limit)))
+        parts.append("".join(f"- {a.scaling(limit)}\n" for a in answers_of(team_rows)))
         parts.append(markdown({"Team sizes": planner_table(team_rows)}))
     return "\n".join(parts)
 
 
 def _story(example: Encounter | None) -> str:
-    """The encounter in which most is given up, in words."""
+    """Sentences about the encounter in which most is given up."""
     if example is None:
         return "No earlier drone gave up any of its own reward in these scenes.\n"
     i, k = example.robots

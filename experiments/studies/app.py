@@ -1,0 +1,259 @@
+"""The commands of `cocap-opt study`: the project's own measurements. Each imports its work late."""
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import App, Parameter
+
+from cocap_opt.experiments.console.numbers import numbers, values
+from cocap_opt.files.documents import FileError
+
+app = App(
+    name="study",
+    help="Measure again what the project says of itself.",
+    help_format="plaintext",
+    version_flags=[],
+)
+_Out = Annotated[Path | None, Parameter(help="folder for the results")]
+_Seeds = Annotated[str | None, Parameter(help="such as 0-4; without it, each row has its own")]
+_INTERRUPTED = 130  # exit code after Ctrl-C
+
+
+@app.command(name="paper")
+def _paper(
+    *,
+    out: Annotated[Path, Parameter(help="folder for tables, figures, plans and certificates")],
+    seeds: Annotated[str, Parameter(help="of each scene")] = "0-29",
+    robots: Annotated[str, Parameter(help="team sizes of the scaling experiment")] = "2,4,6,8,12",
+    scaling_seeds: Annotated[str, Parameter(help="of each team size")] = "0-4",
+    time_limit: Annotated[float, Parameter(help="seconds for each plan and each bound")] = 60.0,
+    workers: Annotated[
+        int | None, Parameter(help="processes, each on a core of its own; this one if not given")
+    ] = None,
+) -> int:
+    """Reproduce the paper's experiments over many seeds, and answer its claims with bounds.
+
+    It makes reward curves, tables, the test of giving way, and scaling. What is in the folder
+    already is not computed again.
+
+    Example: cocap-opt study paper --out paper --seeds 0-9
+    """
+    from cocap_opt.experiments.studies.paper.reproduction import reproduce
+
+    _require_positive("--time-limit", time_limit)
+    _require_cores("--workers", workers)
+    sizes = numbers("--robots", robots)
+    if min(sizes) < 1:
+        raise FileError(f"--robots: must be at least 1, not {min(sizes)}")
+    fine = reproduce(
+        out, numbers("--seeds", seeds), sizes, numbers("--scaling-seeds", scaling_seeds),
+        time_limit, workers,
+    )  # fmt: skip
+    return 0 if fine else 1
+
+
+@app.command(name="start-sets")
+def _start_sets(
+    *scene: str,
+    sets: Annotated[str, Parameter(help="seeds of the scenes: start sets, such as 0-9")] = "0-9",
+    limit: Annotated[float, Parameter(help="seconds for each plan and each bound")] = 60.0,
+    option: Annotated[
+        list[str] | None, Parameter(negative="", help="NAME=VALUE, as of cocap-opt export")
+    ] = None,
+    out: _Out = None,
+) -> int:
+    """Make Greedy Perspectives' table of planners over start sets, with certified bounds.
+
+    The folder is that of a sweep, as of cocap-opt gap: what is in it already is not computed
+    again. Their plan is compared where peer_paths.csv and peer_reward.csv lie beside the
+    scene's seq.yaml.
+
+    Example: cocap-opt study start-sets seq.yaml --sets 0-9 --out tables
+    """
+    from cocap_opt.experiments.studies.start_sets.start_sets import start_sets
+
+    if not scene:
+        raise FileError("SCENE: name at least one, such as a seq.yaml")
+    _require_positive("--limit", limit)
+    options = values("--option", option or [])
+    whole = start_sets(scene, numbers("--sets", sets), limit, options, out)
+    return 0 if whole else _INTERRUPTED
+
+
+@app.command(name="growth")
+def _growth(
+    *,
+    robots: str = "2,4,8,16,32,64",
+    steps: str = "8,16,32,64,80",
+    cells: Annotated[str, Parameter(help="along each edge")] = "15,30,48,64,96",
+    seeds: Annotated[str, Parameter(help="medians are taken over them")] = "0-4",
+    limit: Annotated[float, Parameter(help="seconds for each run")] = 60.0,
+    out: _Out = None,
+) -> int:
+    """Measure how column generation grows with drones, steps and cells.
+
+    Example: cocap-opt study growth --seeds 0 --limit 20 --out growth
+    """
+    from cocap_opt.experiments.studies.growth.growth import growth
+
+    _require_positive("--limit", limit)
+    sizes = {
+        "robots": numbers("--robots", robots),
+        "steps": numbers("--steps", steps),
+        "cells": numbers("--cells", cells),
+    }
+    return 0 if growth(sizes, numbers("--seeds", seeds), limit, out) else 1
+
+
+@app.command(name="views")
+def _views(
+    *,
+    scene: Annotated[
+        list[str] | None, Parameter(negative="", consume_multiple=True, help="scenes or files")
+    ] = None,
+    poses: Annotated[int, Parameter(help="random poses in each scene")] = 1000,
+    samples: Annotated[str, Parameter(help="sample points along a triangle of a face")] = "1-6",
+    out: _Out = None,
+) -> int:
+    """Measure planned against rendered coverage, and the cost of more sample points.
+
+    Example: cocap-opt study views --scene corridor --poses 100 --out views
+    """
+    from cocap_opt.experiments.studies.views import views
+
+    views(scene or ["corridor", "bottleneck", "passage"], poses, numbers("--samples", samples), out)
+    return 0
+
+
+@app.command(name="solvers")
+def _solvers(
+    *,
+    rows: Annotated[
+        list[str] | None,
+        Parameter(
+            consume_multiple=True,
+            negative="",
+            help="which of corridor, bottleneck, passage, large, field-long, field-large, "
+            "relaxations, cone-program, milp, milp-with-our-root; without it, all: hours",
+        ),
+    ] = None,
+    seeds: _Seeds = None,
+    limit: Annotated[
+        float | None,
+        Parameter(help="seconds: cuts the rows' limits short, and sets that of the comparisons"),
+    ] = None,
+    large: Annotated[
+        Path | None, Parameter(help="seq.yaml of Greedy Perspectives' scene `large`")
+    ] = None,
+    out: _Out = None,
+) -> int:
+    """Measure bounds and exact methods beside their targets and generic solvers.
+
+    Example: cocap-opt study solvers --rows corridor cone-program --limit 20
+    """
+    from cocap_opt.experiments.studies.solvers.rows import Options
+    from cocap_opt.experiments.studies.solvers.table import solvers
+
+    wanted = None if seeds is None else numbers("--seeds", seeds)
+    if limit is not None:
+        _require_positive("--limit", limit)
+    return 0 if solvers(rows or [], Options(wanted, limit, large), out) else 1
+
+
+@app.command(name="coverage")
+def _coverage(
+    *,
+    robots: Annotated[str, Parameter(help="how many, spread over the map")] = "2,6",
+    steps: Annotated[int, Parameter(help="horizon T")] = 60,
+    out: _Out = None,
+) -> int:
+    """Measure the cost of coverage on maps of 120 x 120 cells.
+
+    Example: cocap-opt study coverage --robots 2 --steps 10
+    """
+    from cocap_opt.experiments.studies.coverage.coverage import coverage
+
+    coverage(numbers("--robots", robots), steps, out)
+    return 0
+
+
+@app.command(name="peers")
+def _peers(
+    scene: Path,
+    coverage: Path,
+    /,
+    *,
+    states: Annotated[int, Parameter(help="how many random ones are compared")] = 500,
+) -> int:
+    """Compare coverage with the pixels that Greedy Perspectives' program rendered.
+
+    Example: cocap-opt study peers seq.yaml peer_coverage.csv
+    """
+    from cocap_opt.experiments.studies.coverage.peers import peers
+
+    peers(scene, coverage, states)
+    return 0
+
+
+@app.command(name="speed")
+def _speed() -> int:
+    """Measure the speed of coverage, planners and the command line.
+
+    Example: cocap-opt study speed
+    """
+    from cocap_opt.experiments.studies.speed import speed
+
+    speed()
+    return 0
+
+
+@app.command(name="pictures")
+def _pictures(folder: Path, /) -> int:
+    """Write the player's page and its picture, as in the README; needs Chromium.
+
+    Example: cocap-opt study pictures pictures
+    """
+    from cocap_opt.experiments.results.files import make_folder
+
+    try:
+        from cocap_opt.experiments.studies.pictures import write_pictures
+    except ModuleNotFoundError as error:
+        raise FileError(f"{error.name} is not installed: pip install -e '.[test]'") from error
+    make_folder(folder)
+    try:
+        write_pictures(folder)
+    except FileNotFoundError as error:
+        raise FileError(f"player.png: {error}") from error
+    return 0
+
+
+@app.command(name="notebooks")
+def _notebooks(
+    *names: Annotated[str, Parameter(help="such as first_tour; all if none is given")],
+) -> int:
+    """Run the project's notebooks from start to end and store them with their outputs.
+
+    A notebook of which a cell fails is left as it is.
+
+    Example: cocap-opt study notebooks first_tour
+    """
+    try:
+        from cocap_opt.experiments.studies.notebooks import store_notebooks
+    except ModuleNotFoundError as error:
+        raise FileError(f"{error.name} is not installed: pip install -e '.[notebooks]'") from error
+
+    store_notebooks(names)
+    return 0
+
+
+def _require_positive(option: str, seconds: float) -> None:
+    if not (seconds > 0 and math.isfinite(seconds)):
+        raise FileError(f"{option}: must be a positive number of seconds, not {seconds:g}")
+
+
+def _require_cores(option: str, count: int | None) -> None:
+    from cocap_opt.vision.coverage import usable_cores
+
+    if count is not None and not 1 <= count <= usable_cores():
+        raise FileError(f"{option}: must be 1..{usable_cores()}, a core each, not {count}")

@@ -1,0 +1,129 @@
+"""Measures how column generation grows with drones, steps and cells.
+
+One of the three changes at a time, around a base field.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from statistics import median
+
+from cocap_opt.experiments.console.streams import say
+from cocap_opt.experiments.report.figures import png
+from cocap_opt.experiments.results.files import make_folder, save_bytes, save_csv
+from cocap_opt.experiments.results.printing import Record, print_table
+from cocap_opt.experiments.studies.growth.figure import growth_figure
+from cocap_opt.experiments.studies.growth.points import (
+    BASES,
+    GAP,
+    MEASURES,
+    SIZES,
+    Field,
+    Point,
+)
+from cocap_opt.experiments.studies.runs import Run, RunError, run
+from cocap_opt.formulations.column_generation.root_bound import column_generation
+from cocap_opt.scenarios.built_in.field import field
+from cocap_opt.stop import Limit
+
+
+def growth(
+    sizes: Mapping[str, Sequence[int]], seeds: Sequence[int], limit: float, out: Path | None = None
+) -> bool:
+    """Measure, print, and write the table (growth.csv) and the figure (growth.png).
+
+    Parameters
+    ----------
+    sizes : by axis, a key of SIZES
+    limit : s, of each run
+
+    Returns
+    -------
+    bool
+        True if no run failed.
+    """
+    make_folder(out)
+    points: list[Point] = []
+    known: dict[tuple[Field, int], Run | None] = {}
+    try:
+        for axis in SIZES:
+            for size in sorted(sizes[axis]):
+                wanted = BASES[axis]._replace(**{axis: size})
+                for seed in seeds:
+                    if (wanted, seed) not in known:
+                        known[wanted, seed] = _measured(wanted, seed, limit)
+                found = [r for seed in seeds if (r := known[wanted, seed]) is not None]
+                if found:
+                    points.append(Point(axis, size, tuple(found)))
+                if out is not None and found:
+                    save_csv(out / "growth.csv", _table(points, limit))
+    finally:
+        _print(points, limit)
+    if out is not None and points:
+        save_bytes(out / "growth.png", png(growth_figure(points, limit)))
+    return all(r is not None for r in known.values())
+
+
+def _table(points: Sequence[Point], limit: float) -> list[Record]:
+    """Rows of the CSV file: medians per size, and the exponents of each axis so far."""
+    return [
+        {
+            "axis": point.axis, "size": point.size, **point.field._asdict(),
+            "seeds": len(point.runs),
+            "at_limit": sum(r.limit is not Limit.NONE for r in point.runs),
+            "limit": limit,
+            **{name: median(measure.of(point)) for name, measure in MEASURES.items()},
+            "gigabytes": max(r.gigabytes for r in point.runs),
+            **{
+                f"exponent_of_{name}": measure.exponent(_on_axis(points, point.axis))
+                for name, measure in MEASURES.items()
+            },
+        }
+        for point in points
+    ]  # fmt: skip
+
+
+def _on_axis(points: Sequence[Point], axis: str) -> list[Point]:
+    return [point for point in points if point.axis == axis]
+
+
+def _measured(wanted: Field, seed: int, limit: float) -> Run | None:
+    """Run column generation on a field; None if it failed."""
+    try:
+        result = run(partial(field, seed, **wanted._asdict()), column_generation, limit)
+    except RunError as error:
+        say(f"{wanted.words}, seed {seed}: {error}")
+        return None
+    say(f"{wanted.words}, seed {seed}: {result.seconds:.2f} s, gap {100 * result.gap:.4f} %")
+    return result
+
+
+def _print(points: Sequence[Point], limit: float) -> None:
+    rows = [
+        {
+            "axis": point.axis,
+            "size": point.size,
+            "to the end (s)": f"{median(point.seconds):.2f}{'' if point.finished else ' *'}",
+            f"to a gap of {100 * GAP:g} % (s)": _number(median(point.seconds_to_gap)),
+            "gap (%)": f"{median(point.gaps):.4f}",
+            "peak (GB)": f"{max(r.gigabytes for r in point.runs):.2f}",
+        }
+        for point in points
+    ]
+    print_table(f"growth of column generation (medians; * stopped at {limit:g} s)", rows)
+    slopes = [
+        {
+            "axis": axis,
+            "to the end": _number(MEASURES["seconds"].exponent(some)),
+            f"to a gap of {100 * GAP:g} %": _number(MEASURES["seconds_to_gap"].exponent(some)),
+            "of the gap": _number(MEASURES["gap_percent"].exponent(some)),
+        }
+        for axis in SIZES
+        if (some := _on_axis(points, axis))
+    ]
+    print_table("fitted exponents (times: of sizes that got there; gap: of all sizes)", slopes)
+
+
+def _number(value: float) -> str:
+    return f"{value:.2f}" if math.isfinite(value) else "-"

@@ -1,0 +1,207 @@
+"""Runs of one method on one instance, each in a process of its own and on one thread.
+
+Imports, first solves of tiny instances and the coverage are not counted. Plan and bound pass the
+referee after the clock has stopped.
+"""
+
+import math
+import multiprocessing
+import os
+import resource
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from multiprocessing.connection import Connection, wait
+from threading import Thread
+from typing import NamedTuple
+
+from cocap_opt.experiments.results.rows import judge
+from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
+from cocap_opt.formulations.result import BoundMethod, Snapshot
+from cocap_opt.model import compiled
+from cocap_opt.problem.problem import Problem
+from cocap_opt.result import Reason, relative_gap
+from cocap_opt.scenarios import load_scene
+from cocap_opt.stop import Limit, TimeLimit, never
+
+_WARM_UP_SECONDS = 5.0
+_MOST_MORE_SECONDS = 900.0  # for coverage, and for a method that is slow to notice its limit
+BYTES = 1 if sys.platform == "darwin" else 1024  # unit of ru_maxrss
+_THREADS = ("OMP_NUM__THREADS", "OPENBLAS_NUM__THREADS", "MKL_NUM__THREADS", "RAYON_NUM__THREADS")
+
+Build = Callable[[], Problem]  # made so that it can be pickled: it goes to another process
+
+
+class RunError(RuntimeError):
+    """A run failed; the message says why."""
+
+
+class Moment(NamedTuple):
+    """The best value and bound that a method had found by some time."""
+
+    seconds: float
+    value: float  # J, -inf without a plan
+    bound: float
+
+
+@dataclass(frozen=True)
+class Run:
+    """Outcome of a run.
+
+    Attributes
+    ----------
+    moments : one each time that value or bound improved
+    value : J by the referee; -inf without a plan
+    seconds : until the method returned, by its own clock
+    processor : seconds that a processor worked on it, processes that it started included
+    gigabytes : peak memory of the process, imports and coverage included
+    """
+
+    moments: tuple[Moment, ...]
+    value: float
+    bound: float
+    reason: Reason
+    limit: Limit
+    seconds: float
+    processor: float = math.nan
+    gigabytes: float = math.nan
+    message: str = ""
+
+    @property
+    def gap(self) -> float:
+        """Certified relative gap at the end."""
+        return relative_gap(self.value, self.bound)
+
+    @property
+    def seconds_to_proof(self) -> float:
+        """Seconds until the proof was there; infinite without one."""
+        return self.seconds if self.reason is Reason.OPTIMAL else math.inf
+
+    def gap_after(self, seconds: float) -> float:
+        """Certified relative gap that was reached within this time."""
+        if seconds >= self.seconds:
+            return self.gap
+        before = [moment for moment in self.moments if moment.seconds <= seconds]
+        value = max((moment.value for moment in before), default=-math.inf)
+        return relative_gap(value, min((moment.bound for moment in before), default=math.inf))
+
+    def seconds_to_gap(self, gap: float) -> float:
+        """Seconds until the relative gap was at most this; infinite if it never was."""
+        value, bound = -math.inf, math.inf
+        for moment in self.moments:
+            value, bound = max(value, moment.value), min(bound, moment.bound)
+            if relative_gap(value, bound) <= gap:
+                return moment.seconds
+        return self.seconds if self.gap <= gap else math.inf
+
+    def seconds_to_bound(self, bound: float) -> float:
+        """Seconds until the bound was at most this; infinite if it never was."""
+        first = (moment.seconds for moment in self.moments if moment.bound <= bound)
+        return next(first, self.seconds if self.bound <= bound else math.inf)
+
+
+def scene(name_or_path: str, seed: int, horizon: int | None = None) -> Problem:
+    """Build a scene; with a horizon, cut off after so many steps."""
+    problem = load_scene(name_or_path, seed)
+    return problem if horizon is None else problem.replace(horizon=horizon)
+
+
+def run(build: Build, method: BoundMethod, seconds: float) -> Run:
+    """Run a method with a time limit in a process of its own.
+
+    Raises
+    ------
+    RunError
+        If the method fails, its process dies, or it runs on long after its limit.
+    """
+    context = multiprocessing.get_context("spawn")
+    receiver, sender = context.Pipe(duplex=False)
+    process = context.Process(target=_send, args=(sender, build, method, seconds))
+    with one_thread():
+        process.start()
+    sender.close()
+    try:
+        if not receiver.poll(2 * seconds + _MOST_MORE_SECONDS):
+            raise RunError(f"the method was killed: it ran on after its limit of {seconds:g} s")
+        outcome: Run | str = receiver.recv()
+    except EOFError:
+        process.join()
+        raise RunError(f"the process died (exit code {process.exitcode})") from None
+    finally:
+        process.kill()
+        process.join()
+        receiver.close()
+    if isinstance(outcome, str):
+        raise RunError(outcome)
+    return outcome
+
+
+def measured(build: Build, method: BoundMethod, seconds: float) -> Run:
+    """Run a method with a time limit in this process."""
+    # Methods import some libraries only once they need them: that is not to be counted either.
+    method(_prepared(partial(scene, "corridor", 0, 2)), TimeLimit(_WARM_UP_SECONDS))
+    branch_and_price(_prepared(partial(scene, "bottleneck", 0, 4)), TimeLimit(_WARM_UP_SECONDS))
+    problem = _prepared(build)
+    moments: list[Moment] = []
+
+    def note(snapshot: Snapshot) -> None:
+        now = Moment(snapshot.seconds, snapshot.value, max(snapshot.bound, snapshot.value))
+        if not moments or now[1:] != moments[-1][1:]:
+            moments.append(now)
+
+    before = _processor_seconds()
+    result = method(problem, TimeLimit(seconds), None, note)
+    processor = _processor_seconds() - before
+    gigabytes = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * BYTES / 1e9
+    judged = judge(str(getattr(method, "__name__", method)), problem, result)
+    if result.plan is not None and not judged.valid:
+        raise RunError("the plan breaks a collision rule")
+    return Run(
+        tuple(moments), judged.reward, result.bound, result.reason, result.limit, result.seconds,
+        processor, gigabytes, result.message,
+    )  # fmt: skip
+
+
+def _processor_seconds() -> float:
+    usage = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return sum(some.ru_utime + some.ru_stime for some in usage)
+
+
+def _send(sender: Connection, build: Build, method: BoundMethod, seconds: float) -> None:
+    Thread(target=_end_with_parent, daemon=True).start()
+    try:
+        sender.send(measured(build, method, seconds))
+    except Exception as error:  # whatever it is, the caller must be told
+        sender.send(f"{type(error).__name__}: {error}")
+
+
+def _end_with_parent() -> None:
+    """End this process once its parent has been killed."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        wait([parent.sentinel])
+        os._exit(1)
+
+
+def _prepared(build: Build) -> Problem:
+    """Build a problem and compute its coverage."""
+    problem = build()
+    compiled(problem).prepare_all(never)
+    return problem
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Limit the libraries of processes that are started meanwhile to one thread."""
+    before = {name: os.environ.get(name) for name in _THREADS}
+    os.environ.update(dict.fromkeys(_THREADS, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value

@@ -1,0 +1,194 @@
+"""Rows of the table of solvers that measure our methods on one scene, with their targets.
+
+Each row is a function. Where a method needs more than the limit, its seconds are infinite, so
+that a median over seeds stays a median.
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from statistics import median
+
+from cocap_opt.experiments.console.streams import say
+from cocap_opt.experiments.studies.runs import Run, run, scene
+from cocap_opt.experiments.studies.solvers.figures import Figure, Target, at_least, below
+from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
+from cocap_opt.formulations.column_generation.root_bound import column_generation
+from cocap_opt.formulations.result import BoundMethod
+
+_MANY_SEEDS, SEEDS = tuple(range(10)), tuple(range(5))
+_ROOT_SECONDS = 2.0
+
+
+class SkippedError(Exception):
+    """A row cannot be measured with these options; the message says what it needs."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """Options of the command; None where each row has a default of its own."""
+
+    seeds: tuple[int, ...] | None = None
+    limit: float | None = None
+    large: Path | None = None
+
+    def seeds_or(self, default: Sequence[int]) -> tuple[int, ...]:
+        """The seeds of a row."""
+        return tuple(default) if self.seeds is None else self.seeds
+
+    def at_most(self, seconds: float) -> float:
+        """The time limit (s) of a row whose targets name one, if need be cut short."""
+        return seconds if self.limit is None else min(seconds, self.limit)
+
+    def limit_or(self, seconds: float) -> float:
+        """The time limit (s) of a row whose targets name none."""
+        return seconds if self.limit is None else self.limit
+
+
+def _corridor(options: Options) -> list[Figure]:
+    """Measure the corridor: 2 drones, 8 steps."""
+    runs = _runs("corridor", options.seeds_or(_MANY_SEEDS), options.at_most(60.0))
+    return [
+        _proved(runs, must=1.0),
+        Figure(
+            "median seconds to proof", median(r.seconds_to_proof for r in runs), "s", below(2),
+            below(0.3),
+        ),
+        _slowest(runs),
+        _busy(runs),
+    ]  # fmt: skip
+
+
+def _bottleneck(options: Options) -> list[Figure]:
+    """Measure the bottleneck: 4 drones, 11 steps."""
+    seeds, seconds = options.seeds_or(_MANY_SEEDS), options.at_most(300.0)
+    runs = _runs("bottleneck", seeds, seconds)
+    roots = _runs("bottleneck", seeds, min(_ROOT_SECONDS, seconds), column_generation)
+    near = [r.seconds_to_gap(0.0002) for r in runs]
+    in_time = min(60.0, seconds)
+    # The best known J stands for the optimum, so that the bound's distance is overestimated.
+    off = [
+        100 * (root.bound - max(r.value, root.value)) / root.bound
+        for root, r in zip(roots, runs, strict=True)
+    ]
+    return [
+        Figure(
+            f"gap < 0.02 % in {in_time:g} s", sum(s <= in_time for s in near), f"of {len(runs)}",
+            at_least(len(runs)),
+        ),
+        Figure("median seconds to a gap of 0.02 %", median(near), "s"),
+        _proved(runs, must=0.7, moonshot=1.0),
+        Figure("median seconds to proof", median(r.seconds_to_proof for r in runs), "s",
+               moonshot=below(5)),
+        _slowest(runs),
+        Figure(f"root bound above the best J after {min(_ROOT_SECONDS, seconds):g} s, worst seed",
+               max(off), "%", below(0.5)),
+        _busy(runs),
+    ]  # fmt: skip
+
+
+def _passage(options: Options) -> list[Figure]:
+    """Measure the one-cell passage: 8 drones, 12 steps."""
+    seconds = options.at_most(30.0)
+    runs = _runs("passage", options.seeds_or(SEEDS), seconds)
+    return [
+        *_gaps(runs, seconds, below(0.1)),
+        _proved(runs, moonshot=1.0),
+        Figure("median seconds to proof", median(r.seconds_to_proof for r in runs), "s"),
+        _busy(runs),
+    ]
+
+
+def _large(options: Options) -> list[Figure]:
+    """Measure Greedy Perspectives' `large`: 18 drones, 6 people, 10 steps; seeds are start sets."""
+    if options.large is None:
+        raise SkippedError("this row needs --large FILE, the path of the scene's seq.yaml")
+    seconds = options.at_most(120.0)
+    runs = _runs(str(options.large), options.seeds_or(SEEDS), seconds)
+    return [
+        *_gaps(runs, seconds, below(0.5)),
+        *_gaps(runs, seconds / 2, None, below(0.1)),
+        _busy(runs),
+    ]
+
+
+def _field_long(options: Options) -> list[Figure]:
+    """Measure the long field: 6 drones, 6 people, 60 steps, 75 moves a step."""
+    seconds = options.at_most(300.0)
+    runs = _runs("field-long", options.seeds_or(SEEDS), seconds)
+    return [*_gaps(runs, seconds, below(1), below(0.2)), _memory(runs, 6), _busy(runs)]
+
+
+def _field_large(options: Options) -> list[Figure]:
+    """Measure the large field: 64 drones, 32 people, 64 x 64 cells, 40 steps."""
+    seconds = options.at_most(1200.0)
+    runs = _runs("field-large", options.seeds_or(SEEDS), seconds)
+    return [*_gaps(runs, seconds, below(2), below(0.5)), _memory(runs, 12), _busy(runs)]
+
+
+def _runs(
+    name: str,
+    seeds: Sequence[int],
+    seconds: float,
+    method: BoundMethod = branch_and_price,
+) -> list[Run]:
+    """Run a method on each seed of a scene."""
+    return [told(name, seed, run(partial(scene, name, seed), method, seconds)) for seed in seeds]
+
+
+def told(name: str, seed: int, result: Run) -> Run:
+    """Print a line about a run on standard error, and return the run."""
+    gap = f"gap {100 * result.gap:.4f} %" if math.isfinite(result.gap) else "no gap"
+    say(f"{name} seed {seed}: {result.reason} after {result.seconds:.2f} s "
+        f"({result.processor:.2f} s of processor), {gap}, {result.gigabytes:.2f} GB")  # fmt: skip
+    return result
+
+
+def _proved(
+    runs: Sequence[Run], must: float | None = None, moonshot: float | None = None
+) -> Figure:
+    """The number of optima that are proved; targets are shares of the runs."""
+
+    def of_all(share: float | None) -> Target | None:
+        return None if share is None else at_least(math.ceil(share * len(runs)))
+
+    count = sum(math.isfinite(r.seconds_to_proof) for r in runs)
+    return Figure("proved optima", count, f"of {len(runs)}", of_all(must), of_all(moonshot))
+
+
+def _slowest(runs: Sequence[Run]) -> Figure:
+    return Figure("slowest seed's seconds to proof", max(r.seconds_to_proof for r in runs), "s")
+
+
+def _busy(runs: Sequence[Run]) -> Figure:
+    """The share of its time in which a run had a processor: less on a busy machine."""
+    share = median(100 * r.processor / max(r.seconds, 1e-9) for r in runs)
+    return Figure("had a processor, median", share, "% of the time")
+
+
+def _gaps(
+    runs: Sequence[Run], seconds: float, must: Target | None, moonshot: Target | None = None
+) -> list[Figure]:
+    gaps = [100 * r.gap_after(seconds) for r in runs]
+    late = max(r.seconds for r in runs)
+    note = f"the slowest run returned after {late:.1f} s"
+    return [
+        Figure(f"median gap after {seconds:g} s", median(gaps), "%", must, moonshot, note),
+        Figure(f"largest gap after {seconds:g} s", max(gaps), "%"),
+    ]
+
+
+def _memory(runs: Sequence[Run], most: float) -> Figure:
+    return Figure("largest peak memory", max(r.gigabytes for r in runs), "GB", below(most))
+
+
+SCENE_ROWS: Mapping[str, Callable[[Options], list[Figure]]] = {
+    "corridor": _corridor,
+    "bottleneck": _bottleneck,
+    "passage": _passage,
+    "large": _large,
+    "field-long": _field_long,
+    "field-large": _field_large,
+}

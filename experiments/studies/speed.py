@@ -1,0 +1,155 @@
+"""Speed of coverage, of planners and of the command line, beside the speed that is promised.
+
+Each figure is a median over repeated runs. Ratios compare two things done in the same process,
+so they hold on slow and busy machines; seconds do not.
+"""
+
+import json
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from statistics import median
+from typing import NamedTuple
+
+from rich.console import Console
+from rich.table import Table
+
+from cocap_opt.model import Model, compiled
+from cocap_opt.objective import marginal_reward, no_pixels
+from cocap_opt.planners import PLANNERS
+from cocap_opt.scenarios import load_scene
+from cocap_opt.stop import Clock, never
+
+_SEEDS = range(10)
+_GAP = "from cocap_opt.experiments.cli.main import main; main(['gap', 'corridor', '--seeds', '0'])"
+_JOINT = """\
+import json, resource
+from cocap_opt.model import compiled
+from cocap_opt.planners import PLANNERS
+from cocap_opt.scenarios import load_scene
+from cocap_opt.stop import Clock, never
+problem = load_scene('corridor', 0)
+model = compiled(problem)
+model.coverage(model.classes[0])
+clock = Clock()
+result = PLANNERS['joint'](problem, never)
+assert result.reason == 'optimal'
+print(json.dumps([clock.seconds, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6]))
+"""
+
+
+class _Figure(NamedTuple):
+    name: str
+    measured: float
+    unit: str
+    target: str = ""
+
+
+def speed() -> None:
+    """Measure and print all figures."""
+    os.chdir(Path(__file__).parents[2])  # for the programs that are started
+    table = Table("figure", "measured", "target", title="speed (medians; one thread)")
+    for measure in _MEASURES:
+        for figure in measure():
+            table.add_row(figure.name, f"{figure.measured:.3g} {figure.unit}", figure.target)
+    Console(soft_wrap=True).print(table)
+    peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1e6
+    Console().print(f"largest process started: {peak:.2f} GB; Python {sys.version.split()[0]}")
+
+
+def _value_iteration() -> list[_Figure]:
+    """Compare a backward sweep on the corridor with copying its reward array."""
+    model = compiled(load_scene("corridor", 0))
+    robot_class = model.classes[0]
+    reward = marginal_reward(model, robot_class, no_pixels(model.problem))
+    # In turns, so that both meet the same noise.
+    ratios = [
+        _seconds(lambda: robot_class.graph.backward_sweep(reward), 50) / _seconds(reward.copy, 50)
+        for _ in range(11)
+    ]
+    return [_Figure("value iteration / copying the reward array", median(ratios), "x", "< 20")]
+
+
+def _coverage() -> list[_Figure]:
+    """Measure the coverage of all reachable states of the corridor, without the cache."""
+    problem = load_scene("corridor", 0)
+
+    def run() -> None:
+        model = Model(problem, use_cache=False)
+        model.coverage(model.classes[0])
+
+    return [_Figure("coverage of the corridor", _seconds(run, 5), "s", "< 3")]
+
+
+def _joint() -> list[_Figure]:
+    """Measure joint value iteration on the corridor in a process of its own, for its memory."""
+    runs = [json.loads(_run_python(_JOINT)) for _ in range(3)]
+    seconds, gigabytes = (median(column) for column in zip(*runs, strict=True))
+    return [
+        _Figure("joint value iteration, corridor, both rules", seconds, "s", "< 5"),
+        _Figure("... its memory", gigabytes, "GB", "< 2"),
+    ]
+
+
+def _cocap() -> list[_Figure]:
+    """Compare CoCap with value iteration and sequential planning on the bottleneck."""
+    ratios = []
+    for seed in _SEEDS:
+        problem = load_scene("bottleneck", seed)
+        compiled(problem).prepare_all(never)
+        cocap, sequential = (
+            _seconds(partial(PLANNERS[name], problem, never), 3) for name in ("cocap", "sequential")
+        )
+        ratios.append(cocap / sequential)
+    return [
+        _Figure("CoCap / sequential, bottleneck, median of 10 seeds", median(ratios), "x",
+                "< 3 (paper: 8.3)"),
+        _Figure("... the slowest seed", max(ratios), "x"),
+    ]  # fmt: skip
+
+
+def _command_line() -> list[_Figure]:
+    """Measure importing the command line, and the corridor's gap table."""
+    imports, bare, warm = (
+        _seconds(partial(_run_python, program), repeats)
+        for program, repeats in (
+            ("import cocap_opt.experiments.cli.commands", 5),
+            ("pass", 5),
+            (_GAP, 3),
+        )
+    )
+    with tempfile.TemporaryDirectory() as empty:
+        clock = Clock()
+        _run_python(_GAP, COCAP_OPT_CACHE=empty)
+        cold = clock.seconds
+    return [
+        _Figure("importing the command line", imports - bare, "s", "< 2"),
+        _Figure("gap corridor --seeds 0", warm, "s", "< 10"),
+        _Figure("... with an empty coverage cache", cold, "s", "< 10"),
+    ]
+
+
+_MEASURES = (_value_iteration, _coverage, _joint, _cocap, _command_line)
+
+
+def _seconds(run: Callable[[], object], repeats: int) -> float:
+    """Median wall time of a call, after one call that is not counted."""
+    run()
+    times = []
+    for _ in range(repeats):
+        clock = Clock()
+        run()
+        times.append(clock.seconds)
+    return median(times)
+
+
+def _run_python(code: str, **environment: str) -> bytes:
+    """Run a Python program in a process of its own; returns its output."""
+    command = [sys.executable, "-c", code]
+    variables = os.environ | environment
+    return subprocess.run(command, check=True, capture_output=True, env=variables).stdout

@@ -1,0 +1,144 @@
+"""Planners over start sets, as in Greedy Perspectives, with a bound beside each number.
+
+A sweep whose instances are start sets, with tables of its own. Where a scene's folder holds what
+their program planned, that plan is one more, from the starts in the scene's own file.
+"""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from cocap_opt.data import ProblemError
+from cocap_opt.experiments.console.streams import say
+from cocap_opt.experiments.results.files import read_plan
+from cocap_opt.experiments.results.gap_table import told_apart
+from cocap_opt.experiments.results.rows import BOUND_METHOD
+from cocap_opt.experiments.studies.start_sets.tables import THEIRS, Reported, SetTables
+from cocap_opt.experiments.sweeps.run import Group, Settings
+from cocap_opt.experiments.sweeps.sweep import Hired, sweep
+from cocap_opt.files.documents import FileError, problem_digest
+from cocap_opt.problem.plan import Plan
+from cocap_opt.problem.problem import Problem
+from cocap_opt.scenarios import SCENES, load_scene
+from cocap_opt.scenarios.formats.greedy_perspectives import read_reward
+
+PLANNERS = ("formation", "one-step", "greedy", "sequential", "cocap", "cocap-vs", BOUND_METHOD)
+_PEER_PLAN, _PEER_REWARD = "peer_paths.csv", "peer_reward.csv"
+
+
+class Peer(NamedTuple):
+    """A plan by their program."""
+
+    problem: Problem  # with the starts of the scene's own file
+    plan: Plan
+    reported: Reported
+
+
+def start_sets(
+    scenes: Sequence[str],
+    sets: Sequence[int],
+    limit: float,
+    options: Mapping[str, str],
+    out: Path | None = None,
+) -> bool:
+    """Sweep over start sets what is not in `out` yet, and print and write the tables.
+
+    Parameters
+    ----------
+    scenes : names or files
+    sets : start sets, the seeds of the scenes
+    limit : s, of each plan and each bound
+    options : of the scenes' format
+
+    Returns
+    -------
+    bool
+        True if all is measured, False after Ctrl-C.
+    """
+    settings = Settings(limit=limit, bound_limit=limit)
+    peers = list(peers_of(scenes, options))
+    problems = _start_set_problems(scenes, sets, options)
+    groups = [
+        *(Group(problem, k, PLANNERS, settings, {}) for (_, k), problem in problems.items()),
+        *(Group(peer.problem, 0, PLANNERS, settings, {THEIRS: peer.plan}) for peer in peers),
+    ]
+    words = {problem.name: scene for (scene, _), problem in problems.items()}
+
+    def is_same(key: tuple[str, int | None], digest: str) -> bool:
+        name, number = key
+        return name not in words or _digest(words[name], number, options) == digest
+
+    rows = sweep(groups, settings, out, Hired(None, None, math.inf), is_same=is_same)
+    whole = [group for group in groups if group.is_whole and not group.is_cut]
+    names = {(group.problem.name, group.seed) for group in whole}
+    tables = SetTables(
+        [row for row in rows if (row.scene, row.seed) in names],
+        {group.problem.name: _counted_steps(group.problem) for group in groups},
+        {peer.problem.name: peer.reported for peer in peers},
+    )
+    tables.publish(limit, out)
+    return len(whole) == len(groups)
+
+
+def _start_set_problems(
+    scenes: Sequence[str], sets: Sequence[int], options: Mapping[str, str]
+) -> dict[tuple[str, int], Problem]:
+    """The scenes by their words and start sets; each set must be another one."""
+    problems = told_apart({(s, k): load_scene(s, k, options) for s in scenes for k in sets})
+    first: dict[tuple[str, str], int] = {}
+    for (scene, k), problem in problems.items():
+        other = first.setdefault((scene, problem_digest(problem)), k)
+        if other != k:
+            raise FileError(f"{scene}: --sets: {other} and {k} are the same start set; name one")
+    return problems
+
+
+def _digest(scene: str, number: int | None, options: Mapping[str, str]) -> str:
+    """Digest of a scene with a start set; empty if there is no such set any more."""
+    try:
+        return problem_digest(load_scene(scene, number or 0, options))
+    except (FileError, ProblemError):
+        return ""
+
+
+def _counted_steps(problem: Problem) -> int:
+    return problem.horizon + 1 - problem.first_step
+
+
+# -- their plans --------------------------------------------------------------------------
+
+
+def peers_of(scenes: Sequence[str], options: Mapping[str, str]) -> Iterator[Peer]:
+    """Plans by their program, of the scenes that have one beside them."""
+    own = {**options, "start-set": "yaml"}
+    found = [scene for scene in dict.fromkeys(scenes) if _has_peer(scene)]
+    problems = told_apart({(scene, 0): load_scene(scene, 0, own) for scene in found})
+    for (scene, _), problem in problems.items():
+        named = problem.replace(name=f"{problem.name}-own-starts")
+        try:
+            yield _peer(scene, named)
+        except (FileError, ProblemError) as error:  # such as moves that other conventions forbid
+            say(f"{scene}: their plan is left out: {error}")
+
+
+def _folder(scene: str) -> Path:
+    path = Path(scene)
+    return path if path.is_dir() else path.parent
+
+
+def _has_peer(scene: str) -> bool:
+    """True for a scene of theirs with their plan and its reward beside it."""
+    is_theirs = Path(scene).is_dir() or Path(scene).suffix.lower() in (".yaml", ".yml")
+    files = (_folder(scene) / name for name in (_PEER_PLAN, _PEER_REWARD))
+    return scene not in SCENES and is_theirs and all(file.is_file() for file in files)
+
+
+def _peer(scene: str, problem: Problem) -> Peer:
+    _, plan = read_plan(_folder(scene) / _PEER_PLAN, scene, problem)
+    steps = slice(problem.first_step, None)
+    rewards = read_reward(_folder(scene) / _PEER_REWARD, problem)
+    reported = Reported(
+        math.fsum(rewards.as_reported[steps]), math.fsum(rewards.own_tilt[steps])
+    )  # fmt: skip
+    return Peer(problem, plan, reported)
