@@ -1,140 +1,107 @@
-"""Built-in scenes and readers of scene files. To add one: one file, one line below."""
+"""Built-in scenes and readers of scene files. To add one: one file, and one line below.
+
+`load_scene` gives the Problem of a scene's name or file. A reader of a format is imported when a
+file needs it, so that nobody needs PyYAML or rasterio who does not read such files.
+"""
 
 import os
 from collections.abc import Callable, Mapping
+from importlib import import_module
 from pathlib import Path
-from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from cocap_opt.data import ProblemError
-from cocap_opt.files.documents import FileError, load_problem
+from cocap_opt.files.documents import FileError
 from cocap_opt.problem.plan import Plan
 from cocap_opt.problem.problem import Problem, State
-from cocap_opt.scenarios.built_in.bottleneck import bottleneck, bottleneck_tight
-from cocap_opt.scenarios.built_in.bridge import bridge
-from cocap_opt.scenarios.built_in.corridor import corridor, corridor_tight
-from cocap_opt.scenarios.built_in.field import field_large, field_long, field_small
-from cocap_opt.scenarios.built_in.passage import passage
-from cocap_opt.scenarios.built_in.tiny import TINY
+from cocap_opt.scenarios.built_in import bottleneck, bridge, corridor, field, passage, tiny
 from cocap_opt.scenarios.formats import conventions, hughes
+from cocap_opt.scenarios.formats.options import NOTHING, Options
+
+__all__ = ["FORMATS", "NOTHING", "SCENES", "Format", "load_scene", "read_foreign_plan",
+           "scene_of_plan"]  # fmt: skip
 
 SCENES: dict[str, Callable[[int], Problem]] = {
-    "corridor": corridor,
-    "corridor-tight": corridor_tight,
-    "bottleneck": bottleneck,
-    "bottleneck-tight": bottleneck_tight,
-    "passage": passage,
-    "bridge": bridge,
-    "field": field_small,
-    "field-long": field_long,
-    "field-large": field_large,
-    **TINY,
+    **corridor.SCENES,  # corridor, corridor-tight
+    **bottleneck.SCENES,  # bottleneck, bottleneck-tight
+    **passage.SCENES,
+    **bridge.SCENES,
+    **field.SCENES,  # field, field-long, field-large
+    **tiny.SCENES,  # tiny-approach and eight others
 }
 
 
-NOTHING: Mapping[str, str] = MappingProxyType({})
+class _Files(NamedTuple):
+    """Files that are recognised by their suffix and, where others share it, by words in them."""
 
+    suffixes: tuple[str, ...]
+    words: bytes = b""
 
-class Options(NamedTuple):
-    """What can be chosen about how a kind of scene file is read."""
-
-    allowed: Mapping[str, tuple[str, ...]]  # values in words by name
-    read: Callable[[Path, int, Mapping[str, str]], Problem]  # path, seed, values by name
+    def has(self, path: Path) -> bool:
+        """Return True if a file is one of these."""
+        if path.suffix.lower() not in self.suffixes:
+            return False
+        try:
+            return not self.words or self.words in path.read_bytes()
+        except OSError:
+            return False
 
 
 class Format(NamedTuple):
-    """A kind of scene file."""
+    """A kind of scene file, and its reader as `cocap_opt.scenarios.formats` describes it."""
 
     description: str
-    matches: Callable[[Path], bool]  # by the file's name
-    read: Callable[[Path, int], Problem]  # path, seed
-    # Plan in a file that goes with such a scene; None where it is no such file, by its name.
-    read_plan: Callable[[Path, Problem], Plan | None] = lambda path, problem: None
-    # The scene with the starts that its own file names, where a seed chooses others.
-    read_own_starts: Callable[[Path], Problem] | None = None
-    options: Options | None = None
+    scenes: _Files
+    reader: str  # module, below cocap_opt.scenarios
+    plans: _Files = _Files(())
+    options: Options = Options()
+    # Options with which a scene has the starts that its own file names; None: it always has.
+    own_starts: Mapping[str, str] | None = None
 
+    def read(self, path: Path, seed: int, options: Mapping[str, str] = NOTHING) -> Problem:
+        """Read a scene file; `options` are words by name, of those that the format has."""
+        more = (options,) if self.options.allowed else ()
+        problem: Problem = self._module().read(path, seed, *more)
+        return problem
 
-def _ends(*suffixes: str) -> Callable[[Path], bool]:
-    return lambda path: path.suffix.lower() in suffixes
+    def read_plan(self, path: Path, problem: Problem) -> Plan:
+        """Read a plan file of this format."""
+        return Plan(paths=self._module().read_plan(path, problem))
 
-
-# The readers are imported where a file needs them: not everyone needs PyYAML.
-
-
-def _read_greedy_perspectives(path: Path, seed: int) -> Problem:
-    from cocap_opt.scenarios.formats import greedy_perspectives
-
-    return greedy_perspectives.read(path, seed)
-
-
-def _read_greedy_perspectives_as(path: Path, seed: int, options: Mapping[str, str]) -> Problem:
-    from cocap_opt.scenarios.formats import greedy_perspectives
-
-    return greedy_perspectives.read(path, seed, conventions.conventions_of(options))
-
-
-def _read_greedy_perspectives_own_starts(path: Path) -> Problem:
-    from cocap_opt.scenarios.formats import greedy_perspectives
-
-    return greedy_perspectives.read(path, conventions=conventions.OWN_STARTS)
-
-
-def _read_greedy_perspectives_plan(path: Path, problem: Problem) -> Plan | None:
-    if not _ends(".csv")(path):
-        return None
-    from cocap_opt.scenarios.formats import greedy_perspectives
-
-    return Plan(paths=greedy_perspectives.read_plan(path, problem))
-
-
-def _read_movingai(path: Path, seed: int) -> Problem:
-    from cocap_opt.scenarios.formats import movingai
-
-    return movingai.read(path, seed)
-
-
-def _read_hughes_plan(path: Path, problem: Problem) -> Plan | None:
-    paths = hughes.read_plan(path)
-    return None if paths is None else Plan(paths=paths)
-
-
-def _read_recipe(path: Path, seed: int) -> Problem:
-    from cocap_opt.scenarios.recipe import recipe
-
-    return recipe.read(path, seed)
+    def _module(self) -> Any:
+        return import_module(f"{__name__}.{self.reader}")
 
 
 FORMATS: dict[str, Format] = {
     "recipe": Format(
         "*.toml, a scene of maps, meshes, tracks and drones (the seed places the drones)",
-        _ends(".toml"),
-        _read_recipe,
+        scenes=_Files((".toml",)),
+        reader="recipe.recipe",
     ),
     "hughes": Format(
         "scene.json, a scene of Hughes et al. with a solution_*.json beside it (no seed)",
-        hughes.is_scene,
-        lambda path, seed: hughes.read(path),
-        _read_hughes_plan,
-        options=Options(hughes.ALLOWED, lambda path, seed, options: hughes.read(path, options)),
+        scenes=_Files((".json",), hughes.SCENE),
+        reader="formats.hughes",
+        plans=_Files((".json",), hughes.SOLUTION),
+        options=hughes.OPTIONS,
     ),
     "cocap-opt": Format(
         "*.json, cocap-opt's own scene file (no seed)",
-        _ends(".json"),
-        lambda path, seed: load_problem(path),
+        scenes=_Files((".json",)),
+        reader="formats.own",
     ),
     "greedy-perspectives": Format(
         "*.yaml, *.yml, a seq.yaml of Greedy Perspectives (the seed is the start set)",
-        _ends(".yaml", ".yml"),
-        _read_greedy_perspectives,
-        _read_greedy_perspectives_plan,
-        _read_greedy_perspectives_own_starts,
-        Options(conventions.ALLOWED, _read_greedy_perspectives_as),
+        scenes=_Files((".yaml", ".yml")),
+        reader="formats.greedy_perspectives",
+        plans=_Files((".csv",)),
+        options=conventions.OPTIONS,
+        own_starts={"start-set": "yaml"},
     ),
     "movingai": Format(
         "*.scen, a scenario of the MovingAI benchmark (the seed orders its rows)",
-        _ends(".scen"),
-        _read_movingai,
+        scenes=_Files((".scen",)),
+        reader="formats.movingai",
     ),
 }
 
@@ -146,8 +113,12 @@ def load_scene(name_or_path: str, seed: int = 0, options: Mapping[str, str] = NO
 
     Parameters
     ----------
+    name_or_path
+        One of `SCENES`, or a file of one of `FORMATS`.
+    seed
+        Chooses one of the scenes of this name; `FORMATS` says what it chooses in a file.
     options
-        Values by name, of those that the file's format has (`Format.options`).
+        Words by name that choose how the file is understood, of those in `Format.options`.
 
     Raises
     ------
@@ -161,21 +132,12 @@ def load_scene(name_or_path: str, seed: int = 0, options: Mapping[str, str] = NO
         _refuse(options, name_or_path)
         return build(seed)
     path, kind = _find_file(name_or_path)
-    if kind.options is None:
+    if not kind.options.allowed:
         _refuse(options, name_or_path)
     try:
-        if options and kind.options is not None:
-            return kind.options.read(path, seed, options)
-        return kind.read(path, seed)
+        return kind.read(path, seed, options)
     except ProblemError as error:
         raise FileError(str(error)) from error
-
-
-def _refuse(options: Mapping[str, str], scene: str) -> None:
-    """Refuse options, of which a scene has none."""
-    if options:
-        takers = ", ".join(key for key, kind in FORMATS.items() if kind.options is not None)
-        raise FileError(f"option {next(iter(options))!r}: {scene} takes none, only {takers} files")
 
 
 def scene_of_plan(name_or_path: str, problem: Problem, plan: Plan) -> Problem:
@@ -184,29 +146,54 @@ def scene_of_plan(name_or_path: str, problem: Problem, plan: Plan) -> Problem:
     Plans of other projects do not say which start set they belong to: it is the one that
     the seed chose (`problem`), or the one in the scene's own file.
     """
-    if name_or_path in SCENES or _starts(plan) == _problem_starts(problem):
+    starts = [path[0] if path else None for path in plan.paths]
+    if name_or_path in SCENES or starts == _starts(problem):
         return problem
     path, kind = _find_file(name_or_path)
-    if kind.read_own_starts is not None:
-        try:
-            own = kind.read_own_starts(path)
-        except ProblemError:  # a file whose own starts are not usable
-            return problem
-        if _starts(plan) == _problem_starts(own):
-            return own
-    return problem
+    if kind.own_starts is None:
+        return problem
+    try:
+        own = kind.read(path, 0, kind.own_starts)
+    except ProblemError:  # the starts in the file itself cannot be used
+        return problem
+    return own if starts == _starts(own) else problem
 
 
-def _starts(plan: Plan) -> list[State | None]:
-    return [path[0] if path else None for path in plan.paths]
+def read_foreign_plan(path: Path, problem: Problem) -> Plan | None:
+    """Read a plan in the file format of another project; None where it is not known as one.
+
+    The referee, not the reader, says if the plan can be flown.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be used; one line.
+    """
+    for kind in FORMATS.values():
+        if kind.plans.has(path):
+            try:
+                return kind.read_plan(path, problem)
+            except ProblemError as error:
+                raise FileError(str(error)) from error
+    return None
 
 
-def _problem_starts(problem: Problem) -> list[State]:
+def _refuse(options: Mapping[str, str], scene: str) -> None:
+    """Raise a FileError if options are given to a scene that has none."""
+    if options:
+        takers = ", ".join(key for key, kind in FORMATS.items() if kind.options.allowed)
+        raise FileError(
+            f"option {next(iter(options))!r}: {scene} has no options; only files of these kinds "
+            f"have: {takers}"
+        )
+
+
+def _starts(problem: Problem) -> list[State]:
     return [robot.start for robot in problem.robots]
 
 
 def _find_file(name_or_path: str) -> tuple[Path, Format]:
-    """Scene file of this name, or in the folder of this name, and its format."""
+    """Return the scene file of this name, or in the folder of this name, and its format."""
     path = Path(name_or_path)
     if os.path.isdir(path):
         if not os.path.exists(path / "seq.yaml"):
@@ -217,31 +204,8 @@ def _find_file(name_or_path: str) -> tuple[Path, Format]:
         if path.suffix or len(path.parts) > 1:
             raise FileError(f"{name_or_path}: no such file")
         raise FileError(f"{name_or_path}: no such scene or file; scenes: {', '.join(SCENES)}")
-    found = next((kind for kind in FORMATS.values() if kind.matches(path)), None)
+    found = next((kind for kind in FORMATS.values() if kind.scenes.has(path)), None)
     if found is None:
-        raise FileError(f"{path}: unknown kind of file, must be one of: {_known_files()}")
+        known = "; ".join(kind.description for kind in FORMATS.values())
+        raise FileError(f"{path}: unknown kind of file, must be one of: {known}")
     return path, found
-
-
-def read_foreign_plan(path: Path, problem: Problem) -> Plan | None:
-    """Read a plan in the file format of another project; None where it is not known as one.
-
-    Whether the plan can be flown is for the referee to say.
-
-    Raises
-    ------
-    FileError
-        If the file cannot be used; one line.
-    """
-    for kind in FORMATS.values():
-        try:
-            plan = kind.read_plan(path, problem)
-        except ProblemError as error:
-            raise FileError(str(error)) from error
-        if plan is not None:
-            return plan
-    return None
-
-
-def _known_files() -> str:
-    return "; ".join(kind.description for kind in FORMATS.values())

@@ -1,6 +1,7 @@
-"""Real cameras by name, as pinholes: what their makers or others who calibrated them say.
+"""Real cameras by name, as pinholes.
 
-Lens distortion is left out, and the principal point is put in the middle of the image.
+The numbers come from the makers, or from others who calibrated the cameras. Lens distortion is
+left out, and the principal point is put in the middle of the image.
 """
 
 import math
@@ -26,18 +27,18 @@ CAMERAS: dict[str, Camera] = {
     # OpenSfM, camera_calibration.yaml: focal length over the width; sizes assumed
     "dji-fc300s": Camera(width=4000, height=3000, focal=2372.3),
     "skydio-2": Camera(width=4056, height=3040, focal=2389.2),
-    # Suresh et al., "Greedy Perspectives", 2024: what the papers' scenes and ours have
+    # Suresh et al., "Greedy Perspectives", 2024: the camera of its scenes and of the built-in ones
     "greedy-perspectives": Camera(width=4000, height=3000, focal=2500.0),
 }
 
 
 def with_camera(problem: Problem, name: str) -> Problem:
-    """The problem with this camera on all robots; each keeps its tilts.
+    """Return the problem with this camera on all robots; each robot keeps its tilts.
 
     Raises
     ------
     ProblemError
-        If there is no camera of that name, or a robot has none that makes pictures.
+        If there is no camera of that name, or a robot has a sensor that makes no pictures.
     """
     if name not in CAMERAS:
         raise ProblemError(f"camera: must be one of {', '.join(CAMERAS)}, not {name!r}")
@@ -50,14 +51,14 @@ def with_camera(problem: Problem, name: str) -> Problem:
 
 
 def with_tilts(problem: Problem, degrees: tuple[float, ...]) -> Problem:
-    """The problem with these tilts, in degrees below the horizon, on all robots' cameras.
+    """Return the problem with these tilts, in degrees below the horizon, on all robots' cameras.
 
-    More than one make a gimbal, which begins at the one nearest to the robot's old tilt.
+    Several tilts make a gimbal, which begins at the tilt nearest to the robot's old one.
 
     Raises
     ------
     ProblemError
-        If a tilt is out of range, or a robot has no camera that makes pictures.
+        If a tilt is out of range, or a robot has a sensor that makes no pictures.
     """
     for angle in degrees:
         if not abs(angle) <= 90:  # true for nan, too

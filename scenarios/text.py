@@ -1,6 +1,5 @@
-"""What the readers of foreign formats share: text, tables and numbers, with errors of one line."""
+"""Text files and numbers in them, and the errors of one line that all readers of files raise."""
 
-import csv
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -11,7 +10,7 @@ from cocap_opt.data import ProblemError
 
 @contextmanager
 def naming(place: Path | str) -> Iterator[None]:
-    """Put a file's or a field's name before the message of a `ProblemError` raised inside."""
+    """Put the name of a file or a field before the message of a `ProblemError` raised inside."""
     try:
         yield
     except ProblemError as error:
@@ -19,7 +18,7 @@ def naming(place: Path | str) -> Iterator[None]:
 
 
 def one_line(error: Exception) -> str:
-    """Message of an error of another library, on one line (PyYAML's have several)."""
+    """Return the message of another library's error on one line (PyYAML's have several)."""
     return " ".join(str(error).split()) or type(error).__name__
 
 
@@ -37,29 +36,6 @@ def read_text(path: Path) -> str:
         raise ProblemError(f"cannot be read: {error.strerror}") from error
     except ValueError as error:
         raise ProblemError(f"must be a text file: {one_line(error)}") from error
-
-
-def read_table(path: Path, columns: tuple[str, ...]) -> list[tuple[int, dict[str, str]]]:
-    """Return the rows of a CSV file, each with its line number; further columns are kept.
-
-    Raises
-    ------
-    ProblemError
-        If a column is missing from the header, or a row is longer or shorter than the header.
-    """
-    reader = csv.DictReader(read_text(path).splitlines(), skipinitialspace=True)
-    rows = []
-    try:
-        names = list(reader.fieldnames or ())
-        if not set(columns) <= set(names):
-            raise ProblemError(f"header: must name the columns {','.join(columns)}, not {names}")
-        for row in reader:
-            if None in row or None in row.values():
-                raise ProblemError(f"line {reader.line_num}: must have {len(names)} values")
-            rows.append((reader.line_num, row))
-    except csv.Error as error:
-        raise ProblemError(f"line {reader.line_num}: {one_line(error)}") from error
-    return rows
 
 
 def integer(text: str, field: str) -> int:

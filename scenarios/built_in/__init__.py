@@ -1,1 +1,6 @@
-"""The scenes that come with the project."""
+"""The scenes that come with the project.
+
+Each module has a dict `SCENES` of its scenes: functions from a seed to a Problem, by name.
+"""
+
+__all__ = ["bottleneck", "bridge", "corridor", "field", "parts", "passage", "tiny"]

@@ -1,4 +1,4 @@
-"""Bridge: two people walk through an underpass, three drones film them from both sides.
+"""Bridge: two people walk through an underpass, and three drones film them from both sides.
 
             #######                      the deck, 6 to 7 m high, seen from the side:
             #deck #
@@ -6,16 +6,18 @@
             #     #                             ########
       R     #######                         3 m - - - - - - - - - - -   below it
 
-A height map has one top in each cell: for it the underpass is solid rock, in which nobody can be
-seen, and drones that follow must climb over it. With the deck as a mesh they fly through, and
-those above do not see through it.
+A height map has one top in each cell: in it the underpass would be solid rock, in which nobody can
+be seen, and which drones must climb over. With the deck as a mesh drones fly through below it, and
+drones above it do not see through it.
 """
+
+from collections.abc import Callable
 
 import numpy as np
 
 from cocap_opt.problem.problem import Camera, Motion, Problem
-from cocap_opt.scenarios.built_in.parts import SIZE, Room, block, drones, walker
-from cocap_opt.world.workspace import HeightMap
+from cocap_opt.scenarios.built_in.parts import SIZE, Room, drones, walker
+from cocap_opt.world.workspace import HeightMap, Mesh
 
 STEPS = 10  # horizon T
 DECK = Room(12, 19, 11, 19)  # cells; north and south of it are embankments
@@ -24,10 +26,11 @@ MOTION = Motion(layers=(3.0, 9.0), clearance=0.5)
 GIMBAL = Camera(tilts=(np.radians(10.0), np.radians(40.0)))
 
 
-def bridge(seed: int) -> Problem:
-    """Underpass below a deck that is a mesh; drones fly below and above it.
+def _bridge(seed: int) -> Problem:
+    """Two people walk through an underpass, and three drones film them from below and above a deck.
 
-    Random are the drones' cells and headings, and the people's pace and distance.
+    The deck is a mesh. The seed chooses the drones' cells and headings, and the people's pace and
+    distance.
     """
     rng = np.random.default_rng(seed)
     heights = np.zeros((SIZE, SIZE))
@@ -41,8 +44,11 @@ def bridge(seed: int) -> Problem:
     return Problem(
         name="bridge",
         height_map=HeightMap(heights=heights),
-        meshes=(block((DECK.x0, DECK.y0, BOTTOM), (DECK.x1, DECK.y1, TOP)),),
+        meshes=(Mesh.box((DECK.x0, DECK.y0, BOTTOM), (DECK.x1, DECK.y1, TOP)),),
         robots=tuple(robot.replace(camera=GIMBAL) for robot in team),
         actors=tuple(actors),
         horizon=STEPS,
     )
+
+
+SCENES: dict[str, Callable[[int], Problem]] = {"bridge": _bridge}

@@ -1,4 +1,4 @@
-"""Corridor: two people walk through a narrow passage, two drones film them from behind.
+"""Corridor: two people walk through a narrow passage, and two drones film them from behind.
 
                  #######
     yard         #######
@@ -10,8 +10,8 @@ Why collisions are likely. The camera looks 10 degrees down and sees 41 degrees 
 so from 5 m above the ground people are seen best from about 5 m away. The walls hide them
 from all places but those in line with the passage. The drones are a little faster than the
 people, cannot get past them in time, and so each one's best path ends in the same one or two
-cells that trail the last person by 5 m: a second drone in the best cell adds 41 % of what the
-first sees, and that is worth more than going without. Planned one by one, both go there.
+cells that trail the last person by 5 m: a second drone in the best cell adds 41 % to the reward
+of the first, which is worth more than any other cell. Planned one by one, both go there.
 
 Why in the tight variant the optimum itself suffers. Two alike drones can exchange roles for
 nothing, so a contested place costs something only if no other is as good. In a passage of
@@ -20,33 +20,38 @@ mouth are there at the same steps, and the one that gives way sees everything fr
 further until the end.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 
 from cocap_opt.problem.problem import Problem
-from cocap_opt.scenarios.built_in.parts import SIZE, Room, drones, rooms_in_rock, walker
+from cocap_opt.scenarios.built_in.parts import SIZE, Room, drones, walker
 
 STEPS = 8  # horizon T
 MOUTH, END = 9, 16  # cells x at which the passage begins and ends
 LEAD, SPACING = -1.0, 2.0  # m, of the last person beyond the mouth, and to the one ahead
 
 
-def corridor(seed: int) -> Problem:
-    """Passage of two cells; the drones start anywhere in front of it.
+def _corridor(seed: int) -> Problem:
+    """Two people walk through a narrow passage, and two drones film them from behind.
 
-    Random are the drones' cells and headings, and the actors' pace and distance.
+    The passage is two cells wide, and the drones start anywhere in front of it. The seed chooses
+    the drones' cells and headings, and the people's pace and distance.
     """
     return _scene("corridor", seed, width=2, pace=0.95, starts=Room(3, 7, 9, 21))
 
 
-def corridor_tight(seed: int) -> Problem:
-    """Passage of one cell; the drones start at its mouth.
+def _corridor_tight(seed: int) -> Problem:
+    """Two people walk through a passage so narrow that only one drone can film from its best place.
 
-    Random is the same as in `corridor`.
+    The passage is one cell wide, and the drones start at its mouth. The seed chooses the same as
+    in the wider corridor.
     """
     return _scene("corridor-tight", seed, width=1, pace=0.9, starts=Room(5, 9, 13, 18))
 
 
 def _scene(name: str, seed: int, width: int, pace: float, starts: Room) -> Problem:
+    """Build the scene with a passage of `width` cells; people walk about `pace` m per step."""
     rng = np.random.default_rng(seed)
     low = 15 - width // 2
     middle = low + width / 2
@@ -59,10 +64,16 @@ def _scene(name: str, seed: int, width: int, pace: float, starts: Room) -> Probl
         actors.append(walker([(0.0, y), (SIZE, y)], x, own_pace, STEPS))
     return Problem(
         name=name,
-        height_map=rooms_in_rock(
+        height_map=Room.cut_into_rock(
             Room(0, MOUTH, 0, SIZE), Room(MOUTH, END, low, low + width), Room(END, SIZE, 0, SIZE)
         ),
         robots=drones(2, starts.cells, [7, 0, 1], rng),
         actors=tuple(actors),
         horizon=STEPS,
     )
+
+
+SCENES: dict[str, Callable[[int], Problem]] = {
+    "corridor": _corridor,
+    "corridor-tight": _corridor_tight,
+}

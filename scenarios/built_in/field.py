@@ -1,4 +1,4 @@
-"""Field: people walk about between scattered blocks, drones among them, of any size.
+"""Field: people walk about between scattered blocks, with drones among them.
 
     . . . . . . . . .
     . # # . 0 . . R .
@@ -6,16 +6,17 @@
     . . . . . # # # .
     . R 1 . . . . . .
 
-The other scenes funnel a few people through one place; here everybody has somewhere to go and
-nobody knows whom to film. People cross, meet and part; a drone sees several of them from most
-places, in passing or behind blocks, and several drones see the same ones. A face that k drones
-see equally well pays sqrt(k), so what a drone is worth depends on where all others are. The
-parameters say how many there are of everything, for measuring how methods scale.
+The other scenes funnel a few people through one place; here everybody walks somewhere else, and no
+drone has a person of its own. People cross, meet and part; a drone sees several of them from most
+places, in passing or behind blocks, and several drones see the same people. A face that k drones
+see equally well pays sqrt(k), so a drone's worth depends on where all others are. The numbers of
+drones, people, cells and steps are parameters, for measuring how methods scale.
 """
 
 from __future__ import annotations  # networkx graphs take type arguments in stubs only
 
 import math
+from collections.abc import Callable
 from functools import cache
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -45,18 +46,18 @@ APART = 1.5  # m between people: boxes of 1 m x 1 m never touch
 NEAR = 4  # m along x and y from a person to the farthest place where a drone starts
 SIGHT = 10  # cells, longest straight piece of a way
 DRAWS = 1000  # random draws before something is given up and begun anew
-TRIES = 20  # random places in a row that somebody tries to walk to, before being stuck
+TRIES = 20  # random goals in a row that a person tries before being stuck
 
 
 def field(seed: int, robots: int, actors: int, cells: int, steps: int, radius: int = 1) -> Problem:
-    """Square field with scattered blocks, people on random ways and drones near them.
+    """Build a square field with scattered blocks, people on random ways and drones near them.
 
-    Random are the blocks, the people's ways and pace, and the drones' cells and headings.
+    The seed chooses the blocks, the people's ways and pace, and the drones' cells and headings.
     People walk from one random place to the next on shortest ways, and stay apart.
 
     Parameters
     ----------
-    seed : of all that is random, >= 0
+    seed : chooses one of the fields of this size, >= 0
     robots : number of drones
     actors : number of people
     cells : length of the field's edge, in cells of 1 m
@@ -86,18 +87,18 @@ def field(seed: int, robots: int, actors: int, cells: int, steps: int, radius: i
     )
 
 
-def field_small(seed: int) -> Problem:
-    """Open field with blocks, six people on random ways and six drones."""
+def _field_small(seed: int) -> Problem:
+    """Six people walk about on a field with blocks, and six drones film them."""
     return field(seed, robots=6, actors=6, cells=30, steps=20)
 
 
-def field_long(seed: int) -> Problem:
-    """The field for 60 steps, with drones twice as fast: 75 actions."""
+def _field_long(seed: int) -> Problem:
+    """Six people walk about on a field for 60 steps, and six drones twice as fast film them."""
     return field(seed, robots=6, actors=6, cells=30, steps=60, radius=2).replace(name="field-long")
 
 
-def field_large(seed: int) -> Problem:
-    """Field of 64 x 64 m, with 32 people and 64 drones, 40 steps."""
+def _field_large(seed: int) -> Problem:
+    """32 people walk about on a field of 64 x 64 m, and 64 drones film them."""
     return field(seed, robots=64, actors=32, cells=64, steps=40).replace(name="field-large")
 
 
@@ -113,9 +114,9 @@ def _require_within(name: str, value: int, least: int, most: float) -> None:
 
 
 def _free_cells(cells: int, rng: np.random.Generator) -> BoolArray:
-    """Which cells [cells, cells] are free of blocks.
+    """Draw the blocks; return an array [cells, cells] that is true where there is none.
 
-    Between blocks, and between them and the field's edge, is a lane: so the ground a metre
+    A lane runs between blocks, and between them and the field's edge, so that the ground a metre
     off the walls is connected, too.
     """
     enough = (LEAST_BLOCKED + MOST_BLOCKED) / 2 * cells**2
@@ -136,7 +137,7 @@ def _free_cells(cells: int, rng: np.random.Generator) -> BoolArray:
 
 
 def _off_the_walls(free: BoolArray) -> BoolArray:
-    """Cells all of whose neighbours are free: a box there may turn as it likes."""
+    """Return the cells whose neighbours are all free, so that a box there may turn freely."""
     padded = np.pad(free, 1)
     moves = np.ndindex(3, 3)
     width, depth = free.shape
@@ -147,10 +148,10 @@ def _off_the_walls(free: BoolArray) -> BoolArray:
 
 
 def _near(people: list[Actor], free: BoolArray, count: int) -> list[GridCell]:
-    """At least `count` free cells, as near to where people start as these are enough for."""
+    """Return at least `count` free cells, as near as possible to where people start."""
     cells = np.argwhere(free)
     starts = np.array([actor.poses[0, :2] for actor in people])
-    # Distance along x or y, the greater, from each cell's middle to the nearest person.
+    # The greater of the distances along x and y from each cell's middle to the nearest person.
     offsets = np.abs(cells[:, None, :] + 0.5 - starts[None, :, :])
     distance = offsets.max(axis=2).min(axis=1)
     radius = max(NEAR, float(np.sort(distance)[count - 1]))
@@ -161,7 +162,7 @@ def _near(people: list[Actor], free: BoolArray, count: int) -> list[GridCell]:
 
 
 def _walkers(count: int, graph: Graph, steps: int, rng: np.random.Generator) -> list[Actor]:
-    """People that walk on the graph's cells, one after the other clear of those before."""
+    """Draw people who walk on the graph's cells, each clear of all drawn before."""
     places = list(graph)
     people: list[Actor] = []
     for _ in range(DRAWS):
@@ -170,7 +171,9 @@ def _walkers(count: int, graph: Graph, steps: int, rng: np.random.Generator) -> 
             people.append(person)
         if len(people) == count:
             return people
-    raise ProblemError(f"actors: {count} people find no ways apart in {DRAWS} draws; must be fewer")
+    raise ProblemError(
+        f"actors: must be fewer than {count}, who found no ways apart in {DRAWS} random draws"
+    )
 
 
 def _stroller(
@@ -180,9 +183,9 @@ def _stroller(
     steps: int,
     rng: np.random.Generator,
 ) -> Actor | None:
-    """Somebody who walks from one random place to the next; None for who gets stuck.
+    """Draw a person who walks from one random place to the next; None if the person gets stuck.
 
-    Places that cannot be walked to without running into others are passed over.
+    Places that cannot be walked to without running into others are skipped.
     """
     pace = PACE + rng.uniform(-0.1, 0.1)
     way = [places[rng.integers(len(places))]]
@@ -206,10 +209,10 @@ def _stroller(
 
 
 def _corners(path: list[GridCell], graph: Graph) -> list[GridCell]:
-    """The path's cells at which a way along straight lines must turn.
+    """Return the cells of a path at which a way along straight lines must turn.
 
-    A grid path has eight directions only; from each corner the next is the farthest one
-    within SIGHT to which the straight line stays on the graph's cells.
+    A path on a grid has eight directions only; from each corner the next is the farthest cell
+    within SIGHT such that the straight line to it stays on the graph's cells.
     """
     corners = [0]
     while corners[-1] < len(path) - 1:
@@ -220,7 +223,7 @@ def _corners(path: list[GridCell], graph: Graph) -> list[GridCell]:
 
 
 def _straight(a: GridCell, b: GridCell, graph: Graph) -> bool:
-    """True where the line between the middles of two cells touches only the graph's cells."""
+    """Return True if the line between the middles of two cells touches only the graph's cells."""
     return all((a[0] + i, a[1] + j) in graph for i, j in _swept(b[0] - a[0], b[1] - a[1]))
 
 
@@ -228,6 +231,13 @@ _swept = cache(swept_cells)
 
 
 def _apart(person: Actor, other: Actor) -> bool:
-    """True where the boxes do not meet, as long as `person` is known to walk."""
+    """Return True if the boxes do not meet at any step of `person`, who may walk fewer."""
     offsets = person.poses[:, :2] - other.poses[: len(person.poses), :2]
     return bool((np.hypot(*offsets.T) >= APART).all())
+
+
+SCENES: dict[str, Callable[[int], Problem]] = {
+    "field": _field_small,
+    "field-long": _field_long,
+    "field-large": _field_large,
+}

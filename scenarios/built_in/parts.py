@@ -1,13 +1,13 @@
-"""What the built-in scenes are made of: rooms between walls, walking actors, waiting drones."""
+"""Parts of the built-in scenes: rooms between walls, walking actors, waiting drones."""
 
-from itertools import pairwise, product
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from cocap_opt.data import FloatArray
 from cocap_opt.problem.problem import Actor, Motion, Robot, State
-from cocap_opt.world.workspace import HeightMap, Mesh
+from cocap_opt.world.workspace import HeightMap
 
 SIZE = 30  # cells of 1 m along x and y
 WALL = 10.0  # m, twice the flight height: a wall stops drones and their views
@@ -17,7 +17,7 @@ Point = tuple[float, float]  # m
 
 
 class Room(NamedTuple):
-    """Cells x0 <= x < x1, y0 <= y < y1."""
+    """A rectangle of free cells, x0 <= x < x1 and y0 <= y < y1."""
 
     x0: int
     x1: int
@@ -26,20 +26,20 @@ class Room(NamedTuple):
 
     @property
     def cells(self) -> list[tuple[int, int]]:
-        """All cells (x, y)."""
+        """All cells (x, y) of the room."""
         return [(x, y) for x in range(self.x0, self.x1) for y in range(self.y0, self.y1)]
 
-
-def rooms_in_rock(*rooms: Room) -> HeightMap:
-    """Map that is wall but for these rooms."""
-    heights = np.full((SIZE, SIZE), WALL)
-    for x0, x1, y0, y1 in rooms:
-        heights[x0:x1, y0:y1] = 0.0
-    return HeightMap(heights=heights)
+    @staticmethod
+    def cut_into_rock(*rooms: "Room") -> HeightMap:
+        """Return the map of SIZE x SIZE cells that is wall except in these rooms."""
+        heights = np.full((SIZE, SIZE), WALL)
+        for x0, x1, y0, y1 in rooms:
+            heights[x0:x1, y0:y1] = 0.0
+        return HeightMap(heights=heights)
 
 
 def walker(points: list[Point], first: float, pace: float, steps: int) -> Actor:
-    """Actor that walks along straight legs, looking where it goes.
+    """Return an actor that walks along straight legs, looking where it goes.
 
     Parameters
     ----------
@@ -61,14 +61,6 @@ def walker(points: list[Point], first: float, pace: float, steps: int) -> Actor:
     return Actor(poses=poses)
 
 
-def block(low: tuple[float, float, float], high: tuple[float, float, float]) -> Mesh:
-    """A box from one corner to the opposite one (m)."""
-    corners = np.array(list(product(*zip(low, high, strict=True))))
-    sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-    triangles = [side[k] for side in sides for k in (0, 1, 2, 0, 2, 3)]
-    return Mesh(vertices=corners, triangles=np.reshape(triangles, (-1, 3)))
-
-
 def drones(
     count: int,
     cells: list[tuple[int, int]],
@@ -76,7 +68,10 @@ def drones(
     rng: np.random.Generator,
     motion: Motion = NEIGHBOURS,
 ) -> tuple[Robot, ...]:
-    """Drones in distinct random cells of these, which must be free, with random headings."""
+    """Return drones in distinct random cells and with random headings of those given.
+
+    The cells must be free.
+    """
     chosen = rng.choice(cells, size=count, replace=False)
     return tuple(
         Robot(start=State(int(x), int(y), heading=int(rng.choice(headings))), motion=motion)

@@ -1,10 +1,10 @@
 """Tiny scenes whose optimum is worked out by hand, for tests and first steps.
 
 In all of them drones fly at half the height of the actors, 0.9 m, and look straight ahead,
-and only an actor's front counts. A front that a camera looks at squarely from r metres, all
-of it in the image, covers F^2 / r^2 px/m2 wherever it is in the image, for a focal length of
-F = 60 px; its root pays F / r a step. Camera and front are in the middle of cells 1 m wide, so
-that r is a whole number of metres.
+and only an actor's front counts. A front that a camera looks at squarely from r metres covers
+F^2 / r^2 px/m2, for a focal length of F = 60 px, wherever it is in the image, as long as all of it
+is; its root pays F / r a step. Camera and front are in the middles of cells 1 m wide, so that r is
+a whole number of metres.
 """
 
 import math
@@ -26,8 +26,8 @@ MOST_STEPS = 6  # of all tiny scenes
 FRONT_ONLY = (1.0, 0.0, 0.0, 0.0, 0.0)  # weights of front, left, back, right, top
 
 
-def tiny_approach(seed: int) -> Problem:
-    """One drone flies up to a front.
+def _tiny_approach(seed: int) -> Problem:
+    """One drone flies up to the front of a person.
 
     At step 0 the front is 7 m away and each of three steps makes it one less:
     60/6 + 60/5 + 60/4 = 10 + 12 + 15 = 37.
@@ -37,7 +37,7 @@ def tiny_approach(seed: int) -> Problem:
     )
 
 
-def tiny_hover(seed: int) -> Problem:
+def _tiny_hover(seed: int) -> Problem:
     """One drone weighs a better view against the reward of 3.5 for standing still.
 
     Views pay 10, 12, 15 in cells 0, 1, 2. In two steps: stay twice 2 (10 + 3.5) = 27; move, then
@@ -54,8 +54,8 @@ def tiny_hover(seed: int) -> Problem:
     )
 
 
-def tiny_share(seed: int) -> Problem:
-    """Two drones side by side approach the same front.
+def _tiny_share(seed: int) -> Problem:
+    """Two drones fly side by side up to the front of the same person.
 
     Pixels add up, so at equal distances a front pays sqrt(2) 60/r: with r = 5 and then 4,
     sqrt(2) (12 + 15) = 27 sqrt(2). Each in its row, they never meet.
@@ -69,8 +69,8 @@ def tiny_share(seed: int) -> Problem:
     )
 
 
-def tiny_queue(seed: int) -> Problem:
-    """Two drones in a passage of one cell that ends 4 m before a front.
+def _tiny_queue(seed: int) -> Problem:
+    """Two drones queue in a passage of one cell that ends 4 m before the front of a person.
 
     They start in cells 0 and 1 of 3. The first is at the end after one step, the second must
     stay behind it: in both steps the front is seen from 4 and from 5 m and pays
@@ -86,8 +86,8 @@ def tiny_queue(seed: int) -> Problem:
     )
 
 
-def tiny_turn(seed: int) -> Problem:
-    """One drone that turns on the spot, away from two actors at first.
+def _tiny_turn(seed: int) -> Problem:
+    """One drone turns on the spot, from a view of nobody past one person to another.
 
     It looks west; a front 4 m north is one turn away and pays 15, one 3 m east is two turns
     away and pays 20. In three steps north alone pays 3 * 15 = 45; north in passing, then east,
@@ -104,8 +104,8 @@ def tiny_turn(seed: int) -> Problem:
     )
 
 
-def tiny_trap(seed: int) -> Problem:
-    """Two drones, of which the first can look two ways: planning one by one falls short.
+def _tiny_trap(seed: int) -> Problem:
+    """Two drones turn on the spot; planned one by one, the first takes the view of the second.
 
     The first looks north and can turn to a front 4 m east (15) or to one 5 m west (12); the
     second looks east and is no more than one turn from it, so the west is out of its reach.
@@ -123,8 +123,8 @@ def tiny_trap(seed: int) -> Problem:
     )
 
 
-def tiny_hidden(seed: int) -> Problem:
-    """A wall stands before the only actor: nothing can be seen, the optimum is 0."""
+def _tiny_hidden(seed: int) -> Problem:
+    """A wall stands before the only person, so that nothing can be seen and the optimum is 0."""
     return _tiny(
         "tiny-hidden",
         cells=["..#", "..#", "..#"],
@@ -134,7 +134,7 @@ def tiny_hidden(seed: int) -> Problem:
     )
 
 
-def tiny_give_way(seed: int) -> Problem:
+def _tiny_give_way(seed: int) -> Problem:
     """Two drones must pass each other in a passage of one cell with one bay.
 
     Their goals are at each other's start, 4 moves away. They can only pass where one waits in
@@ -154,8 +154,8 @@ def tiny_give_way(seed: int) -> Problem:
     )
 
 
-def tiny_head_on(seed: int) -> Problem:
-    """Two drones whose goals are at each other's start in a passage of one cell: infeasible.
+def _tiny_head_on(seed: int) -> Problem:
+    """Two drones have their goals at each other's start in a passage of one cell: no plan exists.
 
     They would have to change places or be in one cell at some step.
     """
@@ -170,7 +170,7 @@ def tiny_head_on(seed: int) -> Problem:
 
 
 def _front(x: float, y: float, facing: int) -> Actor:
-    """Actor that stands still, the middle of its front at (x, y) m, looking `facing`."""
+    """Return an actor that stands still and looks `facing`, its front's middle at (x, y) m."""
     yaw = facing * math.pi / 2
     pose = [x - HALF * math.cos(yaw), y - HALF * math.sin(yaw), 0.0, yaw]
     return Actor(poses=np.tile(pose, (MOST_STEPS + 1, 1)), weights=FRONT_ONLY)
@@ -202,19 +202,19 @@ def _tiny(
     )
 
 
-TINY: dict[str, Callable[[int], Problem]] = {
-    "tiny-approach": tiny_approach,
-    "tiny-hover": tiny_hover,
-    "tiny-share": tiny_share,
-    "tiny-queue": tiny_queue,
-    "tiny-turn": tiny_turn,
-    "tiny-trap": tiny_trap,
-    "tiny-hidden": tiny_hidden,
-    "tiny-give-way": tiny_give_way,
-    "tiny-head-on": tiny_head_on,
+SCENES: dict[str, Callable[[int], Problem]] = {
+    "tiny-approach": _tiny_approach,
+    "tiny-hover": _tiny_hover,
+    "tiny-share": _tiny_share,
+    "tiny-queue": _tiny_queue,
+    "tiny-turn": _tiny_turn,
+    "tiny-trap": _tiny_trap,
+    "tiny-hidden": _tiny_hidden,
+    "tiny-give-way": _tiny_give_way,
+    "tiny-head-on": _tiny_head_on,
 }
 
-# J of the best plan, from the docstrings above; -inf: there is none.
+# J of the best plan, as the docstrings above work it out; -inf: no plan exists.
 TINY_OPTIMA = {
     "tiny-approach": 37.0,
     "tiny-hover": 27.5,

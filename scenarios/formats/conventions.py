@@ -1,47 +1,48 @@
-"""What can be read in two ways in a scene of Greedy Perspectives: theirs, and ours.
+"""Conventions of a scene of Greedy Perspectives that can be read in two ways: theirs, and ours.
 
 Source: Suresh et al., "Greedy Perspectives", 2024 (arXiv 2310.10863), and the behaviour of its
-program. What is there only in another notation (headings, angles of tilt, cells) is the
-reader's business: `cocap_opt.scenarios.formats.greedy_perspectives`.
+program. Differences of notation only (headings, angles of tilt, cells) are translated by the
+reader, `cocap_opt.scenarios.formats.greedy_perspectives`.
 """
 
 from collections.abc import Mapping
 from typing import Literal, NamedTuple
 
 from cocap_opt.problem.problem import PAPER_RULES, CollisionRules
-from cocap_opt.scenarios.formats.options import NO_YES, YES_NO, Values, chosen, words
+from cocap_opt.scenarios.formats.options import NO_YES, YES_NO, Options
 
 
 class Conventions(NamedTuple):
-    """How a scene of Greedy Perspectives is meant.
+    """The meaning of a scene of Greedy Perspectives; the defaults are those of its program.
+
+    The default of `tilt` alone is not theirs, because their tilts are a fault of their program.
 
     Attributes
     ----------
     triangles
         True: each of an actor's rectangles is two faces, each with a square root of its own.
         They count 12 triangles; of those the two of the bottom, which no camera above ground
-        sees, are left out, so that 10 faces are left. False: four sides and a top (and a
-        bottom that is left out).
+        sees, are left out, so that 10 faces are left. False: four sides and a top.
     count_start
-        Whether the views of the start poses, which no plan can change, are part of J. They
-        count them: H rows, of which H - 1 are reached by a move.
+        True: the views of the start poses, which no plan can change, are part of J. Their
+        program counts them: H rows, of which H - 1 are reached by a move.
     tilt
         "own": each robot's camera has the tilt that the file gives it. "first": all have that
         of robot 0. Their coverage cache ignores who asks, so that the robot that first reaches
         a state fixes the tilt there for all: robot 0 wherever it can be, and others elsewhere.
-        What they report is therefore between the two: on `corridor` 4.2 % below "own" ("first":
-        11.9 % below), on `split` 3.7 % above ("first": 14.0 % above).
+        The rewards that they report are therefore between the two: on `corridor` 4.2 % below
+        "own" ("first": 11.9 % below), on `split` 3.7 % above ("first": 14.0 % above).
     rules
-        Collisions: theirs is that no two robots are in one cell at one step (`PAPER_RULES`);
+        Collisions. Their rule is that no two robots are in one cell at one step (`PAPER_RULES`);
         ours is that they do not exchange cells either.
     corner_cutting
-        Whether a diagonal move may cut the corner of a blocked cell.
+        True: a diagonal move may cut the corner of a blocked cell.
     start_set
         "seed": the seed chooses a set of `starts.csv`; where there is no such file the poses
-        in the scene's own file are taken. "yaml": always these.
+        in the scene's own file are taken. "yaml": always the poses in the scene's own file.
     bonus
-        Whether the objective has the 100 that their planner adds for each move with dx + dy = 0
-        (`Objective.balanced`). What they report is without it.
+        True: the objective has the 100 that their planner adds for each move with dx + dy = 0
+        (`Objective.balanced`). The rewards that they report are without it.
     """
 
     triangles: bool = True
@@ -52,33 +53,32 @@ class Conventions(NamedTuple):
     start_set: Literal["seed", "yaml"] = "seed"
     bonus: bool = False
 
+    @classmethod
+    def of(cls, options: Mapping[str, str]) -> "Conventions":
+        """Return the conventions that options in words ask for, such as {"triangles": "no"}.
 
-# Theirs, but for the tilt, which is a fault of their program. J is what they evaluate.
-FAITHFUL = Conventions()
-OWN_STARTS = FAITHFUL._replace(start_set="yaml")
+        Raises
+        ------
+        ProblemError
+            If there is no such option, or it has no such word; one line with what is allowed.
+        """
+        changes = OPTIONS.chosen(options)
+        base: Conventions = changes.pop("conventions", THEIRS)
+        return base._replace(**{name.replace("-", "_"): value for name, value in changes.items()})
+
+
+THEIRS = Conventions()
 OURS = Conventions(triangles=False, count_start=False, rules=CollisionRules(), corner_cutting=False)
 
-_VALUES: Values = {
-    "conventions": {"theirs": FAITHFUL, "ours": OURS},  # from which the others differ
-    "triangles": YES_NO,
-    "count-start": YES_NO,
-    "tilt": {"own": "own", "first": "first"},
-    "rules": {str(rules): rules for rules in (PAPER_RULES, CollisionRules())},
-    "corner-cutting": YES_NO,
-    "start-set": {"seed": "seed", "yaml": "yaml"},
-    "bonus": NO_YES,
-}
-ALLOWED = words(_VALUES)
-
-
-def conventions_of(options: Mapping[str, str]) -> Conventions:
-    """The conventions that options in words ask for, such as {"triangles": "no"}.
-
-    Raises
-    ------
-    ProblemError
-        If there is no such option, or it has no such value; one line with what is allowed.
-    """
-    changes = chosen(options, _VALUES)
-    base: Conventions = changes.pop("conventions", FAITHFUL)
-    return base._replace(**{name.replace("-", "_"): value for name, value in changes.items()})
+OPTIONS = Options(
+    {
+        "conventions": {"theirs": THEIRS, "ours": OURS},  # from which the other options differ
+        "triangles": YES_NO,
+        "count-start": YES_NO,
+        "tilt": {"own": "own", "first": "first"},
+        "rules": {str(rules): rules for rules in (PAPER_RULES, CollisionRules())},
+        "corner-cutting": YES_NO,
+        "start-set": {"seed": "seed", "yaml": "yaml"},
+        "bonus": NO_YES,
+    }
+)

@@ -14,15 +14,17 @@ actor                     box of 1 x 1 x 2.5 m, whatever the     the same
                           file says
 ========================  =====================================  ==============================
 
-Both count headings counter-clockwise. What can be meant in two ways (faces, start, tilts,
-rules, corners, start set) is a choice: `Conventions`. Their planner's bonus for moves with
-dx + dy = 0 is no part of the reward that they report; here it is part of the objective only
-with `Conventions.bonus`. `action_space`, `stepSize`, every `geometry` and
-`map.pose` are in the files but were never used, and are not read.
+Both count headings counter-clockwise. A scene can be understood in two ways (faces, start, tilts,
+rules, corners, start set); the options choose one, see `Conventions`. Their planner's bonus for
+moves with dx + dy = 0 is no part of the reward that they report; here it is part of the objective
+only with the option `bonus`. `action_space`, `stepSize`, every `geometry` and `map.pose` are in
+the files but were never used, and are not read.
 """
 
+import csv
 import math
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -43,15 +45,16 @@ from cocap_opt.problem.problem import (
     State,
     TriangulatedCuboid,
 )
-from cocap_opt.scenarios.formats.conventions import FAITHFUL, Conventions
-from cocap_opt.scenarios.text import integer, naming, number, one_line, read_table, read_text
+from cocap_opt.scenarios.formats.conventions import Conventions
+from cocap_opt.scenarios.formats.options import NOTHING
+from cocap_opt.scenarios.text import integer, naming, number, one_line, read_text
 from cocap_opt.world.workspace import HeightMap
 
-# Of their triangles: with 4 samples the rewards of whole plans differ by less than 0.1 % from
-# those with their pixels, and those of steps by less than 2 %; so they do with 20.
+# Samples along a side of a triangle. With 4 the rewards of whole plans differ by less than 0.1 %
+# from those with their pixels, and those of steps by less than 2 %; with 20 they differ as much.
 FACE_SAMPLES = 4
 
-BONUS = 100.0  # of their planner, for each move with dx + dy = 0
+BONUS = 100.0  # that their planner adds for each move with dx + dy = 0
 
 # msgspec has no constraint "finite"; a million kilometres stand for it.
 Coordinate = Annotated[float, Meta(ge=-1e9, le=1e9)]
@@ -59,8 +62,8 @@ Length = Annotated[float, Meta(ge=1e-3, le=1e9)]
 Count = Annotated[int, Meta(ge=1, le=10**9)]
 
 
-class Pose(NamedTuple):
-    """Start pose of a robot, as in the files: metres, and radians from +y, ccw."""
+class _Pose(NamedTuple):
+    """Start pose of a robot, as in the files: metres, and radians from +y, counter-clockwise."""
 
     x: Coordinate
     y: Coordinate
@@ -74,7 +77,7 @@ class _Camera(msgspec.Struct):
 
 
 class _Agent(msgspec.Struct):
-    start: Pose = msgspec.field(name="startPose")
+    start: _Pose = msgspec.field(name="startPose")
     camera: _Camera
 
 
@@ -116,13 +119,13 @@ class _Planner(msgspec.Struct):
 
 
 class _Sequence(msgspec.Struct):
-    """The parts of a `seq.yaml` that their planner uses."""
+    """A whole `seq.yaml`, with those of its parts that their planner uses."""
 
     planner: _Planner
 
 
-def read(path: Path, seed: int = 0, conventions: Conventions = FAITHFUL) -> Problem:
-    """Read a scene; the map and, where there is one, `starts.csv` lie beside the file.
+def read(path: Path, seed: int = 0, options: Mapping[str, str] = NOTHING) -> Problem:
+    """Read a scene; its map and, where there is one, `starts.csv` must lie beside the file.
 
     Parameters
     ----------
@@ -131,14 +134,17 @@ def read(path: Path, seed: int = 0, conventions: Conventions = FAITHFUL) -> Prob
     seed
         Number of the start set: rows seed * R .. seed * R + R - 1 of `starts.csv` for R
         robots. Of no effect where the file's own start poses are used.
-    conventions
-        How the scene is meant; `FAITHFUL` is as their program plans it.
+    options
+        Words that choose how the scene is understood, see `Conventions`; without options it is
+        understood as their program does.
 
     Raises
     ------
     ProblemError
-        If a file cannot be read or holds something not allowed; one line, naming the file.
+        If a file cannot be read or holds something not allowed, one line, naming the file; or
+        if an option is not allowed.
     """
+    conventions = Conventions.of(options)
     with naming(path):
         world = _world(read_text(path))
         shape = TriangulatedCuboid if conventions.triangles else Cuboid
@@ -150,7 +156,7 @@ def read(path: Path, seed: int = 0, conventions: Conventions = FAITHFUL) -> Prob
     with naming(map_file):
         height_map = HeightMap(heights=_heights(map_file), resolution=world.map.cell)
     source, poses = _starts(path, world, seed, conventions)
-    # All that can still be wrong is a start pose, so the errors name the file it came from.
+    # Only a start pose can still be wrong, so errors name the file that it came from.
     with naming(source):
         return Problem(
             name=path.resolve().parent.name,
@@ -173,8 +179,8 @@ def read_plan(path: Path, problem: Problem) -> tuple[tuple[State, ...], ...]:
     """Read the paths that Greedy Perspectives' planner found for a problem made by `read`.
 
     The file has columns robot, t, x_cell, y_cell, heading_idx, one row per robot and step, in
-    any order. Returned is one path per robot, of T+1 states. Whether they are feasible is for
-    the referee to say.
+    any order. Returns one path of T+1 states per robot. The referee, not the reader, says if they
+    can be flown.
 
     Raises
     ------
@@ -186,12 +192,12 @@ def read_plan(path: Path, problem: Problem) -> tuple[tuple[State, ...], ...]:
     states: dict[tuple[int, int], State] = {}
     columns = ("robot", "t", "x_cell", "y_cell", "heading_idx")
     with naming(path):
-        for line, row in read_table(path, columns):
+        for line, row in _read_table(path, columns):
             robot, t, x, y, theirs = (integer(row[c], f"line {line}, {c}") for c in columns)
-            _check_index(robot, len(problem.robots), f"line {line}, robot")
-            _check_index(t, len(steps), f"line {line}, t")
+            _require_index(robot, len(problem.robots), f"line {line}, robot")
+            _require_index(t, len(steps), f"line {line}, t")
             headings = problem.robots[robot].motion.headings
-            _check_index(theirs, headings, f"line {line}, heading_idx")
+            _require_index(theirs, headings, f"line {line}, heading_idx")
             if (robot, t) in states:
                 raise ProblemError(f"line {line}: robot {robot} must have step {t} only once")
             states[robot, t] = State(x, y, heading=_our_heading(theirs, headings))
@@ -205,15 +211,15 @@ def read_plan(path: Path, problem: Problem) -> tuple[tuple[State, ...], ...]:
     return tuple(tuple(states[i, t] for t in steps) for i in range(len(problem.robots)))
 
 
-class Reported(NamedTuple):
-    """View reward of their plan at each step t = 0..T, as their program has it."""
+class _Reported(NamedTuple):
+    """View reward of their plan at each step t = 0..T, computed by their program."""
 
-    as_reported: tuple[float, ...]  # with the tilts that their cache mixes up
-    own_tilt: tuple[float, ...]  # evaluated anew with each robot's own
+    as_reported: tuple[float, ...]  # [T+1], with the tilts that their cache mixes up
+    own_tilt: tuple[float, ...]  # [T+1], evaluated anew with each robot's own tilt
 
 
-def read_reward(path: Path, problem: Problem) -> Reported:
-    """Read the view reward that Greedy Perspectives' program gave the plan of `read_plan`.
+def read_reward(path: Path, problem: Problem) -> _Reported:
+    """Read the view reward at each step that their program gave the plan of `read_plan`.
 
     The file has columns t, reported_view_reward, own_tilt_view_reward, one row per step.
 
@@ -225,17 +231,17 @@ def read_reward(path: Path, problem: Problem) -> Reported:
     """
     columns = ("reported_view_reward", "own_tilt_view_reward")
     with naming(path):
-        rows = read_table(path, ("t", *columns))
+        rows = _read_table(path, ("t", *columns))
         steps = [integer(row["t"], f"line {line}, t") for line, row in rows]
         if steps != list(range(problem.horizon + 1)):
             raise ProblemError(f"t: must be the steps 0..{problem.horizon}, one row each, in order")
-        return Reported(
+        return _Reported(
             *(tuple(number(row[c], f"line {line}, {c}") for line, row in rows) for c in columns)
         )
 
 
-# Their numbers of the faces that ours are, in the order of `TriangulatedCuboid`: front (x = .5),
-# left (y = .5), back, right and top. 0 and 1 are the bottom.
+# The number that each face of a `TriangulatedCuboid` has there, in the order front (x = .5), left
+# (y = .5), back, right and top. Their 0 and 1 are the bottom.
 THEIR_FACES = (7, 6, 8, 9, 2, 3, 4, 5, 11, 10)
 
 
@@ -261,11 +267,11 @@ def read_coverage(path: Path, problem: Problem) -> dict[tuple[int, State], Float
     with naming(path):
         if len(problem.face_weights) != per_actor * len(problem.actors):
             raise ProblemError("the scene must have been read with triangles")
-        for line, row in read_table(path, (*columns, "ppa")):
+        for line, row in _read_table(path, (*columns, "ppa")):
             x, y, heading, t, actor, face = (integer(row[c], f"line {line}, {c}") for c in columns)
-            _check_index(t, problem.horizon + 1, f"line {line}, t")
-            _check_index(actor, len(problem.actors), f"line {line}, actor")
-            _check_index(face, per_actor + 2, f"line {line}, face")
+            _require_index(t, problem.horizon + 1, f"line {line}, t")
+            _require_index(actor, len(problem.actors), f"line {line}, actor")
+            _require_index(face, per_actor + 2, f"line {line}, face")
             key = t, State(x, y, heading=_our_heading(heading, headings))
             if face in ours:
                 values = found.setdefault(key, np.zeros(len(problem.face_weights)))
@@ -273,22 +279,46 @@ def read_coverage(path: Path, problem: Problem) -> dict[tuple[int, State], Float
     return found
 
 
-def heading_index(theta: float, headings: int = 8) -> int:
-    """Their heading index of an angle (rad): truncated toward zero, after wrapping to +-pi."""
+def _their_heading(theta: float, headings: int) -> int:
+    """Return their heading index of an angle (rad): truncated toward zero, wrapped to +-pi."""
     return int(math.remainder(theta, math.tau) / (math.tau / headings)) % headings
 
 
 def _our_heading(theirs: int, headings: int) -> int:
+    """Return our heading index, counted from +x, of theirs, which is counted from +y."""
     return (theirs + headings // 4) % headings
 
 
-def _check_index(value: int, size: int, field: str) -> None:
+def _require_index(value: int, size: int, field: str) -> None:
     if not 0 <= value < size:
         raise ProblemError(f"{field}: must be 0..{size - 1}, not {value}")
 
 
+def _read_table(path: Path, columns: tuple[str, ...]) -> list[tuple[int, dict[str, str]]]:
+    """Return the rows of a CSV file, each with its line number; further columns are kept.
+
+    Raises
+    ------
+    ProblemError
+        If a column is missing from the header, or a row is longer or shorter than the header.
+    """
+    reader = csv.DictReader(read_text(path).splitlines(), skipinitialspace=True)
+    rows = []
+    try:
+        names = list(reader.fieldnames or ())
+        if not set(columns) <= set(names):
+            raise ProblemError(f"header: must name the columns {','.join(columns)}, not {names}")
+        for row in reader:
+            if None in row or None in row.values():
+                raise ProblemError(f"line {reader.line_num}: must have {len(names)} values")
+            rows.append((reader.line_num, row))
+    except csv.Error as error:
+        raise ProblemError(f"line {reader.line_num}: {one_line(error)}") from error
+    return rows
+
+
 class _Loader(yaml.SafeLoader):
-    """The safe loader, whose constructors fail in many ways at a scalar of the wrong form.
+    """PyYAML's safe loader, made to fail in one way at a scalar of the wrong form.
 
     The loader in C, which msgspec.yaml takes, crashes on text that is nested too deeply.
     """
@@ -313,10 +343,10 @@ def _world(text: str) -> _World:
 
 def _starts(
     path: Path, world: _World, seed: int, conventions: Conventions
-) -> tuple[Path, list[Pose]]:
-    """Start pose of each robot, and the file that says so."""
+) -> tuple[Path, list[_Pose]]:
+    """Return the file that states the start poses, and the pose of each robot."""
     start_sets = path.with_name("starts.csv")
-    # Whatever has that name must be readable: a link that leads nowhere is no reason to skip it.
+    # A link that leads nowhere is there, too, and is refused instead of being passed over.
     if conventions.start_set == "seed" and os.path.lexists(start_sets):
         with naming(start_sets):
             return start_sets, _start_set(start_sets, seed, len(world.agents))
@@ -351,16 +381,16 @@ def _actors(world: _World, shape: Cuboid | TriangulatedCuboid) -> tuple[Actor, .
     return tuple(actors)
 
 
-def _robot(pose: Pose, camera: Camera, motion: Motion, height_map: HeightMap) -> Robot:
+def _robot(pose: _Pose, camera: Camera, motion: Motion, height_map: HeightMap) -> Robot:
     x, y = height_map.cell_of(pose.x, pose.y)
-    heading = _our_heading(heading_index(pose.theta, motion.headings), motion.headings)
+    heading = _our_heading(_their_heading(pose.theta, motion.headings), motion.headings)
     return Robot(
         start=State(x, y, heading=heading), motion=motion.replace(layers=(pose.z,)), camera=camera
     )
 
 
 def _map_file(path: Path, stated: str) -> Path:
-    """File of the map: the files state it relative to a folder further up."""
+    """Return the file of the map, which scenes state relative to a folder further up."""
     for candidate in (path.parent / Path(stated).name, path.parent / stated):
         if os.path.isfile(candidate):  # unlike Path.is_file, false too for an impossible name
             return candidate
@@ -378,8 +408,8 @@ def _heights(path: Path) -> FloatArray:
     return heights.astype(np.float64)
 
 
-def _start_set(path: Path, seed: int, robots: int) -> list[Pose]:
-    rows = read_table(path, Pose._fields)
+def _start_set(path: Path, seed: int, robots: int) -> list[_Pose]:
+    rows = _read_table(path, _Pose._fields)
     sets, rest = divmod(len(rows), robots)
     if rest or not rows:
         raise ProblemError(
@@ -388,6 +418,6 @@ def _start_set(path: Path, seed: int, robots: int) -> list[Pose]:
     if not 0 <= seed < sets:
         raise ProblemError(f"seed: must be 0..{sets - 1} ({sets} start sets), not {seed}")
     return [
-        Pose(*(number(row[field], f"line {line}, {field}") for field in Pose._fields))
+        _Pose(*(number(row[field], f"line {line}, {field}") for field in _Pose._fields))
         for line, row in rows[seed * robots : (seed + 1) * robots]
     ]

@@ -2,7 +2,7 @@
 
 Source of the format and of its meaning: Hughes et al., "Multi-drone multi-actor filming",
 2024, repository castacks/MultiDroneMultiActorFilming, `experiments`, and the behaviour of its
-evaluation. What its reward is here:
+evaluation. Its reward is expressed in ours as follows:
 
 ================================  =========================================================
 there                             here
@@ -19,15 +19,14 @@ no obstacles, no collision rule   `NO_RULES` on a flat map
 ================================  =========================================================
 
 The robots are those of the solutions beside the scene; `robot_fovs`, `sense_dist` and
-`num_robots` were not what was used, and are not read. What their planner adds for keeping the
-heading (0.02) and the position (0.01), each for itself, is no part of their evaluation; it is
-part of the objective only with the option `bonus`.
+`num_robots` are in the file but were not used, and are not read. Their planner adds 0.02 for
+keeping the heading and 0.01 for keeping the position. These are no part of their evaluation; they
+are part of the objective only with the option `bonus`.
 """
 
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from types import MappingProxyType
 from typing import Annotated, Literal, TypeVar
 
 import msgspec
@@ -46,7 +45,7 @@ from cocap_opt.problem.problem import (
     Robot,
     State,
 )
-from cocap_opt.scenarios.formats.options import NO_YES, Values, chosen, words
+from cocap_opt.scenarios.formats.options import NO_YES, NOTHING, Options
 from cocap_opt.scenarios.text import naming, one_line, read_text
 from cocap_opt.world.workspace import HeightMap
 
@@ -58,8 +57,10 @@ MOST_CELLS = 10_000  # along an edge
 EVALUATED = Objective(count_start=True)
 PLANNED = EVALUATED.replace(keep_heading=0.02, keep_cell=0.01)
 
-_VALUES: Values = {"bonus": NO_YES}
-ALLOWED = words(_VALUES)
+OPTIONS = Options({"bonus": NO_YES})
+
+# Words that tell their files from other JSON.
+SCENE, SOLUTION = b'"actor_positions"', b'"elements"'
 
 Coordinate = Annotated[float, Meta(ge=-LARGEST, le=LARGEST)]
 
@@ -100,23 +101,19 @@ class _Solution(msgspec.Struct):
 
 T = TypeVar("T")
 
-# What tells their files from other JSON.
-SCENE, SOLUTION = b'"actor_positions"', b'"elements"'
 
-
-def is_scene(path: Path) -> bool:
-    """Whether a file looks like one of their scenes."""
-    return _has(path, SCENE)
-
-
-def read(path: Path, options: Mapping[str, str] = MappingProxyType({})) -> Problem:
+def read(path: Path, seed: int = 0, options: Mapping[str, str] = NOTHING) -> Problem:
     """Read a scene; a `solution_*.json` beside it says where its robots start.
 
     Parameters
     ----------
+    path
+        The `scene.json`.
+    seed
+        Without effect: nothing in the scene is random.
     options
-        {"bonus": "yes"} for what their planner maximises; else the objective is their
-        evaluation.
+        With {"bonus": "yes"} the objective is the one that their planner maximises, else it is
+        their evaluation.
 
     Raises
     ------
@@ -124,7 +121,7 @@ def read(path: Path, options: Mapping[str, str] = MappingProxyType({})) -> Probl
         If a file cannot be read or holds something not allowed, one line, naming the file; or
         if an option is not allowed.
     """
-    bonus = chosen(options, _VALUES).get("bonus", False)
+    bonus = OPTIONS.chosen(options).get("bonus", False)
     with naming(path):
         scene = _decode(path, _Scene)
         frames = scene.actor_positions
@@ -139,7 +136,9 @@ def read(path: Path, options: Mapping[str, str] = MappingProxyType({})) -> Probl
         size = math.floor(scene.scene.scale.x), math.floor(scene.scene.scale.y)
     solutions = sorted(path.parent.glob("solution_*.json"))
     if not solutions:
-        raise ProblemError(f"{path}: no solution_*.json beside it says where the robots start")
+        raise ProblemError(
+            f"{path}: a solution_*.json must be beside it, to say where the robots start"
+        )
     with naming(solutions[0]):
         starts = [path_[0] for path_ in _paths(_decode(solutions[0], _Solution))]
         return Problem(
@@ -154,29 +153,16 @@ def read(path: Path, options: Mapping[str, str] = MappingProxyType({})) -> Probl
         )
 
 
-def read_plan(path: Path) -> tuple[tuple[State, ...], ...] | None:
-    """Read the paths of a solution; None where the file is no such solution.
-
-    Whether they are feasible is for the referee to say.
+def read_plan(path: Path, problem: Problem) -> tuple[tuple[State, ...], ...]:
+    """Read the paths of a solution, one per robot; the referee says if they can be flown.
 
     Raises
     ------
     ProblemError
         If something is missing or not allowed; one line, naming the file.
     """
-    if not _has(path, SOLUTION):
-        return None
     with naming(path):
         return _paths(_decode(path, _Solution))
-
-
-def _has(path: Path, key: bytes) -> bool:
-    if path.suffix.lower() != ".json":
-        return False
-    try:
-        return key in path.read_bytes()
-    except OSError:
-        return False
 
 
 def _decode(path: Path, kind: type[T]) -> T:
@@ -197,7 +183,7 @@ def _actor(frames: list[_Actor]) -> Actor:
 
 
 def _areas() -> list[float]:
-    """Areas of the faces, in m2."""
+    """Return the areas of the faces of an actor, in m2."""
     side = 2 * BODY.apothem * math.tan(math.pi / BODY.sides)
     top = BODY.sides * side * BODY.apothem / 2
     return [side * BODY.height] * BODY.sides + [top]

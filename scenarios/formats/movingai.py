@@ -39,12 +39,20 @@ if TYPE_CHECKING:
 GridCell = tuple[int, int]  # column, row
 
 
-class Trip(NamedTuple):
-    """One row of a scenario."""
+class _Trip(NamedTuple):
+    """One row of a scenario: a start, a goal and the length of a shortest path."""
 
     start: GridCell
     goal: GridCell
-    length: float  # cells, of a shortest path; some files, as `tunnel.scen`, hold 0 throughout
+    length: float  # cells; some files, as `tunnel.scen`, hold 0 throughout
+
+    def walk(self, graph: Graph) -> list[GridCell] | None:
+        """Return the cells of a shortest path, both ends included; None where there is none."""
+        try:
+            path: list[GridCell] = nx.shortest_path(graph, self.start, self.goal, weight="weight")
+        except (nx.NetworkXNoPath, nx.NodeNotFound):
+            return None
+        return path
 
 
 def read(
@@ -56,11 +64,11 @@ def read(
     steps: int = 10,
     wall: float = 10.0,
 ) -> Problem:
-    """Read a scenario; the map it names must lie beside it.
+    """Read a scenario; the map that it names must lie beside it.
 
     Robots fly at 5 m and first look toward the first actor. Actors walk one cell a step, look
-    where they go, and stand still once they have arrived. Rows that do not serve are skipped:
-    for a robot those whose start is blocked or taken, for an actor those without a path.
+    where they go, and stand still once they have arrived. For a robot, rows are skipped whose
+    start is blocked or taken; for an actor, rows between whose ends there is no path.
 
     Parameters
     ----------
@@ -76,8 +84,8 @@ def read(
     Raises
     ------
     ProblemError
-        If a file cannot be read, holds something not allowed, or has too few rows that serve;
-        one line, naming the file.
+        If a file cannot be read, holds something not allowed, or has too few rows that can be
+        used; one line, naming the file.
     """
     with naming(path):
         for name, value, least in (("seed", seed, 0), ("robots", robots, 1), ("actors", actors, 0)):
@@ -93,7 +101,7 @@ def read(
             (len(starts), len(walks)) == (robots, actors),
             "rows",
             f"must give {robots} robots a free start of their own and {actors} actors a path to "
-            f"their goal, but serve only {len(starts)} and {len(walks)}",
+            f"their goal, but give only {len(starts)} and {len(walks)}",
         )
         return Problem(
             name=path.stem,
@@ -104,7 +112,7 @@ def read(
         )
 
 
-def read_trips(path: Path) -> tuple[BoolArray, list[Trip]]:
+def read_trips(path: Path) -> tuple[BoolArray, list[_Trip]]:
     """Return the free cells [columns, rows] of a scenario's map, and its trips in file order.
 
     Raises
@@ -122,13 +130,13 @@ def read_trips(path: Path) -> tuple[BoolArray, list[Trip]]:
         names = {fields[1] for _, fields in rows}
         _require(len(names) == 1, "map", f"must be the same in all rows, not {len(names)} maps")
     # Some scenarios name the map by its path in the benchmark's own folders.
-    free = read_map(path.parent / Path(names.pop()).name)
+    free = _read_map(path.parent / Path(names.pop()).name)
     with naming(path):
         return free, [_trip(fields, f"line {line}", free.shape) for line, fields in rows]
 
 
-def read_map(path: Path) -> BoolArray:
-    """Return which cells of a `.map` file are free [columns, rows].
+def _read_map(path: Path) -> BoolArray:
+    """Return an array [columns, rows] that is true where a cell of a `.map` file is free.
 
     Raises
     ------
@@ -153,9 +161,9 @@ def read_map(path: Path) -> BoolArray:
 
 
 def walking_graph(free: BoolArray) -> Graph:
-    """Graph of the free cells [columns, rows], 8-connected, diagonals not cutting a corner.
+    """Return the graph on which people walk: free cells [columns, rows] and their neighbours.
 
-    Weights are lengths in cells.
+    Each cell is joined to eight others; diagonal moves cut no corner. Weights are in cells.
     """
     graph: Graph = nx.Graph()
     graph.add_nodes_from((int(x), int(y)) for x, y in np.argwhere(free))
@@ -165,15 +173,6 @@ def walking_graph(free: BoolArray) -> Graph:
             if all(cell in graph for cell in ((x + dx, y + dy), (x + dx, y), (x, y + dy))):
                 graph.add_edge((x, y), (x + dx, y + dy), weight=math.hypot(dx, dy))
     return graph
-
-
-def shortest_walk(graph: Graph, trip: Trip) -> list[GridCell] | None:
-    """Cells of a shortest path from start to goal, both included; None where there is none."""
-    try:
-        path: list[GridCell] = nx.shortest_path(graph, trip.start, trip.goal, weight="weight")
-    except (nx.NetworkXNoPath, nx.NodeNotFound):
-        return None
-    return path
 
 
 def _require(condition: bool, field: str, allowed: str) -> None:
@@ -189,13 +188,13 @@ def _size(fields: list[str], line: str, key: str) -> int:
 
 
 def _fields(text: str, line: int) -> list[str]:
-    """Nine fields of a row: bucket, map, width, height, start x y, goal x y, length."""
+    """Split a row into its nine fields: bucket, map, width, height, start x y, goal x y, length."""
     fields = text.split("\t") if "\t" in text else text.split()
     _require(len(fields) == 9, f"line {line}", f"must have 9 fields, not {len(fields)}")
     return fields
 
 
-def _trip(fields: list[str], line: str, shape: tuple[int, ...]) -> Trip:
+def _trip(fields: list[str], line: str, shape: tuple[int, ...]) -> _Trip:
     width, height, *ends = (integer(text, line) for text in fields[2:8])
     _require(
         (width, height) in (shape, (0, 0)),  # 0 0, as in `tunnel.scen`: not stated
@@ -206,18 +205,18 @@ def _trip(fields: list[str], line: str, shape: tuple[int, ...]) -> Trip:
     for x, y in (start, goal):
         inside = 0 <= x < shape[0] and 0 <= y < shape[1]
         _require(inside, line, f"start and goal must lie inside the map, not at ({x}, {y})")
-    return Trip(start, goal, number(fields[8], line))
+    return _Trip(start, goal, number(fields[8], line))
 
 
-def _shuffled(trips: list[Trip], seed: int) -> list[Trip]:
+def _shuffled(trips: list[_Trip], seed: int) -> list[_Trip]:
     if seed == 0:
         return trips
-    # Of all that `random` offers, only random() is promised to stay the same in later versions.
+    # Only Random.random() is promised to give the same numbers in later versions of Python.
     rng = random.Random(seed)
     return sorted(trips, key=lambda _: rng.random())
 
 
-def _distinct_starts(trips: Iterable[Trip], free: BoolArray) -> Iterator[GridCell]:
+def _distinct_starts(trips: Iterable[_Trip], free: BoolArray) -> Iterator[GridCell]:
     taken: set[GridCell] = set()
     for trip in trips:
         if free[trip.start] and trip.start not in taken:
@@ -225,12 +224,12 @@ def _distinct_starts(trips: Iterable[Trip], free: BoolArray) -> Iterator[GridCel
             yield trip.start
 
 
-def _walks(trips: Iterable[Trip], graph: Graph) -> Iterator[list[GridCell]]:
-    return (walk for trip in trips if (walk := shortest_walk(graph, trip)) is not None)
+def _walks(trips: Iterable[_Trip], graph: Graph) -> Iterator[list[GridCell]]:
+    return (walk for trip in trips if (walk := trip.walk(graph)) is not None)
 
 
 def _robot(start: GridCell, target: GridCell) -> Robot:
-    """Robot at `start` with the heading nearest to the direction of `target`."""
+    """Return a robot at `start` with the heading nearest to the direction of `target`."""
     motion = Motion()
     angle = math.atan2(target[1] - start[1], target[0] - start[0])
     heading = round(angle / (math.tau / motion.headings)) % motion.headings
@@ -238,7 +237,7 @@ def _robot(start: GridCell, target: GridCell) -> Robot:
 
 
 def _poses(walk: list[GridCell], steps: int) -> FloatArray:
-    """Poses [T+1, 4] of an actor on its walk, in the middle of cells of 1 m."""
+    """Return the poses [T+1, 4] of an actor on its walk, in the middles of cells of 1 m."""
     poses = np.zeros((steps + 1, 4))
     cells = np.array(walk)
     moves = np.diff(cells, axis=0)

@@ -1,34 +1,40 @@
-"""Options of scene files in words, such as {"triangles": "no"}, and what they stand for."""
+"""Options of scene files in words, such as {"triangles": "no"}, and the values they stand for."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 
 from cocap_opt.data import ProblemError
 
-Values = Mapping[str, Mapping[str, Any]]  # by name, then by word; the first word is the default
+Values = Mapping[str, Mapping[str, Any]]
 
 YES_NO: Mapping[str, Any] = MappingProxyType({"yes": True, "no": False})
 NO_YES: Mapping[str, Any] = MappingProxyType({"no": False, "yes": True})
+NOTHING: Mapping[str, str] = MappingProxyType({})  # no option is given: all have their defaults
 
 
-def words(values: Values) -> Mapping[str, tuple[str, ...]]:
-    """The words that each option may have."""
-    return MappingProxyType({name: tuple(some) for name, some in values.items()})
+class Options(NamedTuple):
+    """The options that a format has, and the words that each option may have."""
 
+    values: Values = MappingProxyType({})  # by option, then by word; an option's first is default
 
-def chosen(options: Mapping[str, str], values: Values) -> dict[str, Any]:
-    """Values of the options that are given, by name.
+    @property
+    def allowed(self) -> Mapping[str, tuple[str, ...]]:
+        """The words that each option may have, the default first."""
+        return MappingProxyType({name: tuple(words) for name, words in self.values.items()})
 
-    Raises
-    ------
-    ProblemError
-        If there is no such option, or it has no such value; one line with what is allowed.
-    """
-    for name, word in options.items():
-        if name not in values:
-            raise ProblemError(f"option {name!r}: must be one of {', '.join(values)}")
-        if word not in values[name]:
-            allowed = ", ".join(values[name])
-            raise ProblemError(f"option {name}: must be one of {allowed}, not {word!r}")
-    return {name: values[name][word] for name, word in options.items()}
+    def chosen(self, given: Mapping[str, str]) -> dict[str, Any]:
+        """Return the values of the options that are given in words, by option.
+
+        Raises
+        ------
+        ProblemError
+            If there is no such option, or it has no such word; one line with what is allowed.
+        """
+        for name, word in given.items():
+            if name not in self.values:
+                raise ProblemError(f"option {name!r}: must be one of {', '.join(self.values)}")
+            if word not in self.values[name]:
+                allowed = ", ".join(self.values[name])
+                raise ProblemError(f"option {name}: must be one of {allowed}, not {word!r}")
+        return {name: self.values[name][word] for name, word in given.items()}

@@ -1,1 +1,21 @@
-"""Recipes: scenes made of maps, meshes, tracks and drones."""
+"""Recipes: scenes made of maps, meshes, tracks and drones, which a TOML file names.
+
+`recipe` reads the file; each other module has the tables of one kind of part, or reads its files.
+"""
+
+__all__ = [
+    "drones",
+    "esri_ascii",
+    "geotiff",
+    "meshes",
+    "people",
+    "raster",
+    "raster_files",
+    "recipe",
+    "resample",
+    "tables",
+    "terrain",
+    "track_table",
+    "tracks",
+    "walls",
+]

@@ -1,4 +1,4 @@
-"""The drones of a recipe: placed as stated, or at random near the people."""
+"""The drones of a recipe, placed as stated, or at random near the people."""
 
 import math
 from typing import Annotated
@@ -8,14 +8,14 @@ from msgspec import Meta
 
 from cocap_opt.data import FloatArray, IntArray, ProblemError
 from cocap_opt.graph.motion import free_places
-from cocap_opt.problem.problem import Actor, CollisionRules, Motion, Robot, State
+from cocap_opt.problem.problem import Actor, Camera, CollisionRules, Motion, Robot, State
 from cocap_opt.scenarios.cameras import CAMERAS
 from cocap_opt.scenarios.recipe.tables import Coordinate, Count, Length, Table
 from cocap_opt.world.workspace import HeightMap, Workspace
 
 
-class StartTable(Table):
-    """Where a drone starts: metres, and degrees from +x, counter-clockwise."""
+class _StartTable(Table):
+    """The start of a drone: metres, and degrees from +x, counter-clockwise."""
 
     x: Coordinate
     y: Coordinate
@@ -28,69 +28,87 @@ class DronesTable(Table):
 
     count: Count | None = None
     near: Length | None = None
-    starts: Annotated[tuple[StartTable, ...], Meta(min_length=1)] | None = None
+    starts: Annotated[tuple[_StartTable, ...], Meta(min_length=1)] | None = None
     camera: str = "greedy-perspectives"
     tilts: tuple[float, ...] = (10.0,)  # degrees below the horizon
     motion: Motion = Motion()
 
+    def added_to(
+        self,
+        team: list[Robot],
+        workspace: Workspace,
+        actors: tuple[Actor, ...],
+        rules: CollisionRules,
+        rng: np.random.Generator,
+    ) -> list[Robot]:
+        """Return a team with the drones of this table added.
 
-def add_drones(
-    given: DronesTable,
-    team: list[Robot],
-    workspace: Workspace,
-    actors: tuple[Actor, ...],
-    rules: CollisionRules,
-    rng: np.random.Generator,
-) -> list[Robot]:
-    """A team with the drones of one more table.
+        Drones without a stated start are put into random free cells of their lowest layer, apart
+        from the rest of the team, and look at the actor that is nearest to them at step 0.
 
-    Those without a stated start are put into random free cells of their lowest layer, apart
-    from the rest of the team, and look at the actor that is nearest to them at step 0.
-
-    Raises
-    ------
-    ProblemError
-        If there is no such camera, place or layer, or too few free cells; one line.
-    """
-    if (given.starts is None) == (given.count is None):
-        raise ProblemError("must have either starts or a count")
-    if given.camera not in CAMERAS:
-        raise ProblemError(f"camera: must be one of {', '.join(CAMERAS)}, not {given.camera!r}")
-    for angle in given.tilts:
-        if not abs(angle) <= 90:
-            raise ProblemError(f"tilts: must be within +-90 degrees, not {angle:g}")
-    tilts = tuple(math.radians(angle) for angle in given.tilts)
-    camera = CAMERAS[given.camera].replace(tilts=tilts)
-    team = list(team)
-    for start in given.starts or ():
-        state = _stated(start, given.motion, workspace.height_map)
-        team.append(Robot(start=state, motion=given.motion, camera=camera))
-    if given.count:
-        states = iter(_candidates(given, workspace, actors, rng))
-        for k in range(given.count):
+        Raises
+        ------
+        ProblemError
+            If there is no such camera, place or layer, or too few free cells; one line.
+        """
+        if (self.starts is None) == (self.count is None):
+            raise ProblemError("must have either starts or a count")
+        camera = self._camera()
+        team = list(team)
+        for start in self.starts or ():
+            state = _stated(start, self.motion, workspace.height_map)
+            team.append(Robot(start=state, motion=self.motion, camera=camera))
+        states = iter(self._candidates(workspace, actors, rng) if self.count else ())
+        for k in range(self.count or 0):
             apart = (
-                s
-                for s in states
-                if not _crowded(s, given.motion, rules, workspace.height_map, team)
+                state
+                for state in states
+                if not _crowded(state, self.motion, rules, workspace.height_map, team)
             )
-            start_state = next(apart, None)
-            if start_state is None:
-                raise ProblemError(f"count: must be at most {k} here; {_room(given, workspace)}")
-            team.append(Robot(start=start_state, motion=given.motion, camera=camera))
-    return team
+            state_apart = next(apart, None)
+            if state_apart is None:
+                raise ProblemError(f"count: must be at most {k} here; {self._room(workspace)}")
+            team.append(Robot(start=state_apart, motion=self.motion, camera=camera))
+        return team
+
+    def _camera(self) -> Camera:
+        if self.camera not in CAMERAS:
+            raise ProblemError(f"camera: must be one of {', '.join(CAMERAS)}, not {self.camera!r}")
+        for angle in self.tilts:
+            if not abs(angle) <= 90:
+                raise ProblemError(f"tilts: must be within +-90 degrees, not {angle:g}")
+        tilts = tuple(math.radians(angle) for angle in self.tilts)
+        return CAMERAS[self.camera].replace(tilts=tilts)
+
+    def _room(self, workspace: Workspace) -> str:
+        """Say how much room there is for drones."""
+        free = free_places(workspace, self.motion)[0]
+        near = "" if self.near is None else f", and only some within {self.near:g} m of someone"
+        return (
+            f"{free.sum()} of {free.size} cells are free at their lowest layer, "
+            f"{self.motion.layers[0]:g} m{near}"
+        )
+
+    def _candidates(
+        self, workspace: Workspace, actors: tuple[Actor, ...], rng: np.random.Generator
+    ) -> list[State]:
+        """Return free cells near someone in random order, with headings to the nearest actor."""
+        free = np.argwhere(free_places(workspace, self.motion)[0])
+        ways = _ways(workspace.height_map, free, actors)
+        far = np.hypot(ways[:, 0], ways[:, 1])
+        if self.near is not None and actors:
+            near = far <= self.near
+            free, ways = free[near], ways[near]
+        order = rng.permutation(len(free))
+        yaws = np.arctan2(ways[order, 1], ways[order, 0]).tolist()
+        cells = free[order].tolist()
+        return [
+            State(x, y, 0, _heading(yaw, self.motion))
+            for (x, y), yaw in zip(cells, yaws, strict=True)
+        ]
 
 
-def _room(given: DronesTable, workspace: Workspace) -> str:
-    """Where there is room for drones, in words."""
-    free = free_places(workspace, given.motion)[0]
-    near = "" if given.near is None else f", and only some within {given.near:g} m of someone"
-    return (
-        f"{free.sum()} of {free.size} cells are free at their lowest layer, "
-        f"{given.motion.layers[0]:g} m{near}"
-    )
-
-
-def _stated(start: StartTable, motion: Motion, height_map: HeightMap) -> State:
+def _stated(start: _StartTable, motion: Motion, height_map: HeightMap) -> State:
     x, y = height_map.cell_of(start.x, start.y)
     if not height_map.inside(x, y):
         raise ProblemError(f"starts: must lie on the map, not at ({start.x:g}, {start.y:g}) m")
@@ -102,30 +120,15 @@ def _stated(start: StartTable, motion: Motion, height_map: HeightMap) -> State:
 
 
 def _heading(yaw: float, motion: Motion) -> int:
-    """Index of the heading nearest to a yaw in rad."""
+    """Return the index of the heading nearest to a yaw in rad."""
     return round(yaw / math.tau * motion.headings) % motion.headings
 
 
-def _candidates(
-    given: DronesTable, workspace: Workspace, actors: tuple[Actor, ...], rng: np.random.Generator
-) -> list[State]:
-    """Free cells near someone, in random order, each with the heading to the nearest actor."""
-    free = np.argwhere(free_places(workspace, given.motion)[0])
-    ways = _ways(workspace.height_map, free, actors)
-    far = np.hypot(ways[:, 0], ways[:, 1])
-    if given.near is not None and actors:
-        near = far <= given.near
-        free, ways = free[near], ways[near]
-    order = rng.permutation(len(free))
-    yaws = np.arctan2(ways[order, 1], ways[order, 0]).tolist()
-    cells = free[order].tolist()
-    return [
-        State(x, y, 0, _heading(yaw, given.motion)) for (x, y), yaw in zip(cells, yaws, strict=True)
-    ]
-
-
 def _ways(height_map: HeightMap, cells: IntArray, actors: tuple[Actor, ...]) -> FloatArray:
-    """Ways [n, 2] (m) from the middles of cells [n, 2] to the nearest actor; 0 without one."""
+    """Return the ways [n, 2] (m) from the middles of cells [n, 2] to the nearest actor at step 0.
+
+    Without actors they are 0.
+    """
     middles = np.array(height_map.origin) + (cells + 0.5) * height_map.resolution
     if not actors:
         return np.zeros_like(middles)
@@ -139,7 +142,7 @@ def _ways(height_map: HeightMap, cells: IntArray, actors: tuple[Actor, ...]) -> 
 def _crowded(
     state: State, motion: Motion, rules: CollisionRules, height_map: HeightMap, team: list[Robot]
 ) -> bool:
-    """Whether a start breaks a rule with those of the team."""
+    """Return True if a start breaks a collision rule with a start of the team."""
     own = state.x, state.y, motion.layers[state.layer]
     starts = [(r.start.x, r.start.y, r.motion.layers[r.start.layer]) for r in team]
     return any(rules.too_near(height_map.way(own, other)) for other in starts)

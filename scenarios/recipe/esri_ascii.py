@@ -12,7 +12,7 @@ from typing import BinaryIO
 import numpy as np
 
 from cocap_opt.data import FloatArray, ProblemError
-from cocap_opt.scenarios.recipe.raster import Axis, Raster, Window, cells_met, finished, mark_holes
+from cocap_opt.scenarios.recipe.raster import Axis, Layout, Raster, Window
 from cocap_opt.scenarios.text import integer, number
 
 KEYS = (
@@ -26,19 +26,17 @@ Header = dict[str, str]
 
 
 def read(path: Path, nodata: float | None, window: Window | None) -> Raster:
-    """Read a grid; see `cocap_opt.scenarios.recipe.rasters.read_raster`."""
+    """Read a grid; see `cocap_opt.scenarios.recipe.raster_files.read_raster`."""
     with path.open("rb") as file:
         header = _read_header(file)
-        x, y = _axis(header, "x"), _axis(header, "y")
-        columns, rows = cells_met(x, y, window)
-        values = _read_values(file, x.cells, y.cells, columns, rows)
-    for value in (_nodata(header), nodata):
-        mark_holes(values, value)
-    return finished(values, x.cut(columns), y.cut(rows))
+        layout = Layout(_axis(header, "x"), _axis(header, "y"))
+        columns, rows = layout.met(window)
+        values = _read_values(file, layout, columns, rows)
+    return layout.cut(columns, rows).raster(values, (_nodata(header), nodata))
 
 
 def _read_header(file: BinaryIO) -> Header:
-    """Read the lines before the first that starts with a number."""
+    """Read the lines before the first one that starts with a number."""
     header: Header = {}
     line = 0
     while True:
@@ -118,10 +116,9 @@ def _nodata(header: Header) -> float | None:
         raise ProblemError(f"nodata_value: must be a number, not {text!r}") from error
 
 
-def _read_values(
-    file: BinaryIO, width: int, height: int, columns: range, rows: range
-) -> FloatArray:
-    """Read all values, keep those of `columns` and `rows` (from the south), north first."""
+def _read_values(file: BinaryIO, layout: Layout, columns: range, rows: range) -> FloatArray:
+    """Read all values and return those of `columns` and `rows`, the northernmost row first."""
+    width, height = layout.x.cells, layout.y.cells
     kept = np.empty((len(rows), len(columns)))
     done = 0
     for block in _blocks(file, width):
@@ -139,7 +136,7 @@ def _read_values(
 
 
 def _blocks(file: BinaryIO, width: int) -> Iterator[FloatArray]:
-    """Numbers of the rest of a file, some at a time; `width` is for messages."""
+    """Give the numbers of the rest of a file in blocks; messages need the `width` of a row."""
     done, tail = 0, b""
     while chunk := file.read(CHUNK):
         words = (tail + chunk).split()

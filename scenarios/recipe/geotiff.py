@@ -10,15 +10,7 @@ from typing import Any
 import numpy as np
 
 from cocap_opt.data import ProblemError
-from cocap_opt.scenarios.recipe.raster import (
-    SLIVER,
-    Axis,
-    Raster,
-    Window,
-    cells_met,
-    finished,
-    mark_holes,
-)
+from cocap_opt.scenarios.recipe.raster import SLIVER, Axis, Layout, Raster, Window
 from cocap_opt.scenarios.text import one_line
 
 MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")  # TIFF and BigTIFF, in either byte order
@@ -27,7 +19,7 @@ CACHE = 64  # MB; GDAL's own choice is a share of all memory
 
 
 def read(path: Path, band: int | None, nodata: float | None, window: Window | None) -> Raster:
-    """Read a band; see `cocap_opt.scenarios.recipe.rasters.read_raster`."""
+    """Read a band; see `cocap_opt.scenarios.recipe.raster_files.read_raster`."""
     with path.open("rb") as file:
         if file.read(4) not in MAGIC:
             raise ProblemError("must be a TIFF file, as its name says")
@@ -51,19 +43,18 @@ def read(path: Path, band: int | None, nodata: float | None, window: Window | No
 def _read(dataset: Any, band: int | None, nodata: float | None, window: Window | None) -> Raster:
     band = _band(dataset, band)
     _refuse_units(dataset, band)
-    x, y = _axes(dataset)
-    columns, rows = cells_met(x, y, window)
+    layout = _layout(dataset)
+    columns, rows = layout.met(window)
     a, e = dataset.transform.a, dataset.transform.e
-    across, down = _in_file(columns, x.cells, a > 0), _in_file(rows, y.cells, e > 0)
+    across = _in_file(columns, layout.x.cells, a > 0)
+    down = _in_file(rows, layout.y.cells, e > 0)
     part = ((down.start, down.stop), (across.start, across.stop))
     values = dataset.read(band, window=part, out_dtype="float64")
     values[dataset.read_masks(band, window=part) == 0] = np.nan
-    mark_holes(values, nodata)
     northernmost_first = values[:: -1 if e > 0 else 1, :: -1 if a < 0 else 1]
-    return finished(
+    return layout.cut(columns, rows).raster(
         northernmost_first,
-        x.cut(columns),
-        y.cut(rows),
+        (nodata,),
         scale=dataset.scales[band - 1],
         offset=dataset.offsets[band - 1],
     )
@@ -82,7 +73,7 @@ def _band(dataset: Any, band: int | None) -> int:
 
 
 def _refuse_units(dataset: Any, band: int) -> None:
-    """Refuse what is not in metres: where coordinates are not, heights are in doubt as well."""
+    """Raise a ProblemError unless both coordinates and heights are in metres."""
     crs = dataset.crs
     if crs and crs.is_geographic:
         raise ProblemError("coordinates: must be metres of a projection, not degrees")
@@ -95,7 +86,7 @@ def _refuse_units(dataset: Any, band: int) -> None:
         raise ProblemError(f"heights: must be metres, not {unit}")
 
 
-def _axes(dataset: Any) -> tuple[Axis, Axis]:
+def _layout(dataset: Any) -> Layout:
     transform = dataset.transform
     if transform.is_identity and (dataset.gcps[0] or dataset.rpcs):
         raise _no_geotransform()
@@ -104,7 +95,7 @@ def _axes(dataset: Any) -> tuple[Axis, Axis]:
         raise ProblemError("geotransform: must be neither rotated nor sheared")
     if transform.a == 0 or transform.e == 0:
         raise ProblemError("geotransform: cells must have an area")
-    return (
+    return Layout(
         _axis(transform.c, transform.a, dataset.width),
         _axis(transform.f, transform.e, dataset.height),
     )
@@ -115,7 +106,7 @@ def _axis(start: float, step: float, cells: int) -> Axis:
 
 
 def _in_file(met: range, cells: int, increasing: bool) -> range:
-    """The cells `met` of an axis as the file numbers them."""
+    """Return the cells `met` of an axis in the numbers of the file, which may count down."""
     return met if increasing else range(cells - met.stop, cells - met.start)
 
 

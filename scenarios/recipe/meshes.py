@@ -1,7 +1,6 @@
-"""Meshes from files: what a height map cannot hold.
+"""The mesh files of a recipe: bridges and other solids that a height map cannot hold.
 
-They are read by trimesh: OBJ, STL, PLY and OFF, and glTF (GLB), which by its standard has its y
-axis upwards.
+trimesh reads them: OBJ, STL, PLY and OFF, and glTF (GLB), whose y axis is upwards by its standard.
 """
 
 import math
@@ -14,57 +13,46 @@ import trimesh
 from trimesh.resolvers import Resolver
 
 from cocap_opt.data import FloatArray, IntArray, ProblemError
+from cocap_opt.scenarios.recipe.tables import Coordinate, Table
 from cocap_opt.scenarios.text import naming, one_line
 from cocap_opt.world.workspace import Mesh
 
 PER_METRE = {"m": 1.0, "cm": 100.0, "mm": 1000.0, "ft": 1 / 0.3048}
-UP = {".glb": "y", ".gltf": "y"}  # of other files z, as in surveying
+UP = {".glb": "y", ".gltf": "y"}  # axis that is upwards; in other files it is z, as in surveys
 SUFFIXES = (".obj", ".glb", ".gltf", ".stl", ".ply", ".off")
 
-Unit = Literal["m", "cm", "mm", "ft"]
-Axis = Literal["y", "z"]
 
+class MeshTable(Table):
+    """One of the tables `mesh` of a recipe, see `cocap_opt.scenarios.recipe.recipe.EXAMPLE`."""
 
-def read_mesh(
-    path: Path,
-    *,
-    unit: Unit = "m",
-    up: Axis | None = None,
-    turn: float = 0.0,
-    at: tuple[float, float, float] = (0.0, 0.0, 0.0),
-) -> Mesh:
-    """Read all geometry of a file as one mesh; vertices at the same place become one.
+    file: str
+    unit: Literal["m", "cm", "mm", "ft"] = "m"  # of its coordinates
+    up: Literal["y", "z"] | None = None  # axis that is upwards; None: y for glTF, z for others
+    turn: Coordinate = 0.0  # degrees about its origin, counter-clockwise seen from above
+    at: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)  # m, where its origin lies
 
-    Parameters
-    ----------
-    path
-        An OBJ, GLB, glTF, STL, PLY or OFF file.
-    unit
-        Of its coordinates.
-    up
-        Its axis that is upwards. None: y for glTF, z for the others.
-    turn
-        Angle in rad, counter-clockwise seen from above, by which it is turned about its origin.
-    at
-        Where its origin comes to lie (m).
+    def mesh(self, folder: Path) -> Mesh:
+        """Read all geometry of the file as one mesh; vertices at the same place become one.
 
-    Raises
-    ------
-    ProblemError
-        If the file cannot be read or holds no triangles; one line, naming the file.
-    """
-    with naming(path):
-        if path.suffix.lower() not in SUFFIXES:
-            raise ProblemError(f"must be named {', '.join(SUFFIXES)}")
-        vertices, triangles = _load(path)
-        vertices = vertices / PER_METRE[unit]
-        if (up or UP.get(path.suffix.lower(), "z")) == "y":
-            vertices = vertices[:, [0, 2, 1]] * np.array([1.0, -1.0, 1.0])
-        return Mesh(vertices=_placed(vertices, turn, at), triangles=triangles)
+        Raises
+        ------
+        ProblemError
+            If the file cannot be read or holds no triangles; one line, naming the file.
+        """
+        path = folder / self.file
+        with naming(path):
+            if path.suffix.lower() not in SUFFIXES:
+                raise ProblemError(f"must be named {', '.join(SUFFIXES)}")
+            vertices, triangles = _load(path)
+            vertices = vertices / PER_METRE[self.unit]
+            if (self.up or UP.get(path.suffix.lower(), "z")) == "y":
+                vertices = vertices[:, [0, 2, 1]] * np.array([1.0, -1.0, 1.0])
+            turn = math.radians(self.turn)
+            return Mesh(vertices=_placed(vertices, turn, self.at), triangles=triangles)
 
 
 class _Beside(Resolver):
-    """Files that a mesh file names: regular ones in its folder or below, and no others."""
+    """Opens the files that a mesh file names, if they are regular files in its folder or below."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder.resolve()
@@ -86,12 +74,12 @@ class _Beside(Resolver):
 
 
 def _load(path: Path) -> tuple[FloatArray, IntArray]:
-    """Vertices [V, 3] and triangles [M, 3] of a file."""
+    """Read the vertices [V, 3] and the triangles [M, 3] of a file."""
     kind = path.suffix.lower()
     if not path.is_file():  # opening a pipe would wait for someone to write into it
         raise ProblemError("cannot be read: no such file")
     try:
-        # Warnings are about numbers that are refused below.
+        # trimesh warns of numbers that are refused below.
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")
             with path.open("rb") as file:
@@ -104,7 +92,7 @@ def _load(path: Path) -> tuple[FloatArray, IntArray]:
             triangles = np.array(shape.faces, dtype=np.int64)
     except OSError as error:
         raise ProblemError(f"cannot be read: {error.strerror or one_line(error)}") from error
-    except ImportError as error:  # what trimesh wants for text that is none
+    except ImportError as error:  # trimesh asks for another reader when a text is damaged
         raise ProblemError(f"cannot be read as {kind}") from error
     except Exception as error:  # trimesh names no set of errors for a damaged file
         raise ProblemError(f"cannot be read as {kind}: {one_line(error)}") from error
@@ -116,6 +104,7 @@ def _load(path: Path) -> tuple[FloatArray, IntArray]:
 
 
 def _placed(vertices: FloatArray, turn: float, at: tuple[float, float, float]) -> FloatArray:
+    """Return the vertices turned by `turn` rad about the z axis, and shifted by `at`."""
     c, s = math.cos(turn), math.sin(turn)
     x, y, z = vertices.T
     placed: FloatArray = np.column_stack([c * x - s * y, s * x + c * y, z]) + np.array(at)

@@ -1,4 +1,4 @@
-"""The people of a recipe: tracked by others, or walking along given legs."""
+"""The people of a recipe, tracked by others or walking along given legs."""
 
 from pathlib import Path
 from typing import Annotated, Literal
@@ -8,9 +8,9 @@ from msgspec import Meta
 
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.problem.problem import Actor, Shape
-from cocap_opt.scenarios.recipe import tracks
 from cocap_opt.scenarios.recipe.tables import Count, Point, Size, Table
 from cocap_opt.scenarios.recipe.terrain import Terrain
+from cocap_opt.scenarios.recipe.tracks import BODY, STILL, Track, headings, read_tracks
 
 
 class TracksTable(Table):
@@ -25,8 +25,58 @@ class TracksTable(Table):
     ids: Annotated[list[int | str], Meta(min_length=1)] | None = None
     count: Count | None = None
     at: Point = (0.0, 0.0)
-    shape: Shape = tracks.BODY
-    still: Size = tracks.STILL
+    shape: Shape = BODY
+    still: Size = STILL
+
+    def actors(self, folder: Path, terrain: Terrain, step: float, steps: int) -> list[Actor]:
+        """Read the people of the file who are there at all steps, standing on the ground.
+
+        Parameters
+        ----------
+        folder : of the file that the table names
+        terrain : the ground
+        step : seconds between steps
+        steps : horizon T
+
+        Raises
+        ------
+        ProblemError
+            If the file cannot be read or has no such people; one line.
+        """
+        tracks = read_tracks(
+            folder / self.file, columns=self.columns, unit=self.unit, fps=self.fps,
+            delimiter=self.delimiter,
+        )  # fmt: skip
+        begin, chosen = self._chosen(tracks, step, steps)
+        return [
+            track._replace(points=track.points + np.array(self.at)).actor(
+                begin, step, steps, shape=self.shape, still=self.still, ground=terrain.floor
+            )
+            for track in chosen
+        ]
+
+    def _chosen(self, tracks: list[Track], step: float, steps: int) -> tuple[float, list[Track]]:
+        """Return the time (s) of step 0, and the people who are filmed."""
+        if (self.ids is None) == (self.count is None):
+            raise ProblemError("must have either ids or a count")
+        candidates = tracks if self.ids is None else _named(self.ids, tracks)
+        wanted = self.count or len(candidates)
+        # The set of people who are there changes where someone appears.
+        moments = sorted({time for track in candidates for time in track.appearances()})
+        most = 0
+        for begin in moments if self.begin is None else [self.begin]:
+            there = [track for track in candidates if track.is_there(begin, step, steps)]
+            if len(there) >= wanted:
+                return begin, there[:wanted]
+            most = max(most, len(there))
+        when = "at no time" if self.begin is None else f"not from {self.begin:g} s on"
+        who = ""
+        if self.ids is not None:
+            who = "; " + "; ".join(f"{c.id} is there {c.presence()}" for c in candidates[:4])
+        raise ProblemError(
+            f"begin: must be a time from which on all of {wanted} are there for {steps * step:g} "
+            f"s, which they are {when}; at most {most} are{who}"
+        )
 
 
 class WalkTable(Table):
@@ -35,97 +85,40 @@ class WalkTable(Table):
     points: Annotated[list[Point], Meta(min_length=1)]
     speed: Size = 1.2
     first: Size = 0.0
-    shape: Shape = tracks.BODY
+    shape: Shape = BODY
+
+    def actor(self, terrain: Terrain, step: float, steps: int) -> Actor:
+        """Return a person who walks along the legs, and stands where they end.
+
+        Parameters
+        ----------
+        terrain : the ground
+        step : seconds between steps
+        steps : horizon T
+        """
+        points = self._along(step, steps)
+        floor = [terrain.floor(x, y) for x, y in points.tolist()]
+        yaw = headings(points, STILL * step)
+        return Actor(poses=np.column_stack([points, floor, yaw]), shape=self.shape)
+
+    def _along(self, step: float, steps: int) -> FloatArray:
+        """Return the points [T+1, 2] (m) at the steps."""
+        corners = np.array(self.points)
+        behind = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])
+        done = self.first + self.speed * step * np.arange(steps + 1)
+        return np.column_stack([np.interp(done, behind, axis) for axis in corners.T])
 
 
-def tracked(
-    given: TracksTable, folder: Path, terrain: Terrain, step: float, steps: int
-) -> list[Actor]:
-    """People of a file who are there at all steps, standing on the ground.
-
-    Parameters
-    ----------
-    folder : of the file that the table names
-    step : seconds between steps
-    steps : horizon T
-
-    Raises
-    ------
-    ProblemError
-        If the file cannot be read or has no such people; one line.
-    """
-    found = tracks.read_tracks(
-        folder / given.file, columns=given.columns, unit=given.unit, fps=given.fps,
-        delimiter=given.delimiter,
-    )  # fmt: skip
-    begin, chosen = _chosen(given, found, step, steps)
-    return [
-        tracks.actor(
-            track._replace(points=track.points + np.array(given.at)), begin, step, steps,
-            shape=given.shape, still=given.still, ground=terrain.floor,
-        )
-        for track in chosen
-    ]  # fmt: skip
-
-
-def _chosen(
-    given: TracksTable, found: list[tracks.Track], step: float, steps: int
-) -> tuple[float, list[tracks.Track]]:
-    """Time of step 0, and who is filmed."""
-    if (given.ids is None) == (given.count is None):
-        raise ProblemError("must have either ids or a count")
-    candidates = found if given.ids is None else _named(given.ids, found)
-    wanted = given.count or len(candidates)
-    # Sets of those who are there change where someone appears.
-    moments = sorted({time for track in candidates for time in tracks.appearances(track)})
-    most = 0
-    for begin in moments if given.begin is None else [given.begin]:
-        there = tracks.present(candidates, begin, step, steps)
-        if len(there) >= wanted:
-            return begin, there[:wanted]
-        most = max(most, len(there))
-    when = "at no time" if given.begin is None else f"not from {given.begin:g} s on"
-    who = ""
-    if given.ids is not None:
-        who = "; " + "; ".join(f"{c.id} is there {tracks.presence(c)}" for c in candidates[:4])
-    raise ProblemError(
-        f"begin: must be a time from which on all of {wanted} are there for {steps * step:g} s, "
-        f"which they are {when}; at most {most} are{who}"
-    )
-
-
-def _named(ids: list[int | str], found: list[tracks.Track]) -> list[tracks.Track]:
-    by_id = {track.id: track for track in found}
+def _named(ids: list[int | str], tracks: list[Track]) -> list[Track]:
+    by_id = {track.id: track for track in tracks}
     for name in ids:
         if name not in by_id:
-            raise ProblemError(f"ids: {name!r} is not in the file, which has {_some(by_id)}")
+            raise ProblemError(f"ids: {name!r} is not in the file, which has {_listed(by_id)}")
     if len(set(ids)) != len(ids):
         raise ProblemError("ids: must differ")
     return [by_id[name] for name in ids]
 
 
-def _some(names: dict[int | str, tracks.Track]) -> str:
+def _listed(names: dict[int | str, Track]) -> str:
     shown = ", ".join(str(name) for name in list(names)[:5])
     return shown + (f" and {len(names) - 5} more" if len(names) > 5 else "")
-
-
-def walking(given: WalkTable, terrain: Terrain, step: float, steps: int) -> Actor:
-    """Someone who walks along the legs of a table, and stands where they end.
-
-    Parameters
-    ----------
-    step : seconds between steps
-    steps : horizon T
-    """
-    points = _along(given, step, steps)
-    floor = [terrain.floor(x, y) for x, y in points.tolist()]
-    yaw = tracks.headings(points, tracks.STILL * step)
-    return Actor(poses=np.column_stack([points, floor, yaw]), shape=given.shape)
-
-
-def _along(given: WalkTable, step: float, steps: int) -> FloatArray:
-    """Points [T+1, 2] (m) at the steps."""
-    corners = np.array(given.points)
-    behind = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])
-    done = given.first + given.speed * step * np.arange(steps + 1)
-    return np.column_stack([np.interp(done, behind, axis) for axis in corners.T])

@@ -1,12 +1,15 @@
-"""What the readers of rasters share: axes, windows, and cells that hold no height.
+"""Rasters of heights, and the parts that their readers share: axes, windows, missing heights.
 
-Rows are [Y, X] with the northernmost first, as files hold them, until `finished` turns them.
+Readers have rows [Y, X] with the northernmost first, as files hold them; `Layout.raster` turns
+them.
 """
 
 import math
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cocap_opt.data import LARGEST, FloatArray, ProblemError
 
@@ -19,11 +22,27 @@ Window = tuple[float, float, float, float]  # m: x0, y0, x1, y1
 
 
 class Raster(NamedTuple):
-    """Heights on a grid of rectangular cells; cell (i, j) covers what `HeightMap` says."""
+    """Heights on a grid of rectangular cells, numbered as the cells of a `HeightMap`."""
 
     values: FloatArray  # [X, Y] m, x east and y north; nan where there is no data
     cell: tuple[float, float]  # m, edges of a cell along x and y
     origin: tuple[float, float]  # m, lower left corner
+
+    def sample(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
+        """Return the heights (m) of the cells that hold points (x, y) in m.
+
+        The height is nan outside and in holes. A cell holds its lower edges, not its upper ones,
+        as in `HeightMap.cell_of`. The arrays may have any shapes that broadcast.
+        """
+        with np.errstate(invalid="ignore"):  # inf and nan lie outside
+            i = np.floor((np.asarray(x, dtype=float) - self.origin[0]) / self.cell[0])
+            j = np.floor((np.asarray(y, dtype=float) - self.origin[1]) / self.cell[1])
+        i, j = np.broadcast_arrays(i, j)
+        width, height = self.values.shape
+        inside = (i >= 0) & (i < width) & (j >= 0) & (j < height)
+        heights = np.full(inside.shape, np.nan)
+        heights[inside] = self.values[i[inside].astype(int), j[inside].astype(int)]
+        return heights
 
 
 class Axis(NamedTuple):
@@ -39,50 +58,115 @@ class Axis(NamedTuple):
         return self.lower + self.cell * self.cells
 
     def met(self, low: float, high: float) -> range:
-        """Cells that the interval [low, high] (m) overlaps by more than a sliver."""
+        """Return the cells that the interval [low, high] (m) overlaps by more than a sliver."""
         start = math.floor((low - self.lower) / self.cell + SLIVER)
         stop = math.ceil((high - self.lower) / self.cell - SLIVER)
         return range(min(max(start, 0), self.cells), min(max(stop, 0), self.cells))
 
     def cut(self, cells: range) -> "Axis":
-        """The same axis with only these cells."""
+        """Return the same axis with only these cells."""
         return Axis(self.lower + cells.start * self.cell, self.cell, len(cells))
 
     def middle(self, cell: int) -> float:
-        """Coordinate (m) of the middle of a cell."""
+        """Return the coordinate (m) of the middle of a cell."""
         return self.lower + (cell + 0.5) * self.cell
 
 
-def cells_met(x: Axis, y: Axis, window: Window | None) -> tuple[range, range]:
-    """Cells along x and along y that a reader must read.
+class Layout(NamedTuple):
+    """The cells of a raster along both axes."""
 
-    Raises
-    ------
-    ProblemError
-        If the axes are out of range, the window is no rectangle or misses the raster, or the
-        cells are more than can be read.
-    """
-    for axis in (x, y):
-        _require(axis.cell >= LEAST_CELL, f"cell: must be >= {LEAST_CELL} m, not {axis.cell:.9g}")
-        inside = -LARGEST <= axis.lower <= axis.upper <= LARGEST
-        _require(inside, f"origin: must lie, as all of the raster, within +-{LARGEST:g} m")
-    columns, rows = range(x.cells), range(y.cells)
-    if window is not None:
-        _refuse_no_rectangle(window)
-        columns, rows = x.met(window[0], window[2]), y.met(window[1], window[3])
+    x: Axis
+    y: Axis
+
+    def met(self, window: Window | None) -> tuple[range, range]:
+        """Return the cells along x and along y that a window overlaps, or all without a window.
+
+        Raises
+        ------
+        ProblemError
+            If the axes are out of range, the window is no rectangle or misses the raster, or the
+            cells are more than can be read.
+        """
+        for axis in self:
+            _require(
+                axis.cell >= LEAST_CELL, f"cell: must be >= {LEAST_CELL} m, not {axis.cell:.9g}"
+            )
+            inside = -LARGEST <= axis.lower <= axis.upper <= LARGEST
+            _require(inside, f"origin: must lie, as all of the raster, within +-{LARGEST:g} m")
+        columns, rows = range(self.x.cells), range(self.y.cells)
+        if window is not None:
+            _require_rectangle(window)
+            columns, rows = self.x.met(window[0], window[2]), self.y.met(window[1], window[3])
+            _require(
+                len(columns) > 0 and len(rows) > 0,
+                f"window: must meet the raster, which covers x {self.x.lower:.3f}.."
+                f"{self.x.upper:.3f} and y {self.y.lower:.3f}..{self.y.upper:.3f} m",
+            )
         _require(
-            len(columns) > 0 and len(rows) > 0,
-            f"window: must meet the raster, which covers x {x.lower:.3f}..{x.upper:.3f} and "
-            f"y {y.lower:.3f}..{y.upper:.3f} m",
+            len(columns) * len(rows) <= MOST_READ,
+            f"window: must hold at most {MOST_READ} cells, not {len(columns)} x {len(rows)}",
         )
-    _require(
-        len(columns) * len(rows) <= MOST_READ,
-        f"window: must hold at most {MOST_READ} cells, not {len(columns)} x {len(rows)}",
-    )
-    return columns, rows
+        return columns, rows
+
+    def cut(self, columns: range, rows: range) -> "Layout":
+        """Return the layout of only these cells along x and along y."""
+        return Layout(self.x.cut(columns), self.y.cut(rows))
+
+    def raster(
+        self,
+        rows: FloatArray,
+        nodata: Iterable[float | None],
+        *,
+        scale: float = 1.0,
+        offset: float = 0.0,
+    ) -> Raster:
+        """Return the raster of these cells from rows of stored values, which are overwritten.
+
+        Parameters
+        ----------
+        rows
+            Stored values [Y, X], the northernmost row first; nan where there is no data.
+        nodata
+            Stored values that mean that there is no data.
+        scale, offset
+            A height (m) is `scale * value + offset`.
+
+        Raises
+        ------
+        ProblemError
+            If the scale is of no use, or a height is beyond all land.
+        """
+        for value in nodata:
+            _mark_holes(rows, value)
+        _require(
+            math.isfinite(scale) and scale != 0 and math.isfinite(offset),
+            f"scale and offset: must be finite and the scale not 0, not {scale:g} and {offset:g}",
+        )
+        self._require_land(rows, scale, offset)
+        if (scale, offset) != (1.0, 0.0):
+            rows *= scale
+            rows += offset
+        values = rows[::-1].T
+        values.flags.writeable = False
+        return Raster(values, (self.x.cell, self.y.cell), (self.x.lower, self.y.lower))
+
+    def _require_land(self, rows: FloatArray, scale: float, offset: float) -> None:
+        """Refuse values that must mean that there is no data, though the file does not say so."""
+        least, most = sorted((limit - offset) / scale for limit in (LOWEST, HIGHEST))
+        low, high = np.fmin.reduce(rows, axis=None), np.fmax.reduce(rows, axis=None)
+        if not (low < least or high > most):  # nan where all is a hole
+            return
+        value = f"{low if low < least else high:.9g}"
+        row, column = np.unravel_index(np.argmax((rows < least) | (rows > most)), rows.shape)
+        x, y = self.x.middle(int(column)), self.y.middle(len(rows) - 1 - int(row))
+        raise ProblemError(
+            f"heights: must lie within {LOWEST:g}..{HIGHEST:g} m, but the raster holds {value}, "
+            f"and the first such cell is at ({x:.3f}, {y:.3f}) m; nodata={value} says that it "
+            "means no data"
+        )
 
 
-def mark_holes(rows: FloatArray, nodata: float | None) -> None:
+def _mark_holes(rows: FloatArray, nodata: float | None) -> None:
     """Make cells nan that hold the value `nodata`, as far as single precision tells them apart.
 
     Files often spell a single precision limit such as -3.4e38 with a few digits only.
@@ -92,50 +176,15 @@ def mark_holes(rows: FloatArray, nodata: float | None) -> None:
             rows[rows.astype(np.float32) == np.float32(nodata)] = np.nan
 
 
-def finished(
-    rows: FloatArray, x: Axis, y: Axis, *, scale: float = 1.0, offset: float = 0.0
-) -> Raster:
-    """Raster of rows of stored values; a height is `scale * value + offset`.
-
-    Takes `rows` over. Raises `ProblemError` if a height is no height of land.
-    """
-    _require(
-        math.isfinite(scale) and scale != 0 and math.isfinite(offset),
-        f"scale and offset: must be finite and the scale not 0, not {scale:g} and {offset:g}",
-    )
-    _refuse_sentinels(rows, x, y, scale, offset)
-    if (scale, offset) != (1.0, 0.0):
-        rows *= scale
-        rows += offset
-    values = rows[::-1].T
-    values.flags.writeable = False
-    return Raster(values, (x.cell, y.cell), (x.lower, y.lower))
-
-
 def _require(condition: bool, message: str) -> None:
     if not condition:
         raise ProblemError(message)
 
 
-def _refuse_no_rectangle(window: Window) -> None:
+def _require_rectangle(window: Window) -> None:
     x0, y0, x1, y1 = window
     finite = all(map(math.isfinite, window))
     _require(
         finite and x0 < x1 and y0 < y1,
         f"window: must be x0, y0, x1, y1 in metres with x0 < x1 and y0 < y1, not {window}",
-    )
-
-
-def _refuse_sentinels(rows: FloatArray, x: Axis, y: Axis, scale: float, offset: float) -> None:
-    """Refuse values that only mean that there is no data, though the file does not say so."""
-    least, most = sorted((limit - offset) / scale for limit in (LOWEST, HIGHEST))
-    low, high = np.fmin.reduce(rows, axis=None), np.fmax.reduce(rows, axis=None)
-    if not (low < least or high > most):  # nan where all is a hole
-        return
-    value = f"{low if low < least else high:.9g}"
-    row, column = np.unravel_index(np.argmax((rows < least) | (rows > most)), rows.shape)
-    place = f"({x.middle(int(column)):.3f}, {y.middle(len(rows) - 1 - int(row)):.3f})"
-    raise ProblemError(
-        f"heights: must lie within {LOWEST:g}..{HIGHEST:g} m, but the raster holds {value}, and "
-        f"the first such cell is at {place} m; nodata={value} says that it means no data"
     )

@@ -1,10 +1,9 @@
-"""A scene made of parts that others made: a map, meshes, tracked people, and drones.
+"""Reader of recipes: scenes of a map, meshes, people whom others tracked, and drones.
 
 The file is TOML. Files are named relative to its folder; lengths are in metres, angles in
 degrees, times in seconds. `EXAMPLE` has every table once.
 """
 
-import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
@@ -15,12 +14,12 @@ from msgspec import Meta
 
 from cocap_opt.data import LARGEST, MOST_STEPS, ProblemError
 from cocap_opt.problem.problem import Actor, CollisionRules, Objective, Problem, Robot
-from cocap_opt.scenarios.recipe.drones import DronesTable, add_drones
-from cocap_opt.scenarios.recipe.meshes import Axis, Unit, read_mesh
-from cocap_opt.scenarios.recipe.people import TracksTable, WalkTable, tracked, walking
-from cocap_opt.scenarios.recipe.tables import Coordinate, Length, Point, Size, Table
-from cocap_opt.scenarios.recipe.terrain import Flight, MapTable, Terrain, make_terrain
-from cocap_opt.scenarios.recipe.walls import read_walls
+from cocap_opt.scenarios.recipe.drones import DronesTable
+from cocap_opt.scenarios.recipe.meshes import MeshTable
+from cocap_opt.scenarios.recipe.people import TracksTable, WalkTable
+from cocap_opt.scenarios.recipe.tables import Flight, Table
+from cocap_opt.scenarios.recipe.terrain import MapTable, Terrain
+from cocap_opt.scenarios.recipe.walls import WallsTable
 from cocap_opt.scenarios.text import naming, one_line, read_text
 from cocap_opt.world.workspace import HeightMap, Mesh, Workspace
 
@@ -28,7 +27,7 @@ EXAMPLE = """\
 name = "example"            # left out: that of the file
 steps = 20                  # number of moves
 step = 0.5                  # seconds each
-flight = "above-ground"     # or "above-sea": what the layers of all drones are above
+flight = "above-ground"     # or "above-sea"; the layers of all drones are heights above it
 face_samples = 3            # squared: sight rays to each triangle of a face
 
 [map]
@@ -36,11 +35,11 @@ file = "houses.tif"         # .tif or .asc; in place of it: size = [60, 40], ori
 heights = "above-ground"    # or "absolute", which needs a ground
 ground = "terrain.tif"      # bare terrain; "surface": the map itself is that; left out: flat, 0
 resolution = 1.0            # m, cells of the plan; left out: those of the file
-window = [10, 10, 70, 50]   # x0, y0, x1, y1 of the part that is used
-fill = 0.0                  # what the file has where it has no data; left out: refused
+window = [10, 10, 70, 50]   # x0, y0, x1, y1 of the part that is used; left out: all
+fill = 0.0                  # m, where the file has no data; left out: such files are refused
 nodata = -32768             # a value that means no data, besides what the file says
 band = 1                    # of the file; left out: the only one
-lowest = 0.5                # m, what is lower above the ground is no obstacle
+lowest = 0.5                # m above the ground; what is lower is no obstacle
 
 [[mesh]]
 file = "bridge.glb"         # .obj, .glb, .gltf, .stl, .ply or .off
@@ -62,17 +61,17 @@ file = "people.txt"
 columns = ["id", "frame", "x", "y", "z"]   # left out: as the file says
 unit = "cm"                 # left out, as fps: as the file says
 fps = 16
-begin = 37.0                # time of step 0; left out: the first at which all are there
+begin = 37.0                # time of step 0; left out: the first from which all are there
 ids = [12, 15, 16]          # or: count = 3, the first that are there at all steps
 at = [40, 20]               # added to their points
 delimiter = " "             # left out: what the first row looks like
-still = 0.1                 # m/s; who is slower keeps the heading
+still = 0.1                 # m/s; people who are slower keep their heading
 shape = { type = "prism", sides = 6, apothem = 0.25 }
 
 [[walk]]
 points = [[20, 20], [60, 22]]
 speed = 1.2
-first = 0.5                 # m of the way that are behind at step 0
+first = 0.5                 # m of the way that are walked before step 0
 shape = { type = "cuboid", length = 0.4, width = 0.5, height = 1.8 }
 
 [[drones]]
@@ -93,29 +92,8 @@ stationarity = 0.0
 """
 
 
-class MeshTable(Table):
-    """One of the tables `mesh`."""
-
-    file: str
-    unit: Unit = "m"
-    up: Axis | None = None
-    turn: Coordinate = 0.0
-    at: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)
-
-
-class WallsTable(Table):
-    """One of the tables `walls`."""
-
-    file: str
-    height: Length
-    name: str | None = None
-    border: Size = 0.0
-    at: Point = (0.0, 0.0)
-    base: Coordinate | None = None
-
-
-class Recipe(Table):
-    """The whole file."""
+class _Recipe(Table):
+    """The whole file, see `EXAMPLE`."""
 
     steps: Annotated[int, Meta(ge=1, le=MOST_STEPS)]
     map: MapTable
@@ -151,14 +129,14 @@ def read(path: Path, seed: int = 0) -> Problem:
     with naming(path):
         recipe = _decode(path)
         with naming("map"):
-            terrain = make_terrain(recipe.map, path.parent, recipe.flight)
+            terrain = recipe.map.terrain(path.parent, recipe.flight)
         solid = tuple(_meshes(recipe, path.parent, terrain))
         actors = tuple(_actors(recipe, path.parent, terrain))
         workspace, rng = Workspace(terrain.height_map, solid), np.random.default_rng(seed)
         team: list[Robot] = []
         for k, given in enumerate(recipe.drones):
             with naming(f"drones[{k}]"):
-                team = add_drones(given, team, workspace, actors, recipe.rules, rng)
+                team = given.added_to(team, workspace, actors, recipe.rules, rng)
         return Problem(
             name=recipe.name or path.stem,
             height_map=terrain.height_map,
@@ -172,29 +150,22 @@ def read(path: Path, seed: int = 0) -> Problem:
         )
 
 
-def _decode(path: Path) -> Recipe:
+def _decode(path: Path) -> _Recipe:
     try:
-        return msgspec.toml.decode(read_text(path), type=Recipe)
+        return msgspec.toml.decode(read_text(path), type=_Recipe)
     except (msgspec.MsgspecError, RecursionError) as error:
         raise ProblemError(one_line(error)) from error
 
 
-def _meshes(recipe: Recipe, folder: Path, terrain: Terrain) -> Iterator[Mesh]:
+def _meshes(recipe: _Recipe, folder: Path, terrain: Terrain) -> Iterator[Mesh]:
     for k, given in enumerate(recipe.mesh):
         with naming(f"mesh[{k}]"):
-            turn = math.radians(given.turn)
-            mesh = read_mesh(
-                folder / given.file, unit=given.unit, up=given.up, turn=turn, at=given.at
-            )
+            mesh = given.mesh(folder)
             _require_on_map([mesh], terrain.height_map)
         yield mesh
     for k, plan in enumerate(recipe.walls):
         with naming(f"walls[{k}]"):
-            base = float(terrain.ground.min()) if plan.base is None else plan.base
-            walls = read_walls(
-                folder / plan.file, name=plan.name, height=plan.height, border=plan.border,
-                at=plan.at, base=base,
-            )  # fmt: skip
+            walls = plan.meshes(folder, lowest=float(terrain.ground.min()))
             _require_on_map(walls, terrain.height_map)
         yield from walls
 
@@ -213,12 +184,12 @@ def _require_on_map(meshes: list[Mesh], height_map: HeightMap) -> None:
         )
 
 
-def _actors(recipe: Recipe, folder: Path, terrain: Terrain) -> Iterator[Actor]:
+def _actors(recipe: _Recipe, folder: Path, terrain: Terrain) -> Iterator[Actor]:
     for k, given in enumerate(recipe.tracks):
         with naming(f"tracks[{k}]"):
-            actors = tracked(given, folder, terrain, recipe.step, recipe.steps)
+            actors = given.actors(folder, terrain, recipe.step, recipe.steps)
         yield from actors
     for k, walk in enumerate(recipe.walk):
         with naming(f"walk[{k}]"):
-            actor = walking(walk, terrain, recipe.step, recipe.steps)
+            actor = walk.actor(terrain, recipe.step, recipe.steps)
         yield actor

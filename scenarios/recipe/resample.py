@@ -1,4 +1,4 @@
-"""From a raster to the square cells of a planning problem.
+"""Rasters brought to the square cells of a planning problem.
 
 A target cell takes the highest or the mean height of the source cells that it overlaps. Both
 separate along the axes, so that rows are reduced first, and then columns.
@@ -27,66 +27,67 @@ class Grid(NamedTuple):
     origin: tuple[float, float]  # m, lower left corner
     resolution: float  # m, edge of a cell
 
+    @classmethod
+    def of(cls, raster: Raster, resolution: float | None = None, how: How = "highest") -> "Grid":
+        """Return the raster on square cells, from its lower left corner on.
 
-def to_grid(raster: Raster, resolution: float | None = None, how: How = "highest") -> Grid:
-    """Bring a raster to square cells, from its lower left corner on.
+        The last cells may reach over the raster's edge by less than a cell; they take the heights
+        that they overlap. A cell that overlaps a hole is a hole.
 
-    The last cells may reach over the raster's edge by less than a cell; they take what they
-    overlap. A cell that overlaps a hole is a hole.
+        Parameters
+        ----------
+        raster
+            The raster.
+        resolution
+            Edge of a cell, m. None keeps the raster's own cells where they are square, to within
+            a tenth of a cell over the whole raster (the edge is then the mean of theirs); where
+            they are not, it is the smaller of their edges.
+        how
+            "highest": no obstacle is lost, and obstacles grow by up to a cell. "mean": weighted by
+            the area of the overlap.
 
-    Parameters
-    ----------
-    raster
-        The raster.
-    resolution
-        Edge of a cell, m. None keeps the raster's own cells where they are square, to within a
-        tenth of a cell over the whole raster (the edge is then the mean of theirs); where they
-        are not, it is the smaller of their edges.
-    how
-        "highest": no obstacle is lost, and obstacles grow by up to a cell. "mean": weighted by
-        the area of the overlap.
+        Raises
+        ------
+        ProblemError
+            If the resolution is out of range, or the grid would have more than a million cells.
+        """
+        (dx, dy), (width, height) = raster.cell, raster.values.shape
+        if resolution is None and _nearly_square(raster):
+            dx = dy = resolution = (dx + dy) / 2
+        resolution = min(dx, dy) if resolution is None else resolution
+        if not SMALLEST <= resolution <= LARGEST:  # false for nan too
+            raise ProblemError(
+                f"resolution: must be within {SMALLEST:g}..{LARGEST:g} m, not {resolution:g}"
+            )
+        _refuse_too_many(width * dx, height * dy, resolution)
+        reduce = _REDUCTIONS[how]
+        along_y = reduce(raster.values.T, _edges(height, resolution / dy))
+        values = reduce(along_y.T, _edges(width, resolution / dx))
+        return cls(values, raster.origin, resolution)
 
-    Raises
-    ------
-    ProblemError
-        If the resolution is out of range, or the grid would have more than a million cells.
-    """
-    (dx, dy), (width, height) = raster.cell, raster.values.shape
-    if resolution is None and _nearly_square(raster):
-        dx = dy = resolution = (dx + dy) / 2
-    resolution = min(dx, dy) if resolution is None else resolution
-    if not SMALLEST <= resolution <= LARGEST:  # false for nan too
-        raise ProblemError(
-            f"resolution: must be within {SMALLEST:g}..{LARGEST:g} m, not {resolution:g}"
-        )
-    _refuse_too_many(width * dx, height * dy, resolution)
-    reduce = REDUCTIONS[how]
-    along_y = reduce(raster.values.T, _edges(height, resolution / dy))
-    values = reduce(along_y.T, _edges(width, resolution / dx))
-    return Grid(values, raster.origin, resolution)
+    def filled(self, fill: float | None, field: str) -> FloatArray:
+        """Return the heights [X, Y], with `fill` (m) in the holes.
 
-
-def filled(grid: Grid, fill: float | None, field: str) -> FloatArray:
-    """Heights [X, Y] of a grid, `fill` (m) in its holes.
-
-    Raises
-    ------
-    ProblemError
-        If there are holes and `fill` is None or not finite; the message starts with `field`.
-    """
-    holes = np.isnan(grid.values)
-    if not holes.any():
-        return grid.values
-    if fill is None:
-        x, y = (float(k) for k in np.argwhere(holes)[0])
-        x, y = (o + (k + 0.5) * grid.resolution for o, k in zip(grid.origin, (x, y), strict=True))
-        raise ProblemError(
-            f"{field}: must have a height everywhere, but {holes.sum()} of {holes.size} cells "
-            f"have no data, the first at ({x:.3f}, {y:.3f}) m; fill gives them one"
-        )
-    if not math.isfinite(fill):
-        raise ProblemError(f"fill: must be finite, not {fill}")
-    return np.where(holes, fill, grid.values)
+        Raises
+        ------
+        ProblemError
+            If there are holes and `fill` is None or not finite; the message starts with `field`.
+        """
+        holes = np.isnan(self.values)
+        if not holes.any():
+            return self.values
+        if fill is None:
+            i, j = np.argwhere(holes)[0].tolist()
+            x, y = (
+                o + (k + 0.5) * self.resolution for o, k in zip(self.origin, (i, j), strict=True)
+            )
+            raise ProblemError(
+                f"{field}: must have a height everywhere, but {holes.sum()} of {holes.size} cells "
+                f"have no data, the first at ({x:.3f}, {y:.3f}) m; fill gives them one"
+            )
+        if not math.isfinite(fill):
+            raise ProblemError(f"fill: must be finite, not {fill}")
+        return np.where(holes, fill, self.values)
 
 
 def _nearly_square(raster: Raster) -> bool:
@@ -96,10 +97,10 @@ def _nearly_square(raster: Raster) -> bool:
 
 
 def _refuse_too_many(width: float, height: float, resolution: float) -> None:
-    """Refuse a grid of too many cells over width and height in m."""
+    """Raise a ProblemError if width x height m have more cells than are allowed."""
     x, y = (math.ceil(length / resolution * (1 - ROUNDING)) for length in (width, height))
     if x * y > MOST_CELLS:
-        # Where (width / r + 1) (height / r + 1) = MOST_CELLS; it is printed with three digits.
+        # The r where (width / r + 1) (height / r + 1) = MOST_CELLS, rounded up for three digits.
         half, more = (width + height) / 2, MOST_CELLS - 1
         enough = 1.005 * (half + math.sqrt(half**2 + more * width * height)) / more
         raise ProblemError(
@@ -109,10 +110,11 @@ def _refuse_too_many(width: float, height: float, resolution: float) -> None:
 
 
 def _edges(cells: int, ratio: float) -> FloatArray:
-    """Edges of the target cells that begin before the end of `cells` source cells.
+    """Return the edges of the target cells that begin before the end of `cells` source cells.
 
-    In source cells, cut off at the end. `ratio` is the target's edge in source cells. What is a
-    whole number up to rounding is one, so that no cell overlaps a sliver of its neighbour.
+    Edges are counted in source cells and cut off at the end; `ratio` is the length of a target
+    cell in source cells. An edge that is a whole number up to rounding becomes that number, so
+    that no cell overlaps a sliver of its neighbour.
     """
     edges = ratio * np.arange(math.ceil(cells / ratio) + 2)
     whole = np.rint(edges)
@@ -141,8 +143,8 @@ def _mean(values: FloatArray, edges: FloatArray) -> FloatArray:
     return mean
 
 
-# From values along the first axis and edges of target cells to one value per target cell.
-REDUCTIONS: dict[How, Callable[[FloatArray, FloatArray], FloatArray]] = {
+# Functions of values along the first axis and edges of target cells: one value per target cell.
+_REDUCTIONS: dict[How, Callable[[FloatArray, FloatArray], FloatArray]] = {
     "highest": _highest,
     "mean": _mean,
 }

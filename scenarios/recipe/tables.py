@@ -1,12 +1,13 @@
-"""What the tables of a recipe are made of."""
+"""The base and the field types of a recipe's tables."""
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 import msgspec
 from msgspec import Meta
 
 from cocap_opt.data import LARGEST, SMALLEST
 
+Flight = Literal["above-ground", "above-sea"]
 Coordinate = Annotated[float, Meta(ge=-LARGEST, le=LARGEST)]  # m, or degrees
 Length = Annotated[float, Meta(ge=SMALLEST, le=LARGEST)]  # m
 Size = Annotated[float, Meta(ge=0, le=LARGEST)]  # m, or m/s
@@ -15,4 +16,4 @@ Point = tuple[Coordinate, Coordinate]
 
 
 class Table(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """Base of all tables: a misspelt field is an error."""
+    """Base of all tables of a recipe, in which a misspelt field is an error."""

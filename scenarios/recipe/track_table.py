@@ -1,4 +1,4 @@
-"""Files of tracked people as tables: which column is what, in which unit, and its numbers.
+"""Files of tracked people as tables of numbers, in seconds and metres.
 
 A row is a person at a moment. Fields are separated by blanks, commas or semicolons; `#` begins a
 comment; numbers have decimal points. Before the rows may stand a line of names, and comments that
@@ -27,7 +27,7 @@ DELIMITERS = (" ", "\t", ",", ";")
 MOST_FPS = 1e6
 MOST = 1e12  # of ids, frames and times, which may count seconds since 1970
 
-# Names of columns without case, blanks and underscores, and without the unit behind them.
+# Names of columns, spelt without capitals, blanks and underscores, and without a unit.
 _SPELLINGS = {
     "id": "id persid personid person pedid pedestrianid pedestrian ped agentid agent trackid track",
     "frame": "frame frames fr frameid framenumber",
@@ -53,18 +53,9 @@ _FRAME_RATE = re.compile(
 )
 
 
-class Table(NamedTuple):
-    """The rows of a file, in its order."""
-
-    ids: IntArray | NDArray[np.str_]  # [n]
-    times: FloatArray  # [n] s
-    points: FloatArray  # [n, 2] m
-    heights: FloatArray | None  # [n] m, the column z
-    line: Callable[[int], int]  # number of a row's line, from 1; slow, for messages
-    unit: str  # of the file
-
-
 class _Layout(NamedTuple):
+    """The form of a file: what stands before its first row, and the first row itself."""
+
     comments: list[str]  # before the first row, without #
     header: list[str] | None
     first: int  # line of the first row, from 1
@@ -77,43 +68,55 @@ _Values = dict[str, FloatArray]  # role -> [n]; ids that are words are kept apar
 T = TypeVar("T", str, float)
 
 
-def read_table(
-    path: Path,
-    columns: Sequence[str] | None,
-    unit: str | None,
-    fps: float | None,
-    delimiter: str | None,
-) -> Table:
-    """Read the rows of a file; the parameters are those of `tracks.read_tracks`.
+class TrackTable(NamedTuple):
+    """The rows of a file, in its order."""
 
-    Raises
-    ------
-    ProblemError
-        If something is missing, not allowed, or stated otherwise by the file; one line, without
-        the file's name.
-    """
-    _check_options(unit, fps, delimiter)
-    text = read_text(path)
-    layout = _layout(text, delimiter)
-    names = _names(layout, columns)
-    places = _places(names, "columns" if columns else "header")
-    unit = _settled("unit", _stated_units(layout, names), unit)
-    rate = _rate(layout, places, fps)
-    values, words = _values(text, layout, places, len(names))
+    ids: IntArray | NDArray[np.str_]  # [n]
+    times: FloatArray  # [n] s
+    points: FloatArray  # [n, 2] m
+    heights: FloatArray | None  # [n] m, the column z
+    line: Callable[[int], int]  # number of a row's line, from 1; slow, for messages
+    unit: str  # of the file
 
-    def line(row: int) -> int:
-        return next(islice(_row_lines(text, layout), row, None))[0]
+    @classmethod
+    def read(
+        cls,
+        path: Path,
+        columns: Sequence[str] | None,
+        unit: str | None,
+        fps: float | None,
+        delimiter: str | None,
+    ) -> "TrackTable":
+        """Read the rows of a file; the parameters are those of `tracks.read_tracks`.
 
-    _check(values, line)
-    per_metre = PER_METRE[unit]
-    return Table(
-        ids=values["id"].astype(np.int64) if words is None else words,
-        times=values["time"] if rate is None else values["frame"] / rate,
-        points=np.column_stack([values["x"], values["y"]]) / per_metre,
-        heights=values["z"] / per_metre if "z" in values else None,
-        line=line,
-        unit=unit,
-    )
+        Raises
+        ------
+        ProblemError
+            If something is missing, not allowed, or stated otherwise by the file; one line,
+            without the file's name.
+        """
+        _check_options(unit, fps, delimiter)
+        text = read_text(path)
+        layout = _layout(text, delimiter)
+        names = _names(layout, columns)
+        places = _places(names, "columns" if columns else "header")
+        unit = _settled("unit", _stated_units(layout, names), unit)
+        rate = _rate(layout, places, fps)
+        values, words = _values(text, layout, places, len(names))
+
+        def line(row: int) -> int:
+            return next(islice(_row_lines(text, layout), row, None))[0]
+
+        _check(values, line)
+        per_metre = PER_METRE[unit]
+        return cls(
+            ids=values["id"].astype(np.int64) if words is None else words,
+            times=values["time"] if rate is None else values["frame"] / rate,
+            points=np.column_stack([values["x"], values["y"]]) / per_metre,
+            heights=values["z"] / per_metre if "z" in values else None,
+            line=line,
+            unit=unit,
+        )
 
 
 def _check_options(unit: str | None, fps: float | None, delimiter: str | None) -> None:
@@ -145,7 +148,7 @@ def _layout(text: str, delimiter: str | None) -> _Layout:
         found = _separator(content) if delimiter is None else delimiter
         separator = None if found == " " else found
         fields = _fields(content, separator)
-        # Not the first field alone: an id may be a word.
+        # All fields are looked at, since an id may be a word.
         if header is None and not any(map(_is_number, fields)):
             header = fields
             continue
@@ -154,11 +157,11 @@ def _layout(text: str, delimiter: str | None) -> _Layout:
 
 
 def _separator(line: str) -> str:
-    """What separates the fields of a line."""
+    """Return the character that separates the fields of a line."""
     if ";" in line:
         return ";"
     first = line.partition(",")[0].split()
-    # 1 0 2,5: decimal commas, which are refused as numbers.
+    # In a line like "1 0 2,5" commas are decimal; the numbers are refused later.
     return "," if "," in line and not (len(first) > 1 and _is_number(first[0])) else " "
 
 
@@ -175,7 +178,7 @@ def _is_number(text: str) -> bool:
 
 
 def _names(layout: _Layout, columns: Sequence[str] | None) -> Sequence[str]:
-    """Names of the columns; further ones, which a comment does not name, are called "-"."""
+    """Return the names of the columns; those that nothing names are called "-"."""
     count = len(layout.row)
     names = columns or layout.header
     if names is not None:
@@ -236,12 +239,12 @@ def _stated_units(layout: _Layout, names: Sequence[str]) -> set[str]:
 
 
 def _short(unit: str) -> str:
-    """Short name of a unit, which may be spelt out."""
+    """Return the short name of a unit, which may be spelt out."""
     return "cm" if unit.startswith("c") else "mm" if unit.startswith(("mm", "mi")) else "m"
 
 
 def _rate(layout: _Layout, places: _Columns, fps: float | None) -> float | None:
-    """Frames per second; None where the column of times is used instead."""
+    """Return the frames per second; None where the column of times is used instead."""
     if "time" in places and (fps is None or "frame" not in places):
         if fps is not None:
             raise ProblemError("fps: must be left out where times stand in place of frames")
@@ -256,7 +259,7 @@ def _rate(layout: _Layout, places: _Columns, fps: float | None) -> float | None:
 
 
 def _settled(field: str, stated: set[T], given: T | None) -> T:
-    """What the file states and the caller gives, if that is one value."""
+    """Return the value that the file states or the caller gives, which must be the same."""
     if len(stated) > 1:
         both = " and ".join(sorted(f"{value}" for value in stated))
         raise ProblemError(f"{field}: must be one, but the file states {both}")
@@ -275,17 +278,17 @@ def _settled(field: str, stated: set[T], given: T | None) -> T:
 def _values(
     text: str, layout: _Layout, places: _Columns, count: int
 ) -> tuple[_Values, NDArray[np.str_] | None]:
-    """Numbers of all columns that are used, and the ids where they are words."""
+    """Return the numbers of all columns that are used, and the ids where they are words."""
     words = not _is_number(layout.row[places["id"]])
     if not words:
         try:
-            # A hundred times faster than the loop; it refuses all that is not plain numbers.
+            # This is a hundred times faster than the loop, and refuses all but plain numbers.
             table = np.loadtxt(
                 io.StringIO(text), delimiter=layout.delimiter, skiprows=layout.first - 1, ndmin=2
             )
             return {role: table[:, place] for role, place in places.items()}, None
         except ValueError:
-            pass  # the loop can read it, or says what is wrong in which line
+            pass  # the loop reads it, or names the line that is wrong
     columns = {role: place for role, place in places.items() if not (words and role == "id")}
     rows = _rows(text, layout, count)
     numbers = (_number(row[k], line, role) for line, row in rows for role, k in columns.items())
@@ -299,7 +302,7 @@ def _values(
 
 
 def _row_lines(text: str, layout: _Layout) -> Iterator[tuple[int, str]]:
-    """Lines that are rows, without comments, each with its number."""
+    """Give the lines that are rows, without comments, each with its number."""
     for line, raw in enumerate(io.StringIO(text), start=1):
         content = raw.partition("#")[0]
         if line >= layout.first and content.strip():

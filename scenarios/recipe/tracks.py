@@ -1,16 +1,16 @@
-"""People tracked by others, as actors: tracks from a file, their points at steps, and headings.
+"""People whom others tracked, as actors: tracks from files, their points at steps, and headings.
 
 Source of the formats: text files of PeTrack and JuPedSim (ped.fz-juelich.de), whose columns are
 id, frame, x, y, z with z the height of the head above the floor, and CSV files like them. A track
 is the way of one person:
 
     tracks = read_tracks(Path("walk.txt"), unit="cm", fps=16)
-    there = present(tracks, begin=5.0, step=0.5, steps=20)
-    actors = [actor(track, 5.0, 0.5, 20) for track in there]
+    there = [track for track in tracks if track.is_there(begin=5.0, step=0.5, steps=20)]
+    actors = [track.actor(5.0, 0.5, 20) for track in there]
 
-People are there from their first frame to their last. Between frames they walk straight on; over
-a gap of more than `MOST_GAP` nobody knows where they went, and at a step inside it they are not
-there. Steps whose times are those of frames have the frames' points.
+People are there from their first frame to their last. Between frames they walk straight on. In a
+gap of more than `MOST_GAP` nobody knows where they went, and at a step inside it they are not
+there. Steps at the times of frames have the frames' points.
 """
 
 import logging
@@ -23,17 +23,17 @@ import numpy as np
 
 from cocap_opt.data import LARGEST, MOST_STEPS, BoolArray, FloatArray, IntArray, ProblemError
 from cocap_opt.problem.problem import Actor, Prism, Shape
-from cocap_opt.scenarios.recipe.track_table import PER_METRE, Table, read_table
+from cocap_opt.scenarios.recipe.track_table import PER_METRE, TrackTable
 from cocap_opt.scenarios.text import naming
 
 log = logging.getLogger(__name__)
 
-BODY = Prism(sides=6, apothem=0.25, height=1.75)  # as wide as shoulders
-STILL = 0.1  # m/s
-MOST_GAP = 1.0  # s
+BODY = Prism(sides=6, apothem=0.25, height=1.75)  # m, as wide as shoulders
+STILL = 0.1  # m/s, below which people keep their heading
+MOST_GAP = 1.0  # s, between frames
 SLACK = 1e-6  # s, by which rounding may shift times
 
-# Beyond these a unit or a frame rate is likely to be wrong.
+# Limits beyond which a unit or a frame rate is likely to be wrong.
 HEIGHTS = 0.4, 2.6  # m
 SPEEDS = 0.2, 10.0  # m/s
 EXTENTS = 0.05, 1e5  # m
@@ -47,6 +47,103 @@ class Track(NamedTuple):
     points: FloatArray  # [n, 2] m, x and y
     height: float | None  # m, of the head above the floor; None where the file has none
 
+    def is_there(self, begin: float, step: float, steps: int) -> bool:
+        """Return True if the person is there at all steps, so that `at_steps` works.
+
+        Raises
+        ------
+        ProblemError
+            If a parameter is out of range.
+        """
+        return not self._absent(_times(begin, step, steps)).any()
+
+    def at_steps(self, begin: float, step: float, steps: int) -> FloatArray:
+        """Return the points [T+1, 2] (m) at the times begin + t step, linear between frames.
+
+        Parameters
+        ----------
+        begin
+            Time of step 0, s.
+        step
+            Time between steps, s.
+        steps
+            Number of steps T.
+
+        Raises
+        ------
+        ProblemError
+            If the person is not there at a step, or a parameter is out of range.
+        """
+        times = _times(begin, step, steps)
+        absent = self._absent(times)
+        if absent.any():
+            t = int(np.argmax(absent))
+            raise ProblemError(
+                f"track {self.id}: must be there at step {t} ({times[t]:.12g} s), but is there "
+                f"{self.presence()}"
+            )
+        return np.column_stack([np.interp(times, self.times, axis) for axis in self.points.T])
+
+    def actor(
+        self,
+        begin: float,
+        step: float,
+        steps: int,
+        *,
+        shape: Shape = BODY,
+        still: float = STILL,
+        ground: Callable[[float, float], float] = lambda x, y: 0.0,
+    ) -> Actor:
+        """Return the actor that walks the track, looking where it goes.
+
+        Parameters
+        ----------
+        begin, step, steps
+            As in `at_steps`.
+        shape
+            Its body; the height is the track's where the track has one.
+        still
+            Speed (m/s) below which it keeps its heading, see `headings`.
+        ground
+            Height (m) of the floor at (x, y).
+
+        Raises
+        ------
+        ProblemError
+            If the person is not there at a step, or a parameter is out of range.
+        """
+        points = self.at_steps(begin, step, steps)
+        floor = [ground(x, y) for x, y in points.tolist()]
+        return Actor(
+            poses=np.column_stack([points, floor, headings(points, still * step)]),
+            shape=shape if self.height is None else shape.replace(height=self.height),
+        )
+
+    def appearances(self) -> list[float]:
+        """Return the times (s) at which the person comes: the first, and after every gap."""
+        gaps = np.flatnonzero(np.diff(self.times) > MOST_GAP + SLACK)
+        times: list[float] = self.times[[0, *(gaps + 1)]].tolist()
+        return times
+
+    def presence(self) -> str:
+        """Say from when to when the person is there."""
+        gaps = np.flatnonzero(np.diff(self.times) > MOST_GAP + SLACK)
+        begins = self.appearances()
+        ends = self.times[[*gaps, -1]]
+        spans = [f"from {a:.12g} to {b:.12g} s" for a, b in zip(begins, ends, strict=True)]
+        return " and ".join(
+            spans if len(spans) < 5 else [*spans[:3], f"at {len(spans) - 3} more times"]
+        )
+
+    def _absent(self, times: FloatArray) -> BoolArray:
+        """Return an array that is true at the times at which nobody knows where the person is."""
+        after = np.searchsorted(self.times, times).clip(0, len(self.times) - 1)
+        last, following = self.times[np.maximum(after - 1, 0)], self.times[after]
+        gap = following - last > MOST_GAP + SLACK
+        lost = gap & (times > last + SLACK) & (times < following - SLACK)
+        outside = (times < self.times[0] - SLACK) | (times > self.times[-1] + SLACK)
+        return np.asarray(lost | outside)
+
 
 def read_tracks(
     path: Path,
@@ -58,8 +155,8 @@ def read_tracks(
 ) -> list[Track]:
     """Read the tracks of a file, in the order of their ids; rows may have any order.
 
-    What makes a wrong unit or frame rate likely is logged as a warning. A track's height is the
-    median of its z, and None where that is not above 0, as in files which keep z at 0.
+    Signs of a wrong unit or frame rate are logged as warnings. A track's height is the median of
+    its z, and None where that is not above 0, as in files which keep z at 0.
 
     Parameters
     ----------
@@ -67,13 +164,13 @@ def read_tracks(
         A text file; `cocap_opt.scenarios.recipe.track_table` says how its lines look.
     columns
         Names of all its columns: id, frame or time (s), x, y and, if there, z; others are not
-        read. None: as its header or a comment names them, or else id, frame, x, y, z.
+        read. None: the names in its header or in a comment, or else id, frame, x, y, z.
     unit
-        Of x, y and z. None: as the file states.
+        Unit of x, y and z. None: as the file states.
     fps
         Frames per second. None: as the file states; not needed where there are times.
     delimiter
-        " " (any blanks), tabulator, "," or ";". None: what the first line looks like.
+        " " (any blanks), tabulator, "," or ";". None: as in the first row.
 
     Raises
     ------
@@ -83,68 +180,20 @@ def read_tracks(
         moment; one line, naming the file.
     """
     with naming(path):
-        table = read_table(path, columns, unit, fps, delimiter)
+        table = TrackTable.read(path, columns, unit, fps, delimiter)
         tracks = _tracks(table)
     for doubt in _doubts(tracks, table.unit):
         log.warning("%s: %s", path, doubt)
     return tracks
 
 
-def at_steps(track: Track, begin: float, step: float, steps: int) -> FloatArray:
-    """Points [T+1, 2] of a track at the times begin + t step, t = 0..T, linear between frames.
-
-    Parameters
-    ----------
-    track
-        Who walks.
-    begin
-        Time of step 0, s.
-    step
-        Time between steps, s.
-    steps
-        Number of steps T.
-
-    Raises
-    ------
-    ProblemError
-        If the person is not there at a step, or a parameter is out of range.
-    """
-    times = _times(begin, step, steps)
-    absent = _absent(track, times)
-    if absent.any():
-        t = int(np.argmax(absent))
-        raise ProblemError(
-            f"track {track.id}: must be there at step {t} ({times[t]:.12g} s), but is there "
-            f"{presence(track)}"
-        )
-    return np.column_stack([np.interp(times, track.times, axis) for axis in track.points.T])
-
-
-def present(tracks: Sequence[Track], begin: float, step: float, steps: int) -> list[Track]:
-    """Those that are there at all steps, and which `at_steps` therefore takes.
-
-    Raises
-    ------
-    ProblemError
-        If a parameter is out of range.
-    """
-    times = _times(begin, step, steps)
-    return [track for track in tracks if not _absent(track, times).any()]
-
-
-def appearances(track: Track) -> list[float]:
-    """Times (s) at which someone comes: at first, and after every gap."""
-    gaps = np.flatnonzero(np.diff(track.times) > MOST_GAP + SLACK)
-    times: list[float] = track.times[[0, *(gaps + 1)]].tolist()
-    return times
-
-
 def headings(points: FloatArray, still: float) -> FloatArray:
-    """Yaw [T+1] (rad, from +x, counter-clockwise, in (-pi, pi]) of who passes points [T+1, 2].
+    """Return the yaw [T+1] of a person who passes points [T+1, 2] (m), one at each step.
 
-    It is the direction from the step before to the step after, at the ends from or to the end.
-    Who moves by less than `still` metres a step keeps the heading of the last step in which it
-    moved; before it first moves it has the heading it will move in, and 0 if it never does.
+    It is in rad, from +x, counter-clockwise, in (-pi, pi]: the direction from the step before to
+    the step after, or at the ends from or to the end itself. A person who moves by less than
+    `still` metres a step keeps the heading of the last step in which it moved; before it first
+    moves it has the heading of its first move, and 0 if it never moves.
 
     Raises
     ------
@@ -166,46 +215,7 @@ def headings(points: FloatArray, still: float) -> FloatArray:
     return np.where(yaw <= -math.pi, math.pi, yaw)
 
 
-def actor(
-    track: Track,
-    begin: float,
-    step: float,
-    steps: int,
-    *,
-    shape: Shape = BODY,
-    still: float = STILL,
-    ground: Callable[[float, float], float] | None = None,
-) -> Actor:
-    """Return the actor that walks a track, looking where it goes.
-
-    Parameters
-    ----------
-    track, begin, step, steps
-        As in `at_steps`.
-    shape
-        Its body; the height is the track's where the track has one.
-    still
-        Speed (m/s) below which it keeps its heading, see `headings`.
-    ground
-        Height (m) of the floor at (x, y); None: 0.
-
-    Raises
-    ------
-    ProblemError
-        If the person is not there at a step, or a parameter is out of range.
-    """
-    points = at_steps(track, begin, step, steps)
-    floor = [0.0 if ground is None else ground(x, y) for x, y in points.tolist()]
-    return Actor(
-        poses=np.column_stack([points, floor, headings(points, still * step)]),
-        shape=shape if track.height is None else shape.replace(height=track.height),
-    )
-
-
-# -- from rows to tracks ------------------------------------------------------------------
-
-
-def _tracks(table: Table) -> list[Track]:
+def _tracks(table: TrackTable) -> list[Track]:
     ids, person = np.unique(table.ids, return_inverse=True)
     order = np.lexsort((table.times, person))
     _require_distinct(table, order)
@@ -213,7 +223,7 @@ def _tracks(table: Table) -> list[Track]:
     return [_track(table, name, rows) for name, rows in zip(ids.tolist(), parts, strict=True)]
 
 
-def _require_distinct(table: Table, order: IntArray) -> None:
+def _require_distinct(table: TrackTable, order: IntArray) -> None:
     ids, times = table.ids[order], table.times[order]
     same = (ids[1:] == ids[:-1]) & (times[1:] == times[:-1])
     if same.any():
@@ -224,7 +234,7 @@ def _require_distinct(table: Table, order: IntArray) -> None:
         )
 
 
-def _track(table: Table, name: int | str, rows: IntArray) -> Track:
+def _track(table: TrackTable, name: int | str, rows: IntArray) -> Track:
     times, points = table.times[rows], table.points[rows]
     times.setflags(write=False)
     points.setflags(write=False)
@@ -233,13 +243,13 @@ def _track(table: Table, name: int | str, rows: IntArray) -> Track:
 
 
 def _doubts(tracks: Sequence[Track], unit: str) -> Iterator[str]:
-    """What makes it likely that the unit or the frame rate is wrong."""
+    """Give the signs that the unit or the frame rate is wrong, each in words."""
     speeds = [speed for track in tracks if (speed := _speed(track)) > 0]
     speed = float(np.median(speeds)) if speeds else 0.0
     known = [(track.height, track.id) for track in tracks if track.height is not None]
     odd = [(height, name) for height, name in known if not HEIGHTS[0] <= height <= HEIGHTS[1]]
     if speed > SPEEDS[1]:
-        # Where heights are right, so is the unit.
+        # The unit is right where heights are.
         unit_of = None if known and not odd else _likely(speed, unit, SPEEDS)
         yield f"median speed {speed:.3g} m/s: is {unit_of or 'fps right'}?"
     if odd:
@@ -255,7 +265,7 @@ def _doubts(tracks: Sequence[Track], unit: str) -> Iterator[str]:
 
 
 def _speed(track: Track) -> float:
-    """Mean speed, m/s."""
+    """Return the mean speed of a person, m/s."""
     if len(track.times) < 2:
         return 0.0
     way = np.hypot(*np.diff(track.points, axis=0).T).sum()
@@ -263,7 +273,7 @@ def _speed(track: Track) -> float:
 
 
 def _likely(value: float, unit: str, limits: tuple[float, float]) -> str | None:
-    """The unit in which a length that was read in another would be within limits."""
+    """Name the unit in which a length or speed, read in another, would be within limits."""
     low, high = limits
     for other, per_metre in PER_METRE.items():
         if low <= value * PER_METRE[unit] / per_metre <= high:
@@ -271,11 +281,8 @@ def _likely(value: float, unit: str, limits: tuple[float, float]) -> str | None:
     return None
 
 
-# -- at steps -----------------------------------------------------------------------------
-
-
 def _times(begin: float, step: float, steps: int) -> FloatArray:
-    """Times [T+1] of the steps, s."""
+    """Return the times [T+1] of the steps, s."""
     if not 1 <= steps <= MOST_STEPS:
         raise ProblemError(f"steps: must be 1..{MOST_STEPS}, not {steps}")
     if not 0 < step <= LARGEST:  # false for nan, too
@@ -283,24 +290,3 @@ def _times(begin: float, step: float, steps: int) -> FloatArray:
     if not math.isfinite(begin):
         raise ProblemError(f"begin: must be a number, not {begin:g}")
     return begin + step * np.arange(steps + 1, dtype=np.float64)
-
-
-def _absent(track: Track, times: FloatArray) -> BoolArray:
-    """At which of the times nobody knows where the person is."""
-    after = np.searchsorted(track.times, times).clip(0, len(track.times) - 1)
-    last, following = track.times[np.maximum(after - 1, 0)], track.times[after]
-    gap = following - last > MOST_GAP + SLACK
-    lost = gap & (times > last + SLACK) & (times < following - SLACK)
-    outside = (times < track.times[0] - SLACK) | (times > track.times[-1] + SLACK)
-    return np.asarray(lost | outside)
-
-
-def presence(track: Track) -> str:
-    """From when to when, in words."""
-    gaps = np.flatnonzero(np.diff(track.times) > MOST_GAP + SLACK)
-    begins = appearances(track)
-    ends = track.times[[*gaps, -1]]
-    spans = [f"from {a:.12g} to {b:.12g} s" for a, b in zip(begins, ends, strict=True)]
-    return " and ".join(
-        spans if len(spans) < 5 else [*spans[:3], f"at {len(spans) - 3} more times"]
-    )

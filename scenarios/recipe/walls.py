@@ -1,4 +1,4 @@
-"""Walls from ground plans: areas that are extruded to meshes.
+"""The ground plans of a recipe, from which walls are extruded to meshes.
 
 PedPy keeps the ground plans of experiments as polygons of the walkable area and of the
 obstacles in it.
@@ -16,7 +16,7 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from cocap_opt.data import FloatArray, ProblemError
-from cocap_opt.scenarios.recipe.tables import Point
+from cocap_opt.scenarios.recipe.tables import Coordinate, Length, Point, Size, Table
 from cocap_opt.scenarios.text import naming, one_line, read_text
 from cocap_opt.world.workspace import Mesh
 
@@ -30,67 +30,66 @@ class _Plan(msgspec.Struct):
     obstacles: list[Ring] = []
 
 
-def read_walls(
-    path: Path,
-    *,
-    name: str | None = None,
-    height: float,
-    border: float = 0.0,
-    at: tuple[float, float] = (0.0, 0.0),
-    base: float = 0.0,
-) -> list[Mesh]:
-    """Walls of a ground plan in metres, which stand at altitude `base`.
+class WallsTable(Table):
+    """One of the tables `walls` of a recipe, see `cocap_opt.scenarios.recipe.recipe.EXAMPLE`.
 
-    The file is JSON: {name: {"walkable": [[x, y], ..], "obstacles": [[[x, y], ..], ..]}}.
-
-    Parameters
-    ----------
-    path
-        The file.
-    name
-        Which of its ground plans; None where it has one only.
-    height
-        Of the walls, m.
-    border
-        Thickness (m) of a wall around the walkable area; 0: there is none.
-    at
-        Where the plan's origin comes to lie (m).
-    base
-        Altitude (m) of their foot.
-
-    Raises
-    ------
-    ProblemError
-        If the file cannot be read, has no such ground plan, or there is no wall in it; one
-        line, naming the file.
+    The file is JSON: {name: {"walkable": [[x, y], ..], "obstacles": [[[x, y], ..], ..]}}, in m.
     """
-    with naming(path):
+
+    file: str
+    height: Length
+    name: str | None = None  # of a ground plan in the file; None: the only one
+    border: Size = 0.0  # m, thickness of a wall around the walkable area; 0: there is none
+    at: Point = (0.0, 0.0)  # m, where the plan's origin comes to lie
+    base: Coordinate | None = None  # m, altitude of the walls' foot; None: the lowest ground
+
+    def meshes(self, folder: Path, lowest: float) -> list[Mesh]:
+        """Read the ground plan and return its walls.
+
+        Parameters
+        ----------
+        folder : of the file that the table names
+        lowest : altitude (m) of the lowest ground
+
+        Raises
+        ------
+        ProblemError
+            If the file cannot be read, has no such ground plan, or there is no wall in it; one
+            line, naming the file.
+        """
+        base = lowest if self.base is None else self.base
+        with naming(folder / self.file):
+            plan = self._plan(folder / self.file)
+            areas = [_polygon(ring) for ring in plan.obstacles]
+            if self.border > 0:
+                inside = _polygon(plan.walkable)
+                areas.append(inside.buffer(self.border, join_style="mitre").difference(inside))
+            if not areas:
+                raise ProblemError(
+                    "it has no obstacles: border must say how thick its outer walls are"
+                )
+            walls = [_extruded(area, base + self.height, base) for area in areas]
+        return [wall.replace(vertices=wall.vertices + np.array([*self.at, 0.0])) for wall in walls]
+
+    def _plan(self, path: Path) -> _Plan:
         try:
             plans = msgspec.json.decode(read_text(path), type=dict[str, _Plan])
         except (msgspec.MsgspecError, RecursionError) as error:
             raise ProblemError(one_line(error)) from error
-        if name is None and len(plans) != 1:
+        if self.name is None and len(plans) != 1:
             raise ProblemError(f"name: must be one of {', '.join(plans)}")
-        if name is not None and name not in plans:
-            raise ProblemError(f"name: must be one of {', '.join(plans)}, not {name!r}")
-        plan = plans[name] if name is not None else next(iter(plans.values()))
-        walls = [extruded(_polygon(ring), base + height, base) for ring in plan.obstacles]
-        if border > 0:
-            area = _polygon(plan.walkable)
-            around = area.buffer(border, join_style="mitre").difference(area)
-            walls.append(extruded(around, base + height, base))
-        if not walls:
-            raise ProblemError("it has no obstacles: border must say how thick its outer walls are")
-    return [wall.replace(vertices=wall.vertices + np.array([*at, 0.0])) for wall in walls]
+        if self.name is not None and self.name not in plans:
+            raise ProblemError(f"name: must be one of {', '.join(plans)}, not {self.name!r}")
+        return plans[self.name] if self.name is not None else next(iter(plans.values()))
 
 
 def _polygon(ring: Sequence[Point]) -> BaseGeometry:
-    # Rings in such files pass a point twice, or cross themselves by a rounding.
+    # Rings in such files may pass a point twice, or cross themselves by a rounding.
     return shapely.make_valid(Polygon(ring))
 
 
-def extruded(area: BaseGeometry, height: float, bottom: float = 0.0) -> Mesh:
-    """The solid above an area (m, of polygons), from one altitude to another.
+def _extruded(area: BaseGeometry, height: float, bottom: float) -> Mesh:
+    """Return the solid above an area (m, of polygons), from one altitude to another.
 
     Raises
     ------
@@ -124,13 +123,13 @@ def _polygons(area: BaseGeometry) -> list[Polygon]:
 
 
 def _triangles(polygon: Polygon) -> list[FloatArray]:
-    """Triangles [3, 2] of a polygon, counter-clockwise."""
+    """Cut a polygon into triangles [3, 2], counter-clockwise."""
     pieces = _polygons(shapely.constrained_delaunay_triangles(polygon))
     return [np.asarray(piece.exterior.coords)[:3] for piece in pieces]
 
 
 def _side(ring: FloatArray, bottom: float, height: float) -> FloatArray:
-    """Walls [n, 3, 3] along a closed ring whose inside is on its left."""
+    """Return the triangles [n, 3, 3] of walls along a closed ring whose inside is on its left."""
     a, b = ring[:-1], ring[1:]
     low, high = np.full(len(a), bottom), np.full(len(a), height)
     corners = [np.column_stack([*at.T, z]) for at, z in ((a, low), (b, low), (b, high), (a, high))]
