@@ -2,6 +2,7 @@
 
 import math
 from functools import cached_property, lru_cache
+from itertools import product
 from typing import NamedTuple
 
 import msgspec
@@ -121,6 +122,14 @@ class Mesh(Data, frozen=True, eq=False, dict=True):
         triangles = given.astype(np.int64)
         triangles.setflags(write=False)
         msgspec.structs.force_setattr(self, "triangles", triangles)
+
+    @classmethod
+    def box(cls, low: tuple[float, float, float], high: tuple[float, float, float]) -> "Mesh":
+        """Return the box from one corner to the opposite one (m)."""
+        corners = np.array(list(product(*zip(low, high, strict=True))))
+        sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+        triangles = [side[k] for side in sides for k in (0, 1, 2, 0, 2, 3)]
+        return cls(vertices=corners, triangles=np.reshape(triangles, (-1, 3)))
 
     @cached_property
     def is_solid(self) -> bool:

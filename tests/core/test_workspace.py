@@ -25,7 +25,6 @@ from cocap_opt.problem.problem import (
     TriangulatedCuboid,
 )
 from cocap_opt.scenarios import load_scene
-from cocap_opt.scenarios.built_in.parts import block
 from cocap_opt.stop import never
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.views import make_views
@@ -100,7 +99,7 @@ def test_a_box_blocks_the_cells_into_which_it_reaches(
 ) -> None:
     """A box is solid over its own height in all cells that its inside meets, and no others."""
     high = tuple(a + b for a, b in zip(low, size, strict=True))
-    mesh = block(low, high)  # type: ignore[arg-type]
+    mesh = Mesh.box(low, high)  # type: ignore[arg-type]
     if inward:
         mesh = mesh.replace(triangles=mesh.triangles[:, ::-1])
     columns = Workspace(FLAT, (mesh,)).columns
@@ -120,7 +119,7 @@ def test_a_box_blocks_the_cells_into_which_it_reaches(
 def test_a_wall_that_ends_at_a_cell_leaves_the_cell_free() -> None:
     """Solids that only touch a cell do not block it; thin plates block on both sides."""
     flying = Motion(layers=(3.0,))
-    wall = block((2.0, 0.0, 0.0), (3.0, 5.0, 8.0))
+    wall = Mesh.box((2.0, 0.0, 0.0), (3.0, 5.0, 8.0))
     free = free_places(Workspace(FLAT, (wall,)), flying)[0]
     assert [bool(row.all()) for row in free] == [True, True, False, True, True, True]
     sheet = Mesh(
@@ -137,7 +136,7 @@ def test_a_closed_wall_without_thickness_blocks_both_sides(half: float, axis: in
     """A wall of two faces on an edge between cells closes, and is nowhere solid: it is a plate."""
     low, high = [0.0, 0.0, 0.0], [5.0, 5.0, 8.0]
     low[axis], high[axis] = 2.0 - half, 2.0 + half
-    wall = block((low[0], low[1], low[2]), (high[0], high[1], high[2]))
+    wall = Mesh.box((low[0], low[1], low[2]), (high[0], high[1], high[2]))
     assert wall.is_solid
     free = free_places(Workspace(FLAT, (wall,)), Motion(layers=(3.0,)))[0]
     lines = free[:5, :5] if axis == 0 else free[:5, :5].T
@@ -146,8 +145,11 @@ def test_a_closed_wall_without_thickness_blocks_both_sides(half: float, axis: in
 
 def test_overlapping_and_nested_boxes_are_one_solid() -> None:
     """The inside of a mesh of several boxes is that of any of them, overlaps included."""
-    one, other = block((0.2, 0.2, 1.0), (2.8, 0.8, 4.0)), block((1.2, 0.1, 3.0), (1.8, 0.9, 6.0))
-    inner = block((0.4, 0.4, 2.0), (0.6, 0.6, 3.0))
+    one, other = (
+        Mesh.box((0.2, 0.2, 1.0), (2.8, 0.8, 4.0)),
+        Mesh.box((1.2, 0.1, 3.0), (1.8, 0.9, 6.0)),
+    )
+    inner = Mesh.box((0.4, 0.4, 2.0), (0.6, 0.6, 3.0))
     columns = Workspace(FLAT, (joined(one, other, inner),)).columns
     assert columns.at(0, 0)[1:] == [(1.0, 4.0)]
     assert columns.at(1, 0)[1:] == [(1.0, 6.0)]
@@ -155,7 +157,10 @@ def test_overlapping_and_nested_boxes_are_one_solid() -> None:
 
 def test_a_doorway_is_free_below_its_lintel() -> None:
     """What is above one another in a cell are intervals of their own, and between is air."""
-    lintel, roof = block((1.0, 1.0, 4.0), (2.0, 2.0, 5.0)), block((0.0, 0.0, 9.0), (6.0, 5.0, 9.5))
+    lintel, roof = (
+        Mesh.box((1.0, 1.0, 4.0), (2.0, 2.0, 5.0)),
+        Mesh.box((0.0, 0.0, 9.0), (6.0, 5.0, 9.5)),
+    )
     workspace = Workspace(FLAT, (joined(lintel, roof),))
     assert workspace.columns.at(1, 1) == [(-math.inf, 0.0), (4.0, 5.0), (9.0, 9.5)]
     free = free_places(workspace, Motion(layers=(2.0, 4.5, 7.0), clearance=0.5))
@@ -202,10 +207,10 @@ def test_nobody_climbs_through_a_deck() -> None:
 @pytest.mark.parametrize(
     ("mesh", "solid"),
     [
-        (block((0, 0, 0), (1, 1, 1)), True),
+        (Mesh.box((0, 0, 0), (1, 1, 1)), True),
         (plate((0, 0), (1, 1), 2.0), False),
-        (joined(block((0, 0, 0), (1, 1, 1)), plate((0, 0), (1, 1), 2.0)), False),
-        (block((0, 0, 0), (1, 1, 1)).replace(triangles=block((0, 0, 0), (1, 1, 1)).triangles[1:]),
+        (joined(Mesh.box((0, 0, 0), (1, 1, 1)), plate((0, 0), (1, 1), 2.0)), False),
+        (Mesh.box((0, 0, 0), (1, 1, 1)).replace(triangles=Mesh.box((0, 0, 0), (1, 1, 1)).triangles[1:]),
          False),
     ],
 )  # fmt: skip
@@ -263,7 +268,7 @@ def test_columns_of_a_map_and_boxes_are_the_same(heights: list[float]) -> None:
     tops = np.reshape(heights, (6, 5))
     tops[[0, 5], [0, 4]] = 0.0
     boxes = [
-        block((x, y, -1.0), (x + 1, y + 1, tops[x, y]))
+        Mesh.box((x, y, -1.0), (x + 1, y + 1, tops[x, y]))
         for x, y in product(range(6), range(5))
         if tops[x, y] > 0
     ]
@@ -285,7 +290,7 @@ def test_lifting_everything_changes_nothing(heights: list[float], up: float) -> 
     """Ground, actors, meshes and the datum of flight heights lifted together: the same scene."""
     tops = np.reshape(heights, (6, 5))
     tops[[0, 5], [0, 4]] = 0.0
-    beam = block((2.2, 0.0, 2.5), (2.7, 5.0, 3.5))
+    beam = Mesh.box((2.2, 0.0, 2.5), (2.7, 5.0, 3.5))
     below = scene(HeightMap(heights=tops), (beam,))
     lifted = HeightMap(heights=tops + up, datum=np.full((6, 5), up))
     above = scene(lifted, (moved(beam, (0, 0, up)),), up)
@@ -382,5 +387,5 @@ def test_copies_of_problems_have_the_same_j(problem: Problem, quarters: int, mir
 
 def test_a_solid_that_touches_the_map_from_outside_leaves_its_cells_free() -> None:
     """What only touches a cell does not block it, at the edge of the map as elsewhere."""
-    around = block((-1.0, 0.0, 0.0), (0.0, 5.0, 8.0)), block((0.0, 5.0, 0.0), (6.0, 6.0, 8.0))
+    around = Mesh.box((-1.0, 0.0, 0.0), (0.0, 5.0, 8.0)), Mesh.box((0.0, 5.0, 0.0), (6.0, 6.0, 8.0))
     assert free_places(Workspace(FLAT, around), Motion(layers=(3.0,))).all()

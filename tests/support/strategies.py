@@ -28,8 +28,7 @@ from cocap_opt.problem.problem import (
     State,
     TriangulatedCuboid,
 )
-from cocap_opt.scenarios.built_in.parts import block
-from cocap_opt.stop import Limit
+from cocap_opt.stop import Limit, Stop
 from cocap_opt.world.workspace import HeightMap, Mesh, Workspace
 
 WALL = 20.0  # m, higher than anything flies
@@ -38,14 +37,14 @@ MOST_PLANS = 20_000  # combinations of paths that brute force goes through
 _FACTOR = int(os.environ.get("COCAP_OPT_EXAMPLES", "1"))
 
 
-class Calls:
+class Calls(Stop):
     """A limit that is reached when it has been asked so many times."""
 
     def __init__(self, most: float = math.inf) -> None:
         self.asked, self._most = 0, most
 
-    def __call__(self) -> Limit:
-        """Say whether it is reached."""
+    def reached(self) -> Limit:
+        """Count the question, and say whether the limit is reached."""
         self.asked += 1
         return Limit.TIME if self.asked > self._most else Limit.NONE
 
@@ -114,7 +113,7 @@ def meshes(draw: st.DrawFn, height_map: HeightMap) -> tuple[Mesh, ...]:
         z = draw(st.sampled_from([1.0, 4.0, 7.0, 2.5]))
         if kind == "b":
             made.append(
-                block((x, y, z), (x + long, y + wide, z + draw(st.sampled_from([0.3, 4.0]))))
+                Mesh.box((x, y, z), (x + long, y + wide, z + draw(st.sampled_from([0.3, 4.0]))))
             )
         else:
             made.append(plate((x, y), (x + long, y + wide), z))
