@@ -1,1 +1,12 @@
-"""Pictures: figures, the player, and the page that is made of a sweep."""
+"""Pictures of scenes, plans and results: figures, the player, and the page of a sweep."""
+
+__all__ = [
+    "charts",
+    "figures",
+    "limitations",
+    "pages",
+    "player",
+    "player_scene",
+    "rendering",
+    "report",
+]

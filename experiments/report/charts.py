@@ -1,6 +1,6 @@
-"""Charts of results by matplotlib: gaps, a solver's progress, conflicts.
+"""Charts of results by matplotlib: gaps, the progress of a search, conflicts.
 
-Each drawing function takes an axes and returns it; each figure is made of them.
+Each drawing function takes an axes and returns it; the figures are made of these.
 """
 
 import math
@@ -14,30 +14,35 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocat
 from cocap_opt.data import FloatArray
 from cocap_opt.experiments.report.figures import draw_frame, robot_colour
 from cocap_opt.experiments.results.printing import counted
-from cocap_opt.experiments.results.rows import Row, bound_is_proved, obeys
+from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.results.statistics import mean
-from cocap_opt.experiments.results.tables import grouped
+from cocap_opt.experiments.results.tables import grouped, percent
 from cocap_opt.experiments.results.trace import Trace
 from cocap_opt.formulations.result import OPTIMALITY, Snapshot
 from cocap_opt.problem.plan import Conflict, Plan, SwapConflict, conflicts
 from cocap_opt.problem.problem import Problem
 
-DPI = 130
-BLUE, AMBER, RED, GREY = "#30638e", "#edae49", "#d1495b", "#8d99ae"
-LINEAR = 1.0  # %, up to which the axis of gaps is linear; from there on it is logarithmic
-GAP_TICKS = (0, 0.25, 0.5, 0.75, 1, 2, 5, 10, 20, 50, 100)
-NAMED = 12  # runs up to which each has its name in a legend
-LEAST_GAP = 100 * OPTIMALITY  # %, what a solver calls optimal
+_DPI = 130
+_BLUE, _AMBER, _RED, _GREY = "#30638e", "#edae49", "#d1495b", "#8d99ae"
+_LINEAR = 1.0  # %, up to which the axis of gaps is linear; from there on it is logarithmic
+_GAP_TICKS = (0, 0.25, 0.5, 0.75, 1, 2, 5, 10, 20, 50, 100)
+_NAMED = 12  # runs, up to which a legend names each
+_LEAST_GAP = 100 * OPTIMALITY  # %, of a plan that is proved optimal
 
 
 # -- gaps ---------------------------------------------------------------------------------
 
 
 def gaps_figure(rows: Sequence[Row]) -> Figure:
-    """A panel per scene: the gap of each planner."""
+    """Draws the gap of each planner, a panel per scene.
+
+    Parameters
+    ----------
+    rows : of the gap table
+    """
     scenes = grouped(rows, "scene")
     heights = [1.1 + 0.42 * len(grouped(some, "planner")) for some in scenes.values()]
-    figure = Figure(figsize=(7.2, sum(heights)), layout="constrained", dpi=DPI)
+    figure = Figure(figsize=(7.2, sum(heights)), layout="constrained", dpi=_DPI)
     panels = figure.subplots(len(scenes), 1, height_ratios=heights, squeeze=False)[:, 0]
     for ax, ((scene,), some) in zip(panels, scenes.items(), strict=True):
         draw_gaps(ax, some)
@@ -46,10 +51,10 @@ def gaps_figure(rows: Sequence[Row]) -> Figure:
 
 
 def draw_gaps(ax: Axes, rows: Sequence[Row]) -> Axes:
-    """Gap of each planner to the best certified bound: a point per seed, mean and 95 % interval.
+    """Draws each planner's gap to the best certified bound: a point per seed, mean, 95 % interval.
 
-    A hollow point is against a bound that is not proved to be the optimum, so that the plan may
-    be better than it shows. Plans that break a rule have no gap; they are counted at the side.
+    The bound of a hollow point is not proved to be the optimum, so that the gap may be smaller
+    than it shows. Plans that break a rule have no gap; they are counted at the side.
 
     Parameters
     ----------
@@ -57,51 +62,52 @@ def draw_gaps(ax: Axes, rows: Sequence[Row]) -> Axes:
     """
     planners = grouped(rows, "planner")
     for y, some in enumerate(planners.values()):
-        _draw_planner(ax, y, [row for row in some if obeys(row) and row["gap"] is not None])
-    if not all(bound_is_proved(row) for row in rows):
-        ax.scatter([], [], s=14, facecolor="none", edgecolor=BLUE, label="bound not proved best")
+        _draw_planner(ax, y, some)
+    if not all(row.bound_is_proved for row in rows):
+        ax.scatter([], [], s=14, facecolor="none", edgecolor=_BLUE, label="bound not proved best")
         ax.legend(fontsize=7, loc="lower right", bbox_to_anchor=(1.0, 1.0), frameon=False)
     labels = [_label(planner, some) for (planner,), some in planners.items()]
     ax.set_yticks(range(len(planners)), labels)
     ax.set_ylim(len(planners) - 0.5, -0.5)
-    _gap_axis(ax, max((100 * row["gap"] for row in rows if row["gap"] is not None), default=0.0))
+    _gap_axis(ax, max(percent(rows, "gap"), default=0.0))
     ax.grid(axis="x", alpha=0.25)
     draw_frame(ax)
     return ax
 
 
 def _draw_planner(ax: Axes, y: float, rows: Sequence[Row]) -> None:
-    if not rows:
+    bounded = [row for row in rows if row.gap is not None]
+    if not bounded:
         return
-    gaps = np.array([100 * row["gap"] for row in rows])
-    proved = np.array([bound_is_proved(row) for row in rows])
+    gaps = np.array(percent(bounded, "gap"))
+    proved = np.array([row.bound_is_proved for row in bounded])
     heights = y + _spread(len(gaps))
-    for some, face in ((proved, BLUE), (~proved, "none")):
-        ax.scatter(gaps[some], heights[some], s=14, facecolor=face, edgecolor=BLUE, lw=0.8,
+    for some, face in ((proved, _BLUE), (~proved, "none")):
+        ax.scatter(gaps[some], heights[some], s=14, facecolor=face, edgecolor=_BLUE, lw=0.8,
                    alpha=0.6)  # fmt: skip
     found = mean(gaps.tolist())
     if found.size > 1:
-        ax.plot([max(found.low, 0), found.high], [y, y], color=RED, lw=2.5, solid_capstyle="butt")
-    ax.plot(found.value, y, "D", color=RED, ms=5, mec="white", mew=0.7)
+        ax.plot([max(found.low, 0), found.high], [y, y], color=_RED, lw=2.5, solid_capstyle="butt")
+    ax.plot(found.value, y, "D", color=_RED, ms=5, mec="white", mew=0.7)
 
 
 def _spread(count: int) -> FloatArray:
-    """Heights that keep points apart, the same each time."""
+    """Returns heights that keep points apart, the same each time."""
     golden = (math.sqrt(5) - 1) / 2
     places: FloatArray = 0.32 - 0.64 * ((golden * np.arange(count, dtype=np.float64)) % 1.0)
     return places
 
 
 def _label(planner: str, rows: Sequence[Row]) -> str:
-    breaking = sum(not obeys(row) for row in rows)
+    breaking = sum(not row.valid for row in rows)
     return f"{planner}\n({breaking} of {len(rows)} invalid)" if breaking else planner
 
 
 def _gap_axis(ax: Axes, most: float) -> None:
-    """An axis for gaps up to the largest; intervals of few seeds may reach beyond."""
-    ax.set_xscale("symlog", linthresh=LINEAR, linscale=1.0)
-    high = 1.15 * max(most, LINEAR)
-    ticks = [tick for tick in GAP_TICKS if tick <= high]
+    """Makes an axis for gaps up to the largest; intervals of few seeds may reach beyond."""
+    ax.set_xscale("symlog", linthresh=_LINEAR, linscale=1.0)
+    high = 1.15 * max(most, _LINEAR)
+    ticks = [tick for tick in _GAP_TICKS if tick <= high]
     ax.set_xlim(-0.04, high)
     ax.xaxis.set_major_locator(FixedLocator(ticks))
     ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
@@ -113,52 +119,52 @@ def _gap_axis(ax: Axes, most: float) -> None:
 
 
 def progress_figure(traces: Mapping[str, Trace]) -> Figure:
-    """Gap over time; of a single run value and bound, too."""
+    """Draws gaps over time; of a single run value and bound, too."""
     rows = 2 if len(traces) == 1 else 1
-    figure = Figure(figsize=(6.0, 2.0 + 2.1 * rows), layout="constrained", dpi=DPI)
+    figure = Figure(figsize=(6.0, 2.0 + 2.1 * rows), layout="constrained", dpi=_DPI)
     panels = np.ravel(figure.subplots(rows, 1, sharex=True))
     if rows == 2:
-        draw_bounds(panels[0], *traces.values())
+        _draw_bounds(panels[0], *traces.values())
         panels[0].set_xlabel("")
     draw_progress(panels[-1], traces)
     return figure
 
 
 def draw_progress(ax: Axes, traces: Mapping[str, Trace]) -> Axes:
-    """Gap of runs over time, both on logarithmic axes; a ring where the optimum was proved.
+    """Draws gaps over time, both axes logarithmic; a ring marks a proved optimum.
 
     Parameters
     ----------
-    traces : by what each is called; runs that had no plan or no bound are left out
+    traces : by the names of the runs; a run that had no plan or no bound is left out
     """
     shown = {name: _with_gap(trace) for name, trace in traces.items()}
     shown = {name: snapshots for name, snapshots in shown.items() if snapshots}
     for k, (name, snapshots) in enumerate(shown.items()):
         seconds = [s.seconds for s in snapshots]
-        gaps = [max(100 * s.gap, LEAST_GAP) for s in snapshots]
+        gaps = [max(100 * s.gap, _LEAST_GAP) for s in snapshots]
         colour = robot_colour(k)
         ax.plot(seconds, gaps, drawstyle="steps-post", color=colour, lw=1.5, label=name)
-        proved = gaps[-1] <= LEAST_GAP
+        proved = gaps[-1] <= _LEAST_GAP
         ax.plot(seconds[-1], gaps[-1], "o", color=colour, ms=7 if proved else 3.5,
                 mfc="white" if proved else colour, mew=1.6, clip_on=False, zorder=3)  # fmt: skip
     most = max((100 * s.gap for some in shown.values() for s in some), default=0.0)
-    ax.set_ylim(LEAST_GAP / 2, 2 * max(most, 10 * LEAST_GAP))  # first: all may be at one height
+    ax.set_ylim(_LEAST_GAP / 2, 2 * max(most, 10 * _LEAST_GAP))  # first: all may be at one height
     ax.set_xscale("log")
     ax.set_yscale("log")
-    ax.axhline(LEAST_GAP, color=GREY, lw=0.8, ls=":")
+    ax.axhline(_LEAST_GAP, color=_GREY, lw=0.8, ls=":")
     ax.set_ylabel("gap (%)")
     ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     _time_axis(ax)
     ax.grid(alpha=0.25)
-    if 1 < len(shown) <= NAMED:
+    if 1 < len(shown) <= _NAMED:
         ax.legend(fontsize=7)
     draw_frame(ax)
     return ax
 
 
-def draw_bounds(ax: Axes, trace: Trace) -> Axes:
-    """Value and bound of a run over time."""
-    for key, colour in (("bound", AMBER), ("value", BLUE)):
+def _draw_bounds(ax: Axes, trace: Trace) -> Axes:
+    """Draws the value and the bound of a run over time."""
+    for key, colour in (("bound", _AMBER), ("value", _BLUE)):
         known = [s for s in trace.snapshots if math.isfinite(getattr(s, key)) and s.seconds > 0]
         ax.plot([s.seconds for s in known], [getattr(s, key) for s in known],
                 drawstyle="steps-post", color=colour, lw=1.6, label=key)  # fmt: skip
@@ -173,7 +179,7 @@ def draw_bounds(ax: Axes, trace: Trace) -> Axes:
 
 
 def _time_axis(ax: Axes) -> None:
-    """A logarithmic axis of seconds, with numbers in between where it spans little."""
+    """Makes a logarithmic axis of seconds, with numbers in between if it spans little."""
     ax.set_xlabel("time (s)")
     ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=9))
     ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
@@ -188,9 +194,9 @@ def _with_gap(trace: Trace) -> list[Snapshot]:
 
 
 def conflicts_figure(problem: Problem, plans: Mapping[str, Plan]) -> Figure:
-    """A panel per plan, on the same steps."""
+    """Draws the conflicts of plans, a panel each, on the same steps."""
     height = 0.9 + 0.16 * max(len(problem.robots), 4)
-    figure = Figure(figsize=(6.4, 0.4 + height * len(plans)), layout="constrained", dpi=DPI)
+    figure = Figure(figsize=(6.4, 0.4 + height * len(plans)), layout="constrained", dpi=_DPI)
     panels = figure.subplots(len(plans), 1, sharex=True, squeeze=False)[:, 0]
     for ax, (name, plan) in zip(panels, plans.items(), strict=True):
         draw_conflicts(ax, problem, plan)
@@ -201,17 +207,17 @@ def conflicts_figure(problem: Problem, plans: Mapping[str, Plan]) -> Figure:
 
 
 def draw_conflicts(ax: Axes, problem: Problem, plan: Plan) -> Axes:
-    """Who collides with whom at which step: a line per drone, a bar between two that collide.
+    """Draws a line per drone, and at each step a bar between two drones that collide.
 
-    Drones that exchange cells do so between two steps, and are joined there by a dashed bar.
+    Drones that exchange cells collide between two steps, and are joined there by a dashed bar.
     """
     for robot in range(len(problem.robots)):
         ax.axhline(robot, color=robot_colour(robot), lw=1.2, alpha=0.45, zorder=1)
     for x, conflict in _placed(conflicts(problem, plan)):
         style = "--" if isinstance(conflict, SwapConflict) else "-"
-        ax.plot([x, x], conflict.robots, color=RED, lw=1.6, ls=style, zorder=2)
+        ax.plot([x, x], conflict.robots, color=_RED, lw=1.6, ls=style, zorder=2)
         for robot in conflict.robots:
-            ax.plot(x, robot, "o", color=robot_colour(robot), mec=RED, mew=1.2, ms=6, zorder=3)
+            ax.plot(x, robot, "o", color=robot_colour(robot), mec=_RED, mew=1.2, ms=6, zorder=3)
     every = max(1, math.ceil(len(problem.robots) / 16))
     ax.set_yticks(range(0, len(problem.robots), every))
     ax.set_ylim(len(problem.robots) - 0.4, -0.6)
@@ -224,7 +230,7 @@ def draw_conflicts(ax: Axes, problem: Problem, plan: Plan) -> Axes:
 
 
 def _placed(found: Iterable[Conflict]) -> list[tuple[float, Conflict]]:
-    """Conflicts with where on the axis of steps they are drawn: those of one time side by side."""
+    """Returns conflicts with their places on the axis of steps; those of one time stand apart."""
     times: dict[float, list[Conflict]] = {}
     for conflict in found:
         swap = isinstance(conflict, SwapConflict)

@@ -1,4 +1,7 @@
-"""Pictures of plans by matplotlib. Each drawing function takes an axes and returns it."""
+"""Pictures of plans at a step, by matplotlib, and figures as files.
+
+Each drawing function takes an axes and returns it.
+"""
 
 import io
 from collections.abc import Sequence
@@ -22,31 +25,31 @@ from cocap_opt.problem.problem import Problem, State
 from cocap_opt.world.workspace import Workspace
 
 GROUND, COVERED, WALL, ACTOR = "#f4f1ea", "#cfc8b8", "#6b6f76", "#d1495b"
-VIEW_LENGTH = 0.2  # of the map, how far view cones are drawn; cameras see farther
-FRAME_MILLISECONDS = 500
+VIEW_LENGTH = 0.2  # of the map, length of view cones as they are drawn; cameras see farther
+_FRAME_MILLISECONDS = 500
 PICTURES = (".png", ".pdf", ".svg")
 
 
 def robot_colour(robot: int) -> tuple[float, float, float, float]:
-    """Colour of a robot, the same in every picture; red is kept for actors."""
+    """Returns the colour of a robot, the same in every picture; red is kept for people."""
     cycle = [0, 2, 1, 4, 9, 5, 8, 6, 7]
     colour: tuple[float, float, float, float] = mpl.colormaps["tab10"](cycle[robot % len(cycle)])
     return colour
 
 
 def actor_colour(actor: int) -> tuple[float, float, float]:
-    """Colour of an actor where each has one of its own."""
+    """Returns the colour of an actor in pictures in which each has its own."""
     red, green, blue, _ = mpl.colormaps["tab10"](actor % 10)
     return red, green, blue
 
 
 def position(problem: Problem, state: State) -> tuple[float, float]:
-    """World coordinates (m) of a state."""
+    """Returns the world coordinates (m) of a state."""
     return problem.height_map.centre(state.x, state.y)
 
 
 def blocked_cells(problem: Problem, workspace: Workspace) -> BoolArray:
-    """Cells [X, Y] of a workspace in which no robot may be at the lowest flight height."""
+    """Returns the cells [X, Y] of a workspace in which no robot may be at the lowest layer."""
     lowest = problem.layers[:1]
     low = (robot.motion for robot in problem.robots if robot.motion.layers[:1] == lowest)
     free = [free_places(workspace, motion.replace(layers=lowest))[0] for motion in set(low)]
@@ -55,9 +58,10 @@ def blocked_cells(problem: Problem, workspace: Workspace) -> BoolArray:
 
 
 def draw_terrain(ax: Axes, problem: Problem) -> Axes:
-    """Terrain from above: cells that block the lowest flight height are dark.
+    """Draws the terrain from above.
 
-    Lighter are cells that are free there, with a mesh above.
+    Cells that block the lowest flight height are dark; lighter cells are free there, with a mesh
+    above or below.
     """
     height_map = problem.height_map
     width, depth = height_map.shape
@@ -80,7 +84,7 @@ def draw_terrain(ax: Axes, problem: Problem) -> Axes:
     ax.set_ylim(*extent[2:])
     for axis, corner in ((ax.xaxis, ox), (ax.yaxis, oy)):
         axis.set_major_locator(MaxNLocator(6))
-        # Map coordinates have seven digits; what they share is said once.
+        # Map coordinates have seven digits; the digits that all share are shown once.
         shared = corner // 1000 * 1000 if abs(corner) >= 10_000 else 0.0
         axis.set_major_formatter(ScalarFormatter(useOffset=shared))
     ax.set_xlabel("x (m)")
@@ -89,7 +93,7 @@ def draw_terrain(ax: Axes, problem: Problem) -> Axes:
 
 
 def draw_actors(ax: Axes, problem: Problem, t: int) -> Axes:
-    """Actors at step t as filled outlines with their walk so far."""
+    """Draws people at step t as filled outlines with their walk so far."""
     for j, actor in enumerate(problem.actors):
         x, y, _, yaw = actor.poses[t]
         ax.plot(*actor.poses[: t + 1, :2].T, color=ACTOR, lw=1, ls=":", zorder=3)
@@ -109,7 +113,7 @@ def draw_actors(ax: Axes, problem: Problem, t: int) -> Axes:
 
 
 def draw_robots(ax: Axes, problem: Problem, plan: Plan, t: int) -> Axes:
-    """Robots at step t with their view cones and tracks; a ring marks each start."""
+    """Draws drones at step t with their view cones and paths; a ring marks each start."""
     length = VIEW_LENGTH * min(problem.height_map.shape) * problem.height_map.resolution
     for i, (robot, path) in enumerate(zip(problem.robots, plan.paths, strict=True)):
         colour = robot_colour(i)
@@ -137,8 +141,8 @@ def draw_robots(ax: Axes, problem: Problem, plan: Plan, t: int) -> Axes:
     return ax
 
 
-def draw_reward(ax: Axes, verdict: Verdict, t: int) -> Axes:
-    """View reward per step, the current step marked."""
+def _draw_reward(ax: Axes, verdict: Verdict, t: int) -> Axes:
+    """Draws the view reward of each step, up to step t in a darker colour."""
     steps = np.arange(1, len(verdict.reward_per_step) + 1)
     ax.bar(
         steps, verdict.reward_per_step, color=["#30638e" if s <= t else "#c9d6df" for s in steps]
@@ -151,14 +155,14 @@ def draw_reward(ax: Axes, verdict: Verdict, t: int) -> Axes:
 
 
 def draw_frame(ax: Axes) -> Axes:
-    """Only the two sides of the frame that have numbers."""
+    """Leaves only the two sides of the frame that have numbers."""
     for side in ("top", "right"):
         ax.spines[side].set_visible(False)
     return ax
 
 
 def plan_figure(problem: Problem, plan: Plan, verdict: Verdict, t: int) -> Figure:
-    """Top view at step t above the reward per step."""
+    """Draws the top view at step t above the reward per step."""
     width, depth = problem.height_map.shape
     height = min(max(5.0 * depth / width, 2.5), 9.0)
     figure = Figure(figsize=(5.6, height + 1.7), layout="constrained", dpi=110)
@@ -169,20 +173,20 @@ def plan_figure(problem: Problem, plan: Plan, verdict: Verdict, t: int) -> Figur
     conflicts = f", {len(verdict.conflicts)} conflicts" if verdict.conflicts else ""
     words = f"step {t} of {problem.horizon} (whole plan: J = {verdict.reward:,.0f}{conflicts})"
     top.set_title(f"{problem.name}, {words}", fontsize=10)
-    draw_reward(bottom, verdict, t)
+    _draw_reward(bottom, verdict, t)
     return figure
 
 
 def picture(figure: Figure, suffix: str) -> bytes:
-    """A figure as a file.
+    """Returns a figure as the content of a file.
 
     Parameters
     ----------
-    suffix : one of PICTURES; in PDF text stays text
+    suffix : one of PICTURES; text in a PDF stays text
     """
     content = io.BytesIO()
     FigureCanvasAgg(figure)
-    for text in figure.findobj(Text):  # names of scenes and files are no mathematics
+    for text in figure.findobj(Text):  # names of scenes and files may hold dollar signs
         text.set_parse_math(False)
     with mpl.rc_context({"pdf.fonttype": 42, "text.parse_math": False}):
         figure.savefig(content, format=suffix[1:])
@@ -190,16 +194,16 @@ def picture(figure: Figure, suffix: str) -> bytes:
 
 
 def png(figure: Figure) -> bytes:
-    """A figure as a PNG file."""
+    """Returns a figure as a PNG file."""
     return picture(figure, ".png")
 
 
 def gif(figures: Sequence[Figure]) -> bytes:
-    """Figures as frames of a GIF file that repeats."""
+    """Returns figures as the frames of a GIF file that repeats."""
     frames = [Image.open(io.BytesIO(png(figure))).convert("RGB") for figure in figures]
     content = io.BytesIO()
     frames[0].save(
         content, format="GIF", save_all=True, append_images=frames[1:], loop=0,
-        duration=FRAME_MILLISECONDS,
+        duration=_FRAME_MILLISECONDS,
     )  # fmt: skip
     return content.getvalue()

@@ -1,39 +1,39 @@
-"""What the results of a sweep do not say, as far as the results themselves tell."""
+"""Limitations of the results of a sweep, derived from the results themselves."""
 
 from collections.abc import Iterator, Sequence
 
-from cocap_opt.experiments.results.rows import Row, bound_is_proved, obeys
-from cocap_opt.experiments.results.tables import grouped
 from cocap_opt.experiments.sweeps.about import RunFile
+
+from cocap_opt.experiments.results.rows import Row
+from cocap_opt.experiments.results.tables import grouped
 from cocap_opt.experiments.sweeps.cells import FAILED
 
-FEW = 5  # seeds below which intervals say little
-ALWAYS = (
+_FEW = 5  # seeds, below which intervals say little
+_ALWAYS = (
     "Rewards are those of the coverage model: the area of a face's projection clipped to the "
     "image, times its visible share, which is sampled where something hides a part of it. Bounds "
     "and optima hold for these numbers; what a real camera would see is not measured.",
     "People and obstacles are as given, and known beforehand: nobody avoids a drone, and no drone "
-    "is late. Drones that cross diagonally between two steps are no conflict.",
+    "is late. Two drones that cross diagonally between two steps are not in conflict.",
     "Certificates cover the rounding of the bound's arithmetic, not that of the coverage.",
 )
 
 
 def limitations(rows: Sequence[Row], run: RunFile) -> list[str]:
-    """Sentences, those about these results first."""
-    return [*_of_seeds(rows), *_of_bounds(rows), *_of_plans(rows), *_of_times(run), *ALWAYS]
+    """Returns sentences, first those that hold for these results only."""
+    return [*_of_seeds(rows), *_of_bounds(rows), *_of_plans(rows), *_of_times(run), *_ALWAYS]
 
 
 def _of_seeds(rows: Sequence[Row]) -> Iterator[str]:
     seeds = {
-        scene: len({row["seed"] for row in some})
-        for (scene,), some in grouped(rows, "scene").items()
+        scene: len({row.seed for row in some}) for (scene,), some in grouped(rows, "scene").items()
     }
     one = [scene for scene, count in seeds.items() if count == 1]
-    few = [scene for scene, count in seeds.items() if 1 < count < FEW]
+    few = [scene for scene, count in seeds.items() if 1 < count < _FEW]
     if one:
-        yield f"Of {', '.join(one)} there is one seed: a single case, of which no mean can be told."
+        yield f"Of {', '.join(one)} there is one seed: a single case, which has no mean."
     if few:
-        yield f"Of {', '.join(few)} there are fewer than {FEW} seeds; the intervals are wide."
+        yield f"Of {', '.join(few)} there are fewer than {_FEW} seeds; the intervals are wide."
     if len(one) < len(seeds):
         yield (
             "Intervals are Student's t over seeds. They are about the generator of a scene, not "
@@ -43,9 +43,9 @@ def _of_seeds(rows: Sequence[Row]) -> Iterator[str]:
 
 
 def _of_bounds(rows: Sequence[Row]) -> Iterator[str]:
-    first = {(row["scene"], row["seed"]): row for row in rows}.values()
-    open_ = [row for row in first if row["bound"] is not None and not bound_is_proved(row)]
-    none = sum(row["bound"] is None for row in first)
+    first = {row.key: row for row in rows}.values()
+    open_ = [row for row in first if row.bound is not None and not row.bound_is_proved]
+    none = sum(row.bound is None for row in first)
     if open_:
         yield (
             f"{len(open_)} of {len(first)} bounds are not proved to be the optimum: gaps to them "
@@ -57,7 +57,7 @@ def _of_bounds(rows: Sequence[Row]) -> Iterator[str]:
 
 def _of_plans(rows: Sequence[Row]) -> Iterator[str]:
     for (planner,), some in grouped(rows, "planner").items():
-        lost = sum(not obeys(row) for row in some)
+        lost = sum(not row.valid for row in some)
         if lost == len(some):
             yield f"No plan of {planner} obeys the rules; it has no gaps."
         elif lost:
@@ -65,7 +65,7 @@ def _of_plans(rows: Sequence[Row]) -> Iterator[str]:
                 f"{lost} of {len(some)} runs of {planner} have no plan that obeys the rules. Its "
                 "mean gap is over the others, which may be the easier ones."
             )
-    failed = sum(row["reason"] in FAILED for row in rows)
+    failed = sum(row.reason in FAILED for row in rows)
     if failed:
         yield f"{failed} of {len(rows)} runs failed; they are listed."
 
@@ -73,7 +73,8 @@ def _of_plans(rows: Sequence[Row]) -> Iterator[str]:
 def _of_times(run: RunFile) -> Iterator[str]:
     workers = ", ".join(dict.fromkeys(one.workers for one in run.runs))
     yield (
-        f"Seconds are of wall-clock time, by {workers}, and other load on the machine is in "
-        "them. Coverage of all states is computed before and not in them; planners that see only "
-        "what they touch (cocap-vs, formation, one-step) compute that while they run, and it is."
+        f"Seconds are wall-clock time, by {workers}, and include other load on the machine. "
+        "Coverage of all states is computed before and not counted; planners that look only at "
+        "states that they touch (cocap-vs, formation, one-step) compute coverage while they run, "
+        "and there it counts."
     )

@@ -1,10 +1,12 @@
 """The player: plans of one scene in one HTML file, which needs no network and no other file.
 
-What it draws and how is in the folder `page`; here is what it is told.
+The scripts in the folder `page` draw; this module makes the data that they draw.
 """
 
 import json
 from collections.abc import Sequence
+from html import escape
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,44 +15,90 @@ from cocap_opt.check import check
 from cocap_opt.data import FloatArray
 from cocap_opt.experiments.report.pages import filled, part
 from cocap_opt.experiments.report.player_scene import SceneData
+from cocap_opt.experiments.results.files import save_bytes
+from cocap_opt.formulations.result import hovering
 from cocap_opt.model import compiled
 from cocap_opt.problem.plan import Conflict, Plan, SwapConflict, conflicts
 from cocap_opt.problem.problem import Cone, Problem
 
-SCRIPTS = ("raster.js", "world.js", "bodies.js", "view.js", "chart.js", "player.js")
-DIGITS = 5  # of px/m2 as they are shown; rewards have all
+_SCRIPTS = ("raster.js", "world.js", "bodies.js", "view.js", "chart.js", "player.js")
+_DIGITS = 5  # of px/m2 as they are shown; rewards have all digits
+_FRAME_HEIGHT = 680  # px, in a notebook
 
 Data = dict[str, Any]
-Titled = tuple[str, Plan]  # a plan and what it is called
+Titled = tuple[str, Plan]  # a title and a plan
 
 
-def player_page(problem: Problem, plans: Sequence[Titled]) -> str:
-    """The text of an HTML file that plays plans side by side.
+class Player:
+    """Plays plans of one scene side by side: inline in a notebook, or from a file.
 
     Parameters
     ----------
-    plans : at least one; all must be such as can be flown (`check` finds no violations)
+    plans : with titles, none with violations by `check`; without any plan the drones are shown at
+        their starts
+
+    Examples
+    --------
+    >>> Player(problem, [("greedy", greedy.plan), ("CoCap", cocap.plan)]).save("plans.html")
+    """
+
+    def __init__(self, problem: Problem, plans: Sequence[Titled] = ()) -> None:
+        self._problem = problem
+        self._plans = plans or [("drones at their starts", hovering(problem))]
+
+    def page(self) -> str:
+        """Returns the text of the HTML file."""
+        return player_page(self._problem, self._plans)
+
+    def save(self, path: Path | str) -> None:
+        """Writes the HTML file.
+
+        Raises
+        ------
+        FileError
+            If it cannot be written; one line with its name.
+        """
+        save_bytes(Path(path), self.page().encode())
+
+    def __repr__(self) -> str:
+        titles = ", ".join(title for title, _ in self._plans)
+        return f"Player of {self._problem.name!r}: {titles}; .save(path) writes it as an HTML file"
+
+    def _repr_html_(self) -> str:
+        """Plays inline in a notebook, in a frame that holds the whole page."""
+        return (
+            f'<iframe srcdoc="{escape(self.page())}" title="plans of {escape(self._problem.name)}" '
+            f'width="100%" height="{_FRAME_HEIGHT}" style="border: 0"></iframe>'
+        )
+
+
+def player_page(problem: Problem, plans: Sequence[Titled]) -> str:
+    """Returns the text of an HTML file that plays plans side by side.
+
+    Parameters
+    ----------
+    plans : at least one, none with violations by `check`
     """
     parts = {
         "style": part("player.css"),
-        "script": "\n".join(map(part, SCRIPTS)),
+        "script": "\n".join(map(part, _SCRIPTS)),
         "data": _inert(player_data(problem, plans)),
     }
     return filled("player.html", parts)
 
 
 def _inert(data: Data) -> str:
-    """JSON that ends no script element and begins nothing, whatever names are in it."""
+    """Returns JSON that neither ends nor begins an HTML element, whatever names are in it."""
     text = json.dumps(data, separators=(",", ":"), allow_nan=False)
     return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
 
 
 def player_data(problem: Problem, plans: Sequence[Titled]) -> Data:
-    """All that the player is told, as one JSON object.
+    """Returns all data that the player draws, as one JSON object.
 
-    Lengths are in m, angles in rad, positions those of `SceneData`. Of each plan, `seen[t][f]`
-    is what all drones together see of a face at step t (px/m2; 1/m2 for cones), whether or not
-    the step counts, and `rewards[t]` the referee's view reward, 0 where it does not.
+    Lengths are in m, angles in rad, positions those of `SceneData`. Of each plan, `seen[t][f]` is
+    the coverage that all drones together have of face f at step t (px/m2; 1/m2 for cones), and
+    `rewards[t]` the referee's view reward of step t, 0 if the step does not count.
     """
     scene = SceneData(problem)
     seen = [seen_pixels(problem, plan) for _, plan in plans]
@@ -74,7 +122,7 @@ def player_data(problem: Problem, plans: Sequence[Titled]) -> Data:
 
 
 def seen_pixels(problem: Problem, plan: Plan) -> FloatArray:
-    """What all drones together see of every face at every step [T+1, F], px/m2."""
+    """Returns the coverage [T+1, F] (px/m2) that all drones together have of faces at steps."""
     model = compiled(problem)
     seen = np.zeros((problem.horizon + 1, model.n_faces))
     for i, path in enumerate(model.paths(plan)):
@@ -113,11 +161,11 @@ def _conflict(problem: Problem, conflict: Conflict) -> Data:
         "step": conflict.t,
         "robots": [first, second],
         "swap": swap,
-        "words": f"drones {first} and {second} {_what(problem, conflict)}",
+        "words": f"drones {first} and {second} {_words(problem, conflict)}",
     }
 
 
-def _what(problem: Problem, conflict: Conflict) -> str:
+def _words(problem: Problem, conflict: Conflict) -> str:
     a, b = conflict.cells
     if isinstance(conflict, SwapConflict):
         return "swap cells"
@@ -129,17 +177,17 @@ def _what(problem: Problem, conflict: Conflict) -> str:
 
 
 def _digits(value: float) -> float:
-    return float(f"{value:.{DIGITS}g}")
+    return float(f"{value:.{_DIGITS}g}")
 
 
 def _unit(problem: Problem) -> str:
-    """Unit of coverage: cones do not count pixels."""
+    """Returns the unit of coverage: cones do not count pixels."""
     cones = [isinstance(robot.camera, Cone) for robot in problem.robots]
     return "1/m²" if all(cones) else "px/m² or 1/m²" if any(cones) else "px/m²"
 
 
 def _about(problem: Problem) -> str:
-    """How much there is of what."""
+    """Returns the numbers of drones, people and steps in words."""
     counts = ((len(problem.robots), "drone", "drones"), (len(problem.actors), "person", "people"),
               (problem.horizon, "step", "steps"))  # fmt: skip
     return ", ".join(f"{count} {one if count == 1 else many}" for count, one, many in counts)

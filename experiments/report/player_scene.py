@@ -1,4 +1,4 @@
-"""What the player shows of a scene: terrain, meshes, people and drones, in coordinates of its own.
+"""Terrain, meshes, people and drones of a scene in the coordinates of the player.
 
 Positions are from the corner of the map and from its lowest height, in m. They have as many
 digits as one can see; map coordinates of 500 km would not fit into a picture's precision.
@@ -26,15 +26,15 @@ from cocap_opt.problem.problem import (
 )
 from cocap_opt.world.workspace import Workspace
 
-MOST_CELLS = 128  # along an edge of the map as it is drawn
-MOST_TRIANGLES = 10_000  # of all meshes; what is finer is drawn as the cells that it fills
-DIGITS = 5  # of the map's size
-FLAT = 0.05  # share of the cells that are at the lowest height where things stand on flat ground
-OBSTACLE = 0.25  # m above the ground, from where on something stands there
-GROUND, LOW, BLOCKS = 0, 1, 2  # what a cell is; BLOCKS: the lowest flight height
-SLAB = 0.012  # of the map's size, how far its edge goes down
-MARGIN = 4.0  # m, of what happens to the edge of the picture
-SIDES = ("front", "left", "back", "right")
+MOST_CELLS = 128  # along an edge of the map, as it is drawn
+MOST_TRIANGLES = 10_000  # of all meshes; finer meshes are drawn as the cells that they fill
+_DIGITS = 5  # of the map's size
+_FLAT = 0.05  # least share of cells at the lowest height if things stand on flat ground
+_OBSTACLE = 0.25  # m above the ground, from which on a cell counts as standing out
+_GROUND, _LOW, _BLOCKS = 0, 1, 2  # kinds of cells; the last blocks the lowest flight height
+_SLAB = 0.012  # of the map's size, height of its edge as it is drawn
+_MARGIN = 4.0  # m, from all flights and walks to the edge of the picture
+_SIDES = ("front", "left", "back", "right")
 
 Data = dict[str, Any]
 
@@ -47,19 +47,19 @@ class SceneData:
         heights = problem.height_map.heights
         self._corner = np.array([*problem.height_map.origin, float(heights.min())])
         self._size = np.array(problem.height_map.shape) * problem.height_map.resolution
-        self._decimals = DIGITS - 1 - math.floor(math.log10(self._size.max()))
+        self._decimals = _DIGITS - 1 - math.floor(math.log10(self._size.max()))
 
     def rounded(self, values: FloatArray) -> Any:
-        """Lengths (m) or angles with as many decimals as can be seen; lists of lists."""
+        """Returns lengths (m) or angles with as many decimals as can be seen, as lists of lists."""
         return (np.asarray(values).round(max(self._decimals, 3)) + 0.0).tolist()
 
     def local(self, points: FloatArray) -> FloatArray:
-        """World points [.., 3] in the player's coordinates."""
+        """Returns world points [.., 3] in the player's coordinates."""
         result: FloatArray = points - self._corner
         return result
 
     def path(self, robot: Robot, path: tuple[State, ...]) -> FloatArray:
-        """Poses [T+1, 5] of a robot: x, y, z, heading and tilt."""
+        """Returns the poses [T+1, 5] of a robot: x, y, z (m), heading and tilt (rad)."""
         height_map, motion = self.problem.height_map, robot.motion
         rows = [
             (*height_map.centre(s.x, s.y), height_map.altitude(s.x, s.y, motion.layers[s.layer]),
@@ -72,18 +72,18 @@ class SceneData:
 
     @cached_property
     def _block(self) -> int:
-        """Cells along the edge of those that are drawn."""
+        """Number of the map's cells along the edge of a cell as it is drawn."""
         return math.ceil(max(self.problem.height_map.shape) / MOST_CELLS)
 
     def _coarse(self, values: FloatArray, take: np.ufunc) -> FloatArray:
-        """Values [.., X, Y] of cells as they are drawn."""
+        """Returns values [.., X, Y] of cells as they are drawn."""
         for axis in (-2, -1):
             starts = np.arange(0, values.shape[axis], self._block)
             values = take.reduceat(values, starts, axis=axis)
         return values
 
     def terrain(self) -> Data:
-        """Columns of the height map; of a large map, the highest of some cells."""
+        """Returns the columns of the height map; those of a large map are the highest of a block."""
         height_map = self.problem.height_map
         parts = (np.minimum(height_map.heights, self._ceiling), self._ground, self._kinds)
         heights, ground, kinds = (self._coarse(part, np.maximum) for part in parts)
@@ -91,7 +91,7 @@ class SceneData:
             "cell": height_map.resolution * self._block,
             "cells": list(heights.shape),
             "size": self._size.tolist(),
-            "slab": self.rounded(SLAB * self._size.max()),
+            "slab": self.rounded(_SLAB * self._size.max()),
             "heights": self.rounded(heights.ravel() - self._corner[2]),
             "grounds": self.rounded(np.minimum(ground, heights).ravel() - self._corner[2]),
             "kinds": "".join(str(int(kind)) for kind in kinds.ravel()),
@@ -106,27 +106,27 @@ class SceneData:
 
     @cached_property
     def _ground(self) -> FloatArray:
-        """Altitudes [X, Y] of the ground: the datum, or what is lowest if many cells are.
+        """Altitudes [X, Y] of the ground: the datum, or the lowest height if many cells have it.
 
-        Of another map nobody knows what of it stands on the ground: all of it is ground.
+        On any other map nothing tells ground from obstacles, so that all of it is ground.
         """
         height_map = self.problem.height_map
         heights, lowest = height_map.heights, height_map.heights.min()
         if height_map.datum is not None:
             return np.minimum(height_map.datum, heights)
-        return np.full_like(heights, lowest) if (heights == lowest).mean() >= FLAT else heights
+        return np.full_like(heights, lowest) if (heights == lowest).mean() >= _FLAT else heights
 
     @property
     def _kinds(self) -> FloatArray:
-        """What every cell [X, Y] of the height map is."""
+        """Kind of every cell [X, Y] of the height map."""
         height_map = self.problem.height_map
         blocked = blocked_cells(self.problem, Workspace(height_map))  # meshes are drawn themselves
-        stands = height_map.heights > self._ground + OBSTACLE
-        kinds = np.where(stands, np.where(blocked, BLOCKS, LOW), GROUND)
+        stands = height_map.heights > self._ground + _OBSTACLE
+        kinds = np.where(stands, np.where(blocked, _BLOCKS, _LOW), _GROUND)
         return kinds.astype(np.float64)
 
     def meshes(self) -> Data:
-        """Meshes as triangles, or as boxes: cells x, y and altitudes that they fill."""
+        """Returns meshes as triangles, or as boxes: cells x, y and the altitudes that they fill."""
         meshes = self.problem.meshes
         if sum(len(mesh.triangles) for mesh in meshes) > MOST_TRIANGLES:
             return {"meshes": [], "boxes": self._boxes()}
@@ -150,7 +150,7 @@ class SceneData:
         ]
 
     def scope(self, plans: Iterable[Plan]) -> Data:
-        """Two corners of a box around all that happens, and how far view cones are drawn (m)."""
+        """Returns two corners of a box around flights and walks, and the length (m) of view cones."""
         steps, robots = self.problem.horizon + 1, self.problem.robots
         parts = [self.local(actor.poses[:steps, :3]) for actor in self.problem.actors]
         for plan in plans:
@@ -158,8 +158,8 @@ class SceneData:
             parts += [self.path(robot, path)[:, :3] for robot, path in paths]
         points = np.concatenate(parts)
         least, most = points.min(axis=0), points.max(axis=0)
-        margin, edge = np.array([MARGIN, MARGIN, 0.0]), np.array([*self._size, np.inf])
-        # The map's edge ends the picture, but for people beyond it who are not too far away.
+        margin, edge = np.array([_MARGIN, _MARGIN, 0.0]), np.array([*self._size, np.inf])
+        # The map's edge ends the picture, except for people beyond it who are not too far away.
         floor = np.where(least < 0, -edge - margin, np.array([0.0, 0.0, -np.inf]))
         edge = np.where(most > edge, 2 * edge + margin, edge)
         low, high = np.clip(least - margin, floor, edge), np.clip(most + margin, floor, edge)
@@ -167,19 +167,22 @@ class SceneData:
         return {"scope": [self.rounded(low), self.rounded(high)], "reach": VIEW_LENGTH * size}
 
     def person(self, actor: Actor) -> Data:
-        """Faces around the foot point, what they are called, and poses [T+1, 4]."""
+        """Returns faces around the foot point, their names, and poses [T+1, 4]."""
         poses = actor.poses[: self.problem.horizon + 1].copy()
         poses[:, :3] = self.local(poses[:, :3])
         faces = actor.shape.faces()
         return {
             "faces": [self.rounded(face) for face in faces],
-            "names": face_names(actor.shape),
+            "names": _face_names(actor.shape),
             "height": self.rounded(np.array(actor.shape.height)),
             "poses": self.rounded(poses),
         }
 
     def drone(self, number: int) -> Data:
-        """Colour, and half of the angles of view; `rise` is None for a cone, which looks level."""
+        """Returns a drone's colour and half its angles of view (rad).
+
+        `rise`, the vertical one, is None for a cone, which looks level.
+        """
         camera = self.problem.robots[number].camera
         red, green, blue, _ = (round(255 * share) for share in robot_colour(number))
         rise = math.atan(camera.height / 2 / camera.focal) if isinstance(camera, Camera) else None
@@ -190,10 +193,10 @@ class SceneData:
         }
 
 
-def face_names(shape: Shape) -> list[str]:
-    """What the faces of a shape are called, in their order."""
+def _face_names(shape: Shape) -> list[str]:
+    """Returns the names of the faces of a shape, in their order."""
     if isinstance(shape, Cuboid):
-        return [*SIDES, "top"]
+        return [*_SIDES, "top"]
     if isinstance(shape, TriangulatedCuboid):
-        return [f"{side}, half {k}" for side in (*SIDES, "top") for k in (1, 2)]
+        return [f"{side}, half {k}" for side in (*_SIDES, "top") for k in (1, 2)]
     return [*(f"side {k}" for k in range(shape.sides)), "top"]

@@ -1,8 +1,7 @@
-"""Pictures of what drones see, and the table of planned and rendered pixels beside them."""
+"""Pictures by the drones' cameras, and a table of planned and rendered pixels beside them."""
 
 import io
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,8 @@ from PIL import Image
 from cocap_opt.check import check
 from cocap_opt.data import FloatArray
 from cocap_opt.experiments.report.figures import actor_colour
-from cocap_opt.experiments.results.files import save_csv, write
+from cocap_opt.experiments.results.files import save_bytes, save_csv
+from cocap_opt.experiments.results.printing import Record
 from cocap_opt.experiments.results.rendered import (
     FaceView,
     error_row,
@@ -19,14 +19,12 @@ from cocap_opt.experiments.results.rendered import (
     poses_of,
     rendered_reward,
 )
-from cocap_opt.experiments.results.rows import Row
-from cocap_opt.files.atomic_write import write_atomically
 from cocap_opt.model import compiled
 from cocap_opt.problem.plan import Plan
 from cocap_opt.problem.problem import Problem
 from cocap_opt.vision.render import TERRAIN, Picture, Renderer, pinhole
 
-SKY_COLOUR, GROUND_COLOUR = (0.80, 0.88, 0.95), (0.62, 0.60, 0.55)
+_SKY_COLOUR, _GROUND_COLOUR = (0.80, 0.88, 0.95), (0.62, 0.60, 0.55)
 
 
 def write_views(
@@ -36,8 +34,8 @@ def write_views(
     width: int,
     pixel_step: int,
     progress: Callable[[int, int], None],
-) -> Row:
-    """Write a picture per robot and step, and coverage.csv; returns what it comes to.
+) -> Record:
+    """Writes a picture per drone and step, and coverage.csv; returns rewards and errors by name.
 
     Parameters
     ----------
@@ -51,8 +49,7 @@ def write_views(
         painter = painters[steps[pose.robot]]
         picture = painter.picture(problem.robots[pose.robot], pose.t, pose.state)
         name = folder / f"drone{pose.robot:02d}-step{pose.t:03d}.png"
-        content = png(problem, picture)
-        write(name, partial(write_atomically, name, content))
+        save_bytes(name, _png(problem, picture))
     renderer = Renderer(problem, pixel_step)
     poses = poses_of(plan, problem.first_step)
     views = list(face_views(compiled(problem), renderer, poses, progress))
@@ -66,7 +63,7 @@ def write_views(
     }
 
 
-def _csv_row(problem: Problem, view: FaceView) -> Row:
+def _csv_row(problem: Problem, view: FaceView) -> Record:
     actor = int(problem.face_owner[view.face])
     return {
         "robot": view.pose.robot,
@@ -80,15 +77,15 @@ def _csv_row(problem: Problem, view: FaceView) -> Row:
     }
 
 
-def png(problem: Problem, picture: Picture) -> bytes:
-    """A rendered image: actors' faces in colours of their own, the terrain shaded."""
+def _png(problem: Problem, picture: Picture) -> bytes:
+    """Returns a PNG file of a picture: people's faces in colours of their own, terrain shaded."""
     height, width = picture.faces.shape
     image = np.empty((height, width, 3))
-    image[:] = SKY_COLOUR
+    image[:] = _SKY_COLOUR
     light = 0.35 + 0.65 * picture.shade[..., None]
     ground = picture.faces == TERRAIN
-    image[ground] = (light * GROUND_COLOUR)[ground]
-    colours = face_colours(problem)
+    image[ground] = (light * _GROUND_COLOUR)[ground]
+    colours = _face_colours(problem)
     if len(colours):
         actors = picture.faces >= 0
         image[actors] = (light * colours[np.maximum(picture.faces, 0)])[actors]
@@ -97,8 +94,8 @@ def png(problem: Problem, picture: Picture) -> bytes:
     return content.getvalue()
 
 
-def face_colours(problem: Problem) -> FloatArray:
-    """Colour of every face [F, 3]: the actor's, in a brightness of the face's own."""
+def _face_colours(problem: Problem) -> FloatArray:
+    """Returns the colour of every face [F, 3]: the actor's, in a brightness of the face's own."""
     owners = problem.face_owner.tolist()
     colours = []
     for f, owner in enumerate(owners):

@@ -1,6 +1,6 @@
 """The report of a sweep: tables, figures and players in one HTML file that needs no network.
 
-It reads a sweep's folder only, so that it can be made on another machine.
+It is made of the files in the sweep's folder alone, so that any machine can make it.
 """
 
 import base64
@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 
+from cocap_opt.experiments.sweeps.about import RunFile
 from matplotlib.figure import Figure
 
 from cocap_opt.check import check
@@ -20,12 +21,11 @@ from cocap_opt.experiments.report.pages import filled, part
 from cocap_opt.experiments.report.player import player_page
 from cocap_opt.experiments.results.documents import html
 from cocap_opt.experiments.results.files import read_plan
-from cocap_opt.experiments.results.layout import plan_path, scene_path, trace_path
+from cocap_opt.experiments.results.layout import Paths
 from cocap_opt.experiments.results.printing import counted
-from cocap_opt.experiments.results.rows import Row, obeys
-from cocap_opt.experiments.results.tables import all_tables, grouped, is_optimal
-from cocap_opt.experiments.results.trace import Trace, load_trace
-from cocap_opt.experiments.sweeps.about import RunFile
+from cocap_opt.experiments.results.rows import Row
+from cocap_opt.experiments.results.tables import all_tables, grouped
+from cocap_opt.experiments.results.trace import Trace
 from cocap_opt.experiments.sweeps.cells import FAILED
 from cocap_opt.files.documents import FileError
 from cocap_opt.problem.plan import Plan
@@ -34,22 +34,22 @@ from cocap_opt.scenarios import load_scene
 
 
 def report_page(folder: Path, rows: Sequence[Row], run: RunFile, against: str, players: int) -> str:
-    """The text of the HTML file.
+    """Returns the text of the HTML file.
 
     Parameters
     ----------
-    folder : of a sweep, for what is beside its results
-    rows : its results, at least one
+    folder : of a sweep, for the files beside its results
+    rows : of its results, at least one
     against : the planner that others are compared with
-    players : of so many scenes at most plans are shown
+    players : the most scenes of which plans are played
 
     Raises
     ------
     FileError
-        If files in the folder are damaged or of another run.
+        If files in the folder are damaged or belong to another run; one line.
     """
     sections = {
-        "Results": _results(rows, run, against),
+        "Results": _results(rows, against),
         "Search for the bounds": _searches(folder, rows),
         "Plans": _plans(folder, rows, players),
         "What failed": _failures(rows),
@@ -76,10 +76,10 @@ def _anchor(title: str) -> str:
 
 
 def _about(rows: Sequence[Row]) -> str:
-    """How much of what, in a line."""
-    planners = dict.fromkeys(row["planner"] for row in rows)
+    """Returns scenes, numbers of seeds and planners in a line."""
+    planners = dict.fromkeys(row.planner or "" for row in rows)
     scenes = ", ".join(
-        f"{scene} ({counted(len({row['seed'] for row in some}), 'seed')})"
+        f"{scene} ({counted(len({row.seed for row in some}), 'seed')})"
         for (scene,), some in grouped(rows, "scene").items()
     )
     return f"{scenes}; {', '.join(planners)}"
@@ -88,23 +88,23 @@ def _about(rows: Sequence[Row]) -> str:
 # -- results ------------------------------------------------------------------------------
 
 
-def _results(rows: Sequence[Row], run: RunFile, against: str) -> str:
+def _results(rows: Sequence[Row], against: str) -> str:
     gaps = _image(
         gaps_figure(rows),
         "Gap of each plan to the best certified bound of its scene and seed: a point per seed, "
         "their mean and its 95 % interval. Plans that break a rule have no gap.",
     )
-    return gaps + html(all_tables(rows, run.settings.limit, against), level=3)
+    return gaps + html(all_tables(rows, against), level=3)
 
 
 def _searches(folder: Path, rows: Sequence[Row]) -> str:
-    """How the bounds were found over time, a figure per scene."""
+    """Returns figures of the bounds over time, one per scene."""
     parts = []
     for (scene,), some in grouped(rows, "scene").items():
         traces = {}
-        for row in {row["seed"]: row for row in some}.values():
+        for row in {row.seed: row for row in some}.values():
             if (trace := _trace(folder, row)) is not None:
-                traces[f"seed {row['seed']}"] = trace
+                traces[f"seed {row.seed}"] = trace
         if traces:
             words = (
                 f"{scene}: gap between the best plan and the best bound while the search for the "
@@ -115,9 +115,9 @@ def _searches(folder: Path, rows: Sequence[Row]) -> str:
 
 
 def _trace(folder: Path, row: Row) -> Trace | None:
-    """Of the bound under the rules; where the one without rules has settled both, of that."""
-    paths = (folder / trace_path(row, free) for free in (False, True))
-    traces = [load_trace(path) for path in paths if path.is_file()]
+    """Returns the trace of the bound under the rules; if it was not searched for, the other one."""
+    paths = (folder / Paths(row).trace(free) for free in (False, True))
+    traces = [Trace.load(path) for path in paths if path.is_file()]
     searched = [trace for trace in traces if len(trace.snapshots) > 1]
     return next(iter(searched or traces), None)
 
@@ -126,22 +126,22 @@ def _trace(folder: Path, row: Row) -> Trace | None:
 
 
 def _plans(folder: Path, rows: Sequence[Row], most: int) -> str:
-    """Of some scenes, the plans of the seed that shows most, with a player."""
+    """Returns players of the first scenes, each with the seed that shows most."""
     scenes = [
         some
         for (_,), some in grouped(rows, "scene").items()
-        if (folder / scene_path(some[0])).is_file()
+        if (folder / Paths(some[0]).scene).is_file()
     ]
     return "\n".join(_scene_plans(folder, some) for some in scenes[:most])
 
 
 def _scene_plans(folder: Path, rows: Sequence[Row]) -> str:
     seed, some = telling_seed(rows)
-    problem = load_scene(str(folder / scene_path(some[0])), 0)
+    problem = load_scene(str(folder / Paths(some[0]).scene), 0)
     shown = telling_pair(some)
     if not shown:
         return ""
-    plans = {row["planner"]: _plan(folder, row, problem) for row in shown}
+    plans = {row.planner or "": _plan(folder, row, problem) for row in shown}
     player = escape(player_page(problem, list(plans.items())))
     name = escape(problem.name if seed is None else f"{problem.name}, seed {seed}")
     charts = _image(conflicts_figure(problem, plans), f"{name}: who collides with whom, and when.")
@@ -153,76 +153,70 @@ def _scene_plans(folder: Path, rows: Sequence[Row]) -> str:
 
 
 def telling_seed(rows: Sequence[Row]) -> tuple[int | None, list[Row]]:
-    """The seed of a scene on which most conflicts have to be avoided, with its rows.
+    """Returns the seed of a scene that shows most, with its rows.
 
-    Among those with as many conflicts, that on which the plans' rewards differ most. A seed with
-    two plans comes before all with one.
+    It has two plans if any seed has, then the most conflicts to avoid, then the plans whose
+    rewards differ most.
     """
 
     def told(some: Sequence[Row]) -> tuple[bool, int, float]:
-        rewards = [row["reward"] for row in some if obeys(row)]
+        rewards = [row.reward for row in some if row.valid and row.reward is not None]
         apart = max(rewards) - min(rewards) if rewards else -1.0
-        plans = sum(_has_plan(row) for row in some)
-        return plans > 1, max((row["conflicts"] or 0) for row in some), apart
+        plans = sum(row.reward is not None for row in some)
+        return plans > 1, max((row.conflicts or 0) for row in some), apart
 
-    seeds = {row["seed"]: [r for r in rows if r["seed"] == row["seed"]] for row in rows}
+    seeds = {seed: some for (seed,), some in grouped(rows, "seed").items()}
     return max(seeds.items(), key=lambda item: told(item[1]))
 
 
 def telling_pair(rows: Sequence[Row]) -> list[Row]:
-    """One or two plans of a seed: that with most conflicts, or the worst; and the best."""
-    good = sorted((row for row in rows if obeys(row)), key=lambda row: float(row["reward"]))
-    colliding = [row for row in rows if _has_plan(row) and not obeys(row)]
+    """Returns the rows of up to two plans of a seed: one with most conflicts or the worst, the best."""
+    good = sorted((row for row in rows if row.valid), key=lambda row: row.reward or 0.0)
+    colliding = [row for row in rows if row.conflicts]
     if colliding:
-        return [max(colliding, key=lambda row: int(row["conflicts"])), *good[-1:]]
+        return [max(colliding, key=lambda row: row.conflicts or 0), *good[-1:]]
     return [good[0], good[-1]] if len(good) > 1 else good
 
 
-def _has_plan(row: Row) -> bool:
-    return row["reward"] is not None
-
-
 def _plan(folder: Path, row: Row, problem: Problem) -> Plan:
-    """The plan of a row; its reward must be the row's."""
-    path = folder / plan_path(row)
-    _, plan = read_plan(path, str(folder / scene_path(row)), problem)
+    """Returns the plan of a row; its reward must be the row's."""
+    path = folder / Paths(row).plan
+    _, plan = read_plan(path, str(folder / Paths(row).scene), problem)
     reward = check(problem, plan).reward
-    if not math.isclose(reward, row["reward"], rel_tol=1e-9, abs_tol=1e-9):
-        words = f"has J = {reward:,.2f}, results.csv says {row['reward']:,.2f}"
+    claimed = math.nan if row.reward is None else row.reward
+    if not math.isclose(reward, claimed, rel_tol=1e-9, abs_tol=1e-9):
+        words = f"has J = {reward:,.2f}, results.csv says {claimed:,.2f}"
         raise FileError(f"{path}: is of another run: it {words}")
     return plan
 
 
 def _story(rows: Sequence[Row]) -> str:
-    """What is to be seen, in a sentence or two."""
+    """Returns a sentence about the plans that are shown."""
     parts = []
     for row in rows:
-        if not obeys(row):
-            parts.append(f"{row['planner']} has {counted(row['conflicts'], 'conflict')}")
-        elif row["gap"] is None:
-            parts.append(f"{row['planner']} obeys the rules")
+        if not row.valid:
+            parts.append(f"{row.planner} has {counted(row.conflicts or 0, 'conflict')}")
+        elif row.gap is None:
+            parts.append(f"{row.planner} obeys the rules")
         else:
-            gap = "is proved optimal" if is_optimal(row) else _below(row)
-            parts.append(f"{row['planner']} obeys the rules and {gap}")
+            below = f"is {100 * row.gap:.3f} % below the best certified bound"
+            gap = "is proved optimal" if row.is_optimal else below
+            parts.append(f"{row.planner} obeys the rules and {gap}")
     return f"{'; '.join(parts)}."
-
-
-def _below(row: Row) -> str:
-    return f"is {100 * row['gap']:.3f} % below the best certified bound"
 
 
 # -- the rest -----------------------------------------------------------------------------
 
 
 def _failures(rows: Sequence[Row]) -> str:
-    """What was to be computed and could not be."""
+    """Returns a table of the plans and bounds that could not be computed."""
     failed = [
-        {"scene": row["scene"], "seed": str(row["seed"]), "what": what, "reason": reason,
+        {"scene": row.scene, "seed": str(row.seed), "cell": cell, "reason": reason,
          "message": message}
         for row in rows
-        for what, reason, message in (
-            (row["planner"], row["reason"], row["message"]),
-            ("bound", row["bound_reason"], "so this seed has no bound of its own"),
+        for cell, reason, message in (
+            (row.planner or "", row.reason, row.message),
+            ("bound", row.bound_reason, "so this seed has no bound of its own"),
         )
         if reason in FAILED
     ]  # fmt: skip
@@ -231,11 +225,11 @@ def _failures(rows: Sequence[Row]) -> str:
 
 
 def _absent(folder: Path, rows: Sequence[Row]) -> list[str]:
-    """What ought to be in the folder and is not."""
-    first = {(row["scene"], row["seed"]): row for row in rows}.values()
-    named = {row[key] for row in first for key in ("certificate", "certificate_free") if row[key]}
+    """Returns sentences about files that are missing in the folder."""
+    first = {row.key: row for row in rows}.values()
+    named = {name for row in first for name in (row.certificate, row.certificate_free) if name}
     certificates = sum(not (folder / name).is_file() for name in named)
-    scenes = sum(not (folder / scene_path(row)).is_file() for row in first)
+    scenes = sum(not (folder / Paths(row).scene).is_file() for row in first)
     sentences = []
     if certificates:
         sentences.append(f"{certificates} of {len(named)} certificates are not in the folder.")
@@ -268,7 +262,7 @@ def _list(sentences: Sequence[str]) -> str:
 
 
 def _image(figure: Figure, words: str) -> str:
-    """A figure with its caption."""
+    """Returns a figure with its caption."""
     content = base64.b64encode(picture(figure, ".svg")).decode()
     return (
         f'<figure><img alt="{escape(words, quote=True)}" '
