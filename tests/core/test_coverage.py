@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from strategies import WALL, examples, problems, shapes
+from strategies import WALL, Calls, examples, problems, shapes
 
 from cocap_opt.check import check
 from cocap_opt.data import FOCAL as FOCAL_RANGE
@@ -34,7 +34,6 @@ from cocap_opt.problem.problem import (
     State,
     TriangulatedCuboid,
 )
-from cocap_opt.stop import Limit
 from cocap_opt.vision.coverage import coverage_table
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.projection import camera_axes, image_area
@@ -706,18 +705,11 @@ def test_limits_are_asked_for_often(actors: int, samples: int, most: int) -> Non
     model = Model(scene, use_cache=False)
     reachable = model.reachable(model.classes[0])
     states, most_at_once = int(reachable[1].sum()), model.views(model.classes[0]).batch(1)
-    asked = 0
-
-    def stop() -> Limit:
-        nonlocal asked
-        asked += 1
-        return Limit.NONE
-
+    stop = Calls()
     views, graph = model.views(model.classes[0]), model.classes[0].graph
-    table, _ = coverage_table(views, graph.n_places, reachable, 1, stop)
-    assert table is not None
+    coverage_table(views, graph.n_places, reachable, 1, stop)
     assert most_at_once <= most
-    assert asked >= states / most_at_once
+    assert stop.asked >= states / most_at_once
 
 
 @pytest.mark.parametrize("rays", [1, 7, 100])

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from strategies import WALL, examples, problems, shapes
 
 from cocap_opt.data import FloatArray, IntArray
-from cocap_opt.experiments.studies.benchmarks.town import town
+from cocap_opt.experiments.studies.coverage.town import town
 from cocap_opt.graph.timegraph import TimeGraph, time_graph
 from cocap_opt.model import Model
 from cocap_opt.problem.problem import (

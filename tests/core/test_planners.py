@@ -18,22 +18,26 @@ import pytest
 from brute_force import all_paths, bonus_of, optimum, pixels_of, weights_of
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from strategies import WALL, examples, meetings, number_of_plans, problems, standing, tiny
+from strategies import WALL, Calls, examples, meetings, number_of_plans, problems, standing, tiny
 
 from cocap_opt.check import broken_motions, check
 from cocap_opt.graph.motion import time_expanded_graph
 from cocap_opt.graph.timegraph import Charges
 from cocap_opt.model import Model
-from cocap_opt.objective import no_pixels, objective_of, robot_pixels
-from cocap_opt.planners import PLANNERS, Planner
+from cocap_opt.objective import no_pixels, objective_of, robot_pixels, view_sum_weights
+from cocap_opt.planners import PLANNERS, Planner, constraint_tree
 from cocap_opt.planners.cocap import cocap
 from cocap_opt.planners.greedy import greedy
 from cocap_opt.planners.joint import joint
+from cocap_opt.planners.low_level import (
+    LowLevel,
+    SingleRobotPath,
+    SingleRobotTask,
+    value_iteration,
+)
 from cocap_opt.planners.sequential import sequential
-from cocap_opt.planners.single import LowLevel, SingleRobotPath, SingleRobotTask
 from cocap_opt.planners.team import hover
-from cocap_opt.planners.value_iteration import value_iteration
-from cocap_opt.planners.view_search import ViewSearch
+from cocap_opt.planners.view_search import Compounded, Undiscounted, ViewSearch
 from cocap_opt.problem.plan import Conflict, Plan, SwapConflict, conflicts
 from cocap_opt.problem.problem import (
     NO_RULES,
@@ -50,25 +54,35 @@ from cocap_opt.problem.problem import (
 )
 from cocap_opt.result import Reason, Result, UnsupportedError, relative_gap
 from cocap_opt.scenarios import load_scene
-from cocap_opt.stop import FirstOf, Limit, TimeLimit, catch_interrupt, never, seconds_left
+from cocap_opt.stop import (
+    FirstOf,
+    Limit,
+    LimitReached,
+    Stop,
+    TimeLimit,
+    WorkLimit,
+    catch_interrupt,
+    never,
+)
 from cocap_opt.world.workspace import HeightMap
 
-OBEY_RULES = {"sequential", "cocap", "cocap-vs", "joint", "formation", "one-step"}
-COMPLETE = {"cocap", "cocap-vs", "joint"}  # without a plan only where there is none
+CONSTRAINT_TREES = {"cocap", "cocap-vs", "cocap-vs-undiscounted"}
+OBEY_RULES = {*CONSTRAINT_TREES, "sequential", "joint", "formation", "one-step"}
+COMPLETE = {*CONSTRAINT_TREES, "joint"}  # without a plan only where there is none
 EXACT = {"joint"}
 CALLS = 3000  # how often a planner may ask whether to stop: cuts constraint trees off
 
 
-class Patience:
+class Patience(Stop):
     """Stopping criterion that is reached after so many questions: the same on any machine."""
 
     def __init__(self, calls: int = CALLS) -> None:
         self._left = calls
 
-    def __call__(self) -> Limit:
+    def reached(self) -> Limit:
         """Count down."""
         self._left -= 1
-        return Limit.NODES if self._left < 0 else Limit.NONE
+        return Limit.WORK if self._left < 0 else Limit.NONE
 
 
 def close(a: float, b: float) -> bool:
@@ -312,7 +326,7 @@ def obeys(model: Model, charges: Charges, path: tuple[State, ...]) -> bool:
     )
 
 
-@pytest.mark.parametrize("kind", ["value iteration", "view search", "view search, gamma 1"])
+@pytest.mark.parametrize("kind", ["value iteration", "view search", "view search, undiscounted"])
 @examples(40)
 @given(problem=problems(robots=st.just(1)), seed=st.integers(0, 10**6))
 def test_low_levels(kind: str, problem: Problem, seed: int) -> None:
@@ -324,7 +338,7 @@ def test_low_levels(kind: str, problem: Problem, seed: int) -> None:
     low_level: LowLevel = {
         "value iteration": value_iteration,
         "view search": ViewSearch(),
-        "view search, gamma 1": ViewSearch(gamma=1.0),
+        "view search, undiscounted": ViewSearch(Undiscounted()),
     }[kind]
     model = Model(problem, use_cache=False)
     seen, charges = seen_by_others(model, seed), blocked_at_random(model, seed)
@@ -373,6 +387,65 @@ def test_view_search_takes_the_best_of_one_step(problem: Problem, seed: int) -> 
         values = marginal_values(model, list(model.plan([found.path]).paths), seen)
         expected = marginal_values(model, list(model.plan([best.path]).paths), seen)
         assert close(float(values[0]), float(expected[0]))
+
+
+def literal_view_search(task: SingleRobotTask, gamma: float) -> tuple[int, ...] | None:
+    """CoCap's Alg. 2 with lists and dictionaries only; None where ties would decide.
+
+    Rbar_{k+1} = (R_{k+1} + Rbar_k) gamma^(k-1), k from 1; a state includes its step; dominance
+    compares the compounded value; processed states are skipped.
+    """
+    model, graph = task.model, task.model.class_of[0].graph
+    views = model.views(model.class_of[0])
+    start = (1, model.start(0))
+    rbar, path_to, processed = {start: 0.0}, {start: (start[1],)}, set()
+    waiting = [(0.0, *start)]
+    while waiting:
+        best = max(value for value, _, _ in waiting)
+        top = [entry for entry in waiting if entry[0] == best]
+        if len(top) > 1:
+            return None
+        waiting.remove(top[0])
+        _, k, state = top[0]
+        if k == model.problem.horizon + 1:
+            return path_to[k, state]
+        if (k, state) in processed:
+            continue
+        processed.add((k, state))
+        for head in graph.successors(state).tolist():
+            seen = views.coverage(k, np.array([head]))[0]
+            others = task.pixels[model.problem.view_sums_at(k)]
+            weights = view_sum_weights(model.problem)[model.problem.view_sums_at(k)]
+            reward = float(((np.sqrt(others + seen) - np.sqrt(others)) * weights).sum())
+            value = (reward + rbar[k, state]) * gamma ** (k - 1)
+            child = (k + 1, head)
+            if child not in processed and value > rbar.get(child, -math.inf):
+                rbar[child], path_to[child] = value, (*path_to[k, state], head)
+                waiting.append((value, *child))
+    return None
+
+
+@pytest.mark.parametrize("gamma", [0.7, 0.95, 1.0])
+@examples(25)
+@given(problem=problems(robots=st.just(1), goals=False), seed=st.integers(0, 10**6))
+def test_view_search_is_its_algorithm(gamma: float, problem: Problem, seed: int) -> None:
+    """The discount compounds, k counts from 1, and dominance compares compounded values."""
+    problem = problem.replace(objective=Objective())
+    model = Model(problem, use_cache=False)
+    task = SingleRobotTask(model, 0, seen_by_others(model, seed))
+    expected = literal_view_search(task, gamma)
+    if expected is not None:
+        assert ViewSearch(Compounded(gamma))(task).path == expected
+
+
+@pytest.mark.parametrize("gamma", [0.9, 0.95, 0.99])
+def test_view_search_is_its_algorithm_in_the_open(gamma: float) -> None:
+    """The same on a meadow, where no ties decide, and gamma makes a difference."""
+    model = Model(meadow(), use_cache=False)
+    task = SingleRobotTask(model, 0, no_pixels(meadow()))
+    expected = literal_view_search(task, gamma)
+    assert expected is not None
+    assert ViewSearch(Compounded(gamma))(task).path == expected
 
 
 def meadow(horizon: int = 6) -> Problem:
@@ -550,8 +623,8 @@ def test_cocap_is_its_algorithm(problem: Problem) -> None:
 def test_cocap_stops_at_a_number_of_nodes() -> None:
     """A limit on the nodes generated is kept and named."""
     problem = line(3, 0, 2, goals=(2, 0), horizon=4)
-    result = cocap(problem, most_nodes=3)
-    assert (result.plan, result.reason, result.limit) == (None, Reason.STOPPED, Limit.NODES)
+    result = cocap(problem, WorkLimit(3))
+    assert (result.plan, result.reason, result.limit) == (None, Reason.STOPPED, Limit.WORK)
     assert result.statistics["generated"] <= 4
 
 
@@ -559,7 +632,7 @@ def test_cocap_stops_at_a_number_of_nodes() -> None:
 def test_cocap_that_is_stopped_keeps_what_does_not_collide(nodes: int) -> None:
     """At a limit drones fly the paths that collide with nobody; only the others stay."""
     problem = load_scene("bottleneck", 0)
-    result = cocap(problem, most_nodes=nodes)
+    result = cocap(problem, WorkLimit(nodes - 1))
     assert result.reason is Reason.STOPPED and result.plan is not None
     verdict = check(problem, result.plan)
     assert verdict.valid and verdict.reward == pytest.approx(result.value)
@@ -574,9 +647,9 @@ def test_cocap_that_is_stopped_late_is_no_worse_than_sequential(
 ) -> None:
     """Once its tree has grown a plan without conflicts is kept; one that ends does not need it."""
     problem = load_scene("bottleneck", 0)
-    without, finished = cocap(problem, most_nodes=3), cocap(problem)
-    monkeypatch.setattr(sys.modules[cocap.__module__], "SPARE_FROM", 3)
-    result, spare = cocap(problem, most_nodes=3), sequential(problem)
+    without, finished = cocap(problem, WorkLimit(2)), cocap(problem)
+    monkeypatch.setattr(constraint_tree, "SPARE_FROM", 3)
+    result, spare = cocap(problem, WorkLimit(2)), sequential(problem)
     assert without.value < spare.value == result.value
     assert result.plan == spare.plan and result.reason is Reason.STOPPED
     assert "the plan of sequential planning" in result.message
@@ -634,18 +707,12 @@ def test_memory_of_joint_planning_is_known_before(size: int, horizon: int, motio
 
 def test_joint_planning_looks_at_limits_within_a_step() -> None:
     """A single step can take many seconds: limits are asked for move by move."""
-    asked = 0
-
-    def stop() -> Limit:
-        nonlocal asked
-        asked += 1
-        return Limit.NONE
-
+    stop = Calls()
     assert joint(pair_on_a_meadow(6, 1, Motion(headings=4)), stop).reason is Reason.OPTIMAL
-    assert asked > 30
-    for calls in range(1, asked, 7):
+    assert stop.asked > 30
+    for calls in range(1, stop.asked, 7):
         result = joint(pair_on_a_meadow(6, 1, Motion(headings=4)), Patience(calls))
-        assert (result.reason, result.limit) == (Reason.STOPPED, Limit.NODES)
+        assert (result.reason, result.limit) == (Reason.STOPPED, Limit.WORK)
 
 
 def test_joint_planning_takes_two_robots() -> None:
@@ -656,28 +723,43 @@ def test_joint_planning_takes_two_robots() -> None:
 
 def test_criteria_compose() -> None:
     """The first of several criteria that is reached is named; no limit is never reached."""
-    assert never() is Limit.NONE
-    assert FirstOf()() is Limit.NONE
-    assert FirstOf(never, TimeLimit(1e9))() is Limit.NONE
-    assert FirstOf(never, Patience(0), TimeLimit(0))() is Limit.NODES
-    assert FirstOf(TimeLimit(0), Patience(0))() is Limit.TIME
+    assert never.reached() is Limit.NONE
+    assert FirstOf().reached() is Limit.NONE
+    assert FirstOf(never, TimeLimit(1e9)).reached() is Limit.NONE
+    assert FirstOf(never, Patience(0), TimeLimit(0)).reached() is Limit.WORK
+    assert FirstOf(TimeLimit(0), Patience(0)).reached() is Limit.TIME
+
+
+def test_a_limit_is_raised_by_check() -> None:
+    """`check` passes while there is time, and then raises one exception that names the limit."""
+    never.check()
+    with pytest.raises(LimitReached) as reached:
+        FirstOf(never, TimeLimit(0)).check()
+    assert reached.value.limit is Limit.TIME
+    work = FirstOf(WorkLimit(2), never)
+    work.begin_work()
+    work.begin_work()
+    work.check()
+    with pytest.raises(LimitReached):
+        work.begin_work()
+    assert work.reached() is Limit.WORK
 
 
 def test_seconds_left() -> None:
     """Solvers that take a time limit are told the shortest one; without one it is infinite."""
-    assert seconds_left(never) == math.inf
-    assert seconds_left(FirstOf(never, Patience())) == math.inf
-    assert 9 < seconds_left(FirstOf(TimeLimit(100), never, TimeLimit(10))) <= 10
-    assert seconds_left(TimeLimit(-5)) == 0.0
+    assert never.seconds_left == math.inf
+    assert FirstOf(never, Patience()).seconds_left == math.inf
+    assert 9 < FirstOf(TimeLimit(100), never, TimeLimit(10)).seconds_left <= 10
+    assert TimeLimit(-5).seconds_left == 0.0
 
 
 def test_ctrl_c_is_a_stop_and_twice_an_interrupt() -> None:
     """The first Ctrl-C stops in good order, a second one at once; afterwards all is as before."""
     before = signal.getsignal(signal.SIGINT)
     with catch_interrupt() as interrupt:
-        assert interrupt() is Limit.NONE
+        assert interrupt.reached() is Limit.NONE
         signal.raise_signal(signal.SIGINT)
-        assert interrupt() is Limit.INTERRUPT
+        assert interrupt.reached() is Limit.INTERRUPT
         result = greedy(tiny(), interrupt)
         assert (result.reason, result.limit) == (Reason.STOPPED, Limit.INTERRUPT)
         with pytest.raises(KeyboardInterrupt):
@@ -938,10 +1020,10 @@ def test_extreme_problems(case: str) -> None:
         result = planner(problem, Patience())
         check_contract(name, problem, result)
         values[name] = result.value
-        if name != "cocap-vs":
+        if not name.startswith("cocap-vs"):
             assert result.plan is not None
     if len(problem.robots) == 1:
-        inexact = ("cocap-vs", "formation", "one-step")
+        inexact = ("cocap-vs", "cocap-vs-undiscounted", "formation", "one-step")
         exact = [v for name, v in values.items() if name not in inexact]
         assert all(close(value, exact[0]) for value in exact)
 
