@@ -2,11 +2,10 @@
 
 from collections.abc import Iterator, Sequence
 
-from cocap_opt.experiments.sweeps.about import RunFile
-
 from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.results.tables import grouped
 from cocap_opt.experiments.sweeps.cells import FAILED
+from cocap_opt.experiments.sweeps.run_file import RunFile
 
 _FEW = 5  # seeds, below which intervals say little
 _ALWAYS = (

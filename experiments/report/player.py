@@ -16,7 +16,6 @@ from cocap_opt.data import FloatArray
 from cocap_opt.experiments.report.pages import filled, part
 from cocap_opt.experiments.report.player_scene import SceneData
 from cocap_opt.experiments.results.files import save_bytes
-from cocap_opt.formulations.result import hovering
 from cocap_opt.model import compiled
 from cocap_opt.problem.plan import Conflict, Plan, SwapConflict, conflicts
 from cocap_opt.problem.problem import Cone, Problem
@@ -44,7 +43,7 @@ class Player:
 
     def __init__(self, problem: Problem, plans: Sequence[Titled] = ()) -> None:
         self._problem = problem
-        self._plans = plans or [("drones at their starts", hovering(problem))]
+        self._plans = plans or [("drones at their starts", _waiting(problem))]
 
     def page(self) -> str:
         """Returns the text of the HTML file."""
@@ -70,6 +69,11 @@ class Player:
             f'<iframe srcdoc="{escape(self.page())}" title="plans of {escape(self._problem.name)}" '
             f'width="100%" height="{_FRAME_HEIGHT}" style="border: 0"></iframe>'
         )
+
+
+def _waiting(problem: Problem) -> Plan:
+    """Returns the plan in which all drones stay at their starts, be it allowed or not."""
+    return Plan(paths=tuple((robot.start,) * (problem.horizon + 1) for robot in problem.robots))
 
 
 def player_page(problem: Problem, plans: Sequence[Titled]) -> str:

@@ -83,7 +83,7 @@ class SceneData:
         return values
 
     def terrain(self) -> Data:
-        """Returns the columns of the height map; those of a large map are the highest of a block."""
+        """Returns the columns of the height map; on a large map, the highest of each block."""
         height_map = self.problem.height_map
         parts = (np.minimum(height_map.heights, self._ceiling), self._ground, self._kinds)
         heights, ground, kinds = (self._coarse(part, np.maximum) for part in parts)
@@ -150,7 +150,7 @@ class SceneData:
         ]
 
     def scope(self, plans: Iterable[Plan]) -> Data:
-        """Returns two corners of a box around flights and walks, and the length (m) of view cones."""
+        """Returns corners of a box around flights and walks, and the length (m) of view cones."""
         steps, robots = self.problem.horizon + 1, self.problem.robots
         parts = [self.local(actor.poses[:steps, :3]) for actor in self.problem.actors]
         for plan in plans:

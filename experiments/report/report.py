@@ -6,11 +6,10 @@ It is made of the files in the sweep's folder alone, so that any machine can mak
 import base64
 import math
 import shlex
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from html import escape
 from pathlib import Path
 
-from cocap_opt.experiments.sweeps.about import RunFile
 from matplotlib.figure import Figure
 
 from cocap_opt.check import check
@@ -27,6 +26,7 @@ from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.results.tables import all_tables, grouped
 from cocap_opt.experiments.results.trace import Trace
 from cocap_opt.experiments.sweeps.cells import FAILED
+from cocap_opt.experiments.sweeps.run_file import RunFile
 from cocap_opt.files.documents import FileError
 from cocap_opt.problem.plan import Plan
 from cocap_opt.problem.problem import Problem
@@ -54,7 +54,7 @@ def report_page(folder: Path, rows: Sequence[Row], run: RunFile, against: str, p
         "Plans": _plans(folder, rows, players),
         "What failed": _failures(rows),
         "Limitations": _list([*limitations(rows, run), *_absent(folder, rows)]),
-        "How it was made": _settings(run),
+        "How it was made": _settings(rows, run),
     }
     shown = {title: text for title, text in sections.items() if text}
     parts = {
@@ -170,7 +170,7 @@ def telling_seed(rows: Sequence[Row]) -> tuple[int | None, list[Row]]:
 
 
 def telling_pair(rows: Sequence[Row]) -> list[Row]:
-    """Returns the rows of up to two plans of a seed: one with most conflicts or the worst, the best."""
+    """Returns up to two plans of a seed: the best, after one with most conflicts or the worst."""
     good = sorted((row for row in rows if row.valid), key=lambda row: row.reward or 0.0)
     colliding = [row for row in rows if row.conflicts]
     if colliding:
@@ -238,10 +238,13 @@ def _absent(folder: Path, rows: Sequence[Row]) -> list[str]:
     return sentences
 
 
-def _settings(run: RunFile) -> str:
+def _settings(rows: Sequence[Row], run: RunFile) -> str:
     facts = [
-        ("limit of each plan", f"{run.settings.limit:g} s"),
-        ("limit of each bound", f"{run.settings.bound_limit:g} s"),
+        ("limit of each plan", _limits((row.time_limit, row.work_limit) for row in rows)),
+        (
+            "limit of each bound",
+            _limits((row.bound_time_limit, row.bound_work_limit) for row in rows),
+        ),
         ("digest of the code", run.code[:16]),
     ]
     for one in run.runs:
@@ -255,6 +258,15 @@ def _settings(run: RunFile) -> str:
         facts += [(key, text) for key, text in own.items() if (key, text) not in facts]
     lines = (f"<dt>{escape(key)}</dt><dd>{escape(text)}</dd>" for key, text in facts)
     return f"<dl>{''.join(lines)}</dl>"
+
+
+def _limits(limits: Iterable[tuple[float | None, int | None]]) -> str:
+    """Returns limits of time and of work in words, each once."""
+    words = []
+    for seconds, work in dict.fromkeys(limits):
+        time = "unknown" if seconds is None else f"{seconds:g} s"
+        words.append(time if work is None else f"{time} and {work} units of work")
+    return ", ".join(words)
 
 
 def _list(sentences: Sequence[str]) -> str:

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
-from cocap_opt.experiments.console.numbers import numbers, values
+from cocap_opt.experiments.console.options import numbers, values
 from cocap_opt.files.documents import FileError
 
 app = App(

@@ -17,7 +17,7 @@ from multiprocessing.connection import Connection, wait
 from threading import Thread
 from typing import NamedTuple
 
-from cocap_opt.experiments.results.rows import judge
+from cocap_opt.experiments.results.judging import judge
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.formulations.result import BoundMethod, Snapshot
 from cocap_opt.model import compiled

@@ -18,8 +18,8 @@ from cocap_opt.experiments.studies.paper.figures import (
     scaling_figure,
 )
 from cocap_opt.experiments.studies.paper.giving_way import Encounter, encounters, most_generous
-from cocap_opt.experiments.sweeps.run import Group, Settings
-from cocap_opt.experiments.sweeps.sweep import Hired, has_error, sweep
+from cocap_opt.experiments.sweeps.instances import Instance, Settings
+from cocap_opt.experiments.sweeps.sweep import Hired, sweep
 from cocap_opt.model import Model
 from cocap_opt.problem.problem import Problem
 from cocap_opt.scenarios import load_scene
@@ -53,45 +53,45 @@ def reproduce(
     bool
         True if no cell ended by an error.
     """
-    settings = Settings(limit=limit, bound_limit=limit)
+    settings = Settings(time_limit=limit, bound_time_limit=limit)
     main = [
-        Group(load_scene(scene, seed), seed, _PLANNERS, settings, {})
+        Instance(load_scene(scene, seed), seed, _PLANNERS, settings)
         for scene in SCENES
         for seed in seeds
     ]
     teams = [
-        Group(
+        Instance(
             field(seed, robots=n, **FIELD).replace(name=f"field, {n} drones"), seed,
-            _PLANNERS, settings, {},
+            _PLANNERS, settings,
         )
         for n in sizes
         for seed in scaling_seeds
     ]  # fmt: skip
-    rows = _swept(out / "scenes", main, settings, workers)
-    whole = [group for group in main if group.is_whole]
+    rows = _swept(out / "scenes", main, workers)
+    whole = [one for one in main if one.is_whole]
     interrupted = len(whole) < len(main)
-    team_rows = [] if interrupted else _swept(out / "scaling", teams, settings, workers)
+    team_rows = [] if interrupted else _swept(out / "scaling", teams, workers)
     if whole:
-        missing = sum(not group.is_whole for group in (*main, *teams))
+        missing = sum(not one.is_whole for one in (*main, *teams))
         _write(out, whole, rows, team_rows, sizes, limit, missing)
-    return not any(map(has_error, (*rows, *team_rows)))
+    return not any(row.has_error for row in (*rows, *team_rows))
 
 
 def _write(
     out: Path,
-    groups: Sequence[Group],
+    instances: Sequence[Instance],
     rows: Sequence[Row],
     team_rows: Sequence[Row],
     sizes: Sequence[int],
     limit: float,
     missing: int,
 ) -> None:
-    """Write the page and its figures from the groups that are whole."""
-    giving, found = _giving_way(groups)
+    """Write the page and its figures from the instances that are whole."""
+    giving, found = _giving_way(instances)
     example = most_generous(found["cocap"])
-    figures = {"curves.png": png(curves_figure(_curves(groups)))}
+    figures = {"curves.png": png(curves_figure(_curves(instances)))}
     if example is not None:
-        figures["giving-way.png"] = _example(groups, example)
+        figures["giving-way.png"] = _example(instances, example)
     if team_rows:
         figures["scaling.png"] = png(scaling_figure(_points(team_rows, sizes)))
     for name, content in figures.items():
@@ -100,42 +100,40 @@ def _write(
     save_bytes(out / "paper.md", page.encode())
 
 
-def _swept(
-    folder: Path, groups: Sequence[Group], settings: Settings, workers: int | None
-) -> list[Row]:
-    return sweep(groups, settings, folder, Hired(workers, None, _AT_A_TIME))
+def _swept(folder: Path, instances: Sequence[Instance], workers: int | None) -> list[Row]:
+    return sweep(instances, folder, Hired(workers, None, _AT_A_TIME))
 
 
-def _curves(groups: Sequence[Group]) -> dict[str, dict[str, list[Sequence[float]]]]:
+def _curves(instances: Sequence[Instance]) -> dict[str, dict[str, list[Sequence[float]]]]:
     """Reward per step by scene and planner, a curve per seed."""
     curves: dict[str, dict[str, list[Sequence[float]]]] = {}
-    for group in groups:
-        planners = curves.setdefault(group.problem.name, {name: [] for name in _PLANNERS})
+    for instance in instances:
+        planners = curves.setdefault(instance.problem.name, {name: [] for name in _PLANNERS})
         for planner, seen in planners.items():
-            if (plan := group.plan(planner)) is not None:
-                seen.append(check(group.problem, plan).reward_per_step)
+            if (plan := instance.plan(planner)) is not None:
+                seen.append(check(instance.problem, plan).reward_per_step)
     return curves
 
 
-def _giving_way(groups: Sequence[Group]) -> tuple[Table, dict[str, list[Encounter]]]:
+def _giving_way(instances: Sequence[Instance]) -> tuple[Table, dict[str, list[Encounter]]]:
     """Encounters by planner, over all scenes, and their table."""
     found: dict[str, list[Encounter]] = {"sequential": [], "cocap": []}
-    for group in groups:
-        unconstrained = group.plan("greedy")
+    for instance in instances:
+        unconstrained = instance.plan("greedy")
         for planner, some in found.items():
-            plan = group.plan(planner)
+            plan = instance.plan(planner)
             if unconstrained is not None and plan is not None:
-                some += encounters(group.problem, group.seed, unconstrained, plan)
+                some += encounters(instance.problem, instance.seed, unconstrained, plan)
     return [giving_row(planner, some) for planner, some in found.items()], found
 
 
-def _example(groups: Sequence[Group], example: Encounter) -> bytes:
+def _example(instances: Sequence[Instance], example: Encounter) -> bytes:
     """Picture of an encounter in the plans of three planners."""
     where = (example.scene, example.seed)
-    group = next(group for group in groups if (group.problem.name, group.seed) == where)
-    plans = {name: group.plan(name) for name in ("greedy", "sequential", "cocap")}
+    instance = next(one for one in instances if one.key == where)
+    plans = {name: instance.plan(name) for name in ("greedy", "sequential", "cocap")}
     shown = {name: plan for name, plan in plans.items() if plan is not None}
-    return png(encounter_figure(group.problem, example, shown))
+    return png(encounter_figure(instance.problem, example, shown))
 
 
 def _points(rows: Sequence[Row], sizes: Sequence[int]) -> dict[str, list[tuple[int, float, float]]]:
@@ -148,7 +146,11 @@ def _points(rows: Sequence[Row], sizes: Sequence[int]) -> dict[str, list[tuple[i
     for planner in _PLANNERS:
         for n in sizes:
             own = [r for r in rows if (r.planner, r.robots) == (planner, n)]
-            shares = [100 * r.reward / r.bound_free for r in own if r.reward is not None]
+            shares = [
+                100 * r.reward / r.bound_free
+                for r in own
+                if r.reward is not None and r.bound_free is not None
+            ]
             if own and len(shares) == len(own):
                 seconds = median(values(own, "seconds"))
                 points.setdefault(planner, []).append((n, seconds, mean(shares).value))

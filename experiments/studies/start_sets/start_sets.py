@@ -13,10 +13,10 @@ from cocap_opt.data import ProblemError
 from cocap_opt.experiments.console.streams import say
 from cocap_opt.experiments.results.files import read_plan
 from cocap_opt.experiments.results.gap_table import told_apart
-from cocap_opt.experiments.results.rows import BOUND_METHOD
+from cocap_opt.experiments.results.judging import BOUND_METHOD
 from cocap_opt.experiments.studies.start_sets.tables import THEIRS, Reported, SetTables
-from cocap_opt.experiments.sweeps.run import Group, Settings
-from cocap_opt.experiments.sweeps.sweep import Hired, sweep
+from cocap_opt.experiments.sweeps.instances import Instance, Key, Settings
+from cocap_opt.experiments.sweeps.sweep import sweep
 from cocap_opt.files.documents import FileError, problem_digest
 from cocap_opt.problem.plan import Plan
 from cocap_opt.problem.problem import Problem
@@ -56,29 +56,32 @@ def start_sets(
     bool
         True if all is measured, False after Ctrl-C.
     """
-    settings = Settings(limit=limit, bound_limit=limit)
+    settings = Settings(time_limit=limit, bound_time_limit=limit)
     peers = list(peers_of(scenes, options))
     problems = _start_set_problems(scenes, sets, options)
-    groups = [
-        *(Group(problem, k, PLANNERS, settings, {}) for (_, k), problem in problems.items()),
-        *(Group(peer.problem, 0, PLANNERS, settings, {THEIRS: peer.plan}) for peer in peers),
+    instances = [
+        *(Instance(problem, k, PLANNERS, settings) for (_, k), problem in problems.items()),
+        *(
+            Instance(p.problem, 0, PLANNERS, settings, {THEIRS: p.plan}, own_starts=True)
+            for p in peers
+        ),
     ]
     words = {problem.name: scene for (scene, _), problem in problems.items()}
 
-    def is_same(key: tuple[str, int | None], digest: str) -> bool:
+    def is_same(key: Key, digest: str) -> bool:
         name, number = key
-        return name not in words or _digest(words[name], number, options) == digest
+        known = name in words and number is not None
+        return not known or _digest(words[name], number or 0, options) == digest
 
-    rows = sweep(groups, settings, out, Hired(None, None, math.inf), is_same=is_same)
-    whole = [group for group in groups if group.is_whole and not group.is_cut]
-    names = {(group.problem.name, group.seed) for group in whole}
+    rows = sweep(instances, out, is_same=is_same)
+    whole = {instance.key for instance in instances if instance.is_whole and not instance.is_cut}
     tables = SetTables(
-        [row for row in rows if (row.scene, row.seed) in names],
-        {group.problem.name: _counted_steps(group.problem) for group in groups},
+        [row for row in rows if row.key in whole],
+        {one.problem.name: _counted_steps(one.problem) for one in instances},
         {peer.problem.name: peer.reported for peer in peers},
     )
     tables.publish(limit, out)
-    return len(whole) == len(groups)
+    return len(whole) == len(instances)
 
 
 def _start_set_problems(
@@ -94,10 +97,10 @@ def _start_set_problems(
     return problems
 
 
-def _digest(scene: str, number: int | None, options: Mapping[str, str]) -> str:
+def _digest(scene: str, number: int, options: Mapping[str, str]) -> str:
     """Digest of a scene with a start set; empty if there is no such set any more."""
     try:
-        return problem_digest(load_scene(scene, number or 0, options))
+        return problem_digest(load_scene(scene, number, options))
     except (FileError, ProblemError):
         return ""
 
