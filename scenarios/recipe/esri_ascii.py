@@ -12,7 +12,7 @@ from typing import BinaryIO
 import numpy as np
 
 from cocap_opt.data import FloatArray, ProblemError
-from cocap_opt.scenarios.recipe.raster import Axis, Layout, Raster, Window
+from cocap_opt.scenarios.recipe.raster import Layout, Raster, Window
 from cocap_opt.scenarios.text import integer, number
 
 KEYS = (
@@ -29,7 +29,8 @@ def read(path: Path, nodata: float | None, window: Window | None) -> Raster:
     """Read a grid; see `cocap_opt.scenarios.recipe.raster_files.read_raster`."""
     with path.open("rb") as file:
         header = _read_header(file)
-        layout = Layout(_axis(header, "x"), _axis(header, "y"))
+        (x, dx, width), (y, dy, height) = _axis(header, "x"), _axis(header, "y")
+        layout = Layout((x, y), (dx, dy), (width, height))
         columns, rows = layout.met(window)
         values = _read_values(file, layout, columns, rows)
     return layout.cut(columns, rows).raster(values, (_nodata(header), nodata))
@@ -72,13 +73,14 @@ def _is_number(text: str | bytes) -> bool:
     return True
 
 
-def _axis(header: Header, name: str) -> Axis:
+def _axis(header: Header, name: str) -> tuple[float, float, int]:
+    """Return the lower end (m), the length of a cell (m) and the number of cells of an axis."""
     cell = _edge(header, f"d{name}")
     key = {"x": "ncols", "y": "nrows"}[name]
     cells = integer(_required(header, key), key)
     if cells < 1:
         raise ProblemError(f"{key}: must be >= 1, not {cells}")
-    return Axis(_lower(header, name, cell), cell, cells)
+    return _lower(header, name, cell), cell, cells
 
 
 def _required(header: Header, key: str) -> str:
@@ -118,7 +120,7 @@ def _nodata(header: Header) -> float | None:
 
 def _read_values(file: BinaryIO, layout: Layout, columns: range, rows: range) -> FloatArray:
     """Read all values and return those of `columns` and `rows`, the northernmost row first."""
-    width, height = layout.x.cells, layout.y.cells
+    width, height = layout.cells
     kept = np.empty((len(rows), len(columns)))
     done = 0
     for block in _blocks(file, width):

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from cocap_opt.data import ProblemError
-from cocap_opt.scenarios.recipe.raster import SLIVER, Axis, Layout, Raster, Window
+from cocap_opt.scenarios.recipe.raster import SLIVER, Layout, Raster, Window
 from cocap_opt.scenarios.text import one_line
 
 MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")  # TIFF and BigTIFF, in either byte order
@@ -46,8 +46,8 @@ def _read(dataset: Any, band: int | None, nodata: float | None, window: Window |
     layout = _layout(dataset)
     columns, rows = layout.met(window)
     a, e = dataset.transform.a, dataset.transform.e
-    across = _in_file(columns, layout.x.cells, a > 0)
-    down = _in_file(rows, layout.y.cells, e > 0)
+    across = _in_file(columns, layout.cells[0], a > 0)
+    down = _in_file(rows, layout.cells[1], e > 0)
     part = ((down.start, down.stop), (across.start, across.stop))
     values = dataset.read(band, window=part, out_dtype="float64")
     values[dataset.read_masks(band, window=part) == 0] = np.nan
@@ -95,14 +95,10 @@ def _layout(dataset: Any) -> Layout:
         raise ProblemError("geotransform: must be neither rotated nor sheared")
     if transform.a == 0 or transform.e == 0:
         raise ProblemError("geotransform: cells must have an area")
-    return Layout(
-        _axis(transform.c, transform.a, dataset.width),
-        _axis(transform.f, transform.e, dataset.height),
-    )
-
-
-def _axis(start: float, step: float, cells: int) -> Axis:
-    return Axis(min(start, start + step * cells), abs(step), cells)
+    (left, top), (dx, dy) = (transform.c, transform.f), (transform.a, transform.e)
+    cells = width, height = dataset.width, dataset.height
+    lower = min(left, left + dx * width), min(top, top + dy * height)
+    return Layout(lower, (abs(dx), abs(dy)), cells)
 
 
 def _in_file(met: range, cells: int, increasing: bool) -> range:

@@ -10,7 +10,7 @@ from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.problem.problem import Actor, Shape
 from cocap_opt.scenarios.recipe.tables import Count, Point, Size, Table
 from cocap_opt.scenarios.recipe.terrain import Terrain
-from cocap_opt.scenarios.recipe.tracks import BODY, STILL, Track, headings, read_tracks
+from cocap_opt.scenarios.recipe.tracks import BODY, STILL, Track, read_tracks
 
 
 class TracksTable(Table):
@@ -98,7 +98,7 @@ class WalkTable(Table):
         """
         points = self._along(step, steps)
         floor = [terrain.floor(x, y) for x, y in points.tolist()]
-        yaw = headings(points, STILL * step)
+        yaw = Track.headings(points, STILL * step)
         return Actor(poses=np.column_stack([points, floor, yaw]), shape=self.shape)
 
     def _along(self, step: float, steps: int) -> FloatArray:

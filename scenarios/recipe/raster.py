@@ -45,38 +45,17 @@ class Raster(NamedTuple):
         return heights
 
 
-class Axis(NamedTuple):
-    """Cells along x or y, numbered from the west or the south."""
+class Layout(NamedTuple):
+    """The cells of a raster along both axes, numbered from the south-west; pairs are x, y."""
 
-    lower: float  # m
-    cell: float  # m, edge
-    cells: int
+    lower: tuple[float, float]  # m, lower left corner
+    cell: tuple[float, float]  # m, edges of a cell
+    cells: tuple[int, int]
 
     @property
-    def upper(self) -> float:
-        """End of the last cell, m."""
-        return self.lower + self.cell * self.cells
-
-    def met(self, low: float, high: float) -> range:
-        """Return the cells that the interval [low, high] (m) overlaps by more than a sliver."""
-        start = math.floor((low - self.lower) / self.cell + SLIVER)
-        stop = math.ceil((high - self.lower) / self.cell - SLIVER)
-        return range(min(max(start, 0), self.cells), min(max(stop, 0), self.cells))
-
-    def cut(self, cells: range) -> "Axis":
-        """Return the same axis with only these cells."""
-        return Axis(self.lower + cells.start * self.cell, self.cell, len(cells))
-
-    def middle(self, cell: int) -> float:
-        """Return the coordinate (m) of the middle of a cell."""
-        return self.lower + (cell + 0.5) * self.cell
-
-
-class Layout(NamedTuple):
-    """The cells of a raster along both axes."""
-
-    x: Axis
-    y: Axis
+    def upper(self) -> tuple[float, float]:
+        """Upper right corner, m."""
+        return self._edge(0, self.cells[0]), self._edge(1, self.cells[1])
 
     def met(self, window: Window | None) -> tuple[range, range]:
         """Return the cells along x and along y that a window overlaps, or all without a window.
@@ -87,20 +66,16 @@ class Layout(NamedTuple):
             If the axes are out of range, the window is no rectangle or misses the raster, or the
             cells are more than can be read.
         """
-        for axis in self:
-            _require(
-                axis.cell >= LEAST_CELL, f"cell: must be >= {LEAST_CELL} m, not {axis.cell:.9g}"
-            )
-            inside = -LARGEST <= axis.lower <= axis.upper <= LARGEST
-            _require(inside, f"origin: must lie, as all of the raster, within +-{LARGEST:g} m")
-        columns, rows = range(self.x.cells), range(self.y.cells)
+        self._require_room()
+        columns, rows = range(self.cells[0]), range(self.cells[1])
         if window is not None:
             _require_rectangle(window)
-            columns, rows = self.x.met(window[0], window[2]), self.y.met(window[1], window[3])
+            columns, rows = self._met(0, window[0::2]), self._met(1, window[1::2])
+            (low_x, low_y), (high_x, high_y) = self.lower, self.upper
             _require(
                 len(columns) > 0 and len(rows) > 0,
-                f"window: must meet the raster, which covers x {self.x.lower:.3f}.."
-                f"{self.x.upper:.3f} and y {self.y.lower:.3f}..{self.y.upper:.3f} m",
+                f"window: must meet the raster, which covers x {low_x:.3f}..{high_x:.3f} and "
+                f"y {low_y:.3f}..{high_y:.3f} m",
             )
         _require(
             len(columns) * len(rows) <= MOST_READ,
@@ -110,7 +85,8 @@ class Layout(NamedTuple):
 
     def cut(self, columns: range, rows: range) -> "Layout":
         """Return the layout of only these cells along x and along y."""
-        return Layout(self.x.cut(columns), self.y.cut(rows))
+        corner = self._edge(0, columns.start), self._edge(1, rows.start)
+        return Layout(corner, self.cell, (len(columns), len(rows)))
 
     def raster(
         self,
@@ -148,7 +124,24 @@ class Layout(NamedTuple):
             rows += offset
         values = rows[::-1].T
         values.flags.writeable = False
-        return Raster(values, (self.x.cell, self.y.cell), (self.x.lower, self.y.lower))
+        return Raster(values, self.cell, self.lower)
+
+    def _edge(self, axis: int, cell: int) -> float:
+        """Return the coordinate (m) of the lower edge of a cell."""
+        return self.lower[axis] + cell * self.cell[axis]
+
+    def _met(self, axis: int, ends: tuple[float, ...]) -> range:
+        """Return the cells that an interval (m) overlaps by more than a sliver."""
+        low, high = ((end - self.lower[axis]) / self.cell[axis] for end in ends)
+        start, stop = math.floor(low + SLIVER), math.ceil(high - SLIVER)
+        cells = self.cells[axis]
+        return range(min(max(start, 0), cells), min(max(stop, 0), cells))
+
+    def _require_room(self) -> None:
+        for lower, upper, cell in zip(self.lower, self.upper, self.cell, strict=True):
+            _require(cell >= LEAST_CELL, f"cell: must be >= {LEAST_CELL} m, not {cell:.9g}")
+            inside = -LARGEST <= lower <= upper <= LARGEST
+            _require(inside, f"origin: must lie, as all of the raster, within +-{LARGEST:g} m")
 
     def _require_land(self, rows: FloatArray, scale: float, offset: float) -> None:
         """Refuse values that must mean that there is no data, though the file does not say so."""
@@ -158,7 +151,8 @@ class Layout(NamedTuple):
             return
         value = f"{low if low < least else high:.9g}"
         row, column = np.unravel_index(np.argmax((rows < least) | (rows > most)), rows.shape)
-        x, y = self.x.middle(int(column)), self.y.middle(len(rows) - 1 - int(row))
+        cells = int(column), len(rows) - 1 - int(row)
+        x, y = (a + (k + 0.5) * d for a, k, d in zip(self.lower, cells, self.cell, strict=True))
         raise ProblemError(
             f"heights: must lie within {LOWEST:g}..{HIGHEST:g} m, but the raster holds {value}, "
             f"and the first such cell is at ({x:.3f}, {y:.3f}) m; nodata={value} says that it "

@@ -115,9 +115,37 @@ class Track(NamedTuple):
         points = self.at_steps(begin, step, steps)
         floor = [ground(x, y) for x, y in points.tolist()]
         return Actor(
-            poses=np.column_stack([points, floor, headings(points, still * step)]),
+            poses=np.column_stack([points, floor, Track.headings(points, still * step)]),
             shape=shape if self.height is None else shape.replace(height=self.height),
         )
+
+    @staticmethod
+    def headings(points: FloatArray, still: float) -> FloatArray:
+        """Return the yaw [T+1] of a person who passes points [T+1, 2] (m), one at each step.
+
+        It is in rad, from +x, counter-clockwise, in (-pi, pi]: the direction from the step before
+        to the step after, or at the ends from or to the end itself. A person who moves by less
+        than `still` metres a step keeps the heading of the last step in which it moved; before it
+        first moves it has the heading of its first move, and 0 if it never moves.
+
+        Raises
+        ------
+        ProblemError
+            If `still` is not >= 0.
+        """
+        if not still >= 0:  # true for nan, too
+            raise ProblemError(f"still: must be >= 0 m, not {still:g}")
+        if len(points) < 2:
+            return np.zeros(len(points))
+        motion = np.gradient(points, axis=0)  # m per step
+        length = np.hypot(*motion.T)
+        moving = np.flatnonzero((length >= still) & (length > 0))
+        if not len(moving):
+            return np.zeros(len(points))
+        last = np.searchsorted(moving, np.arange(len(points)), side="right") - 1
+        dx, dy = motion[moving[np.maximum(last, 0)]].T
+        yaw = np.arctan2(dy, dx)
+        return np.where(yaw <= -math.pi, math.pi, yaw)
 
     def appearances(self) -> list[float]:
         """Return the times (s) at which the person comes: the first, and after every gap."""
@@ -185,34 +213,6 @@ def read_tracks(
     for doubt in _doubts(tracks, table.unit):
         log.warning("%s: %s", path, doubt)
     return tracks
-
-
-def headings(points: FloatArray, still: float) -> FloatArray:
-    """Return the yaw [T+1] of a person who passes points [T+1, 2] (m), one at each step.
-
-    It is in rad, from +x, counter-clockwise, in (-pi, pi]: the direction from the step before to
-    the step after, or at the ends from or to the end itself. A person who moves by less than
-    `still` metres a step keeps the heading of the last step in which it moved; before it first
-    moves it has the heading of its first move, and 0 if it never moves.
-
-    Raises
-    ------
-    ProblemError
-        If `still` is not >= 0.
-    """
-    if not still >= 0:  # true for nan, too
-        raise ProblemError(f"still: must be >= 0 m, not {still:g}")
-    if len(points) < 2:
-        return np.zeros(len(points))
-    motion = np.gradient(points, axis=0)  # m per step
-    length = np.hypot(*motion.T)
-    moving = np.flatnonzero((length >= still) & (length > 0))
-    if not len(moving):
-        return np.zeros(len(points))
-    last = np.searchsorted(moving, np.arange(len(points)), side="right") - 1
-    dx, dy = motion[moving[np.maximum(last, 0)]].T
-    yaw = np.arctan2(dy, dx)
-    return np.where(yaw <= -math.pi, math.pi, yaw)
 
 
 def _tracks(table: TrackTable) -> list[Track]:

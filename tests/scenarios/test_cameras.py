@@ -5,7 +5,7 @@ import math
 from pathlib import Path
 
 import pytest
-from others import DATA
+from others import data
 from strategies import tiny
 
 from cocap_opt.check import check
@@ -28,9 +28,7 @@ def test_angles_of_view_are_those_of_the_makers() -> None:
 
 def test_cameras_are_those_of_the_table_of_facts() -> None:
     """Every camera that the table has, number for number."""
-    path = DATA / "cameras" / "cameras.csv"
-    if not path.is_file():
-        pytest.skip(f"needs {path}, facts that others collected")
+    path = data("cameras/cameras.csv")
     ours = {(c.width, c.height, c.focal) for c in CAMERAS.values()}
     with path.open() as file:
         for row in csv.DictReader(file):

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from others import DATA
-from test_readers import SEQUENCE, STARTS
+from others import data
+from scene_files import SEQUENCE, STARTS
 
 from cocap_opt.check import check
 from cocap_opt.data import ProblemError
@@ -21,13 +21,7 @@ from cocap_opt.problem.plan import Plan
 from cocap_opt.problem.problem import CollisionRules, Problem
 from cocap_opt.scenarios import load_scene
 from cocap_opt.scenarios.formats import greedy_perspectives
-from cocap_opt.scenarios.formats.conventions import (
-    ALLOWED,
-    FAITHFUL,
-    OURS,
-    OWN_STARTS,
-    conventions_of,
-)
+from cocap_opt.scenarios.formats.conventions import OPTIONS, OURS, THEIRS, Conventions
 from cocap_opt.stop import never
 
 
@@ -79,7 +73,7 @@ def test_an_option_changes_what_it_says_and_nothing_else(
     """Every convention is one choice; the first value of each is the faithful one."""
     before, after = (facts(load_scene(str(sequence), 1, o)) for o in ({}, {name: value}))
     assert [key for key in before if before[key] != after[key]] == [name]
-    theirs = {key: words[0] for key, words in ALLOWED.items()}
+    theirs = {key: words[0] for key, words in OPTIONS.allowed.items()}
     assert facts(load_scene(str(sequence), 1, theirs)) == before
 
 
@@ -94,7 +88,7 @@ def test_the_start_that_does_not_count_is_a_constant(sequence: Path) -> None:
     """Without `count_start` J of any plan is less by its views at step 0."""
     counted = greedy_perspectives.read(sequence)
     verdict = check(counted, hovering(counted))
-    left_out = greedy_perspectives.read(sequence, 0, FAITHFUL._replace(count_start=False))
+    left_out = greedy_perspectives.read(sequence, 0, {"count-start": "no"})
     assert verdict.reward_at_start > 0
     rest = check(left_out, hovering(left_out)).reward
     assert rest == pytest.approx(verdict.reward - verdict.reward_at_start)
@@ -106,7 +100,7 @@ def test_triangles_count_for_more_than_their_rectangle(sequence: Path) -> None:
     Pixels per m2 of a rectangle are the mean of those of its triangles, which are equal in size.
     """
     triangles = greedy_perspectives.read(sequence)
-    rectangles = greedy_perspectives.read(sequence, 0, FAITHFUL._replace(triangles=False))
+    rectangles = greedy_perspectives.read(sequence, 0, {"triangles": "no"})
     many, few = (check(p, hovering(p)).face_reward for p in (triangles, rectangles))
     assert (len(many), len(few)) == (10, 5)
     assert sum(few) > 0
@@ -118,11 +112,11 @@ def test_triangles_count_for_more_than_their_rectangle(sequence: Path) -> None:
 
 def test_conventions_by_name() -> None:
     """`conventions` names those from which the other options differ, in any order."""
-    assert conventions_of({}) == conventions_of({"conventions": "theirs"}) == FAITHFUL
-    assert conventions_of({"start-set": "yaml"}) == OWN_STARTS
-    assert conventions_of({"conventions": "ours"}) == OURS
+    assert Conventions.of({}) == Conventions.of({"conventions": "theirs"}) == THEIRS
+    assert Conventions.of({"start-set": "yaml"}) == THEIRS._replace(start_set="yaml")
+    assert Conventions.of({"conventions": "ours"}) == OURS
     assert OURS.rules == CollisionRules() and not OURS.corner_cutting
-    mixed = conventions_of({"triangles": "yes", "conventions": "ours"})
+    mixed = Conventions.of({"triangles": "yes", "conventions": "ours"})
     assert mixed == OURS._replace(triangles=True)
 
 
@@ -139,7 +133,7 @@ def test_conventions_by_name() -> None:
 def test_wrong_options_are_one_line(options: dict[str, str], words: tuple[str, ...]) -> None:
     """What is not allowed is one line with what is."""
     with pytest.raises(ProblemError) as caught:
-        conventions_of(options)
+        Conventions.of(options)
     assert "\n" not in str(caught.value)
     for word in words:
         assert word in str(caught.value)
@@ -149,7 +143,7 @@ def test_scenes_without_options_refuse_them(tmp_path: Path) -> None:
     """Nothing that a user asks for is left aside without a word."""
     (tmp_path / "a.scen").write_text("version 1\n")
     for scene in ("corridor", str(tmp_path / "a.scen")):
-        with pytest.raises(FileError, match=r"'triangles': .* takes none"):
+        with pytest.raises(FileError, match=r"'triangles': .* has no options"):
             load_scene(scene, 0, {"triangles": "no"})
 
 
@@ -160,7 +154,7 @@ def test_export_writes_the_scene_as_the_options_say(sequence: Path) -> None:
     with pytest.raises(SystemExit) as caught:
         main(["export", str(sequence), *words, "-o", str(file)])
     assert caught.value.code == 0
-    expected = greedy_perspectives.read(sequence, 0, OURS._replace(start_set="yaml"))
+    expected = greedy_perspectives.read(sequence, 0, {"conventions": "ours", "start-set": "yaml"})
     assert problem_digest(load_problem(file)) == problem_digest(expected)
 
 
@@ -196,9 +190,7 @@ def test_the_bonus_is_that_of_their_planner(sequence: Path) -> None:
 
 def their_case(name: str) -> tuple[Problem, Plan]:
     """The scene that their planner solved, and the paths that it found."""
-    folder = DATA / "greedy_perspectives" / name
-    if not (folder / "peer_coverage.csv").exists():
-        pytest.skip(f"needs {name} in the data folder (COCAP_OPT_DATA)")
+    folder = data(f"greedy_perspectives/{name}/peer_coverage.csv").parent
     problem = load_scene(str(folder), 0, {"start-set": "yaml", "bonus": "yes"})
     return problem, Plan(paths=greedy_perspectives.read_plan(folder / "peer_paths.csv", problem))
 
@@ -213,7 +205,7 @@ def test_their_first_path_is_an_optimum_of_their_pixels(name: str) -> None:
     model = compiled(problem)
     graph, path = model.class_of[0].graph, model.paths(plan)[0]
     seen = greedy_perspectives.read_coverage(
-        DATA / "greedy_perspectives" / name / "peer_coverage.csv", problem
+        data(f"greedy_perspectives/{name}/peer_coverage.csv"), problem
     )
     reward = graph.no_reward(problem.horizon)
     for (t, state), pixels in seen.items():
@@ -238,9 +230,7 @@ def test_their_first_path_is_nearly_an_optimum_of_ours(name: str) -> None:
 @pytest.mark.parametrize("name", ["corridor", "split"])
 def test_what_they_report_is_between_both_tilts(name: str) -> None:
     """Their cache mixes the robots' tilts, so their J is between that of own and of one tilt."""
-    folder = DATA / "greedy_perspectives" / name
-    if not (folder / "peer_reward.csv").exists():
-        pytest.skip(f"needs {name} in the data folder (COCAP_OPT_DATA)")
+    folder = data(f"greedy_perspectives/{name}/peer_reward.csv").parent
     rewards = []
     for tilt in ("own", "first"):
         options = {"tilt": tilt, "start-set": "yaml"}

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from others import DATA
+from others import data
 from strategies import tiny
 
 from cocap_opt.check import check
@@ -187,19 +187,11 @@ def test_a_cone_makes_no_picture() -> None:
         Renderer(problem.replace(robots=robots))
 
 
-def place_of(name: str) -> Path:
-    """Folder of one of their scenes."""
-    place = DATA / "hughes" / name
-    if not place.is_dir():
-        pytest.skip(f"needs {place}, scenes that others made")
-    return place
-
-
 @pytest.mark.parametrize("name", ["cross_mix", "heavy_mixing", "priority_speaker"])
 @pytest.mark.parametrize("planner", ["greedy", "multipleroundsgreedy"])
 def test_their_evaluation_is_reproduced(name: str, planner: str) -> None:
     """Every step of their stored solutions, to more digits than they are read with."""
-    place = place_of(name)
+    place = data(f"hughes/{name}")
     problem = load_scene(str(place / "scene.json"))
     plan = read_foreign_plan(place / f"solution_{planner}.json", problem)
     assert plan is not None
@@ -213,7 +205,7 @@ def test_their_evaluation_is_reproduced(name: str, planner: str) -> None:
 @pytest.mark.parametrize("name", ["cross_mix", "heavy_mixing", "priority_speaker"])
 def test_their_greedy_paths_are_optima_of_their_planning_reward(name: str) -> None:
     """Each is the best path given the earlier ones, to 12 digits; without the bonus it is not."""
-    place = place_of(name)
+    place = data(f"hughes/{name}")
     problem = load_scene(str(place / "scene.json"), 0, {"bonus": "yes"})
     plan = read_foreign_plan(place / "solution_greedy.json", problem)
     assert plan is not None
@@ -232,7 +224,7 @@ def test_their_greedy_paths_are_optima_of_their_planning_reward(name: str) -> No
 @pytest.mark.parametrize("name", ["cross_mix", "heavy_mixing", "priority_speaker"])
 def test_their_myopic_plans_are_found_again(name: str) -> None:
     """Our myopic planner has the reward of theirs at every step, to 12 digits."""
-    place = place_of(name)
+    place = data(f"hughes/{name}")
     problem = load_scene(str(place / "scene.json"), 0, {"bonus": "yes"})
     plan = myopic(problem).plan
     assert plan is not None

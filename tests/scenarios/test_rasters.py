@@ -12,13 +12,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
-from others import DATA
+from others import data
 from strategies import examples
 
 from cocap_opt.data import ProblemError
 from cocap_opt.scenarios.recipe import esri_ascii, raster
-from cocap_opt.scenarios.recipe.rasters import Raster, read_raster, sample
-from cocap_opt.scenarios.recipe.resample import to_grid
+from cocap_opt.scenarios.recipe.raster import Raster
+from cocap_opt.scenarios.recipe.raster_files import read_raster
+from cocap_opt.scenarios.recipe.resample import Grid
 from cocap_opt.world.workspace import HeightMap
 
 # Two rows as files hold them, the northernmost first, and what they are with x first.
@@ -402,9 +403,9 @@ def test_sample_finds_the_cells_of_points() -> None:
     x = [10.0, 11.9, 12.0, 15.9, 16.0, 9.9, math.nan, math.inf]
     y = [20.0, 22.9, 23.0, 25.9, 21.0, 21.0, 21.0, 21.0]
     nan = math.nan
-    assert_array_equal(sample(raster, x, y), [4, 4, 2, 3.5, nan, nan, nan, nan])
-    assert_array_equal(sample(raster, [[11], [13]], [21, 24]), VALUES[:2])
-    assert sample(raster, 11, 21) == 4
+    assert_array_equal(raster.sample(x, y), [4, 4, 2, 3.5, nan, nan, nan, nan])
+    assert_array_equal(raster.sample([[11], [13]], [21, 24]), VALUES[:2])
+    assert raster.sample(11, 21) == 4
 
 
 @examples(40)
@@ -414,20 +415,18 @@ def test_sample_agrees_with_height_maps(point: tuple[float, float]) -> None:
     raster = Raster(VALUES, (2.5, 2.5), (0.3, 0.7))
     x, y = HeightMap(VALUES, 2.5, (0.3, 0.7)).cell_of(*point)
     inside = 0 <= x < 3 and 0 <= y < 2
-    assert_array_equal(sample(raster, *point), VALUES[x, y] if inside else math.nan)
+    assert_array_equal(raster.sample(*point), VALUES[x, y] if inside else math.nan)
 
 
 def test_the_old_town_of_bilbao() -> None:
     """A real map is the same in both formats, up to the rounding of the text's cell size."""
     pytest.importorskip("rasterio")
-    folder = DATA / "heightmaps"
-    if not folder.is_dir():
-        pytest.skip(f"no height maps in {DATA}")
+    folder = data("heightmaps")
     text, image = (read_raster(folder / f"bilbao_crop_ndsm.{end}") for end in ("asc", "tif"))
     assert_array_equal(text.values, image.values)
     assert text.cell == pytest.approx(image.cell, abs=5e-4)
     assert text.origin == pytest.approx(image.origin, abs=5e-4)
     for read in (text, image):
-        grid = to_grid(read)
+        grid = Grid.of(read)
         assert_array_equal(grid.values, text.values)
-        assert sample(read, *np.add(read.origin, 100.0)) == grid.values[39, 39]
+        assert read.sample(*np.add(read.origin, 100.0)) == grid.values[39, 39]

@@ -10,36 +10,18 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from others import DATA
+from others import DATA, data
+from scene_files import SEQUENCE, STARTS
 
 from cocap_opt.check import check
 from cocap_opt.data import FloatArray, ProblemError
-from cocap_opt.experiments.studies.benchmarks.peers import differences
+from cocap_opt.experiments.studies.coverage.peers import _differences
 from cocap_opt.problem.plan import Plan
 from cocap_opt.problem.problem import PAPER_RULES, Cuboid, Problem, State, TriangulatedCuboid
 from cocap_opt.scenarios.formats import greedy_perspectives, movingai
-from cocap_opt.scenarios.formats.conventions import OURS, OWN_STARTS
-from cocap_opt.scenarios.formats.greedy_perspectives import heading_index
 
-SEQUENCE = """\
-planner:
-  world:
-    time: {horizon: 3, stepSize: 0.3}
-    state_resolution: {heading: 8, gridSize: 1}
-    map: {file: elsewhere/tiny/map.npy, gridSize: 1}
-    actors:
-      - actor:
-          geometry: {width: 9, length: 9, height: 9}
-          trajectory: [[2, 3.5, 0], [3, 3.5, 0.1], [4, 3.5, 0.2], [5, 3.5, 0.3]]
-    agents:
-      - agent:
-          startPose: [1.5, 0, 5, 0]
-          camera: {intrinsics: [2500, 4000, 3000], tilt: 1.4}
-      - agent:
-          startPose: [4, 1, 6, -1]
-          camera: {intrinsics: [1000, 400, 300], tilt: 1.2}
-"""
-STARTS = "x,y,z,theta\n0,0,5,0\n1,0,5,0\n0,1 ,5,3.1415\n1,1,5,3.4\n"
+# Options with which the file's own start poses are used.
+OWN_STARTS = {"start-set": "yaml"}
 PLAN = "robot,t,x_cell,y_cell,heading_idx\n" + "".join(
     f"{robot},{t},{robot + t},{robot},{robot + 5}\n" for t in range(3) for robot in range(2)
 )
@@ -57,13 +39,6 @@ SCENARIO = "version 1\n" + "".join(
         "0\t2\t1\t1\t2",  # actor, 0.4 m longer did it not cut a corner
     )
 )
-
-
-def _data(name: str) -> Path:
-    path = DATA / name
-    if not path.exists():
-        pytest.skip(f"needs {name} in the data folder (COCAP_OPT_DATA)")
-    return path
 
 
 @pytest.fixture
@@ -103,9 +78,11 @@ def _one_line(call: Callable[[], object], *words: str) -> None:
     ("theta", "index"),
     [(0, 0), (3.1415, 3), (3.4, 5), (-1, 7), (-0.5, 0), (math.pi, 4), (-math.pi, 4), (7.9, 2)],
 )
-def test_heading_is_truncated_toward_zero(theta: float, index: int) -> None:
+def test_heading_is_truncated_toward_zero(sequence: Path, theta: float, index: int) -> None:
     """Their heading index is truncated toward zero after wrapping, not rounded."""
-    assert heading_index(theta) == index
+    sequence.write_text(SEQUENCE.replace("[1.5, 0, 5, 0]", f"[1.5, 0, 5, {theta!r}]"))
+    start = greedy_perspectives.read(sequence).robots[0].start
+    assert start.heading == (index + 2) % 8  # theirs count from +y, ours from +x
 
 
 def test_sequence_is_read_faithfully(sequence: Path) -> None:
@@ -132,7 +109,7 @@ def test_actor_is_a_box_whatever_the_file_says(sequence: Path) -> None:
     actor = greedy_perspectives.read(sequence).actors[0]
     assert actor.shape == TriangulatedCuboid(length=1, width=1, height=2.5)
     assert actor.poses.tolist() == [[2, 3.5, 0, 0], [3, 3.5, 0, 0.1], [4, 3.5, 0, 0.2]]
-    rectangles = greedy_perspectives.read(sequence, conventions=OURS).actors[0]
+    rectangles = greedy_perspectives.read(sequence, options={"conventions": "ours"}).actors[0]
     assert rectangles.shape == Cuboid(length=1, width=1, height=2.5)
 
 
@@ -159,7 +136,7 @@ def test_starts_that_are_a_broken_link_are_not_skipped(sequence: Path, target: s
     """A starts.csv that links to itself or to nothing is named: it is there, and of no use."""
     sequence.with_name("starts.csv").symlink_to(target)
     _one_line(lambda: greedy_perspectives.read(sequence), "starts.csv: cannot be read: ")
-    assert greedy_perspectives.read(sequence, conventions=OWN_STARTS).horizon == 2
+    assert greedy_perspectives.read(sequence, options=OWN_STARTS).horizon == 2
 
 
 def test_map_is_found_at_the_stated_path(sequence: Path) -> None:
@@ -308,7 +285,7 @@ def test_wrong_plan_is_one_line(sequence: Path, old: str, new: str, words: tuple
 @pytest.mark.parametrize(("name", "robots"), [("corridor", 2), ("split", 4), ("large", 18)])
 def test_every_published_start_set_is_valid(name: str, robots: int) -> None:
     """The ten trials of the paper's scenes are conflict-free problems, each different."""
-    path = _data(f"greedy_perspectives/{name}/seq.yaml")
+    path = data(f"greedy_perspectives/{name}/seq.yaml")
     problems = [greedy_perspectives.read(path, seed) for seed in range(10)]
     assert {len(problem.robots) for problem in problems} == {robots}
     assert len({tuple(r.start for r in problem.robots) for problem in problems}) == 10
@@ -318,8 +295,8 @@ def test_every_published_start_set_is_valid(name: str, robots: int) -> None:
 @pytest.mark.parametrize("name", ["corridor", "split"])
 def test_published_plan_obeys_the_motion_model(name: str) -> None:
     """Their paths begin at the file's own starts, and move and turn by at most one."""
-    path = _data(f"greedy_perspectives/{name}/peer_paths.csv")
-    problem = greedy_perspectives.read(path.with_name("seq.yaml"), conventions=OWN_STARTS)
+    path = data(f"greedy_perspectives/{name}/peer_paths.csv")
+    problem = greedy_perspectives.read(path.with_name("seq.yaml"), options=OWN_STARTS)
     plan = greedy_perspectives.read_plan(path, problem)
     assert [states[0] for states in plan] == [robot.start for robot in problem.robots]
     for states in plan:
@@ -336,8 +313,8 @@ def test_published_views_agree_with_headings_tilts_and_poses() -> None:
     headings off by one, and 1.19 with robot 1's tilt. Left out are views that the image's
     edge may cut, and small ones, where their 400 x 300 samples are too coarse.
     """
-    path = _data("greedy_perspectives/corridor/peer_coverage.csv")
-    problem = greedy_perspectives.read(path.with_name("seq.yaml"), conventions=OWN_STARTS)
+    path = data("greedy_perspectives/corridor/peer_coverage.csv")
+    problem = greedy_perspectives.read(path.with_name("seq.yaml"), options=OWN_STARTS)
     ours = {4: 6, 5: 7, 6: 0, 7: 1}  # the triangles at -y and +x of the box
     ratios = []
     with path.open() as file:
@@ -434,7 +411,7 @@ def test_seed_permutes_the_rows(scenario: Path) -> None:
         ("\t3\t0\t0\t0\t9", "\t3\t0\tx\t0\t9", ("line 5", "'x'")),
         ("\t3\t0\t0\t0\t9", "\t3\t0\t0\t0\tnan", ("line 5", "'nan'")),
         ("tiny.map\t4\t3\t3", "other.map\t4\t3\t3", ("map", "all rows", "2 maps")),
-        ("0\t0\t2\t0\t4\n", "0\t0\t1\t0\t4\n", ("rows", "2 actors", "2 and 1")),
+        ("0\t0\t2\t0\t4\n", "0\t0\t1\t0\t4\n", ("rows", "2 actors", "give only 2 and 1")),
         (SCENARIO, "version 1\n", ("rows", "at least one")),
         (SCENARIO, "", ("line 1",)),
     ],
@@ -492,10 +469,10 @@ def test_wrong_argument_is_one_line(scenario: Path, argument: str, value: Any) -
 )
 def test_walks_have_the_benchmark_lengths(name: str) -> None:
     """Walks are as long as the optimal lengths in the file (0 for a trip: not stated)."""
-    free, trips = movingai.read_trips(_data(f"movingai/{name}.scen"))
+    free, trips = movingai.read_trips(data(f"movingai/{name}.scen"))
     graph = movingai.walking_graph(free)
     for trip in trips:
-        walk = movingai.shortest_walk(graph, trip)
+        walk = trip.walk(graph)
         assert walk is not None
         assert all(free[cell] for cell in walk)
         if trip.length:
@@ -514,8 +491,8 @@ def test_rewards_of_published_plans(name: str) -> None:
     Theirs is the re-evaluation in which each robot keeps its own tilt; what is left is the
     sampling of both: their pixels come in steps of 80 px/m2.
     """
-    folder = _data(f"greedy_perspectives/{name}/peer_reward.csv").parent
-    problem = greedy_perspectives.read(folder / "seq.yaml", conventions=OWN_STARTS)
+    folder = data(f"greedy_perspectives/{name}/peer_reward.csv").parent
+    problem = greedy_perspectives.read(folder / "seq.yaml", options=OWN_STARTS)
     plan = Plan(paths=greedy_perspectives.read_plan(folder / "peer_paths.csv", problem))
     with (folder / "peer_reward.csv").open() as file:
         theirs = [float(row["own_tilt_view_reward"]) for row in csv.DictReader(file)]
@@ -532,10 +509,10 @@ def test_rendered_pixels_are_those_of_their_renderer(name: str) -> None:
 
     Only in states in which another robot looked first, with another tilt, they have not.
     """
-    folder = _data(f"greedy_perspectives/{name}/peer_coverage.csv").parent
-    problem = greedy_perspectives.read(folder / "seq.yaml", conventions=OWN_STARTS)
+    folder = data(f"greedy_perspectives/{name}/peer_coverage.csv").parent
+    problem = greedy_perspectives.read(folder / "seq.yaml", options=OWN_STARTS)
     theirs = greedy_perspectives.read_coverage(folder / "peer_coverage.csv", problem)
-    found, totals = differences(problem, theirs, 60)
+    found, totals = _differences(problem, theirs, 60)
     assert len(found) > 100
     assert np.quantile([abs(d.rendered) for d in found], 0.95) <= 2.0
     assert totals["rendered"] == pytest.approx(totals["theirs"], rel=5e-3)
@@ -544,7 +521,7 @@ def test_rendered_pixels_are_those_of_their_renderer(name: str) -> None:
 
 def test_coverage_of_greedy_perspectives_is_read_face_by_face(sequence: Path) -> None:
     """Their faces are renumbered, their headings turned, and the bottom is left out."""
-    problem = greedy_perspectives.read(sequence, conventions=OWN_STARTS)
+    problem = greedy_perspectives.read(sequence, options=OWN_STARTS)
     path = sequence.with_name("coverage.csv")
     path.write_text("x,y,h,t,actor,face,ppa\n1,2,0,1,0,7,80\n1,2,0,1,0,10,200\n1,2,0,1,0,0,5\n")
     read = greedy_perspectives.read_coverage(path, problem)

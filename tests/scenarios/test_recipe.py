@@ -1,7 +1,10 @@
+"""Recipes, and the meshes, walls and doubts that come with them."""
+
 import json
 import math
 import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,12 +17,10 @@ from cocap_opt.formulations import EXACT
 from cocap_opt.problem.plausibility import doubts
 from cocap_opt.problem.problem import Actor, Cuboid, Problem, State
 from cocap_opt.scenarios import SCENES, load_scene
-from cocap_opt.scenarios.recipe.drones import DronesTable, StartTable
-from cocap_opt.scenarios.recipe.meshes import read_mesh
-from cocap_opt.scenarios.recipe.people import TracksTable, WalkTable
-from cocap_opt.scenarios.recipe.recipe import EXAMPLE, MeshTable, Recipe, WallsTable, read
-from cocap_opt.scenarios.recipe.terrain import MapTable
-from cocap_opt.scenarios.recipe.walls import extruded, read_walls
+from cocap_opt.scenarios.recipe.meshes import MeshTable
+from cocap_opt.scenarios.recipe.recipe import EXAMPLE, read
+from cocap_opt.scenarios.recipe.tables import Table
+from cocap_opt.scenarios.recipe.walls import WallsTable
 from cocap_opt.stop import never
 from cocap_opt.world.workspace import HeightMap, Mesh, Workspace
 
@@ -35,6 +36,11 @@ def write_tif(path: Path, values: FloatArray, cell: float = 1.0) -> None:
         dtype="float32", transform=transform, crs="EPSG:25830",
     ) as file:  # fmt: skip
         file.write(rows, 1)
+
+
+def read_mesh(path: Path, **fields: Any) -> Mesh:
+    """The mesh that a recipe has from a file."""
+    return MeshTable(file=path.name, **fields).mesh(path.parent)
 
 
 def write(folder: Path, text: str) -> Path:
@@ -102,8 +108,9 @@ def test_the_example_in_the_manual_is_read(parts: Path) -> None:
 
 def test_the_example_has_every_field() -> None:
     """Whoever reads the example knows all that a recipe can say."""
-    tables = [Recipe, MapTable, MeshTable, WallsTable, TracksTable, WalkTable, DronesTable]
-    for table in (*tables, StartTable):
+    tables = Table.__subclasses__()
+    assert len(tables) == 8
+    for table in tables:
         for field in table.__struct_fields__:
             assert f"{field} =" in EXAMPLE or f"[{field}]" in EXAMPLE, field
 
@@ -257,7 +264,7 @@ def test_meshes_of_all_formats_are_the_same(tmp_path: Path, suffix: str) -> None
     assert len(mesh.vertices) == 8
     np.testing.assert_allclose(mesh.vertices.min(axis=0), (10, 0, 1), atol=1e-6)
     np.testing.assert_allclose(mesh.vertices.max(axis=0), (12, 3, 5), atol=1e-6)
-    turned = read_mesh(path, turn=math.pi / 2)
+    turned = read_mesh(path, turn=90.0)
     np.testing.assert_allclose(turned.vertices.min(axis=0), (-3, 0, 0), atol=1e-6)
 
 
@@ -340,7 +347,11 @@ def test_walls_of_a_ground_plan(tmp_path: Path) -> None:
              "bare": {"walkable": room}}  # fmt: skip
     path = tmp_path / "plan.json"
     path.write_text(json.dumps(plans))
-    walls = read_walls(path, name="room", height=2.0, border=0.5)
+
+    def walls_of(**fields: Any) -> list[Mesh]:
+        return WallsTable(file=path.name, **fields).meshes(tmp_path, lowest=0.0)
+
+    walls = walls_of(name="room", height=2.0, border=0.5)
     assert all(wall.is_solid for wall in walls)
     grid = HeightMap(heights=np.zeros((12, 10)), resolution=0.5, origin=(-0.5, -0.5))
     columns = Workspace(grid, tuple(walls)).columns
@@ -350,23 +361,24 @@ def test_walls_of_a_ground_plan(tmp_path: Path) -> None:
     expected[5:7, 3:5] = True
     np.testing.assert_array_equal(solid, expected)
     with pytest.raises(ProblemError, match="name: must be one of room, bare"):
-        read_walls(path, height=2.0)
+        walls_of(height=2.0)
     with pytest.raises(ProblemError, match="border must say"):
-        read_walls(path, name="bare", height=2.0)
+        walls_of(name="bare", height=2.0)
     with pytest.raises(ProblemError, match="height: must be above 0 m"):
-        read_walls(path, name="room", height=0.0)
+        walls_of(name="room", height=0.0)
 
 
-def test_an_extruded_area_with_a_hole_is_solid() -> None:
-    """The volume of an extrusion is its area times its height, holes left out."""
-    import shapely
-
-    area = shapely.Polygon([(0, 0), (6, 0), (6, 4), (0, 4)], [[(1, 1), (2, 1), (2, 3), (1, 3)]])
-    mesh = extruded(area, 5.0, 2.0)
+def test_a_wall_around_a_hole_is_solid(tmp_path: Path) -> None:
+    """The volume of the walls around a room is their area times their height, the room left out."""
+    plan = {"room": {"walkable": [[1, 1], [5, 1], [5, 4], [1, 4]]}}
+    (tmp_path / "plan.json").write_text(json.dumps(plan))
+    table = WallsTable(file="plan.json", height=3.0, border=1.0, base=2.0)
+    (mesh,) = table.meshes(tmp_path, lowest=0.0)
     assert mesh.is_solid
+    assert (mesh.vertices[:, 2].min(), mesh.vertices[:, 2].max()) == (2.0, 5.0)
     a, b, c = np.moveaxis(mesh.corners, 1, 0)
     volume = float((a * np.cross(b, c)).sum() / 6)
-    assert volume == pytest.approx((24 - 2) * 3)
+    assert volume == pytest.approx((6 * 5 - 4 * 3) * 3)
 
 
 # -- doubts -------------------------------------------------------------------------------

@@ -11,8 +11,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from strategies import examples
 
 from cocap_opt.data import FloatArray, ProblemError
-from cocap_opt.scenarios.recipe.rasters import Raster
-from cocap_opt.scenarios.recipe.resample import MOST_CELLS, Grid, How, filled, to_grid
+from cocap_opt.scenarios.recipe.raster import Raster
+from cocap_opt.scenarios.recipe.resample import MOST_CELLS, Grid, How
 from cocap_opt.world.workspace import HeightMap
 
 HOW: tuple[How, ...] = ("highest", "mean")
@@ -85,7 +85,7 @@ def by_loops(raster: Raster, resolution: float, how: How) -> FloatArray:
 def test_grid_follows_its_definition(how: How, data: st.DataObject, raster: Raster) -> None:
     """A cell takes the highest or mean of what it overlaps by an area, and its holes."""
     resolution = data.draw(resolutions(raster))
-    grid = to_grid(raster, resolution, how)
+    grid = Grid.of(raster, resolution, how)
     assert grid.resolution == resolution
     assert_allclose(grid.values, by_loops(raster, resolution, how), atol=1e-9)
 
@@ -95,7 +95,7 @@ def test_grid_follows_its_definition(how: How, data: st.DataObject, raster: Rast
 def test_highest_is_above_mean_and_loses_no_obstacle(data: st.DataObject, raster: Raster) -> None:
     """The highest is no lower than the mean, and the whole grid's is the raster's."""
     resolution = data.draw(resolutions(raster))
-    highest, mean = (to_grid(raster, resolution, how).values for how in HOW)
+    highest, mean = (Grid.of(raster, resolution, how).values for how in HOW)
     assert (highest >= mean - 1e-9).all()
     assert highest.max() == raster.values.max()
 
@@ -105,7 +105,7 @@ def test_highest_is_above_mean_and_loses_no_obstacle(data: st.DataObject, raster
 @pytest.mark.parametrize("how", HOW)
 def test_own_resolution_changes_nothing(how: How, raster: Raster, own: bool) -> None:
     """Square cells stay as they are, whether their edge is given or not."""
-    grid = to_grid(raster, raster.cell[0] if own else None, how)
+    grid = Grid.of(raster, raster.cell[0] if own else None, how)
     assert_array_equal(grid.values, raster.values)
     assert (grid.origin, grid.resolution) == (raster.origin, raster.cell[0])
 
@@ -117,8 +117,8 @@ def test_mirror_images(how: How, raster: Raster, times: int) -> None:
     """Where the sizes divide, the mirrored raster gives the mirrored grid."""
     assume(len(raster.values) % times == 0)
     resolution = times * raster.cell[0]
-    mirrored = to_grid(raster._replace(values=raster.values[::-1]), resolution, how)
-    assert_allclose(mirrored.values, to_grid(raster, resolution, how).values[::-1], atol=1e-9)
+    mirrored = Grid.of(raster._replace(values=raster.values[::-1]), resolution, how)
+    assert_allclose(mirrored.values, Grid.of(raster, resolution, how).values[::-1], atol=1e-9)
 
 
 @examples(40)
@@ -127,9 +127,9 @@ def test_mirror_images(how: How, raster: Raster, times: int) -> None:
 def test_a_shift_only_shifts(how: How, data: st.DataObject, raster: Raster) -> None:
     """The origin is the raster's, and has no influence on the heights."""
     resolution = data.draw(resolutions(raster))
-    there = to_grid(raster._replace(origin=(7e5, -3.25)), resolution, how)
+    there = Grid.of(raster._replace(origin=(7e5, -3.25)), resolution, how)
     assert there.origin == (7e5, -3.25)
-    assert_array_equal(there.values, to_grid(raster, resolution, how).values)
+    assert_array_equal(there.values, Grid.of(raster, resolution, how).values)
 
 
 @pytest.mark.parametrize(("cell", "times"), [(2.502, 2), (0.1, 3), (0.7, 10), (1 / 3, 3), (0.3, 7)])
@@ -138,7 +138,7 @@ def test_a_multiple_overlaps_no_sliver(cell: float, times: int, error: float) ->
     """Rounding of an edge that is a multiple of the cell never lets in the next cell."""
     steps = np.arange(120.0 * times)
     raster = Raster(steps[:, None] + steps[None, :2], (cell, cell), (500600.988, 4794197.109))
-    grid = to_grid(raster, times * cell * (1 + error / 2), "highest")
+    grid = Grid.of(raster, times * cell * (1 + error / 2), "highest")
     assert grid.values.shape == (120, math.ceil(2 / times))
     assert_array_equal(np.diff(grid.values[:, 0]), np.full(119, float(times)))
 
@@ -146,14 +146,14 @@ def test_a_multiple_overlaps_no_sliver(cell: float, times: int, error: float) ->
 def test_nearly_square_cells_are_kept() -> None:
     """A raster reprojected to cells of 2.5021 x 2.5024 m is not smeared over other cells."""
     values = np.arange(120.0 * 100).reshape(120, 100)
-    grid = to_grid(Raster(values, (2.5021, 2.5024), (0.0, 0.0)))
+    grid = Grid.of(Raster(values, (2.5021, 2.5024), (0.0, 0.0)))
     assert_array_equal(grid.values, values)
     assert grid.resolution == pytest.approx(2.50225, abs=1e-12)
 
 
 def test_cells_that_are_not_square_take_the_smaller_edge() -> None:
     """Without a resolution no detail of the finer axis is lost."""
-    grid = to_grid(Raster(np.array([[1.0, 2.0], [3.0, 4.0]]), (2.0, 1.0), (0.0, 0.0)))
+    grid = Grid.of(Raster(np.array([[1.0, 2.0], [3.0, 4.0]]), (2.0, 1.0), (0.0, 0.0)))
     assert grid.resolution == 1.0
     assert_array_equal(grid.values, [[1, 2], [1, 2], [3, 4], [3, 4]])
 
@@ -163,7 +163,7 @@ def test_resolution_must_be_a_length(resolution: float) -> None:
     """What is no length of a cell is refused in one line."""
     raster = Raster(np.zeros((2, 2)), (1.0, 1.0), (0.0, 0.0))
     with pytest.raises(ProblemError, match=r"^resolution: must be within .* not .*$"):
-        to_grid(raster, resolution)
+        Grid.of(raster, resolution)
 
 
 @pytest.mark.parametrize("shape", [(10_000, 5_000), (1_500, 1_000), (2_000_000, 1), (1, 1_000_001)])
@@ -171,15 +171,15 @@ def test_too_large_a_grid_names_a_resolution_that_does(shape: tuple[int, int]) -
     """The coarser edge that the message names gives a grid that is accepted."""
     raster = Raster(np.broadcast_to(3.0, shape), (0.5, 0.5), (0.0, 0.0))
     with pytest.raises(ProblemError, match=r"^grid: .*window.* resolution of \S+ m$") as caught:
-        to_grid(raster)
+        Grid.of(raster)
     enough = float(str(caught.value).split()[-2])
-    assert 0.95 * MOST_CELLS**0.5 < math.prod(to_grid(raster, enough).values.shape) <= MOST_CELLS
+    assert 0.95 * MOST_CELLS**0.5 < math.prod(Grid.of(raster, enough).values.shape) <= MOST_CELLS
 
 
 def test_a_million_cells_are_allowed() -> None:
     """The limit itself is no reason to refuse, whatever the edge rounds to."""
     raster = Raster(np.zeros((3_000, 3_000)), (0.1, 0.1), (0.0, 0.0))
-    assert to_grid(raster, 0.3).values.shape == (1_000, 1_000)
+    assert Grid.of(raster, 0.3).values.shape == (1_000, 1_000)
 
 
 def test_holes_are_named_or_filled() -> None:
@@ -187,15 +187,15 @@ def test_holes_are_named_or_filled() -> None:
     values = np.array([[1.0, 2.0, 3.0], [4.0, math.nan, math.nan]])
     grid = Grid(values, (500.0, 800.0), 2.0)
     with pytest.raises(ProblemError, match=r"^height_map: .* 2 of 6 .*\(503.000, 803.000\) m"):
-        filled(grid, None, "height_map")
+        grid.filled(None, "height_map")
     with pytest.raises(ProblemError, match="fill: must be finite"):
-        filled(grid, math.nan, "height_map")
-    assert_array_equal(filled(grid, 9.0, "height_map"), [[1, 2, 3], [4, 9, 9]])
+        grid.filled(math.nan, "height_map")
+    assert_array_equal(grid.filled(9.0, "height_map"), [[1, 2, 3], [4, 9, 9]])
     assert_array_equal(grid.values, values)
-    cell = HeightMap(filled(grid, 9.0, ""), grid.resolution, grid.origin).cell_of(503.0, 803.0)
+    cell = HeightMap(grid.filled(9.0, ""), grid.resolution, grid.origin).cell_of(503.0, 803.0)
     assert math.isnan(values[cell])
 
 
 def test_grids_without_holes_need_no_fill() -> None:
     """Nothing is asked for that is not needed."""
-    assert_array_equal(filled(Grid(np.ones((2, 2)), (0.0, 0.0), 1.0), None, ""), np.ones((2, 2)))
+    assert_array_equal(Grid(np.ones((2, 2)), (0.0, 0.0), 1.0).filled(None, ""), np.ones((2, 2)))

@@ -10,14 +10,15 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from others import DATA
+from others import data
 from strategies import examples
 
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.problem.problem import Cuboid, Prism, TriangulatedCuboid
-from cocap_opt.scenarios.recipe.tracks import Track, actor, at_steps, headings, present, read_tracks
+from cocap_opt.scenarios.recipe.tracks import Track, read_tracks
 
 ROWS = [(1, 0, 100.0, 250.0), (1, 1, 112.5, 250.0), (2, 1, -30.0, 0.5), (2, 2, -30.0, 1.5)]
+headings = Track.headings
 HEADED = "id,frame,x,y\n1,0,1,2\n1,1,1,3\n"
 
 
@@ -300,9 +301,9 @@ def test_straight_walks_are_exact(
     moments = begin + step * np.arange(steps + 1)
     assume(moments[-1] <= halved.times[-1])
     exact = np.array(origin) + np.outer(moments, velocity)
-    assert at_steps(line, begin, step, steps) == pytest.approx(exact, abs=1e-9)
+    assert line.at_steps(begin, step, steps) == pytest.approx(exact, abs=1e-9)
     if fps >= 2:  # else every second frame leaves gaps
-        assert at_steps(halved, begin, step, steps) == pytest.approx(exact, abs=1e-9)
+        assert halved.at_steps(begin, step, steps) == pytest.approx(exact, abs=1e-9)
 
 
 @given(st.lists(st.tuples(numbers, numbers), min_size=2, max_size=9), st.integers(1, 30))
@@ -310,9 +311,9 @@ def test_straight_walks_are_exact(
 def test_frames_are_met_exactly(points: list[tuple[float, float]], fps: int) -> None:
     """Steps at frames have their points, from the first to the last, whatever rounding does."""
     tracked = track([k / fps for k in range(len(points))], points)
-    found = at_steps(tracked, 0.0, 1 / fps, len(points) - 1)
+    found = tracked.at_steps(0.0, 1 / fps, len(points) - 1)
     assert found == pytest.approx(np.array(points), rel=1e-9, abs=1e-6)
-    assert np.array_equal(at_steps(tracked, 0.0, 1 / fps, 1), points[:2])
+    assert np.array_equal(tracked.at_steps(0.0, 1 / fps, 1), points[:2])
 
 
 def test_rounding_takes_nobody_away() -> None:
@@ -321,7 +322,7 @@ def test_rounding_takes_nobody_away() -> None:
     gap = track([*ends.times, 3.0], [*ends.points, (9.0, 0.0)])
     assert ends.times[-1] < 3 * 0.1
     for tracked in (ends, gap):
-        assert at_steps(tracked, 0.0, 0.1, 3)[3] == pytest.approx([3.0, 0.0])
+        assert tracked.at_steps(0.0, 0.1, 3)[3] == pytest.approx([3.0, 0.0])
 
 
 def test_absence_is_said() -> None:
@@ -329,24 +330,24 @@ def test_absence_is_said() -> None:
     tracked = track([1.0, 2.0, 5.0, 5.5], [(0, 0)] * 4)
     words = r"^track 7: must be there at step 2 \(3 s\), but is there from 1 to 2 s and from 5 to"
     with pytest.raises(ProblemError, match=words):
-        at_steps(tracked, 1.0, 1.0, 4)
+        tracked.at_steps(1.0, 1.0, 4)
     rare = track([60.0 * k for k in range(9)], [(0, 0)] * 9)
     with pytest.raises(ProblemError, match=r"from 120 to 120 s and at 6 more times$"):
-        at_steps(rare, 0.0, 1.0, 1)
+        rare.at_steps(0.0, 1.0, 1)
     for begin, step in ((0.5, 0.5), (5.25, 0.5)):
         with pytest.raises(ProblemError, match="must be there"):
-            at_steps(tracked, begin, step, 1)
+            tracked.at_steps(begin, step, 1)
 
 
 def test_gaps_are_not_walked_over() -> None:
     """Nobody is there inside a gap of more than a second; at its ends they are."""
     points = [(0.0, 0.0), (4.0, 0.0), (5.0, 0.0)]
     short, long = track([0.0, 1.0, 2.0], points), track([0.0, 1.1, 2.0], points)
-    assert at_steps(short, 0.0, 0.5, 4)[1].tolist() == [2.0, 0.0]
+    assert short.at_steps(0.0, 0.5, 4)[1].tolist() == [2.0, 0.0]
     with pytest.raises(ProblemError, match="must be there at step 1"):
-        at_steps(long, 0.0, 0.5, 4)
-    assert at_steps(long, 0.0, 1.1, 1).tolist() == [[0.0, 0.0], [4.0, 0.0]]
-    assert at_steps(track([0.0, 60.0], points[:2]), 0.0, 60.0, 1).tolist() == [[0, 0], [4, 0]]
+        long.at_steps(0.0, 0.5, 4)
+    assert long.at_steps(0.0, 1.1, 1).tolist() == [[0.0, 0.0], [4.0, 0.0]]
+    assert track([0.0, 60.0], points[:2]).at_steps(0.0, 60.0, 1).tolist() == [[0, 0], [4, 0]]
 
 
 @given(walks(), st.integers(-30, 30), st.integers(1, 12), st.integers(1, 6))
@@ -354,21 +355,21 @@ def test_gaps_are_not_walked_over() -> None:
 def test_present_are_those_who_can_walk(
     tracks: list[Track], begin: int, step: int, steps: int
 ) -> None:
-    """`present` keeps a track if and only if `at_steps` takes it; by brute force, too."""
+    """People are there if and only if `at_steps` works; by brute force, too."""
     times = [begin / 8 + t * step / 8 for t in range(steps + 1)]
 
     def there(tracked: Track, time: float) -> bool:
         spans = pairwise(tracked.times.tolist())
         return time in tracked.times or any(a <= time <= b and b - a <= 1 for a, b in spans)
 
-    found = {t.id for t in present(tracks, begin / 8, step / 8, steps)}
+    found = {t.id for t in tracks if t.is_there(begin / 8, step / 8, steps)}
     assert found == {t.id for t in tracks if all(there(t, time) for time in times)}
     for t in tracks:
         if t.id in found:
-            assert at_steps(t, begin / 8, step / 8, steps).shape == (steps + 1, 2)
+            assert t.at_steps(begin / 8, step / 8, steps).shape == (steps + 1, 2)
         else:
             with pytest.raises(ProblemError):
-                at_steps(t, begin / 8, step / 8, steps)
+                t.at_steps(begin / 8, step / 8, steps)
 
 
 @pytest.mark.parametrize(
@@ -383,10 +384,10 @@ def test_present_are_those_who_can_walk(
     ],
 )
 def test_steps_are_checked(begin: float, step: float, steps: int, field: str) -> None:
-    """By both functions, also where there is nobody."""
+    """Both methods check their parameters."""
     for attempt in (
-        lambda: at_steps(walk(), begin, step, steps),
-        lambda: present([], begin, step, steps),
+        lambda: walk().at_steps(begin, step, steps),
+        lambda: walk().is_there(begin, step, steps),
     ):
         with pytest.raises(ProblemError, match=f"^{field}: must be"):
             attempt()
@@ -472,13 +473,13 @@ def test_an_actor_walks_its_track(shape: Prism | Cuboid | TriangulatedCuboid) ->
     """
     tracked = walk()
     tall = tracked._replace(height=1.62)
-    walker = actor(tall, 1.0, 0.5, 4, shape=shape, ground=lambda x, y: x - y)
-    points = at_steps(tracked, 1.0, 0.5, 4)
+    walker = tall.actor(1.0, 0.5, 4, shape=shape, ground=lambda x, y: x - y)
+    points = tracked.at_steps(1.0, 0.5, 4)
     assert walker.poses[:, :2].tolist() == points.tolist()
     assert walker.poses[:, 2] == pytest.approx(points[:, 0] - points[:, 1])
     assert walker.poses[:, 3] == pytest.approx(np.full(5, math.atan2(-0.5, 1.5)))
     assert walker.shape == shape.replace(height=1.62)
-    plain = actor(tracked, 1.0, 0.5, 4, shape=shape)
+    plain = tracked.actor(1.0, 0.5, 4, shape=shape)
     assert plain.shape == shape
     assert plain.poses[:, 2].tolist() == [0.0] * 5
 
@@ -502,29 +503,25 @@ def test_their_files(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     """People of human height walk at human speed through rooms of human size, without doubts."""
-    path = DATA / "pedestrians" / name
-    if not path.is_file():
-        pytest.skip(f"needs {path}, tracks that others made")
-    tracks = read_tracks(path, **options)
+    tracks = read_tracks(data(f"pedestrians/{name}"), **options)
     assert len(tracks) == people and not caplog.messages
     assert max(t.times[-1] for t in tracks) == pytest.approx(end)
     assert all(t.height is not None and 1.4 < t.height < 2.0 for t in tracks)
     points = np.concatenate([t.points for t in tracks])
     assert np.ptp(points, axis=0).max() < largest
-    there = present(tracks, 36.0, 0.5, 10)
+    there = [t for t in tracks if t.is_there(36.0, 0.5, 10)]
     assert len(there) > 3
     for t in there:
-        walker = actor(t, 36.0, 0.5, 10)
+        walker = t.actor(36.0, 0.5, 10)
         speeds = np.hypot(*np.diff(walker.poses[:, :2], axis=0).T) / 0.5
         assert speeds.max() < 3.0
 
 
 def test_their_units_are_held_against_ours(caplog: pytest.LogCaptureFixture) -> None:
     """A file that states its unit is not read in another; one that does not raises doubts."""
-    stated, silent = (DATA / "pedestrians" / name for name in
-                      ("040_c_56_h-.txt", "uo-050-180-180.txt"))  # fmt: skip
-    if not (stated.is_file() and silent.is_file()):
-        pytest.skip(f"needs {stated} and {silent}, tracks that others made")
+    stated, silent = (
+        data(f"pedestrians/{name}") for name in ("040_c_56_h-.txt", "uo-050-180-180.txt")
+    )
     with pytest.raises(ProblemError, match="unit: must be m, as the file states, not cm"):
         read_tracks(stated, unit="cm")
     with pytest.raises(ProblemError, match=r"fps: must be 25\.0, as the file states, not 16"):
