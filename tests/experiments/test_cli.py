@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_scenes import SEQUENCE
+from scene_files import SMALL_SEQUENCE
 
 from cocap_opt.experiments.cli import commands
 from cocap_opt.experiments.cli.commands import AT_THE_ROOT
@@ -466,7 +466,7 @@ def test_a_foreign_start_brings_its_own_scene(
     scene, start, plan, proof = (
         tmp_path / name for name in ("seq.yaml", "paths.csv", "plan.json", "proof.json")
     )
-    scene.write_text(SEQUENCE)
+    scene.write_text(SMALL_SEQUENCE)
     np.save(tmp_path / "map.npy", np.zeros((4, 4)))
     (tmp_path / "starts.csv").write_text("x,y,z,theta\n3,3,5,0\n")
     start.write_text("robot,t,x_cell,y_cell,heading_idx\n0,0,1,0,0\n0,1,1,1,0\n")

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from others import DATA
 from strategies import examples, meetings
-from test_readers import SEQUENCE
+from scene_files import SEQUENCE
 
 from cocap_opt.check import check
 from cocap_opt.experiments.cli.main import main as cocap_opt
