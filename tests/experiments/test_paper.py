@@ -1,14 +1,16 @@
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
 from hypothesis import given
 from strategies import examples, problems
+from studies import study
 from test_tables import row
 
 from cocap_opt.check import check
+from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.results.statistics import Mean, mean
 from cocap_opt.experiments.studies.paper import answers, reproduction
-from cocap_opt.experiments.studies.paper.__main__ import main
 from cocap_opt.experiments.studies.paper.giving_way import encounters, most_generous, own_reward
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem.plan import Plan, conflicts
@@ -33,40 +35,43 @@ def test_claims_are_judged_by_the_whole_interval() -> None:
     assert answers.verdict_below(mean([0.1]), 1.0) == answers.OPEN  # one seed settles nothing
 
 
+def closeness(rows: Sequence[Row]) -> str:
+    """The answer to the question if CoCap comes close to unconstrained performance."""
+    return answers.SceneAnswers("a", rows).closeness()
+
+
 FINE = {"bound_free": 110.0, "optimum_free": 110.0, "gap_free": 0.002}
 
 
 def test_what_is_open_is_not_judged() -> None:
     """A gap to a bound that may be too high, or a mean over survivors, refutes nothing."""
     near = [row("cocap", seed, 99.0, **FINE) for seed in range(5)]
-    assert "performance holds" in answers.closeness("a", near)
+    assert "performance holds" in closeness(near)
     lost = [*near, row("cocap", 9, None, gap_free=None)]
-    assert "is left open by so many seeds, as it has no plan on 1 of 6" in (
-        answers.closeness("a", lost)
-    )
+    assert "is left open by so many seeds, as it has no plan on 1 of 6" in (closeness(lost))
     far = {"gap_free": 0.05, "bound_free": 104.2}
     stopped = [row("cocap", s, 99.0, **far, optimum_free=99.5) for s in range(5)]
-    assert "is left open" in answers.closeness("a", stopped)
+    assert "is left open" in closeness(stopped)
     proved = [row("cocap", s, 99.0, **far, optimum_free=104.2) for s in range(5)]
-    assert "does not hold" in answers.closeness("a", proved)
-    assert "cannot be tried" in answers.closeness("a", lost[-1:])
+    assert "does not hold" in closeness(proved)
+    assert "cannot be tried" in closeness(lost[-1:])
 
 
 def test_low_levels_are_compared_with_the_coverage_that_one_needs() -> None:
     """Value iteration's time has the coverage of all states in it, on the same seeds."""
     rows = [row("cocap", s, 99.0, seconds=1.0 + 0.1 * s) for s in range(3)]
     rows += [row("cocap-vs", s, 90.0, seconds=2.0 + 0.1 * s) for s in range(3)]
-    assert "view search is the faster one holds" in answers.time_answer("a", rows, 9.0)
-    assert "does not hold" in answers.time_answer("a", rows, 0.1)
-    assert "is left open" in answers.time_answer("a", rows, 1.0)  # equal on every seed
-    assert "not both" in answers.time_answer("a", rows[:3], 1.0)
+    assert "view search is the faster one holds" in answers.SceneAnswers("a", rows).times(9.0)
+    assert "does not hold" in answers.SceneAnswers("a", rows).times(0.1)
+    assert "is left open" in answers.SceneAnswers("a", rows).times(1.0)  # equal on every seed
+    assert "not both" in answers.SceneAnswers("a", rows[:3]).times(1.0)
 
 
 def test_sequential_planning_is_judged_with_and_without_collisions() -> None:
     """Seeds are told apart by the conflicts of the greedy plan; failures are counted."""
     rows = [row("greedy", 0, 120.0, conflicts=2), row("greedy", 1, 99.0), row("greedy", 2, 99.0)]
     rows += [row("sequential", 0, 90.0), row("sequential", 1, 98.0), row("sequential", 2, None)]
-    words = answers.sequential_failures("a", rows)
+    words = answers.SceneAnswers("a", rows).sequential_failures()
     assert "10.00 % on the 1 seeds with collisions" in words
     assert "2.00 % on the 1 seeds without collisions" in words
     assert "no plan on 1 of 3 seeds" in words
@@ -120,21 +125,22 @@ def test_the_earlier_drone_gives_way_where_that_is_better() -> None:
     assert most_generous([late]) is None
 
 
+@pytest.mark.slow
 def test_one_command_makes_the_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Tables, figures and answers are there, and a second run computes nothing."""
     monkeypatch.setattr(reproduction, "SCENES", ("corridor",))
     monkeypatch.setattr(reproduction, "FIELD", {"actors": 1, "cells": 15, "steps": 2})
-    arguments = ["--out", str(tmp_path), "--seeds", "1-2", "--robots", "1,2"]
+    arguments = ["paper", "--out", str(tmp_path), "--seeds", "1-2", "--robots", "1,2"]
     arguments += ["--scaling-seeds", "0", "--time-limit", "20"]
-    assert main(arguments) == 0
+    assert study(*arguments) == 0
     page = (tmp_path / "paper.md").read_text(encoding="utf-8")
-    for words in ("Does CoCap come close", "3981", "Who gives way", "drone 0", "field, 2 robots"):
+    for words in ("Does CoCap come close", "3981", "Who gives way", "drone 0", "field, 2 drones"):
         assert words in page
     for name in ("curves.png", "giving-way.png", "scaling.png"):
         assert name in page and (tmp_path / name).read_bytes().startswith(b"\x89PNG")
     cells = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("cells/*.json")}
     assert len(cells) == 2 * 5 + 2 * 5
-    assert main(arguments) == 0
+    assert study(*arguments) == 0
     assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("cells/*.json")} == cells
 
 
@@ -149,5 +155,5 @@ def test_wrong_options_are_named(
     option: str, value: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """One line and exit code 2."""
-    assert main(["--out", str(tmp_path), option, value]) == 2
+    assert study("paper", "--out", tmp_path, option, value) == 2
     assert option in capsys.readouterr().err

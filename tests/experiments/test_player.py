@@ -17,7 +17,7 @@ from cocap_opt.experiments.cli.main import main
 from cocap_opt.experiments.report import player_scene
 from cocap_opt.experiments.report.figures import blocked_cells, robot_colour
 from cocap_opt.experiments.report.player import player_data, player_page, seen_pixels
-from cocap_opt.experiments.report.player_picture import go_to, opened, programs, resize
+from cocap_opt.experiments.studies.pictures import go_to, has_browser, opened, resize
 from cocap_opt.files.documents import load_plan
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem.plan import Plan
@@ -314,7 +314,7 @@ def test_what_is_installed_has_the_page() -> None:
 @pytest.fixture(scope="module")
 def player(plans: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
     """A browser with two plans of the bottleneck."""
-    if programs() is None:
+    if not has_browser():
         pytest.skip("needs chromium and chromedriver")
     page = tmp_path_factory.mktemp("page") / "plans.html"
     files = plans / "greedy.json", plans / "cocap.json"

@@ -3,15 +3,15 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from cocap_opt.experiments.sweeps.about import RunFile, about_run
 from selenium.webdriver.support.wait import WebDriverWait
 from test_player import value
 from test_tables import row
 
 from cocap_opt.experiments.cli import commands
 from cocap_opt.experiments.report.limitations import limitations
-from cocap_opt.experiments.report.player_picture import PLAYER, opened, programs
 from cocap_opt.experiments.report.report import telling_pair, telling_seed
-from cocap_opt.experiments.sweeps.about import RunFile, about_run
+from cocap_opt.experiments.studies.pictures import PLAYER_IS_READY, has_browser, opened
 from cocap_opt.experiments.sweeps.run import Settings
 
 SWEEP = ("gap", "tiny-queue", "bottleneck", "--time-limit", "0.5", "--seeds", "0",
@@ -33,7 +33,7 @@ def report(folder: Path, page: Path, *options: str) -> int:
 
 def test_a_report_opens_and_plays_without_network(results: Path, tmp_path: Path) -> None:
     """All sections are there, players in it play, nothing is loaded, nothing is complained of."""
-    if programs() is None:
+    if not has_browser():
         pytest.skip("needs chromium and chromedriver")
     page = tmp_path / "report.html"
     assert report(results, page) == 0
@@ -51,7 +51,7 @@ def test_a_report_opens_and_plays_without_network(results: Path, tmp_path: Path)
         ]  # fmt: skip
         browser.execute_script("arguments[0].scrollIntoView()", frames[1])
         browser.switch_to.frame(frames[1])
-        WebDriverWait(browser, 30).until(lambda driver: value(driver, PLAYER))
+        WebDriverWait(browser, 30).until(lambda driver: value(driver, PLAYER_IS_READY))
         browser.find_element("id", "slider").send_keys("\ue014")  # right
         step = "document.getElementById('step').textContent"
         WebDriverWait(browser, 30).until(lambda driver: value(driver, step) != "step 0 of 11")

@@ -1,6 +1,5 @@
 """Planners over start sets with certified bounds, and Greedy Perspectives' own plan beside ours."""
 
-import csv
 import re
 import signal
 from pathlib import Path
@@ -11,15 +10,18 @@ import numpy as np
 import pytest
 from hypothesis import given
 from others import DATA
-from strategies import examples, meetings
 from scene_files import SEQUENCE
+from strategies import examples, meetings
+from studies import rows_of, study
 
 from cocap_opt.check import check
 from cocap_opt.experiments.cli.main import main as cocap_opt
-from cocap_opt.experiments.results.rows import colliding, without_rules
-from cocap_opt.experiments.studies.benchmarks import start_sets as module
-from cocap_opt.experiments.studies.benchmarks.__main__ import main
-from cocap_opt.experiments.studies.benchmarks.start_sets_table import SetRun, mean_rows, typed
+from cocap_opt.experiments.results.judging import without_rules
+from cocap_opt.experiments.results.rows import Row, colliding
+from cocap_opt.experiments.studies.start_sets.start_sets import PLANNERS as PLANNED
+from cocap_opt.experiments.studies.start_sets.start_sets import peers_of
+from cocap_opt.experiments.studies.start_sets.tables import SetTables
+from cocap_opt.experiments.sweeps import work
 from cocap_opt.files.documents import load_plan
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem.plan import Plan
@@ -59,35 +61,30 @@ def with_peer(sequence: Path) -> Path:
 def measure(sequence: Path, *words: str, sets: str = "0-1", limit: int = 20) -> Path:
     """Run the command; returns the folder of the results."""
     out = sequence.parent.parent / "out"
-    arguments = [str(sequence), "--sets", sets, "--limit", str(limit), "--out", str(out), *words]
-    assert main(["start-sets", *arguments]) == 0
+    options = ("--sets", sets, "--limit", limit, "--out", out, *words)
+    assert study("start-sets", sequence, *options) == 0
     return out
 
 
-def rows_of(path: Path) -> list[dict[str, str]]:
-    """Rows of a CSV file."""
-    with path.open(encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
+def cells(out: Path) -> dict[Path, int]:
+    """When the file of each cell of a sweep was written."""
+    return {path: path.stat().st_mtime_ns for path in out.rglob("cells/*.json")}
 
 
-def forbid_measuring(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Have every further run fail."""
-
-    def measured(*_: Any) -> None:
-        raise AssertionError("measured again")
-
-    monkeypatch.setattr(module, "_measured", measured)
-
-
-def made(**changes: Any) -> SetRun:
-    """A run of two robots in ten steps."""
+def made(**changes: Any) -> Row:
+    """A row of two robots in ten steps that count."""
     fields: dict[str, Any] = {
-        "scene": "made", "seed": 0, "digest": "d", "limit_seconds": 1.0, "planner": "greedy",
-        "robots": 2, "rows": 10, "reward": 100.0, "bound": 110.0, "bound_free": 125.0, "gap": 0.1,
-        "conflicts": 0, "colliding": 0, "reason": "finished", "seconds": 1.0,
-        "bound_reason": "optimal", "reported": None, "reported_own_tilt": None,
+        "scene": "made", "seed": 0, "digest": "d", "planner": "greedy", "robots": 2, "actors": 1,
+        "steps": 9, "reward": 100.0, "bound": 110.0, "bound_free": 125.0, "gap": 0.1,
+        "gap_free": 0.2, "conflicts": 0, "colliding": 0, "reason": "finished", "limit": "none",
+        "seconds": 1.0, "message": "", "bound_reason": "optimal", "bound_free_reason": "optimal",
     }  # fmt: skip
-    return SetRun(**(fields | changes))
+    return Row(**(fields | changes))
+
+
+def means(*rows: Row) -> list[dict[str, Any]]:
+    """The table over start sets of rows that `made` has made."""
+    return SetTables(rows, {"made": 10}, {}).over_sets()
 
 
 def test_the_table_is_what_the_plans_are_worth(
@@ -99,7 +96,7 @@ def test_the_table_is_what_the_plans_are_worth(
     """
     out = measure(sequence)
     table = {row["planner"]: row for row in rows_of(out / "start_sets.csv")}
-    assert list(table) == list(module.PLANNERS)
+    assert list(table) == list(PLANNED)
     problems = [load_scene(str(sequence), k) for k in (0, 1)]
     optima = [PLANNERS["joint"](problem).value / 6 for problem in problems]
     free = [PLANNERS["joint"](without_rules(problem)).value / 6 for problem in problems]
@@ -121,17 +118,17 @@ def test_the_table_is_what_the_plans_are_worth(
         gaps_free = [relative_gap(a, b) for a, b in zip(rewards, free, strict=True)]
         assert float(row["gap_free"]) == pytest.approx(fmean(gaps_free), abs=2e-6)
     in_conflict = {name: row["colliding"] for name, row in table.items()}
-    assert in_conflict == dict.fromkeys(module.PLANNERS, "0.0") | {"greedy": "2.0"}
+    assert in_conflict == dict.fromkeys(PLANNED, "0.0") | {"greedy": "2.0"}
     printed = capsys.readouterr().out
     written = (out / "start_sets.md").read_text()
-    for name in module.PLANNERS:
+    for name in PLANNED:
         assert name in printed and f"| tiny | {name} | 2 |" in written
 
 
 def test_what_is_on_disk_holds(sequence: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """`cocap-opt verify` finds the numbers of a row in its plan and its certificate."""
     out = measure(sequence, sets="1")
-    (row,) = (row for row in rows_of(out / "runs.csv") if row["planner"] == "branch-and-price")
+    (row,) = (row for row in rows_of(out / "results.csv") if row["planner"] == "branch-and-price")
     files = [out / "plans" / "tiny-1-branch-and-price.json", out / row["certificate"]]
     with pytest.raises(SystemExit) as caught:
         cocap_opt(["verify", str(sequence), *map(str, files), "--seed", "1", "--json"])
@@ -141,58 +138,54 @@ def test_what_is_on_disk_holds(sequence: Path, capsys: pytest.CaptureFixture[str
 
 
 def test_what_is_measured_is_not_measured_again(
-    with_peer: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    with_peer: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A second run makes the same tables from the file, and says so; more sets are joined."""
+    """A second run makes the same tables from the folder, and says so; more sets are joined."""
     out = measure(with_peer, sets="1")
+    first = cells(out)
     measure(with_peer)
     before = {name: (out / name).read_bytes() for name in ("start_sets.csv", "peers.csv")}
-    rows = (out / "runs.csv").read_bytes()
-    assert len(rows_of(out / "runs.csv")) == 3 * len(module.PLANNERS) + 1
-    forbid_measuring(monkeypatch)
+    assert len(rows_of(out / "results.csv")) == 3 * len(PLANNED) + 1
+    known = cells(out)
+    assert first.items() <= known.items()
     capsys.readouterr()
     measure(with_peer)
-    assert "3 of 3 are in" in capsys.readouterr().err
+    assert f"{len(known)} of {len(known)} cells are in" in capsys.readouterr().err
     assert before == {name: (out / name).read_bytes() for name in before}
-    assert (out / "runs.csv").read_bytes() == rows
-    with_peer.write_text(APART.replace("[3, 3.5, 0.1]", "[3, 3.4, 0.1]"))
-    with pytest.raises(AssertionError, match="measured again"):
-        measure(with_peer)
+    assert cells(out) == known
 
 
 def test_rows_and_files_stay_together(sequence: Path) -> None:
-    """Measured with another limit or other options, a set's rows are replaced like its plans."""
+    """Measured on another scene, rows are replaced like the plans that they name."""
     out = measure(sequence)
-    for words, limit in (([], 19), (["--option", "triangles=no"], 19)):
-        measure(sequence, *words, sets="1", limit=limit)
-        rows = rows_of(out / "runs.csv")
-        assert [row["seed"] for row in rows] == [k for k in "01" for _ in module.PLANNERS]
-        for row in rows:
-            plan = load_plan(out / "plans" / f"tiny-{row['seed']}-{row['planner']}.json")
-            assert (plan.digest, repr(plan.reward)) == (row["digest"], row["reward"])
+    measure(sequence, "--option", "triangles=no", sets="1")
+    rows = rows_of(out / "results.csv")
+    assert {row["seed"] for row in rows} == {"1"}  # set 0 is of the scene as it was
+    for row in rows:
+        plan = load_plan(out / "plans" / f"tiny-{row['seed']}-{row['planner']}.json")
+        assert (plan.digest, repr(plan.reward)) == (row["digest"], row["reward"])
 
 
 def test_an_interrupt_leaves_what_is_whole(
     sequence: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Ctrl-C gives the tables of the sets that are measured, and no row of the one that is not."""
-    plans_of, begun = module.plans_of, []
+    compute, begun = work._plan, []
 
-    def pressed(problem: Problem, *rest: Any) -> Any:
-        begun.append(problem)
-        if len(begun) == 2:
+    def pressed(task: work.Task, *rest: Any) -> Any:
+        begun.append(task.cell)
+        if len(begun) == len(PLANNED) + 2:
             signal.raise_signal(signal.SIGINT)
-        return plans_of(problem, *rest)
+        return compute(task, *rest)
 
-    monkeypatch.setattr(module, "plans_of", pressed)
+    monkeypatch.setattr(work, "_plan", pressed)
     out = sequence.parent.parent / "out"
-    arguments = ["start-sets", str(sequence), "--sets", "0-1", "--limit", "20", "--out", str(out)]
-    assert main(arguments) == 130
-    assert {row["seed"] for row in rows_of(out / "runs.csv")} == {"0"}
+    arguments = ("start-sets", sequence, "--sets", "0-1", "--limit", "20", "--out", out)
+    assert study(*arguments) == 130
+    assert {row["seed"] for row in rows_of(out / "results.csv")} == {"0"}
     assert {row["sets"] for row in rows_of(out / "start_sets.csv")} == {"1"}
     assert "branch-and-price" in capsys.readouterr().out
-    assert main(arguments) == 0
-    assert len(begun) == 3
+    assert study(*arguments) == 0
     assert {row["sets"] for row in rows_of(out / "start_sets.csv")} == {"2"}
 
 
@@ -200,11 +193,11 @@ def test_their_plan_is_held_against_the_same_bound(with_peer: Path) -> None:
     """Theirs is evaluated by the referee from the file's own starts; what it took is unknown."""
     out = measure(with_peer, sets="0")
     rows = {row["planner"]: row for row in rows_of(out / "peers.csv")}
-    assert list(rows) == ["theirs", *module.PLANNERS]
+    assert list(rows) == ["theirs", *PLANNED]
     problem = load_scene(str(with_peer), 0, {"start-set": "yaml"})
     theirs, best = rows["theirs"], PLANNERS["joint"](problem).value
     hovering = Plan(paths=tuple((robot.start,) * 3 for robot in problem.robots))
-    verdict = check(problem, load_plan(out / "plans/tiny-own-starts-0-cocap.json").plan)
+    verdict = check(problem, load_plan(out / "plans/tiny-own-starts-own-cocap.json").plan)
     assert float(rows["cocap"]["J"]) == verdict.reward
     expected = check(problem, hovering).reward
     assert float(theirs["J"]) == pytest.approx(expected)
@@ -240,7 +233,7 @@ def test_a_plan_of_no_use_is_left_out(
 ) -> None:
     """Whatever is wrong with their files is one line that names the file, and no more."""
     with_peer.with_name(file).write_text(text)
-    assert not list(module.peer_cells([str(with_peer)], {}))
+    assert not list(peers_of([str(with_peer)], {}))
     (line,) = capsys.readouterr().err.splitlines()
     assert "left out" in line and words in line and file in line
 
@@ -249,8 +242,7 @@ def test_options_are_those_of_export(sequence: Path) -> None:
     """The scenes may be read under other conventions, which change J and its steps."""
     out = measure(sequence, "--option", "conventions=ours", sets="0")
     problem = load_scene(str(sequence), 0, {"conventions": "ours"})
-    (row,) = (r for r in rows_of(out / "runs.csv") if r["planner"] == "branch-and-price")
-    assert row["rows"] == "2"
+    (row,) = (r for r in rows_of(out / "results.csv") if r["planner"] == "branch-and-price")
     assert float(row["reward"]) == pytest.approx(PLANNERS["joint"](problem).value)
 
 
@@ -263,21 +255,19 @@ def test_options_are_those_of_export(sequence: Path) -> None:
         (["SEQ", "--sets", "x"], "--sets"),
         (["SEQ", "--limit", "0"], "--limit"),
         (["SEQ", "--option", "tilt=mine"], "own, first"),
-        (["SEQ", "--sets", "0", "--out", "OUT"], "runs.csv: not a row of this table"),
+        (["SEQ", "--sets", "0", "--out", "OUT"], "results.csv: has no column"),
     ],
 )
 def test_wrong_input_is_one_line(
     sequence: Path,
     words: list[str],
     named: str,
-    monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     """Exit code 2 before any work, and a line that names what is wrong."""
-    forbid_measuring(monkeypatch)
-    (sequence.parent / "runs.csv").write_text("scene,reward\ntiny,much\n")
+    (sequence.parent / "results.csv").write_text("scene,reward\ntiny,much\n")
     places = {"SEQ": str(sequence), "OUT": str(sequence.parent)}
-    assert main(["start-sets", *(places.get(word, word) for word in words)]) == 2
+    assert study("start-sets", *(places.get(word, word) for word in words)) == 2
     error = capsys.readouterr().err
     assert named in error and error.count("\n") == 1
 
@@ -290,22 +280,14 @@ def test_means_are_over_all_sets_or_not_there() -> None:
         made(planner="cocap", reward=None, gap=None, conflicts=None, colliding=None),
         made(planner="cocap", seed=1),
     ]
-    first, second = mean_rows(runs)
+    first, second = means(*runs)
     assert (first["sets"], first["valid"], first["proved"]) == (2, 1, 1)
     assert first["reward"] == pytest.approx(7.5)  # (100 + 200) / 2, of 2 robots in 10 steps
     assert first["sd"] == pytest.approx(stdev([5, 10]))
     assert (first["colliding"], first["gap"], first["largest gap"]) == (1.0, None, None)
     assert first["gap_free"] == pytest.approx((0.2 - 0.6) / 2)
     assert (second["reward"], second["gap"], second["valid"]) == (None, None, 1)
-    assert mean_rows(runs[:1])[0]["sd"] is None
-
-
-def test_a_row_survives_its_file() -> None:
-    """What is read back from CSV is what was written, empty fields included."""
-    run = made(seed=None, gap=None, reward=1 / 3)
-    fields = {name: getattr(run, name) for name in run.__struct_fields__}
-    text = {name: "" if value is None else str(value) for name, value in fields.items()}
-    assert typed(text, "file") == run
+    assert means(*runs[:1])[0]["sd"] is None
 
 
 @examples(25)
@@ -326,8 +308,8 @@ def test_their_plans_are_read_from_their_folders(name: str) -> None:
     folder = DATA / "greedy_perspectives" / name
     if not (folder / "peer_reward.csv").exists():
         pytest.skip(f"needs {name} in the data folder (COCAP_OPT_DATA)")
-    (cell,) = module.peer_cells([str(folder)], {})
-    assert cell.peer is not None and cell.start_set is None
-    assert cell.peer.judged.valid
-    assert cell.peer.judged.reward == pytest.approx(cell.peer.reported_own_tilt, rel=1e-3)
-    assert cell.peer.reported != cell.peer.reported_own_tilt
+    (peer,) = peers_of([str(folder)], {})
+    verdict = check(peer.problem, peer.plan)
+    assert verdict.valid
+    assert verdict.reward == pytest.approx(peer.reported.own_tilt, rel=1e-3)
+    assert peer.reported.as_reported != peer.reported.own_tilt

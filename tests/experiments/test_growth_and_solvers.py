@@ -1,18 +1,14 @@
-import csv
 import math
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
 import pytest
+from studies import rows_of, study
 
-from cocap_opt.experiments.studies.benchmarks import growth as growth_module
-from cocap_opt.experiments.studies.benchmarks import solvers as solvers_module
-from cocap_opt.experiments.studies.benchmarks.__main__ import main
-from cocap_opt.experiments.studies.benchmarks.figures import Figure, at_least, below
-from cocap_opt.experiments.studies.benchmarks.points import MEASURES, Point, exponent
-from cocap_opt.experiments.studies.benchmarks.rows import Options
-from cocap_opt.experiments.studies.benchmarks.runs import (
+from cocap_opt.experiments.studies.growth import growth as growth_module
+from cocap_opt.experiments.studies.growth.points import MEASURES, Point
+from cocap_opt.experiments.studies.runs import (
     Moment,
     Run,
     RunError,
@@ -20,6 +16,9 @@ from cocap_opt.experiments.studies.benchmarks.runs import (
     run,
     scene,
 )
+from cocap_opt.experiments.studies.solvers import table as solvers_module
+from cocap_opt.experiments.studies.solvers.figures import Figure, at_least, below
+from cocap_opt.experiments.studies.solvers.rows import Options
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.formulations.result import CertifiedResult
 from cocap_opt.problem.problem import Problem
@@ -35,12 +34,6 @@ def finished(seconds: float, limit: Limit = Limit.NONE) -> Run:
     return Run(moments, 99.5, 100.0, Reason.FINISHED, limit, seconds)
 
 
-def rows_of(path: Path) -> list[dict[str, str]]:
-    """Rows of a CSV file."""
-    with path.open(encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
-
-
 def replaced(monkeypatch: pytest.MonkeyPatch, **rows: Callable[[Options], list[Figure]]) -> None:
     """Have the command know these rows only."""
     monkeypatch.setattr(solvers_module, "ROWS", rows)
@@ -51,9 +44,10 @@ def dying(problem: Problem, stop: Stop) -> CertifiedResult:
     raise SystemExit(3)
 
 
+@pytest.mark.slow
 def test_solvers_command_measures_a_row(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     """A real row runs in processes of its own, is printed, and is in the CSV file."""
-    assert main(["solvers", "--rows", "corridor", "--seeds", "0", "--out", str(tmp_path)]) == 0
+    assert study("solvers", "--rows", "corridor", "--seeds", "0", "--out", tmp_path) == 0
     rows = rows_of(tmp_path / "solvers.csv")
     assert {row["row"] for row in rows} == {"corridor"}
     figures = {row["figure"]: row for row in rows}
@@ -74,7 +68,7 @@ def test_a_row_that_fails_stops_no_other(
         raise RunError("out of luck")
 
     replaced(monkeypatch, first=lambda o: MADE, bad=failing, last=lambda o: MADE)
-    assert main(["solvers", "--out", str(tmp_path)]) == 1
+    assert study("solvers", "--out", tmp_path) == 1
     rows = rows_of(tmp_path / "solvers.csv")
     assert [row["row"] for row in rows] == ["first", "first", "bad", "last", "last"]
     assert "out of luck" in rows[2]["note"]
@@ -89,7 +83,7 @@ def test_the_file_is_whole_after_each_row(tmp_path: Path, monkeypatch: pytest.Mo
         raise KeyboardInterrupt
 
     replaced(monkeypatch, first=lambda o: MADE, second=interrupted)
-    assert main(["solvers", "--out", str(tmp_path)]) == 130
+    assert study("solvers", "--out", tmp_path) == 130
     assert [row["row"] for row in rows_of(tmp_path / "solvers.csv")] == ["first", "first"]
     assert [path.name for path in tmp_path.iterdir()] == ["solvers.csv"]
 
@@ -100,13 +94,13 @@ def test_rows_measured_alone_join_those_of_the_file(
     """A row is replaced where it is measured again; the file keeps the others."""
     replaced(monkeypatch, one=lambda o: MADE, two=lambda o: MADE[:1])
     for names in (["two"], ["one"], ["two"]):
-        assert main(["solvers", "--rows", *names, "--out", str(tmp_path)]) == 0
+        assert study("solvers", "--rows", *names, "--out", tmp_path) == 0
     assert [r["row"] for r in rows_of(tmp_path / "solvers.csv")] == ["one", "one", "two"]
 
 
 def test_large_is_skipped_without_its_file(capsys: pytest.CaptureFixture) -> None:
     """The scene is not ours to bring: the row says what it needs, which is no failure."""
-    assert main(["solvers", "--rows", "large"]) == 0
+    assert study("solvers", "--rows", "large") == 0
     assert "--large FILE" in capsys.readouterr().out
 
 
@@ -124,7 +118,7 @@ def test_wrong_options_are_named(
     arguments: list[str], named: str, capsys: pytest.CaptureFixture
 ) -> None:
     """Wrong input is one line that names it, before any work, and exit code 2."""
-    assert main(arguments) == 2
+    assert study(*arguments) == 2
     assert named in capsys.readouterr().err
 
 
@@ -142,7 +136,7 @@ def test_growth_writes_table_and_figure(
 
     monkeypatch.setattr(growth_module, "run", made)
     arguments = ["growth", "--robots", "2,4,8", "--steps", "8,16,32,64", "--cells", "15,30,48"]
-    assert main([*arguments, "--seeds", "0-1", "--out", str(tmp_path)]) == 0
+    assert study(*arguments, "--seeds", "0-1", "--out", tmp_path) == 0
     rows = rows_of(tmp_path / "growth.csv")
     assert [row["axis"] for row in rows] == ["robots"] * 3 + ["steps"] * 4 + ["cells"] * 3
     slopes = {row["axis"]: float(row["exponent_of_seconds"]) for row in rows}
@@ -162,7 +156,7 @@ def test_growth_outlives_a_failed_run(tmp_path: Path, monkeypatch: pytest.Monkey
 
     monkeypatch.setattr(growth_module, "run", made)
     arguments = ["growth", "--robots", "2,4", "--steps", "8", "--cells", "15", "--seeds", "0"]
-    assert main([*arguments, "--out", str(tmp_path)]) == 1
+    assert study(*arguments, "--out", tmp_path) == 1
     sizes = [(row["axis"], row["size"]) for row in rows_of(tmp_path / "growth.csv")]
     assert sizes == [("robots", "2"), ("steps", "8"), ("cells", "15")]
     assert (tmp_path / "growth.png").exists()
@@ -200,10 +194,10 @@ def test_what_a_run_says_of_its_course() -> None:
 def test_exponents_are_those_of_power_laws() -> None:
     """The slope is exact on a power law, and unknown from two sizes."""
     points = [Point("robots", n, (finished(0.5 * n**1.5),)) for n in (2, 8, 32)]
-    assert exponent(points, MEASURES["seconds"]) == pytest.approx(1.5)
-    assert math.isnan(exponent(points[:2], MEASURES["seconds"]))
+    assert MEASURES["seconds"].exponent(points) == pytest.approx(1.5)
+    assert math.isnan(MEASURES["seconds"].exponent(points[:2]))
     stopped = Point("robots", 64, (finished(1.0, Limit.TIME),))
-    assert exponent([*points, stopped], MEASURES["seconds"]) == pytest.approx(1.5)
+    assert MEASURES["seconds"].exponent([*points, stopped]) == pytest.approx(1.5)
 
 
 def test_targets() -> None:

@@ -1,15 +1,14 @@
 """The measurement of what views cost: its town, and its table."""
 
-import csv
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
+from studies import rows_of, study
 
-from cocap_opt.experiments.studies.benchmarks import coverage as coverage_module
-from cocap_opt.experiments.studies.benchmarks.__main__ import main
-from cocap_opt.experiments.studies.benchmarks.town import HOUSE, PACE, town
+from cocap_opt.experiments.studies.coverage import coverage as coverage_module
+from cocap_opt.experiments.studies.coverage.town import HOUSE, PACE, town
 from cocap_opt.model import Model
 
 
@@ -31,16 +30,16 @@ def test_a_town_is_what_it_says(resolution: float) -> None:
     assert model.reachable(robot_class)[-1].sum() == 8 * (heights == 0).sum()
 
 
+@pytest.mark.slow
 def test_the_command_measures_coverage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Each row is measured in its own process; the file has what was promised."""
+    """Each row is measured in its own process; the file has all of its columns."""
     build = partial(town, cells=24, resolution=2.5)
     changes = {"above": coverage_module.above_roofs, "hills": coverage_module.on_hills}
     small = {name: (build, change) for name, change in changes.items()}
     monkeypatch.setattr(coverage_module, "SCENES", small)
     monkeypatch.setattr(coverage_module, "ACTORS", 2)
-    assert main(["coverage", "--robots", "2", "--steps", "2", "--out", str(tmp_path)]) == 0
-    with (tmp_path / "coverage.csv").open(encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(file))
+    assert study("coverage", "--robots", "2", "--steps", "2", "--out", tmp_path) == 0
+    rows = rows_of(tmp_path / "coverage.csv")
     assert [row["scene"] for row in rows] == [*small]
     for row in rows:
         assert int(row["states"]) > 0
