@@ -1,1 +1,98 @@
-"""Offline multi-drone view planning: problem, graph, coverage, objective, planners, referee."""
+"""cocap-opt: plan the views of several camera drones, and prove how good the plans are.
+
+    >>> import cocap_opt as co
+    >>> problem = co.load("bottleneck", seed=0)
+    >>> result = co.plan(problem, "cocap", time_limit=10)
+    >>> best = co.solve(problem, time_limit=60, start=result)
+    >>> co.verify(problem, result.plan, best.certificate).gap
+    >>> co.show(problem, result, best)
+
+Every name below is imported when it is first used: no solver is loaded before it is needed.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from cocap_opt.check import Verdict
+    from cocap_opt.data import ProblemError
+    from cocap_opt.experiments.api import (
+        Verified,
+        bound,
+        check,
+        gap,
+        load,
+        plan,
+        read,
+        save,
+        show,
+        solve,
+        verify,
+    )
+    from cocap_opt.files.documents import FileError
+    from cocap_opt.formulations import BOUNDS, EXACT
+    from cocap_opt.formulations.certificates.format import CertificateError
+    from cocap_opt.formulations.result import CertifiedResult
+    from cocap_opt.planners import PLANNERS
+    from cocap_opt.problem.plan import Plan
+    from cocap_opt.problem.problem import (
+        NO_RULES,
+        PAPER_RULES,
+        Actor,
+        Camera,
+        CollisionRules,
+        Cone,
+        Cuboid,
+        Motion,
+        Objective,
+        Prism,
+        Problem,
+        Robot,
+        State,
+        TriangulatedCuboid,
+    )
+    from cocap_opt.result import Reason, Result, UnsupportedError
+    from cocap_opt.scenarios import FORMATS, SCENES
+    from cocap_opt.stop import FirstOf, Limit, Stop, TimeLimit, WorkLimit
+    from cocap_opt.world.workspace import HeightMap, Mesh
+
+# The module of each name.
+_MODULES = {
+    "cocap_opt.check": ("Verdict",),
+    "cocap_opt.data": ("ProblemError",),
+    "cocap_opt.experiments.api": (
+        "Verified", "bound", "check", "gap", "load", "plan", "read", "save", "show", "solve",
+        "verify",
+    ),
+    "cocap_opt.files.documents": ("FileError",),
+    "cocap_opt.formulations": ("BOUNDS", "EXACT"),
+    "cocap_opt.formulations.certificates.format": ("CertificateError",),
+    "cocap_opt.formulations.result": ("CertifiedResult",),
+    "cocap_opt.planners": ("PLANNERS",),
+    "cocap_opt.problem.plan": ("Plan",),
+    "cocap_opt.problem.problem": (
+        "NO_RULES", "PAPER_RULES", "Actor", "Camera", "CollisionRules", "Cone", "Cuboid",
+        "Motion", "Objective", "Prism", "Problem", "Robot", "State", "TriangulatedCuboid",
+    ),
+    "cocap_opt.result": ("Reason", "Result", "UnsupportedError"),
+    "cocap_opt.scenarios": ("FORMATS", "SCENES"),
+    "cocap_opt.stop": ("FirstOf", "Limit", "Stop", "TimeLimit", "WorkLimit"),
+    "cocap_opt.world.workspace": ("HeightMap", "Mesh"),
+}  # fmt: skip
+_HOME = {name: module for module, names in _MODULES.items() for name in names}
+
+__all__ = sorted(_HOME)
+
+
+def __getattr__(name: str) -> Any:
+    """Import a name when it is first used."""
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(import_module(_HOME[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    """List all names, loaded or not."""
+    return sorted({*globals(), *_HOME})

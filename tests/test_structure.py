@@ -20,7 +20,7 @@ ALLOWED = {
 # module is in one of them (a folder stands for all that it holds).
 ORDER = {
     "core": (
-        "data", "stop", "drawing", "world", "problem", "result", "files", "graph", "vision", "check",
+        "data", "stop", "drawing", "world", "problem", "result", "files", "graph", "vision", "referee",
         "model", "objective", "coordination", "planners",
     ),
     "formulations": (
@@ -28,7 +28,7 @@ ORDER = {
         "column_generation", "integer_programs",
     ),
     "scenarios": ("text", "cameras", "formats", "recipe", "built_in"),
-    "experiments": ("console", "results", "sweeps", "report", "studies", "notebooks", "cli"),
+    "experiments": ("console", "results", "sweeps", "report", "api", "studies", "notebooks", "cli"),
 }  # fmt: skip
 # Programs beside the main one, until they are commands of it.
 PROGRAMS = {
@@ -179,14 +179,14 @@ def test_nothing_imports_the_face() -> None:
 
 def test_the_referee_is_independent() -> None:
     """The referee uses no planner, no reward code, no compiled model and no cache."""
-    used = reached("cocap_opt.check")
+    used = reached("cocap_opt.referee")
     for part in ("planners", "objective", "model", "coordination", "vision.cache", "result"):
         assert not within(used, f"{CORE}.{part}")
 
 
 def test_judges_compute_rewards_for_moves_themselves() -> None:
     """Referee and certificates do not take them from what planners and pricing use."""
-    judges = ["cocap_opt.check", *within(frozenset(sources()), f"{CORE}.formulations.certificates")]
+    judges = ["cocap_opt.referee", *within(frozenset(sources()), f"{CORE}.formulations.certificates")]
     assert [m for m in judges if "cocap_opt.graph.move_rewards" in imports(m)] == []
 
 

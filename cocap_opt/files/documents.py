@@ -139,6 +139,20 @@ def save_problem(path: Path, problem: Problem) -> None:
     write_atomically(path, encode(SceneFile(problem=problem)))
 
 
+def save_document(path: Path, content: Document) -> None:
+    """Write a document, whole or not at all.
+
+    Raises
+    ------
+    FileError
+        If it cannot be written; one line with its name.
+    """
+    try:
+        write_atomically(path, encode(content))
+    except OSError as error:
+        raise FileError(f"{path}: {error.strerror}") from error
+
+
 def problem_digest(problem: Problem) -> str:
     """Digest of everything in a problem but its name."""
     content = msgspec.json.encode(problem.replace(name=""), enc_hook=_encode_array)

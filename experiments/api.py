@@ -1,0 +1,378 @@
+"""The functions of the face, `import cocap_opt as co`: scenes, plans, bounds, checks, files."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+from cocap_opt.files.documents import (
+    PlanFile,
+    SceneFile,
+    decode_document,
+    problem_digest,
+    read_bytes,
+    save_document,
+)
+from cocap_opt.formulations import BOUNDS, EXACT
+from cocap_opt.formulations.certificates.checking import verify as verify_bound
+from cocap_opt.formulations.certificates.format import CertificateFile, ProofFile
+from cocap_opt.formulations.result import OPTIMALITY, BoundMethod, CertifiedResult, ExactMethod
+from cocap_opt.planners import PLANNERS, Planner
+from cocap_opt.problem.plan import Plan
+from cocap_opt.problem.problem import Problem
+from cocap_opt.referee import Verdict
+from cocap_opt.referee import check as judge_plan
+from cocap_opt.result import Result, relative_gap
+from cocap_opt.scenarios import load_scene
+from cocap_opt.stop import FirstOf, Stop, TimeLimit, never
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from cocap_opt.experiments.report.player import Player
+
+M = TypeVar("M")
+Bound = CertificateFile | ProofFile
+
+
+def load(scene: str | Path, seed: int = 0, **options: str) -> Problem:
+    """Load a built-in scene by its name, or a scene file in any format that is known.
+
+    Parameters
+    ----------
+    scene : a name, such as "bottleneck" (`SCENES` has them all), or a file
+    seed : chooses the drones' starts; files of some formats have none
+    options : conventions of the file's format, such as ``triangles="no"``
+
+    Returns
+    -------
+    Problem
+
+    Raises
+    ------
+    FileError
+        If there is no such scene, or the file cannot be used; one line says why.
+
+    Examples
+    --------
+    >>> problem = co.load("bottleneck", seed=3)
+    """
+    return load_scene(str(scene), seed, options)
+
+
+def plan(
+    problem: Problem,
+    planner: str | Planner = "cocap",
+    *,
+    time_limit: float | None = None,
+    stop: Stop = never,
+) -> Result:
+    """Plan all drones of a problem.
+
+    Parameters
+    ----------
+    planner : a name in `PLANNERS`, or any callable that takes a problem and a stop
+    time_limit : seconds
+    stop : a further stopping criterion, such as ``co.WorkLimit(100)``
+
+    Returns
+    -------
+    Result
+        With the plan, its J in `value`, and why the planner stopped.
+
+    Raises
+    ------
+    UnsupportedError
+        If the planner takes no such problems.
+
+    Examples
+    --------
+    >>> result = co.plan(problem, "cocap", time_limit=10)
+    >>> result.plot()
+    """
+    return _named("planner", planner, PLANNERS)(problem, _limits(time_limit, stop))
+
+
+def bound(
+    problem: Problem,
+    method: str | BoundMethod = "column-generation",
+    *,
+    time_limit: float | None = None,
+    stop: Stop = never,
+    start: Plan | Result | None = None,
+) -> CertifiedResult:
+    """Compute an upper bound on J, which no plan exceeds, with the certificate that proves it.
+
+    Parameters
+    ----------
+    method : a name in `BOUNDS`, or any callable of that kind
+    time_limit : seconds
+    stop : a further stopping criterion
+    start : a plan that the method may begin with
+
+    Returns
+    -------
+    CertifiedResult
+        With the bound and its `certificate`; `verify` checks it without any solver.
+
+    Examples
+    --------
+    >>> co.bound(problem, time_limit=10).bound
+    """
+    call = _named("method", method, BOUNDS)
+    return call(problem, _limits(time_limit, stop), _plan_of(start))
+
+
+def solve(
+    problem: Problem,
+    method: str | ExactMethod = "branch-and-price",
+    *,
+    time_limit: float | None = None,
+    stop: Stop = never,
+    gap: float = 0.0,
+    start: Plan | Result | None = None,
+) -> CertifiedResult:
+    """Find the best plan, and prove that no other is better.
+
+    Parameters
+    ----------
+    method : a name in `EXACT`, or any callable of that kind
+    time_limit : seconds; when they are over, the best plan and bound so far are returned
+    stop : a further stopping criterion
+    gap : (bound - J) / bound at which to stop; 0 means 1e-6, which is called optimal
+    start : a plan to begin with
+
+    Returns
+    -------
+    CertifiedResult
+        With plan, value, bound, gap and `certificate`.
+
+    Raises
+    ------
+    UnsupportedError
+        If the method takes no such problems, or a solver that it needs is not installed.
+
+    Examples
+    --------
+    >>> co.solve(co.load("corridor"), time_limit=60).summary()
+    """
+    if not 0 <= gap < 1:
+        raise ValueError(f"gap: must be at least 0 and less than 1, not {gap}")
+    call = _named("method", method, EXACT)
+    stop = _limits(time_limit, stop)
+    return call(problem, stop, _plan_of(start), gap=max(gap, OPTIMALITY))
+
+
+def check(problem: Problem, plan: Plan | Result) -> Verdict:
+    """Have the referee judge a plan: can it be flown, which rules does it break, what is its J?
+
+    The referee trusts no planner; it recomputes everything by slow, obvious loops.
+
+    Parameters
+    ----------
+    plan : a plan, or a result that has one
+
+    Returns
+    -------
+    Verdict
+        With `valid`, `violations` and `conflicts` in words, and J in `reward`.
+    """
+    own = _plan_of(plan)
+    if own is None:
+        raise ValueError("plan: the result has none")
+    return judge_plan(problem, own)
+
+
+@dataclass(frozen=True)
+class Verified:
+    """Outcome of `verify`, in which every number was computed anew."""
+
+    bound: float  # the lowest bound that is proved; infinite without a certificate
+    reward: float  # J of the plan; -infinite without one
+    verdict: Verdict | None  # on the plan
+
+    @property
+    def gap(self) -> float:
+        """(bound - reward) / bound; infinite where one of them is missing."""
+        return relative_gap(self.reward, self.bound)
+
+
+def verify(problem: Problem, *claims: Plan | Result | Bound) -> Verified:
+    """Check plans, certificates and proofs, trusting nobody and calling no solver.
+
+    Parameters
+    ----------
+    claims : a plan, certificates, proofs, or results, whose plan and certificate are checked
+
+    Returns
+    -------
+    Verified
+
+    Raises
+    ------
+    CertificateError
+        If a certificate belongs to another problem, is not valid, or claims less than it proves.
+    ValueError
+        If a plan breaks a rule or cannot be flown, or there are two plans.
+
+    Examples
+    --------
+    >>> co.verify(problem, result.plan, result.certificate).gap
+    """
+    plans = [p for p in map(_plan_in, claims) if p is not None]
+    bounds = [b for b in map(_bound_in, claims) if b is not None]
+    if len(plans) > 1:
+        raise ValueError("claims: name at most one plan")
+    lowest = min((verify_bound(problem, b).bound for b in bounds), default=float("inf"))
+    if not plans:
+        return Verified(lowest, float("-inf"), None)
+    verdict = judge_plan(problem, plans[0])
+    if not verdict.valid:
+        raise ValueError(f"plan: {(*verdict.violations, *verdict.conflicts)[0]}")
+    return Verified(lowest, verdict.reward, verdict)
+
+
+def gap(
+    scenes: str | Problem | Sequence[str | Problem],
+    planners: Sequence[str] | None = None,
+    seeds: Iterable[int] = (0,),
+    *,
+    time_limit: float = 60.0,
+    out: str | Path | None = None,
+    workers: int | None = None,
+) -> "pd.DataFrame":
+    """Measure planners against certified bounds: the gap table.
+
+    Parameters
+    ----------
+    scenes : names, files or problems
+    planners : names in `PLANNERS`; the paper's if not given
+    seeds : of the scenes
+    time_limit : seconds for each plan, and for each bound
+    out : folder that keeps plans, certificates and results; what is there is not computed again
+    workers : processes, each on a core of its own; this process if not given
+
+    Returns
+    -------
+    DataFrame
+        A row per scene, seed and planner, with the columns of `results.csv`.
+
+    Examples
+    --------
+    >>> co.gap(["corridor", "bottleneck"], ["sequential", "cocap"], seeds=range(3))
+    """
+    from cocap_opt.experiments.sweeps.api import gap as sweep
+
+    some = [scenes] if isinstance(scenes, str | Problem) else list(scenes)
+    folder = None if out is None else Path(out)
+    return sweep(some, planners, tuple(seeds), time_limit=time_limit, out=folder, workers=workers)
+
+
+def show(problem: Problem, *plans: Plan | Result) -> "Player":
+    """Play plans side by side, inline in a notebook; `.save("plans.html")` writes the page.
+
+    Parameters
+    ----------
+    plans : plans, or results that have one; without any the drones are shown at their starts
+
+    Returns
+    -------
+    Player
+    """
+    from cocap_opt.experiments.report.player import Player
+
+    known = [own for own in map(_plan_of, plans) if own is not None]
+    return Player(problem, [(f"plan {n}", own) for n, own in enumerate(known, start=1)])
+
+
+def save(
+    path: str | Path, content: Problem | Plan | Result | Bound, problem: Problem | None = None
+) -> None:
+    """Write a problem, a plan, a certificate or a proof to a file, whole or not at all.
+
+    Parameters
+    ----------
+    content : what to write; of a result, its plan
+    problem : the problem that a plan is for; a result knows it
+
+    Raises
+    ------
+    FileError
+        If the file cannot be written.
+    ValueError
+        If a plan comes without its problem, or a result has no plan.
+    """
+    if isinstance(content, Result):
+        problem = content.problem if problem is None else problem
+    document = (
+        SceneFile(problem=content) if isinstance(content, Problem)
+        else content if isinstance(content, CertificateFile | ProofFile)
+        else _plan_file(content, problem)
+    )  # fmt: skip
+    save_document(Path(path), document)
+
+
+def read(path: str | Path) -> Problem | Plan | Bound:
+    """Read a file that this project has written: a scene, a plan, a certificate or a proof.
+
+    Raises
+    ------
+    FileError
+        If it is none of these, or is damaged; one line says what is wrong.
+    """
+    name = Path(path)
+    found = decode_document(
+        read_bytes(name), str(name), SceneFile, PlanFile, CertificateFile, ProofFile
+    )
+    if isinstance(found, SceneFile):
+        return found.problem
+    if isinstance(found, PlanFile):
+        return found.plan
+    assert isinstance(found, CertificateFile | ProofFile)
+    return found
+
+
+# -- parts --------------------------------------------------------------------------------
+
+
+def _named(kind: str, given: str | M, known: Mapping[str, M]) -> M:
+    """The method itself, or the one of this name."""
+    if not isinstance(given, str):
+        return given
+    if given not in known:
+        raise ValueError(f"{kind}: must be one of {', '.join(known)}, not {given!r}")
+    return known[given]
+
+
+def _limits(seconds: float | None, stop: Stop) -> Stop:
+    if seconds is None:
+        return stop
+    if not seconds >= 0:
+        raise ValueError(f"time_limit: must be a number of seconds >= 0, not {seconds}")
+    return FirstOf(stop, TimeLimit(seconds))
+
+
+def _plan_of(given: Plan | Result | None) -> Plan | None:
+    return given.plan if isinstance(given, Result) else given
+
+
+def _plan_in(claim: Plan | Result | Bound) -> Plan | None:
+    return _plan_of(claim) if isinstance(claim, Plan | Result) else None
+
+
+def _bound_in(claim: Plan | Result | Bound) -> Bound | None:
+    if isinstance(claim, CertifiedResult):
+        return claim.certificate
+    return None if isinstance(claim, Plan | Result) else claim
+
+
+def _plan_file(content: Plan | Result, problem: Problem | None) -> PlanFile:
+    own = _plan_of(content)
+    if own is None:
+        raise ValueError("content: the result has no plan")
+    if problem is None:
+        raise ValueError("problem: a plan is written with the problem that it is for")
+    return PlanFile(
+        scene=problem.name, digest=problem_digest(problem), planner="",
+        reward=judge_plan(problem, own).reward, plan=own,
+    )  # fmt: skip
