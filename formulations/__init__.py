@@ -1,44 +1,128 @@
 """Bounds and exact optima. To add one: one file, and one line in a registry below."""
 
-from functools import partial
+import inspect
 from importlib import import_module
-from typing import Any
+from typing import Any, cast
 
-from cocap_opt.formulations.result import BoundMethod, CertifiedResult, ExactMethod
+from cocap_opt.formulations.result import (
+    BoundMethod,
+    CertifiedResult,
+    ExactMethod,
+    Report,
+    silent,
+)
+from cocap_opt.problem.plan import Plan
+from cocap_opt.problem.problem import Problem
+from cocap_opt.stop import Stop, never
 
-__all__ = ["BOUNDS", "EXACT", "BoundMethod", "CertifiedResult", "ExactMethod"]
+__all__ = ["BOUNDS", "EXACT", "BoundMethod", "CertifiedResult", "ExactMethod", "LazyMethod"]
 
 
-def _call(module: str, function: str, *arguments: Any, **options: Any) -> CertifiedResult:
-    result: CertifiedResult = getattr(import_module(module), function)(*arguments, **options)
-    return result
+class _OfTheFunction:
+    """An attribute that a method has from its function; the class itself has a value of its own."""
+
+    def __init__(self, own: str | None) -> None:
+        self._own = own
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._name = name
+
+    def __get__(self, method: "LazyMethod | None", owner: type) -> object:
+        if method is None:
+            return self._own
+        function = method.load()
+        if self._name == "__signature__":
+            return inspect.signature(function)
+        return getattr(function, self._name)
 
 
-def _lazy(module: str, function: str) -> Any:
-    """A method whose module is imported when it is first called: some solvers take seconds."""
-    return partial(_call, module, function)
+class LazyMethod:
+    """A bound or exact method whose module is imported at first use: some solvers take seconds.
+
+    Signature and docstring are the function's own, so that `help` shows them.
+
+    Attributes
+    ----------
+    summary : one line, known without the import
+    """
+
+    __doc__ = cast(str, _OfTheFunction(__doc__))
+    __signature__ = _OfTheFunction(None)
+
+    def __init__(self, module: str, name: str, summary: str) -> None:
+        self._module = f"cocap_opt.formulations.{module}"
+        self.__name__ = self.__qualname__ = name
+        self.__module__ = self._module
+        self.summary = summary
+
+    def load(self) -> BoundMethod:
+        """Imports the module, if it is not there yet, and returns the function."""
+        return cast(BoundMethod, getattr(import_module(self._module), self.__name__))
+
+    def __call__(
+        self,
+        problem: Problem,
+        stop: Stop = never,
+        start: Plan | None = None,
+        report: Report = silent,
+        *arguments: Any,
+        **options: Any,
+    ) -> CertifiedResult:
+        """Calls the function; exact methods take the relative `gap` to reach besides."""
+        function = cast(Any, self.load())
+        result: CertifiedResult = function(problem, stop, start, report, *arguments, **options)
+        return result
+
+    def __get__(self, instance: object, owner: type) -> "LazyMethod":
+        """Returns the method itself; that it can be an attribute makes `help` see a function."""
+        return self
+
+    def __repr__(self) -> str:
+        return f"<method {self.__name__}: {self.summary}>"
+
+    def __reduce__(self) -> tuple[type, tuple[str, str, str]]:
+        module = self._module.removeprefix("cocap_opt.formulations.")
+        return LazyMethod, (module, self.__name__, self.summary)
 
 
-BOUNDS: dict[str, BoundMethod] = {
-    "alone": _lazy("cocap_opt.formulations.simple_bounds", "alone"),
-    "online": _lazy("cocap_opt.formulations.simple_bounds", "online"),
-    "concave": _lazy("cocap_opt.formulations.relaxations.cone_program", "concave"),
-    "single-view": _lazy("cocap_opt.formulations.relaxations.cone_program", "single_view"),
-    "envelope": _lazy("cocap_opt.formulations.relaxations.cone_program", "envelope"),
-    "column-generation": _lazy(
-        "cocap_opt.formulations.column_generation.root_bound", "column_generation"
+BOUNDS: dict[str, LazyMethod] = {
+    "alone": LazyMethod("simple_bounds", "alone", "every drone as if it were alone"),
+    "online": LazyMethod("simple_bounds", "online", "J of a plan and what each drone could add"),
+    "concave": LazyMethod(
+        "relaxations.cone_program", "concave", "concave relaxation over the aggregated flow"
+    ),
+    "single-view": LazyMethod(
+        "relaxations.cone_program", "single_view", "concave relaxation with single-view cuts"
+    ),
+    "envelope": LazyMethod(
+        "relaxations.cone_program", "envelope", "concave relaxation with envelope cuts"
+    ),
+    "column-generation": LazyMethod(
+        "column_generation.root_bound",
+        "column_generation",
+        "relaxation over paths with all cuts, any size, and a plan",
     ),
 }
 
-EXACT: dict[str, ExactMethod] = {
-    "brute-force": _lazy("cocap_opt.formulations.brute_force", "brute_force"),
-    "branch-and-price": _lazy(
-        "cocap_opt.formulations.column_generation.branch_and_price", "branch_and_price"
+EXACT: dict[str, LazyMethod] = {
+    "brute-force": LazyMethod("brute_force", "brute_force", "all plans, one by one"),
+    "branch-and-price": LazyMethod(
+        "column_generation.branch_and_price",
+        "branch_and_price",
+        "proved optima: a tree over column generation",
     ),
-    "highs": _lazy("cocap_opt.formulations.integer_programs.mathopt", "highs"),
-    "scip": _lazy("cocap_opt.formulations.integer_programs.mathopt", "scip"),
-    "cp-sat": _lazy("cocap_opt.formulations.integer_programs.cp_sat", "cp_sat"),
-    "scip-nonlinear": _lazy(
-        "cocap_opt.formulations.integer_programs.scip_nonlinear", "scip_nonlinear"
-    ),  # needs PySCIPOpt
+    "highs": LazyMethod(
+        "integer_programs.mathopt", "highs", "integer program by outer approximation with HiGHS"
+    ),
+    "scip": LazyMethod(
+        "integer_programs.mathopt", "scip", "integer program by outer approximation with SCIP"
+    ),
+    "cp-sat": LazyMethod(
+        "integer_programs.cp_sat", "cp_sat", "integer program by outer approximation with CP-SAT"
+    ),
+    "scip-nonlinear": LazyMethod(
+        "integer_programs.scip_nonlinear",
+        "scip_nonlinear",
+        "nonlinear integer program with SCIP; needs PySCIPOpt",
+    ),
 }

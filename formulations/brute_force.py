@@ -1,8 +1,9 @@
 """Exact optimum by enumerating all plans: the oracle for tiny instances."""
 
 import math
-import time
+from dataclasses import replace
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,12 +20,15 @@ from cocap_opt.model import Model, Path, compiled
 from cocap_opt.objective import move_reward, robot_pixels, view_reward
 from cocap_opt.problem.plan import Plan, conflicts
 from cocap_opt.problem.problem import Problem
-from cocap_opt.result import Reason, UnsupportedError
-from cocap_opt.stop import Limit, Stop, never
+from cocap_opt.result import Reason, UnsupportedError, timed
+from cocap_opt.stop import LimitReached, Stop, never
+
+__all__ = ["MOST_PLANS", "brute_force"]
 
 MOST_PLANS = 2_000_000
 
 
+@timed
 def brute_force(
     problem: Problem,
     stop: Stop = never,
@@ -32,65 +36,84 @@ def brute_force(
     report: Report = silent,
     gap: float = OPTIMALITY,
 ) -> CertifiedResult:
-    """Best plan by trying all of them, which is also what proves its bound: no certificate.
+    """Tries all plans, which is also what proves its bound: there is no certificate.
 
-    It needs no start, but says whether the one given could be used.
+    It needs no start, but says why the one given could not be used.
 
     Raises
     ------
     UnsupportedError
         If there are more than MOST_PLANS plans.
     """
-    begin = time.perf_counter()
     model = compiled(problem)
-    robots = range(len(problem.robots))
     plans = 1
-    for robot in robots:
-        plans *= count_paths(model, robot)
+    for robot in range(len(problem.robots)):
+        plans *= _count_paths(model, robot)
         if plans > MOST_PLANS:
             raise UnsupportedError(f"brute force tries at most {MOST_PLANS} plans, here are more")
-    limit = model.prepare_all(stop)
-    paths = [all_paths(model, robot) for robot in robots]
-    pixels: list[list[FloatArray]] = [[] for _ in robots]
-    moves: list[list[float]] = [[] for _ in robots]
-    for robot in robots:
-        for path in paths[robot]:
-            limit = limit if limit is not Limit.NONE else stop()
-            if limit is not Limit.NONE:
-                return only_start(problem, start, limit, time.perf_counter() - begin)
-            pixels[robot].append(robot_pixels(model, robot, path))
-            moves[robot].append(move_reward(model, robot, path))
-    best_value, best = -math.inf, None
-    for choice in product(*(range(len(some)) for some in paths)):
-        limit = stop()
-        if limit is not Limit.NONE:
-            break
-        seen = np.sum([pixels[i][k] for i, k in zip(robots, choice, strict=True)], axis=0)
-        value = float(view_reward(problem, seen).sum())
-        value += sum(moves[i][k] for i, k in zip(robots, choice, strict=True))
-        if value > best_value:
-            plan = model.plan([paths[i][k] for i, k in zip(robots, choice, strict=True)])
-            if next(conflicts(problem, plan), None) is None:
-                best_value, best = value, plan
-    if best is None and limit is not Limit.NONE:
-        return only_start(problem, start, limit, time.perf_counter() - begin)
-    reason = Reason.STOPPED
-    if limit is Limit.NONE:
-        reason = Reason.INFEASIBLE if best is None else Reason.OPTIMAL
-    return CertifiedResult(
-        plan=best,
-        value=best_value,
-        reason=reason,
-        limit=limit,
-        bound=best_value if limit is Limit.NONE else math.inf,
-        seconds=time.perf_counter() - begin,
-        message=usable_start(problem, start)[1],
-        statistics={"plans": plans},
-    )
+    search = _Enumeration(model)
+    try:
+        model.prepare_all(stop)
+        search.run(stop)
+    except LimitReached as reached:
+        if search.plan is None:
+            return only_start(problem, start, reached.limit)
+        result = CertifiedResult(search.plan, search.value, Reason.STOPPED, reached.limit)
+    else:
+        reason = Reason.INFEASIBLE if search.plan is None else Reason.OPTIMAL
+        result = CertifiedResult(search.plan, search.value, reason, bound=search.value)
+    message = usable_start(problem, start).message
+    return replace(result, message=message, statistics={"plans": plans})
 
 
-def count_paths(model: Model, robot: int) -> int:
-    """Number of paths of a robot (goal ignored), by dynamic programming."""
+class _Choice(NamedTuple):
+    """A path of one robot, its pixels and its reward for moves."""
+
+    path: Path
+    pixels: FloatArray  # [Z]
+    moves: float
+
+
+class _Enumeration:
+    """All plans of a problem, one after the other, and the best of them so far."""
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        self.plan: Plan | None = None
+        self.value = -math.inf
+
+    def run(self, stop: Stop) -> None:
+        """Goes through all plans.
+
+        Raises
+        ------
+        LimitReached
+            If the limit is reached before the last one.
+        """
+        model = self.model
+        choices = [self._choices(robot, stop) for robot in range(len(model.problem.robots))]
+        for chosen in product(*choices):
+            stop.check()
+            seen = np.sum([choice.pixels for choice in chosen], axis=0)
+            value = float(view_reward(model.problem, seen).sum())
+            value += sum(choice.moves for choice in chosen)
+            if value > self.value:
+                plan = model.plan([choice.path for choice in chosen])
+                if next(conflicts(model.problem, plan), None) is None:
+                    self.value, self.plan = value, plan
+
+    def _choices(self, robot: int, stop: Stop) -> list[_Choice]:
+        """Returns all paths of a robot that end in its goal."""
+        model, found = self.model, []
+        for path in _all_paths(model, robot):
+            stop.check()
+            pixels = robot_pixels(model, robot, path)
+            found.append(_Choice(path, pixels, move_reward(model, robot, path)))
+        return found
+
+
+def _count_paths(model: Model, robot: int) -> int:
+    """Returns the number of paths of a robot (goal ignored), by dynamic programming."""
     graph = model.class_of[robot].graph
     counts = {model.start(robot): 1}
     for _ in range(model.problem.horizon):
@@ -102,8 +125,8 @@ def count_paths(model: Model, robot: int) -> int:
     return sum(counts.values())
 
 
-def all_paths(model: Model, robot: int) -> list[Path]:
-    """All paths of a robot that end in its goal."""
+def _all_paths(model: Model, robot: int) -> list[Path]:
+    """Returns all paths of a robot that end in its goal."""
     robot_class = model.class_of[robot]
     paths: list[Path] = [(model.start(robot),)]
     for _ in range(model.problem.horizon):

@@ -1,39 +1,73 @@
-"""What bounds and exact methods take and return."""
+"""The contract of bounds and exact methods: their arguments and their results."""
 
 import math
-import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol
 
-from cocap_opt.check import check
-from cocap_opt.formulations.certificates.certificate import CertificateFile
-from cocap_opt.formulations.certificates.proof import ProofFile
+from cocap_opt.formulations.certificates import CertificateFile, ProofFile
 from cocap_opt.problem.plan import Plan
 from cocap_opt.problem.problem import Problem
+from cocap_opt.referee import check
 from cocap_opt.result import Reason, Result, relative_gap
 from cocap_opt.stop import Limit, Stop, never
+
+__all__ = [
+    "OPTIMALITY",
+    "BoundMethod",
+    "CertifiedResult",
+    "ExactMethod",
+    "Report",
+    "Snapshot",
+    "hovering",
+    "no_bound",
+    "only_start",
+    "silent",
+    "usable_start",
+]
 
 OPTIMALITY = 1e-6  # relative gap at which a plan is called optimal
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class CertifiedResult(Result):
     """A value and a bound, with the file that proves the bound.
 
-    `bound` is what the certificate proves, never a solver's own word for it; those are in
+    `bound` is the one that the certificate proves, never a solver's own word for it; that is in
     `statistics`. A method without a plan has the value -inf.
     """
 
     certificate: CertificateFile | ProofFile | None = None
 
+    @classmethod
+    def bounded(
+        cls, file: CertificateFile | ProofFile, statistics: Mapping[str, float]
+    ) -> "CertifiedResult":
+        """Returns the result of a method that ran to its end and looks for no plan.
+
+        A negative bound proves that there is no plan, since J >= 0.
+        """
+        reason = Reason.INFEASIBLE if file.proved < 0 else Reason.FINISHED
+        return cls(
+            None, -math.inf, reason, bound=file.proved, statistics=statistics, certificate=file
+        )
+
+    def stopped_by(self, limit: Limit) -> "CertifiedResult":
+        """Returns the same result with the limit that stopped the method.
+
+        Where it proves that there is no plan, nothing was left to do.
+        """
+        if self.reason is Reason.INFEASIBLE:
+            return self
+        return replace(self, reason=Reason.STOPPED, limit=limit)
+
 
 class Snapshot(NamedTuple):
-    """How far a method is."""
+    """The progress of a method."""
 
     value: float  # J of the best plan so far; -inf without one
     bound: float  # best certified bound so far; inf without one
-    seconds: float
+    seconds: float  # since the method began
     columns: int = 0
     nodes: int = 0
 
@@ -47,7 +81,7 @@ Report = Callable[[Snapshot], None]
 
 
 def silent(snapshot: Snapshot) -> None:
-    """Report to nobody."""
+    """Reports to nobody."""
 
 
 class BoundMethod(Protocol):
@@ -60,7 +94,7 @@ class BoundMethod(Protocol):
         start: Plan | None = None,
         report: Report = silent,
     ) -> CertifiedResult:
-        """Bound a problem; the plan `start` helps some methods."""
+        """Bounds a problem; the plan `start` helps some methods."""
 
 
 class ExactMethod(Protocol):
@@ -74,59 +108,44 @@ class ExactMethod(Protocol):
         report: Report = silent,
         gap: float = OPTIMALITY,
     ) -> CertifiedResult:
-        """Solve a problem, beginning with the plan `start`."""
+        """Solves a problem, beginning with the plan `start`."""
 
 
-def usable_start(problem: Problem, start: Plan | None) -> tuple[Plan | None, str]:
-    """The plan if it can be flown and breaks no rule; otherwise None and why not, in words."""
+class _Start(NamedTuple):
+    """A plan to begin with, if there is one."""
+
+    plan: Plan | None
+    message: str  # why the plan that was given is rejected; empty where it is not
+
+
+def usable_start(problem: Problem, start: Plan | None) -> _Start:
+    """Returns the plan if it can be flown and breaks no rule; otherwise the reason in words."""
     if start is None:
-        return None, ""
+        return _Start(None, "")
     verdict = check(problem, start)
     if verdict.valid:
-        return start, ""
-    return None, f"start rejected: {(*verdict.violations, *verdict.conflicts)[0]}"
+        return _Start(start, "")
+    return _Start(None, f"start rejected: {(*verdict.violations, *verdict.conflicts)[0]}")
 
 
 def hovering(problem: Problem) -> Plan | None:
-    """The plan in which nobody moves: starts obey all rules. None where a goal is elsewhere."""
+    """Returns the plan in which nobody moves, as starts obey all rules; None where goals differ."""
     if any(r.goal not in (None, (r.start.x, r.start.y)) for r in problem.robots):
         return None
     return Plan(paths=tuple((r.start,) * (problem.horizon + 1) for r in problem.robots))
 
 
-def first_plan(problem: Problem, start: Plan | None) -> tuple[Plan | None, str]:
-    """A plan to begin with: the start if it is usable, else that nobody moves; and why not."""
+def no_bound(limit: Limit) -> CertifiedResult:
+    """Returns the result of a method that was stopped before it had any bound."""
+    return CertifiedResult(None, -math.inf, Reason.STOPPED, limit)
+
+
+def only_start(problem: Problem, start: Plan | None, limit: Limit) -> CertifiedResult:
+    """Returns the result of an exact method that was stopped at once.
+
+    Its plan is the start, or else that nobody moves.
+    """
     plan, message = usable_start(problem, start)
-    return (hovering(problem) if plan is None else plan), message
-
-
-def bounded(
-    file: CertificateFile | ProofFile,
-    limit: Limit,
-    begin: float,
-    statistics: Mapping[str, float] | None = None,
-) -> CertifiedResult:
-    """Result of a method that looks for no plan; a negative bound proves that there is none."""
-    reason = Reason.FINISHED if limit is Limit.NONE else Reason.STOPPED
-    if file.proved < 0:  # J >= 0
-        reason, limit = Reason.INFEASIBLE, Limit.NONE
-    return CertifiedResult(
-        None, -math.inf, reason, limit, file.proved, time.perf_counter() - begin,
-        statistics=statistics or {}, certificate=file,
-    )  # fmt: skip
-
-
-def no_bound(limit: Limit, seconds: float) -> CertifiedResult:
-    """What a method returns that was stopped before it had any bound."""
-    return CertifiedResult(None, -math.inf, Reason.STOPPED, limit, seconds=seconds)
-
-
-def only_start(
-    problem: Problem, start: Plan | None, limit: Limit, seconds: float
-) -> CertifiedResult:
-    """What an exact method returns that was stopped at once: its start, or that nobody moves."""
-    plan, message = first_plan(problem, start)
+    plan = hovering(problem) if plan is None else plan
     value = -math.inf if plan is None else check(problem, plan).reward
-    return CertifiedResult(
-        plan, value, Reason.STOPPED, limit, seconds=seconds, message=message
-    )  # fmt: skip
+    return CertifiedResult(plan, value, Reason.STOPPED, limit, message=message)

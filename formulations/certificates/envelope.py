@@ -1,4 +1,4 @@
-"""Envelope cuts: the concave envelope of a view sum's root over which robots see how much.
+"""Envelope cuts: concave bounds on the root of a view sum over which robots see how much.
 
 For one view sum with pixels c_i of robot i and roots s_i = sqrt(c_i), the root of the sum is the
 norm |s|, convex in s. Functions phi_k of one root, one for each class k of robots, that are
@@ -7,14 +7,14 @@ linear between breakpoints 0 = s_0 < s_1 < .. < s_K and have slope 1 from the la
     |s| <= constant + sum_i phi_k(i)(s_i)
 
 valid once it holds where every s_i is a breakpoint: on each box between breakpoints the left
-side is convex and the right side linear, so their difference is largest at a corner; and
-beyond the last ones the norm grows by no more than phi does. `constant_of` goes through these
+side is convex and the right side linear, so that their difference is largest at a corner; and
+beyond the last ones the norm grows by no more than phi does. `Cut.valid` goes through these
 corners; any phi have their constant. A class without breakpoints has phi(s) = s, and adds no
 corners: a norm is subadditive.
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
@@ -23,10 +23,9 @@ import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray
 
-MOST_WORK = 256  # breakpoints of all classes, each counted once per robot of its class
-MOST_CORNERS = 20_000  # partial ones that are kept apart where a cut's constant is found
-STAGE_CHOICES = 10_000  # multisets of a class that are gone through at once
-TANGENTS = 16  # of the root, in bounds of what completions can have
+MOST_CORNERS = 20_000  # partial corners that are kept apart where a cut's constant is found
+STAGE_CHOICES = 10_000  # multisets of breakpoints of a class that are gone through at once
+TANGENTS = 16  # tangents of the root, from which bounds on completions are taken
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,19 +42,19 @@ class Curve:
     values: FloatArray
 
     def __post_init__(self) -> None:
-        """Put the breakpoint 0 in front, once."""
+        """Puts the breakpoint 0 in front, once."""
         object.__setattr__(self, "_at", np.append(0.0, self.roots))
         object.__setattr__(self, "_heights", np.append(0.0, self.values))
 
     def __call__(self, roots: FloatArray) -> FloatArray:
-        """phi at any roots >= 0."""
+        """Returns phi at any roots >= 0."""
         at: FloatArray = self._at  # type: ignore[attr-defined]
         result: FloatArray = np.interp(roots, at, self._heights)  # type: ignore[attr-defined]
         result += np.maximum(roots - at[-1], 0.0)
         return result
 
 
-IDENTITY = Curve(np.zeros(0), np.zeros(0))
+_IDENTITY = Curve(np.zeros(0), np.zeros(0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,12 +70,24 @@ class Cut:
     curves: Mapping[int, Curve]
     constant: float
 
+    @classmethod
+    def valid(cls, view_sum: int, curves: Mapping[int, Curve], sizes: tuple[int, ...]) -> "Cut":
+        """Returns the cut with the least constant that makes it valid, or little more.
+
+        The constant is >= 0, since no robot may see the view sum.
+
+        Parameters
+        ----------
+        sizes : number of robots of each class
+        """
+        return cls(view_sum, curves, Corners(curves, sizes).highest())
+
     def phi(self, number: int, roots: FloatArray) -> FloatArray:
-        """phi of the robots of class `number` at any roots."""
-        return self.curves.get(number, IDENTITY)(roots)
+        """Returns phi of the robots of class `number` at any roots."""
+        return self.curves.get(number, _IDENTITY)(roots)
 
     def phi_of(self, classes: IntArray, roots: FloatArray) -> FloatArray:
-        """phi of robots of these classes [n] at their roots [n]."""
+        """Returns phi of robots of these classes [n] at their roots [n]."""
         values = np.empty(len(roots))
         for number in np.unique(classes).tolist():
             own = classes == number
@@ -84,9 +95,123 @@ class Cut:
         return values
 
 
+# Which partial corners to keep, of pixels [n], values [n] and the most that completions can
+# reach [n]: their positions, and the pixels and values that they get.
+Thin = Callable[[FloatArray, FloatArray, FloatArray], tuple[IntArray, FloatArray, FloatArray]]
+
+
+class _Stage(NamedTuple):
+    """The choices of some robots of one class: how many of them are at each breakpoint."""
+
+    pixels: FloatArray  # [M]
+    values: FloatArray  # [M] sum of phi
+    counts: IntArray  # [M, K] robots at each breakpoint
+    first: int  # position of the class's first breakpoint among those of all classes
+
+
+class Corners:
+    """All corners of a cut: every robot at a breakpoint of its class, or at 0.
+
+    Parameters
+    ----------
+    curves : phi by number of the class
+    sizes : number of robots of each class
+    """
+
+    def __init__(self, curves: Mapping[int, Curve], sizes: tuple[int, ...]) -> None:
+        self._stages: list[_Stage] = []
+        first = 0
+        for number, curve in curves.items():
+            # All robots of a class at once while their choices are few, else one by one.
+            points, robots = len(curve.roots), sizes[number]
+            at_once = math.comb(robots + points, points) <= STAGE_CHOICES
+            counts = _multisets(points, robots if at_once else 1)
+            stage = _Stage(counts @ curve.roots**2, counts @ curve.values, counts, first)
+            self._stages += [stage] * (1 if at_once else robots)
+            first += points
+
+    def highest(self) -> float:
+        """Returns the largest |s| - sum phi of all corners, or little more."""
+        known = self._ascent()
+        least = known - 1e-12 * math.sqrt(self._most_pixels)
+        heights = self.above(least, _undominated).heights
+        return float(heights.max(initial=max(known, 0.0)))
+
+    def above(self, least: float, thin: Thin) -> "_HighCorners":
+        """Returns the corners at which |s| - sum phi is at least `least`, by dynamic programming.
+
+        A partial sum of pixels z and value v = -sum phi is dropped where no completion can
+        reach `least`: sqrt(z) is at most any tangent theta z + 1 / (4 theta), for which the
+        best completion is found stage by stage.
+
+        Parameters
+        ----------
+        thin : drops more of the partial corners after each stage
+        """
+        thetas = 0.5 / np.sqrt(max(self._most_pixels, 1e-300) * np.geomspace(1e-4, 1.0, TANGENTS))
+        gains = [(s.pixels * thetas[:, None] - s.values).max(axis=1) for s in self._stages]
+        rest = np.cumsum([np.zeros(TANGENTS), *gains[::-1]], axis=0)[::-1] + 0.25 / thetas
+        pixels, values = np.zeros(1), np.zeros(1)
+        steps: list[tuple[IntArray, IntArray]] = []
+        for k, stage in enumerate(self._stages):
+            z = (pixels[:, None] + stage.pixels).ravel()
+            v = (values[:, None] - stage.values).ravel()
+            most = np.full(len(z), np.inf)
+            for theta, left in zip(thetas, rest[k + 1], strict=True):
+                np.minimum(most, theta * z + v + left, out=most)
+            able = np.flatnonzero(most >= least)
+            which, pixels, values = thin(z[able], v[able], most[able])
+            kept = able[which]
+            steps.append((kept // len(stage.pixels), kept % len(stage.pixels)))
+        return _HighCorners(np.sqrt(pixels) + values, self._stages, steps)
+
+    @property
+    def _most_pixels(self) -> float:
+        """Pixels where every robot is at its last breakpoint."""
+        return sum(float(stage.pixels.max()) for stage in self._stages)
+
+    def _ascent(self) -> float:
+        """Returns |s| - sum phi of a corner that no stage can better alone."""
+        chosen = [0] * len(self._stages)
+        pixels, value, best = 0.0, 0.0, -math.inf
+        height = 0.0
+        while height > best:
+            best = height
+            for k, stage in enumerate(self._stages):
+                pixels -= float(stage.pixels[chosen[k]])
+                value += float(stage.values[chosen[k]])
+                heights = np.sqrt(np.maximum(pixels, 0.0) + stage.pixels) - stage.values
+                chosen[k] = int(np.argmax(heights))
+                pixels += float(stage.pixels[chosen[k]])
+                value -= float(stage.values[chosen[k]])
+            height = math.sqrt(max(pixels, 0.0)) + value
+        return best
+
+
+class _HighCorners(NamedTuple):
+    """The corners that `Corners.above` found."""
+
+    heights: FloatArray  # [n] |s| - sum phi, or more where `thin` merged some
+    stages: list[_Stage]
+    steps: list[tuple[IntArray, IntArray]]  # parents and choices, stage by stage
+
+    def counts(self, which: IntArray) -> IntArray:
+        """Returns how many robots are at each breakpoint in these corners [n, sum of K]."""
+        points = max(stage.first + stage.counts.shape[1] for stage in self.stages)
+        counts = np.zeros((len(which), points), dtype=np.int64)
+        for stage, (parents, choices) in zip(
+            reversed(self.stages), reversed(self.steps), strict=True
+        ):
+            counts[:, stage.first : stage.first + stage.counts.shape[1]] += stage.counts[
+                choices[which]
+            ]
+            which = parents[which]
+        return counts
+
+
 @lru_cache(maxsize=256)
-def multisets(points: int, size: int) -> IntArray:
-    """Counts [M, points] of all multisets with at most `size` elements."""
+def _multisets(points: int, size: int) -> IntArray:
+    """Returns the counts [M, points] of all multisets with at most `size` elements."""
     counts = np.zeros((1, 0), dtype=np.int64)
     for _ in range(points):
         left = size - counts.sum(axis=1)
@@ -98,111 +223,10 @@ def multisets(points: int, size: int) -> IntArray:
     return counts
 
 
-def constant_of(curves: Mapping[int, Curve], sizes: tuple[int, ...]) -> float:
-    """Least constant that makes a cut valid, or little more; >= 0, since none may see the view sum.
-
-    Parameters
-    ----------
-    sizes : robots of each class, by its number
-    """
-    return _highest(stages_of(curves, sizes))
-
-
-def work_of(curves: Mapping[int, Curve], sizes: tuple[int, ...]) -> int:
-    """What the time that a cut's constant takes grows with."""
-    return sum(sizes[number] * len(curve.roots) for number, curve in curves.items())
-
-
-class Stage(NamedTuple):
-    """What some robots of a class may do."""
-
-    pixels: FloatArray  # [M]
-    values: FloatArray  # [M] sum of phi
-    counts: IntArray  # [M, K] how many of them are at each breakpoint
-    first: int  # position of the class's first breakpoint among those of all classes
-
-
-def stages_of(curves: Mapping[int, Curve], sizes: tuple[int, ...]) -> list[Stage]:
-    """Choices of the robots of each class: all at once while these are few, else one by one."""
-    stages, first = list[Stage](), 0
-    for number, curve in curves.items():
-        points, robots = len(curve.roots), sizes[number]
-        at_once = math.comb(robots + points, points) <= STAGE_CHOICES
-        counts = multisets(points, robots if at_once else 1)
-        stage = Stage(counts @ curve.roots**2, counts @ curve.values, counts, first)
-        stages += [stage] * (1 if at_once else robots)
-        first += points
-    return stages
-
-
-# Positions to keep, of pixels [n], values [n] and what completions can have at most [n], and
-# the pixels and values that these are given.
-Thin = Callable[[FloatArray, FloatArray, FloatArray], tuple[IntArray, FloatArray, FloatArray]]
-
-
-class Corners:
-    """Corners at which |s| - sum phi is large, stage by stage of a dynamic program.
-
-    A partial sum of pixels z and value v = -sum phi is dropped where no completion can exceed
-    what is asked for: sqrt(z) is at most any tangent theta z + 1 / (4 theta), for which the
-    best completion is found stage by stage. `thin` drops more of them.
-
-    Parameters
-    ----------
-    least : heights that are asked for
-    thin : which to keep after each stage
-
-    Attributes
-    ----------
-    heights : [n] |s| - sum phi of the corners, or more where `thin` merged some
-    """
-
-    def __init__(self, stages: Sequence[Stage], least: float, thin: Thin) -> None:
-        self.stages_of = stages
-        self._steps: list[tuple[IntArray, IntArray]] = []  # parent and choice of each
-        top = sum(float(stage.pixels.max()) for stage in stages)
-        thetas = 0.5 / np.sqrt(max(top, 1e-300) * np.geomspace(1e-4, 1.0, TANGENTS))
-        gains = [(stage.pixels * thetas[:, None] - stage.values).max(axis=1) for stage in stages]
-        rest = np.cumsum([np.zeros(TANGENTS), *gains[::-1]], axis=0)[::-1] + 0.25 / thetas
-        pixels, values = np.zeros(1), np.zeros(1)
-        for k, stage in enumerate(stages):
-            z = (pixels[:, None] + stage.pixels).ravel()
-            v = (values[:, None] - stage.values).ravel()
-            most = np.full(len(z), np.inf)
-            for theta, left in zip(thetas, rest[k + 1], strict=True):
-                np.minimum(most, theta * z + v + left, out=most)
-            able = np.flatnonzero(most >= least)
-            which, pixels, values = thin(z[able], v[able], most[able])
-            kept = able[which]
-            self._steps.append((kept // len(stage.pixels), kept % len(stage.pixels)))
-        self.heights = np.sqrt(pixels) + values
-
-    def counts(self, which: IntArray) -> IntArray:
-        """Counts [n, sum of K] of the robots at each breakpoint, in some of the corners."""
-        points = max(stage.first + stage.counts.shape[1] for stage in self.stages_of)
-        counts = np.zeros((len(which), points), dtype=np.int64)
-        for stage, (parents, choices) in zip(
-            reversed(self.stages_of), reversed(self._steps), strict=True
-        ):
-            counts[:, stage.first : stage.first + stage.counts.shape[1]] += stage.counts[
-                choices[which]
-            ]
-            which = parents[which]
-        return counts
-
-
-def _highest(stages: Sequence[Stage]) -> float:
-    """The largest |s| - sum phi of all corners, or little more."""
-    top = sum(float(stage.pixels.max()) for stage in stages)
-    known = _ascent(stages)
-    corners = Corners(stages, known - 1e-12 * math.sqrt(top), _undominated)
-    return float(corners.heights.max(initial=max(known, 0.0)))
-
-
 def _undominated(
     pixels: FloatArray, values: FloatArray, most: FloatArray
 ) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Those than which no other has no less of both.
+    """Keeps the undominated corners: no other has at least as many pixels and as much value.
 
     Of very many, neighbours are merged, their pixels rounded up: heights are never too small.
     """
@@ -216,21 +240,3 @@ def _undominated(
     first = np.arange(0, len(kept), -(-len(kept) // MOST_CORNERS))
     last = np.append(first[1:], len(kept)) - 1
     return kept[last], pixels[kept[first]], values[kept[last]]
-
-
-def _ascent(stages: Sequence[Stage]) -> float:
-    """|s| - sum phi of a corner that no stage can better alone."""
-    chosen = [0] * len(stages)
-    pixels, value, best = 0.0, 0.0, -math.inf
-    height = 0.0
-    while height > best:
-        best = height
-        for k, stage in enumerate(stages):
-            pixels -= float(stage.pixels[chosen[k]])
-            value += float(stage.values[chosen[k]])
-            heights = np.sqrt(np.maximum(pixels, 0.0) + stage.pixels) - stage.values
-            chosen[k] = int(np.argmax(heights))
-            pixels += float(stage.pixels[chosen[k]])
-            value -= float(stage.values[chosen[k]])
-        height = math.sqrt(max(pixels, 0.0)) + value
-    return best

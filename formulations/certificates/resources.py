@@ -1,122 +1,209 @@
-"""Resources: what robots can use at a step, and what using it costs.
+"""Resources: cells, swaps, states and moves that robots use at a step, and what their use costs.
 
-Every rule between robots is a row "at most one robot uses this resource"; every branching
-decision is a row "at most k" or "at least k + 1 robots use this resource". Whatever the rows,
-their multipliers are charges on places, moves and states of one robot's graph, so that
-pricing stays value iteration.
+Every rule between robots is a row "at most one robot uses this resource"; every decision of a
+branch-and-price tree is a row "at most k" or "at least k + 1 robots use this resource". The
+multipliers of such rows charge places, moves and states of one robot's graph, so that pricing
+stays value iteration.
+
+A new kind of resource (say, a set of moves) is one more class here with its own tag, the same
+four methods, and a place in `Resource`.
 """
 
 from collections import defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import msgspec
 
 from cocap_opt.coordination.constraints import place_of
 from cocap_opt.graph.timegraph import Charges
-from cocap_opt.model import Model, Path, RobotClass
+from cocap_opt.model import Model, Path
 from cocap_opt.problem.problem import Cell, Problem, State
-
-CellPath = tuple[Cell, ...]  # T+1 cells
-
-
-class _Resource(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
-    t: int
-
-
-class Cells(_Resource, frozen=True, tag="cells"):
-    """To be in one of these cells at step t."""
-
-    cells: tuple[Cell, ...]
-    class_number: int | None = msgspec.field(default=None, name="robot_class")  # None: all robots
-
-
-class Swap(_Resource, frozen=True, tag="swap"):
-    """To move between these two cells, either way, from t to t+1."""
-
-    cells: tuple[Cell, Cell]
-
-
-class Visit(_Resource, frozen=True, tag="visit"):
-    """To be in this state at step t, for the robots of one class."""
-
-    state: State
-    class_number: int = msgspec.field(name="robot_class")
-
-
-class Move(_Resource, frozen=True, tag="move"):
-    """To move from the first cell to the second from t to t+1, for the robots of one class."""
-
-    cells: tuple[Cell, Cell]
-    class_number: int = msgspec.field(name="robot_class")
-
-
-Resource = Cells | Swap | Visit | Move
 
 
 class Flight(NamedTuple):
-    """A path as resources see it."""
+    """A path of one robot with the cells that it passes, which is all that resources look at."""
 
-    class_number: int  # its number
-    path: Path
-    cells: CellPath
+    class_number: int  # of the robot's class
+    path: Path  # T+1 state numbers
+    cells: tuple[Cell, ...]  # T+1
 
-
-def flight_of(model: Model, robot: int, path: Path) -> Flight:
-    """A robot's path of state numbers with its cells."""
-    robot_class = model.class_of[robot]
-    number = model.classes.index(robot_class)
-    of, n_places = model.cells[number], robot_class.graph.n_places
-    return Flight(number, path, tuple([of[state % n_places] for state in path]))
-
-
-def uses(model: Model, resource: Resource, flight: Flight) -> bool:
-    """Whether a path uses a resource."""
-    t, cells = resource.t, flight.cells
-    if isinstance(resource, Swap):
-        return cells[t] != cells[t + 1] and {cells[t], cells[t + 1]} == set(resource.cells)
-    if resource.class_number not in (None, flight.class_number):
-        return False
-    if isinstance(resource, Cells):
-        return cells[t] in resource.cells
-    if isinstance(resource, Visit):
-        graph = model.classes[flight.class_number].graph
-        return flight.path[t] == graph.index(resource.state)
-    return (cells[t], cells[t + 1]) == resource.cells
+    @classmethod
+    def of(cls, model: Model, robot: int, path: Path) -> "Flight":
+        """Returns the flight of a robot along a path of state numbers."""
+        robot_class = model.class_of[robot]
+        number = model.classes.index(robot_class)
+        cells, n_places = model.cells[number], robot_class.graph.n_places
+        return cls(number, path, tuple([cells[state % n_places] for state in path]))
 
 
-class Footprint(NamedTuple):
-    """What a resource is in the graph of one class, at its step."""
+class _Footprint(NamedTuple):
+    """The places, moves and states of one class's graph that make up a resource at its step."""
 
     places: tuple[int, ...] = ()
     moves: tuple[tuple[int, int], ...] = ()  # (tail, head) places
     states: tuple[int, ...] = ()
 
 
-def footprint(model: Model, number: int, resource: Resource) -> Footprint:
-    """A resource in the graph of class `number`; empty where it has nothing of it."""
-    robot_class = model.classes[number]
-    if not isinstance(resource, Swap) and resource.class_number not in (None, number):
-        return Footprint()
-    if isinstance(resource, Visit):
-        return Footprint(states=(robot_class.graph.index(resource.state),))
-    places = [place_of(model, robot_class, cell) for cell in resource.cells]
-    inside = tuple(place for place in places if place is not None)
-    if isinstance(resource, Cells):
-        return Footprint(places=inside)
-    if len(inside) < 2:
-        return Footprint()
-    one, other = inside
-    return Footprint(moves=((one, other), (other, one))[: 1 + isinstance(resource, Swap)])
+class _Resource(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """Base of all resources."""
+
+    t: int
+
+    def used_by(self, model: Model, flight: Flight) -> bool:
+        """Returns True if a flight uses the resource."""
+        raise NotImplementedError
+
+    def footprint(self, model: Model, number: int) -> _Footprint:
+        """Returns the part of the graph of class `number` that the resource is, maybe nothing."""
+        raise NotImplementedError
+
+    def why_absent(self, model: Model) -> str:
+        """Returns why the problem has no such resource, in words; empty where it has it."""
+        raise NotImplementedError
+
+    def why_shared(self, problem: Problem) -> str:
+        """Returns why two robots may use the resource at once; empty where a rule forbids it."""
+        return "must be cells or a swap, of all robots"
+
+
+class Cells(_Resource, frozen=True, tag="cells"):
+    """The resource that a robot uses by being in one of these cells at step t."""
+
+    cells: tuple[Cell, ...]
+    class_number: int | None = msgspec.field(default=None, name="robot_class")  # None: all robots
+
+    def used_by(self, model: Model, flight: Flight) -> bool:
+        """Returns True if a flight uses the resource."""
+        own = self.class_number in (None, flight.class_number)
+        return own and flight.cells[self.t] in self.cells
+
+    def footprint(self, model: Model, number: int) -> _Footprint:
+        """Returns the places of the cells; none for classes that it is not about."""
+        if self.class_number not in (None, number):
+            return _Footprint()
+        return _Footprint(places=_places(model, number, self.cells))
+
+    def why_absent(self, model: Model) -> str:
+        """Returns why the problem has no such cells, in words; empty where it has them."""
+        return (
+            _wrong_step(self.t, model.problem.horizon)
+            or _wrong_class(model, self.class_number)
+            or _wrong_cells(model.problem, self.cells)
+        )
+
+    def why_shared(self, problem: Problem) -> str:
+        """Returns why two robots may be in the cells at once; empty where a rule forbids it."""
+        if self.class_number is not None:
+            return "must be cells or a swap, of all robots"
+        apart = not all(problem.too_close(a, b) for a in self.cells for b in self.cells)
+        return "cells: two robots may be in these cells at once" if apart else ""
+
+
+class Swap(_Resource, frozen=True, tag="swap"):
+    """The resource that a robot uses by moving between these two cells, either way, from t on."""
+
+    cells: tuple[Cell, Cell]
+
+    def used_by(self, model: Model, flight: Flight) -> bool:
+        """Returns True if a flight uses the resource."""
+        tail, head = flight.cells[self.t], flight.cells[self.t + 1]
+        return tail != head and {tail, head} == set(self.cells)
+
+    def footprint(self, model: Model, number: int) -> _Footprint:
+        """Returns the moves between the cells, both ways; none where one cell is out of reach."""
+        if len(places := _places(model, number, self.cells)) < 2:
+            return _Footprint()
+        one, other = places
+        return _Footprint(moves=((one, other), (other, one)))
+
+    def why_absent(self, model: Model) -> str:
+        """Returns why the problem has no such swap, in words; empty where it has it."""
+        return _wrong_step(self.t, model.problem.horizon - 1) or _wrong_cells(
+            model.problem, self.cells
+        )
+
+    def why_shared(self, problem: Problem) -> str:
+        """Returns why two robots may swap the cells; empty where a rule forbids it."""
+        return "" if problem.rules.swap else "the scene has no swap rule"
+
+
+class Visit(_Resource, frozen=True, tag="visit"):
+    """The resource that a robot of one class uses by being in this state at step t."""
+
+    state: State
+    class_number: int = msgspec.field(name="robot_class")
+
+    def used_by(self, model: Model, flight: Flight) -> bool:
+        """Returns True if a flight uses the resource."""
+        if self.class_number != flight.class_number:
+            return False
+        return flight.path[self.t] == model.classes[self.class_number].graph.index(self.state)
+
+    def footprint(self, model: Model, number: int) -> _Footprint:
+        """Returns the state; none for other classes."""
+        if self.class_number != number:
+            return _Footprint()
+        return _Footprint(states=(model.classes[number].graph.index(self.state),))
+
+    def why_absent(self, model: Model) -> str:
+        """Returns why the class has no such state, in words; empty where it has it."""
+        wrong = _wrong_step(self.t, model.problem.horizon) or _wrong_class(model, self.class_number)
+        if wrong:
+            return wrong
+        spec = model.classes[self.class_number].spec
+        sizes = (
+            *model.problem.height_map.shape,
+            len(spec.motion.layers),
+            spec.motion.headings,
+            len(spec.camera.tilts),
+        )
+        inside = all(0 <= value < size for value, size in zip(self.state, sizes, strict=True))
+        return "" if inside else f"state: {tuple(self.state)} is none of the class's states"
+
+
+class Move(_Resource, frozen=True, tag="move"):
+    """The resource that a robot of one class uses by moving from the first to the second cell.
+
+    The move begins at step t and ends at t + 1.
+    """
+
+    cells: tuple[Cell, Cell]
+    class_number: int = msgspec.field(name="robot_class")
+
+    def used_by(self, model: Model, flight: Flight) -> bool:
+        """Returns True if a flight uses the resource."""
+        own = self.class_number == flight.class_number
+        return own and flight.cells[self.t : self.t + 2] == self.cells
+
+    def footprint(self, model: Model, number: int) -> _Footprint:
+        """Returns the move; none for other classes and where one cell is out of reach."""
+        if self.class_number != number:
+            return _Footprint()
+        if len(places := _places(model, number, self.cells)) < 2:
+            return _Footprint()
+        tail, head = places
+        return _Footprint(moves=((tail, head),))
+
+    def why_absent(self, model: Model) -> str:
+        """Returns why the problem has no such move, in words; empty where it has it."""
+        return (
+            _wrong_step(self.t, model.problem.horizon - 1)
+            or _wrong_class(model, self.class_number)
+            or _wrong_cells(model.problem, self.cells)
+        )
+
+
+Resource = Cells | Swap | Visit | Move
 
 
 def charges_of(model: Model, number: int, costs: Iterable[tuple[Resource, float]]) -> Charges:
-    """What resources with these costs charge the robots of class `number`."""
+    """Returns what resources with these costs charge the robots of class `number`."""
     places: defaultdict[tuple[int, int], float] = defaultdict(float)
     moves: defaultdict[tuple[int, int, int], float] = defaultdict(float)
     states: defaultdict[tuple[int, int], float] = defaultdict(float)
     for resource, cost in costs:
-        used = footprint(model, number, resource)
+        used = resource.footprint(model, number)
         for place in used.places:
             places[resource.t, place] += cost
         for tail, head in used.moves:
@@ -126,87 +213,25 @@ def charges_of(model: Model, number: int, costs: Iterable[tuple[Resource, float]
     return Charges(dict(places), dict(moves), dict(states))
 
 
-def violated_rows(
-    model: Model, flights: Iterable[tuple[Flight, float]], tolerance: float
-) -> list[Cells | Swap]:
-    """Resources that a mixture of paths uses more than once, though at most one robot may.
-
-    Parameters
-    ----------
-    flights : paths and how much of each is used
-    tolerance : uses in excess of 1 that are left alone
-    """
-    problem = model.problem
-    if problem.rules.none:
-        return []
-    occupied: defaultdict[tuple[int, Cell], float] = defaultdict(float)
-    crossed: defaultdict[tuple[int, Cell, Cell], float] = defaultdict(float)
-    for flight, amount in flights:
-        cells = flight.cells
-        for t, cell in enumerate(cells):
-            occupied[t, cell] += amount
-            if t and cells[t - 1] != cell:
-                pair = sorted((cells[t - 1], cell))
-                crossed[t - 1, pair[0], pair[1]] += amount
-    found: list[Cells | Swap] = []
-    for t, cell in list(occupied):
-        cells = _clique(problem, t, cell, occupied) if problem.rules.separation else (cell,)
-        if sum(occupied[t, c] for c in cells) > 1 + tolerance:
-            found.append(Cells(t, cells))
-    if problem.rules.swap:
-        found += [Swap(t, (a, b)) for (t, a, b), used in crossed.items() if used > 1 + tolerance]
-    return list(dict.fromkeys(found))
+def _places(model: Model, number: int, cells: Iterable[Cell]) -> tuple[int, ...]:
+    """Returns the places of cells in the graph of class `number`, without those outside of it."""
+    found = [place_of(model, model.classes[number], cell) for cell in cells]
+    return tuple(place for place in found if place is not None)
 
 
-def _clique(
-    problem: Problem, t: int, cell: Cell, occupied: Mapping[tuple[int, Cell], float]
-) -> CellPath:
-    """Cells around `cell` of which any two conflict, the most used first; sorted."""
-    near = [c for (step, c) in occupied if step == t and c != cell and problem.too_close(c, cell)]
-    clique = [cell]
-    for candidate in sorted(near, key=lambda c: (-occupied[t, c], c)):
-        if all(problem.too_close(candidate, member) for member in clique):
-            clique.append(candidate)
-    return tuple(sorted(clique))
+def _wrong_step(t: int, last: int) -> str:
+    return "" if 0 <= t <= last else f"t: must be 0..{last}, not {t}"
 
 
-def misuse(model: Model, resource: Resource) -> str:
-    """What is wrong with a resource read from a file; empty where it exists in this problem."""
-    problem = model.problem
-    last = problem.horizon - isinstance(resource, (Swap, Move))
-    if not 0 <= resource.t <= last:
-        return f"t: must be 0..{last}, not {resource.t}"
-    if not isinstance(resource, Swap) and resource.class_number is not None:
-        if not 0 <= resource.class_number < len(model.classes):
-            return f"robot_class: must be 0..{len(model.classes) - 1}, not {resource.class_number}"
-        if isinstance(resource, Visit):
-            return _misuse_of_state(problem, model.classes[resource.class_number], resource.state)
+def _wrong_class(model: Model, number: int | None) -> str:
+    if number is None or 0 <= number < len(model.classes):
+        return ""
+    return f"robot_class: must be 0..{len(model.classes) - 1}, not {number}"
+
+
+def _wrong_cells(problem: Problem, cells: tuple[Cell, ...]) -> str:
     width, depth = problem.height_map.shape
-    for x, y, layer in resource.cells:
+    for x, y, layer in cells:
         if not (0 <= x < width and 0 <= y < depth and 0 <= layer < len(problem.layers)):
             return f"cells: ({x}, {y}, {layer}) is outside the map"
-    if len(set(resource.cells)) != len(resource.cells):
-        return "cells: must differ"
-    return ""
-
-
-def _misuse_of_state(problem: Problem, robot_class: RobotClass, state: State) -> str:
-    spec = robot_class.spec
-    sizes = (
-        *problem.height_map.shape,
-        len(spec.motion.layers),
-        spec.motion.headings,
-        len(spec.camera.tilts),
-    )
-    inside = all(0 <= value < size for value, size in zip(state, sizes, strict=True))
-    return "" if inside else f"state: {tuple(state)} is none of the class's states"
-
-
-def misruled(problem: Problem, resource: Resource) -> str:
-    """Why two robots may use a resource at once; empty where the rules forbid it."""
-    if isinstance(resource, Swap):
-        return "" if problem.rules.swap else "the scene has no swap rule"
-    if not isinstance(resource, Cells) or resource.class_number is not None:
-        return "must be cells or a swap, of all robots"
-    apart = not all(problem.too_close(a, b) for a in resource.cells for b in resource.cells)
-    return "cells: two robots may be in these cells at once" if apart else ""
+    return "" if len(set(cells)) == len(cells) else "cells: must differ"

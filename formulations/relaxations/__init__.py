@@ -1,1 +1,17 @@
-"""Concave relaxations, their cuts, and the multipliers that they give."""
+"""Relaxations over the aggregated flow, and the parts that all formulations share.
+
+A flow (`flow`) holds robots in fractions; rows for conflicts (`collision_rows`), cones for roots
+(`cone_program`) and cuts (`separation`, `violated_rows`) bound J; `duals` makes a certificate of
+a solver's multipliers.
+"""
+
+__all__ = [
+    "collision_rows",
+    "cone_program",
+    "cone_solver",
+    "duals",
+    "flow",
+    "flow_paths",
+    "separation",
+    "violated_rows",
+]

@@ -8,8 +8,8 @@ from scipy import sparse
 from scipy.spatial import cKDTree
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
-from cocap_opt.formulations.certificates.resources import Cells, Resource, Swap
-from cocap_opt.formulations.relaxations.flow import Flow, incidence, joined
+from cocap_opt.formulations.certificates import Cells, Resource, Swap
+from cocap_opt.formulations.relaxations.flow import Flow, incidence
 from cocap_opt.problem.problem import Cell, Problem
 from cocap_opt.result import UnsupportedError
 
@@ -18,7 +18,7 @@ MOST_ENTRIES = 500_000  # of the separation rows
 
 @dataclass(frozen=True, eq=False)
 class ConflictRows:
-    """At most one robot in each row; rows that only one robot can reach are left out."""
+    """Rows "at most one robot"; those that only one robot can reach are left out."""
 
     flow: Flow
     slots: IntArray  # [K] places at steps, t (number of places) + place
@@ -27,13 +27,38 @@ class ConflictRows:
     swaps: IntArray  # [W, 3] t and the two places
     crossing: sparse.csr_array  # [W, E] 1 where an edge moves between the two
 
+    @classmethod
+    def of(cls, flow: Flow) -> "ConflictRows":
+        """Returns all rows of a problem's collision rules.
+
+        Raises
+        ------
+        UnsupportedError
+            If the separation needs more than MOST_ENTRIES entries.
+        """
+        problem = flow.model.problem
+        n_places, n_robots = _n_places(flow), len(problem.robots)
+        later = np.flatnonzero(flow.steps > 0)
+        if problem.rules.none or n_robots < 2:
+            later = later[:0]
+        keys = flow.steps[later] * n_places + flow.places[later]
+        slots, at = np.unique(keys, return_inverse=True)
+        occupied = incidence(at, later, (len(slots), flow.n_nodes))
+        reach = _reach(flow, slots)
+        cliques = sparse.csr_array(_cliques(problem, slots, n_places))
+        shared = np.asarray((cliques @ reach > 0).sum(axis=1)).ravel() > 1
+        swaps, crossing = np.zeros((0, 3), dtype=np.int64), sparse.csr_array((0, flow.n_edges))
+        if problem.rules.swap and len(slots):
+            swaps, crossing = _swaps(flow, slots, reach)
+        return cls(flow, slots, occupied, cliques[shared], swaps, crossing)
+
     @property
     def at_nodes(self) -> sparse.csr_array:
         """Clique rows over nodes [rows, N]."""
         return sparse.csr_array(self.cliques @ self.occupied)
 
     def resource(self, row: int) -> Resource:
-        """What a row is about; cliques are numbered first, then swaps."""
+        """Returns the resource of a row; cliques are numbered first, then swaps."""
         if row >= self.cliques.shape[0]:
             t, one, other = self.swaps[row - self.cliques.shape[0]].tolist()
             return Swap(t, (self.flow.cell(one), self.flow.cell(other)))
@@ -42,33 +67,9 @@ class ConflictRows:
         return Cells(int(steps[0]), tuple(sorted(map(self.flow.cell, places.tolist()))))
 
     def multipliers(self, values: FloatArray, least: float) -> tuple[tuple[Resource, float], ...]:
-        """Rows with their multipliers, but for those that are too small to matter."""
+        """Returns the rows with multipliers that are large enough to matter."""
         large = np.flatnonzero(values > least).tolist()
         return tuple((self.resource(row), float(values[row])) for row in large)
-
-
-def conflict_rows(flow: Flow) -> ConflictRows:
-    """All rows of a problem's collision rules.
-
-    Raises
-    ------
-    UnsupportedError
-        If the separation needs more than MOST_ENTRIES entries.
-    """
-    problem = flow.model.problem
-    n_places, n_robots = _n_places(flow), len(problem.robots)
-    later = np.flatnonzero(flow.steps > 0)
-    if problem.rules.none or n_robots < 2:
-        later = later[:0]
-    slots, at = np.unique(flow.steps[later] * n_places + flow.places[later], return_inverse=True)
-    occupied = incidence(at, later, (len(slots), flow.n_nodes))
-    reach = _reach(flow, slots)
-    cliques = sparse.csr_array(_cliques(problem, slots, n_places))
-    shared = np.asarray((cliques @ reach > 0).sum(axis=1)).ravel() > 1
-    swaps, crossing = np.zeros((0, 3), dtype=np.int64), sparse.csr_array((0, flow.n_edges))
-    if problem.rules.swap and len(slots):
-        swaps, crossing = _swaps(flow, slots, reach)
-    return ConflictRows(flow, slots, occupied, cliques[shared], swaps, crossing)
 
 
 def _n_places(flow: Flow) -> int:
@@ -78,7 +79,7 @@ def _n_places(flow: Flow) -> int:
 
 
 def _reach(flow: Flow, slots: IntArray) -> sparse.csr_array:
-    """1 where a robot can be in a slot [K, R]."""
+    """Returns 1 where a robot can be in a slot [K, R]."""
     problem, n_places = flow.model.problem, _n_places(flow)
     rows, columns = [], []
     for k, robot_class in enumerate(flow.model.classes):
@@ -91,11 +92,11 @@ def _reach(flow: Flow, slots: IntArray) -> sparse.csr_array:
             rows.append(at)
             columns.append(np.full(len(at), robot))
     shape = (len(slots), len(problem.robots))
-    return incidence(joined(rows), joined(columns), shape)
+    return incidence(np.concatenate(rows), np.concatenate(columns), shape)
 
 
 def _cliques(problem: Problem, slots: IntArray, n_places: int) -> sparse.csr_array:
-    """Sets of slots, any two too close, that hold all pairs of slots that are too close."""
+    """Returns sets of slots that hold all pairs that are too close, and only such pairs."""
     if not problem.rules.separation or not len(slots):
         return sparse.eye_array(len(slots), format="csr")
     if problem.height_map.datum is not None:
@@ -125,12 +126,14 @@ def _cliques(problem: Problem, slots: IntArray, n_places: int) -> sparse.csr_arr
                 f"a flow model takes at most {MOST_ENTRIES} entries of separation rows, here "
                 "there are more; column-generation adds the few that matter"
             )
-        blocks.append(incidence(joined(rows), joined(columns), (len(origins), len(slots))))
+        blocks.append(
+            incidence(np.concatenate(rows), np.concatenate(columns), (len(origins), len(slots)))
+        )
     return _distinct(sparse.csr_array(sparse.vstack(blocks)))
 
 
 def _pairs_too_close(problem: Problem, slots: IntArray, n_places: int) -> sparse.csr_array:
-    """The slots, and all two of one step that are too close: what fits any terrain."""
+    """Returns the slots, and all pairs of one step that are too close: this fits any terrain."""
     sizes = (len(problem.layers), *problem.height_map.shape)
     t, place = np.divmod(slots, n_places)
     layer, x, y = np.unravel_index(place, sizes)
@@ -158,14 +161,14 @@ def _pairs_too_close(problem: Problem, slots: IntArray, n_places: int) -> sparse
     )
 
 
-Shape = list[tuple[int, int, int]]  # (layer, cells along x, cells along y)
+_Shape = list[tuple[int, int, int]]  # (layer, cells along x, cells along y)
 
 
-def _shapes(problem: Problem) -> list[Shape]:
-    """Cliques of cells that, laid anywhere, hold every two cells that are too close.
+def _shapes(problem: Problem) -> list[_Shape]:
+    """Returns cliques of cells that, laid anywhere, hold every two cells that are too close.
 
-    The pairs that are farthest apart come first: what lies between them is too close to
-    both and to most of the rest.
+    The pairs that are farthest apart come first: a cell between them is too close to both and
+    to most of the rest.
     """
     layers, (width, depth) = range(len(problem.layers)), problem.height_map.shape
     near = np.array(
@@ -204,7 +207,14 @@ def _clique(
     one: tuple[int, int, int],
     other: tuple[int, int, int],
 ) -> IntArray:
-    """Cells [n, 3], any two too close, with two given ones: from their middle outwards."""
+    """Returns a clique of cells [n, 3] around two of them, from their middle outwards.
+
+    Parameters
+    ----------
+    near : [layers, layers, width, depth] True where two cells so far apart are too close
+    box : [m, 3] candidates: layer, cells along x and along y
+    heights : of the layers, in cells
+    """
     ends = np.array([one, other], dtype=np.int64)
     middle = ends[:, 1:].mean(axis=0)
     away = np.column_stack([box[:, 1:] - middle, heights[box[:, 0]] - heights[ends[:, 0]].mean()])
@@ -229,7 +239,7 @@ def _clique(
 
 
 def _distinct(rows: sparse.csr_array) -> sparse.csr_array:
-    """Rows of 0 and 1 without repetitions; sets are told apart by a sum of random numbers."""
+    """Returns rows of 0 and 1 without repetitions; a sum of random numbers tells sets apart."""
     marks = np.random.default_rng(0).random((rows.shape[1], 2))
     _, first = np.unique(np.round(rows @ marks, 9), axis=0, return_index=True)
     return sparse.csr_array(rows[np.sort(first)])
@@ -238,7 +248,10 @@ def _distinct(rows: sparse.csr_array) -> sparse.csr_array:
 def _swaps(
     flow: Flow, slots: IntArray, reach: sparse.csr_array
 ) -> tuple[IntArray, sparse.csr_array]:
-    """Moves [W, 3] between two cells, either way, in which two robots can meet."""
+    """Returns the moves between two cells, either way, in which two robots can meet.
+
+    They are returned as t and the two places [W, 3], and as rows over the edges [W, E].
+    """
     one, other = flow.places[flow.tails], flow.places[flow.heads]
     moving = np.flatnonzero(one != other)
     one, other = one[moving], other[moving]

@@ -4,14 +4,13 @@ A relaxation maximises sum w u + rewards for moves over flows, where the root u 
 
     concave        u <= sqrt(z), z = sum of pixels      (second-order cone)
     single view    and u <= sum of roots of pixels      (the root is subadditive)
-    envelope       and u <= constant + sum phi(root)    (certificates.envelope; in rounds)
+    envelope       and u <= constant + sum phi(root)    (`certificates.envelope`; in rounds)
 
 Modelled in cvxpy, solved by Clarabel on one thread; the multipliers become a certificate, and
 the bound is what that proves. For small scenes: column generation solves the same relaxations
 on paths and takes any size.
 """
 
-import time
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -20,72 +19,90 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray
-from cocap_opt.formulations.certificates.certificate import CertificateFile, certify
-from cocap_opt.formulations.certificates.envelope import Cut
-from cocap_opt.formulations.relaxations import separation
-from cocap_opt.formulations.relaxations.collision_rows import ConflictRows, conflict_rows
+from cocap_opt.formulations.certificates import CertificateFile, Cut, certify
+from cocap_opt.formulations.relaxations.collision_rows import ConflictRows
 from cocap_opt.formulations.relaxations.cone_solver import solve_cones
-from cocap_opt.formulations.relaxations.duals import Duals, alone_duals, repaired
-from cocap_opt.formulations.relaxations.flow import Compile, Flow, Roots, cut_rows, make_flow
-from cocap_opt.formulations.result import (
-    CertifiedResult,
-    Report,
-    Snapshot,
-    bounded,
-    no_bound,
-    silent,
-)
-from cocap_opt.model import compiled, compiled_apart
-from cocap_opt.objective import most_views, view_sum_weights
+from cocap_opt.formulations.relaxations.duals import Duals, RootRows
+from cocap_opt.formulations.relaxations.flow import Compile, Flow, Roots
+from cocap_opt.formulations.relaxations.separation import Seen
+from cocap_opt.formulations.result import CertifiedResult, Report, Snapshot, no_bound, silent
+from cocap_opt.model import Model, compiled, compiled_apart
+from cocap_opt.objective import most_views
 from cocap_opt.problem.plan import Plan
 from cocap_opt.problem.problem import Problem
-from cocap_opt.stop import Limit, Stop, never
+from cocap_opt.result import timed
+from cocap_opt.stop import Clock, Limit, LimitReached, Stop, never
 
 if TYPE_CHECKING:
     import cvxpy as cp
+
+__all__ = ["concave", "envelope", "single_view"]
 
 MOST_ROUNDS = 30  # of separation
 VIOLATION = 1e-5  # relative, of an envelope cut
 PROGRESS = 1e-6  # relative; rounds that bring less are the last
 LEAST_MULTIPLIER = 1e-8  # of the largest weight; smaller ones are left out of certificates
+NO_MORE = "the bound is that of `alone`: nothing better in time"
 
 
+@timed
 def concave(
-    problem: Problem, stop: Stop = never, start: Plan | None = None, report: Report = silent
+    problem: Problem,
+    stop: Stop = never,
+    start: Plan | None = None,
+    report: Report = silent,
+    compile_: Compile = compiled,
 ) -> CertifiedResult:
-    """Bound of the plain concave relaxation, u <= sqrt(z).
+    """Computes the bound of the plain concave relaxation, u <= sqrt(z).
 
-    It is weak where a robot can split itself between views: half a robot here and half there
+    It is weak where a drone can split itself between views: half a drone here and half there
     collects sqrt(c/2) + sqrt(c/2) > sqrt(c).
 
+    Parameters
+    ----------
+    compile_ : makes the model: one flow per class, or one per robot (the same value, in a
+        larger program)
+
     Raises
     ------
     UnsupportedError
         If the scene is too large for a flow model (see `cocap_opt.formulations.relaxations.flow`).
     """
-    return relax(problem, stop, report, "concave", no_cuts, single_view=False)
+    relaxation = _Relaxation(problem, compile_, "concave", single_view=False)
+    return relaxation.run(stop, report, _no_cuts)
 
 
+@timed
 def single_view(
-    problem: Problem, stop: Stop = never, start: Plan | None = None, report: Report = silent
+    problem: Problem,
+    stop: Stop = never,
+    start: Plan | None = None,
+    report: Report = silent,
+    compile_: Compile = compiled,
 ) -> CertifiedResult:
-    """Bound of the concave relaxation with single-view cuts; exact for one robot.
+    """Computes the bound of the concave relaxation with single-view cuts; exact for one drone.
+
+    Parameters
+    ----------
+    compile_ : makes the model: one flow per class, or one per robot (the same value, in a
+        larger program)
 
     Raises
     ------
     UnsupportedError
         If the scene is too large for a flow model (see `cocap_opt.formulations.relaxations.flow`).
     """
-    return relax(problem, stop, report, "single-view", no_cuts)
+    return _Relaxation(problem, compile_, "single-view").run(stop, report, _no_cuts)
 
 
+@timed
 def envelope(
     problem: Problem, stop: Stop = never, start: Plan | None = None, report: Report = silent
 ) -> CertifiedResult:
-    """Bound of the relaxation with envelope cuts, added until none is violated.
+    """Computes the bound of the relaxation with envelope cuts, added until none is violated.
 
-    One flow per robot: the envelope of robots that start elsewhere is lower than that of
-    robots that may exchange what they see.
+    There is one flow per drone: the envelope of drones that start elsewhere is lower than that
+    of drones that may exchange their views.
 
     Raises
     ------
@@ -93,11 +110,11 @@ def envelope(
         If the scene is too large for a flow model (see `cocap_opt.formulations.relaxations.flow`).
     """
     # Over time a robot sees a view sum more than once, and no cut for single views holds.
-    cuts = no_cuts if problem.objective.over_time else violated_cuts
-    return relax(problem, stop, report, "envelope", cuts, compile_=compiled_apart)
+    separate = _no_cuts if problem.objective.over_time else _violated_cuts
+    return _Relaxation(problem, compiled_apart, "envelope").run(stop, report, separate)
 
 
-class Point(NamedTuple):
+class _Point(NamedTuple):
     """Solution of a relaxation."""
 
     x: FloatArray  # [N] robots in each node
@@ -107,16 +124,16 @@ class Point(NamedTuple):
     solved: bool
 
 
-Separation = Callable[[Flow, Roots, Point], list[Cut]]
+_Separation = Callable[[Flow, Roots, _Point], list[Cut]]
 
 
-def no_cuts(flow: Flow, roots: Roots, point: Point) -> list[Cut]:
-    """Separate nothing."""
+def _no_cuts(flow: Flow, roots: Roots, point: _Point) -> list[Cut]:
+    """Separates nothing."""
     return []
 
 
-def violated_cuts(flow: Flow, roots: Roots, point: Point) -> list[Cut]:
-    """Envelope cuts that a solution violates, the tightest one of each view sum."""
+def _violated_cuts(flow: Flow, roots: Roots, point: _Point) -> list[Cut]:
+    """Returns envelope cuts that a solution violates, the tightest one of each view sum."""
     found, sizes = [], flow.model.class_sizes
     for g, view_sum in enumerate(roots.used.tolist()):
         nodes, seen = roots.entries(g)
@@ -124,92 +141,93 @@ def violated_cuts(flow: Flow, roots: Roots, point: Point) -> list[Cut]:
         used = amounts > 1e-7
         if used.sum() < 2:
             continue  # one view: the single-view cut is tight
-        mixture = separation.Seen(flow.owner[nodes[used]], seen[used], amounts[used])
+        mixture = Seen(flow.owner[nodes[used]], seen[used], amounts[used])
         if mixture.is_exact(sizes):
             continue
         height = float(point.u[g]) * float(roots.scale[g])
-        best = separation.best_cut(
-            view_sum, mixture, roots.largest[:, g], sizes, height, VIOLATION * height
-        )
-        if best is not None:
-            found.append(best[0])
+        largest = roots.largest[:, g]
+        cut = mixture.best_cut(view_sum, largest, sizes, height, VIOLATION * height)
+        if cut is not None:
+            found.append(cut)
     return found
 
 
-def relax(
-    problem: Problem,
-    stop: Stop,
-    report: Report,
-    name: str,
-    separate: Separation,
-    single_view: bool = True,
-    compile_: Compile = compiled,
-) -> CertifiedResult:
-    """Solve a relaxation, again and again as long as there are cuts that it violates.
+class _Relaxation:
+    """A relaxation of one problem, solved again and again while there are cuts that it violates.
 
-    Parameters
+    Attributes
     ----------
-    name : of the method, for the certificate
-    separate : finds the cuts
-    compile_ : makes the model: one flow per class, or one per robot (without envelope cuts
-        the same value, in a larger program)
+    best : the best certificate so far
     """
-    begin = time.perf_counter()
-    model = compile_(problem)
-    limit = model.prepare_all(stop)
-    if limit is not Limit.NONE:
-        return no_bound(limit, time.perf_counter() - begin)
-    # The bound of robots alone, for where a robot has no path or the solver gives up.
-    best = alone = certify(problem, model, name, alone_duals(problem).certificate(model))
-    report(Snapshot(-np.inf, best.proved, time.perf_counter() - begin))
-    flow, limit = make_flow(model, stop)
-    statistics: dict[str, float] = {}
-    if flow is not None and flow.serves_all:
-        best, limit, statistics = _rounds(flow, best, stop, report, separate, single_view, begin)
-    result = bounded(best, limit, begin, statistics)
-    if limit is not Limit.NONE and best is alone:
-        result = replace(result, message="the bound is that of `alone`: nothing better in time")
-    return result
 
+    best: CertificateFile
 
-def _rounds(
-    flow: Flow,
-    best: CertificateFile,
-    stop: Stop,
-    report: Report,
-    separate: Separation,
-    single_view: bool,
-    begin: float,
-) -> tuple[CertificateFile, Limit, dict[str, float]]:
-    """Best certificate of all rounds, and the limit that stopped them."""
-    model, problem = flow.model, flow.model.problem
-    program = _ConeProgram(flow, Roots.of(flow), conflict_rows(flow), single_view)
-    cuts: list[Cut] = []
-    statistics = {
-        "nodes": flow.n_nodes, "edges": flow.n_edges, "rows": program.n_rows, "rounds": 0.0,
-        "cuts": 0.0,
-    }  # fmt: skip
-    for _ in range(MOST_ROUNDS):
-        point = program.solve(cuts, stop)
-        if point is None:
-            limit = stop()
-            return best, Limit.NUMERICS if limit is Limit.NONE else limit, statistics
-        file = certify(problem, model, best.method, point.duals.certificate(model))
-        before = best.proved
-        best = min(best, file, key=lambda some: some.proved)
-        statistics |= {"rounds": statistics["rounds"] + 1, "cuts": len(cuts)}
+    def __init__(
+        self, problem: Problem, compile_: Compile, method: str, single_view: bool = True
+    ) -> None:
+        self.clock = Clock()
+        self.model = compile_(problem)
+        self.method, self.single_view = method, single_view
+        self.statistics: dict[str, float] = {}
+
+    def run(self, stop: Stop, report: Report, separate: _Separation) -> CertifiedResult:
+        """Returns the best bound of all rounds, or until a limit is reached."""
+        try:
+            self.model.prepare_all(stop)
+        except LimitReached as reached:
+            return no_bound(reached.limit)
+        # The bound of robots alone, for where a robot has no path or the solver gives up.
+        self.best = alone = self._certify(Duals.alone(self.model.problem))
+        self._tell(report)
+        try:
+            flow = Flow.of(self.model, stop)
+            if flow.serves_all:
+                self._solve(flow, stop, report, separate)
+        except LimitReached as reached:
+            result = self._result().stopped_by(reached.limit)
+            return replace(result, message=NO_MORE) if self.best is alone else result
+        return self._result()
+
+    def _solve(self, flow: Flow, stop: Stop, report: Report, separate: _Separation) -> None:
+        """Solves in rounds; raises LimitReached, also where the solver's accuracy is the limit."""
+        program = _ConeProgram(flow, Roots.of(flow), ConflictRows.of(flow), self.single_view)
+        cuts: list[Cut] = []
+        self.statistics = {
+            "nodes": flow.n_nodes, "edges": flow.n_edges, "rows": program.n_rows, "rounds": 0.0,
+            "cuts": 0.0,
+        }  # fmt: skip
+        for _ in range(MOST_ROUNDS):
+            point = program.solve(cuts, stop)
+            before = self.best.proved
+            self._take(point, len(cuts))
+            self._tell(report)
+            stop.check()
+            if not point.solved:
+                raise LimitReached(Limit.NUMERICS)
+            if self.best.proved < 0 or (cuts and self.best.proved > before * (1 - PROGRESS)):
+                return
+            found = separate(flow, program.roots, point)
+            if not found:
+                return
+            cuts += found
+
+    def _take(self, point: _Point, n_cuts: int) -> None:
+        """Keeps a solution's certificate if it is the best."""
+        file = self._certify(point.duals)
+        self.best = min(self.best, file, key=lambda some: some.proved)
+        self.statistics |= {"rounds": self.statistics["rounds"] + 1, "cuts": n_cuts}
         if point.solved:
-            statistics["solver_value"] = point.value
-        report(Snapshot(-np.inf, best.proved, time.perf_counter() - begin))
-        if (limit := stop()) is not Limit.NONE or not point.solved:
-            return best, limit if limit is not Limit.NONE else Limit.NUMERICS, statistics
-        if best.proved < 0 or (cuts and best.proved > before * (1 - PROGRESS)):
-            break
-        found = separate(flow, program.roots, point)
-        if not found:
-            break
-        cuts += found
-    return best, Limit.NONE, statistics
+            self.statistics["solver_value"] = point.value
+
+    def _certify(self, duals: Duals) -> CertificateFile:
+        model: Model = self.model
+        return certify(model.problem, model, self.method, duals.certificate(model))
+
+    def _tell(self, report: Report) -> None:
+        report(Snapshot(-np.inf, self.best.proved, self.clock.seconds))
+
+    def _result(self) -> CertifiedResult:
+        return CertifiedResult.bounded(self.best, self.statistics)
 
 
 class _ConeProgram:
@@ -254,7 +272,7 @@ class _ConeProgram:
         self._constraints: list[Any] = constraints
 
     def _conservation(self) -> list[Any]:
-        """What enters a node is in it, and leaves it before step T; starts are given."""
+        """Returns the rows: robots that enter a node are in it and leave it; starts are given."""
         flow = self.flow
         first, last = flow.steps == 0, flow.steps == flow.model.problem.horizon
         return [
@@ -263,54 +281,54 @@ class _ConeProgram:
             flow.leaving[~last] @ self.y == self.x[np.flatnonzero(~last)],
         ]
 
-    def solve(self, cuts: Sequence[Cut], stop: Stop) -> Point | None:
-        """Solve with these cuts; None where a limit or the solver leaves no multipliers."""
+    def solve(self, cuts: Sequence[Cut], stop: Stop) -> _Point:
+        """Solves with these cuts.
+
+        Raises
+        ------
+        LimitReached
+            If a limit, or the solver's accuracy, leaves no multipliers.
+        """
         import cvxpy as cp
 
-        rows, constants, where = cut_rows(self.flow, self.roots, cuts)
-        cut = self.u[where] <= constants + rows @ self.x if cuts else None
+        rows = self.roots.cut_rows(cuts)
+        cut = self.u[rows.at] <= rows.constants + rows.phi @ self.x if cuts else None
         constraints = [*self._constraints, *([] if cut is None else [cut])]
         program = cp.Problem(self._goal, constraints)
-        if stop() is not Limit.NONE:
-            return None
-        answer = _clarabel(program, stop)
-        if answer is None:
-            return None
-        shares = np.zeros(0) if cut is None else np.asarray(cut.dual_value)
-        duals = self._duals(cuts, where, shares)
+        stop.check()
+        solved = _clarabel(program, stop)
+        multipliers = np.zeros(0) if cut is None else np.asarray(cut.dual_value)
+        duals = self._duals(cuts, rows.at, multipliers)
         x = np.maximum(np.nan_to_num(self.x.value), 0.0)
         u = np.nan_to_num(self.u.value) if len(self.roots.used) else np.zeros(0)
-        return Point(x, u, duals, answer.value * self._unit, answer.solved)
+        return _Point(x, u, duals, float(program.value) * self._unit, solved)
 
-    def _duals(self, cuts: Sequence[Cut], where: IntArray, multipliers: FloatArray) -> Duals:
-        """Multipliers in px and metres, repaired where the solver left them out of range."""
-        roots, weights = self.roots, self.roots.weights / self._unit
-        alpha = np.ones(len(view_sum_weights(self.flow.model.problem)))
-        beta = np.zeros_like(alpha)
-        shares = np.clip(np.nan_to_num(multipliers) / weights[where], 0.0, 1.0)
-        taken = np.bincount(where, shares, minlength=len(weights)) if len(cuts) else 0 * weights
-        shares = shares / np.maximum(taken, 1.0)[where] if len(cuts) else shares
-        if len(weights):
-            single = self._single.dual_value if self._single_view else np.zeros_like(weights)
-            alpha[roots.used], beta[roots.used] = repaired(
-                np.asarray(single) / weights,
-                np.asarray(self._pixels.dual_value) / (weights * roots.scale),
-                np.maximum(1 - taken, 0.0),
-                np.sqrt(self._views) * roots.scale,  # no view sum's root can be larger
-            )
+    def _duals(self, cuts: Sequence[Cut], at: IntArray, multipliers: FloatArray) -> Duals:
+        """Returns the multipliers in px and metres, repaired where they are out of range."""
+        problem, roots = self.flow.model.problem, self.roots
+        none = np.zeros(len(roots.used))
+        repaired = RootRows(
+            view_sums=roots.used,
+            scale=roots.scale,
+            weights=roots.weights / self._unit,
+            single_view=np.asarray(self._single.dual_value) if self._single_view else none,
+            pixels=np.asarray(self._pixels.dual_value) if len(none) else none,
+            cut_at=at,
+            cuts=multipliers,
+        ).repaired(problem)
         charges = np.zeros(0)
         if self.n_rows:
             charges = np.maximum(np.nan_to_num(self._capacity.dual_value), 0.0) * self._unit
-        self._fix_start(alpha, beta)
+        self._fix_start(repaired.alpha, repaired.beta)
         return Duals(
-            alpha=alpha,
-            beta=beta,
+            alpha=repaired.alpha,
+            beta=repaired.beta,
             rows=self.conflicts.multipliers(charges, LEAST_MULTIPLIER * self._unit),
-            cuts=tuple(zip(cuts, shares.tolist(), strict=True)),
+            cuts=tuple(zip(cuts, repaired.shares.tolist(), strict=True)),
         )
 
     def _fix_start(self, alpha: FloatArray, beta: FloatArray) -> None:
-        """Where step 0 counts, it is given: the tangents of its roots are exact."""
+        """Makes the tangents exact at step 0, where it counts: everything there is given."""
         if self.flow.model.problem.objective.over_time:  # later steps add to the same view sums
             return
         pixels = self.roots.pixels @ (self.flow.supply * (self.flow.steps == 0))
@@ -320,25 +338,26 @@ class _ConeProgram:
         beta[self.roots.used[known]] = 0.5 / np.sqrt(pixels[known])
 
 
-class _Answer(NamedTuple):
-    value: float
-    solved: bool
+def _clarabel(program: "cp.Problem", stop: Stop) -> bool:
+    """Solves by Clarabel itself, which asks `stop` at each iteration, and unpacks the result.
 
+    Returns True where the solver says that it has solved the program. Whatever it says of its
+    accuracy, its multipliers are good for a certificate.
 
-def _clarabel(program: "cp.Problem", stop: Stop) -> _Answer | None:
-    """Solve by Clarabel itself, which asks `stop` at each iteration, and unpack the result.
-
-    Whatever the solver says of its accuracy, its multipliers are good for a certificate.
+    Raises
+    ------
+    LimitReached
+        If a limit, or the solver's accuracy, leaves no multipliers.
     """
     import clarabel
     import cvxpy as cp
 
     try:
         data, chain, inverse = program.get_problem_data(cp.CLARABEL, solver_opts={})
-    except (ValueError, cp.error.SolverError, cp.error.DCPError):
-        return None
-    if stop() is not Limit.NONE:
-        return None
+    except (ValueError, cp.error.SolverError, cp.error.DCPError) as error:
+        stop.check()
+        raise LimitReached(Limit.NUMERICS) from error
+    stop.check()
     dims = data["dims"]
     cones = [
         *([clarabel.ZeroConeT(dims.zero)] if dims.zero else []),
@@ -346,14 +365,14 @@ def _clarabel(program: "cp.Problem", stop: Stop) -> _Answer | None:
         *(clarabel.SecondOrderConeT(n) for n in dims.soc),
     ]
     solution = solve_cones(data["c"], data["A"], data["b"], cones, stop)
-    solved = str(solution.status) in ("Solved", "AlmostSolved")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # that it may be inaccurate
         try:
             program.unpack_results(_AsSolved(solution), chain, inverse)
-        except (ValueError, cp.error.SolverError):
-            return None
-    return _Answer(float(program.value), solved)
+        except (ValueError, cp.error.SolverError) as error:
+            stop.check()
+            raise LimitReached(Limit.NUMERICS) from error
+    return str(solution.status) in ("Solved", "AlmostSolved")
 
 
 class _AsSolved:

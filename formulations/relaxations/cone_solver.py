@@ -7,7 +7,7 @@ import clarabel
 from scipy import sparse
 
 from cocap_opt.data import FloatArray
-from cocap_opt.stop import Limit, Stop, seconds_left
+from cocap_opt.stop import Limit, Stop
 
 NO_TIME_LIMIT = 1e9  # s, Clarabel takes no infinity
 
@@ -20,7 +20,7 @@ def solve_cones(
     stop: Stop,
     **settings: Any,
 ) -> Any:
-    """min cost x subject to rows x + s = rhs, s in the cones: Clarabel's solution.
+    """Solves min cost x subject to rows x + s = rhs, s in the cones; returns Clarabel's solution.
 
     Parameters
     ----------
@@ -30,10 +30,10 @@ def solve_cones(
     chosen = clarabel.DefaultSettings()
     chosen.verbose = False
     chosen.max_threads = 1
-    chosen.time_limit = min(seconds_left(stop), NO_TIME_LIMIT)
+    chosen.time_limit = min(stop.seconds_left, NO_TIME_LIMIT)
     for name, value in settings.items():
         setattr(chosen, name, value)
     none = sparse.csc_matrix((len(cost), len(cost)))
     solver = clarabel.DefaultSolver(none, cost, rows, rhs, cones, chosen)
-    solver.set_termination_callback(lambda info: stop() is not Limit.NONE)
+    solver.set_termination_callback(lambda info: stop.reached() is not Limit.NONE)
     return solver.solve()

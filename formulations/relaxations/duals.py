@@ -2,30 +2,29 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from cocap_opt.data import FloatArray
-from cocap_opt.formulations.certificates.certificate import Curve, EnvelopeCut, Multipliers, Row
-from cocap_opt.formulations.certificates.envelope import Cut
-from cocap_opt.formulations.certificates.resources import Resource
+from cocap_opt.data import FloatArray, IntArray
+from cocap_opt.formulations.certificates import (
+    ClassCurve,
+    Cut,
+    EnvelopeCut,
+    Multipliers,
+    Resource,
+    Row,
+)
 from cocap_opt.model import Model
-from cocap_opt.objective import no_pixels
+from cocap_opt.objective import most_views, no_pixels
 from cocap_opt.problem.problem import Problem
 
 _K = TypeVar("_K")
 
 
-def alone_duals(problem: Problem) -> "Duals":
-    """Multipliers that count every view as if nobody else saw the face."""
-    zeros = no_pixels(problem)
-    return Duals(zeros + 1.0, zeros)
-
-
 @dataclass(frozen=True)
 class Duals:
-    """Multipliers of the master; any non-negative ones give a bound."""
+    """Multipliers of a relaxation; any non-negative ones give a bound."""
 
     alpha: FloatArray  # [Z]
     beta: FloatArray  # [Z] m/px^0.5
@@ -33,63 +32,99 @@ class Duals:
     cuts: tuple[tuple[Cut, float], ...] = ()  # envelope cuts and their shares theta
     decisions: FloatArray = field(default_factory=lambda: np.zeros(0))
 
+    @classmethod
+    def alone(cls, problem: Problem) -> "Duals":
+        """Returns the multipliers that count every view as if nobody else saw the face."""
+        zeros = no_pixels(problem)
+        return cls(zeros + 1.0, zeros)
+
+    def blended(self, other: "Duals", weight: float) -> "Duals":
+        """Returns weight * self + (1 - weight) * other.
+
+        Rows and cuts that one of them lacks count as 0 there.
+        """
+
+        def mix(a: Iterable[tuple[_K, float]], b: Iterable[tuple[_K, float]]) -> dict[_K, float]:
+            mixed: dict[_K, float] = {}
+            for part, share in ((a, weight), (b, 1 - weight)):
+                for key, value in part:
+                    mixed[key] = mixed.get(key, 0.0) + share * value
+            return mixed
+
+        both = (self, other)
+        cuts = {id(cut): cut for duals in both for cut, _ in duals.cuts}
+        shares = mix(*(((id(cut), share) for cut, share in duals.cuts) for duals in both))
+        return Duals(
+            alpha=weight * self.alpha + (1 - weight) * other.alpha,
+            beta=weight * self.beta + (1 - weight) * other.beta,
+            rows=tuple(mix(self.rows, other.rows).items()),
+            cuts=tuple((cuts[key], share) for key, share in shares.items()),
+            decisions=weight * self.decisions + (1 - weight) * other.decisions,
+        )
+
     def certificate(self, model: Model) -> Multipliers:
-        """The multipliers as they stand in a certificate."""
+        """Returns the multipliers as they stand in a certificate."""
         steps = model.problem.view_sum_steps
-        kept = [(cut, share) for cut, share in self.cuts if share > 0]
         return Multipliers(
             alpha=tuple(map(tuple, self.alpha.reshape(steps, -1).tolist())),
             beta=tuple(map(tuple, self.beta.reshape(steps, -1).tolist())),
             rows=tuple(Row(resource, mu) for resource, mu in self.rows if mu > 0),
-            cuts=tuple(
-                EnvelopeCut(
-                    *divmod(cut.view_sum, model.n_faces),
-                    tuple(
-                        Curve(number, tuple(curve.roots.tolist()), tuple(curve.values.tolist()))
-                        for number, curve in sorted(cut.curves.items())
-                    ),
-                    share,
-                )
-                for cut, share in kept
-            ),
+            cuts=tuple(_written(model, cut, share) for cut, share in self.cuts if share > 0),
             decisions=tuple(self.decisions.tolist()),
         )
 
 
-def blended(first: Duals, second: Duals, weight: float) -> Duals:
-    """weight * first + (1 - weight) * second; rows and cuts that one lacks count as 0 there."""
-
-    def mix(a: Iterable[tuple[_K, float]], b: Iterable[tuple[_K, float]]) -> dict[_K, float]:
-        mixed: dict[_K, float] = {}
-        for part, share in ((a, weight), (b, 1 - weight)):
-            for key, value in part:
-                mixed[key] = mixed.get(key, 0.0) + share * value
-        return mixed
-
-    cuts = {id(cut): cut for duals in (first, second) for cut, _ in duals.cuts}
-    shares = mix(*(((id(cut), share) for cut, share in duals.cuts) for duals in (first, second)))
-    return Duals(
-        alpha=weight * first.alpha + (1 - weight) * second.alpha,
-        beta=weight * first.beta + (1 - weight) * second.beta,
-        rows=tuple(mix(first.rows, second.rows).items()),
-        cuts=tuple((cuts[key], share) for key, share in shares.items()),
-        decisions=weight * first.decisions + (1 - weight) * second.decisions,
+def _written(model: Model, cut: Cut, share: float) -> EnvelopeCut:
+    """Returns a cut as it stands in a certificate."""
+    curves = tuple(
+        ClassCurve(number, tuple(curve.roots.tolist()), tuple(curve.values.tolist()))
+        for number, curve in sorted(cut.curves.items())
     )
+    t, face = divmod(cut.view_sum, model.n_faces)
+    return EnvelopeCut(t, face, curves, share)
 
 
-def repaired(
-    alpha: FloatArray, beta: FloatArray, rest: FloatArray, largest: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Bring multipliers into the range in which kappa is finite and small.
+class _RootDuals(NamedTuple):
+    """Multipliers of the roots in px and metres."""
 
-    For a root r the best beta is (rest - alpha) / (2 r), and no root is larger than `largest`.
+    alpha: FloatArray  # [Z]
+    beta: FloatArray  # [Z] m/px^0.5
+    shares: FloatArray  # [k] of the cuts
 
-    Parameters
-    ----------
-    rest : share of the root that envelope cuts leave
+
+class RootRows(NamedTuple):
+    """The rows of a solved program that bound the roots, and their multipliers.
+
+    The program maximises sum weights u with u^2 <= z, where u is a root in units of `scale` and
+    z the pixels in units of scale^2.
     """
-    alpha = np.clip(np.nan_to_num(alpha), 0.0, rest)
-    beta = np.maximum(np.nan_to_num(beta), (rest - alpha) / (2 * largest))
-    nearly = rest - alpha < 1e-9
-    # A little more than the rest, so that no rounding makes it less.
-    return np.where(nearly, rest + 1e-12, alpha), np.where(nearly, 0.0, beta)
+
+    view_sums: IntArray  # [g] numbers of the view sums that the program has
+    scale: FloatArray  # [g] px^0.5/m
+    weights: FloatArray  # [g]
+    single_view: FloatArray  # [g] multipliers of u <= sum of roots of pixels
+    pixels: FloatArray  # [g] multipliers of z <= sum of pixels
+    cut_at: IntArray  # [k] position of each cut's view sum among `view_sums`
+    cuts: FloatArray  # [k] multipliers of the cuts
+
+    def repaired(self, problem: Problem) -> _RootDuals:
+        """Returns multipliers in the range in which they prove a small bound.
+
+        A solver's may be negative, too large or no numbers. Cuts share at most the whole root;
+        for a root r that they leave `rest` of, the best beta is (rest - alpha) / (2 r), and no
+        root is larger than if all robots had the best view at all steps.
+        """
+        shares = np.clip(np.nan_to_num(self.cuts) / self.weights[self.cut_at], 0.0, 1.0)
+        taken = np.bincount(self.cut_at, shares, minlength=len(self.weights))
+        shares = shares / np.maximum(taken, 1.0)[self.cut_at]
+        rest = np.maximum(1 - taken, 0.0)
+        largest = np.sqrt(most_views(problem)) * self.scale
+        alpha = np.clip(np.nan_to_num(self.single_view / self.weights), 0.0, rest)
+        beta = np.nan_to_num(self.pixels / (self.weights * self.scale))
+        beta = np.maximum(beta, (rest - alpha) / (2 * largest))
+        nearly = rest - alpha < 1e-9
+        result = _RootDuals(no_pixels(problem) + 1.0, no_pixels(problem), shares)
+        # A little more than the rest, so that no rounding makes it less.
+        result.alpha[self.view_sums] = np.where(nearly, rest + 1e-12, alpha)
+        result.beta[self.view_sums] = np.where(nearly, 0.0, beta)
+        return result

@@ -13,23 +13,24 @@ Sources: Yu and LaValle 2013 (anonymous path finding as integer flow); Royset an
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
-from scipy.optimize import linear_sum_assignment
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
-from cocap_opt.formulations.certificates.envelope import Cut
+from cocap_opt.formulations.certificates import Cut
+from cocap_opt.formulations.relaxations.flow_paths import assigned_heads
 from cocap_opt.graph.move_rewards import bonuses_of
 from cocap_opt.graph.timegraph import CLOSED, TimeGraph
 from cocap_opt.model import Model, Path, RobotClass
 from cocap_opt.objective import largest_roots, view_sum_weights
 from cocap_opt.problem.problem import Cell, Problem
 from cocap_opt.result import UnsupportedError
-from cocap_opt.stop import Limit, Stop, never
+from cocap_opt.stop import Stop, never
 
 MOST_EDGES = 400_000  # of the time-expanded graph
 Compile = Callable[[Problem], Model]  # one class of robots for all that are alike, or each apart
@@ -39,7 +40,7 @@ UNUSED = 1e-6  # amounts below are rounding errors
 
 @dataclass(frozen=True, eq=False)
 class Flow:
-    """Nodes and edges that lie on a path from some start to the end (or the goal)."""
+    """The nodes and edges that lie on a path from some start to the end (or the goal)."""
 
     model: Model
     owner: IntArray  # [N] class of each node
@@ -49,19 +50,43 @@ class Flow:
     heads: IntArray  # [E] nodes
     supply: FloatArray  # [N] robots that start there
 
+    @classmethod
+    def of(cls, model: Model, stop: Stop = never) -> "Flow":
+        """Builds the flow of a model.
+
+        Raises
+        ------
+        LimitReached
+            If the limit is reached before the flow is whole.
+        UnsupportedError
+            If the time-expanded graph has more than MOST_EDGES edges.
+        """
+        parts = _Parts()
+        for k, robot_class in enumerate(model.classes):
+            parts.add(k, robot_class, _useful(model, robot_class), stop)
+        return cls(
+            model,
+            owner=_joined(parts.owner),
+            steps=_joined(parts.steps),
+            states=_joined(parts.states),
+            tails=_joined(parts.tails),
+            heads=_joined(parts.heads),
+            supply=np.concatenate(parts.supply),
+        )
+
     @property
     def n_nodes(self) -> int:
-        """N."""
+        """Number of nodes, N."""
         return len(self.states)
 
     @property
     def n_edges(self) -> int:
-        """E."""
+        """Number of edges, E."""
         return len(self.tails)
 
     @cached_property
     def serves_all(self) -> bool:
-        """Whether every robot has a path."""
+        """True where every robot has a path."""
         return round(float(self.supply.sum())) == len(self.model.problem.robots)
 
     @cached_property
@@ -87,7 +112,7 @@ class Flow:
 
     @property
     def largest_bonus(self) -> float:
-        """Of all edges."""
+        """The largest reward of any edge for the move itself."""
         return float(self.bonus.max(initial=0.0))
 
     @cached_property
@@ -117,12 +142,12 @@ class Flow:
         return (len(problem.layers), *problem.height_map.shape)
 
     def cell(self, place: int) -> Cell:
-        """Cell with this number."""
+        """Returns the cell with this number."""
         layer, x, y = (int(i) for i in np.unravel_index(place, self._cells))
         return Cell(x, y, layer)
 
     def coverage(self) -> sparse.csr_array:
-        """Pixels [Z, N] that a robot in a node has of each view sum."""
+        """Returns the pixels [Z, N] that a robot in a node has of each view sum."""
         n_view_sums = len(view_sum_weights(self.model.problem))
         rows, columns, pixels = [], [], []
         for k, robot_class in enumerate(self.model.classes):
@@ -133,14 +158,14 @@ class Flow:
             rows.append(table.view_sums[entries])
             columns.append(own[which])
             pixels.append(table.pixels[entries])
-        at = (joined(rows), joined(columns))
+        at = (_joined(rows), _joined(columns))
         values = np.concatenate([np.zeros(0), *pixels])
         return sparse.csr_array((values, at), shape=(n_view_sums, self.n_nodes))
 
     # -- back and forth between flows and paths --------------------------------------------
 
-    def amounts(self, paths: Sequence[Path]) -> tuple[FloatArray, FloatArray]:
-        """Robots in each node [N] and along each edge [E] for one path per robot."""
+    def amounts(self, paths: Sequence[Path]) -> "_Amounts":
+        """Returns how many robots are in each node and along each edge, for one path per robot."""
         x, y = np.zeros(self.n_nodes), np.zeros(self.n_edges)
         for k, robot_class in enumerate(self.model.classes):
             for robot in robot_class.robots:
@@ -149,7 +174,7 @@ class Flow:
                 for tail, head in pairwise(nodes):
                     low, high = np.searchsorted(self.tails, [tail, tail + 1])
                     y[low + int(np.flatnonzero(self.heads[low:high] == head)[0])] += 1.0
-        return x, y
+        return _Amounts(x, y)
 
     def _node(self, number: int, t: int, state: int) -> int:
         first, end = np.searchsorted(self.owner, [number, number + 1])
@@ -157,13 +182,13 @@ class Flow:
         return int(low + np.searchsorted(self.states[low:high], state))
 
     def paths(self, y: FloatArray, x: FloatArray | None = None) -> tuple[Path, ...]:
-        """One path per robot, each from its own start, that together make a flow.
+        """Returns one path per robot, each from its own start, that together make a flow.
 
         Parameters
         ----------
         y : [E] robots along each edge; it may be fractional where x is whole and given: from
             step to step a mixture of assignments of robots to nodes holds one that is whole
-        x : [N] robots in each node; None: what y says
+        x : [N] robots in each node; None: as y says
 
         Raises
         ------
@@ -184,67 +209,71 @@ class Flow:
         return tuple(tuple(paths[robot]) for robot in range(len(paths)))
 
     def _step(self, at: list[int], whole: IntArray, y: FloatArray) -> list[int]:
-        """Where robots at these nodes go, along used edges, as many to each node as are there."""
+        """Returns the nodes to which robots go along used edges, as many to each as are there."""
         ahead: list[dict[int, float]] = []
         for node in at:
             low, high = np.searchsorted(self.tails, [node, node + 1])
             used = low + np.flatnonzero(y[low:high] > UNUSED)
             ahead.append(dict(zip(self.heads[used].tolist(), self.bonus[used], strict=True)))
-        heads = sorted({head for some in ahead for head in some})
-        slots = [head for head in heads for _ in range(whole[head])]
-        if len(slots) != len(at):
-            raise ValueError("the flow is not whole")
-        gain = np.array([[some.get(head, -np.inf) for head in slots] for some in ahead])
+        nodes = sorted({head for some in ahead for head in some})
+        slots = [head for head in nodes for _ in range(whole[head])]
         # A forbidden edge costs more than all rewards together bring.
         worst = -2.0 * len(at) * (self.largest_bonus or 1.0)
-        _, chosen = linear_sum_assignment(np.where(np.isinf(gain), worst, gain), maximize=True)
-        if np.isinf(gain[np.arange(len(at)), chosen]).any():
+        chosen = assigned_heads(ahead, slots, worst)
+        if chosen is None:
             raise ValueError("the flow is not whole")
-        return [slots[k] for k in chosen.tolist()]
+        return chosen
 
 
-def make_flow(model: Model, stop: Stop = never) -> tuple[Flow | None, Limit]:
-    """Flow of a model; None and the limit that was reached before it was whole.
+class _Amounts(NamedTuple):
+    """Robots of a flow, in fractions where a solver splits them."""
 
-    Raises
-    ------
-    UnsupportedError
-        If the time-expanded graph has more than MOST_EDGES edges.
-    """
-    owner, steps, states, supply, tails, heads = ([] for _ in range(6))
-    n_nodes = n_edges = 0
-    for k, robot_class in enumerate(model.classes):
-        useful = _useful(model, robot_class)
+    x: FloatArray  # [N] in each node
+    y: FloatArray  # [E] along each edge
+
+
+@dataclass
+class _Parts:
+    """Nodes and edges class by class, while a flow is built."""
+
+    owner: list[IntArray] = field(default_factory=list)
+    steps: list[IntArray] = field(default_factory=list)
+    states: list[IntArray] = field(default_factory=list)
+    supply: list[FloatArray] = field(default_factory=list)
+    tails: list[IntArray] = field(default_factory=list)
+    heads: list[IntArray] = field(default_factory=list)
+    n_nodes: int = 0
+    n_edges: int = 0
+
+    def add(self, k: int, robot_class: RobotClass, useful: BoolArray, stop: Stop) -> None:
+        """Adds the useful nodes [T+1, S] of class k, and the edges between them."""
         t, state = np.nonzero(useful)
-        own = np.zeros(len(t))
-        np.add.at(
-            own, [np.searchsorted(state[t == 0], s) for s in robot_class.starts if useful[0, s]], 1
-        )
-        for one, other in _edges(robot_class.graph, useful):
-            if (limit := stop()) is not Limit.NONE:
-                return None, limit
-            n_edges += len(one)
-            if n_edges > MOST_EDGES:
+        starts = [
+            np.searchsorted(state[t == 0], start)
+            for start in robot_class.starts
+            if useful[0, start]
+        ]
+        supply = np.zeros(len(t))
+        np.add.at(supply, starts, 1)
+        for tails, heads in _edges(robot_class.graph, useful):
+            stop.check()
+            self.n_edges += len(tails)
+            if self.n_edges > MOST_EDGES:
                 raise UnsupportedError(
                     f"a flow model takes at most {MOST_EDGES} edges of the time-expanded graph, "
                     "here there are more; column-generation takes any number"
                 )
-            tails.append(n_nodes + one)
-            heads.append(n_nodes + other)
-        owner.append(np.full(len(t), k))
-        steps.append(t)
-        states.append(state)
-        supply.append(own)
-        n_nodes += len(t)
-    flow = Flow(
-        model, joined(owner), joined(steps), joined(states), joined(tails),
-        joined(heads), np.concatenate(supply),
-    )  # fmt: skip
-    return flow, Limit.NONE
+            self.tails.append(self.n_nodes + tails)
+            self.heads.append(self.n_nodes + heads)
+        self.owner.append(np.full(len(t), k))
+        self.steps.append(t)
+        self.states.append(state)
+        self.supply.append(supply)
+        self.n_nodes += len(t)
 
 
 def _useful(model: Model, robot_class: RobotClass) -> BoolArray:
-    """States [T+1, S] on a path from one of the starts to the end (or the goal)."""
+    """Returns the states [T+1, S] on a path from one of the starts to the end (or the goal)."""
     graph, horizon = robot_class.graph, model.problem.horizon
     to_go = graph.backward_sweep(graph.no_reward(horizon), goal=robot_class.goal)
     found: BoolArray = graph.reachable(robot_class.starts, horizon) & (to_go > CLOSED)
@@ -252,7 +281,7 @@ def _useful(model: Model, robot_class: RobotClass) -> BoolArray:
 
 
 def _edges(graph: TimeGraph, useful: BoolArray) -> Iterator[tuple[IntArray, IntArray]]:
-    """Tails and heads of the edges of each step, as numbers of useful nodes; by tail, head."""
+    """Yields tails and heads of the edges of each step, as numbers of useful nodes, in order."""
     turns = _padded(graph.turns)
     first = 0
     for here, there in pairwise(useful):
@@ -272,20 +301,20 @@ def _edges(graph: TimeGraph, useful: BoolArray) -> Iterator[tuple[IntArray, IntA
 
 
 def _padded(turns: Sequence[Sequence[int]]) -> IntArray:
-    """Orientations that each orientation can turn to [O, M]; -1 where there are fewer."""
+    """Returns the orientations that each orientation can turn to [O, M]; -1 fills up."""
     table = np.full((len(turns), max(map(len, turns))), -1, dtype=np.int64)
     for row, some in zip(table, turns, strict=True):
         row[: len(some)] = some
     return table
 
 
-def joined(parts: Sequence[IntArray]) -> IntArray:
-    """Concatenate numbers, of which there may be none."""
+def _joined(parts: Sequence[IntArray]) -> IntArray:
+    """Concatenates numbers, of which there may be none."""
     return np.concatenate([np.zeros(0, dtype=np.int64), *parts])
 
 
 def incidence(rows: IntArray, columns: IntArray, shape: tuple[int, int]) -> sparse.csr_array:
-    """Make a matrix with ones at these rows [n] and columns [n]."""
+    """Returns a matrix with ones at these rows [n] and columns [n]."""
     return sparse.csr_array((np.ones(len(rows)), (rows, columns)), shape=shape)
 
 
@@ -296,6 +325,7 @@ def incidence(rows: IntArray, columns: IntArray, shape: tuple[int, int]) -> spar
 class Roots:
     """The view sums that count and that somebody can see, in units of each one's best view."""
 
+    owner: IntArray  # [N] class of each node
     used: IntArray  # [g] view sums
     scale: FloatArray  # [g] px^0.5/m, root of the best single view
     largest: FloatArray  # [C, g] px^0.5/m, of each class, views that lead nowhere as well
@@ -305,7 +335,7 @@ class Roots:
 
     @classmethod
     def of(cls, flow: Flow) -> "Roots":
-        """Groups of a flow."""
+        """Returns the roots that a flow can have."""
         coverage = flow.coverage()
         weights = view_sum_weights(flow.model.problem)
         best = np.asarray(coverage.max(axis=1).todense()).ravel()
@@ -313,35 +343,35 @@ class Roots:
         scale = np.sqrt(best[used])
         pixels = sparse.csr_array(sparse.diags_array(1 / scale**2) @ coverage[used])
         largest = largest_roots(flow.model)[:, used]
-        return cls(used, scale, largest, weights[used] * scale, pixels, pixels.sqrt())
+        return cls(flow.owner, used, scale, largest, weights[used] * scale, pixels, pixels.sqrt())
 
     def entries(self, g: int) -> tuple[IntArray, FloatArray]:
-        """Nodes that see a view sum, and their roots px^0.5/m."""
+        """Returns the nodes that see the view sum at position g, and their roots px^0.5/m."""
         part = slice(self.seen.indptr[g], self.seen.indptr[g + 1])
         nodes: IntArray = self.seen.indices[part].astype(np.int64)
         return nodes, self.seen.data[part] * self.scale[g]
 
+    def cut_rows(self, cuts: Sequence[Cut]) -> "_CutRows":
+        """Returns envelope cuts as rows u <= constants + phi x, in units of the roots."""
+        at = np.searchsorted(self.used, [cut.view_sum for cut in cuts]).astype(np.int64)
+        entries = [self.entries(g) for g in at.tolist()]
+        scales = self.scale[at]
+        data = [
+            cut.phi_of(self.owner[nodes], seen) / scale
+            for cut, (nodes, seen), scale in zip(cuts, entries, scales, strict=True)
+        ]
+        parts = (
+            np.concatenate([np.zeros(0), *data]),
+            np.concatenate([np.zeros(0, dtype=np.int64), *(nodes for nodes, _ in entries)]),
+            np.cumsum([0, *(len(nodes) for nodes, _ in entries)]),
+        )
+        phi = sparse.csr_array(parts, shape=(len(cuts), len(self.owner)))
+        return _CutRows(phi, np.array([cut.constant for cut in cuts]) / scales, at)
 
-def cut_rows(
-    flow: Flow, roots: Roots, cuts: Sequence[Cut]
-) -> tuple[sparse.csr_array, FloatArray, IntArray]:
-    """Envelope cuts as rows, in units of the roots.
 
-    Returns
-    -------
-    phi of the nodes [k, N], constants [k], and each cut's position among `roots.used` [k].
-    """
-    where = np.searchsorted(roots.used, [cut.view_sum for cut in cuts]).astype(np.int64)
-    entries = [roots.entries(g) for g in where.tolist()]
-    scales = roots.scale[where]
-    data = [
-        cut.phi_of(flow.owner[nodes], seen) / scale
-        for cut, (nodes, seen), scale in zip(cuts, entries, scales, strict=True)
-    ]
-    parts = (
-        np.concatenate([np.zeros(0), *data]),
-        np.concatenate([np.zeros(0, dtype=np.int64), *(nodes for nodes, _ in entries)]),
-        np.cumsum([0, *(len(nodes) for nodes, _ in entries)]),
-    )
-    rows = sparse.csr_array(parts, shape=(len(cuts), flow.n_nodes))
-    return rows, np.array([cut.constant for cut in cuts]) / scales, where
+class _CutRows(NamedTuple):
+    """Envelope cuts as rows of a program, in units of the roots."""
+
+    phi: sparse.csr_array  # [k, N] of a robot in each node
+    constants: FloatArray  # [k]
+    at: IntArray  # [k] position of each cut's view sum among `Roots.used`

@@ -1,0 +1,73 @@
+"""Certificates made and checked: the claim of a file against the numbers in it."""
+
+import math
+from collections.abc import Callable
+
+from cocap_opt.files.documents import problem_digest
+from cocap_opt.formulations.certificates.format import (
+    Certificate,
+    CertificateError,
+    CertificateFile,
+    ProofFile,
+)
+from cocap_opt.formulations.certificates.pricing import Pricing, price
+from cocap_opt.formulations.certificates.proof import price_proof
+from cocap_opt.model import Model
+from cocap_opt.problem.problem import Problem
+
+
+def certify(
+    problem: Problem, model: Model, method: str, certificate: Certificate
+) -> CertificateFile:
+    """Prices a certificate and returns the file that claims the bound it gives.
+
+    Parameters
+    ----------
+    method : name of the method that found the numbers
+    """
+    bound = price(model, certificate).bound
+    return CertificateFile(
+        scene=problem.name,
+        digest=problem_digest(problem),
+        method=method,
+        classes="single" if model.is_apart else "alike",
+        bound=None if bound == -math.inf else bound,
+        certificate=certificate,
+    )
+
+
+def verify(
+    problem: Problem,
+    file: CertificateFile | ProofFile,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> Pricing:
+    """Recomputes the bound of a certificate or a proof from the problem alone.
+
+    Coverage is computed afresh and not taken from a cache.
+
+    Parameters
+    ----------
+    progress : told how many leaves of a proof are done, and of how many
+
+    Raises
+    ------
+    CertificateError
+        If it belongs to another scene, is no tree, is not valid, or claims less than it proves.
+    """
+    proof = isinstance(file, ProofFile)
+    if file.digest != problem_digest(problem):
+        raise CertificateError(
+            f"digest: the {'proof' if proof else 'certificate'} belongs to another scene"
+        )
+    model = Model(problem, use_cache=False)
+    model = model.apart() if file.classes == "single" else model
+    if isinstance(file, ProofFile):
+        pricing = price_proof(model, file, progress)
+    else:
+        pricing = price(model, file.certificate)
+    if not pricing.bound <= file.proved:
+        numbers = "leaves" if proof else "multipliers"
+        raise CertificateError(
+            f"bound: claims {file.proved!r}, but the {numbers} prove only {pricing.bound!r}"
+        )
+    return pricing

@@ -1,0 +1,273 @@
+"""The bound that multipliers prove.
+
+Multipliers. For alpha, beta >= 0 and any non-negative c_1..c_N,
+
+    sqrt(sum c_i) <= alpha sum sqrt(c_i) + beta sum c_i + kappa,
+    kappa = (1 - alpha)^2 / (4 beta) if alpha < 1, else 0
+
+since sum sqrt(c_i) >= r := sqrt(sum c_i) and alpha r + beta r^2 + kappa >= r for all r. With
+one (alpha, beta) per view sum (t, face) and a multiplier mu >= 0 per conflict row,
+
+    J <= sum w kappa + sum mu + sum_i max_path [ sum_t sum_f w (alpha sqrt(c) + beta c)
+                                                 + rewards for moves - mu on rows used ].
+
+A share theta of a view sum's root may be bounded by an envelope cut instead (`envelope`):
+r <= constant + sum phi_k(i)(sqrt(c_i)), with one phi_k per class k of robots. Then only
+rho = 1 - sum theta is left for alpha and beta, and kappa = max(0, rho - alpha)^2 / (4 beta).
+
+Decisions "at most k" or "at least k robots use this" of a branch-and-price tree are rows as
+well; multipliers nu >= 0 make them +nu k or -nu k, and a charge or a reward on the use.
+"At most none" closes the resource.
+
+Reference pixels z. By concavity of the root,
+
+    sqrt(sum c_i) <= sqrt(z) + sum_i (sqrt(z + c_i) - sqrt(z)).
+
+Any non-negative numbers give a valid bound, whatever solver they came from. Pricing needs
+one plain sweep over the time-expanded graph and no solver.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from cocap_opt.data import FloatArray, IntArray
+from cocap_opt.formulations.certificates.cuts import usable_cuts
+from cocap_opt.formulations.certificates.envelope import Cut
+from cocap_opt.formulations.certificates.format import (
+    Certificate,
+    CertificateError,
+    Decision,
+    Multipliers,
+    ReferencePixels,
+    Row,
+    Table,
+)
+from cocap_opt.formulations.certificates.resources import Resource, charges_of
+from cocap_opt.formulations.certificates.sweep import plain_sweep
+from cocap_opt.model import Model
+from cocap_opt.objective import marginal_gain, view_sum_weights
+
+UNIT_ROUNDOFF = 2.0**-53
+
+
+class Pricing(NamedTuple):
+    """The worth of a certificate."""
+
+    bound: float  # rigorous upper bound on J, rounding included
+    rounding: float  # the part of it that covers rounding errors
+
+
+def price(model: Model, certificate: Certificate, decisions: Sequence[Decision] = ()) -> Pricing:
+    """Returns the upper bound on J that a certificate proves.
+
+    Parameters
+    ----------
+    decisions : the bound is for plans that obey these as well
+
+    Raises
+    ------
+    CertificateError
+        If a number is negative or not finite, an array has the wrong shape, or a row is not
+        one that every plan obeys.
+    """
+    if isinstance(certificate, Multipliers):
+        payment = _payment_of_multipliers(model, certificate)
+        charge = _charge_of(model, certificate, decisions)
+    else:
+        payment, charge = _payment_of_reference(model, certificate), _Charge(0.0, 0.0, [])
+    total = payment.constant + charge.constant
+    magnitude = payment.magnitude + charge.magnitude
+    if not math.isfinite(magnitude):
+        raise CertificateError("certificate: multipliers too large, the bound is infinite")
+    # The same with all numbers counted as positive: the sum of absolute values along a path.
+    sizes = [(r, -abs(c) if math.isfinite(c) else c) for r, c in charge.costs]
+    for number, robot_class in enumerate(model.classes):
+        reward = _node_rewards(model, number, payment)
+        values, made_of = (
+            plain_sweep(model.problem, robot_class, reward, charges_of(model, number, costs))
+            for costs in (charge.costs, sizes)
+        )
+        best = [float(values[start]) for start in robot_class.starts]
+        if -math.inf in best:  # a robot without any path: there is no plan
+            return Pricing(-math.inf, 0.0)
+        total += sum(best)
+        magnitude += sum(float(made_of[start]) for start in robot_class.starts)
+    if not (math.isfinite(total) and math.isfinite(magnitude)):
+        raise CertificateError("certificate: too large, the bound is infinite")
+    rounding = _rounding_factor(model, len(charge.costs), payment.cuts) * magnitude
+    return Pricing(math.nextafter(total + rounding, math.inf), rounding)
+
+
+def _rounding_factor(model: Model, n_costs: int, n_cuts: int) -> float:
+    """Returns the relative error of a bound, of the sum of absolute values it is made of.
+
+    Every number is a sum of at most `terms` terms, each the result of a few operations: the
+    error is below gamma_n times the sum of absolute values (Higham, Accuracy and Stability of
+    Numerical Algorithms, 2002, section 3.1), doubled for safety. Marginal gains at reference
+    pixels z are differences of roots up to sqrt(z + c); the constant holds w sqrt(z), so that
+    what cancels is counted too. A step adds a term for each face, and up to four rewards for
+    its move.
+    """
+    terms = (model.problem.horizon + 1) * (model.n_faces + 5) + n_costs
+    terms += 8 * len(model.problem.robots) + 64 + 2 * n_cuts
+    return 2 * terms * UNIT_ROUNDOFF / (1 - terms * UNIT_ROUNDOFF)
+
+
+# -- payments for pixels -----------------------------------------------------------------------
+
+
+class _Payment(NamedTuple):
+    """The payment that a certificate offers for pixels, and the constants that go with it."""
+
+    constant: float
+    magnitude: float  # sum of the absolute values that the constant is made of
+    # Number of a class, view sums [n], pixels [n] -> payment for them, before weights [n].
+    pay: Callable[[int, IntArray, FloatArray], FloatArray]
+    cuts: int = 0  # how many there are
+
+
+def _payment_of_multipliers(model: Model, certificate: Multipliers) -> _Payment:
+    alpha = _array(model, certificate.alpha, "certificate.alpha")
+    beta = _array(model, certificate.beta, "certificate.beta")
+    weights = view_sum_weights(model.problem)
+    cuts = usable_cuts(model, certificate.cuts)
+    rest = _left_by(cuts, len(alpha))
+    needed = np.flatnonzero((_visible_view_sums(model) > 0) & (alpha < rest))
+    if (beta[needed] == 0).any():
+        raise CertificateError("certificate.beta: must be > 0 where alpha < 1")
+    kappa = (rest[needed] - alpha[needed]) ** 2 / (4 * beta[needed])
+    terms = (weights[needed] * kappa).tolist()
+    terms += [float(weights[cut.view_sum]) * share * cut.constant for cut, share in cuts]
+    # The cuts' constants are made of norms of as many roots as there are robots.
+    made_of = [
+        float(weights[cut.view_sum])
+        * len(model.classes[number].robots)
+        * float(curve.roots.max(initial=0.0) + curve.values.max(initial=0.0))
+        for cut, _ in cuts
+        for number, curve in cut.curves.items()
+    ]
+    by_view_sum: dict[int, list[tuple[Cut, float]]] = {}
+    for cut, share in cuts:
+        by_view_sum.setdefault(cut.view_sum, []).append((cut, share))
+
+    def pay(number: int, view_sums: IntArray, pixels: FloatArray) -> FloatArray:
+        roots = np.sqrt(pixels)
+        paid: FloatArray = alpha[view_sums] * roots + beta[view_sums] * pixels
+        order = np.argsort(view_sums, kind="stable")
+        bounds = np.searchsorted(view_sums[order], np.arange(len(alpha) + 1))
+        for view_sum, own in by_view_sum.items():
+            entries = order[bounds[view_sum] : bounds[view_sum + 1]]
+            for cut, share in own:
+                paid[entries] += share * cut.phi(number, roots[entries])
+        return paid
+
+    return _Payment(sum(terms), sum(terms) + sum(made_of), pay, len(cuts))
+
+
+def _left_by(cuts: list[tuple[Cut, float]], n_view_sums: int) -> FloatArray:
+    """Returns rho, the share of each root that cuts leave to alpha and beta, rounded up [Z]."""
+    shares: dict[int, list[float]] = {}
+    for cut, share in cuts:
+        shares.setdefault(cut.view_sum, []).append(-share)
+    rest = np.ones(n_view_sums)
+    for view_sum, own in shares.items():
+        rest[view_sum] = math.nextafter(math.fsum([1.0, *own]), math.inf)
+    return rest
+
+
+def _visible_view_sums(model: Model) -> FloatArray:
+    """Returns 1.0 for view sums that some robot can see and that count; others add nothing [Z]."""
+    visible = np.zeros(model.problem.view_sum_steps * model.n_faces)
+    for robot_class in model.classes:
+        visible[model.coverage(robot_class).view_sums] = 1.0
+    return np.where(view_sum_weights(model.problem) > 0, visible, 0.0)
+
+
+def _payment_of_reference(model: Model, certificate: ReferencePixels) -> _Payment:
+    pixels = _array(model, certificate.pixels, "certificate.pixels")
+    roots = view_sum_weights(model.problem) * np.sqrt(pixels)
+    constant = math.fsum(roots.tolist())
+    # Every gain is a difference of roots that may be as large as the constant's.
+    gains = len(model.problem.robots)
+    gains *= model.problem.horizon + 1 if model.problem.objective.over_time else 1
+
+    def pay(number: int, view_sums: IntArray, seen: FloatArray) -> FloatArray:
+        return marginal_gain(pixels[view_sums], seen)
+
+    return _Payment(constant, (gains + 1) * constant, pay)
+
+
+def _node_rewards(model: Model, number: int, payment: _Payment) -> FloatArray:
+    """Returns the payment to a robot of class `number` for being in a state [T+1, S]."""
+    robot_class = model.classes[number]
+    table = model.coverage(robot_class)
+    with np.errstate(over="ignore"):
+        paid = (
+            payment.pay(number, table.view_sums, table.pixels)
+            * view_sum_weights(model.problem)[table.view_sums]
+        )
+    rewards = np.zeros((model.problem.horizon + 1, robot_class.graph.n_states))
+    with np.errstate(over="ignore"):
+        rewards.reshape(-1)[table.nodes] = table.row_sums(paid)
+        # No path can have more: where this is finite, nothing in the sweep overflows.
+        largest = float(rewards.max(axis=1).sum())
+    if not (np.isfinite(paid).all() and math.isfinite(largest)):
+        raise CertificateError("certificate: too large, the bound is infinite")
+    return rewards
+
+
+def _array(model: Model, values: Table, field: str) -> FloatArray:
+    """Returns numbers >= 0 from a file, one per view sum [Z]."""
+    shape = (model.problem.view_sum_steps, model.n_faces)
+    if len(values) != shape[0] or any(len(row) != shape[1] for row in values):
+        raise CertificateError(f"{field}: must hold {shape[0]} rows of {shape[1]} numbers")
+    array = np.array(values, dtype=np.float64).reshape(-1)
+    if not np.isfinite(array).all() or (array < 0).any():
+        raise CertificateError(f"{field}: must be finite and >= 0")
+    return array
+
+
+# -- charges for resources ---------------------------------------------------------------------
+
+
+class _Charge(NamedTuple):
+    """The costs that a certificate puts on resources, and the constants that go with them."""
+
+    constant: float
+    magnitude: float  # sum of the absolute values that the constant is made of
+    costs: list[tuple[Resource, float]]
+
+
+def _charge_of(model: Model, certificate: Multipliers, decisions: Sequence[Decision]) -> _Charge:
+    """Returns the costs: conflict rows at their multipliers, closed decisions at infinity."""
+    _check_rows(model, certificate.rows)
+    if len(certificate.decisions) != len(decisions):
+        raise CertificateError(
+            f"certificate.decisions: must hold {len(decisions)} multipliers, one per decision"
+        )
+    terms = [row.multiplier for row in certificate.rows]
+    costs = [(row.resource, row.multiplier) for row in certificate.rows]
+    for decision, multiplier in zip(decisions, certificate.decisions, strict=True):
+        if not (math.isfinite(multiplier) and multiplier >= 0):
+            raise CertificateError("certificate.decisions: must be finite and >= 0")
+        if decision.closes:
+            costs.append((decision.resource, math.inf))
+        else:
+            terms.append(decision.sign * multiplier * decision.robots)
+            costs.append((decision.resource, decision.sign * multiplier))
+    largest = sum(abs(cost) for _, cost in costs if math.isfinite(cost))
+    return _Charge(sum(terms), sum(map(abs, terms)) + largest, costs)
+
+
+def _check_rows(model: Model, rows: tuple[Row, ...]) -> None:
+    """Refuses rows that some allowed plan may break."""
+    for n, row in enumerate(rows):
+        field = f"certificate.rows[{n}]"
+        if not (math.isfinite(row.multiplier) and row.multiplier >= 0):
+            raise CertificateError(f"{field}.multiplier: must be finite and >= 0")
+        wrong = row.resource.why_absent(model) or row.resource.why_shared(model.problem)
+        if wrong:
+            raise CertificateError(f"{field}.{wrong}")

@@ -1,0 +1,105 @@
+"""A plain sweep: value iteration for checking, written to be read.
+
+It goes backwards over the steps, move by move and turn by turn, and shares no code with the value
+iteration that planners and pricing use. Rewards for moves are taken from the objective's
+definition.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cocap_opt.data import FloatArray
+from cocap_opt.graph.timegraph import Charges, TimeGraph
+from cocap_opt.model import RobotClass
+from cocap_opt.problem.problem import Objective, Problem
+
+
+def plain_sweep(
+    problem: Problem, robot_class: RobotClass, reward: FloatArray, charges: Charges
+) -> FloatArray:
+    """Returns the value of the best path from every state at step 0 [S].
+
+    Parameters
+    ----------
+    reward : [T+1, S] for being in a state; the objective's rewards for moves are added here
+    charges : costs of places, states and moves, by which the value is less
+    """
+    graph, objective = robot_class.graph, problem.objective
+    shape = (graph.n_orientations, graph.n_places)
+    stay = objective.stationarity + objective.keep_cell
+    stay += objective.keep_heading + objective.balanced
+    bonuses = _bonuses_of_moves(graph, objective)
+    places, states, moves = _spread(graph, charges)
+    value = np.where(graph.free, reward[-1].reshape(shape), -np.inf)
+    if robot_class.goal is not None:
+        _, x, y = graph.coordinates(np.arange(graph.n_places))
+        value = np.where((x == robot_class.goal[0]) & (y == robot_class.goal[1]), value, -np.inf)
+    value = value - places.get(problem.horizon, 0.0) - states.get(problem.horizon, 0.0)
+    for t in range(problem.horizon - 1, -1, -1):
+        turned = _plain_turns(graph, value, objective.keep_heading)
+        best = np.full(shape, -np.inf)
+        for k, heads in enumerate(graph.neighbours):
+            tails = np.flatnonzero(heads >= 0)
+            ahead = turned[:, heads[tails]]
+            if k in bonuses:
+                ahead = ahead + bonuses[k]
+            if (t, k) in moves:
+                ahead = ahead - moves[t, k][tails]
+            best[:, tails] = np.maximum(best[:, tails], ahead)
+        if objective.stationarity:
+            best = np.maximum(best, value + stay)
+        value = best + reward[t].reshape(shape) - places.get(t, 0.0) - states.get(t, 0.0)
+    return value.reshape(-1)
+
+
+def _plain_turns(graph: TimeGraph, value: FloatArray, keep_heading: float) -> FloatArray:
+    """Returns the best that one step can turn to from each state [O, P].
+
+    The reward for keeping the heading is included.
+    """
+    turned = np.stack([value[turns].max(axis=0) for turns in graph.turns])
+    if keep_heading:
+        pitches = graph.shape[1]
+        for orientation, turns in enumerate(graph.turns):
+            kept = [turn for turn in turns if turn // pitches == orientation // pitches]
+            ahead = value[kept].max(axis=0) + keep_heading
+            turned[orientation] = np.maximum(turned[orientation], ahead)
+    return turned
+
+
+def _bonuses_of_moves(graph: TimeGraph, objective: Objective) -> dict[int, FloatArray]:
+    """Returns the rewards of each move k from the places where it is open, turns left aside."""
+    bonuses: dict[int, FloatArray] = {}
+    if not objective.keep_cell and not objective.balanced:
+        return bonuses
+    for k, heads in enumerate(graph.neighbours):
+        tails = np.flatnonzero(heads >= 0)
+        climb, dx, dy = graph.coordinates(heads[tails]) - graph.coordinates(tails)
+        stays = (climb == 0) & (dx == 0) & (dy == 0)
+        bonuses[k] = objective.keep_cell * stays + objective.balanced * (dx + dy == 0)
+    return bonuses
+
+
+class _Spread(NamedTuple):
+    """Charges as arrays over the graph."""
+
+    places: dict[int, FloatArray]  # by step, [P]
+    states: dict[int, FloatArray]  # by step, [O, P]
+    moves: dict[tuple[int, int], FloatArray]  # by step and number k of the move, [P] it begins in
+
+
+def _spread(graph: TimeGraph, charges: Charges) -> _Spread:
+    """Returns charges as arrays over the graph."""
+    places: dict[int, FloatArray] = {}
+    for (t, place), cost in charges.places.items():
+        places.setdefault(t, np.zeros(graph.n_places))[place] += cost
+    states: dict[int, FloatArray] = {}
+    for (t, state), cost in charges.states.items():
+        own = states.setdefault(t, np.zeros((graph.n_orientations, graph.n_places)))
+        own.reshape(-1)[state] += cost
+    moves: dict[tuple[int, int], FloatArray] = {}
+    for (t, tail, head), cost in charges.moves.items():
+        for k in np.flatnonzero(graph.neighbours[:, tail] == head).tolist():
+            moves.setdefault((t, k), np.zeros(graph.n_places))[tail] += cost
+    return _Spread(places, states, moves)
