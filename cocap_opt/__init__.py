@@ -14,7 +14,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from cocap_opt.check import Verdict
+    from cocap_opt.referee import Verdict
     from cocap_opt.data import ProblemError
     from cocap_opt.experiments.api import (
         Verified,
@@ -58,7 +58,7 @@ if TYPE_CHECKING:
 
 # The module of each name.
 _MODULES = {
-    "cocap_opt.check": ("Verdict",),
+    "cocap_opt.referee": ("Verdict",),
     "cocap_opt.data": ("ProblemError",),
     "cocap_opt.experiments.api": (
         "Verified", "bound", "check", "gap", "load", "plan", "read", "save", "show", "solve",

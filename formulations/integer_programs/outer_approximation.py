@@ -15,12 +15,11 @@ import time
 from collections.abc import Callable
 
 import numpy as np
-
-from cocap_opt.check import check
-from cocap_opt.data import FloatArray
-from cocap_opt.formulations.certificates.certificate import CertificateFile, Multipliers
-from cocap_opt.formulations.column_generation.root import aggregated_root
 from cocap_opt.formulations.column_generation.root_bound import column_generation
+
+from cocap_opt.data import FloatArray
+from cocap_opt.formulations.certificates import CertificateFile, Multipliers
+from cocap_opt.formulations.column_generation.root import aggregated_root
 from cocap_opt.formulations.integer_programs.program import Call, Program, Solver
 from cocap_opt.formulations.relaxations.collision_rows import conflict_rows
 from cocap_opt.formulations.relaxations.flow import Compile, Flow, Roots, make_flow
@@ -36,6 +35,7 @@ from cocap_opt.model import Model, Path, compiled
 from cocap_opt.objective import largest_roots, objective_of, view_sum_weights
 from cocap_opt.problem.plan import Plan, conflicts
 from cocap_opt.problem.problem import Problem
+from cocap_opt.referee import check
 from cocap_opt.result import Reason, relative_gap
 from cocap_opt.stop import FirstOf, Limit, Stop, TimeLimit, seconds_left
 

@@ -17,7 +17,6 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from strategies import WALL, Calls, examples, meetings, problems, standing, tiny
 
-from cocap_opt.check import check
 from cocap_opt.graph.motion import time_expanded_graph
 from cocap_opt.model import Model, compiled
 from cocap_opt.planners import PLANNERS, Planner
@@ -34,6 +33,7 @@ from cocap_opt.planners.myopic import myopic
 from cocap_opt.planners.one_step import one_step
 from cocap_opt.problem.plan import Plan
 from cocap_opt.problem.problem import Actor, Camera, Cone, Motion, Problem, Robot, State
+from cocap_opt.referee import check
 from cocap_opt.result import Reason
 from cocap_opt.stop import Limit, never
 from cocap_opt.world.workspace import HeightMap

@@ -14,7 +14,6 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from strategies import WALL, Calls, examples, problems, shapes
 
-from cocap_opt.check import check
 from cocap_opt.data import FOCAL as FOCAL_RANGE
 from cocap_opt.data import LARGEST, MOST_PIXELS, MOST_WEIGHT, SMALLEST, FloatArray
 from cocap_opt.graph.timegraph import time_graph
@@ -34,6 +33,7 @@ from cocap_opt.problem.problem import (
     State,
     TriangulatedCuboid,
 )
+from cocap_opt.referee import check
 from cocap_opt.vision.coverage import coverage_table
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.projection import camera_axes, image_area

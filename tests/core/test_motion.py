@@ -10,7 +10,6 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from strategies import WALL, cameras, examples, height_maps, motions, problems, tiny
 
-from cocap_opt.check import broken_motions
 from cocap_opt.graph.motion import (
     free_places,
     motion_graph,
@@ -23,6 +22,7 @@ from cocap_opt.graph.motion import (
 )
 from cocap_opt.problem.plan import Plan
 from cocap_opt.problem.problem import Camera, Motion, Problem, Robot, State
+from cocap_opt.referee import broken_motions
 from cocap_opt.world.workspace import HeightMap, Workspace
 
 PILLAR = HeightMap(heights=np.array([[0.0, 0.0], [0.0, 4.0]]))  # 4 m high in one corner of four

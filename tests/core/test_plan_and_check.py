@@ -9,7 +9,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from strategies import WALL, examples, tiny
 
-from cocap_opt.check import Verdict, broken_motions, broken_rules, check
 from cocap_opt.problem.plan import Plan, SwapConflict, VertexConflict, conflicts
 from cocap_opt.problem.problem import (
     NO_RULES,
@@ -23,6 +22,7 @@ from cocap_opt.problem.problem import (
     Robot,
     State,
 )
+from cocap_opt.referee import Verdict, broken_motions, broken_rules, check
 from cocap_opt.world.workspace import HeightMap
 
 HEADINGS = 8

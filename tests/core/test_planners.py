@@ -20,7 +20,6 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from strategies import WALL, Calls, examples, meetings, number_of_plans, problems, standing, tiny
 
-from cocap_opt.check import broken_motions, check
 from cocap_opt.graph.motion import time_expanded_graph
 from cocap_opt.graph.timegraph import Charges
 from cocap_opt.model import Model
@@ -52,6 +51,7 @@ from cocap_opt.problem.problem import (
     Robot,
     State,
 )
+from cocap_opt.referee import broken_motions, check
 from cocap_opt.result import Reason, Result, UnsupportedError, relative_gap
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import (

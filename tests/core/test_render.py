@@ -114,8 +114,8 @@ def test_rendered_reward_is_near_the_planned_one() -> None:
     """J of rendered pixels, where the camera's image is large enough to count them."""
     problem = load_scene("tiny-share")
     model = Model(problem)
-    from cocap_opt.check import check
     from cocap_opt.planners import PLANNERS
+    from cocap_opt.referee import check
     from cocap_opt.stop import never
 
     plan = PLANNERS["cocap"](problem, never).plan

@@ -10,7 +10,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from strategies import examples, problems, tiny
 
-from cocap_opt.check import check
 from cocap_opt.data import FloatArray
 from cocap_opt.model import Model, Path
 from cocap_opt.objective import (
@@ -25,6 +24,7 @@ from cocap_opt.objective import (
 )
 from cocap_opt.problem.plan import Plan
 from cocap_opt.problem.problem import Objective, Problem
+from cocap_opt.referee import check
 
 TEAMS = problems(robots=st.integers(1, 3), most_plans=10**6)
 

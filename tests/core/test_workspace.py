@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog
 from strategies import examples, plate, problems
 
-from cocap_opt.check import check
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.graph.motion import free_places, place_graph
 from cocap_opt.graph.timegraph import time_graph
@@ -24,6 +23,7 @@ from cocap_opt.problem.problem import (
     State,
     TriangulatedCuboid,
 )
+from cocap_opt.referee import check
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import never
 from cocap_opt.vision.faces import FaceGeometry

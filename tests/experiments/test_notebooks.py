@@ -2,11 +2,11 @@ import ast
 from pathlib import Path
 
 import pytest
-from nbformat import NotebookNode
-
-from cocap_opt.check import check
 from cocap_opt.experiments.notebooks.__main__ import main
 from cocap_opt.experiments.notebooks.running import digest, executed, load, notebooks
+from cocap_opt.experiments.studies.benchmarks.runs import scene
+from nbformat import NotebookNode
+
 from cocap_opt.experiments.notebooks.tables import (
     check_table,
     differences,
@@ -14,9 +14,9 @@ from cocap_opt.experiments.notebooks.tables import (
     outcomes,
     side_table,
 )
-from cocap_opt.experiments.studies.benchmarks.runs import scene
 from cocap_opt.formulations import EXACT
 from cocap_opt.planners import PLANNERS
+from cocap_opt.referee import check
 from cocap_opt.stop import never
 
 FILES = notebooks()

@@ -7,7 +7,6 @@ from strategies import examples, problems
 from studies import study
 from test_tables import row
 
-from cocap_opt.check import check
 from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.results.statistics import Mean, mean
 from cocap_opt.experiments.studies.paper import answers, reproduction
@@ -15,6 +14,7 @@ from cocap_opt.experiments.studies.paper.giving_way import encounters, most_gene
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem.plan import Plan, conflicts
 from cocap_opt.problem.problem import Problem
+from cocap_opt.referee import check
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import never
 

@@ -12,7 +12,6 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from strategies import examples, plate, tiny
 
-from cocap_opt.check import check
 from cocap_opt.experiments.cli.main import main
 from cocap_opt.experiments.report import player_scene
 from cocap_opt.experiments.report.figures import blocked_cells, robot_colour
@@ -22,6 +21,7 @@ from cocap_opt.files.documents import load_plan
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem.plan import Plan
 from cocap_opt.problem.problem import Actor, Camera, Cone, Motion, Prism, Problem, Robot, State
+from cocap_opt.referee import check
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import never
 from cocap_opt.world.workspace import HeightMap

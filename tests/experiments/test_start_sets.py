@@ -14,7 +14,6 @@ from scene_files import SEQUENCE
 from strategies import examples, meetings
 from studies import rows_of, study
 
-from cocap_opt.check import check
 from cocap_opt.experiments.cli.main import main as cocap_opt
 from cocap_opt.experiments.results.judging import without_rules
 from cocap_opt.experiments.results.rows import Row, colliding
@@ -26,6 +25,7 @@ from cocap_opt.files.documents import load_plan
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem.plan import Plan
 from cocap_opt.problem.problem import Problem
+from cocap_opt.referee import check
 from cocap_opt.result import relative_gap
 from cocap_opt.scenarios import load_scene
 

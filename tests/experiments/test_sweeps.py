@@ -14,9 +14,9 @@ from typing import Any
 
 import msgspec
 import pytest
+from cocap_opt.experiments.sweeps.about import load_run
 from distributed import Client, LocalCluster
 
-from cocap_opt.check import check
 from cocap_opt.experiments.cli import commands
 from cocap_opt.experiments.cli.options import OWN_STARTS
 from cocap_opt.experiments.console.progress import unseen
@@ -33,7 +33,6 @@ from cocap_opt.experiments.results.trace import load_trace
 from cocap_opt.experiments.sweeps import cells as cells_module
 from cocap_opt.experiments.sweeps import cluster as cluster_module
 from cocap_opt.experiments.sweeps import earlier as earlier_module
-from cocap_opt.experiments.sweeps.about import load_run
 from cocap_opt.experiments.sweeps.cells import (
     BOUND,
     OWN,
@@ -55,6 +54,7 @@ from cocap_opt.formulations.result import hovering
 from cocap_opt.model import compiled
 from cocap_opt.problem.plan import Plan
 from cocap_opt.problem.problem import NO_RULES, Problem
+from cocap_opt.referee import check
 from cocap_opt.result import Reason, Result
 from cocap_opt.scenarios import load_scene
 from cocap_opt.scenarios.built_in.field import field

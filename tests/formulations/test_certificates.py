@@ -7,14 +7,6 @@ import msgspec
 import numpy as np
 import pytest
 from brute_force import all_paths, bonus_of, optimum, pixels_of, views_of, weights_of
-from hypothesis import assume, given
-from hypothesis import strategies as st
-from scipy.optimize import linprog
-from strategies import examples, problems, tiny
-
-from cocap_opt.check import broken_rules
-from cocap_opt.formulations import BOUNDS
-from cocap_opt.formulations.certificates import envelope
 from cocap_opt.formulations.certificates.certificate import (
     CertificateError,
     CertificateFile,
@@ -28,6 +20,13 @@ from cocap_opt.formulations.certificates.certificate import (
     price,
     verify,
 )
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from scipy.optimize import linprog
+from strategies import examples, problems, tiny
+
+from cocap_opt.formulations import BOUNDS
+from cocap_opt.formulations.certificates import envelope
 from cocap_opt.formulations.certificates.proof import (
     Branch,
     Leaf,
@@ -52,6 +51,7 @@ from cocap_opt.model import Model, compiled, compiled_apart
 from cocap_opt.objective import largest_roots, no_pixels
 from cocap_opt.problem.plan import Plan
 from cocap_opt.problem.problem import NO_RULES, Cell, Objective, Problem, State
+from cocap_opt.referee import broken_rules
 
 Rows = tuple[tuple[float, ...], ...]
 

@@ -7,18 +7,18 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from brute_force import objective_from_scratch, optimum
+from cocap_opt.formulations.certificates.certificate import verify
 from hypothesis import given
 from hypothesis import strategies as st
 from strategies import Calls, examples, meetings, problems, tiny
 
-from cocap_opt.check import check
 from cocap_opt.formulations import BOUNDS, EXACT
-from cocap_opt.formulations.certificates.certificate import verify
 from cocap_opt.formulations.certificates.proof import ProofFile, verify_proof
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Snapshot
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem.problem import NO_RULES, Motion, Problem
+from cocap_opt.referee import check
 from cocap_opt.result import Reason, UnsupportedError
 from cocap_opt.scenarios import load_scene
 from cocap_opt.scenarios.built_in.tiny import TINY_OPTIMA

@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 from brute_force import all_paths, objective_from_scratch, optimum
+from cocap_opt.formulations.certificates.certificate import verify
+from cocap_opt.formulations.column_generation.root_bound import column_generation
 from hypothesis import given
 from hypothesis import strategies as st
 from strategies import examples, meetings, problems, tiny
 
-from cocap_opt.check import check
-from cocap_opt.formulations.certificates.certificate import verify
-from cocap_opt.formulations.column_generation.root_bound import column_generation
 from cocap_opt.formulations.integer_programs import mathopt, scip_nonlinear
 from cocap_opt.formulations.integer_programs.cp_sat import cp_sat
 from cocap_opt.formulations.integer_programs.cp_sat import solve as solve_by_cp_sat
@@ -29,6 +28,7 @@ from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Snapshot,
 from cocap_opt.model import compiled, compiled_apart
 from cocap_opt.problem.plan import Plan
 from cocap_opt.problem.problem import NO_RULES, Problem
+from cocap_opt.referee import check
 from cocap_opt.result import Reason, UnsupportedError
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import Limit, TimeLimit, never

@@ -4,12 +4,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from brute_force import all_paths, optimum
+from cocap_opt.formulations.certificates.certificate import verify
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from strategies import Calls, examples, meetings, problems, tiny
 
-from cocap_opt.check import broken_rules
-from cocap_opt.formulations.certificates.certificate import verify
 from cocap_opt.formulations.certificates.resources import misruled, misuse
 from cocap_opt.formulations.relaxations import collision_rows
 from cocap_opt.formulations.relaxations import flow as flows
@@ -36,6 +35,7 @@ from cocap_opt.problem.problem import (
     Robot,
     State,
 )
+from cocap_opt.referee import broken_rules
 from cocap_opt.result import Reason, UnsupportedError
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import Limit, TimeLimit, never

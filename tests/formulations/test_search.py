@@ -3,20 +3,26 @@
 import numpy as np
 import pytest
 from brute_force import optimum
+from cocap_opt.formulations.column_generation.primal import (
+    best_response,
+    improved,
+    in_conflict,
+    incumbent_of,
+)
+from cocap_opt.formulations.column_generation.root_bound import column_generation
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from strategies import examples, meetings, problems, tiny
 
-from cocap_opt.check import check
-from cocap_opt.formulations.certificates.certificate import Decision, price
-from cocap_opt.formulations.certificates.resources import (
+from cocap_opt.formulations.certificates import (
     Cells,
+    Decision,
+    Flight,
     Move,
     Swap,
     Visit,
     charges_of,
-    flight_of,
-    uses,
+    price,
 )
 from cocap_opt.formulations.column_generation.branching import amounts_of, fractional, whole_paths
 from cocap_opt.formulations.column_generation.diving import dive
@@ -29,27 +35,20 @@ from cocap_opt.formulations.column_generation.master import (
 )
 from cocap_opt.formulations.column_generation.pairs import best_pair
 from cocap_opt.formulations.column_generation.pricing import Pricer
-from cocap_opt.formulations.column_generation.primal import (
-    best_response,
-    improved,
-    in_conflict,
-    incumbent_of,
-)
 from cocap_opt.formulations.column_generation.relaxation import seen_in
 from cocap_opt.formulations.column_generation.root import (
     aggregated_root,
     root_relaxation,
     solved_root,
 )
-from cocap_opt.formulations.column_generation.root_bound import column_generation
 from cocap_opt.formulations.column_generation.search import Search
-from cocap_opt.formulations.relaxations.duals import blended
 from cocap_opt.formulations.result import OPTIMALITY
 from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.model import Model, compiled
 from cocap_opt.objective import objective_of
 from cocap_opt.problem.plan import conflicts
 from cocap_opt.problem.problem import NO_RULES, CollisionRules, Problem
+from cocap_opt.referee import check
 from cocap_opt.result import Reason
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import FirstOf, Limit, WorkLimit, never
@@ -116,7 +115,7 @@ def test_charges_cost_a_path_what_it_uses(problem: Problem, seed: int) -> None:
     robot = int(rng.integers(len(problem.robots)))
     robot_class, flight = (
         model.class_of[robot],
-        flight_of(model, robot, random_path(model, robot, rng)),
+        Flight.of(model, robot, random_path(model, robot, rng)),
     )
     number, t = flight.class_number, int(rng.integers(problem.horizon))
     here, there = flight.cells[t], flight.cells[t + 1]
@@ -126,7 +125,7 @@ def test_charges_cost_a_path_what_it_uses(problem: Problem, seed: int) -> None:
         resources += [Swap(t, (there, here)), Move(t, (here, there), number),
                       Move(t, (there, here), number)]  # fmt: skip
     costs = rng.uniform(-5, 5, len(resources)).tolist()
-    used = sum(c for r, c in zip(resources, costs, strict=True) if uses(model, r, flight))
+    used = sum(c for r, c in zip(resources, costs, strict=True) if r.used_by(model, flight))
     # Only this path is open: all other states are closed.
     reward = np.full((problem.horizon + 1, robot_class.graph.n_states), CLOSED)
     reward[np.arange(problem.horizon + 1), list(flight.path)] = 1.0
@@ -146,7 +145,7 @@ def test_pricing_and_certificate_agree(problem: Problem) -> None:
     for column in root.best.columns:
         root.master.add(column)
     solution = root.master.solve()
-    for duals in (solution.duals, blended(solution.duals, root.best.duals, 0.3)):
+    for duals in (solution.duals, solution.duals.blended(root.best.duals, 0.3)):
         bound = Pricer(model)(duals).bound
         assert price(model, duals.certificate(model)).bound == pytest.approx(
             bound, rel=1e-9, abs=1e-6
@@ -197,10 +196,10 @@ def test_a_decision_is_kept_by_the_master_and_by_pricing() -> None:
     alone = search.alone()
     duals = type(alone.duals)(alone.duals.alpha, alone.duals.beta, decisions=np.zeros(1))
     for other in Pricer(model)(duals, (closed,)).columns:
-        assert not uses(model, resource, other.flight)
+        assert not resource.used_by(model, other.flight)
     rewarded = type(alone.duals)(alone.duals.alpha, alone.duals.beta, decisions=np.array([1e6]))
     wanted = Pricer(model)(rewarded, (Decision(resource, "at least", 1),)).columns
-    assert any(uses(model, resource, other.flight) for other in wanted)
+    assert any(resource.used_by(model, other.flight) for other in wanted)
 
 
 def test_whole_mixtures_become_paths_with_the_same_reward() -> None:
@@ -224,8 +223,8 @@ def test_masters_and_paths_agree_on_what_uses_a_resource(problem: Problem, seed:
     """Of a path's arcs exactly one is in a resource's row where the path uses it, else none."""
     model, rng = Model(problem), np.random.default_rng(seed)
     for robot in range(len(problem.robots)):
-        flight = flight_of(model, robot, random_path(model, robot, rng))
-        other = flight_of(model, robot, random_path(model, robot, rng))
+        flight = Flight.of(model, robot, random_path(model, robot, rng))
+        other = Flight.of(model, robot, random_path(model, robot, rng))
         number, graph = flight.class_number, model.class_of[robot].graph
         t = int(rng.integers(problem.horizon))
         moved = (other.cells[t], other.cells[t + 1])
@@ -238,7 +237,7 @@ def test_masters_and_paths_agree_on_what_uses_a_resource(problem: Problem, seed:
         if moved[0] != moved[1]:
             resources += [Move(t, moved, number), Swap(t, moved), Swap(t, moved[::-1])]
         rows = _users(model, resources, arcs_of(flight))
-        assert [len(row) for row in rows] == [uses(model, r, flight) for r in resources]
+        assert [len(row) for row in rows] == [r.used_by(model, flight) for r in resources]
 
 
 @pytest.mark.parametrize(("name", "horizon", "is_apart"), [

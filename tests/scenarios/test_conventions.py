@@ -10,7 +10,6 @@ import pytest
 from others import data
 from scene_files import SEQUENCE, STARTS
 
-from cocap_opt.check import check
 from cocap_opt.data import ProblemError
 from cocap_opt.experiments.cli.main import main
 from cocap_opt.files.documents import FileError, load_problem, problem_digest
@@ -19,6 +18,7 @@ from cocap_opt.model import compiled
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem.plan import Plan
 from cocap_opt.problem.problem import CollisionRules, Problem
+from cocap_opt.referee import check
 from cocap_opt.scenarios import load_scene
 from cocap_opt.scenarios.formats import greedy_perspectives
 from cocap_opt.scenarios.formats.conventions import OPTIONS, OURS, THEIRS, Conventions

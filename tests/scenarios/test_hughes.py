@@ -11,7 +11,6 @@ import pytest
 from others import data
 from strategies import tiny
 
-from cocap_opt.check import check
 from cocap_opt.data import ProblemError
 from cocap_opt.files.documents import FileError
 from cocap_opt.formulations import EXACT
@@ -22,6 +21,7 @@ from cocap_opt.objective import marginal_reward, no_pixels, robot_pixels
 from cocap_opt.planners.myopic import myopic
 from cocap_opt.problem.plan import Plan
 from cocap_opt.problem.problem import Cone, Problem, State
+from cocap_opt.referee import check
 from cocap_opt.result import UnsupportedError
 from cocap_opt.scenarios import load_scene, read_foreign_plan
 from cocap_opt.scenarios.formats import hughes
@@ -29,6 +29,13 @@ from cocap_opt.stop import never
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.render import Renderer
 from cocap_opt.vision.views import make_views
+
+
+# The quickest of their scenes, and the others.
+THEIRS = [
+    "priority_speaker",
+    *(pytest.param(name, marks=pytest.mark.slow) for name in ("cross_mix", "heavy_mixing")),
+]
 
 
 def actor(x: float, y: float, yaw: float, weight: float = 1.0) -> dict[str, Any]:
@@ -187,7 +194,7 @@ def test_a_cone_makes_no_picture() -> None:
         Renderer(problem.replace(robots=robots))
 
 
-@pytest.mark.parametrize("name", ["cross_mix", "heavy_mixing", "priority_speaker"])
+@pytest.mark.parametrize("name", THEIRS)
 @pytest.mark.parametrize("planner", ["greedy", "multipleroundsgreedy"])
 def test_their_evaluation_is_reproduced(name: str, planner: str) -> None:
     """Every step of their stored solutions, to more digits than they are read with."""
@@ -202,7 +209,8 @@ def test_their_evaluation_is_reproduced(name: str, planner: str) -> None:
     assert [verdict.reward_at_start, *verdict.reward_per_step] == pytest.approx(theirs, rel=1e-12)
 
 
-@pytest.mark.parametrize("name", ["cross_mix", "heavy_mixing", "priority_speaker"])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", THEIRS)
 def test_their_greedy_paths_are_optima_of_their_planning_reward(name: str) -> None:
     """Each is the best path given the earlier ones, to 12 digits; without the bonus it is not."""
     place = data(f"hughes/{name}")
@@ -221,7 +229,7 @@ def test_their_greedy_paths_are_optima_of_their_planning_reward(name: str) -> No
         seen = seen + robot_pixels(model, robot, path)
 
 
-@pytest.mark.parametrize("name", ["cross_mix", "heavy_mixing", "priority_speaker"])
+@pytest.mark.parametrize("name", THEIRS)
 def test_their_myopic_plans_are_found_again(name: str) -> None:
     """Our myopic planner has the reward of theirs at every step, to 12 digits."""
     place = data(f"hughes/{name}")

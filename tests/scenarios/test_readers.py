@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from others import DATA, data
 from scene_files import SEQUENCE, STARTS
 
-from cocap_opt.check import check
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.experiments.studies.coverage.peers import _differences
 from cocap_opt.problem.plan import Plan
 from cocap_opt.problem.problem import PAPER_RULES, Cuboid, Problem, State, TriangulatedCuboid
+from cocap_opt.referee import check
 from cocap_opt.scenarios.formats import greedy_perspectives, movingai
 
 # Options with which the file's own start poses are used.

@@ -15,7 +15,6 @@ import pytest
 from brute_force import optimum
 from scene_files import SMALL_SEQUENCE
 
-from cocap_opt.check import check
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.files.documents import FileError, problem_digest, save_problem
 from cocap_opt.formulations import BOUNDS
@@ -30,6 +29,7 @@ from cocap_opt.problem.problem import (
     Motion,
     Problem,
 )
+from cocap_opt.referee import check
 from cocap_opt.scenarios import FORMATS, SCENES, load_scene, read_foreign_plan, scene_of_plan
 from cocap_opt.scenarios.built_in.field import field
 from cocap_opt.scenarios.built_in.tiny import SCENES as TINY
@@ -191,9 +191,14 @@ def test_scenes_are_the_same_in_every_process() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "least"), [("corridor", 1 / 3), ("bottleneck", 1 / 3),
-                        ("corridor-tight", 0.7), ("bottleneck-tight", 0.7)]
-)  # fmt: skip
+    ("name", "least"),
+    [
+        ("corridor", 1 / 3),
+        ("corridor-tight", 0.7),
+        pytest.param("bottleneck", 1 / 3, marks=pytest.mark.slow),
+        pytest.param("bottleneck-tight", 0.7, marks=pytest.mark.slow),
+    ],
+)
 def test_unconstrained_plans_collide(name: str, least: float) -> None:
     """The greedy plan collides in a third of the seeds, in the tight variants in most of them.
 
@@ -219,6 +224,7 @@ def test_collision_rules_cost_the_optimum_of_two_robots(seed: int) -> None:
     assert value("joint", problem) < 0.99 * value("joint", free)
 
 
+@pytest.mark.slow
 def test_collision_rules_cost_the_optimum_of_four_robots() -> None:
     """In the tight bottleneck some plan that ignores the rules is above the bound with them."""
     problem = scene("bottleneck-tight", 8).replace(horizon=5)
