@@ -30,7 +30,6 @@ from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.render import Renderer
 from cocap_opt.vision.views import make_views
 
-
 # The quickest of their scenes, and the others.
 THEIRS = [
     "priority_speaker",
