@@ -43,9 +43,11 @@ def draw(view: TopView, ax: Axes | None = None) -> Axes:
         from matplotlib.figure import Figure
 
         width, depth = view.kinds.shape
-        size = min(max(5.0 * depth / width, 2.5), 9.0)
-        ax = Figure(figsize=(5.6, size), layout="constrained", dpi=100).subplots()
-    _draw_map(ax, view)
+        size = min(max(5.0 * depth / width, 1.2), 9.0)  # inches, of the map
+        whole = size + 0.9
+        figure = Figure(figsize=(5.6, whole), dpi=100)
+        ax = figure.add_axes((0.12, 0.6 / whole, 0.84, size / whole))
+    draw_map(ax, view)
     for number, walk in enumerate(view.walks):
         ax.plot(*walk.T, color=PERSON, lw=1, ls=":", zorder=3)
         ax.plot(*walk[0], marker="x", color=PERSON, ms=4, zorder=3)
@@ -56,7 +58,8 @@ def draw(view: TopView, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def _draw_map(ax: Axes, view: TopView) -> None:
+def draw_map(ax: Axes, view: TopView) -> None:
+    """Draw the cells of a scene, in axes of world coordinates."""
     from matplotlib.colors import ListedColormap
     from matplotlib.ticker import MaxNLocator, ScalarFormatter
 
