@@ -503,9 +503,10 @@ class Problem(Data, frozen=True, eq=False, dict=True):
         plan : a plan, or whatever has its `paths`
         ax : matplotlib axes; a figure of its own if not given
         """
-        return drawing.draw(self._top_view(plan), ax)
+        return drawing.draw(self.top_view(plan), ax)
 
-    def _top_view(self, plan: "Paths | None") -> drawing.TopView:
+    def top_view(self, plan: "Paths | None" = None) -> drawing.TopView:
+        """Return the scene from above, with the flights of a plan or the drones' starts."""
         lowest = self.layers[0]
         clearance = max(
             robot.motion.clearance for robot in self.robots if robot.motion.layers[0] == lowest

@@ -10,21 +10,20 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colors import ListedColormap
+from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Polygon, Wedge
 from matplotlib.text import Text
-from matplotlib.ticker import MaxNLocator, ScalarFormatter
 from PIL import Image
 
-from cocap_opt.check import Verdict
+from cocap_opt import drawing
 from cocap_opt.data import BoolArray
 from cocap_opt.graph.motion import free_places
 from cocap_opt.problem.plan import Plan
 from cocap_opt.problem.problem import Problem, State
+from cocap_opt.referee import Verdict
 from cocap_opt.world.workspace import Workspace
 
-GROUND, COVERED, WALL, ACTOR = "#f4f1ea", "#cfc8b8", "#6b6f76", "#d1495b"
 VIEW_LENGTH = 0.2  # of the map, length of view cones as they are drawn; cameras see farther
 _FRAME_MILLISECONDS = 500
 PICTURES = (".png", ".pdf", ".svg")
@@ -32,9 +31,7 @@ PICTURES = (".png", ".pdf", ".svg")
 
 def robot_colour(robot: int) -> tuple[float, float, float, float]:
     """Returns the colour of a robot, the same in every picture; red is kept for people."""
-    cycle = [0, 2, 1, 4, 9, 5, 8, 6, 7]
-    colour: tuple[float, float, float, float] = mpl.colormaps["tab10"](cycle[robot % len(cycle)])
-    return colour
+    return to_rgba(drawing.DRONE_COLOURS[robot % len(drawing.DRONE_COLOURS)])
 
 
 def actor_colour(actor: int) -> tuple[float, float, float]:
@@ -63,32 +60,16 @@ def draw_terrain(ax: Axes, problem: Problem) -> Axes:
     Cells that block the lowest flight height are dark; lighter cells are free there, with a mesh
     above or below.
     """
-    height_map = problem.height_map
-    width, depth = height_map.shape
-    (ox, oy), res = height_map.origin, height_map.resolution
-    extent = (ox, ox + width * res, oy, oy + depth * res)
-    blocked = blocked_cells(problem, problem.workspace)
-    covered = np.isfinite(problem.workspace.columns.low[1:]).any(axis=0)
-    kind = np.where(blocked, 2, np.where(covered, 1, 0))
-    ax.imshow(
-        kind.T, origin="lower", extent=extent, cmap=ListedColormap([GROUND, COVERED, WALL]),
-        vmin=0, vmax=2, interpolation="nearest", zorder=0,
-    )  # fmt: skip
-    words = {WALL: f"blocks {problem.layers[0]:g} m", COVERED: "something above or below"}
-    shown = [(WALL, 2), (COVERED, 1)]
-    handles = [Patch(color=colour, label=words[colour]) for colour, k in shown if (kind == k).any()]
-    if handles and covered.any():
+    view = problem.top_view()
+    drawing.draw_map(ax, view)
+    words = {
+        2: (drawing.WALL, f"blocks {view.height:g} m"),
+        1: (drawing.COVERED, "something above or below"),
+    }
+    shown = {kind: word for kind, word in words.items() if (view.kinds == kind).any()}
+    if 1 in shown:
+        handles = [Patch(color=colour, label=label) for colour, label in shown.values()]
         ax.legend(handles=handles, fontsize=6, loc="upper right", framealpha=0.8)
-    ax.set_aspect("equal")
-    ax.set_xlim(*extent[:2])  # what is drawn later must not move the frame
-    ax.set_ylim(*extent[2:])
-    for axis, corner in ((ax.xaxis, ox), (ax.yaxis, oy)):
-        axis.set_major_locator(MaxNLocator(6))
-        # Map coordinates have seven digits; the digits that all share are shown once.
-        shared = corner // 1000 * 1000 if abs(corner) >= 10_000 else 0.0
-        axis.set_major_formatter(ScalarFormatter(useOffset=shared))
-    ax.set_xlabel("x (m)")
-    ax.set_ylabel("y (m)")
     return ax
 
 
@@ -96,13 +77,15 @@ def draw_actors(ax: Axes, problem: Problem, t: int) -> Axes:
     """Draws people at step t as filled outlines with their walk so far."""
     for j, actor in enumerate(problem.actors):
         x, y, _, yaw = actor.poses[t]
-        ax.plot(*actor.poses[: t + 1, :2].T, color=ACTOR, lw=1, ls=":", zorder=3)
+        ax.plot(*actor.poses[: t + 1, :2].T, color=drawing.PERSON, lw=1, ls=":", zorder=3)
         outline = actor.shape.faces()
         base = np.unique(np.concatenate(outline)[:, :2].round(9), axis=0)
         order = np.argsort(np.arctan2(base[:, 1], base[:, 0]))
         c, s = np.cos(yaw), np.sin(yaw)
         corners = base[order] @ np.array([[c, s], [-s, c]]) + [x, y]
-        ax.add_patch(Polygon(corners, facecolor=ACTOR, edgecolor="black", lw=0.6, zorder=5))
+        ax.add_patch(
+            Polygon(corners, facecolor=drawing.PERSON, edgecolor="black", lw=0.6, zorder=5)
+        )
         tip = (x + 0.9 * c, y + 0.9 * s)
         ax.annotate(
             "", xy=tip, xytext=(x, y), arrowprops={"arrowstyle": "-|>", "lw": 0.8}, zorder=6,

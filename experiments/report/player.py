@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from cocap_opt.check import check
 from cocap_opt.data import FloatArray
 from cocap_opt.experiments.report.pages import filled, part
 from cocap_opt.experiments.report.player_scene import SceneData
@@ -19,6 +18,7 @@ from cocap_opt.experiments.results.files import save_bytes
 from cocap_opt.model import compiled
 from cocap_opt.problem.plan import Conflict, Plan, SwapConflict, conflicts
 from cocap_opt.problem.problem import Cone, Problem
+from cocap_opt.referee import check
 
 _SCRIPTS = ("raster.js", "world.js", "bodies.js", "view.js", "chart.js", "player.js")
 _DIGITS = 5  # of px/m2 as they are shown; rewards have all digits

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from cocap_opt.check import check
 from cocap_opt.data import FloatArray
 from cocap_opt.experiments.report.figures import actor_colour
 from cocap_opt.experiments.results.files import save_bytes, save_csv
@@ -22,6 +21,7 @@ from cocap_opt.experiments.results.rendered import (
 from cocap_opt.model import compiled
 from cocap_opt.problem.plan import Plan
 from cocap_opt.problem.problem import Problem
+from cocap_opt.referee import check
 from cocap_opt.vision.render import TERRAIN, Picture, Renderer, pinhole
 
 _SKY_COLOUR, _GROUND_COLOUR = (0.80, 0.88, 0.95), (0.62, 0.60, 0.55)

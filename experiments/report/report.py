@@ -12,7 +12,6 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from cocap_opt.check import check
 from cocap_opt.experiments.report.charts import conflicts_figure, gaps_figure, progress_figure
 from cocap_opt.experiments.report.figures import picture
 from cocap_opt.experiments.report.limitations import limitations
@@ -30,6 +29,7 @@ from cocap_opt.experiments.sweeps.run_file import RunFile
 from cocap_opt.files.documents import FileError
 from cocap_opt.problem.plan import Plan
 from cocap_opt.problem.problem import Problem
+from cocap_opt.referee import check
 from cocap_opt.scenarios import load_scene
 
 

@@ -178,6 +178,27 @@ def _coverage(
     return 0
 
 
+@app.command(name="gamma")
+def _gamma(
+    *,
+    scene: Annotated[
+        list[str] | None, Parameter(negative="", consume_multiple=True, help="scenes or files")
+    ] = None,
+    seeds: Annotated[str, Parameter(help="of each scene")] = "0-4",
+    limit: Annotated[float, Parameter(help="seconds for each run")] = 60.0,
+    out: _Out = None,
+) -> int:
+    """Measure the discount of view search: rewards kept and views saved.
+
+    Example: cocap-opt study gamma --scene corridor --seeds 0-1
+    """
+    from cocap_opt.experiments.studies.gamma import gamma
+
+    _require_positive("--limit", limit)
+    gamma(scene or ["corridor", "bottleneck"], numbers("--seeds", seeds), limit, out)
+    return 0
+
+
 @app.command(name="peers")
 def _peers(
     scene: Path,

@@ -81,18 +81,18 @@ class Notebook:
     def store(self) -> None:
         """Run the notebook and write it with its outputs."""
         notebook = self.executed()
-        notebook.metadata = nbformat.from_dict({**_METADATA, "ran": code_digest(notebook)})
+        notebook.metadata = nbformat.from_dict({**_METADATA, "ran": self.digest(notebook)})
         for cell in notebook.cells:
             cell.metadata = nbformat.from_dict({})
         write_atomically(self.path, (nbformat.writes(notebook) + "\n").encode())
+
+    @staticmethod
+    def digest(content: NotebookNode) -> str:
+        """Returns a digest of the code that outputs come from."""
+        code = [cell.source for cell in content.cells if cell.cell_type == "code"]
+        return hashlib.sha256("\0".join(code).encode()).hexdigest()[:12]
 
 
 def notebooks() -> list[Notebook]:
     """All notebooks."""
     return [Notebook(path) for path in sorted(_FOLDER.glob("*.ipynb"))]
-
-
-def code_digest(notebook: NotebookNode) -> str:
-    """Digest of the code that the outputs come from."""
-    code = [cell.source for cell in notebook.cells if cell.cell_type == "code"]
-    return hashlib.sha256("\0".join(code).encode()).hexdigest()[:12]

@@ -70,6 +70,11 @@ class Run:
     message: str = ""
 
     @property
+    def finished(self) -> bool:
+        """True if no limit stopped it."""
+        return self.limit is Limit.NONE
+
+    @property
     def gap(self) -> float:
         """Certified relative gap at the end."""
         return relative_gap(self.value, self.bound)

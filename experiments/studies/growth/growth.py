@@ -9,6 +9,8 @@ from functools import partial
 from pathlib import Path
 from statistics import median
 
+from cocap_opt.formulations.column_generation.root_bound import column_generation
+
 from cocap_opt.experiments.console.streams import say
 from cocap_opt.experiments.report.figures import png
 from cocap_opt.experiments.results.files import make_folder, save_bytes, save_csv
@@ -23,9 +25,7 @@ from cocap_opt.experiments.studies.growth.points import (
     Point,
 )
 from cocap_opt.experiments.studies.runs import Run, RunError, run
-from cocap_opt.formulations.column_generation.root_bound import column_generation
 from cocap_opt.scenarios.built_in.field import field
-from cocap_opt.stop import Limit
 
 
 def growth(
@@ -71,7 +71,7 @@ def _table(points: Sequence[Point], limit: float) -> list[Record]:
         {
             "axis": point.axis, "size": point.size, **point.field._asdict(),
             "seeds": len(point.runs),
-            "at_limit": sum(r.limit is not Limit.NONE for r in point.runs),
+            "at_limit": sum(not r.finished for r in point.runs),
             "limit": limit,
             **{name: median(measure.of(point)) for name, measure in MEASURES.items()},
             "gigabytes": max(r.gigabytes for r in point.runs),

@@ -14,7 +14,6 @@ import numpy as np
 
 from cocap_opt.experiments.studies.runs import Run
 from cocap_opt.formulations.result import OPTIMALITY
-from cocap_opt.stop import Limit
 
 GAP = 0.03  # certified gap whose time is taken: one that most sizes reach
 _LEAST_SIZES = 3  # of a fit: any two points are on a line
@@ -66,7 +65,7 @@ class Point:
     @property
     def finished(self) -> bool:
         """True if all runs came to their end."""
-        return all(r.limit is Limit.NONE for r in self.runs)
+        return all(r.finished for r in self.runs)
 
     @property
     def seconds(self) -> list[float]:

@@ -7,7 +7,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from cocap_opt.check import check
 from cocap_opt.data import FloatArray
 from cocap_opt.experiments.report.figures import (
     draw_actors,
@@ -19,6 +18,7 @@ from cocap_opt.experiments.report.figures import (
 from cocap_opt.experiments.studies.paper.giving_way import Encounter
 from cocap_opt.problem.plan import Plan
 from cocap_opt.problem.problem import Problem
+from cocap_opt.referee import check
 
 _COLOURS = {
     "greedy": "#8d99ae", "sequential": "#edae49", "cocap": "#30638e", "cocap-vs": "#66a182",

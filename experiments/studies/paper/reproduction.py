@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from statistics import median
 
-from cocap_opt.check import check
 from cocap_opt.experiments.report.figures import png
 from cocap_opt.experiments.results.documents import markdown
 from cocap_opt.experiments.results.files import save_bytes
@@ -22,6 +21,7 @@ from cocap_opt.experiments.sweeps.instances import Instance, Settings
 from cocap_opt.experiments.sweeps.sweep import Hired, sweep
 from cocap_opt.model import Model
 from cocap_opt.problem.problem import Problem
+from cocap_opt.referee import check
 from cocap_opt.scenarios import load_scene
 from cocap_opt.scenarios.built_in.field import field
 from cocap_opt.stop import Clock, never

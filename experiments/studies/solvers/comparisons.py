@@ -10,6 +10,8 @@ from functools import partial
 from statistics import median
 from typing import NamedTuple
 
+from cocap_opt.formulations.column_generation.root_bound import column_generation
+
 from cocap_opt.experiments.console.streams import say
 from cocap_opt.experiments.studies.runs import Build, Run, RunError, run, scene
 from cocap_opt.experiments.studies.solvers.contenders import ALONE, WITH_OUR_ROOT
@@ -17,11 +19,9 @@ from cocap_opt.experiments.studies.solvers.figures import Figure, at_least
 from cocap_opt.experiments.studies.solvers.rows import SEEDS, Options, told
 from cocap_opt.formulations import BOUNDS
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
-from cocap_opt.formulations.column_generation.root_bound import column_generation
 from cocap_opt.formulations.relaxations.cone_program import single_view
 from cocap_opt.formulations.result import OPTIMALITY, BoundMethod
 from cocap_opt.scenarios import load_scene
-from cocap_opt.stop import Limit
 
 _LIMIT = 300.0  # s
 _BOTTLENECK_STEPS = (2, 4, 6, 8, 11)
@@ -183,7 +183,7 @@ def _try(build: Build, method: BoundMethod, limit: float, name: str, seed: int) 
     except RunError as error:
         say(f"{name} seed {seed}: {error}")
         return None
-    return result if result.limit is Limit.NONE else None
+    return result if result.finished else None
 
 
 def _busy(theirs: Run, ours: Sequence[Run]) -> float:

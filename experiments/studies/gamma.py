@@ -1,0 +1,103 @@
+"""The discount gamma of view search, which CoCap's paper does not name: its cost and its savings."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cocap_opt.experiments.results.files import make_folder, save_csv
+from cocap_opt.experiments.results.printing import print_table
+from cocap_opt.model import compiled
+from cocap_opt.planners.cocap import cocap
+from cocap_opt.planners.view_search import Compounded, Discount, Undiscounted, ViewSearch
+from cocap_opt.problem.problem import Problem
+from cocap_opt.result import Result
+from cocap_opt.scenarios import load_scene
+from cocap_opt.stop import TimeLimit
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_GAMMAS = (0.6, 0.8, 0.9, 0.95, 0.97, 0.98, 0.99, 0.995, 1.0)
+_ORDERS: dict[str, type[Compounded | Undiscounted]] = {
+    "cocap-vs": Compounded,
+    "cocap-vs-undiscounted": Undiscounted,
+}
+
+
+def gamma(
+    scenes: Sequence[str], seeds: Sequence[int], seconds: float, out: Path | None = None
+) -> None:
+    """Measures, prints means over scenes and seeds, and writes all runs (gamma.csv).
+
+    Parameters
+    ----------
+    seconds : time limit of each run
+    """
+    make_folder(out)
+    measured = _measured(scenes, seeds, _GAMMAS, seconds)
+    print_table(
+        "view search by gamma: J and views, of value iteration's",
+        _means(measured).to_dict("records"),
+    )
+    if out is not None:
+        save_csv(out / "gamma.csv", measured.to_dict("records"))
+
+
+def _measured(
+    scenes: Sequence[str], seeds: Sequence[int], gammas: Sequence[float], seconds: float
+) -> "pd.DataFrame":
+    """Plans scenes with each order of view search and each gamma.
+
+    Parameters
+    ----------
+    seconds : time limit of each run
+
+    Returns
+    -------
+    DataFrame
+        A row per planner, gamma, scene and seed: `reward` (J as a share of CoCap's with value
+        iteration), `views` (states evaluated as a share of those that are reachable), `seconds`
+        and `reason`.
+    """
+    import pandas as pd
+
+    rows = []
+    for scene in scenes:
+        for seed in seeds:
+            problem = load_scene(scene, seed)
+            compiled(problem).prepare_all()
+            whole, reachable = cocap(problem), _reachable(problem)
+            for planner, order in _ORDERS.items():
+                for gamma in gammas:
+                    run = _run(problem, order(gamma), seconds)
+                    rows.append(
+                        {
+                            "planner": planner, "gamma": gamma, "scene": scene, "seed": seed,
+                            "reward": run.value / whole.value,
+                            "views": run.statistics["evaluated"] / reachable,
+                            "seconds": run.seconds, "reason": str(run.reason),
+                        }
+                    )  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def _means(measured: "pd.DataFrame") -> "pd.DataFrame":
+    """Returns means over scenes and seeds by planner and gamma, and how many runs ended in time."""
+    groups = measured.groupby(["planner", "gamma"])
+    table = groups[["reward", "views", "seconds"]].mean()
+    table["ended"] = groups["reason"].agg(lambda reasons: int((reasons == "finished").sum()))
+    table["runs"] = groups.size()
+    return table.reset_index()
+
+
+def _run(problem: Problem, discount: Discount, seconds: float) -> Result:
+    return cocap(problem, TimeLimit(seconds), low_level=ViewSearch(discount))
+
+
+def _reachable(problem: Problem) -> int:
+    """Number of states, over all steps that count, whose views some robot can have."""
+    model = compiled(problem)
+    first = problem.first_step
+    return sum(int(np.count_nonzero(model.reachable(c)[first:])) for c in model.classes)
