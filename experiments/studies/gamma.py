@@ -1,4 +1,4 @@
-"""The discount gamma of view search, which CoCap's paper does not name: its cost and its savings."""
+"""The cost and the savings of view search's discount gamma, of which CoCap's paper is silent."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -37,10 +37,8 @@ def gamma(
     """
     make_folder(out)
     measured = _measured(scenes, seeds, _GAMMAS, seconds)
-    print_table(
-        "view search by gamma: J and views, of value iteration's",
-        _means(measured).to_dict("records"),
-    )
+    means = _means(measured).to_dict("records")
+    print_table("view search by gamma: J and views, as shares of those of value iteration", means)
     if out is not None:
         save_csv(out / "gamma.csv", measured.to_dict("records"))
 

@@ -9,8 +9,6 @@ from functools import partial
 from pathlib import Path
 from statistics import median
 
-from cocap_opt.formulations.column_generation.root_bound import column_generation
-
 from cocap_opt.experiments.console.streams import say
 from cocap_opt.experiments.report.figures import png
 from cocap_opt.experiments.results.files import make_folder, save_bytes, save_csv
@@ -25,6 +23,7 @@ from cocap_opt.experiments.studies.growth.points import (
     Point,
 )
 from cocap_opt.experiments.studies.runs import Run, RunError, run
+from cocap_opt.formulations.column_generation.column_generation import column_generation
 from cocap_opt.scenarios.built_in.field import field
 
 

@@ -10,8 +10,6 @@ from functools import partial
 from statistics import median
 from typing import NamedTuple
 
-from cocap_opt.formulations.column_generation.root_bound import column_generation
-
 from cocap_opt.experiments.console.streams import say
 from cocap_opt.experiments.studies.runs import Build, Run, RunError, run, scene
 from cocap_opt.experiments.studies.solvers.contenders import ALONE, WITH_OUR_ROOT
@@ -19,6 +17,7 @@ from cocap_opt.experiments.studies.solvers.figures import Figure, at_least
 from cocap_opt.experiments.studies.solvers.rows import SEEDS, Options, told
 from cocap_opt.formulations import BOUNDS
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
+from cocap_opt.formulations.column_generation.column_generation import column_generation
 from cocap_opt.formulations.relaxations.cone_program import single_view
 from cocap_opt.formulations.result import OPTIMALITY, BoundMethod
 from cocap_opt.scenarios import load_scene

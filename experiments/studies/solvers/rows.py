@@ -11,12 +11,11 @@ from functools import partial
 from pathlib import Path
 from statistics import median
 
-from cocap_opt.formulations.column_generation.root_bound import column_generation
-
 from cocap_opt.experiments.console.streams import say
 from cocap_opt.experiments.studies.runs import Run, run, scene
 from cocap_opt.experiments.studies.solvers.figures import Figure, Target, at_least, below
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
+from cocap_opt.formulations.column_generation.column_generation import column_generation
 from cocap_opt.formulations.result import BoundMethod
 
 _MANY_SEEDS, SEEDS = tuple(range(10)), tuple(range(5))
