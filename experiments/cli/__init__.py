@@ -1,1 +1,3 @@
-"""The command line, `cocap-opt`."""
+"""The command line, `cocap-opt`: a module per family of commands."""
+
+__all__ = ["commands", "main"]

@@ -11,17 +11,17 @@ from cocap_opt.experiments.cli.options import (
     OfScenes,
     Output,
     Seed,
-    UsageError,
     chosen,
     file_type,
     load,
 )
+from cocap_opt.experiments.console.options import UsageError
 from cocap_opt.experiments.report.charts import conflicts_figure, gaps_figure, progress_figure
 from cocap_opt.experiments.report.figures import PICTURES, picture
 from cocap_opt.experiments.results.files import check_output, read_plans, save_bytes
 from cocap_opt.experiments.results.layout import TRACES
 from cocap_opt.experiments.results.printing import path_text, print_result, titles
-from cocap_opt.experiments.results.trace import load_trace
+from cocap_opt.experiments.results.trace import Trace
 from cocap_opt.experiments.sweeps.results import load_results
 
 app = App(name="figure", help="Draw charts of results, as PNG, PDF or SVG.", version_flags=[])
@@ -57,12 +57,12 @@ def progress(*trace: Path, output: Output, json: Json = False) -> int:
     if not trace:
         raise UsageError("TRACE: name a file that `solve --trace` has written")
     paths = [path for given in trace for path in _traces(given)]
-    traces = [load_trace(path) for path in paths]
+    traces = [Trace.load(path) for path in paths]
     return _save(output, progress_figure(dict(zip(titles(paths), traces, strict=True))), json)
 
 
 def _traces(path: Path) -> list[Path]:
-    """The files of a sweep's folder, or the file itself."""
+    """Returns the traces of a sweep's folder, or the file itself."""
     if not path.is_dir():
         return [path]
     found = sorted((path / TRACES).glob("*.csv"))

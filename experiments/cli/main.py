@@ -15,11 +15,11 @@ from types import FrameType
 
 from cocap_opt.experiments.console.streams import discard, open_streams, say
 
-INTERRUPTED = 130
+_INTERRUPTED = 130
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line and exit."""
+    """Runs the command line and exits."""
     open_streams()
     try:
         with _leave_at_once():
@@ -36,13 +36,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
         code = 2
     except KeyboardInterrupt:  # a second Ctrl-C, or one before there was anything to give
         say("interrupted")
-        code = INTERRUPTED
+        code = _INTERRUPTED
     sys.exit(code)
 
 
 @contextmanager
 def _leave_at_once() -> Iterator[None]:
-    """End the process at Ctrl-C: modules that are being imported may swallow an exception."""
+    """Ends the process at Ctrl-C: modules that are being imported may swallow an exception."""
     before = signal.getsignal(signal.SIGINT)
     if before is not signal.default_int_handler:  # the caller has other plans with it
         yield
@@ -50,7 +50,7 @@ def _leave_at_once() -> Iterator[None]:
 
     def leave(number: int, frame: FrameType | None) -> None:
         say("interrupted")
-        os._exit(INTERRUPTED)
+        os._exit(_INTERRUPTED)
 
     signal.signal(signal.SIGINT, leave)
     try:

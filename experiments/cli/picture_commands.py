@@ -6,9 +6,9 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from cocap_opt.check import check
 from cocap_opt.data import MOST_PIXELS
-from cocap_opt.experiments.cli.options import Json, Output, Seed, UsageError, file_type, load
+from cocap_opt.experiments.cli.options import Json, Output, Seed, file_type, load
+from cocap_opt.experiments.console.options import UsageError
 from cocap_opt.experiments.console.progress import watching
 from cocap_opt.experiments.results.files import (
     check_output,
@@ -20,6 +20,7 @@ from cocap_opt.experiments.results.files import (
 from cocap_opt.experiments.results.printing import path_text, print_result, titles
 from cocap_opt.problem.plan import Plan
 from cocap_opt.problem.problem import Problem
+from cocap_opt.referee import check
 from cocap_opt.result import UnsupportedError
 
 SHOWN = (".html", ".png", ".pdf", ".svg", ".gif")
@@ -80,7 +81,7 @@ def render(
     with watching(f"{problem.name} seed {seed}") as watch:
         try:
             row = write_views(output, problem, shown, width, pixel_step,
-                              lambda done, all_: watch.count("view", done, all_))  # fmt: skip
+                              watch.counter("view"))  # fmt: skip
         except UnsupportedError as error:
             raise UsageError(f"{scene}: {error}") from error
     print_result({"scene": problem.name, "seed": seed, "folder": path_text(output)} | row, json)
@@ -88,7 +89,7 @@ def render(
 
 
 def _shown(problem: Problem, plans: Sequence[Plan], names: Sequence[str], suffix: str) -> bytes:
-    """The file that shows plans: a player, or a picture of the only one."""
+    """Returns the file that shows plans: a player, or a picture of the only one."""
     from cocap_opt.experiments.report.figures import (  # matplotlib is slow to import
         gif,
         picture,

@@ -12,17 +12,16 @@ from cocap_opt.experiments.cli.options import (
     OfPlanners,
     OfScenes,
     Output,
-    UsageError,
-    choose,
     chosen,
     file_type,
 )
+from cocap_opt.experiments.console.options import UsageError, choose
 from cocap_opt.experiments.results.files import check_output, save_bytes
 from cocap_opt.experiments.results.printing import path_text, print_json, print_result
 from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.results.tables import AGAINST, all_tables
-from cocap_opt.experiments.sweeps.about import load_run
 from cocap_opt.experiments.sweeps.results import load_results
+from cocap_opt.experiments.sweeps.run_file import RunFile
 
 DOCUMENT_STYLES = ("markdown", "latex", "html")
 Against = Annotated[
@@ -55,7 +54,7 @@ def table(
     choose("--format", style, DOCUMENTS)
     check_output(output)
     rows = chosen(load_results(folder), scene, planner)
-    tables = all_tables(rows, load_run(folder).settings.limit, _against(against, rows))
+    tables = all_tables(rows, _against(against, rows))
     if json:
         print_json({"tables": tables})
     elif output is None:
@@ -91,7 +90,7 @@ def report(
     if players < 0:
         raise UsageError(f"--players: must be at least 0, not {players}")
     check_output(output)
-    rows, run = chosen(load_results(folder), scene, planner), load_run(folder)
+    rows, run = chosen(load_results(folder), scene, planner), RunFile.load(folder)
     content = report_page(folder, rows, run, _against(against, rows), players)
     save_bytes(output, content.encode())
     print_result({"file": path_text(output)}, json)
@@ -99,8 +98,8 @@ def report(
 
 
 def _against(planner: str | None, rows: Sequence[Row]) -> str:
-    """The planner that others are compared with; a name that is given must be in the results."""
+    """Returns the planner that others are compared with, which must be in the results."""
     if planner is None:
         return AGAINST
-    choose("--against", planner, dict.fromkeys(row["planner"] for row in rows))
+    choose("--against", planner, dict.fromkeys(row.planner or "" for row in rows))
     return planner

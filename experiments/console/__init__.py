@@ -1,1 +1,3 @@
-"""The terminal: streams, progress, numbers in options."""
+"""The terminal: streams, progress, options with several values, and how programs begin and end."""
+
+__all__ = ["options", "program", "progress", "streams"]

@@ -1,8 +1,7 @@
-"""How far a command is, on standard error: two lines that change, or now and then a plain one."""
+"""Progress on standard error: two lines that change, or a plain one now and then."""
 
 import math
-import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 
 from rich.console import Console, Group, RenderableType
@@ -12,79 +11,65 @@ from rich.text import Text
 
 from cocap_opt.experiments.console.streams import say
 from cocap_opt.formulations.result import Report, Snapshot
-from cocap_opt.model import Model, compiled, nobody
-from cocap_opt.problem.problem import Problem
+from cocap_opt.stop import Clock
 
-BAR_WIDTH = 40  # columns
+_BAR_WIDTH = 40  # characters
 SECONDS_BETWEEN_LINES = 10.0  # where standard error is no terminal
 
 
 class Watch:
-    """Is told how far a command is, and shows it.
+    """Is told how far a command is, and shows it; as it is made here, it shows nothing.
 
     Parameters
     ----------
     task : what is being done, such as a scene and its seed
-    parts : of how many such tasks; None where there is one
-    plain : whether to say it in lines that stay
+    parts : the number of such tasks; None where there is one
+    plain : say it in lines that stay
     """
 
-    def __init__(self, task: str, parts: int | None, plain: bool) -> None:
+    def __init__(self, task: str = "", parts: int | None = None, plain: bool = False) -> None:
         self._task = task
         self._parts = parts
         self._plain = plain
         self._finished = 0
         self._status = ""
-        self._models: list[Model] = []
-        self._begin = self._last = time.monotonic()
+        self._clock = Clock()
+        self._said = 0.0  # when the last line was said, on that clock
 
     def begin(self, task: str) -> None:
-        """Name the part that begins; models of the part before are let go."""
-        self.close()
+        """Names the part that begins."""
         self._task, self._status = task, ""
 
     def finish(self) -> None:
-        """Count a part as done."""
+        """Counts a part as done."""
         self._finished += 1
 
     def show(self, status: str) -> None:
-        """Show how far the task is."""
+        """Shows how far the task is."""
         self._status = status
-        now = time.monotonic()
-        if self._plain and now - self._last >= SECONDS_BETWEEN_LINES:
+        seconds = self._clock.seconds
+        if self._plain and seconds - self._said >= SECONDS_BETWEEN_LINES:
             say(f"{self._head()}: {status}")
-            self._last = now
+            self._said = seconds
 
-    def count(self, what: str, done: int, total: int) -> None:
-        """Show how many things are done."""
-        self.show(f"{what} {done}/{total}")
-
-    def coverage_of(self, problem: Problem) -> None:
-        """Show how far the coverage of a problem is, while it is being computed."""
-        model = compiled(problem)
-        model.progress = lambda done, total: self.count("coverage", done, total)
-        self._models.append(model)
-
-    def close(self) -> None:
-        """Have nothing told to it any more."""
-        for model in self._models:
-            model.progress = nobody
-        self._models.clear()
+    def counter(self, noun: str) -> Callable[[int, int], None]:
+        """Returns a function that is told how many of some things are done, and of how many."""
+        return lambda done, total: self.show(f"{noun} {done}/{total}")
 
     def report(self, name: str = "") -> Report:
-        """Show what a solver reports, after a name."""
-        return lambda snapshot: self.show(f"{name} {status_of(snapshot)}".strip())
+        """Returns a function that shows what a solver reports, after a name."""
+        return lambda snapshot: self.show(f"{name} {_words(snapshot)}".strip())
 
     def lines(self) -> RenderableType:
-        """What a terminal shows."""
+        """Returns the lines that a terminal shows."""
         texts = (self._head(), self._status)
         lines = [Text(text, no_wrap=True, overflow="ellipsis") for text in texts if text]
         if self._parts is None:
             return Group(*lines)
-        return Group(ProgressBar(self._parts, self._finished, width=BAR_WIDTH), *lines)
+        return Group(ProgressBar(self._parts, self._finished, width=_BAR_WIDTH), *lines)
 
     def _head(self) -> str:
-        passed = time.monotonic() - self._begin
+        passed = self._clock.seconds
         if self._parts is None:
             return f"{self._task}, {passed:.0f} s"
         words = (
@@ -96,8 +81,7 @@ class Watch:
         return f"{words}, about {left:.0f} s left"
 
 
-def status_of(snapshot: Snapshot) -> str:
-    """A snapshot in words."""
+def _words(snapshot: Snapshot) -> str:
     value, bound = (
         f"{x:,.2f}" if math.isfinite(x) else "-" for x in (snapshot.value, snapshot.bound)
     )
@@ -108,23 +92,15 @@ def status_of(snapshot: Snapshot) -> str:
     )
 
 
-def unseen() -> Watch:
-    """A watch that nobody looks at."""
-    return Watch("", None, plain=False)
-
-
 @contextmanager
 def watching(task: str, parts: int | None = None) -> Iterator[Watch]:
-    """Show how far a command is.
+    """Yields a watch that shows how far a command is.
 
-    On a terminal, lines that change and are gone at the end; otherwise plain lines, at most
-    one in ten seconds.
+    On a terminal it shows lines that change and are gone at the end; otherwise it writes plain
+    lines, at most one in ten seconds.
     """
     console = Console(stderr=True)
     watch = Watch(task, parts, plain=not console.is_terminal)
     live = Live(console=console, get_renderable=watch.lines, transient=True)
     with live if console.is_terminal else nullcontext():
-        try:
-            yield watch
-        finally:
-            watch.close()
+        yield watch

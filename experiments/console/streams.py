@@ -8,7 +8,7 @@ from typing import TextIO
 
 
 def open_streams() -> None:
-    """Make both streams writable: what is written to a closed one goes nowhere."""
+    """Makes both streams writable: what is written to a closed one goes nowhere."""
     if sys.stdout is None:
         sys.stdout = open(os.devnull, "w")  # noqa: SIM115 (open until the process ends)
     if sys.stderr is None:
@@ -18,12 +18,12 @@ def open_streams() -> None:
 
 
 def discard(stream: TextIO) -> None:
-    """Let what is still to be written to a stream go nowhere."""
+    """Sends nowhere what is still to be written to a stream."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def say(message: str) -> None:
-    """One line on standard error; where it cannot be written, the work goes on without it."""
+    """Writes one line on standard error; where that fails, the work goes on without it."""
     try:
         sys.stderr.write("cocap-opt: " + " ".join(message.split()) + "\n")
         sys.stderr.flush()

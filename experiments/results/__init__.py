@@ -1,4 +1,4 @@
-"""Results: rows, judging, tables, statistics, the files they are in, and what is printed of them."""
+"""Results: rows, judging, tables, statistics, files, and what is printed of them."""
 
 __all__ = [
     "claims",

@@ -3,20 +3,20 @@
 import math
 from collections.abc import Callable
 
-from cocap_opt.check import Verdict, check
 from cocap_opt.experiments.results.judging import ROUNDING
 from cocap_opt.experiments.results.printing import Record
 from cocap_opt.experiments.results.rows import finite
 from cocap_opt.files.documents import PlanFile, problem_digest
-from cocap_opt.formulations.certificates.certificate import (
+from cocap_opt.formulations.certificates import (
     CertificateError,
     CertificateFile,
+    ProofFile,
     verify,
 )
-from cocap_opt.formulations.certificates.proof import ProofFile, verify_proof
 from cocap_opt.formulations.result import OPTIMALITY
 from cocap_opt.problem.plan import Plan
 from cocap_opt.problem.problem import Problem
+from cocap_opt.referee import Verdict, check
 from cocap_opt.result import relative_gap
 
 _NO_PLAN = "proved: there is no plan"
@@ -89,10 +89,7 @@ class Verification:
         answer.setdefault("method", None)
         answer.setdefault("bound", None)
         try:
-            if isinstance(content, ProofFile):
-                verify_proof(self._problem, content, progress)
-            else:
-                verify(self._problem, content)
+            verify(self._problem, content, progress)
         except CertificateError as error:
             self._refuse(f"{name}: {error}")
             return

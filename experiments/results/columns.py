@@ -1,4 +1,4 @@
-"""What a column of a table holds: stated once, and used by all that reads, writes or explains it."""
+"""Columns of tables: each is stated once, for all that reads, writes or explains them."""
 
 from types import NoneType
 from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
@@ -65,7 +65,7 @@ class Column(NamedTuple):
 
 
 def columns_of(row: type) -> dict[str, Column]:
-    """Returns the columns of a data class whose fields are annotated with `About`, by their names."""
+    """Returns the columns of a data class, whose fields are annotated with `About`, by name."""
     return {
         name: _column(name, hint)
         for name, hint in get_type_hints(row, include_extras=True).items()

@@ -1,4 +1,4 @@
-"""Files of the command line: plans and certificates are read, everything is written whole or not."""
+"""Files of the command line: plans and certificates in, everything out whole or not at all."""
 
 import csv
 import io
@@ -9,7 +9,6 @@ from typing import Any
 
 import msgspec
 
-from cocap_opt.check import check
 from cocap_opt.experiments.results.judging import Judged
 from cocap_opt.files.atomic_write import file_to_write, write_together
 from cocap_opt.files.documents import (
@@ -20,9 +19,10 @@ from cocap_opt.files.documents import (
     problem_digest,
     read_bytes,
 )
-from cocap_opt.formulations.certificates.format import CertificateFile, ProofFile
+from cocap_opt.formulations.certificates import CertificateFile, ProofFile
 from cocap_opt.problem.plan import Plan
 from cocap_opt.problem.problem import Problem
+from cocap_opt.referee import check
 from cocap_opt.scenarios import read_foreign_plan, scene_of_plan
 
 # -- writing ------------------------------------------------------------------------------
@@ -120,12 +120,15 @@ def read_claim(path: Path, problem: Problem) -> PlanFile | CertificateFile | Pro
     foreign = read_foreign_plan(path, problem)
     if foreign is not None:
         return foreign
-    return decode_document(read_bytes(path), str(path), PlanFile, CertificateFile, ProofFile)
+    kinds: tuple[type[PlanFile | CertificateFile | ProofFile], ...]
+    kinds = PlanFile, CertificateFile, ProofFile
+    return decode_document(read_bytes(path), str(path), *kinds)
 
 
 def decode_certificate(content: bytes, name: str) -> CertificateFile | ProofFile:
     """Returns a certificate or a proof from the content of the file of that name."""
-    return decode_document(content, name, CertificateFile, ProofFile)
+    kinds: tuple[type[CertificateFile | ProofFile], ...] = (CertificateFile, ProofFile)
+    return decode_document(content, name, *kinds)
 
 
 def read_plan(path: Path, scene: str, problem: Problem) -> tuple[Problem, Plan]:

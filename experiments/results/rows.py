@@ -179,7 +179,7 @@ class BoundColumns:
     certificate_free: Annotated[str, About("The file that proves bound_free.")] = ""
 
     @classmethod
-    def of(
+    def of_bounds(
         cls, under: Judged[CertifiedResult], free: Judged[CertifiedResult], **more: Any
     ) -> "BoundColumns":
         """Returns the columns of the best plan and bound under the rules, and without any.
@@ -219,7 +219,7 @@ class Row(BoundColumns, PlannedRow):
 
     @classmethod
     def joined(cls, plan: PlannedRow, bound: BoundColumns, digest: str) -> "Row":
-        """Returns the row of a plan and of what bounds it. Only plans that obey the rules have gaps.
+        """Returns the row of a plan and its bounds. Only a plan that obeys the rules has gaps.
 
         Parameters
         ----------

@@ -11,7 +11,7 @@ SHIFT = 10.0  # s, of geometric means of times, as in qpbenchmark and Mittelmann
 
 
 class Mean(NamedTuple):
-    """Mean of a sample and its confidence interval by Student's t; nan for fewer than two values."""
+    """Mean of a sample and its confidence interval by Student's t, nan of fewer than two values."""
 
     value: float
     low: float

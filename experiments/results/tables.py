@@ -60,7 +60,8 @@ def difference_table(rows: Sequence[Row], against: str = AGAINST) -> Table:
             pairs = [
                 (row.reward, other)
                 for row in own
-                if row.valid and (other := reference.get(row.seed)) is not None
+                if row.valid and row.reward is not None
+                if (other := reference.get(row.seed)) is not None
             ]
             shares = [100 * (a - b) / b for a, b in pairs if b > 0]
             table.append(

@@ -3,3 +3,20 @@
 A run is a set of cells. Each finished cell is one file, so a run that was killed goes on where
 it was, and what it makes of its cells does not depend on who computed them.
 """
+
+__all__ = [
+    "api",
+    "bounds",
+    "cells",
+    "cluster",
+    "crew",
+    "folder",
+    "instances",
+    "output",
+    "results",
+    "run",
+    "run_file",
+    "start",
+    "sweep",
+    "work",
+]

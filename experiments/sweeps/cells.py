@@ -1,7 +1,7 @@
-"""Cells of a sweep: what each is, and the file in which it is kept.
+"""Cells of a sweep: what each computes, and the file in which its result is kept.
 
-A cell is one planner, or the bound, on one scene and seed. Its name in the folder is the digest
-of all that its result depends on, so cells of other settings or of other code do not match.
+A cell is one planner, or the bound, on one instance. Its name in the folder is the digest of all
+that its result depends on, so cells of other limits or of other code do not match.
 """
 
 import hashlib
@@ -9,38 +9,58 @@ from enum import StrEnum
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import msgspec
 
-from cocap_opt import data, experiments, formulations
 from cocap_opt.experiments.results.files import save_bytes
+from cocap_opt.experiments.results.judging import Allowance
 from cocap_opt.experiments.results.layout import CELLS
-from cocap_opt.files.documents import FileError, PlanFile, decode, encode, read_bytes
-from cocap_opt.problem.problem import Problem
+from cocap_opt.experiments.results.rows import ERROR, BoundColumns, PlannedRow
+from cocap_opt.files.code import code_digest
+from cocap_opt.files.documents import Document, FileError, PlanFile, decode, encode, read_bytes
 
 BOUND = "bound"  # in place of a planner's name
 OWN = "own"  # the certificate of a planner that proves a bound itself
 RULES, FREE = "rules", "free"  # certificates and traces of the bound with and without rules
-KEY_DIGITS = 20
-# Code and libraries that cells depend on, besides the packages of planners and bounds.
-MODULES = (
-    "results/files", "results/gap_table", "results/rendered", "results/rows", "results/trace",
-    "sweeps/cells", "sweeps/start", "sweeps/work",
-)  # fmt: skip
-LIBRARIES = ("clarabel", "embreex", "highspy", "numpy", "ortools", "scipy")
+_KEY_DIGITS = 20
+# Code and libraries on which the result of a cell depends.
+_MODULES = (
+    "cocap_opt",
+    "cocap_opt.formulations",
+    "cocap_opt.experiments.results.files",
+    "cocap_opt.experiments.results.judging",
+    "cocap_opt.experiments.results.rendered",
+    "cocap_opt.experiments.results.rows",
+    "cocap_opt.experiments.results.trace",
+    "cocap_opt.experiments.sweeps.bounds",
+    "cocap_opt.experiments.sweeps.cells",
+    "cocap_opt.experiments.sweeps.start",
+    "cocap_opt.experiments.sweeps.work",
+)
+_LIBRARIES = ("clarabel", "embreex", "highspy", "numpy", "ortools", "scipy")
 
 
 class Status(StrEnum):
     """How a cell ended; what a planner says of its own limit is in the row."""
 
     FINISHED = "finished"
-    ERROR = "error"  # in the code or in its libraries
+    ERROR = ERROR  # in the code or in its libraries
     EXCEEDED = "exceeded"  # it took longer than a cell may
     DIED = "died"  # its process did
 
 
 FAILED = (Status.ERROR, Status.EXCEEDED, Status.DIED)
+
+
+@cache
+def cells_digest() -> str:
+    """Returns the digest of the code and the libraries on which results of cells depend.
+
+    See `cocap_opt.files.code`: comments, layout and docstrings do not count.
+    """
+    parts = [*(version(name) for name in _LIBRARIES), code_digest(*_MODULES)]
+    return hashlib.sha256(" ".join(parts).encode()).hexdigest()
 
 
 class Cell(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -50,45 +70,60 @@ class Cell(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
     seed: int
     planner: str  # or BOUND
     digest: str  # of the problem
-    limit: float  # s, for each computation
-    rendered: bool  # J of the rendered pixels is wanted, too
-    start: str = ""  # of BOUND: digest of what it begins with
+    time_limit: float  # s, for each computation
+    work_limit: int | None = None  # units of work, for each computation
+    rendered: bool = False  # J of the rendered pixels is wanted, too
+    start: str = ""  # of BOUND: digest of the start
     code: str  # digest of the code
 
     @property
     def key(self) -> str:
         """Digest of all of it."""
-        return hashlib.sha256(msgspec.json.encode(self)).hexdigest()[:KEY_DIGITS]
+        return hashlib.sha256(msgspec.json.encode(self)).hexdigest()[:_KEY_DIGITS]
 
     @property
     def words(self) -> str:
         """Its name for people."""
         return f"{self.scene} seed {self.seed}, {self.planner}"
 
+    @property
+    def allowance(self) -> Allowance:
+        """The limits of each of its computations."""
+        return Allowance(self.time_limit, self.work_limit)
 
-class CellFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What has become of a cell."""
+
+class CellFile(Document, frozen=True, kw_only=True):
+    """The result of a cell, or why it has none."""
 
     format: Literal["cocap-opt cell"] = "cocap-opt cell"
-    version: Literal[1] = 1
+    version: Literal[2] = 2
     cell: Cell
     status: Status
     message: str = ""  # why it has no result, in words
     traceback: str = ""  # of an error
     seconds: float = 0.0  # of the whole cell, coverage included
     machine: str = ""  # where it was computed
-    row: dict[str, Any] = {}  # its part of the rows of the gap table
+    row: PlannedRow | None = None  # of a planner
+    columns: BoundColumns | None = None  # of BOUND
     plan: PlanFile | None = None
-    certificates: dict[str, msgspec.Raw] = {}  # files: OWN of a planner, RULES and FREE
-    traces: dict[str, str] = {}  # files of BOUND: RULES and FREE
+    # Files by name: OWN of a planner, RULES and FREE of BOUND.
+    certificates: dict[str, msgspec.Raw] = msgspec.field(default_factory=dict)
+    traces: dict[str, str] = msgspec.field(default_factory=dict)  # of BOUND: RULES and FREE
+
+    @classmethod
+    def failed(
+        cls, cell: Cell, status: Status, message: str, seconds: float = 0.0, traceback: str = ""
+    ) -> "CellFile":
+        """Returns the file of a cell without a result."""
+        return cls(cell=cell, status=status, message=message, seconds=seconds, traceback=traceback)
 
     @property
     def is_finished(self) -> bool:
-        """Whether there is a result."""
+        """There is a result."""
         return self.status is Status.FINISHED
 
     def certificate(self, name: str) -> bytes:
-        """Content of a certificate's file."""
+        """Returns the content of a certificate's file."""
         return msgspec.json.format(bytes(self.certificates[name]), indent=1) + b"\n"
 
 
@@ -106,7 +141,7 @@ class Store:
         self._retry, self._cell_limit = retry, cell_limit
 
     def find(self, cell: Cell) -> CellFile | None:
-        """What has become of a cell, if that is known."""
+        """Returns the file of a cell; None if there is none, or it must be computed again."""
         path = self.path(cell)
         if path is None:
             return None
@@ -123,40 +158,10 @@ class Store:
         return exceeded_less or (self._retry and not content.is_finished)
 
     def save(self, content: CellFile) -> None:
-        """Keep what has become of a cell; its file is whole or not there."""
+        """Keeps the file of a cell, which is whole or not there."""
         if (path := self.path(content.cell)) is not None:
             save_bytes(path, encode(content))
 
     def path(self, cell: Cell) -> Path | None:
-        """Where a cell's file is, or would be; None where nothing is kept."""
+        """Returns where a cell's file is, or would be; None where nothing is kept."""
         return None if self._folder is None else self._folder / f"{cell.key}.json"
-
-
-@cache
-def code_digest() -> str:
-    """Digest of the code and the libraries that results depend on."""
-    libraries = [version(name) for name in LIBRARIES]
-    digest = hashlib.sha256(" ".join(libraries).encode())
-    for module in MODULES:
-        digest.update((Path(str(experiments.__file__)).parent / f"{module}.py").read_bytes())
-    for package in (data, formulations):
-        folder = Path(str(package.__file__)).parent
-        for path in sorted(folder.rglob("*.py")):
-            digest.update(path.relative_to(folder).as_posix().encode() + path.read_bytes())
-    return digest.hexdigest()
-
-
-def cell_of(
-    problem: Problem,
-    digest: str,
-    seed: int,
-    planner: str,
-    limit: float,
-    rendered: bool = False,
-    start: str = "",
-) -> Cell:
-    """The cell of a planner, or of the bound, on a problem."""
-    return Cell(
-        scene=problem.name, seed=seed, planner=planner, digest=digest, limit=limit,
-        rendered=rendered, start=start, code=code_digest(),
-    )  # fmt: skip

@@ -21,19 +21,19 @@ from distributed import Client, Future, KilledWorker, LocalCluster, Worker, Work
 from distributed.client import ClosedClientError
 
 from cocap_opt.experiments.console.streams import say
-from cocap_opt.experiments.sweeps.cells import CellFile, Status, code_digest
+from cocap_opt.experiments.sweeps.cells import CellFile, Status, cells_digest
 from cocap_opt.experiments.sweeps.crew import ClusterError
-from cocap_opt.experiments.sweeps.work import Task, failed, run_task
+from cocap_opt.experiments.sweeps.work import Task
 from cocap_opt.model import compiled, compiled_apart
 from cocap_opt.stop import Limit, Stop
 
 POLL = 0.2  # s, between two looks at Ctrl-C and at the clock
 ANSWER = 10.0  # s, in which a scheduler answers
-RESTART = 120.0  # s, in which a worker restarts on a busy machine; one that is late never does
-GONE = "--workers: they do not come back; what was finished is kept, and the same command goes on"
-LOST = "--scheduler: it is lost; what was finished is kept, and the same command goes on"
-OTHER_CODE = "has other code, or other versions of libraries, than this process"
-LOCAL = {
+_RESTART = 120.0  # s, in which a worker restarts on a busy machine; one that is late never does
+_GONE = "--workers: they do not come back; what was finished is kept, and the same command goes on"
+_LOST = "--scheduler: it is lost; what was finished is kept, and the same command goes on"
+_OTHER_CODE = "has other code, or other versions of libraries, than this process"
+_LOCAL = {
     "distributed.scheduler.allowed-failures": 0,  # whom a cell kills it would kill again
     "distributed.scheduler.worker-saturation": 1.0,  # nothing waits at a worker for another cell
 }
@@ -44,9 +44,9 @@ class Cluster:
 
     Parameters
     ----------
-    stop : asked often, ends the waiting
+    stop : asked several times a second; ends the waiting
     cell_limit : s, after which a cell's worker is restarted
-    own : the cluster, if it is this process's own: nobody else can bring workers then
+    own : the cluster, if it is this process's own, to which nobody else can bring workers
     """
 
     def __init__(
@@ -56,26 +56,26 @@ class Cluster:
         self._running: dict[Future, tuple[Task, float]] = {}
 
     def room(self) -> int:
-        """Workers without a cell."""
+        """Returns the number of workers without a cell."""
         with _scheduler_there(self.client):
             workers: dict[str, int] = self.client.nthreads()
         return len(workers) - len(self._running)
 
     def begin(self, task: Task) -> None:
-        """Hand a cell to a worker."""
+        """Hands a cell to a worker."""
         name = f"{task.cell.key}-{time.monotonic_ns()}"  # a retry is another piece of work
         with _scheduler_there(self.client):
             future = self.client.submit(_run_task, task, key=name, pure=False, retries=0)
         self._running[future] = task, time.monotonic()
 
     def next(self) -> CellFile | None:
-        """Wait for a cell to end, or to exceed the limit."""
+        """Waits for a cell to end, or to exceed the limit."""
         with _scheduler_there(self.client):
             return self._next()
 
     def _next(self) -> CellFile | None:
         looks = 0  # at a cluster without any worker
-        while self._stop() is Limit.NONE:
+        while self._stop.reached() is Limit.NONE:
             late = time.monotonic() - self._limit
             for future, (task, begun) in list(self._running.items()):
                 if future.done():
@@ -85,7 +85,7 @@ class Cluster:
                     del self._running[future]
                     self._restart(future)
                     words = f"took longer than {self._limit:g} s (--cell-limit)"
-                    return failed(task.cell, Status.EXCEEDED, words, seconds=self._limit)
+                    return CellFile.failed(task.cell, Status.EXCEEDED, words, seconds=self._limit)
             if self._running:
                 with suppress(TimeoutError):
                     distributed.wait([*self._running], POLL, return_when="FIRST_COMPLETED")
@@ -96,76 +96,78 @@ class Cluster:
                 looks += 1
                 if looks == round(ANSWER / POLL) and self._own is None:
                     say("there are no workers any more; waiting for others")
-                if looks == round(RESTART / POLL) and self._own is not None:
-                    raise ClusterError(GONE)
+                if looks == round(_RESTART / POLL) and self._own is not None:
+                    raise ClusterError(_GONE)
         return None
 
     def _restart(self, future: Future) -> None:
-        """Restart the worker of a cell that has taken too long: nothing else stops it."""
+        """Restarts the worker of a cell that has taken too long: nothing else stops it."""
         busy = [w for w, keys in self.client.processing().items() if future.key in keys]
         future.cancel()
         if self._own is not None:
             self._kill(self._own, busy)
             return
         with suppress(ValueError, TimeoutError):  # not all workers have somebody to restart them
-            self.client.restart_workers(busy, timeout=RESTART, raise_for_error=False)
+            self.client.restart_workers(busy, timeout=_RESTART, raise_for_error=False)
 
     def _kill(self, own: LocalCluster, busy: list[str]) -> None:
-        """Kill workers, and wait until the scheduler knows; their nannies start others.
+        """Kills workers, and waits until the scheduler knows; their nannies start others.
 
         A nanny that is asked to restart its worker on a busy machine may close instead.
         """
         for nanny in own.workers.values():
             if nanny.worker_address in busy:
                 os.kill(nanny.pid, getattr(signal, "SIGKILL", signal.SIGTERM))
-        end = time.monotonic() + RESTART
+        end = time.monotonic() + _RESTART
         while not set(busy).isdisjoint(self.client.nthreads()) and time.monotonic() < end:
             time.sleep(POLL)
 
 
 def _outcome(task: Task, future: Future) -> CellFile:
-    """What a worker has made of a cell."""
+    """Returns the file of a cell that a worker has ended."""
     if future.status == "finished":
         result: CellFile = future.result()
         return result
     if future.status != "error":
-        raise ClusterError(LOST)
+        raise ClusterError(_LOST)
     error = future.exception()
     assert error is not None
     if isinstance(error, KilledWorker):
-        return failed(task.cell, Status.DIED, "its process died, perhaps for want of memory")
+        return CellFile.failed(
+            task.cell, Status.DIED, "its process died, perhaps for want of memory"
+        )
     if isinstance(error, ClusterError):
         raise error
     words, trace = f"{type(error).__name__}: {error}", "".join(format_exception(error))
-    return failed(task.cell, Status.ERROR, words, traceback=trace)
+    return CellFile.failed(task.cell, Status.ERROR, words, traceback=trace)
 
 
 @contextmanager
 def _scheduler_there(client: Client) -> Iterator[None]:
-    """Say in one line that the scheduler is lost."""
+    """Raises ClusterError, which is one line, where the scheduler is lost."""
     try:
         yield
     except (OSError, CancelledError, ClosedClientError) as error:
-        raise ClusterError(LOST) from error
+        raise ClusterError(_LOST) from error
     except AttributeError as error:
         if client.scheduler is None:  # of which dask asks it
-            raise ClusterError(LOST) from error
+            raise ClusterError(_LOST) from error
         raise
 
 
 def _run_task(task: Task) -> CellFile:
-    """Compute a cell on a worker, and let go of what the next one cannot use."""
-    if task.cell.code != code_digest():  # it may have joined late
-        raise ClusterError(f"the worker on {platform.node()} {OTHER_CODE}")
+    """Computes a cell on a worker, and lets go of models, which the next cell cannot use."""
+    if task.cell.code != cells_digest():  # it may have joined late
+        raise ClusterError(f"the worker on {platform.node()} {_OTHER_CODE}")
     try:
-        return run_task(task)
+        return task.run()
     finally:
         compiled_apart.cache_clear()
         compiled.cache_clear()
 
 
 def _silence_dask() -> None:
-    """What goes wrong is said in this project's own lines."""
+    """Silences dask: this project says itself what goes wrong."""
     for name in ("distributed", "distributed.client"):  # the latter has a level of its own
         logging.getLogger(name).setLevel(logging.CRITICAL)
 
@@ -184,10 +186,10 @@ class _Quiet(WorkerPlugin):
 
 @contextmanager
 def local(workers: int, stop: Stop, cell_limit: float) -> Iterator[Cluster]:
-    """A cluster of this machine's cores: a process for each, with one thread."""
+    """Yields a cluster of this machine's cores: a process for each, with one thread."""
     _silence_dask()
     cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else [0]
-    with dask.config.set(LOCAL), ExitStack() as stack:
+    with dask.config.set(_LOCAL), ExitStack() as stack:
         with _interrupts_wait():
             cluster = LocalCluster(
                 n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None,
@@ -200,9 +202,9 @@ def local(workers: int, stop: Stop, cell_limit: float) -> Iterator[Cluster]:
 
 @contextmanager
 def _interrupts_wait() -> Iterator[None]:
-    """Ctrl-C, which a terminal sends to all processes, is for this one, when this is over.
+    """Blocks Ctrl-C, which a terminal sends to all processes, until this is over.
 
-    Threads and processes that begin meanwhile never get it.
+    Threads and processes that begin meanwhile never get it: it is for this process alone.
     """
     if not hasattr(signal, "pthread_sigmask"):
         yield
@@ -217,7 +219,7 @@ def _interrupts_wait() -> Iterator[None]:
 
 @contextmanager
 def existing(address: str, stop: Stop, cell_limit: float) -> Iterator[Cluster]:
-    """A cluster whose scheduler is there already, with workers that can take cells."""
+    """Yields a cluster whose scheduler is there already, with workers that can take cells."""
     _silence_dask()
     try:
         client = Client(address, timeout=ANSWER)
@@ -246,9 +248,9 @@ def _require_usable(client: Client) -> None:
 
 def _require_same_code(client: Client) -> None:
     try:
-        found = client.run(code_digest)
+        found = client.run(cells_digest)
     except Exception as error:  # whatever the worker raised
         raise ClusterError(f"--scheduler: a worker cannot run this: {error}") from error
     for worker, digest in found.items():
-        if digest != code_digest():
-            raise ClusterError(f"--scheduler: the worker {worker} {OTHER_CODE}")
+        if digest != cells_digest():
+            raise ClusterError(f"--scheduler: the worker {worker} {_OTHER_CODE}")

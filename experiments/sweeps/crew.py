@@ -4,7 +4,7 @@ from typing import Protocol
 
 from cocap_opt.experiments.console.progress import Watch
 from cocap_opt.experiments.sweeps.cells import CellFile
-from cocap_opt.experiments.sweeps.work import Task, run_task
+from cocap_opt.experiments.sweeps.work import Task
 from cocap_opt.stop import Stop
 
 
@@ -16,15 +16,15 @@ class Crew(Protocol):
     """Computes cells, some at a time."""
 
     def room(self) -> int:
-        """How many more cells may begin now."""
+        """Returns how many more cells may begin now."""
 
     def begin(self, task: Task) -> None:
-        """Begin a cell."""
+        """Begins a cell."""
 
     def next(self) -> CellFile | None:
-        """Wait until one of those that have begun ends.
+        """Waits until one of the cells that have begun ends.
 
-        None after Ctrl-C, and where none has begun, once there is room for one.
+        Returns None after Ctrl-C, and where none has begun, once there is room for one.
         """
 
 
@@ -36,16 +36,16 @@ class Alone:
         self._task: Task | None = None
 
     def room(self) -> int:
-        """One, or none once a cell has begun."""
+        """Returns 1, or 0 once a cell has begun."""
         return int(self._task is None)
 
     def begin(self, task: Task) -> None:
-        """Take a cell, which `next` computes."""
+        """Takes a cell, which `next` computes."""
         self._task = task
 
     def next(self) -> CellFile | None:
-        """Compute the cell; it may be what Ctrl-C has left of it."""
+        """Computes the cell; after Ctrl-C it may be cut short."""
         assert self._task is not None
         task, self._task = self._task, None
         self._watch.begin(task.cell.words)
-        return run_task(task, self._stop, self._watch)
+        return task.run(self._stop, self._watch)

@@ -1,18 +1,28 @@
-"""What a run makes of its cells: run.json, results.csv, results.parquet, and the files they name.
+"""The output of a run: run.json, results.csv, results.parquet, and the files that rows name.
 
-All of them tell only of scenes and seeds that are whole, and of what earlier runs left.
+All of them tell only of instances that are whole, and of what earlier runs left. The files that
+rows name (scene, plans, certificates and traces) are written whenever a run takes their cells, be
+they computed or recalled, so they prove what its rows say, whatever ran in the folder before.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
-from cocap_opt.experiments.results.files import remove
+import msgspec
+
+from cocap_opt.experiments.results.files import remove, save_bytes
+from cocap_opt.experiments.results.judging import without_rules
+from cocap_opt.experiments.results.layout import Paths
 from cocap_opt.experiments.results.rows import Row
-from cocap_opt.experiments.sweeps.about import RUN, Run, save_run
-from cocap_opt.experiments.sweeps.earlier import Earlier, key_of
-from cocap_opt.experiments.sweeps.publish import published
+from cocap_opt.experiments.sweeps.cells import FREE, RULES
+from cocap_opt.experiments.sweeps.folder import Earlier
+from cocap_opt.experiments.sweeps.instances import Instance
 from cocap_opt.experiments.sweeps.results import save_results
-from cocap_opt.experiments.sweeps.run import Group, Settings
+from cocap_opt.experiments.sweeps.run_file import RUN, Run, RunFile
+from cocap_opt.files.documents import SceneFile, encode
+
+_Files = dict[Path, bytes | None]  # None: there is to be none
 
 
 class Output:
@@ -21,65 +31,101 @@ class Output:
     Parameters
     ----------
     before : what earlier runs left, all of which holds until it is replaced
-    about_run : what run.json says of this run, which is written with the first results
-    about : keys that all rows get besides
+    about_run : returns what run.json says of this run, which is written with the first results
     """
 
     def __init__(
         self,
         folder: Path | None,
-        groups: Sequence[Group],
-        settings: Settings,
+        instances: Sequence[Instance],
         before: Earlier,
         about_run: Callable[[], Run],
-        about: Row,
     ) -> None:
-        self._folder, self._groups, self._about = folder, groups, about
-        self._settings, self._before, self._about_run = settings, before, about_run
-        self._kept: dict[Group, list[Row]] = {}
+        self._folder, self._instances = folder, instances
+        self._before, self._about_run = before, about_run
+        self._kept: dict[Instance, list[Row]] = {}
 
     def update(self) -> None:
-        """Write what has become whole since; what Ctrl-C has cut short is not written."""
+        """Writes what has become whole since; what Ctrl-C has cut short is not written."""
         if self._folder is None:
             return
-        new = [g for g in self._groups if g.is_whole and not g.is_cut and g not in self._kept]
+        new = [i for i in self._instances if i.is_whole and not i.is_cut and i not in self._kept]
         if not new:
             return
         is_first = not self._kept
-        if is_first and not self._before.runs:  # results of other settings, for a moment
+        if is_first and not self._before.runs:  # results of other code, for a moment
             remove(self._folder / RUN)
         if is_first and self._before.runs:
-            self._save_run()
-        for group in new:
-            self._kept[group] = published(self._folder, group, self._rows(group))
-        save_results(self._folder, self._all(), whole=len(self._kept) == len(self._groups))
+            self._save_run(self._folder)
+        for instance in new:
+            self._kept[instance] = _published(self._folder, instance)
+        save_results(self._folder, self._all(), whole=len(self._kept) == len(self._instances))
         if is_first and not self._before.runs:
-            self._save_run()
+            self._save_run(self._folder)
 
-    def _save_run(self) -> None:
-        assert self._folder is not None
-        save_run(self._folder, self._settings, self._before.runs, self._about_run())
+    def _save_run(self, folder: Path) -> None:
+        RunFile.save(folder, self._before.runs, self._about_run())
 
     def rows(self) -> list[Row]:
-        """All rows that this run was asked for and has, in that order."""
+        """Returns all rows that this run was asked for and has, in that order."""
         return [
             row
-            for group in self._groups
-            if group.is_whole
-            for row in self._kept.get(group) or self._rows(group)
-            if row["planner"] in group.asked
+            for instance in self._instances
+            if instance.is_whole
+            for row in self._kept.get(instance) or instance.rows()
+            if row.planner in instance.asked
         ]
 
     def _all(self) -> list[Row]:
-        """Rows of all that the folder has, scene by scene, those of this run last."""
+        """Returns rows of all that the folder has, scene by scene, those of this run last."""
         rest = dict(self._before.rows)
         own = []
-        for group in self._groups:
-            before = rest.pop(key_of(group, self._about), [])
-            own.append(self._kept.get(group, before))
+        for instance in self._instances:
+            before = rest.pop(instance.key, [])
+            own.append(self._kept.get(instance, before))
         rows = [row for some in (*rest.values(), *own) for row in some]
-        scenes = list(dict.fromkeys(row["scene"] for row in rows))
-        return sorted(rows, key=lambda row: scenes.index(row["scene"]))
+        scenes = list(dict.fromkeys(row.scene for row in rows))
+        return sorted(rows, key=lambda row: scenes.index(row.scene))
 
-    def _rows(self, group: Group) -> list[Row]:
-        return [row | self._about for row in group.rows()]
+
+def _published(folder: Path, instance: Instance) -> list[Row]:
+    """Writes the files of an instance that is whole; returns its rows, which name them."""
+    assert instance.bound is not None
+    rows = instance.rows()
+    files: _Files = {Paths(rows[0]).scene: encode(SceneFile(problem=instance.problem))}
+    for row, cell in zip(rows, instance.cells.values(), strict=True):
+        plan = instance.found[cell].plan
+        files[Paths(row).plan] = None if plan is None else encode(plan)
+    named, files_of_bound = _certificates(instance, Paths(rows[0]))
+    for path, content in (files | files_of_bound).items():
+        _put(folder / path, content)
+    # Proofs can be large, and are on disk now.
+    instance.bound = msgspec.structs.replace(instance.bound, certificates={}, traces={})
+    return [
+        replace(row, certificate=named[RULES], certificate_free=named[FREE]) for row in rows
+    ]  # fmt: skip
+
+
+def _certificates(instance: Instance, paths: Paths) -> tuple[dict[str, str], _Files]:
+    """Returns the names of the certificates, and the files of the bound."""
+    bound = instance.bound
+    assert bound is not None
+    files: _Files = {}
+    named = {}
+    for name in (RULES, FREE):
+        is_free, known = name == FREE, name in bound.certificates
+        path, text = paths.certificate(free=is_free), bound.traces.get(name)
+        files[path] = bound.certificate(name) if known else None
+        files[paths.trace(free=is_free)] = None if text is None else text.encode()
+        named[name] = path.as_posix() if known else ""
+    if without_rules(instance.problem) is instance.problem:  # one bound is both
+        named[FREE] = named[RULES]
+    return named, files
+
+
+def _put(path: Path, content: bytes | None) -> None:
+    """Makes a file have this content, or not be there."""
+    if content is None:
+        remove(path)
+    elif not (path.is_file() and path.read_bytes() == content):
+        save_bytes(path, content)

@@ -1,4 +1,4 @@
-"""What a bound begins with. It depends on that, and not on who found it."""
+"""What the search for a bound begins with, whoever found it."""
 
 import hashlib
 from collections.abc import Sequence
@@ -20,26 +20,25 @@ class Start(NamedTuple):
     certificate: bytes = b""  # its file's content; empty where there is none
     seconds: float = 0.0  # in which that was proved
 
+    @classmethod
+    def of(cls, contents: Sequence[CellFile]) -> "Start":
+        """Returns the start that planners' cells give; their names and order do not matter."""
+        certificate, seconds = _lowest_bound(contents)
+        valid = [content for content in contents if content.row and content.row.valid]
+        return Start(_best(contents), _best(valid), certificate, seconds)
+
     @property
     def digest(self) -> str:
-        """Digest of all that a bound depends on."""
+        """Digest of all of it that a bound depends on."""
         content = msgspec.json.encode((self.plan, self.valid)) + self.certificate
         return hashlib.sha256(content).hexdigest()
 
 
-def start_of(contents: Sequence[CellFile]) -> Start:
-    """The start that planners' cells give; their names and order do not matter."""
-    certificate, seconds = _lowest_bound(contents)
-    plans = [content for content in contents if content.plan is not None]
-    valid = [content for content in plans if not content.row["conflicts"]]
-    return Start(_best(plans), _best(valid), certificate, seconds)
-
-
 def _best(contents: Sequence[CellFile]) -> Plan | None:
     ranked = [
-        (-content.row["reward"], encode(content.plan.plan), content.plan.plan)
+        (-content.row.reward, encode(content.plan.plan), content.plan.plan)
         for content in contents
-        if content.plan is not None
+        if content.plan is not None and content.row is not None and content.row.reward is not None
     ]
     return min(ranked, key=lambda entry: entry[:2])[2] if ranked else None
 
@@ -47,8 +46,8 @@ def _best(contents: Sequence[CellFile]) -> Plan | None:
 def _lowest_bound(contents: Sequence[CellFile]) -> tuple[bytes, float]:
     ranked = []
     for content in contents:
-        if OWN in content.certificates:
+        if OWN in content.certificates and content.row is not None:
             own = content.certificate(OWN)
             proved = decode_certificate(own, content.cell.words).proved
-            ranked.append((proved, own, content.row["seconds"]))
+            ranked.append((proved, own, content.row.seconds or 0.0))
     return min(ranked)[1:] if ranked else (b"", 0.0)

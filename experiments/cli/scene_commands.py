@@ -1,0 +1,113 @@
+"""The commands about scenes: listing them, an example of a recipe, and scenes as files."""
+
+import math
+import sys
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from cocap_opt.experiments.cli.options import Json, Output, Seed, load
+from cocap_opt.experiments.console.options import UsageError, values
+from cocap_opt.experiments.results.files import check_output, save_together
+from cocap_opt.experiments.results.printing import path_text, print_json, print_result, print_table
+from cocap_opt.files.documents import SceneFile
+from cocap_opt.scenarios import FORMATS, SCENES
+from cocap_opt.scenarios.cameras import CAMERAS, with_camera, with_tilts
+
+
+def scenes(*, json: Json = False) -> int:
+    """List the built-in scenes, the file formats that can be read, their options, and cameras.
+
+    Example: cocap-opt scenes
+    """
+    rows = [
+        {"scene": name, "about": (build.__doc__ or "").strip().splitlines()[0]}
+        for name, build in SCENES.items()
+    ]
+    formats = [{"format": name, "about": f.description} for name, f in FORMATS.items()]
+    cameras = [
+        {
+            "camera": name, "width": camera.width, "height": camera.height, "focal": camera.focal,
+            "angle of view (deg)": 2 * math.degrees(camera.half_angle),
+        }
+        for name, camera in CAMERAS.items()
+    ]  # fmt: skip
+    options = [
+        {"option": name, "values": ", ".join(words), "of files": key}
+        for key, kind in FORMATS.items() if kind.options is not None
+        for name, words in kind.options.allowed.items()
+    ]  # fmt: skip
+    if json:
+        print_json({"scenes": rows, "formats": formats, "cameras": cameras, "options": options})
+    else:
+        print_table("built-in scenes", rows)
+        print_table("files that can be read in place of a scene's name", formats)
+        print_table("options of `export`, as in --option triangles=no", options)
+        print_table("cameras that `export` can put on a scene's drones (px)", cameras)
+    return 0
+
+
+def recipe(*, json: Json = False) -> int:
+    """Print a recipe with every table: a scene made of maps, meshes, tracks and drones.
+
+    Example: cocap-opt recipe > scene.toml
+    """
+    from cocap_opt.scenarios.recipe.recipe import EXAMPLE  # its readers are slow to import
+
+    if json:
+        print_json({"recipe": EXAMPLE})
+    else:
+        sys.stdout.write(EXAMPLE)
+    return 0
+
+
+def export(
+    scene: str,
+    /,
+    *,
+    output: Output,
+    seed: Seed = 0,
+    over_time: Annotated[
+        bool, Parameter(negative="", help="pixels add up over time as well as over drones")
+    ] = False,
+    camera: Annotated[
+        str | None, Parameter(help="another camera on all drones; `cocap-opt scenes` lists them")
+    ] = None,
+    tilts: Annotated[
+        str | None,
+        Parameter(help="degrees below the horizon, such as 10 or, for a gimbal, 10,30,60"),
+    ] = None,
+    option: Annotated[
+        list[str] | None,
+        Parameter(
+            negative="",
+            help="NAME=VALUE, how a file is read; may be repeated; `cocap-opt scenes` lists them",
+        ),
+    ] = None,
+    json: Json = False,
+) -> int:
+    """Write any scene as a cocap-opt scene file.
+
+    Example: cocap-opt export corridor --seed 3 -o corridor-3.json
+    """
+    if output is None:
+        raise UsageError("-o: name the file to write")
+    check_output(output)
+    problem = load(scene, seed, values("--option", option or []))
+    if over_time:
+        objective = problem.objective.replace(over_time=True)
+        problem = problem.replace(name=f"{problem.name}-over-time", objective=objective)
+    if camera is not None:
+        problem = with_camera(problem, camera)
+    if tilts is not None:
+        problem = with_tilts(problem, _angles("--tilts", tilts))
+    save_together({output: SceneFile(problem=problem)})
+    print_result({"scene": problem.name, "seed": seed, "file": path_text(output)}, json)
+    return 0
+
+
+def _angles(option: str, text: str) -> tuple[float, ...]:
+    try:
+        return tuple(float(part) for part in text.split(","))
+    except ValueError:
+        raise UsageError(f"{option}: must be numbers such as 10,30,60, not {text!r}") from None

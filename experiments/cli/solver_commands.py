@@ -1,0 +1,256 @@
+"""The commands that compute on one scene: plan, bound and solve."""
+
+import os
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+import msgspec
+from cyclopts import Parameter
+
+from cocap_opt.experiments.cli.options import (
+    DEFAULT_SECONDS,
+    Json,
+    Output,
+    Seconds,
+    Seed,
+    Work,
+    allowed,
+    load,
+)
+from cocap_opt.experiments.console.options import UsageError, choose
+from cocap_opt.experiments.console.progress import Watch, watching
+from cocap_opt.experiments.results.claims import reward_parts
+from cocap_opt.experiments.results.files import (
+    check_output,
+    plan_file,
+    read_plan,
+    save_bytes,
+    save_together,
+)
+from cocap_opt.experiments.results.judging import (
+    SOLVERS,
+    Allowance,
+    Judged,
+    run_certified,
+    run_planner,
+    without_rules,
+)
+from cocap_opt.experiments.results.printing import Record, path_text, print_result
+from cocap_opt.experiments.results.rows import OWN_STARTS, PlanRow
+from cocap_opt.experiments.results.trace import Trace
+from cocap_opt.experiments.sweeps.bounds import cover
+from cocap_opt.formulations import BOUNDS, EXACT
+from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult
+from cocap_opt.problem.plan import Plan
+from cocap_opt.problem.problem import Problem
+from cocap_opt.result import Reason, Result, UnsupportedError
+from cocap_opt.stop import Limit, Stop, catch_interrupt
+
+AT_THE_ROOT = "column-generation"  # a bound that comes with a plan
+LAZY = ("cocap-vs", "formation", "one-step")  # planners that see only the views they touch
+_SOLVE_METHODS = (*EXACT, AT_THE_ROOT)
+
+_Free = Annotated[bool, Parameter(negative="", help="the scene without inter-robot collisions")]
+_Start = Annotated[Path | None, Parameter(help="file of a plan to start from")]
+_TraceFile = Annotated[
+    Path | None, Parameter(name="--trace", help="CSV to write value and bound over time to")
+]
+
+
+def plan(
+    scene: str,
+    /,
+    *,
+    planner: Annotated[str, Parameter(help=f"one of {', '.join(SOLVERS)}")] = "cocap",
+    seed: Seed = 0,
+    free: _Free = False,
+    time_limit: Seconds = DEFAULT_SECONDS,
+    work_limit: Work = None,
+    output: Output = None,
+    json: Json = False,
+) -> int:
+    """Plan a scene, have the plan checked, and write it to a file.
+
+    Example: cocap-opt plan corridor --planner cocap --seed 0 -o plan.json
+    """
+    choose("--planner", planner, SOLVERS)
+    allowance = allowed(time_limit, work_limit)
+    check_output(output)
+    task = _Task.read(scene, seed, free, None)
+    problem = task.problem
+    with catch_interrupt() as interrupt, watching(f"{problem.name} seed {seed}") as watch:
+        judged = _planned(problem, planner, allowance, interrupt, watch)
+        if judged.result.reason is Reason.UNSUPPORTED:
+            raise UsageError(f"--planner: {judged.result.message}")
+        answer = asdict(PlanRow.of(problem, seed, planner, judged)) | task.about
+        _save(answer, "plan", {"file": (output, plan_file(problem, planner, judged))})
+    answer |= judged.result.statistics
+    if judged.verdict:
+        answer |= reward_parts(judged.verdict)
+        answer["violations"] = judged.verdict.conflicts
+    print_result(answer, json)
+    return 0
+
+
+def bound(
+    scene: str,
+    /,
+    *,
+    method: Annotated[str, Parameter(help=f"one of {', '.join(BOUNDS)}")] = "column-generation",
+    seed: Seed = 0,
+    start: _Start = None,
+    free: _Free = False,
+    time_limit: Seconds = DEFAULT_SECONDS,
+    work_limit: Work = None,
+    output: Output = None,
+    trace: _TraceFile = None,
+    json: Json = False,
+) -> int:
+    """Compute an upper bound on J and the certificate that proves it.
+
+    Example: cocap-opt bound corridor --seed 0 -o certificate.json
+    """
+    choose("--method", method, BOUNDS)
+    allowance = allowed(time_limit, work_limit)
+    _check_outputs(**{"-o": output, "--trace": trace})
+    task = _Task.read(scene, seed, free, start)
+    with catch_interrupt() as interrupt:
+        judged = task.certified(seed, method, allowance.begin(interrupt), OPTIMALITY, trace)
+        answer = task.answer(seed, method, judged)
+        _save(answer, "certificate", {"file": (output, judged.result.certificate)})
+    print_result({**answer, **judged.result.statistics}, json)
+    return 0
+
+
+def solve(
+    scene: str,
+    /,
+    *,
+    method: Annotated[
+        str, Parameter(help=f"one of {', '.join(_SOLVE_METHODS)} (bound and plan at the root)")
+    ] = "branch-and-price",
+    seed: Seed = 0,
+    gap: Annotated[
+        float,
+        Parameter(help=f"(bound - J) / bound to stop at; 0 means {OPTIMALITY:g}, called optimal"),
+    ] = 0.0,
+    start: _Start = None,
+    free: _Free = False,
+    time_limit: Seconds = DEFAULT_SECONDS,
+    work_limit: Work = None,
+    output: Output = None,
+    certificate: Annotated[Path | None, Parameter(help="file to write the proof to")] = None,
+    trace: _TraceFile = None,
+    json: Json = False,
+) -> int:
+    """Find the best plan and prove that no other is better by more than the gap.
+
+    At a limit or Ctrl-C it gives the best plan and bound so far.
+    `verify` checks the file of --certificate, which proves the bound;
+    brute-force has none: its bound is what trying all plans proves.
+
+    Example: cocap-opt solve corridor --seed 0 -o plan.json --certificate proof.json
+    """
+    choose("--method", method, _SOLVE_METHODS)
+    if not 0 <= gap < 1:
+        raise UsageError(f"--gap: must be at least 0 and less than 1, such as 0.01, not {gap}")
+    if gap and method not in EXACT:
+        raise UsageError(f"--gap: {method} stops at the root at any gap; leave the option out")
+    allowance = allowed(time_limit, work_limit)
+    _check_outputs(**{"-o": output, "--certificate": certificate, "--trace": trace})
+    task = _Task.read(scene, seed, free, start)
+    with catch_interrupt() as interrupt:
+        stop = allowance.begin(interrupt)
+        judged = task.certified(seed, method, stop, max(gap, OPTIMALITY), trace)
+        answer = task.answer(seed, method, judged)
+        proof = certificate, judged.result.certificate
+        made = output, plan_file(task.problem, method, judged)
+        _save(answer, "plan", {"file": made, "certificate": proof})
+    print_result({**answer, **judged.result.statistics}, json)
+    return 0
+
+
+def _planned(
+    problem: Problem, planner: str, allowance: Allowance, interrupt: Stop, watch: Watch
+) -> Judged[Result]:
+    """Plans; coverage comes before, so that the planner's seconds hold none of it.
+
+    A planner that has no coverage in time has no time left to plan.
+    """
+    stop = allowance.begin(interrupt)
+    if planner not in LAZY:
+        cover(problem, stop, watch)
+        if stop.reached() is Limit.NONE:
+            stop = allowance.begin(interrupt)
+    return run_planner(problem, planner, stop)
+
+
+class _Task(NamedTuple):
+    """The scene of a command; with a start, the variant of the scene that it fits."""
+
+    problem: Problem
+    start: Plan | None
+    about: Record  # for the answer
+
+    @classmethod
+    def read(cls, scene: str, seed: int, free: bool, path: Path | None) -> "_Task":
+        problem, start = load(scene, seed), None
+        about: Record = {"free": True} if free else {}
+        if path is not None:
+            fitting, start = read_plan(path, scene, problem)
+            about |= {"seed": None, "starts": OWN_STARTS} if fitting is not problem else {}
+            problem = fitting
+        return cls(without_rules(problem) if free else problem, start, about)
+
+    def certified(
+        self, seed: int, method: str, stop: Stop, gap: float, path: Path | None
+    ) -> Judged[CertifiedResult]:
+        """Runs a bound or an exact method, shows its progress, and writes that to a file if asked."""
+        problem, trace = self.problem, Trace()
+        with watching(f"{problem.name} seed {seed}") as watch:
+            report = trace.beside(watch.report())
+            cover(problem, stop, watch)
+            try:
+                judged = run_certified(problem, method, stop, self.start, report, gap)
+            except UnsupportedError as error:
+                raise UsageError(f"--method {method}: {error}") from error
+        if path is not None:
+            trace.end(judged.result)
+            save_bytes(path, trace.text.encode())
+        return judged
+
+    def answer(self, seed: int, method: str, judged: Judged[CertifiedResult]) -> Record:
+        """Returns what the command prints."""
+        return asdict(PlanRow.certified(self.problem, seed, method, judged)) | self.about
+
+
+def _check_outputs(**paths: Path | None) -> None:
+    """Refuses files that cannot be written, and one file for two things."""
+    used: dict[str, str] = {}
+    for option, path in paths.items():
+        if path is None:
+            continue
+        check_output(path)
+        other = used.setdefault(os.path.realpath(path), option)
+        if other != option:
+            raise UsageError(f"{option}: must be another file than {other}, not {path}")
+
+
+_Wanted = tuple[Path | None, msgspec.Struct | None]  # a file, and its content if there is one
+
+
+def _save(answer: Record, noun: str, files: Mapping[str, _Wanted]) -> None:
+    """Writes files together; the answer says by their keys where each is, or why it is not."""
+    contents = {}
+    for key, (path, content) in files.items():
+        answer[key] = None
+        if path is not None and content is not None:
+            contents[path] = content
+            answer[key] = path_text(path)
+        elif path is not None:
+            kind = noun if key == "file" else key
+            said = f"{path} was not written: there is no {kind}"
+            answer["message"] = "; ".join(filter(None, (answer["message"], said)))
+    save_together(contents)

@@ -1,0 +1,218 @@
+"""Instances of a sweep: a scene with a seed, its cells, and the rows that they make."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import msgspec
+from msgspec import UNSET
+
+from cocap_opt.experiments.results.judging import (
+    Judged,
+    RefereeError,
+    require_bound,
+)
+from cocap_opt.experiments.results.rows import OWN_STARTS, BoundColumns, PlannedRow, Row
+from cocap_opt.experiments.sweeps.cells import BOUND, Cell, CellFile, Status, Store, cells_digest
+from cocap_opt.experiments.sweeps.start import Start
+from cocap_opt.experiments.sweeps.work import Task, given_plan
+from cocap_opt.files.documents import problem_digest
+from cocap_opt.problem.plan import Plan
+from cocap_opt.problem.problem import Problem
+from cocap_opt.result import Reason, Result
+
+Key = tuple[str, int | None]  # scene and seed; None where the starts are the scene file's own
+
+
+class Settings(msgspec.Struct, frozen=True, kw_only=True):
+    """What a command allows its cells."""
+
+    time_limit: float  # s, for each planner
+    bound_time_limit: float  # s, for each of the two bounds
+    work_limit: int | None = None  # units of work, for each planner and each bound
+    rendered: bool = False  # J of the rendered pixels is wanted, too
+
+    @property
+    def cell_limit(self) -> float:
+        """Seconds after which a worker that should have ended by these limits hangs."""
+        return 10 * (self.time_limit + self.bound_time_limit) + 600
+
+
+def default_planners(problem: Problem) -> list[str]:
+    """Returns the planners of a gap table: those of the paper, and joint where it can be run."""
+    names = ["greedy", "sequential", "cocap", "cocap-vs"]
+    return [*names, "joint"] if len(problem.robots) <= 2 else names
+
+
+class Instance:
+    """A scene with a seed: its cells, and what has become of them so far.
+
+    Parameters
+    ----------
+    given : plans of others by name, which get rows of their own
+    own_starts : the drones start where the scene's own file says, not where the seed has them
+
+    Attributes
+    ----------
+    digest : of the problem
+    asked : the planners that the command names, and plans of others that it gives
+    cells : of the planners, by name; that of the bound is known once all of these are found
+    found : what has become of them
+    bound : what has become of the bound
+    is_cut : Ctrl-C has cut one of them short
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        seed: int,
+        planners: Sequence[str],
+        settings: Settings,
+        given: Mapping[str, Plan] | None = None,
+        own_starts: bool = False,
+    ) -> None:
+        self.problem, self.seed, self._settings = problem, seed, settings
+        self._own_starts = own_starts
+        self.digest = problem_digest(problem)
+        self.cells: dict[str, Cell] = {}
+        self.found: dict[Cell, CellFile] = {}
+        self.bound: CellFile | None = None
+        self.is_cut = False
+        for name, plan in (given or {}).items():
+            self.give(name, plan)
+        for name in planners:
+            self.cells.setdefault(name, self.cell(name))
+        self.asked = tuple(self.cells)
+
+    @property
+    def key(self) -> Key:
+        """Scene and seed, as its rows have them."""
+        return self.problem.name, None if self._own_starts else self.seed
+
+    # -- cells --------------------------------------------------------------------------------
+
+    def cell(self, planner: str) -> Cell:
+        """Returns the cell that a planner has, or would have, with the settings of the command."""
+        settings = self._settings
+        return self._cell(
+            planner, settings.time_limit, settings.work_limit, rendered=settings.rendered
+        )
+
+    def earlier_cells(self, row: Row) -> list[Cell]:
+        """Returns the cells that an earlier row may be made of, with the limits of that row."""
+        if row.planner is None or row.time_limit is None:
+            return []
+        limits = row.time_limit, row.work_limit
+        return [self._cell(row.planner, *limits, rendered=rendered) for rendered in (True, False)]
+
+    def _cell(self, planner: str, seconds: float, work: int | None, **more: Any) -> Cell:
+        return Cell(
+            scene=self.problem.name, seed=self.seed, planner=planner, digest=self.digest,
+            time_limit=seconds, work_limit=work, code=cells_digest(), **more,
+        )  # fmt: skip
+
+    def take(self, content: CellFile) -> None:
+        """Takes a planner's cell, of which it is known what has become."""
+        self.cells[content.cell.planner] = content.cell
+        self.found[content.cell] = content
+
+    def give(self, name: str, plan: Plan) -> None:
+        """Takes a plan of others."""
+        self.take(given_plan(self.cell(name), self.problem, plan))
+
+    def plan(self, name: str) -> Plan | None:
+        """Returns the plan of a planner or of others, if it is there yet."""
+        content = self.found.get(self.cells[name])
+        return None if content is None or content.plan is None else content.plan.plan
+
+    def missing(self) -> list[Task]:
+        """Returns what can begin: the planners' cells, or the bound once all of them are there."""
+        cells = [cell for cell in self.cells.values() if cell not in self.found]
+        if not cells and self.bound is None:
+            return [self._bound_task()]
+        return [Task(cell, self.problem) for cell in cells]
+
+    def _bound_task(self) -> Task:
+        start = Start.of([self.found[cell] for cell in self.cells.values()])
+        settings = self._settings
+        cell = self._cell(
+            BOUND, settings.bound_time_limit, settings.work_limit, start=start.digest
+        )  # fmt: skip
+        return Task(cell, self.problem, start)
+
+    def recall(self, store: Store) -> None:
+        """Finds what is known already. A bound that a plan is better than is not known."""
+        for cell in self.cells.values():
+            if cell not in self.found and (content := store.find(cell)) is not None:
+                self.found[cell] = content
+        if self.bound is None and len(self.found) == len(self.cells):
+            content = store.find(self._bound_task().cell)
+            self.bound = content if content is not None and self.held(content) is content else None
+
+    @property
+    def contents(self) -> list[CellFile]:
+        """What has become of its cells so far."""
+        return [*self.found.values(), *([] if self.bound is None else [self.bound])]
+
+    def held(self, content: CellFile) -> CellFile:
+        """Returns the bound's cell; as an error, if a plan is better than the bound."""
+        try:
+            if content.columns is not None:
+                for row in self._planned_rows():
+                    _require_bounds(row, content.columns)
+        except RefereeError as error:
+            return CellFile.failed(content.cell, Status.ERROR, f"RefereeError: {error}")
+        return content
+
+    @property
+    def is_whole(self) -> bool:
+        """All cells have been computed."""
+        return self.bound is not None
+
+    # -- rows ---------------------------------------------------------------------------------
+
+    def rows(self) -> list[Row]:
+        """Returns a row per plan; a cell that failed has one, too."""
+        assert self.bound is not None
+        bound = _bound_columns(self.bound)
+        rows = [Row.joined(planned, bound, self.digest) for planned in self._planned_rows()]
+        if self._own_starts:
+            rows = [replace(row, seed=None, starts=OWN_STARTS) for row in rows]
+        return rows
+
+    def _planned_rows(self) -> list[PlannedRow]:
+        return [self._planned_row(self.found[cell]) for cell in self.cells.values()]
+
+    def _planned_row(self, content: CellFile) -> PlannedRow:
+        if content.row is not None:
+            return content.row
+        cell = content.cell
+        result = Result(None, -math.inf, Reason.FAILED, seconds=math.nan, message=content.message)
+        return PlannedRow.of_planner(
+            self.problem, cell.seed, cell.planner, Judged(result, None),
+            time_limit=cell.time_limit, work_limit=cell.work_limit, reason=str(content.status),
+            reward_rendered=None if cell.rendered else UNSET,
+        )  # fmt: skip
+
+
+def _bound_columns(content: CellFile) -> BoundColumns:
+    if content.columns is not None:
+        return content.columns
+    status = str(content.status)
+    return BoundColumns(
+        bound_reason=status, bound_free_reason=status, bound_time_limit=content.cell.time_limit,
+        bound_work_limit=content.cell.work_limit,
+    )  # fmt: skip
+
+
+def _require_bounds(plan: PlannedRow, bound: BoundColumns) -> None:
+    """Raises RefereeError if bounds or optima are below the J of a plan that they cover."""
+    if plan.reward is None:
+        return
+    covering = {"bound_free": bound.bound_free, "optimum_free": bound.optimum_free}
+    if not plan.conflicts:
+        covering = {"bound": bound.bound, "optimum": bound.optimum, **covering}
+    for name, value in covering.items():
+        if value is not None:
+            require_bound(f"{plan.planner}, {name}", plan.reward, value)

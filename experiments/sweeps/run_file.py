@@ -1,0 +1,133 @@
+"""The file run.json: what the runs in a folder were, so that they can be made again."""
+
+import hashlib
+import os
+import platform
+import sys
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Literal
+
+import msgspec
+
+from cocap_opt.experiments.results.files import save_bytes
+from cocap_opt.experiments.sweeps.cells import cells_digest
+from cocap_opt.files.code import code_digest
+from cocap_opt.files.documents import Document, decode_document, encode, read_bytes
+from cocap_opt.vision.coverage import usable_cores
+
+_PACKAGES = (
+    "cocap-opt", "clarabel", "cvxpy", "distributed", "embreex", "highspy", "networkx", "numpy",
+    "ortools", "pyscipopt", "scipy", "trimesh",
+)  # fmt: skip
+
+RUN = "run.json"
+
+
+@cache
+def rows_digest() -> str:
+    """Returns the digest of the code that rows depend on: that of cells, and of built-in scenes."""
+    parts = cells_digest() + code_digest("cocap_opt.scenarios")
+    return hashlib.sha256(parts.encode()).hexdigest()
+
+
+class OldSettings(msgspec.Struct, frozen=True, kw_only=True):
+    """The limits that all rows of a folder had in version 2, which were no columns then."""
+
+    limit: float  # s, for each planner
+    bound_limit: float  # s, for each bound
+    rendered: bool = False
+
+
+class Run(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """One command, and where it ran."""
+
+    command: list[str]
+    began: str  # date and time, UTC
+    scenes: list[str]
+    seeds: list[int]
+    workers: str
+    machine: dict[str, str]
+    packages: dict[str, str]
+
+    @classmethod
+    def now(cls, scenes: list[str], seeds: list[int], workers: str) -> "Run":
+        """Returns a description of the run that begins now."""
+        return cls(
+            command=[*_program(), *sys.argv[1:]],
+            began=datetime.now(UTC).isoformat(timespec="seconds"),
+            scenes=scenes,
+            seeds=seeds,
+            workers=workers,
+            machine={
+                "system": platform.platform(),
+                "processor": _processor(),
+                "cores": str(usable_cores()),
+                "memory": _memory(),
+                "python": platform.python_version(),
+            },
+            packages={name: found for name in _PACKAGES if (found := _version(name))},
+        )
+
+
+class RunFile(Document, frozen=True, kw_only=True):
+    """All runs that the results in a folder are of; the same code has made all of them."""
+
+    format: Literal["cocap-opt run"] = "cocap-opt run"
+    version: Literal[2, 3] = 3
+    settings: OldSettings | None = None  # of version 2
+    code: str  # digest of what rows depend on, scenes included
+    runs: list[Run]
+
+    @classmethod
+    def load(cls, folder: Path) -> "RunFile":
+        """Reads the file of a folder.
+
+        Raises
+        ------
+        FileError
+            If there is none, or it is damaged.
+        """
+        path = folder / RUN
+        return decode_document(read_bytes(path), str(path), cls)
+
+    @classmethod
+    def save(cls, folder: Path, before: Sequence[Run], run: Run) -> None:
+        """Writes the file. A run that is there already, but for its time, stays as it was."""
+        again = any(msgspec.structs.replace(known, began=run.began) == run for known in before)
+        runs = [*before] if again else [*before, run]
+        save_bytes(folder / RUN, encode(cls(code=rows_digest(), runs=runs)))
+
+
+def _program() -> list[str]:
+    """Returns how this process was called: as a module, or by the command's name."""
+    spec = sys.modules["__main__"].__spec__
+    if spec is None:
+        return ["cocap-opt"]
+    return ["python", "-m", spec.name.removesuffix(".__main__")]
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:  # an optional one
+        return ""
+
+
+def _processor() -> str:
+    """Returns the processor's name, where the system tells it."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return platform.processor() or platform.machine()
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.machine()
+
+
+def _memory() -> str:
+    if not hasattr(os, "sysconf"):
+        return "unknown"
+    return f"{os.sysconf('SC_PAGE_SIZE') * os.sysconf('SC_PHYS_PAGES') / 1e9:.0f} GB"

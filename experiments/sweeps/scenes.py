@@ -1,0 +1,84 @@
+"""The scenes of a sweep: words and seeds in, problems out that no two of have the same name."""
+
+from collections.abc import Callable, Mapping, Sequence
+
+from cocap_opt.data import ProblemError
+from cocap_opt.experiments.console.streams import say
+from cocap_opt.experiments.sweeps.instances import Key
+from cocap_opt.files.documents import FileError, problem_digest
+from cocap_opt.problem.problem import Problem
+from cocap_opt.scenarios import load_scene
+
+Problems = dict[tuple[str, int], Problem]  # by scene as typed, and seed
+
+
+class Scenes:
+    """The problems that names or files of scenes make with some seeds, each problem once.
+
+    Seeds that make the same scene are one sample, not many; it is that of the first of them, or
+    of seed 0 if that makes it.
+
+    Attributes
+    ----------
+    problems : by scene as typed and seed, told apart by their names
+    """
+
+    def __init__(
+        self,
+        names: Sequence[str],
+        seeds: Sequence[int],
+        load: Callable[[str, int], Problem] = load_scene,
+    ) -> None:
+        self.problems = told_apart({
+            (name, seed): problem
+            for name in dict.fromkeys(names)
+            for seed, problem in _seeded(name, seeds, load).items()
+        })  # fmt: skip
+        self._words = {problem.name: name for (name, _), problem in self.problems.items()}
+
+    def is_same(self, key: Key, digest: str) -> bool:
+        """Returns False if an earlier row's scene is not what these names make with its seed."""
+        name, seed = key
+        return seed is None or name not in self._words or _digest(self._words[name], seed) == digest
+
+
+def told_apart(problems: Mapping[tuple[str, int], Problem]) -> Problems:
+    """Returns problems by scene as typed and seed, with no two scenes of one name.
+
+    A scene that has another's name, or a name that another was typed as, is called as it was
+    typed. The name is no part of a problem's digest, so certificates and plans still fit.
+    """
+    claimed: dict[str, set[str]] = {}
+    for (scene, _), problem in problems.items():
+        claimed.setdefault(problem.name, set()).add(scene)
+        claimed.setdefault(scene, set()).add(scene)
+    return {
+        (scene, seed): problem.replace(name=scene) if len(claimed[problem.name]) > 1 else problem
+        for (scene, seed), problem in problems.items()
+    }
+
+
+def _seeded(
+    scene: str, seeds: Sequence[int], load: Callable[[str, int], Problem]
+) -> dict[int, Problem]:
+    first = {_digest(scene, 0): 0} if any(seeds) else {}
+    found: dict[int, Problem] = {}
+    again = []
+    for seed in seeds:
+        problem = load(scene, seed)
+        known = first.setdefault(problem_digest(problem), seed)
+        found.setdefault(known, problem)
+        if known != seed:
+            again.append(f"{seed} makes the scene of seed {known}")
+    if again:
+        more = f", and {len(again) - 1} more likewise" if again[1:] else ""
+        say(f"{scene}: seed {again[0]}{more}; each scene is taken once")
+    return found
+
+
+def _digest(scene: str, seed: int) -> str:
+    """Returns the digest of what a seed makes; empty if it makes nothing."""
+    try:
+        return problem_digest(load_scene(scene, seed))
+    except (FileError, ProblemError):
+        return ""
