@@ -133,3 +133,31 @@ def test_types_are_known() -> None:
     """The functions' types can be resolved, so that editors show them."""
     for name in ("load", "plan", "bound", "solve", "check", "verify"):
         assert "return" in get_type_hints(getattr(co, name))
+
+
+def test_the_readme_lives_on_the_face(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The README's Python runs as it stands, and imports nothing else of the project.
+
+    A folder of the user's own that is called `scenarios`, or a module `experiments`, is not in the
+    way.
+    """
+    text = (ROOT / "README.md").read_text()
+    blocks = [part.split("```")[0] for part in text.split("```python\n")[1:]]
+    assert blocks
+    (tmp_path / "scenarios").mkdir()
+    (tmp_path / "scenarios" / "__init__.py").write_text("raise ImportError('the user\\'s own')")
+    (tmp_path / "experiments.py").write_text("raise ImportError('the user\\'s own')")
+    for block in blocks:
+        imported = {
+            alias.name if isinstance(node, ast.Import) else node.module
+            for node in ast.walk(ast.parse(block))
+            if isinstance(node, ast.Import | ast.ImportFrom)
+            for alias in node.names
+        }
+        assert imported <= {"cocap_opt", "numpy", "pandas", "matplotlib.pyplot"}
+        done = subprocess.run(
+            [sys.executable, "-c", block], cwd=tmp_path, capture_output=True, text=True, timeout=120,
+            check=False,
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr
+        assert "optimal" in done.stdout
