@@ -195,7 +195,7 @@ def their_case(name: str) -> tuple[Problem, Plan]:
     return problem, Plan(paths=greedy_perspectives.read_plan(folder / "peer_paths.csv", problem))
 
 
-@pytest.mark.parametrize("name", ["corridor", "split"])
+@pytest.mark.parametrize("name", [pytest.param("corridor", marks=pytest.mark.slow), "split"])
 def test_their_first_path_is_an_optimum_of_their_pixels(name: str) -> None:
     """Robot 0's path is the best for the pixels that their program rendered, and its bonus.
 
@@ -216,7 +216,7 @@ def test_their_first_path_is_an_optimum_of_their_pixels(name: str) -> None:
     assert theirs + bonuses.of_path(graph.shape, path) == pytest.approx(best, rel=1e-12)
 
 
-@pytest.mark.parametrize("name", ["corridor", "split"])
+@pytest.mark.parametrize("name", [pytest.param("corridor", marks=pytest.mark.slow), "split"])
 def test_their_first_path_is_nearly_an_optimum_of_ours(name: str) -> None:
     """With our pixels it is one but for their rounding to whole pixels of 400 x 300."""
     problem, plan = their_case(name)
@@ -227,7 +227,7 @@ def test_their_first_path_is_nearly_an_optimum_of_ours(name: str) -> None:
     assert best * (1 - 1e-3) <= theirs.reward <= best * (1 + 1e-9)
 
 
-@pytest.mark.parametrize("name", ["corridor", "split"])
+@pytest.mark.parametrize("name", [pytest.param("corridor", marks=pytest.mark.slow), "split"])
 def test_what_they_report_is_between_both_tilts(name: str) -> None:
     """Their cache mixes the robots' tilts, so their J is between that of own and of one tilt."""
     folder = data(f"greedy_perspectives/{name}/peer_reward.csv").parent

@@ -194,7 +194,9 @@ def test_a_cone_makes_no_picture() -> None:
 
 
 @pytest.mark.parametrize("name", THEIRS)
-@pytest.mark.parametrize("planner", ["greedy", "multipleroundsgreedy"])
+@pytest.mark.parametrize(
+    "planner", ["greedy", pytest.param("multipleroundsgreedy", marks=pytest.mark.slow)]
+)
 def test_their_evaluation_is_reproduced(name: str, planner: str) -> None:
     """Every step of their stored solutions, to more digits than they are read with."""
     place = data(f"hughes/{name}")
@@ -228,6 +230,7 @@ def test_their_greedy_paths_are_optima_of_their_planning_reward(name: str) -> No
         seen = seen + robot_pixels(model, robot, path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", THEIRS)
 def test_their_myopic_plans_are_found_again(name: str) -> None:
     """Our myopic planner has the reward of theirs at every step, to 12 digits."""

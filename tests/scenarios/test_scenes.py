@@ -194,7 +194,7 @@ def test_scenes_are_the_same_in_every_process() -> None:
     ("name", "least"),
     [
         ("corridor", 1 / 3),
-        ("corridor-tight", 0.7),
+        pytest.param("corridor-tight", 0.7, marks=pytest.mark.slow),
         pytest.param("bottleneck", 1 / 3, marks=pytest.mark.slow),
         pytest.param("bottleneck-tight", 0.7, marks=pytest.mark.slow),
     ],
@@ -240,6 +240,7 @@ def test_sequential_planning_loses_to_cocap_and_cocap_to_the_optimum() -> None:
     assert value("cocap", problem) < 0.99 * value("joint", problem)
 
 
+@pytest.mark.slow
 def test_cocap_needs_few_nodes_in_the_bottleneck() -> None:
     """In the median CoCap plans single robots less than three times as often as sequential."""
     generated = [
