@@ -1,1 +1,27 @@
-"""Column generation and branch-and-price: bounds and proved optima over paths."""
+"""Column generation and branch-and-price: bounds and proved optima over paths.
+
+The two methods are `column_generation` (the bound at the root) and `branch_and_price` (the
+search tree). Both solve the relaxation of a node (`relaxation`): the restricted master problem
+over the columns found so far (`master`) and pricing (`pricing`) take turns, while `local_search`
+and `diving` make plans of the mixtures that come up.
+"""
+
+__all__ = [
+    "arcs",
+    "branch_and_price",
+    "branching",
+    "column_generation",
+    "columns",
+    "conic_program",
+    "diving",
+    "incumbent",
+    "local_search",
+    "master",
+    "master_program",
+    "pairs",
+    "pricing",
+    "relaxation",
+    "root",
+    "search",
+    "tree",
+]

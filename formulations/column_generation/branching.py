@@ -1,91 +1,131 @@
-"""Which resource to branch on: one that a fractional mixture of paths uses a fraction of.
+"""The resource to branch on: one that a fractional mixture of paths uses a fraction of.
 
 A robot in a cell at a step, of all robots, then of one class; then a state, which settles the
-heading; then a move. What is branched on stays a charge on places, states or moves, so that
-pricing stays value iteration. If all states are used by whole robots, so are all moves but
-where the swap rule couples them.
+heading; then a move. A decision about any of these stays a charge on places, states or moves, so
+that pricing stays value iteration. If all states are used by integral numbers of robots, so are
+all moves but where the swap rule couples them.
 """
 
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
-from cocap_opt.data import FloatArray
-from cocap_opt.formulations.certificates.resources import Cells, Move, Resource, Visit
-from cocap_opt.formulations.column_generation.master import Column
-from cocap_opt.model import Model, Path
+from cocap_opt.formulations.certificates import Cells, Move, Resource, Visit
+from cocap_opt.formulations.column_generation.columns import Mixture
+from cocap_opt.model import Model, Path, RobotClass
 
-WHOLE = 1e-4
+INTEGRAL = 1e-4  # amounts nearer than this to an integer count as integral
+NO_MOVE = -1e3  # less than any flow along a move
 
-Amounts = dict[Resource, float]  # how many robots of a mixture use a resource
-
-
-def amounts_of(model: Model, columns: Sequence[Column], mixture: FloatArray) -> list[Amounts]:
-    """Use of cells by all robots, of cells by a class, of states, and of moves."""
-    cells: defaultdict[Resource, float] = defaultdict(float)
-    own: defaultdict[Resource, float] = defaultdict(float)
-    states: defaultdict[Resource, float] = defaultdict(float)
-    moves: defaultdict[Resource, float] = defaultdict(float)
-    several = len(model.classes) > 1
-    for n in np.flatnonzero(mixture > 1e-9).tolist():
-        flight, amount = columns[n].flight, float(mixture[n])
-        graph = model.classes[flight.class_number].graph
-        for t, (number, cell) in enumerate(zip(flight.path, flight.cells, strict=True)):
-            cells[Cells(t, (cell,))] += amount
-            if several:
-                own[Cells(t, (cell,), flight.class_number)] += amount
-            states[Visit(t, graph.state(number), flight.class_number)] += amount
-            if t and cell != flight.cells[t - 1]:
-                moves[Move(t - 1, (flight.cells[t - 1], cell), flight.class_number)] += amount
-    return [dict(part) for part in (cells, own, states, moves)]
+Amounts = dict[Resource, float]
 
 
-def fractional(amounts: Iterable[Amounts], whole: float = WHOLE) -> list[tuple[Resource, float]]:
-    """Fractionally used resources of the first kind that has any.
+class ResourceUse(NamedTuple):
+    """Numbers of robots of a mixture, fractional maybe, that use resources, kind by kind."""
 
-    Parameters
-    ----------
-    whole : amounts nearer than this to a whole number count as whole
+    cells: Amounts  # by all robots
+    cells_of_classes: Amounts  # empty where there is one class
+    states: Amounts
+    moves: Amounts
+
+    @classmethod
+    def of(cls, model: Model, mixture: Mixture) -> "ResourceUse":
+        """Returns the use of resources by a mixture."""
+        cells: defaultdict[Resource, float] = defaultdict(float)
+        own: defaultdict[Resource, float] = defaultdict(float)
+        states: defaultdict[Resource, float] = defaultdict(float)
+        moves: defaultdict[Resource, float] = defaultdict(float)
+        several = len(model.classes) > 1
+        for column, amount in mixture.used():
+            flight = column.flight
+            graph = model.classes[flight.class_number].graph
+            for t, (number, cell) in enumerate(zip(flight.path, flight.cells, strict=True)):
+                cells[Cells(t, (cell,))] += amount
+                if several:
+                    own[Cells(t, (cell,), flight.class_number)] += amount
+                states[Visit(t, graph.state(number), flight.class_number)] += amount
+                if t and cell != flight.cells[t - 1]:
+                    moves[Move(t - 1, (flight.cells[t - 1], cell), flight.class_number)] += amount
+        return cls(dict(cells), dict(own), dict(states), dict(moves))
+
+    def fractional(self, tolerance: float = INTEGRAL) -> Amounts:
+        """Returns the fractionally used resources of the first kind that has any.
+
+        Parameters
+        ----------
+        tolerance : amounts nearer than this to an integer count as integral
+        """
+        for part in self:
+            found = {r: a for r, a in part.items() if _is_fractional(a, tolerance)}
+            if found:
+                return found
+        return {}
+
+    def most_fractional(self, tolerance: float) -> tuple[Resource, float] | None:
+        """Returns the resource to branch on and its amount; ties go to the earlier step."""
+        choices = self.fractional(tolerance).items()
+        return min(
+            choices,
+            key=lambda c: (round(abs(c[1] % 1 - 0.5), 3), c[0].t, repr(c[0])),
+            default=None,
+        )
+
+
+def _is_fractional(amount: float, tolerance: float = INTEGRAL) -> bool:
+    return abs(amount - round(amount)) > tolerance
+
+
+def integral_paths(model: Model, mixture: Mixture) -> list[Path] | None:
+    """Returns paths of all robots, if integral numbers of robots use every state; else None.
+
+    From step to step the robots in the states of t go where most of the mixture goes from there.
     """
-    for part in amounts:
-        found = [(r, a) for r, a in part.items() if abs(a - round(a)) > whole]
-        if found:
-            return found
-    return []
-
-
-def whole_paths(model: Model, columns: Sequence[Column], mixture: FloatArray) -> list[Path] | None:
-    """Paths of all robots, if whole robots use every state; None if not.
-
-    From step to step the robots in the states of t go where the mixture goes from there, as
-    whole as it gets.
-    """
-    from scipy.optimize import linear_sum_assignment  # half of the time that imports take
-
-    states = amounts_of(model, columns, mixture)[2]
-    if fractional([states]):
+    states = ResourceUse.of(model, mixture).states
+    if any(_is_fractional(amount) for amount in states.values()):
         return None
     paths: list[list[int]] = [[model.start(i)] for i in range(len(model.problem.robots))]
     for number, robot_class in enumerate(model.classes):
         for t in range(model.problem.horizon):
-            along: defaultdict[tuple[int, int], float] = defaultdict(float)
-            for n in np.flatnonzero(mixture > 1e-9).tolist():
-                flight = columns[n].flight
-                if flight.class_number == number:
-                    along[flight.path[t], flight.path[t + 1]] += float(mixture[n])
-            heads: list[int] = []
-            for resource, amount in states.items():
-                assert isinstance(resource, Visit)
-                if (resource.t, resource.class_number) == (t + 1, number):
-                    heads += [robot_class.graph.index(resource.state)] * round(amount)
-            if len(heads) != len(robot_class.robots):
-                return None
+            heads = _heads(robot_class, number, t + 1, states)
             tails = [paths[robot][-1] for robot in robot_class.robots]
-            gain = np.array([[along.get((a, b), -1e3) for b in heads] for a in tails])
-            rows, chosen = linear_sum_assignment(-gain)
-            if (gain[rows, chosen] < 0).any():
+            chosen = _assigned(tails, heads, _flow(mixture, number, t))
+            if chosen is None:
                 return None
-            for k, head in zip(rows.tolist(), chosen.tolist(), strict=True):
-                paths[robot_class.robots[k]].append(heads[head])
+            for robot, head in zip(robot_class.robots, chosen, strict=True):
+                paths[robot].append(head)
     return [tuple(path) for path in paths]
+
+
+def _heads(robot_class: RobotClass, number: int, t: int, states: Amounts) -> list[int]:
+    """Returns the states at t of a class's robots, each as often as robots use it."""
+    heads: list[int] = []
+    for resource, amount in states.items():
+        assert isinstance(resource, Visit)
+        if (resource.t, resource.class_number) == (t, number):
+            heads += [robot_class.graph.index(resource.state)] * round(amount)
+    return heads
+
+
+def _flow(mixture: Mixture, number: int, t: int) -> dict[tuple[int, int], float]:
+    """Returns the flow of a class from each state at t to each at t+1."""
+    flow: defaultdict[tuple[int, int], float] = defaultdict(float)
+    for column, amount in mixture.used():
+        if column.flight.class_number == number:
+            flow[column.path[t], column.path[t + 1]] += amount
+    return flow
+
+
+def _assigned(
+    tails: list[int], heads: list[int], flow: dict[tuple[int, int], float]
+) -> list[int] | None:
+    """Returns the heads in the order of their tails, along the largest flow; None without one."""
+    from scipy.optimize import linear_sum_assignment  # half of the time that imports take
+
+    if len(heads) != len(tails):
+        return None
+    gain = np.array([[flow.get((tail, head), NO_MOVE) for head in heads] for tail in tails])
+    rows, chosen = linear_sum_assignment(-gain)
+    if (gain[rows, chosen] < 0).any():
+        return None
+    return [heads[k] for k in chosen.tolist()]

@@ -1,8 +1,8 @@
-"""Pricing: what multipliers are worth, and the paths that would improve the master.
+"""Pricing: the bound that multipliers prove, and the paths that would improve the master.
 
-One backward sweep prices all robots of a class at once. The value is the bound that the
-multipliers' certificate proves, but for rounding; `certificate.price` computes it again by
-other means before anything is called proved.
+One backward sweep prices all robots of a class at once: it finds the path of the largest reduced
+cost of each. The value is the bound that the multipliers' certificate proves, but for rounding;
+`certificates.price` computes it again by other means before anything is called proved.
 """
 
 import math
@@ -12,9 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray
-from cocap_opt.formulations.certificates.certificate import Decision
-from cocap_opt.formulations.certificates.resources import Resource, charges_of
-from cocap_opt.formulations.column_generation.master import Column, make_column
+from cocap_opt.formulations.certificates import Decision, Resource, charges_of
+from cocap_opt.formulations.column_generation.columns import Column
 from cocap_opt.formulations.relaxations.duals import Duals
 from cocap_opt.graph.move_rewards import bonuses_of
 from cocap_opt.graph.timegraph import CLOSED
@@ -32,14 +31,13 @@ class Priced(NamedTuple):
 
 
 class Pricer:
-    """Prices multipliers of one model."""
+    """Prices the multipliers of one model."""
 
     def __init__(self, model: Model) -> None:
         self.model = model
         self._weights = view_sum_weights(model.problem)
-        tables = [
-            model.coverage(robot_class) for robot_class in model.classes
-        ]  # some classes share one
+        # Some classes share a table.
+        tables = [model.coverage(robot_class) for robot_class in model.classes]
         distinct = {id(table): table for table in tables}
         self._shared = {
             at: _Entries.of(table, len(self._weights)) for at, table in distinct.items()
@@ -47,9 +45,9 @@ class Pricer:
         self._entries = [self._shared[id(table)] for table in tables]
 
     def __call__(self, duals: Duals, decisions: Sequence[Decision] = ()) -> Priced:
-        """Bound of these multipliers for plans that obey the decisions, and new columns."""
+        """Returns the bound of multipliers for plans that obey the decisions, and new columns."""
         model, bonuses = self.model, bonuses_of(self.model.problem.objective)
-        bound, costs = self._constant(duals, decisions)
+        bound, costs = self._constant(duals, decisions), _costs(duals, decisions)
         base = {at: entries.base(duals) for at, entries in self._shared.items()}
         columns = []
         for number, robot_class in enumerate(model.classes):
@@ -62,13 +60,11 @@ class Pricer:
                 if value[0, start] > CLOSED:
                     path = robot_class.graph.best_path(value, start, bonuses, charges)
                     assert path is not None
-                    columns.append(make_column(model, robot, tuple(path)))
+                    columns.append(Column.of(model, robot, tuple(path)))
         return Priced(bound, duals, columns)
 
-    def _constant(
-        self, duals: Duals, decisions: Sequence[Decision]
-    ) -> tuple[float, list[tuple[Resource, float]]]:
-        """Constants of the bound, and the costs of resources."""
+    def _constant(self, duals: Duals, decisions: Sequence[Decision]) -> float:
+        """Returns the part of the bound that no path decides."""
         rest = np.ones_like(duals.alpha)
         total = 0.0
         for cut, share in duals.cuts:
@@ -77,22 +73,18 @@ class Pricer:
         left = np.maximum(rest - duals.alpha, 0.0)
         beta = np.where(duals.beta > 0, duals.beta, 1.0)
         total += float((self._weights * left**2 / (4 * beta)).sum())
-        costs = list(duals.rows)
         total += sum(mu for _, mu in duals.rows)
         for decision, nu in zip(decisions, duals.decisions.tolist(), strict=True):
-            if decision.closes:
-                costs.append((decision.resource, math.inf))
-            else:
+            if not decision.closes:
                 total += decision.sign * nu * decision.robots
-                costs.append((decision.resource, decision.sign * nu))
-        return total, costs
+        return total
 
     def _paid(self, number: int, duals: Duals, base: FloatArray) -> FloatArray:
-        """What the nodes of a class's coverage table are paid [n].
+        """Returns what the nodes of a class's coverage table are paid [n].
 
         Parameters
         ----------
-        base : [nnz] what every class that shares the table is paid for its entries
+        base : [nnz] payment for the entries to every class that shares the table
         """
         entries, paid = self._entries[number], base.copy()
         for cut, share in duals.cuts:
@@ -100,6 +92,14 @@ class Pricer:
                 own = entries.of_view_sum(cut.view_sum)
                 paid[own] += share * cut.phi(number, entries.roots[own])
         return entries.table.row_sums(paid * self._weights[entries.table.view_sums])
+
+
+def _costs(duals: Duals, decisions: Sequence[Decision]) -> list[tuple[Resource, float]]:
+    """Returns the costs of resources by conflict rows and decisions."""
+    costs = list(duals.rows)
+    for decision, nu in zip(decisions, duals.decisions.tolist(), strict=True):
+        costs.append((decision.resource, math.inf if decision.closes else decision.sign * nu))
+    return costs
 
 
 class _Entries(NamedTuple):
@@ -112,15 +112,17 @@ class _Entries(NamedTuple):
 
     @classmethod
     def of(cls, table: CoverageTable, n_view_sums: int) -> "_Entries":
+        """Returns the entries of a table in order."""
         order = np.argsort(table.view_sums, kind="stable")
         bounds = np.searchsorted(table.view_sums[order], np.arange(n_view_sums + 1))
         return cls(table, np.sqrt(table.pixels), order, bounds)
 
     def base(self, duals: Duals) -> FloatArray:
-        """What each entry is paid by alpha and beta [nnz], before weights and cuts."""
+        """Returns the payment of each entry by alpha and beta [nnz], before weights and cuts."""
         paid: FloatArray = duals.alpha[self.table.view_sums] * self.roots
         paid += duals.beta[self.table.view_sums] * self.table.pixels
         return paid
 
     def of_view_sum(self, view_sum: int) -> IntArray:
+        """Returns the numbers of the entries of one view sum."""
         return self.order[self.bounds[view_sum] : self.bounds[view_sum + 1]]

@@ -1,115 +1,136 @@
 """The root of the search: the relaxation without decisions."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cocap_opt.formulations.certificates.envelope import Cut
+from cocap_opt.formulations.certificates import Cut
 from cocap_opt.formulations.column_generation.master import Master
 from cocap_opt.formulations.column_generation.relaxation import Relaxation
-from cocap_opt.formulations.column_generation.search import (
-    Search,
-    column_in,
-    cutoff_of,
-    incumbent_in,
-)
-from cocap_opt.stop import Limit
+from cocap_opt.formulations.column_generation.search import Search
 
-MOST_APART = 20_000_000  # robots x steps x states up to which robots may be apart
-APART_GAIN = 0.12  # of what is open, that the first cuts of robots apart must close, times by
-# how much they make the master larger
+MOST_DISAGGREGATED = 20_000_000  # robots x steps x states up to which robots are disaggregated
+LEAST_GAIN = 0.12  # of what is open, that the first cuts of disaggregated robots must close,
+# times by how much they make the master larger
 FAR = 0.003  # gap that no tree closes soon: any gain is welcome, if it is more than
-APART_GAIN_FAR = 0.02  # of what is open
+LEAST_GAIN_FAR = 0.02  # of what is open
 
 
-def root_relaxation(search: Search) -> Relaxation:
-    """The relaxation without decisions, with its first columns."""
-    best = search.alone()
-    # Twice what all robots can see is more than a broken rule can mostly bring.
-    master = Master(search.model, penalty=2 * search.scale)
-    for column in search.first_columns():
-        master.add(column)
-    for column in best.columns:
-        master.add(column)
-    return Relaxation(search, master, best)
+@dataclass
+class Root:
+    """The root of a search, of which `relaxation` is the tightest that has been begun.
 
-
-def aggregated_root(search: Search, gap: float, rough: float = 0.0) -> Relaxation:
-    """The relaxation without decisions, solved, with the classes of robots as they are."""
-    root = root_relaxation(search)
-    if root.best.bound > -np.inf:
-        root.solve(lambda: cutoff_of(search, gap), rough)
-    return root
-
-
-def solved_root(search: Search, gap: float, rough: float = 0.0) -> Relaxation:
-    """The relaxation without decisions, solved; with every robot apart where that is tighter.
-
-    Robots apart need more columns and larger masters. Whether that pays is tried with one
-    round of cuts: where robots start side by side they are as good as exchangeable.
-
-    Parameters
+    Attributes
     ----------
-    gap, rough : as in `cutoff_of` and `Relaxation.solve`
+    gap : relative gap at which nothing is open, as in `Search.cutoff`
+    rough : share of what is open that convergence may leave, as in `Relaxation.solve`
     """
-    root = aggregated_root(search, gap, rough)
-    if root.limit is not Limit.NONE or not _may_pay_apart(root, gap):
-        return root
-    root.look_for_plans()
-    other = apart(root)
-    own = other.search
-    before = root.best.bound
-    other.solve(lambda: cutoff_of(own, gap), rough, rounds=1)
-    if other.limit is Limit.NONE:
-        open_ = before - cutoff_of(own, gap)
-        larger = len(other.master.arcs) / len(root.master.arcs)
-        share = APART_GAIN * larger if open_ < FAR * before else APART_GAIN_FAR
-        if before - other.best.bound < share * open_:
-            if own.incumbent is not None:
-                search.offer(incumbent_in(search.model, own.incumbent))
-            return root
-        other.solve(lambda: cutoff_of(own, gap), rough)
-    return other
+
+    relaxation: Relaxation
+    gap: float
+    rough: float = 0.0
+
+    @classmethod
+    def of(cls, search: Search, gap: float, rough: float = 0.0) -> "Root":
+        """Returns the relaxation without decisions, with its first columns, not yet solved."""
+        best = search.alone()
+        # Twice what all robots can see is more than a broken rule can mostly bring.
+        master = Master(search.model, penalty=2 * search.scale)
+        for column in (*search.first_columns(), *best.columns):
+            master.add(column)
+        return cls(Relaxation(search, master, best), gap, rough)
+
+    @property
+    def search(self) -> Search:
+        """The search of the relaxation, whose model has the same robot classes."""
+        return self.relaxation.search
+
+    def cutoff(self) -> float:
+        """Returns the bound at which nothing is open."""
+        return self.search.cutoff(self.gap)
+
+    def solve_aggregated(self) -> None:
+        """Solves the relaxation with the robot classes as they are.
+
+        Raises
+        ------
+        LimitReached
+            At a limit; so do the other methods.
+        """
+        if self.relaxation.best.bound > -np.inf:
+            self.relaxation.solve(self.cutoff, self.rough)
+
+    def solve(self) -> None:
+        """Solves the relaxation; with every robot a class of its own where that is tighter.
+
+        Disaggregated robots need more columns and larger masters. Whether that pays is tried
+        with one round of cuts: where robots start side by side they are as good as exchangeable.
+        """
+        self.solve_aggregated()
+        if self.relaxation.is_stuck or not self._may_pay():
+            return
+        self.relaxation.look_for_plans()
+        aggregated = self.relaxation
+        self.relaxation = _disaggregated(aggregated)
+        self.relaxation.solve(self.cutoff, self.rough, rounds=1)
+        if self.relaxation.is_stuck:
+            return
+        if self._pays(aggregated):
+            self.relaxation.solve(self.cutoff, self.rough)
+            return
+        if self.search.incumbent is not None:
+            model = aggregated.search.model
+            aggregated.search.offer(self.search.incumbent.in_model(model))
+        self.relaxation = aggregated
+
+    def _may_pay(self) -> bool:
+        """Returns True if the root is still open, and its robots can be disaggregated."""
+        model = self.search.model
+        states = sum(len(one.robots) * one.graph.n_states for one in model.classes)
+        return (
+            self.relaxation.best.bound > self.cutoff()
+            and self.search.incumbent is not None
+            and len(model.classes) < len(model.problem.robots)
+            and states * (model.problem.horizon + 1) <= MOST_DISAGGREGATED
+        )
+
+    def _pays(self, aggregated: Relaxation) -> bool:
+        """Returns True if the disaggregated relaxation closes enough for its size."""
+        before = aggregated.best.bound
+        open_ = before - self.cutoff()
+        larger = len(self.relaxation.master.arcs) / len(aggregated.master.arcs)
+        share = LEAST_GAIN * larger if open_ < FAR * before else LEAST_GAIN_FAR
+        return before - self.relaxation.best.bound >= share * open_
 
 
-def _may_pay_apart(root: Relaxation, gap: float) -> bool:
-    """Whether the root is still open, its robots are not apart yet, and they are not too many."""
-    model = root.search.model
-    states = sum(
-        len(robot_class.robots) * robot_class.graph.n_states for robot_class in model.classes
-    )
-    return (
-        root.best.bound > cutoff_of(root.search, gap)
-        and root.search.incumbent is not None
-        and len(model.classes) < len(model.problem.robots)
-        and states * (model.problem.horizon + 1) <= MOST_APART
-    )
-
-
-def apart(relaxation: Relaxation) -> Relaxation:
-    """The same relaxation with every robot as a class of its own: its envelopes are lower."""
-    model, old = relaxation.search.model, relaxation.master
-    search = relaxation.search.apart()
-
-    def own(cut: Cut) -> Cut:
-        curves = {
-            robot: cut.curves[number]
-            for number, robot_class in enumerate(model.classes) if number in cut.curves
-            for robot in robot_class.robots
-        }  # fmt: skip
-        return Cut(cut.view_sum, dict(sorted(curves.items())), cut.constant)
-
-    duals = relaxation.best.duals
-    cuts = {id(cut): own(cut) for cut in (*old.cuts, *(cut for cut, _ in duals.cuts))}
-    master = Master(search.model, old.penalty)
-    used = [] if relaxation.solution is None else relaxation.solution.columns
+def _disaggregated(relaxation: Relaxation) -> Relaxation:
+    """Returns the same relaxation with every robot a class of its own: its envelopes are lower."""
+    old, solution = relaxation.master, relaxation.solution
+    search, duals = relaxation.search.disaggregated(), relaxation.best.duals
+    cuts = {
+        id(cut): _disaggregated_cut(relaxation, cut)
+        for cut in (*old.cuts, *(cut for cut, _ in duals.cuts))
+    }
+    used = [] if solution is None else solution.mixture.columns
     incumbent = () if search.incumbent is None else search.incumbent.columns
-    for column in (*used, *incumbent, *old.used_columns(2)):
-        master.add(column_in(search.model, column))
-    for resource in old.rows:
-        master.add_row(resource)
-    for cut in old.cuts:
-        master.add_cut(cuts[id(cut)])
-    duals = replace(duals, cuts=tuple((cuts[id(cut)], share) for cut, share in duals.cuts))
-    best = relaxation.best._replace(duals=duals)
+    columns = (*used, *incumbent, *old.used_columns(2))
+    master = Master(search.model, old.penalty)
+    master.add_all(
+        (column.in_model(search.model) for column in columns),
+        old.rows,
+        (cuts[id(cut)] for cut in old.cuts),
+    )
+    shares = tuple((cuts[id(cut)], share) for cut, share in duals.cuts)
+    best = relaxation.best._replace(duals=replace(duals, cuts=shares))
     return Relaxation(search, master, best, iterations=relaxation.iterations)
+
+
+def _disaggregated_cut(relaxation: Relaxation, cut: Cut) -> Cut:
+    """Returns a cut in which each robot has the curve of its class."""
+    curves = {
+        robot: cut.curves[number]
+        for number, robot_class in enumerate(relaxation.search.model.classes)
+        if number in cut.curves
+        for robot in robot_class.robots
+    }
+    return Cut(cut.view_sum, dict(sorted(curves.items())), cut.constant)

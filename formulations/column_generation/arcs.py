@@ -1,0 +1,186 @@
+"""The arcs of a restricted master: which there are, how long idle, and what they see and use."""
+
+from collections.abc import Collection, Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from cocap_opt.data import FloatArray, IntArray
+from cocap_opt.formulations.certificates import Resource
+from cocap_opt.formulations.column_generation.columns import Arc
+from cocap_opt.graph.move_rewards import bonuses_of
+from cocap_opt.model import Model
+from cocap_opt.objective import view_sum_weights
+
+LEAST_USE = 1e-7  # flow on an arc that counts as use
+
+ClassState = tuple[int, int]  # class number, state number
+
+
+def states_on_paths(
+    arcs: Iterable[Arc], starts: Collection[ClassState], horizon: int
+) -> list[set[ClassState]]:
+    """Returns the states of each step [T+1] that lie on a path of arcs from a start to step T."""
+    by_step: list[list[Arc]] = [[] for _ in range(horizon)]
+    for arc in arcs:
+        by_step[arc.t].append(arc)
+    reached = [set(starts)]
+    for t in range(horizon):
+        tails = reached[t]
+        heads = ((a.class_number, a.head) for a in by_step[t] if (a.class_number, a.tail) in tails)
+        reached.append(set(heads))
+    leading = [reached[-1]]
+    for t in range(horizon - 1, -1, -1):
+        ahead = leading[-1]
+        tails = {(a.class_number, a.tail) for a in by_step[t] if (a.class_number, a.head) in ahead}
+        leading.append(tails & reached[t])
+    return leading[::-1]
+
+
+class ArcPool:
+    """A set of arcs, numbered, that knows for how many solves of a master each was idle."""
+
+    def __init__(self) -> None:
+        self._numbers: dict[Arc, int] = {}
+        self._idle = np.zeros(0, dtype=np.int64)
+
+    @property
+    def arcs(self) -> Collection[Arc]:
+        """The arcs in the order of their numbers."""
+        return self._numbers.keys()
+
+    def add(self, arcs: Iterable[Arc]) -> int:
+        """Adds arcs, and returns how many of them are new."""
+        before = len(self._numbers)
+        for arc in arcs:
+            self._numbers.setdefault(arc, len(self._numbers))
+        new = len(self._numbers) - before
+        self._idle = np.append(self._idle, np.zeros(new, dtype=np.int64))
+        return new
+
+    def note_flow(self, flow: FloatArray) -> None:
+        """Counts one more solve in which the arcs had this flow [n]."""
+        self._idle = np.where(flow > LEAST_USE, 0, self._idle + 1)
+
+    def has_fresh(self, arcs: Iterable[Arc], most_idle: int) -> bool:
+        """Returns True if each of the arcs was used in one of the last `most_idle` solves."""
+        return all(self._idle[self._numbers[arc]] <= most_idle for arc in arcs)
+
+    def has_all(self, arcs: Iterable[Arc]) -> bool:
+        """Returns True if all these arcs are in the pool."""
+        return all(arc in self._numbers for arc in arcs)
+
+    def drop_idle(self, model: Model, most_idle: int) -> bool:
+        """Drops arcs that were idle for longer, and those that lead nowhere then.
+
+        Returns
+        -------
+        False if nothing was idle for so long.
+        """
+        if (self._idle <= most_idle).all():
+            return False
+        idle = dict(zip(self._numbers, self._idle.tolist(), strict=True))
+        fresh = [arc for arc, n in idle.items() if n <= most_idle]
+        starts = {
+            (number, start)
+            for number, robot_class in enumerate(model.classes)
+            for start in robot_class.starts
+        }
+        on = states_on_paths(fresh, starts, model.problem.horizon)
+        arcs = [
+            arc
+            for arc in fresh
+            if (arc.class_number, arc.tail) in on[arc.t]
+            and (arc.class_number, arc.head) in on[arc.t + 1]
+        ]
+        self._numbers = {arc: n for n, arc in enumerate(arcs)}
+        self._idle = np.array([idle[arc] for arc in arcs], dtype=np.int64)
+        return True
+
+
+def move_rewards(model: Model, arcs: Sequence[Arc]) -> FloatArray:
+    """Returns the rewards of arcs for the moves themselves [n]."""
+    bonuses = bonuses_of(model.problem.objective)
+    classes, _, tails, heads = np.array(arcs, dtype=np.int64).reshape(-1, 4).T
+    rewards = np.zeros(len(arcs))
+    for number in np.unique(classes).tolist():
+        own, shape = classes == number, model.classes[number].graph.shape
+        rewards[own] = bonuses.of_edges(shape, tails[own], heads[own])
+    return rewards
+
+
+class ArcViews(NamedTuple):
+    """Roots of the pixels that arcs have of view sums, entry by entry.
+
+    An arc sees what the state sees that it enters; at step 0 also what its start sees.
+    """
+
+    arcs: IntArray  # [k] arc
+    at: IntArray  # [k] position of the view sum in `view_sums`
+    roots: FloatArray  # [k] in units of the view sum's scale, 0..1
+    view_sums: IntArray  # [g] view sums that any arc sees and that count, increasing
+    scale: FloatArray  # [g] largest root of each, px^0.5/m
+
+    @classmethod
+    def of(cls, model: Model, arcs: Sequence[Arc]) -> "ArcViews":
+        """Returns the views of arcs."""
+        parts = [_entries_of_class(model, number, arcs) for number in range(len(model.classes))]
+        of, view_sums, pixels = (np.concatenate(part) for part in zip(*parts, strict=True))
+        counted = view_sum_weights(model.problem)[view_sums] > 0
+        of, view_sums, pixels = of[counted], view_sums[counted], pixels[counted]
+        distinct, at = np.unique(view_sums, return_inverse=True)
+        best = np.zeros(len(distinct))
+        np.maximum.at(best, at, pixels)
+        scale = np.sqrt(best)
+        return cls(of, at, np.sqrt(pixels) / scale[at], distinct, scale)
+
+
+class _Entries(NamedTuple):
+    """Pixels of arcs, entry by entry."""
+
+    arcs: IntArray
+    view_sums: IntArray
+    pixels: FloatArray
+
+
+def _entries_of_class(model: Model, number: int, arcs: Sequence[Arc]) -> _Entries:
+    """Returns the pixels of those arcs that belong to one class."""
+    robot_class = model.classes[number]
+    table, n_states = model.coverage(robot_class), robot_class.graph.n_states
+    own = [(k, arc) for k, arc in enumerate(arcs) if arc.class_number == number]
+    first = [(k, arc.tail) for k, arc in own if arc.t == 0]
+    nodes = [(arc.t + 1) * n_states + arc.head for _, arc in own] + [state for _, state in first]
+    which, entries = table.entries(np.array(nodes, dtype=np.int64))
+    numbers = np.array([k for k, _ in (*own, *first)], dtype=np.int64)
+    return _Entries(numbers[which], table.view_sums[entries], table.pixels[entries])
+
+
+def users_of(model: Model, resources: Sequence[Resource], arcs: Sequence[Arc]) -> list[list[int]]:
+    """Returns the numbers of the arcs that use each resource.
+
+    A state is used by the arcs into it, a start by those out of it.
+    """
+    into: dict[tuple[int, int, int], list[int]] = {}
+    along: dict[tuple[int, int, int, int], list[int]] = {}
+    for k, arc in enumerate(arcs):
+        graph = model.classes[arc.class_number].graph
+        tail, head = arc.tail % graph.n_places, arc.head % graph.n_places
+        into.setdefault((arc.class_number, arc.t + 1, head), []).append(k)
+        if arc.t == 0:
+            into.setdefault((arc.class_number, 0, tail), []).append(k)
+        if tail != head:
+            along.setdefault((arc.class_number, arc.t, tail, head), []).append(k)
+    users = []
+    for resource in resources:
+        t, found = resource.t, list[int]()
+        for number, robot_class in enumerate(model.classes):
+            used = resource.footprint(model, number)
+            for place in used.places:
+                found += into.get((number, t, place), [])
+            for one, other in used.moves:
+                found += along.get((number, t, one, other), [])
+            for state in used.states:
+                near = into.get((number, t, state % robot_class.graph.n_places), [])
+                found += [k for k in near if (arcs[k].head if t else arcs[k].tail) == state]
+        users.append(found)
+    return users

@@ -1,0 +1,60 @@
+"""Column generation: the bound of the relaxation at the root, and the plans found on the way."""
+
+from collections.abc import Callable
+
+from cocap_opt.formulations.certificates import certify
+from cocap_opt.formulations.column_generation.root import Root
+from cocap_opt.formulations.column_generation.search import Search
+from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Report, only_start, silent
+from cocap_opt.model import compiled
+from cocap_opt.problem.plan import Plan
+from cocap_opt.problem.problem import Problem
+from cocap_opt.result import timed
+from cocap_opt.stop import Clock, Limit, LimitReached, Stop, never
+
+METHOD = "column-generation"
+
+
+@timed
+def column_generation(
+    problem: Problem,
+    stop: Stop = never,
+    start: Plan | None = None,
+    report: Report = silent,
+    solve_root: Callable[[Root], None] = Root.solve,
+) -> CertifiedResult:
+    """Returns the bound of the relaxation with all cuts at the root, and the best plan found.
+
+    Parameters
+    ----------
+    solve_root : `Root.solve`, or `Root.solve_aggregated`
+
+    Returns
+    -------
+    CertifiedResult
+        The best certificate found, also where a limit stopped it. A negative bound proves
+        that there is no plan, since J >= 0.
+    """
+    model, clock = compiled(problem), Clock()
+    try:
+        model.prepare_all(stop)
+    except LimitReached as reached:
+        return only_start(problem, start, reached.limit)
+    search = Search(model, stop, report, clock)
+    message = search.use_start(start)
+    root, limit = Root.of(search, OPTIMALITY / 2), Limit.NONE
+    try:
+        solve_root(root)
+        if root.relaxation.is_stuck:
+            limit = Limit.NUMERICS
+        else:
+            root.relaxation.look_for_plans()
+    except LimitReached as reached:
+        limit = reached.limit
+    relaxation, search = root.relaxation, root.search
+    certificate = relaxation.best.duals.certificate(search.model)
+    file = certify(problem, search.model, METHOD, certificate)
+    return search.result(file, limit, OPTIMALITY, message, {
+        "iterations": relaxation.iterations, "columns": search.columns,
+        "rows": len(relaxation.master.rows), "cuts": len(relaxation.master.cuts),
+    })  # fmt: skip

@@ -1,0 +1,234 @@
+"""The tree of branch-and-price: its nodes, the queue of those that are open, and the proof."""
+
+import heapq
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+
+from cocap_opt.files.documents import problem_digest
+from cocap_opt.formulations.certificates import (
+    Branch,
+    Cut,
+    Decision,
+    Leaf,
+    ProofFile,
+    Resource,
+    price_proof,
+)
+from cocap_opt.formulations.column_generation.branching import INTEGRAL, ResourceUse
+from cocap_opt.formulations.column_generation.columns import Column
+from cocap_opt.formulations.column_generation.diving import dive, integral_plan
+from cocap_opt.formulations.column_generation.master import Master
+from cocap_opt.formulations.column_generation.pricing import Priced
+from cocap_opt.formulations.column_generation.relaxation import Relaxation
+from cocap_opt.formulations.column_generation.root import Root
+from cocap_opt.formulations.column_generation.search import Search
+
+NEARLY_INTEGRAL = 1e-7  # amounts that count as integral where nothing else is left to branch on
+ROUGH = 0.1  # of what is open to the cutoff: less is not worth converging to before branching
+ROUGH_ROOT = 0.02  # likewise, at the root, whose bound holds for all
+
+
+class _Inheritance(NamedTuple):
+    """Columns, rows and cuts that a node takes over from its parent's relaxation."""
+
+    columns: list[Column]
+    rows: tuple[Resource, ...]
+    cuts: tuple[Cut, ...]
+    penalty: float
+
+
+@dataclass
+class Node:
+    """A node of the tree, solved or not yet.
+
+    Attributes
+    ----------
+    best : its best bound so far; at first the parent's, which holds for it as well
+    inherited : the beginning of its relaxation; None once that is made
+    is_solved : True if its relaxation has been looked at
+    branch : the resource that it was branched on, and its children; None for a leaf
+    """
+
+    decisions: tuple[Decision, ...]
+    best: Priced
+    inherited: _Inheritance | None = None
+    is_solved: bool = False
+    branch: Branch | None = None
+
+
+class Tree:
+    """The search tree; nodes are numbered as they are made, the root is 0.
+
+    Attributes
+    ----------
+    search : the state that the nodes share
+    has_stuck_leaf : a solver's accuracy left a leaf open
+    """
+
+    def __init__(self, search: Search, gap: float) -> None:
+        self.search = search
+        self.has_stuck_leaf = False
+        self._gap = gap / 2  # half of the gap is left to rounding
+        self._solved = 0
+        self._iterations = 0
+        self._root: Relaxation | None = None
+        self._nodes: list[Node] = []
+        self._queue: list[tuple[float, int]] = []  # (-bound, number) of open nodes
+
+    def is_pruned(self, node: Node) -> bool:
+        """Returns True if the node holds no plan that is better by more than the gap."""
+        return node.best.bound <= self._cutoff()
+
+    def _cutoff(self) -> float:
+        return self.search.cutoff(self._gap)
+
+    def solve_root(self) -> None:
+        """Solves the root and opens it; at a limit with the bound so far."""
+        root = Root.of(self.search, self._gap, ROUGH_ROOT)
+        try:
+            root.solve()
+        finally:
+            self.search, self._root = root.search, root.relaxation
+            self._solved, self._iterations = 1, root.relaxation.iterations
+            self._open(Node((), root.relaxation.best, is_solved=True))
+
+    def _open(self, node: Node) -> None:
+        """Adds a node to the tree and to the queue."""
+        heapq.heappush(self._queue, (-node.best.bound, len(self._nodes)))
+        self._nodes.append(node)
+
+    def select(self) -> Node | None:
+        """Takes the open node of the largest bound; None where all of them are pruned."""
+        if not self._queue:
+            return None
+        node = self._nodes[heapq.heappop(self._queue)[1]]
+        return None if self.is_pruned(node) else node
+
+    def solve(self, node: Node) -> Relaxation:
+        """Solves the relaxation of a node; the root's is solved already."""
+        if node.inherited is None and self._root is not None:
+            relaxation, self._root = self._root, None
+            return relaxation
+        relaxation, node.inherited = self._relaxation(node), None
+        try:
+            self._converge(node, relaxation, ROUGH)
+        finally:
+            node.is_solved, self._solved = True, self._solved + 1
+            self._iterations += relaxation.iterations
+        return relaxation
+
+    def _converge(self, node: Node, relaxation: Relaxation, rough: float) -> None:
+        """Solves a node's relaxation; its best bound is the node's also at a limit."""
+        others = -self._queue[0][0] if self._queue else -np.inf
+        try:
+            relaxation.solve(self._cutoff, rough, others, self._solved)
+        finally:
+            node.best = relaxation.best
+
+    def _relaxation(self, node: Node) -> Relaxation:
+        """Returns the relaxation of a node, with what it inherits."""
+        inherited = node.inherited
+        assert inherited is not None
+        master = Master(self.search.model, inherited.penalty, node.decisions)
+        master.add_all(inherited.columns, inherited.rows, inherited.cuts)
+        # Every robot needs a column: its best path under the decisions.
+        priced = self.search.pricer(node.best.duals, node.decisions)
+        for column in priced.columns:
+            master.add(column)
+        return Relaxation(self.search, master, priced, node.decisions)
+
+    def look_for_plans(self, relaxation: Relaxation) -> None:
+        """Offers plans made of a node's mixture; by diving at nodes 1, 2, 4, 8, .."""
+        search, solution = self.search, relaxation.solution
+        if solution is None:
+            return
+        search.offer(integral_plan(search, solution.mixture))
+        relaxation.look_for_plans()
+        if self._solved & (self._solved - 1) == 0:
+            search.offer(dive(search, relaxation.master, solution))
+
+    def branch(self, node: Node, relaxation: Relaxation) -> None:
+        """Makes the two children of a node, where a resource is used fractionally."""
+        if not self._branch(node, relaxation, INTEGRAL):
+            # Nothing is clearly fractional: the rest is a matter of accuracy.
+            self._converge(node, relaxation, 0.0)
+            if not self.is_pruned(node) and not self._branch(node, relaxation, NEARLY_INTEGRAL):
+                self.has_stuck_leaf = True  # the node stays a leaf with the bound it has
+
+    def _branch(self, node: Node, relaxation: Relaxation, tolerance: float) -> bool:
+        """Makes the two children of a node; returns False if there is nothing to branch on."""
+        solution, master = relaxation.solution, relaxation.master
+        if solution is None:
+            return False
+        use = ResourceUse.of(self.search.model, solution.mixture)
+        choice = use.most_fractional(tolerance)
+        if choice is None:
+            return False
+        resource, robots = choice[0], int(np.floor(choice[1]))
+        columns = [*solution.mixture.columns, *master.used_columns(2)]
+        inherited = _Inheritance(columns, master.rows, master.cuts, master.penalty)
+        # The parent's multipliers hold for the children, whose new decision costs nothing.
+        duals = node.best.duals
+        duals = replace(duals, decisions=np.append(duals.decisions, 0.0))
+        best, first = node.best._replace(duals=duals), len(self._nodes)
+        node.branch = Branch(resource, robots, first, first + 1)
+        at_most = Decision(resource, "at most", robots)
+        at_least = Decision(resource, "at least", robots + 1)
+        for decision in (at_most, at_least):
+            self._open(Node((*node.decisions, decision), best, inherited))
+        return True
+
+    def report(self) -> None:
+        """Reports the state of the search with the largest bound of the leaves."""
+        bound = max(node.best.bound for node in self._nodes if node.branch is None)
+        self.search.report(self.search.snapshot(bound, self._solved))
+
+    def statistics(self, proof: ProofFile) -> Mapping[str, float]:
+        """Returns how many nodes were solved, and how much work that was."""
+        return {
+            "nodes": self._solved,
+            "leaves": sum(isinstance(node, Leaf) for node in proof.nodes),
+            "columns": self.search.columns,
+            "iterations": self._iterations,
+        }
+
+    def proof(self, method: str) -> ProofFile:
+        """Returns the tree as a file, with the bound that it proves."""
+        model = self.search.model
+        unpriced = ProofFile(
+            scene=model.problem.name,
+            digest=problem_digest(model.problem),
+            method=method,
+            classes="single" if model.is_disaggregated else "alike",
+            bound=None,
+            nodes=tuple(self._written()),
+        )
+        bound = price_proof(model, unpriced).bound
+        return msgspec.structs.replace(unpriced, bound=None if bound == -np.inf else bound)
+
+    def _written(self) -> list[Branch | Leaf]:
+        """Returns the nodes as they stand in a proof, every parent before its children.
+
+        A branch with nothing solved below it proves no more than it did as a leaf.
+        """
+        written: list[Branch | Leaf] = []
+        todo = [(0, -1, "")]  # node, its parent's number in the file, its side there
+        while todo:
+            number, parent, side = todo.pop()
+            node, place = self._nodes[number], len(written)
+            if parent >= 0:
+                written[parent] = msgspec.structs.replace(written[parent], **{side: place})
+            branch = node.branch
+            if branch is None or not (
+                self._nodes[branch.at_most].is_solved or self._nodes[branch.at_least].is_solved
+            ):
+                written.append(Leaf(node.best.duals.certificate(self.search.model)))
+                continue
+            written.append(branch)
+            todo.append((branch.at_least, place, "at_least"))
+            todo.append((branch.at_most, place, "at_most"))
+        return written
