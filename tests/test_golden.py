@@ -1,0 +1,30 @@
+"""Results that no change of the code's shape may change."""
+
+import pytest
+from golden import compare, stored
+
+
+def test_what_is_stored_has_every_method() -> None:
+    """Each stored scene has its planners, bounds and proofs."""
+    records = stored()
+    assert {"cocap", "sequential", "column-generation", "branch-and-price-free"} <= {
+        r["method"] for r in records
+    }
+    assert len({(r["scene"], r["seed"]) for r in records}) == 25
+
+
+@pytest.mark.parametrize(
+    ("scene", "seed"),
+    [
+        ("corridor", 0),
+        ("corridor-tight", 1),
+        pytest.param("bottleneck", 1, marks=pytest.mark.slow),
+        pytest.param("bridge", 2, marks=pytest.mark.slow),
+    ],
+)
+def test_results_are_the_stored_ones(scene: str, seed: int) -> None:
+    """Rewards, bounds, reasons, statistics, plans and certificates are the same, bit by bit.
+
+    `python tests/support/golden.py compare` compares all scenes, which takes ten minutes.
+    """
+    assert compare(scene, seed) == []
