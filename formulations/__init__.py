@@ -98,7 +98,7 @@ BOUNDS: dict[str, LazyMethod] = {
         "relaxations.cone_program", "envelope", "concave relaxation with envelope cuts"
     ),
     "column-generation": LazyMethod(
-        "column_generation.root_bound",
+        "column_generation.column_generation",
         "column_generation",
         "relaxation over paths with all cuts, any size, and a plan",
     ),

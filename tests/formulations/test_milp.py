@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from brute_force import all_paths, objective_from_scratch, optimum
 from cocap_opt.formulations.certificates.certificate import verify
-from cocap_opt.formulations.column_generation.root_bound import column_generation
+from cocap_opt.formulations.column_generation.column_generation import column_generation
 from hypothesis import given
 from hypothesis import strategies as st
 from strategies import examples, meetings, problems, tiny
