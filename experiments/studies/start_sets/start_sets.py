@@ -12,10 +12,10 @@ from typing import NamedTuple
 from cocap_opt.data import ProblemError
 from cocap_opt.experiments.console.streams import say
 from cocap_opt.experiments.results.files import read_plan
-from cocap_opt.experiments.results.gap_table import told_apart
 from cocap_opt.experiments.results.judging import BOUND_METHOD
 from cocap_opt.experiments.studies.start_sets.tables import THEIRS, Reported, SetTables
 from cocap_opt.experiments.sweeps.instances import Instance, Key, Settings
+from cocap_opt.experiments.sweeps.scenes import told_apart
 from cocap_opt.experiments.sweeps.sweep import sweep
 from cocap_opt.files.documents import FileError, problem_digest
 from cocap_opt.problem.plan import Plan
