@@ -15,11 +15,11 @@ import time
 from collections.abc import Callable
 
 import numpy as np
-from cocap_opt.formulations.column_generation.root_bound import column_generation
+from cocap_opt.formulations.column_generation.column_generation import column_generation
 
 from cocap_opt.data import FloatArray
 from cocap_opt.formulations.certificates import CertificateFile, Multipliers
-from cocap_opt.formulations.column_generation.root import aggregated_root
+from cocap_opt.formulations.column_generation.root import Root
 from cocap_opt.formulations.integer_programs.program import Call, Program, Solver
 from cocap_opt.formulations.relaxations.collision_rows import conflict_rows
 from cocap_opt.formulations.relaxations.flow import Compile, Flow, Roots, make_flow
@@ -56,7 +56,7 @@ def certified_root(problem: Problem, stop: Stop) -> CertifiedResult:
     """
     most = TimeLimit(ROOT_SHARE * seconds_left(stop))
     # Flows are by class, and so must the root's cuts be.
-    return column_generation(problem, FirstOf(stop, most), make_root=aggregated_root)
+    return column_generation(problem, FirstOf(stop, most), solve_root=Root.solve_aggregated)
 
 
 def no_root(problem: Problem, stop: Stop) -> CertifiedResult:
