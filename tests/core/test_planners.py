@@ -7,7 +7,6 @@ import signal
 import subprocess
 import sys
 import time
-import tracemalloc
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +17,7 @@ import pytest
 from brute_force import all_paths, bonus_of, optimum, pixels_of, weights_of
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from strategies import WALL, Calls, examples, meetings, number_of_plans, problems, standing, tiny
+from strategies import WALL, examples, meetings, number_of_plans, problems, standing, tiny
 
 from cocap_opt.graph.motion import time_expanded_graph
 from cocap_opt.graph.timegraph import Charges
@@ -150,19 +149,6 @@ def test_tiny_instance(name: str) -> None:
     assert 0.5 * best.value <= result.value <= best.value * (1 + 1e-9)
 
 
-@examples(80)
-@given(st.one_of(problems(robots=st.just(2)), meetings()))
-def test_joint_is_optimal(problem: Problem) -> None:
-    """Joint planning finds brute force's optimum under all rules, goals, classes and layers."""
-    best, result = optimum(problem), joint(problem)
-    assert close(result.value, best.value)
-    assert (result.plan is None) == (best.plan is None)
-    assert result.reason is (Reason.INFEASIBLE if best.plan is None else Reason.OPTIMAL)
-    if result.plan is not None:
-        assert check(problem, result.plan).valid
-        assert result.bound == result.value
-
-
 @examples(25)
 @given(problems(robots=st.just(1)))
 def test_one_robot_is_planned_optimally(problem: Problem) -> None:
@@ -170,52 +156,6 @@ def test_one_robot_is_planned_optimally(problem: Problem) -> None:
     best = optimum(problem)
     for planner in (greedy, sequential, cocap, joint):
         assert close(planner(problem).value, best.value)
-
-
-@examples(40)
-@given(st.one_of(problems(robots=st.just(2)), meetings()))
-def test_joint_values_are_of_the_true_objective(problem: Problem) -> None:
-    """The value that joint planning gives the pair of starts is the best J itself."""
-    best = optimum(problem)
-    pair = sys.modules["cocap_opt.planners.joint"]._Pair(Model(problem, use_cache=False))
-    values = pair.sweep()
-    value = float(values[0][pair._at(0, pair.a.start, pair.b.start)])
-    assert value == pytest.approx(best.value, rel=1e-9)
-
-
-@examples(60)
-@given(meetings(), st.tuples(*[st.sampled_from([0.0, 3.0, 40.0])] * 3))
-def test_joint_rewards_moves_beside_the_swap_rule(
-    problem: Problem, rates: tuple[float, float, float]
-) -> None:
-    """Pairs of cells that could be exchanged have the rewards of both robots' moves, too."""
-    stationarity, keep_cell, balanced = rates
-    problem = problem.replace(
-        rules=CollisionRules(),
-        objective=Objective(stationarity=stationarity, keep_cell=keep_cell, balanced=balanced),
-    )
-    pair = sys.modules["cocap_opt.planners.joint"]._Pair(Model(problem, use_cache=False))
-    value = float(pair.sweep()[0][pair._at(0, pair.a.start, pair.b.start)])
-    assert value == pytest.approx(optimum(problem).value, rel=1e-9)
-
-
-def test_joint_rewards_the_move_into_the_cell_that_the_other_leaves() -> None:
-    """A robot that takes an anti-diagonal to where another one was is rewarded for it."""
-    motion = Motion(headings=1)
-    problem = Problem(
-        name="",
-        height_map=HeightMap(heights=np.zeros((2, 2))),
-        robots=(
-            Robot(start=State(0, 1), motion=motion, goal=(1, 0)),
-            Robot(start=State(1, 0), motion=motion, goal=(0, 0)),
-        ),
-        actors=(),
-        horizon=1,
-        objective=Objective(balanced=5.0),
-    )
-    pair = sys.modules["cocap_opt.planners.joint"]._Pair(Model(problem, use_cache=False))
-    assert pair.sweep()[0][pair._at(0, pair.a.start, pair.b.start)] == 5.0
-    assert joint(problem).value == 5.0
 
 
 def line(length: int, *starts: int, goals: tuple[int, ...] = (), horizon: int = 2) -> Problem:
@@ -655,70 +595,6 @@ def test_cocap_that_is_stopped_late_is_no_worse_than_sequential(
     assert "the plan of sequential planning" in result.message
     assert cocap(problem).plan == finished.plan
     assert finished.value > spare.value
-
-
-def test_memory_limit_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Joint planning that would not fit into memory says so and does not try."""
-    module = sys.modules["cocap_opt.planners.joint"]  # the package's attribute is the function
-    monkeypatch.setattr(module, "MEMORY_LIMIT", 10.0)
-    result = joint(tiny())
-    assert (result.plan, result.reason, result.limit) == (None, Reason.STOPPED, Limit.MEMORY)
-
-
-def pair_on_a_meadow(size: int, horizon: int, motion: Motion) -> Problem:
-    """Two robots side by side in the middle of an open field, one actor in sight."""
-    camera = Camera(width=800, height=600, focal=200.0, tilts=(0.6,))
-    starts = State(size // 2, size // 2), State(size // 2 + 1, size // 2)
-    return Problem(
-        name="",
-        height_map=HeightMap(heights=np.zeros((size, size)), resolution=2.0),
-        robots=tuple(Robot(start=start, motion=motion, camera=camera) for start in starts),
-        actors=(standing(1.3 * size, 1.2 * size, 0.0, 0.4, steps=horizon),),
-        horizon=horizon,
-        objective=Objective(stationarity=1.0),
-    )
-
-
-@pytest.mark.parametrize(
-    ("size", "horizon", "motion"),
-    [
-        (14, 4, Motion(headings=8)),
-        (9, 12, Motion(headings=4)),
-        (12, 3, Motion(headings=2, radius=4)),
-        (24, 2, Motion(headings=1, radius=8)),  # as many exchanges as pairs of states
-    ],
-)
-def test_memory_of_joint_planning_is_known_before(size: int, horizon: int, motion: Motion) -> None:
-    """What the values of all pairs need at most is known before they are computed, and not
-    much more than they need."""
-    model = Model(pair_on_a_meadow(size, horizon, motion), use_cache=False)
-    model.prepare_all(never)
-    module = sys.modules["cocap_opt.planners.joint"]
-    pair = module._Pair(model)
-    needed = pair.bytes_needed - module.PROCESS
-    tracemalloc.start()
-    try:
-        pair.sweep()
-        _, peak = tracemalloc.get_traced_memory()
-    finally:
-        tracemalloc.stop()
-    assert needed / 2 < peak <= needed
-
-
-def test_joint_planning_looks_at_limits_within_a_step() -> None:
-    """A single step can take many seconds: limits are asked for move by move."""
-    stop = Calls()
-    assert joint(pair_on_a_meadow(6, 1, Motion(headings=4)), stop).reason is Reason.OPTIMAL
-    assert stop.asked > 30
-    for calls in range(1, stop.asked, 7):
-        result = joint(pair_on_a_meadow(6, 1, Motion(headings=4)), Patience(calls))
-        assert (result.reason, result.limit) == (Reason.STOPPED, Limit.WORK)
-
-
-def test_joint_planning_takes_two_robots() -> None:
-    """Three robots are refused with a message that says how many are taken."""
-    with pytest.raises(UnsupportedError, match="one or two robots, not 3"):
-        joint(line(5, 0, 2, 4))
 
 
 def test_criteria_compose() -> None:
