@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
-from test_tables import row
+from result_rows import row
 
 from cocap_opt.experiments.cli import commands
 from cocap_opt.experiments.report.charts import (
@@ -18,7 +18,7 @@ from cocap_opt.experiments.report.charts import (
     progress_figure,
 )
 from cocap_opt.experiments.report.figures import picture
-from cocap_opt.experiments.results.trace import Trace, load_trace, trace_text
+from cocap_opt.experiments.results.trace import Trace
 from cocap_opt.formulations.result import CertifiedResult, Snapshot
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem.plan import SwapConflict, conflicts
@@ -55,8 +55,8 @@ def test_a_trace_is_read_as_it_was_written(tmp_path: Path) -> None:
     """A value or a bound that there was not yet is an empty field."""
     trace = Trace([Snapshot(-math.inf, math.inf, 0.25), Snapshot(1.5, 2.5, 1.0, 3, 4)])
     path = tmp_path / "trace.csv"
-    path.write_text(trace_text(trace), encoding="utf-8")
-    assert load_trace(path).snapshots == trace.snapshots
+    path.write_text(trace.text, encoding="utf-8")
+    assert Trace.load(path).snapshots == trace.snapshots
     assert path.read_text(encoding="utf-8").splitlines()[1] == ",,0.25,0,0"
 
 
@@ -84,7 +84,7 @@ def test_solve_writes_the_trace_that_figure_draws(tmp_path: Path) -> None:
     trace, chart = tmp_path / "trace.csv", tmp_path / "x.svg"
     solve = ["solve", "tiny-turn", "--json", "--trace", str(trace)]
     assert commands.run(solve) == 0
-    assert load_trace(trace).snapshots[-1].gap <= 1e-6
+    assert Trace.load(trace).snapshots[-1].gap <= 1e-6
     assert commands.run(["figure", "progress", str(trace), "-o", str(chart)]) == 0
     assert b"<svg" in chart.read_bytes()
     assert commands.run([*solve, "-o", str(trace)]) == 2
@@ -145,5 +145,5 @@ def test_the_traces_of_a_sweep_are_drawn(
     draw = ["figure", "progress", str(tmp_path), "-o", str(tmp_path / "x.png")]
     assert commands.run(draw) == 2
     assert "has no traces" in capsys.readouterr().err
-    (tmp_path / "traces" / "a-0.csv").write_text(trace_text(Trace([Snapshot(1.0, 2.0, 1.0)])))
+    (tmp_path / "traces" / "a-0.csv").write_text(Trace([Snapshot(1.0, 2.0, 1.0)]).text)
     assert commands.run(draw) == 0

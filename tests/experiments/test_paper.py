@@ -3,9 +3,9 @@ from pathlib import Path
 
 import pytest
 from hypothesis import given
+from result_rows import row
 from strategies import examples, problems
 from studies import study
-from test_tables import row
 
 from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.results.statistics import Mean, mean

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from browser import value
 from hypothesis import example, given
 from hypothesis import strategies as st
 from strategies import examples, plate, tiny
@@ -321,11 +322,6 @@ def player(plans: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[An
     assert run("show", "bottleneck", *files, "-o", page) == 0
     with opened(page) as driver:
         yield driver
-
-
-def value(player: Any, what: str) -> Any:
-    """Value of an expression in the page."""
-    return player.execute_script(f"return {what}")
 
 
 def step_of(player: Any) -> int:

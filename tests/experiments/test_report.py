@@ -3,16 +3,15 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from cocap_opt.experiments.sweeps.about import RunFile, about_run
+from browser import value
+from result_rows import row
 from selenium.webdriver.support.wait import WebDriverWait
-from test_player import value
-from test_tables import row
 
 from cocap_opt.experiments.cli import commands
 from cocap_opt.experiments.report.limitations import limitations
 from cocap_opt.experiments.report.report import telling_pair, telling_seed
 from cocap_opt.experiments.studies.pictures import PLAYER_IS_READY, has_browser, opened
-from cocap_opt.experiments.sweeps.run import Settings
+from cocap_opt.experiments.sweeps.run_file import Run, RunFile
 
 SWEEP = ("gap", "tiny-queue", "bottleneck", "--time-limit", "0.5", "--seeds", "0",
          "--planner", "greedy", "--planner", "cocap", "--planner", "sequential")  # fmt: skip
@@ -31,6 +30,7 @@ def report(folder: Path, page: Path, *options: str) -> int:
     return commands.run(["report", str(folder), "-o", str(page), *options])
 
 
+@pytest.mark.slow
 def test_a_report_opens_and_plays_without_network(results: Path, tmp_path: Path) -> None:
     """All sections are there, players in it play, nothing is loaded, nothing is complained of."""
     if not has_browser():
@@ -129,20 +129,19 @@ def test_the_seed_with_most_to_avoid_is_shown() -> None:
         row("greedy", 2, 120.0, conflicts=2), row("cocap", 2, 98.0), row("best", 2, 100.0),
     ]  # fmt: skip
     seed, some = telling_seed(rows)
-    assert seed == 2 and [r["planner"] for r in telling_pair(some)] == ["greedy", "best"]
+    assert seed == 2 and [r.planner for r in telling_pair(some)] == ["greedy", "best"]
     alone = row("greedy", 3, 120.0, conflicts=9)
     assert telling_seed([*rows, alone])[0] == 2  # nothing to compare it with
     assert telling_seed([alone])[0] == 3
     seed, some = telling_seed(rows[:3])
-    assert seed == 0 and [r["planner"] for r in telling_pair(some)] == ["cocap", "best"]
+    assert seed == 0 and [r.planner for r in telling_pair(some)] == ["cocap", "best"]
     assert telling_pair([row("cocap", 0, None)]) == []
 
 
 def test_limitations_are_those_of_the_results() -> None:
     """What is open, lost or failed is said with its number; what is not is not."""
     run = RunFile(
-        settings=Settings(limit=1.0, bound_limit=1.0), code="",
-        runs=[about_run(["a"], [0], who) for who in ("this process", "2 processes")],
+        code="", runs=[Run.now(["a"], [0], who) for who in ("this process", "2 processes")]
     )  # fmt: skip
     fine = [row("cocap", seed, 99.0) for seed in range(9)]
     assert not any("not proved" in words or "have no plan" in words
