@@ -29,7 +29,7 @@ from cocap_opt.experiments.sweeps.cells import BOUND
 from cocap_opt.experiments.sweeps.instances import Instance, Settings, default_planners
 from cocap_opt.experiments.sweeps.scenes import Problems, Scenes
 from cocap_opt.experiments.sweeps.sweep import Hired, sweep
-from cocap_opt.problem.plan import Plan
+from cocap_opt.problem import Plan
 
 
 def gap(

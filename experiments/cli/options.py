@@ -10,8 +10,8 @@ from cyclopts import Parameter
 from cocap_opt.experiments.console.options import LARGEST, UsageError, check_seconds, choose
 from cocap_opt.experiments.results.judging import Allowance
 from cocap_opt.experiments.results.rows import Row
+from cocap_opt.problem import Problem
 from cocap_opt.problem.plausibility import doubts
-from cocap_opt.problem.problem import Problem
 from cocap_opt.scenarios import NOTHING, load_scene
 
 _log = logging.getLogger(__name__)

@@ -18,8 +18,7 @@ from cocap_opt.experiments.results.files import (
     save_bytes,
 )
 from cocap_opt.experiments.results.printing import path_text, print_result, titles
-from cocap_opt.problem.plan import Plan
-from cocap_opt.problem.problem import Problem
+from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.result import UnsupportedError
 

@@ -43,13 +43,17 @@ from cocap_opt.experiments.results.trace import Trace
 from cocap_opt.experiments.sweeps.bounds import cover
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult
-from cocap_opt.problem.plan import Plan
-from cocap_opt.problem.problem import Problem
+from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import Reason, Result, UnsupportedError
 from cocap_opt.stop import Limit, Stop, catch_interrupt
 
 AT_THE_ROOT = "column-generation"  # a bound that comes with a plan
-LAZY = ("cocap-vs", "formation", "one-step")  # planners that see only the views they touch
+LAZY = (
+    "cocap-vs",
+    "cocap-vs-undiscounted",
+    "formation",
+    "one-step",
+)  # planners that see only the views they touch
 _SOLVE_METHODS = (*EXACT, AT_THE_ROOT)
 
 _Free = Annotated[bool, Parameter(negative="", help="the scene without inter-robot collisions")]
@@ -207,7 +211,7 @@ class _Task(NamedTuple):
     def certified(
         self, seed: int, method: str, stop: Stop, gap: float, path: Path | None
     ) -> Judged[CertifiedResult]:
-        """Runs a bound or an exact method, shows its progress, and writes that to a file if asked."""
+        """Runs a bound or an exact method, shows progress, and writes a trace if asked to."""
         problem, trace = self.problem, Trace()
         with watching(f"{problem.name} seed {seed}") as watch:
             report = trace.beside(watch.report())

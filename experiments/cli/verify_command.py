@@ -16,8 +16,7 @@ from cocap_opt.experiments.results.printing import Record, path_text, print_resu
 from cocap_opt.experiments.results.rows import OWN_STARTS
 from cocap_opt.files.documents import FileError, PlanFile
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile
-from cocap_opt.problem.plan import Plan
-from cocap_opt.problem.problem import Problem
+from cocap_opt.problem import Plan, Problem
 from cocap_opt.scenarios import scene_of_plan
 
 

@@ -1,3 +1,4 @@
+import csv
 import json
 import math
 from pathlib import Path
@@ -11,6 +12,8 @@ from scipy import stats
 
 from cocap_opt.experiments.cli import commands
 from cocap_opt.experiments.cli.result_commands import DOCUMENT_STYLES
+from cocap_opt.experiments.results.columns import About, columns_of
+from cocap_opt.experiments.results.rows import COLUMNS, Row
 from cocap_opt.experiments.results.statistics import mean, shifted_geometric_mean
 from cocap_opt.experiments.results.tables import (
     all_tables,
@@ -52,17 +55,18 @@ def test_the_shifted_geometric_mean_is_between(values: list[float], shift: float
     assert min(values) - 1e-6 <= found <= max(values) * (1 + 1e-9) + 1e-6
 
 
-def row(planner: str, seed: int, reward: float | None, **more: Any) -> dict[str, Any]:
+def row(planner: str, seed: int, reward: float | None, **more: Any) -> Row:
     """A row of a scene whose optimum is 100 with rules and 110 without."""
     plain = {
         "scene": "a|b & c", "seed": seed, "planner": planner, "reward": reward, "bound": 100.0,
         "gap": None if reward is None else 1 - reward / 100,
         "gap_free": None if reward is None else 1 - reward / 110, "conflicts": 0,
-        "seconds": 1.0, "reason": "finished", "bound_reason": "optimal",
-        "optimum": 100.0, "optimum_free": 109.0,
-        "bound_free": 110.0,
+        "seconds": 1.0, "reason": "finished", "limit": "none", "bound_reason": "optimal",
+        "optimum": 100.0, "optimum_free": 109.0, "bound_free": 110.0,
+        "bound_free_reason": "optimal", "message": "", "colliding": 0, "robots": 2, "actors": 1,
+        "steps": 5, "digest": "0", "time_limit": 60.0,
     }  # fmt: skip
-    return plain | more
+    return Row(**(plain | more))
 
 
 ROWS = [
@@ -98,9 +102,11 @@ def test_the_price_has_two_certified_ends() -> None:
     assert (only["seeds"], only["bound proved best"]) == ("3", "3 of 3")
 
 
-def test_who_has_no_plan_pays_the_limit() -> None:
+def test_a_run_without_a_plan_counts_as_its_own_time_limit() -> None:
     """In the shifted geometric mean, but not in the median of what was measured."""
-    sequential, cocap = time_table(ROWS, 60.0)
+    (only,) = time_table([row("cocap", 0, None, seconds=1.0, time_limit=7.0)])
+    assert only["shifted geometric mean (s)"] == "7.000"
+    sequential, cocap = time_table(ROWS)
     expected = shifted_geometric_mean([1.0, 1.0, 60.0])
     assert sequential["shifted geometric mean (s)"] == f"{expected:.3f}"
     assert (sequential["median (s)"], cocap["longest (s)"]) == ("1.000", "3.000")
@@ -112,16 +118,16 @@ def test_times_are_compared_on_the_same_runs() -> None:
     hard = [row("cocap", seed, 90.0, scene="hard", seconds=100.0) for seed in range(3)]
     easy = [row("joint", seed, 100.0, scene="easy", seconds=4.0) for seed in range(3)]
     easy += [row("cocap", seed, 90.0, scene="easy", seconds=1.0) for seed in range(3)]
-    table = time_table(hard + easy, 60.0)
+    table = time_table(hard + easy)
     found = {(r["scene"], r["planner"]): r["of the fastest"] for r in table}
     assert found == {
         ("hard", "cocap"): "1.0", ("easy", "joint"): "4.0", ("easy", "cocap"): "1.0",
         ("all", "cocap"): "1.0",
     }  # fmt: skip
     ragged = [row("cocap", seed, 90.0, seconds=100.0 * seed + 1) for seed in range(3)]
-    cocap, joint = time_table([*ragged, row("joint", 0, 90.0, seconds=2.0)], 60.0)
+    cocap, joint = time_table([*ragged, row("joint", 0, 90.0, seconds=2.0)])
     assert (cocap["of the fastest"], joint["of the fastest"]) == ("1.0", "2.0")
-    cocap, joint = time_table([*ragged, row("joint", 7, 90.0)], 60.0)
+    cocap, joint = time_table([*ragged, row("joint", 7, 90.0)])
     assert (cocap["of the fastest"], joint["of the fastest"]) == ("-", "-")
 
 
@@ -132,7 +138,7 @@ def test_only_runs_are_timed() -> None:
         row("theirs", 0, 90.0, seconds=None), row("joint", 0, None, seconds=None,
                                                   reason="unsupported"),
     ]  # fmt: skip
-    (cocap,) = time_table(rows, 60.0)
+    (cocap,) = time_table(rows)
     assert (cocap["runs"], cocap["no valid plan"], cocap["longest (s)"]) == ("2", "1", "1.000")
     expected = shifted_geometric_mean([1.0, 60.0])
     assert cocap["shifted geometric mean (s)"] == f"{expected:.3f}"
@@ -140,7 +146,7 @@ def test_only_runs_are_timed() -> None:
 
 def test_a_table_of_differences_needs_its_planner() -> None:
     """Where nobody planned sequentially there is nothing to compare with, and no such table."""
-    titles = all_tables([row("cocap", 0, 90.0)], 60.0)
+    titles = all_tables([row("cocap", 0, 90.0)])
     assert "Paired differences" not in titles and "Planners" in titles
 
 
@@ -153,7 +159,7 @@ def test_names_are_escaped(style: str, name: str) -> None:
     from cocap_opt.experiments.results.documents import DOCUMENTS
 
     assert tuple(DOCUMENTS) == DOCUMENT_STYLES
-    text = DOCUMENTS[style](all_tables(ROWS, 60.0))
+    text = DOCUMENTS[style](all_tables(ROWS))
     assert name in text
     assert all(title in text for title in ("Planners", "Paired differences", "Price", "Time"))
 
@@ -188,12 +194,51 @@ def test_the_command_makes_tables(results: Path, capsys: pytest.CaptureFixture[s
     assert path.read_text().count(r"\begin{tabular}") == 4
 
 
+def test_every_column_says_what_it_means() -> None:
+    """One statement has type, unit, range and meaning; the header of results.csv follows it."""
+    assert columns_of(Row) == COLUMNS
+    for name, column in COLUMNS.items():
+        assert column.name == name and column.kind in (int, float, str)
+        assert column.about.meaning.endswith(".") and column.about.least <= column.about.most
+        assert not column.is_optional or column.kind is not str or name in ("planner", "method")
+    assert [name for name, c in COLUMNS.items() if c.is_extra] == ["reward_rendered", "starts"]
+
+
+def test_a_column_reads_what_is_written() -> None:
+    """Numbers in range, text as it is, and nothing where nothing is."""
+    cells = {"seed": "3", "bound": "1.5", "scene": "s"}
+    assert [COLUMNS[k].parse(v, k) for k, v in cells.items()] == [3, 1.5, "s"]
+    assert COLUMNS["gap"].parse("", "gap") is None
+    with pytest.raises(FileError, match="robots: must be a number, not ''"):
+        COLUMNS["robots"].parse("", "robots")
+    assert About("Something.").least == 0
+
+
+def test_results_of_earlier_versions_are_read(results: Path, tmp_path: Path) -> None:
+    """Their limits were no columns, and stand in run.json."""
+    limits = ("time_limit", "work_limit", "bound_time_limit", "bound_work_limit")
+    with (results / "results.csv").open(encoding="utf-8", newline="") as file:
+        table = [{k: v for k, v in r.items() if k not in limits} for r in csv.DictReader(file)]
+    with (tmp_path / "results.csv").open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, list(table[0]))
+        writer.writeheader()
+        writer.writerows(table)
+    assert {r.time_limit for r in load_results(tmp_path)} == {None}
+    run = json.loads((results / "run.json").read_text())
+    run |= {"version": 2, "settings": {"limit": 7.0, "bound_limit": 8.0, "rendered": False}}
+    (tmp_path / "run.json").write_text(json.dumps(run))
+    found = load_results(tmp_path)
+    assert {(r.time_limit, r.bound_time_limit) for r in found} == {(7.0, 8.0)}
+    assert [r.reward for r in found] == [r.reward for r in load_results(results)]
+    assert commands.run(["table", str(tmp_path)]) == 0
+
+
 def test_results_are_read_as_they_were_written(results: Path) -> None:
     """Numbers are numbers, and what does not exist is None."""
     rows = load_results(results)
-    assert {type(r["seed"]) for r in rows} == {int}
-    assert {type(r["bound"]) for r in rows} == {float}
-    assert any(r["gap"] is None for r in rows)
+    assert {type(r.seed) for r in rows} == {int}
+    assert {type(r.bound) for r in rows} == {float}
+    assert any(r.gap is None for r in rows)
 
 
 @pytest.mark.parametrize(
