@@ -7,11 +7,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import wraps
-from typing import TYPE_CHECKING, ParamSpec, TypeVar, cast
+from typing import TYPE_CHECKING, ParamSpec, Self, TypeVar, cast
 
 from cocap_opt import drawing
-from cocap_opt.problem.plan import Plan
-from cocap_opt.problem.problem import Problem
+from cocap_opt.problem import Plan, Problem
 from cocap_opt.stop import Clock, Limit
 
 if TYPE_CHECKING:
@@ -46,6 +45,19 @@ class Result:
     message: str = ""  # why there is no plan, in words
     statistics: Mapping[str, float] = field(default_factory=dict)
     problem: Problem | None = field(default=None, compare=False)  # the problem it is a result of
+
+    @classmethod
+    def without_plan(
+        cls, reason: Reason, message: str, statistics: Mapping[str, float] | None = None
+    ) -> Self:
+        """Make a result without a plan, for a reason and in words."""
+        return cls(None, -math.inf, reason, message=message, statistics=statistics or {})
+
+    @classmethod
+    def out_of_time(cls, limit: Limit, statistics: Mapping[str, float] | None = None) -> Self:
+        """Make a result without a plan, since a limit was reached."""
+        words = f"no plan was found before the {limit} limit"
+        return replace(cls.without_plan(Reason.STOPPED, words, statistics), limit=limit)
 
     @property
     def gap(self) -> float:

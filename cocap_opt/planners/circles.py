@@ -14,15 +14,8 @@ from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.model import Model
 from cocap_opt.objective import view_sum_weights
 from cocap_opt.planners.lazy_coverage import LazyCoverage
-from cocap_opt.problem.problem import Camera, Problem, Robot
+from cocap_opt.problem import Camera, Problem, Robot
 from cocap_opt.stop import Stop
-
-
-class Circle(NamedTuple):
-    """Robots on a circle, counter-clockwise, and the actors inside."""
-
-    robots: tuple[int, ...]
-    actors: tuple[int, ...]
 
 
 class Places(NamedTuple):
@@ -34,28 +27,101 @@ class Places(NamedTuple):
     above: tuple[float, ...]  # [n] m, of the flight over the middle of the tallest actor
 
 
-def share_out(problem: Problem) -> list[Circle]:
-    """Share robots and actors out evenly: actors by number, robots for the least way in all.
+class Circle(NamedTuple):
+    """Robots on a circle, counter-clockwise, and the actors inside."""
 
-    Around their circle robots are in the order in which they start around it.
-    """
-    count = min(len(problem.robots), len(problem.actors))
-    if not count:
-        return []
-    actors = np.array_split(np.arange(len(problem.actors)), count)
-    sizes = [len(some) for some in np.array_split(np.arange(len(problem.robots)), count)]
-    of_seat = np.repeat(np.arange(count), sizes)  # each robot takes a seat on some circle
-    middles = np.array([_middle(problem, tuple(some.tolist()))[0] for some in actors])
-    starts = np.array([problem.height_map.centre(*robot.start[:2]) for robot in problem.robots])
-    ways = starts[:, None] - middles[of_seat]
-    robots, seats = linear_sum_assignment(np.hypot(ways[..., 0], ways[..., 1]))
-    bearings = np.arctan2(ways[robots, seats, 1], ways[robots, seats, 0])
-    ordered = robots[np.lexsort([bearings, of_seat[seats]])]
-    parts = np.split(ordered, np.cumsum(sizes)[:-1])
-    return [
-        Circle(tuple(some.tolist()), tuple(inside.tolist()))
-        for some, inside in zip(parts, actors, strict=True)
-    ]
+    robots: tuple[int, ...]
+    actors: tuple[int, ...]
+
+    @classmethod
+    def share_out(cls, problem: Problem) -> "list[Circle]":
+        """Share robots and actors out evenly: actors by number, robots for the least way in all.
+
+        Around their circle robots are in the order in which they start around it.
+        """
+        count = min(len(problem.robots), len(problem.actors))
+        if not count:
+            return []
+        actors = np.array_split(np.arange(len(problem.actors)), count)
+        sizes = [len(some) for some in np.array_split(np.arange(len(problem.robots)), count)]
+        of_seat = np.repeat(np.arange(count), sizes)  # each robot takes a seat on some circle
+        middles = np.array([_middle(problem, tuple(some.tolist()))[0] for some in actors])
+        starts = np.array([problem.height_map.centre(*robot.start[:2]) for robot in problem.robots])
+        ways = starts[:, None] - middles[of_seat]
+        robots, seats = linear_sum_assignment(np.hypot(ways[..., 0], ways[..., 1]))
+        bearings = np.arctan2(ways[robots, seats, 1], ways[robots, seats, 0])
+        ordered = robots[np.lexsort([bearings, of_seat[seats]])]
+        parts = np.split(ordered, np.cumsum(sizes)[:-1])
+        return [
+            cls(tuple(some.tolist()), tuple(inside.tolist()))
+            for some, inside in zip(parts, actors, strict=True)
+        ]
+
+    def places(self, problem: Problem, standoff: float, height: float, orientations: int) -> Places:
+        """Evenly spaced places around a circle's actors, and outside of the outermost of them."""
+        middle = _middle(problem, self.actors)
+        actors = [problem.actors[j] for j in self.actors]
+        ways = np.array([actor.poses[: problem.horizon + 1, :2] for actor in actors]) - middle
+        spread = np.hypot(ways[..., 0], ways[..., 1]).max(axis=0)
+        heads = max(float(actor.poses[0, 2]) + actor.shape.height / 2 for actor in actors)
+        turns = math.tau * np.arange(orientations) / orientations
+        at, flights, above = [], [], []
+        for seat, robot in enumerate(problem.robots[i] for i in self.robots):
+            flight = min(robot.motion.layers, key=lambda layer: abs(layer - height))
+            over = problem.height_map.altitude(robot.start.x, robot.start.y, flight) - heads
+            bearings = turns + math.tau * seat / len(self.robots)
+            radius = (spread + _distance_in_view(robot, over, standoff))[:, None, None]
+            way = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)  # [K, 2]
+            at.append(middle[:, None] + radius * way)
+            flights.append(flight)
+            above.append(over)
+        return Places(middle, np.array(at), tuple(flights), tuple(above))
+
+    def rewards(
+        self, model: Model, places: Places, views: list[LazyCoverage], stop: Stop
+    ) -> FloatArray:
+        """View reward [T+1, K] of a circle's robots if all are in their places and look inwards.
+
+        A robot sees nothing from a place that is blocked, or that it cannot have reached yet.
+
+        Parameters
+        ----------
+        views : [R] coverage of every robot's states
+        """
+        problem = model.problem
+        reach = [_reachable(model, robot) for robot in self.robots]
+        _, steps, turns, _ = places.at.shape
+        rewards = np.zeros((steps, turns))
+        for t in range(problem.first_step, problem.horizon + 1):
+            stop.check()
+            pixels = np.zeros((turns, len(problem.face_weights)))
+            for seat, robot in enumerate(self.robots):
+                which, states = _looking_inwards(model, robot, seat, places, t)
+                there = reach[seat][t, states]
+                if there.any():
+                    pixels[which[there]] += views[robot](t, states[there])
+            weights = view_sum_weights(problem)[problem.view_sums_at(t)]
+            rewards[t] = (np.sqrt(pixels) * weights).sum(axis=1)
+        return rewards
+
+    def best_turns(self, problem: Problem, places: Places, rewards: FloatArray) -> IntArray:
+        """Find the turns [T+1] of greatest reward [T+1, K] in all, by value iteration.
+
+        A circle turns only if all its robots are fast enough for it. Ties do not turn.
+        """
+        value, turns = rewards.copy(), np.arange(rewards.shape[1])
+        apart = np.abs(turns[:, None] - turns)
+        calmest = np.argsort(np.minimum(apart, len(turns) - apart), axis=1, kind="stable")
+        best = np.empty((problem.horizon, len(turns)), dtype=np.int64)
+        for t in range(problem.horizon - 1, -1, -1):
+            ahead = np.where(_can_follow(problem, self, places, t), value[t + 1], CLOSED)
+            first = np.take_along_axis(ahead, calmest, axis=1).argmax(axis=1)
+            best[t] = calmest[turns, first]
+            value[t] += ahead[turns, best[t]]
+        chosen = [_nearest_best(problem, self, places, value[0])]
+        for row in best:
+            chosen.append(int(row[chosen[-1]]))
+        return np.array(chosen)
 
 
 def _middle(problem: Problem, actors: tuple[int, ...]) -> FloatArray:
@@ -65,30 +131,7 @@ def _middle(problem: Problem, actors: tuple[int, ...]) -> FloatArray:
     return result
 
 
-def places_of(
-    problem: Problem, circle: Circle, standoff: float, height: float, orientations: int
-) -> Places:
-    """Evenly spaced places around a circle's actors, and outside of the outermost of them."""
-    middle = _middle(problem, circle.actors)
-    actors = [problem.actors[j] for j in circle.actors]
-    ways = np.array([actor.poses[: problem.horizon + 1, :2] for actor in actors]) - middle
-    spread = np.hypot(ways[..., 0], ways[..., 1]).max(axis=0)
-    heads = max(float(actor.poses[0, 2]) + actor.shape.height / 2 for actor in actors)
-    turns = math.tau * np.arange(orientations) / orientations
-    at, flights, above = [], [], []
-    for seat, robot in enumerate(problem.robots[i] for i in circle.robots):
-        flight = min(robot.motion.layers, key=lambda layer: abs(layer - height))
-        over = problem.height_map.altitude(robot.start.x, robot.start.y, flight) - heads
-        bearings = turns + math.tau * seat / len(circle.robots)
-        radius = (spread + distance_in_view(robot, over, standoff))[:, None, None]
-        way = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)  # [K, 2]
-        at.append(middle[:, None] + radius * way)
-        flights.append(flight)
-        above.append(over)
-    return Places(middle, np.array(at), tuple(flights), tuple(above))
-
-
-def distance_in_view(robot: Robot, above: float, wanted: float) -> float:
+def _distance_in_view(robot: Robot, above: float, wanted: float) -> float:
     """Distance (m) nearest to the wanted one at which the image holds what is `above` m below.
 
     With a gimbal it is enough if one of its tilts does.
@@ -101,34 +144,6 @@ def distance_in_view(robot: Robot, above: float, wanted: float) -> float:
     near = above / math.tan(lowest) if 0 < lowest < math.pi / 2 else 0.0
     far = above / math.tan(highest) if highest > 0 else math.inf
     return min(max(wanted, near), far)
-
-
-def rewards_of(
-    model: Model, circle: Circle, places: Places, views: list[LazyCoverage], stop: Stop
-) -> FloatArray:
-    """View reward [T+1, K] of a circle's robots if all are in their places and look inwards.
-
-    A robot sees nothing from a place that is blocked, or that it cannot have reached yet.
-
-    Parameters
-    ----------
-    views : [R] coverage of every robot's states
-    """
-    problem = model.problem
-    reach = [_reachable(model, robot) for robot in circle.robots]
-    _, steps, turns, _ = places.at.shape
-    rewards = np.zeros((steps, turns))
-    for t in range(problem.first_step, problem.horizon + 1):
-        stop.check()
-        pixels = np.zeros((turns, len(problem.face_weights)))
-        for seat, robot in enumerate(circle.robots):
-            which, states = _looking_inwards(model, robot, seat, places, t)
-            there = reach[seat][t, states]
-            if there.any():
-                pixels[which[there]] += views[robot](t, states[there])
-        weights = view_sum_weights(problem)[problem.view_sums_at(t)]
-        rewards[t] = (np.sqrt(pixels) * weights).sum(axis=1)
-    return rewards
 
 
 def _reachable(model: Model, robot: int) -> BoolArray:
@@ -156,26 +171,6 @@ def _looking_inwards(
     down = np.arctan2(places.above[seat], np.hypot(way[:, 0], way[:, 1]))
     pitch = np.abs(tilts - down[:, None]).argmin(axis=1)
     return turns, (heading * len(tilts) + pitch) * graph.n_places + place
-
-
-def best_turns(problem: Problem, circle: Circle, places: Places, rewards: FloatArray) -> IntArray:
-    """Turn [T+1] at every step that has the greatest reward [T+1, K] in all, by value iteration.
-
-    A circle turns only if all its robots are fast enough for it. Ties do not turn.
-    """
-    value, turns = rewards.copy(), np.arange(rewards.shape[1])
-    apart = np.abs(turns[:, None] - turns)
-    calmest = np.argsort(np.minimum(apart, len(turns) - apart), axis=1, kind="stable")
-    best = np.empty((problem.horizon, len(turns)), dtype=np.int64)
-    for t in range(problem.horizon - 1, -1, -1):
-        ahead = np.where(_can_follow(problem, circle, places, t), value[t + 1], CLOSED)
-        first = np.take_along_axis(ahead, calmest, axis=1).argmax(axis=1)
-        best[t] = calmest[turns, first]
-        value[t] += ahead[turns, best[t]]
-    chosen = [_nearest_best(problem, circle, places, value[0])]
-    for row in best:
-        chosen.append(int(row[chosen[-1]]))
-    return np.array(chosen)
 
 
 def _can_follow(problem: Problem, circle: Circle, places: Places, t: int) -> BoolArray:

@@ -13,7 +13,7 @@ from cocap_opt.model import compiled
 from cocap_opt.planners.constraint_tree import ConstraintTree, Node, OpenNodes
 from cocap_opt.planners.low_level import LowLevel, value_iteration
 from cocap_opt.planners.view_search import Undiscounted, ViewSearch
-from cocap_opt.problem.problem import Problem
+from cocap_opt.problem import Problem
 from cocap_opt.result import Result, timed
 from cocap_opt.stop import LimitReached, Stop, never
 

@@ -9,8 +9,8 @@ from cocap_opt.graph.timegraph import NO_CHARGES, Charges
 from cocap_opt.model import Model
 from cocap_opt.planners.low_level import LowLevel, SingleRobotPath, SingleRobotTask
 from cocap_opt.planners.sequential import sequential
-from cocap_opt.planners.team import Team, no_plan, remark, stopped
-from cocap_opt.problem.plan import Conflict, conflicts
+from cocap_opt.planners.team import Team
+from cocap_opt.problem import Conflict, conflicts
 from cocap_opt.result import Reason, Result
 from cocap_opt.stop import Limit, Stop
 
@@ -117,19 +117,15 @@ class ConstraintTree:
         """Result of a search that ran to its end."""
         if found is None:
             words = "no plan obeys the rules: the constraint tree is exhausted"
-            return no_plan(Reason.INFEASIBLE, words, self._statistics(self._open.popped))
-        return Result(
-            plan=self._model.plan(found.team.paths),
-            value=found.value,
-            reason=Reason.FINISHED,
-            message=remark(self._model.problem),
-            statistics=self._statistics(self._open.popped - 1),
-        )
+            return Result.without_plan(
+                Reason.INFEASIBLE, words, self._statistics(self._open.popped)
+            )
+        return found.team.result(statistics=self._statistics(self._open.popped - 1))
 
     def stopped(self, limit: Limit) -> Result:
         """Result of a search that a limit has stopped."""
         team = self._open.last.team if self._open.last else self._team
-        result = stopped(self._model, limit, self._statistics(self._open.popped), team)
+        result = team.without_conflicts(limit, self._statistics(self._open.popped))
         if self._spare is not None and self._spare.value > result.value:
             words = "stopped: this is the plan of sequential planning"
             return replace(result, plan=self._spare.plan, value=self._spare.value, message=words)

@@ -24,11 +24,11 @@ from cocap_opt.graph.move_rewards import bonuses_of
 from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.model import Path, compiled
 from cocap_opt.objective import marginal_gain, no_pixels, view_sum_weights
-from cocap_opt.planners.circles import best_turns, places_of, rewards_of, share_out
-from cocap_opt.planners.lazy_coverage import LazyCoverage, lazy_coverage
+from cocap_opt.planners.circles import Circle
+from cocap_opt.planners.lazy_coverage import LazyCoverage
 from cocap_opt.planners.low_level import SingleRobotPath, SingleRobotTask
 from cocap_opt.planners.sequential import sequential
-from cocap_opt.problem.problem import Problem
+from cocap_opt.problem import Problem
 from cocap_opt.result import Result, timed
 from cocap_opt.stop import LimitReached, Stop, never
 
@@ -62,13 +62,13 @@ def formation(
         actors all robots stay where they are, or go to their goals.
     """
     model = compiled(problem)
-    views = lazy_coverage(model)
+    views = LazyCoverage.of_robots(model)
     places = [_starts(problem, robot) for robot in range(len(problem.robots))]
     with suppress(LimitReached):  # sequential planning hears of it, too
-        for circle in share_out(problem):
-            around = places_of(problem, circle, standoff, height, orientations)
-            rewards = rewards_of(model, circle, around, views, stop)
-            turns = best_turns(problem, circle, around, rewards)
+        for circle in Circle.share_out(problem):
+            around = circle.places(problem, standoff, height, orientations)
+            rewards = circle.rewards(model, around, views, stop)
+            turns = circle.best_turns(problem, around, rewards)
             for seat, robot in enumerate(circle.robots):
                 places[robot][:, :2] = around.at[seat, np.arange(len(turns)), turns]
                 places[robot][:, 2] = around.flight[seat]

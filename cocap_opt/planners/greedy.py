@@ -6,8 +6,8 @@ rules the plan has at least half the optimal J, if the low level is exact.
 
 from cocap_opt.model import compiled
 from cocap_opt.planners.low_level import LowLevel, SingleRobotTask, value_iteration
-from cocap_opt.planners.team import Team, no_path, no_plan_in_time, team_result
-from cocap_opt.problem.problem import Problem
+from cocap_opt.planners.team import Team
+from cocap_opt.problem import Problem
 from cocap_opt.result import Result, timed
 from cocap_opt.stop import Limit, LimitReached, Stop, never
 
@@ -36,7 +36,7 @@ def greedy(
         for robot in range(len(problem.robots)):
             single = low_level(_task(team, robot, stop))
             if single.path is None:
-                return no_path(robot)
+                return Team.no_path(robot)
             team = team.with_path(robot, single)
         for _ in range(rounds - 1):
             before = team.value
@@ -47,8 +47,8 @@ def greedy(
     except LimitReached as reached:
         team, limit = team.hovering(), reached.limit
         if any(single.path is None for single in team.found):
-            return no_plan_in_time(limit)
-    return team_result(team, limit)
+            return Result.out_of_time(limit)
+    return team.result(limit)
 
 
 def greedy_rounds(problem: Problem, stop: Stop = never) -> Result:

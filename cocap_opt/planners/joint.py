@@ -24,8 +24,8 @@ from cocap_opt.graph.move_rewards import bonuses_of
 from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.model import Model, Path, RobotClass, compiled
 from cocap_opt.objective import no_pixels, objective_of, view_sum_weights
-from cocap_opt.planners.team import no_plan, no_plan_in_time, stopped
-from cocap_opt.problem.problem import Problem
+from cocap_opt.planners.team import Team
+from cocap_opt.problem import Problem
 from cocap_opt.result import Reason, Result, UnsupportedError, timed
 from cocap_opt.stop import Limit, LimitReached, Stop, never
 
@@ -53,10 +53,12 @@ def joint(problem: Problem, stop: Stop = never) -> Result:
         paths = _best_paths(model, stop)
     except LimitReached as reached:
         if reached.limit is Limit.MEMORY:
-            return no_plan_in_time(reached.limit)
-        return stopped(model, reached.limit, {})
+            return Result.out_of_time(reached.limit)
+        return Team(model).without_conflicts(reached.limit, {})
     if paths is None:
-        return no_plan(Reason.INFEASIBLE, "no plan obeys the rules: no pair of paths is left")
+        return Result.without_plan(
+            Reason.INFEASIBLE, "no plan obeys the rules: no pair of paths is left"
+        )
     value = objective_of(model, paths)
     return Result(model.plan(paths), value, Reason.OPTIMAL, bound=value)
 

@@ -27,8 +27,8 @@ class LazyCoverage:
             self._known.update(zip(((t, s) for s in new), rows, strict=True))
         return np.array([self._known[t, s] for s in states.tolist()])
 
-
-def lazy_coverage(model: Model) -> list[LazyCoverage]:
-    """Make fresh lazy coverage [R], one source for all robots of a class."""
-    sources = {c.robots: LazyCoverage(model.views(c)) for c in model.classes}
-    return [sources[robot_class.robots] for robot_class in model.class_of]
+    @classmethod
+    def of_robots(cls, model: Model) -> "list[LazyCoverage]":
+        """Make fresh lazy coverage [R]; the robots of a class share one source."""
+        sources = {c.robots: cls(model.views(c)) for c in model.classes}
+        return [sources[robot_class.robots] for robot_class in model.class_of]

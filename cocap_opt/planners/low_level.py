@@ -7,11 +7,11 @@ exhausted constraint tree a proof.
 from collections.abc import Callable
 from typing import NamedTuple
 
+from cocap_opt.coordination.best_response import best_response
 from cocap_opt.data import FloatArray
-from cocap_opt.graph.move_rewards import bonuses_of
 from cocap_opt.graph.timegraph import NO_CHARGES, Charges
 from cocap_opt.model import Model, Path
-from cocap_opt.objective import marginal_reward, no_pixels, robot_pixels
+from cocap_opt.objective import no_pixels, robot_pixels
 from cocap_opt.stop import Stop, never
 
 
@@ -40,22 +40,17 @@ LowLevel = Callable[[SingleRobotTask], SingleRobotPath]
 def value_iteration(task: SingleRobotTask) -> SingleRobotPath:
     """Find the best path of one robot for its marginal view reward over what the others see.
 
-    One backward sweep over all states of the time-expanded graph, then the path is read off
-    forward. It needs the coverage of every reachable state, and is exact.
+    It is exact (`coordination.best_response`) and needs the coverage of every reachable state.
 
     Raises
     ------
     LimitReached
         If a limit is reached before the coverage is whole.
     """
-    model, robot_class = task.model, task.model.class_of[task.robot]
+    model = task.model
     task.stop.check()
-    model.prepare(robot_class, task.stop)
-    bonuses = bonuses_of(model.problem.objective)
-    reward = marginal_reward(model, robot_class, task.pixels)
-    graph, goal = robot_class.graph, robot_class.goal
-    value = graph.backward_sweep(reward, bonuses, task.charges, goal)
-    path = graph.best_path(value, model.start(task.robot), bonuses, task.charges)
+    model.prepare(model.class_of[task.robot], task.stop)
+    path = best_response(model, task.robot, task.pixels, task.charges)
     if path is None:
         return SingleRobotPath(None, no_pixels(model.problem), 0)
-    return SingleRobotPath(tuple(path), robot_pixels(model, task.robot, tuple(path)), 0)
+    return SingleRobotPath(path, robot_pixels(model, task.robot, path), 0)

@@ -7,7 +7,7 @@ Source: the baseline of this name in Hughes et al. 2024 (arXiv 2404.03103).
 from cocap_opt.objective import no_pixels
 from cocap_opt.planners.greedy import greedy
 from cocap_opt.planners.low_level import SingleRobotPath, SingleRobotTask, value_iteration
-from cocap_opt.problem.problem import Problem
+from cocap_opt.problem import Problem
 from cocap_opt.result import Result
 from cocap_opt.stop import Stop, never
 

@@ -14,10 +14,10 @@ from cocap_opt.graph.move_rewards import bonuses_of
 from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.model import Model, RobotClass, compiled
 from cocap_opt.objective import marginal_gain, no_pixels, view_sum_weights
-from cocap_opt.planners.lazy_coverage import LazyCoverage, lazy_coverage
+from cocap_opt.planners.lazy_coverage import LazyCoverage
 from cocap_opt.planners.low_level import SingleRobotPath
-from cocap_opt.planners.team import Team, no_path, no_plan, no_plan_in_time, team_result
-from cocap_opt.problem.problem import Problem, State
+from cocap_opt.planners.team import Team
+from cocap_opt.problem import Problem, State
 from cocap_opt.result import Reason, Result, timed
 from cocap_opt.stop import Limit, Stop, never
 
@@ -72,7 +72,7 @@ def one_step(problem: Problem, stop: Stop = never) -> Result:
     flights = _at_starts(model)
     for robot, flight in enumerate(flights):
         if not flight.may_be(0, np.array(flight.path)).all():
-            return no_path(robot)
+            return Team.no_path(robot)
     for t in range(problem.horizon):
         for robot, flight in enumerate(flights):
             limit = stop.reached()
@@ -81,18 +81,18 @@ def one_step(problem: Problem, stop: Stop = never) -> Result:
                 heads = _open_heads(model, flights, robot, t)
             if not heads.size:
                 words = f"robot {robot} cannot reach its goal beside the others after step {t}"
-                return no_plan(Reason.FAILED, words, {"failed_robot": robot})
+                return Result.without_plan(Reason.FAILED, words, {"failed_robot": robot})
             _move(model, flights, robot, t + 1, heads)
     if not all(flight.may_be(-1, np.array(flight.path[-1:])).all() for flight in flights):
-        return no_plan_in_time(limit)
+        return Result.out_of_time(limit)
     found = tuple(SingleRobotPath(tuple(f.path), f.pixels, f.evaluated) for f in flights)
-    return team_result(Team(model, found), limit)
+    return Team(model, found).result(limit)
 
 
 def _at_starts(model: Model) -> list[_Flight]:
     """Put all robots where they start, with the pixels they have there if these count."""
     problem = model.problem
-    flights, sources = [], lazy_coverage(model)
+    flights, sources = [], LazyCoverage.of_robots(model)
     for robot, robot_class in enumerate(model.class_of):
         to_goal, path = robot_class.reward_to_goal(problem.horizon), [model.start(robot)]
         flight = _Flight(robot_class, sources[robot], to_goal, no_pixels(problem), path)

@@ -6,8 +6,8 @@ Source: Greedy Perspectives, "sequential planning with inter-robot collision con
 from cocap_opt.coordination.constraints import avoid_paths
 from cocap_opt.model import compiled
 from cocap_opt.planners.low_level import LowLevel, SingleRobotTask, value_iteration
-from cocap_opt.planners.team import Team, no_plan, no_plan_in_time, team_result
-from cocap_opt.problem.problem import Problem, State
+from cocap_opt.planners.team import Team
+from cocap_opt.problem import Problem, State
 from cocap_opt.result import Reason, Result, timed
 from cocap_opt.stop import Limit, LimitReached, Stop, never
 
@@ -34,12 +34,12 @@ def sequential(
             single = low_level(SingleRobotTask(model, robot, team.others(robot), charges, stop))
             if single.path is None:
                 words = f"robot {robot} has no path left beside the robots before it"
-                return no_plan(Reason.FAILED, words, {"failed_robot": robot})
+                return Result.without_plan(Reason.FAILED, words, {"failed_robot": robot})
             team = team.with_path(robot, single)
             others[robot] = tuple(map(model.class_of[robot].graph.state, single.path))
     except LimitReached as reached:
         first, team, limit = len(team.found), team.hovering(), reached.limit
         for robot in range(first, len(team.found)):
             if team.found[robot].path is None:
-                return no_plan_in_time(limit, {"failed_robot": robot})
-    return team_result(team, limit)
+                return Result.out_of_time(limit, {"failed_robot": robot})
+    return team.result(limit)

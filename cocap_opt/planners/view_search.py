@@ -25,7 +25,7 @@ from cocap_opt.model import Model, Path
 from cocap_opt.objective import marginal_gain, no_pixels, view_sum_weights
 from cocap_opt.planners.lazy_coverage import LazyCoverage
 from cocap_opt.planners.low_level import SingleRobotPath, SingleRobotTask
-from cocap_opt.problem.problem import Problem
+from cocap_opt.problem import Problem
 from cocap_opt.vision.views import eyes_at
 
 # Measured by `cocap-opt study gamma`: on corridor and bottleneck 0.95 gets 94 % of the J that CoCap

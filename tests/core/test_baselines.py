@@ -20,19 +20,11 @@ from strategies import WALL, Calls, examples, meetings, problems, standing, tiny
 from cocap_opt.graph.motion import time_expanded_graph
 from cocap_opt.model import Model, compiled
 from cocap_opt.planners import PLANNERS, Planner
-from cocap_opt.planners.circles import (
-    Circle,
-    Places,
-    best_turns,
-    distance_in_view,
-    places_of,
-    share_out,
-)
+from cocap_opt.planners.circles import Circle, Places, _distance_in_view
 from cocap_opt.planners.formation import STANDOFF, formation
 from cocap_opt.planners.myopic import myopic
 from cocap_opt.planners.one_step import one_step
-from cocap_opt.problem.plan import Plan
-from cocap_opt.problem.problem import Actor, Camera, Cone, Motion, Problem, Robot, State
+from cocap_opt.problem import Actor, Camera, Cone, Motion, Plan, Problem, Robot, State
 from cocap_opt.referee import check
 from cocap_opt.result import Reason
 from cocap_opt.stop import Limit, never
@@ -287,8 +279,8 @@ def test_a_circle_is_wider_by_its_outermost_actor() -> None:
     """One robot for three people flies around their middle, clear of all of them."""
     people = [standing(x, 12.0, 0.0, 0.3, steps=3) for x in (10.0, 12.0, 14.0)]
     problem = field(State(12, 4), actors=tuple(people), horizon=3)
-    (circle,) = share_out(problem)
-    places = places_of(problem, circle, STANDOFF, 5.0, 8)
+    (circle,) = Circle.share_out(problem)
+    places = circle.places(problem, STANDOFF, 5.0, 8)
     far = np.linalg.norm(places.at[0] - [12.0, 12.0], axis=-1)
     assert far == pytest.approx(np.full((4, 8), 2.0 + STANDOFF))
 
@@ -297,7 +289,7 @@ def test_a_circle_is_wider_by_its_outermost_actor() -> None:
 @given(problems(goals=False))
 def test_robots_and_people_are_shared_out_evenly(problem: Problem) -> None:
     """Everybody is on one circle, and no circle has two more than another."""
-    found = share_out(problem)
+    found = Circle.share_out(problem)
     assert len(found) == min(len(problem.robots), len(problem.actors))
     if found:
         robots, actors = ([*map(sorted, parts)] for parts in zip(*found, strict=True))
@@ -311,7 +303,7 @@ def test_robots_go_to_the_circles_that_they_start_at() -> None:
     """Who films whom is not a matter of numbers: nobody crosses the field."""
     people = standing(5.0, 12.0, 0.0, 0.0, steps=12), standing(19.0, 12.0, 0.0, 0.0, steps=12)
     problem = field(State(20, 3), State(3, 20), State(20, 20), State(3, 3), actors=people)
-    assert [sorted(circle.robots) for circle in share_out(problem)] == [[1, 3], [0, 2]]
+    assert [sorted(circle.robots) for circle in Circle.share_out(problem)] == [[1, 3], [0, 2]]
 
 
 @examples(100)
@@ -324,11 +316,11 @@ def test_the_distance_is_the_nearest_at_which_the_image_holds_it(
     robot = tiny().robots[0].replace(camera=camera)
     half = math.atan(height / 2 / 200.0)
     assume(tilt + half > 0.05)
-    found = distance_in_view(robot, above, wanted)
+    found = _distance_in_view(robot, above, wanted)
     off = abs(math.atan2(above, found) - tilt) - half
     assert off <= 1e-9
     assert found == wanted or off >= -1e-9
-    assert distance_in_view(robot.replace(camera=Cone()), above, wanted) == wanted
+    assert _distance_in_view(robot.replace(camera=Cone()), above, wanted) == wanted
 
 
 @examples(12)
@@ -341,7 +333,7 @@ def test_one_robot_is_as_near_to_its_place_as_can_be(problem: Problem) -> None:
     assert (plan is None) == (not paths)
     if plan is None:
         return
-    places = places_of(problem, share_out(problem)[0], STANDOFF, 5.0, 1)
+    places = Circle.share_out(problem)[0].places(problem, STANDOFF, 5.0, 1)
     target = np.column_stack([places.at[0, :, 0], np.full(problem.horizon + 1, places.flight[0])])
 
     def far(path: tuple[State, ...]) -> float:
@@ -374,7 +366,7 @@ def test_circles_turn_as_well_as_robots_can_follow(seed: int, horizon: int, robo
         return True
 
     ways = [way for way in product(range(turns), repeat=horizon + 1) if is_flown(way)]
-    found = tuple(best_turns(problem, circle, places, rewards).tolist())
+    found = tuple(circle.best_turns(problem, places, rewards).tolist())
     assert found in ways
 
     def total(way: tuple[int, ...]) -> float:

@@ -34,21 +34,24 @@ from cocap_opt.planners.low_level import (
     value_iteration,
 )
 from cocap_opt.planners.sequential import sequential
-from cocap_opt.planners.team import hover
+from cocap_opt.planners.team import Team
 from cocap_opt.planners.view_search import Compounded, Undiscounted, ViewSearch
-from cocap_opt.problem.plan import Conflict, Plan, SwapConflict, conflicts
-from cocap_opt.problem.problem import (
+from cocap_opt.problem import (
     NO_RULES,
     PAPER_RULES,
     Actor,
     Camera,
     CollisionRules,
     Cone,
+    Conflict,
     Motion,
     Objective,
+    Plan,
     Problem,
     Robot,
     State,
+    SwapConflict,
+    conflicts,
 )
 from cocap_opt.referee import broken_motions, check
 from cocap_opt.result import Reason, Result, UnsupportedError, relative_gap
@@ -833,7 +836,7 @@ def test_rounds_keep_gains_only() -> None:
         calls[0] += 1
         if calls[0] <= len(problem.robots):
             return value_iteration(task)
-        return hover(task.model, task.robot)
+        return Team(task.model).hovering().found[task.robot]
 
     once, often = greedy(problem), greedy(problem, never, worse_and_worse, rounds=3)
     assert calls[0] > len(problem.robots)
