@@ -1,18 +1,11 @@
-"""The parts of branch and price one by one."""
+"""The parts of column generation and branch-and-price one by one."""
 
 import numpy as np
 import pytest
 from brute_force import optimum
-from cocap_opt.formulations.column_generation.primal import (
-    best_response,
-    improved,
-    in_conflict,
-    incumbent_of,
-)
-from cocap_opt.formulations.column_generation.root_bound import column_generation
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from strategies import examples, meetings, problems, tiny
+from strategies import Calls, examples, meetings, problems, tiny
 
 from cocap_opt.formulations.certificates import (
     Cells,
@@ -23,26 +16,23 @@ from cocap_opt.formulations.certificates import (
     Visit,
     charges_of,
     price,
+    verify,
 )
-from cocap_opt.formulations.column_generation.branching import amounts_of, fractional, whole_paths
+from cocap_opt.formulations.column_generation.arcs import states_on_paths, users_of
+from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
+from cocap_opt.formulations.column_generation.branching import ResourceUse, integral_paths
+from cocap_opt.formulations.column_generation.column_generation import column_generation
+from cocap_opt.formulations.column_generation.columns import Arc, Column, Mixture
+from cocap_opt.formulations.column_generation.conic_program import Cone, ConicProgram
 from cocap_opt.formulations.column_generation.diving import dive
-from cocap_opt.formulations.column_generation.master import (
-    Arc,
-    Master,
-    _users,
-    arcs_of,
-    make_column,
-)
+from cocap_opt.formulations.column_generation.incumbent import Incumbent
+from cocap_opt.formulations.column_generation.local_search import LocalSearch
+from cocap_opt.formulations.column_generation.master import Master
 from cocap_opt.formulations.column_generation.pairs import best_pair
 from cocap_opt.formulations.column_generation.pricing import Pricer
-from cocap_opt.formulations.column_generation.relaxation import seen_in
-from cocap_opt.formulations.column_generation.root import (
-    aggregated_root,
-    root_relaxation,
-    solved_root,
-)
+from cocap_opt.formulations.column_generation.root import Root
 from cocap_opt.formulations.column_generation.search import Search
-from cocap_opt.formulations.result import OPTIMALITY
+from cocap_opt.formulations.result import OPTIMALITY, BoundMethod
 from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.model import Model, compiled
 from cocap_opt.objective import objective_of
@@ -51,7 +41,7 @@ from cocap_opt.problem.problem import NO_RULES, CollisionRules, Problem
 from cocap_opt.referee import check
 from cocap_opt.result import Reason
 from cocap_opt.scenarios import load_scene
-from cocap_opt.stop import FirstOf, Limit, WorkLimit, never
+from cocap_opt.stop import FirstOf, Limit, LimitReached, WorkLimit, never
 
 
 def all_arcs(model: Model) -> list[Arc]:
@@ -98,12 +88,12 @@ def test_the_best_pair_over_all_arcs_is_the_joint_optimum(problem: Problem) -> N
     problem=st.one_of(problems(robots=st.sampled_from([2, 3])), meetings()), seed=st.integers(0, 99)
 )
 def test_columns_in_conflict_are_those_that_make_a_conflict(problem: Problem, seed: int) -> None:
-    """`in_conflict` says of two paths what `conflicts` says of the plan."""
+    """Two columns conflict if and only if a plan of both has a conflict."""
     model, rng = compiled(problem), np.random.default_rng(seed)
     robots = range(len(problem.robots))
-    columns = [make_column(model, i, random_path(model, i, rng)) for i in robots]
+    columns = [Column.of(model, i, random_path(model, i, rng)) for i in robots]
     found = next(conflicts(problem, model.plan([c.path for c in columns])), None) is not None
-    pairs = [in_conflict(model, a, b) for a in columns for b in columns if a.robot < b.robot]
+    pairs = [a.conflicts_with(b, problem) for a in columns for b in columns if a.robot < b.robot]
     assert any(pairs) == found
 
 
@@ -141,7 +131,7 @@ def test_pricing_and_certificate_agree(problem: Problem) -> None:
     model = compiled(problem)
     search = Search(model)
     assume(search.alone().bound > -np.inf)
-    root = root_relaxation(search)
+    root = Root.of(search, OPTIMALITY).relaxation
     for column in root.best.columns:
         root.master.add(column)
     solution = root.master.solve()
@@ -161,19 +151,19 @@ def test_the_master_recombines_paths_that_meet() -> None:
     columns = search.first_columns()
     for column in columns:
         master.add(column)
-    arcs = {arc for column in columns for arc in arcs_of(column.flight)}
+    arcs = {arc for column in columns for arc in column.arcs}
     assert set(master.arcs) == arcs
     assert not master.add(columns[0])
     solution = master.solve()
-    assert {arc for c in solution.columns for arc in arcs_of(c.flight)} <= arcs
-    totals = np.bincount([c.robot for c in solution.columns], solution.mixture)
+    assert {arc for c in solution.mixture.columns for arc in c.arcs} <= arcs
+    totals = np.bincount([c.robot for c in solution.mixture.columns], solution.mixture.amounts)
     assert totals == pytest.approx(np.ones(len(problem.robots)), abs=1e-5)
 
 
 def test_idle_arcs_are_dropped_and_the_rest_still_leads_to_the_end() -> None:
     """Without what was not used for long, the master's value is the same."""
     problem = load_scene("bottleneck", 1)
-    root = root_relaxation(Search(compiled(problem)))
+    root = Root.of(Search(compiled(problem)), OPTIMALITY).relaxation
     for _ in range(4):
         solution = root.master.solve()
         for column in root.search.pricer(solution.duals).columns:
@@ -202,19 +192,19 @@ def test_a_decision_is_kept_by_the_master_and_by_pricing() -> None:
     assert any(resource.used_by(model, other.flight) for other in wanted)
 
 
-def test_whole_mixtures_become_paths_with_the_same_reward() -> None:
+def test_integral_mixtures_become_paths_with_the_same_reward() -> None:
     """Paths that cross may swap their tails, which changes nothing of J."""
     problem = load_scene("corridor", 0)
     model = compiled(problem)
     columns = Search(model).first_columns()[:2]
-    paths = whole_paths(model, columns, np.ones(2))
+    paths = integral_paths(model, Mixture(columns, np.ones(2)))
     assert paths is not None
     assert objective_of(model, paths) == pytest.approx(
         objective_of(model, [c.path for c in columns])
     )
-    half = [*columns, *columns]
-    assert whole_paths(model, half, np.full(4, 0.5)) == paths
-    assert not fractional(amounts_of(model, half, np.full(4, 0.5)))
+    half = Mixture([*columns, *columns], np.full(4, 0.5))
+    assert integral_paths(model, half) == paths
+    assert not ResourceUse.of(model, half).fractional()
 
 
 @examples(25)
@@ -236,34 +226,38 @@ def test_masters_and_paths_agree_on_what_uses_a_resource(problem: Problem, seed:
         ]
         if moved[0] != moved[1]:
             resources += [Move(t, moved, number), Swap(t, moved), Swap(t, moved[::-1])]
-        rows = _users(model, resources, arcs_of(flight))
+        rows = users_of(model, resources, Column.of(model, robot, flight.path).arcs)
         assert [len(row) for row in rows] == [r.used_by(model, flight) for r in resources]
 
 
-@pytest.mark.parametrize(("name", "horizon", "is_apart"), [
+@pytest.mark.parametrize(("name", "horizon", "is_disaggregated"), [
     ("bottleneck-tight", 3, True), ("corridor", 8, False),
 ])  # fmt: skip
-def test_robots_are_taken_apart_where_that_pays(name: str, horizon: int, is_apart: bool) -> None:
-    """Whichever it is, the bound is no higher than that of robots by class."""
+def test_robots_are_disaggregated_where_that_pays(
+    name: str, horizon: int, is_disaggregated: bool
+) -> None:
+    """With it or without, the bound is no higher than that of robots by class."""
     problem = load_scene(name, 0).replace(horizon=horizon)
-    by_class = aggregated_root(Search(compiled(problem)), OPTIMALITY)
-    root = solved_root(Search(compiled(problem)), OPTIMALITY)
-    assert root.search.model.is_apart == is_apart
-    assert root.best.bound <= by_class.best.bound * (1 + 1e-6)
-    assert root.search.value >= by_class.search.value
+    aggregated, root = (Root.of(Search(compiled(problem)), OPTIMALITY) for _ in range(2))
+    aggregated.solve_aggregated()
+    root.solve()
+    assert root.search.model.is_disaggregated == is_disaggregated
+    bounds = root.relaxation.best.bound, aggregated.relaxation.best.bound
+    assert bounds[0] <= bounds[1] * (1 + 1e-6)
+    assert root.search.value >= aggregated.search.value
 
 
 def test_fractions_are_found_kind_by_kind() -> None:
-    """Cells of all robots first; where they are whole, states."""
+    """Cells of all robots come first, states where all cells are used integrally."""
     problem = load_scene("bottleneck", 0)
     search = Search(compiled(problem))
-    root = root_relaxation(search)
+    root = Root.of(search, OPTIMALITY).relaxation
     root.solve(lambda: 0.0)
     assert root.solution is not None
-    found = fractional(amounts_of(search.model, root.solution.columns, root.solution.mixture))
+    found = ResourceUse.of(search.model, root.solution.mixture).fractional()
     assert found
-    assert all(isinstance(resource, Cells) for resource, _ in found)
-    assert all(1e-4 < amount % 1 < 1 - 1e-4 for _, amount in found)
+    assert all(isinstance(resource, Cells) for resource in found)
+    assert all(1e-4 < amount % 1 < 1 - 1e-4 for amount in found.values())
 
 
 @pytest.mark.parametrize("name", ["corridor-tight", "bottleneck", "passage"])
@@ -271,13 +265,13 @@ def test_plans_from_mixtures_obey_the_rules(name: str) -> None:
     """Rounding, best pairs and diving give plans that the referee accepts."""
     problem = load_scene(name, 1)
     search = Search(compiled(problem))
-    root = root_relaxation(search)
+    root = Root.of(search, OPTIMALITY).relaxation
     for _ in range(3):
         solution = root.master.solve()
         for column in search.pricer(solution.duals).columns:
             root.master.add(column)
     found = [
-        improved(search.model, solution.columns, solution.mixture, root.master.arcs),
+        search.local_search.from_mixture(solution.mixture, root.master.arcs),
         dive(search, root.master, solution),
     ]
     for plan in found:
@@ -291,15 +285,15 @@ def test_a_best_response_avoids_the_others() -> None:
     """It conflicts with none of them, and no other path of the robot is better."""
     problem = tiny()
     model = compiled(problem)
-    other = make_column(model, 1, (model.start(1),) * 3)
-    answer = best_response(model, 0, [other])
+    other = Column.of(model, 1, (model.start(1),) * 3)
+    answer = LocalSearch(model).best_response(0, [other])
     assert answer is not None
-    assert not in_conflict(model, answer, other)
+    assert not answer.conflicts_with(other, problem)
     rng = np.random.default_rng(0)
     value = objective_of(model, [answer.path, other.path])
     for _ in range(50):
-        column = make_column(model, 0, random_path(model, 0, rng))
-        if incumbent_of(model, [column, other]) is not None:
+        column = Column.of(model, 0, random_path(model, 0, rng))
+        if Incumbent.of(model, [column, other]) is not None:
             assert objective_of(model, [column.path, other.path]) <= value + 1e-9
 
 
@@ -308,7 +302,9 @@ def test_a_mixture_is_split_by_view_sum() -> None:
     problem = load_scene("corridor", 0)
     columns = Search(compiled(problem)).first_columns()[:2]
     mixture = np.array([0.25, 0.75])
-    parts = {view_sum: (seen.roots, seen.amounts) for view_sum, seen in seen_in(columns, mixture)}
+    parts = {
+        view_sum: (seen.roots, seen.amounts) for view_sum, seen in Mixture(columns, mixture).seen()
+    }
     assert set(parts) == {int(g) for c in columns for g in c.view_sums}
     for robot_class, (roots, amounts) in parts.items():
         total = sum(
@@ -316,7 +312,7 @@ def test_a_mixture_is_split_by_view_sum() -> None:
             for c, weight in zip(columns, mixture.tolist(), strict=True)
         )
         assert float(roots @ amounts) == pytest.approx(total)
-    assert seen_in(columns, np.zeros(2)) == []
+    assert Mixture(columns, np.zeros(2)).seen() == []
 
 
 @pytest.mark.parametrize("units", [0, 1, 5])
@@ -329,3 +325,60 @@ def test_a_work_limit_makes_the_same_search_every_time(units: int) -> None:
     assert (one.plan, one.bound, one.statistics) == (other.plan, other.bound, other.statistics)
     composed = column_generation(problem, FirstOf(never, WorkLimit(units)))
     assert (composed.plan, composed.bound) == (one.plan, one.bound)
+
+
+@pytest.mark.parametrize("asked", [1, 3, 20, 60])
+@pytest.mark.parametrize("method", [column_generation, branch_and_price])
+def test_searches_that_are_stopped_keep_what_they_have(method: BoundMethod, asked: int) -> None:
+    """Wherever the limit is reached, plan and bound are there, and are what they claim to be."""
+    problem = load_scene("bottleneck", 0).replace(horizon=6)
+    compiled(problem).prepare_all(never)
+    result = method(problem, Calls(asked))
+    assert (result.reason, result.limit) == (Reason.STOPPED, Limit.TIME)
+    assert result.plan is not None
+    verdict = check(problem, result.plan)
+    assert verdict.valid and verdict.reward == pytest.approx(result.value)
+    assert result.value <= verify(problem, result.certificate).bound <= result.bound
+
+
+def test_a_stopped_relaxation_raises_and_keeps_its_best_bound() -> None:
+    """`solve` raises; the multipliers priced before are those of the best bound."""
+    search = Search(compiled(load_scene("corridor", 0)), WorkLimit(3))
+    relaxation = Root.of(search, OPTIMALITY).relaxation
+    before = relaxation.best.bound
+    with pytest.raises(LimitReached) as stopped:
+        relaxation.solve(lambda: 0.0)
+    assert stopped.value.limit is Limit.WORK
+    assert relaxation.iterations == 3 and relaxation.best.bound < before
+    assert Pricer(search.model)(relaxation.best.duals).bound == relaxation.best.bound
+
+
+def test_local_search_that_is_stopped_returns_its_best_plan() -> None:
+    """No time at all: the columns as they are; rounding without enough columns has no plan."""
+    model = compiled(load_scene("corridor", 0))
+    columns = Search(model).first_columns()[: len(model.problem.robots)]
+    stopped = LocalSearch(model, Calls(0))
+    plan = stopped.with_best_responses(columns)
+    assert plan is not None and plan.columns == tuple(columns)
+    assert stopped.from_mixture(Mixture(columns[:1], np.ones(1)), []) is None
+
+
+def test_multipliers_are_read_by_the_names_of_rows() -> None:
+    """max x + 2 y, x <= 3, y <= 4, written in any order: the prices are 1 and 2."""
+    program = ConicProgram({"x": 1, "y": 1})
+    program.add_rows("y is small", Cone.NONNEGATIVE, np.array([4.0]))
+    program.put_diagonal("y is small", "y", 1.0)
+    program.add_rows("x is small", Cone.NONNEGATIVE, np.array([3.0]))
+    program.put_diagonal("x is small", "x", 1.0)
+    solution = program.solve({"y": np.array([-2.0]), "x": np.array([-1.0])}, never, 1e-9)
+    assert solution.is_solved
+    assert solution.values("x") == pytest.approx(3.0)
+    assert solution.values("y") == pytest.approx(4.0)
+    assert solution.multipliers("x is small") == pytest.approx(1.0)
+    assert solution.multipliers("y is small") == pytest.approx(2.0)
+
+
+def test_states_on_paths_lead_from_a_start_to_the_end() -> None:
+    """Arcs that no start reaches, and arcs that lead nowhere, have states on no path."""
+    arcs = [Arc(0, 0, 1, 2), Arc(0, 1, 2, 3), Arc(0, 0, 1, 7), Arc(0, 1, 8, 3), Arc(1, 1, 2, 9)]
+    assert states_on_paths(arcs, [(0, 1)], 2) == [{(0, 1)}, {(0, 2)}, {(0, 3)}]
