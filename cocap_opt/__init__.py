@@ -14,7 +14,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from cocap_opt.referee import Verdict
     from cocap_opt.data import ProblemError
     from cocap_opt.experiments.api import (
         Verified,
@@ -34,8 +33,7 @@ if TYPE_CHECKING:
     from cocap_opt.formulations.certificates.format import CertificateError
     from cocap_opt.formulations.result import CertifiedResult
     from cocap_opt.planners import PLANNERS
-    from cocap_opt.problem.plan import Plan
-    from cocap_opt.problem.problem import (
+    from cocap_opt.problem import (
         NO_RULES,
         PAPER_RULES,
         Actor,
@@ -45,12 +43,14 @@ if TYPE_CHECKING:
         Cuboid,
         Motion,
         Objective,
+        Plan,
         Prism,
         Problem,
         Robot,
         State,
         TriangulatedCuboid,
     )
+    from cocap_opt.referee import Verdict
     from cocap_opt.result import Reason, Result, UnsupportedError
     from cocap_opt.scenarios import FORMATS, SCENES
     from cocap_opt.stop import FirstOf, Limit, Stop, TimeLimit, WorkLimit
@@ -69,10 +69,9 @@ _MODULES = {
     "cocap_opt.formulations.certificates.format": ("CertificateError",),
     "cocap_opt.formulations.result": ("CertifiedResult",),
     "cocap_opt.planners": ("PLANNERS",),
-    "cocap_opt.problem.plan": ("Plan",),
-    "cocap_opt.problem.problem": (
+    "cocap_opt.problem": (
         "NO_RULES", "PAPER_RULES", "Actor", "Camera", "CollisionRules", "Cone", "Cuboid",
-        "Motion", "Objective", "Prism", "Problem", "Robot", "State", "TriangulatedCuboid",
+        "Motion", "Objective", "Plan", "Prism", "Problem", "Robot", "State", "TriangulatedCuboid",
     ),
     "cocap_opt.result": ("Reason", "Result", "UnsupportedError"),
     "cocap_opt.scenarios": ("FORMATS", "SCENES"),

@@ -12,8 +12,7 @@ import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray
 from cocap_opt.graph.timegraph import TimeGraph, time_graph
-from cocap_opt.problem.plan import Plan
-from cocap_opt.problem.problem import AnyCamera, Cell, Motion, Problem, Robot
+from cocap_opt.problem import AnyCamera, Cell, Motion, Plan, Problem, Robot
 from cocap_opt.stop import Stop, never
 from cocap_opt.vision.cache import cached_table, content_key
 from cocap_opt.vision.coverage import CoverageTable, coverage_table

@@ -16,7 +16,7 @@ import numpy as np
 from cocap_opt.data import FloatArray
 from cocap_opt.graph.move_rewards import bonuses_of
 from cocap_opt.model import Model, Path, RobotClass
-from cocap_opt.problem.problem import Problem
+from cocap_opt.problem import Problem
 from cocap_opt.vision.coverage import CoverageTable
 
 

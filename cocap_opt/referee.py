@@ -11,8 +11,7 @@ from fractions import Fraction
 import numpy as np
 
 from cocap_opt.graph.timegraph import time_graph
-from cocap_opt.problem.plan import Plan
-from cocap_opt.problem.problem import Problem, Robot, State
+from cocap_opt.problem import Plan, Problem, Robot, State
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.views import make_views
 

@@ -18,8 +18,7 @@ from cocap_opt.formulations.certificates.checking import verify as verify_bound
 from cocap_opt.formulations.certificates.format import CertificateFile, ProofFile
 from cocap_opt.formulations.result import OPTIMALITY, BoundMethod, CertifiedResult, ExactMethod
 from cocap_opt.planners import PLANNERS, Planner
-from cocap_opt.problem.plan import Plan
-from cocap_opt.problem.problem import Problem
+from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import Verdict
 from cocap_opt.referee import check as judge_plan
 from cocap_opt.result import Result, relative_gap

@@ -11,8 +11,7 @@ from cocap_opt.formulations.result import (
     Report,
     silent,
 )
-from cocap_opt.problem.plan import Plan
-from cocap_opt.problem.problem import Problem
+from cocap_opt.problem import Plan, Problem
 from cocap_opt.stop import Stop, never
 
 __all__ = ["BOUNDS", "EXACT", "BoundMethod", "CertifiedResult", "ExactMethod", "LazyMethod"]

@@ -18,8 +18,7 @@ from cocap_opt.formulations.result import (
 )
 from cocap_opt.model import Model, Path, compiled
 from cocap_opt.objective import move_reward, robot_pixels, view_reward
-from cocap_opt.problem.plan import Plan, conflicts
-from cocap_opt.problem.problem import Problem
+from cocap_opt.problem import Plan, Problem, conflicts
 from cocap_opt.result import Reason, UnsupportedError, timed
 from cocap_opt.stop import LimitReached, Stop, never
 

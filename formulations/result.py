@@ -6,8 +6,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol
 
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile
-from cocap_opt.problem.plan import Plan
-from cocap_opt.problem.problem import Problem
+from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.result import Reason, Result, relative_gap
 from cocap_opt.stop import Limit, Stop, never

@@ -19,8 +19,7 @@ from cocap_opt.formulations.result import (
 )
 from cocap_opt.model import Model, compiled
 from cocap_opt.objective import no_pixels, robot_pixels
-from cocap_opt.problem.plan import Plan
-from cocap_opt.problem.problem import Problem
+from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import timed
 from cocap_opt.stop import LimitReached, Stop, never
 

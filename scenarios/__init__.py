@@ -12,8 +12,7 @@ from typing import Any, NamedTuple
 
 from cocap_opt.data import ProblemError
 from cocap_opt.files.documents import FileError
-from cocap_opt.problem.plan import Plan
-from cocap_opt.problem.problem import Problem, State
+from cocap_opt.problem import Plan, Problem, State
 from cocap_opt.scenarios.built_in import bottleneck, bridge, corridor, field, passage, tiny
 from cocap_opt.scenarios.formats import conventions, hughes
 from cocap_opt.scenarios.formats.options import NOTHING, Options

@@ -7,7 +7,7 @@ left out, and the principal point is put in the middle of the image.
 import math
 
 from cocap_opt.data import ProblemError
-from cocap_opt.problem.problem import Camera, Problem
+from cocap_opt.problem import Camera, Problem
 
 CAMERAS: dict[str, Camera] = {
     # PX4-gazebo-models, mono_cam/model.sdf (BSD-3): horizontal angle of view 1.74 rad

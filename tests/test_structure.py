@@ -1,14 +1,10 @@
 """Imports go one way, as the design says. Read from the source; holds for files added later."""
 
-import ast
-import os
-from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 
-ROOT = Path(__file__).parents[1] / "cocap_opt"
-CORE = "cocap_opt"
-LINKED = ("formulations", "scenarios", "experiments")  # folders beside the core, linked into it
+from sources import CORE, imports, package_of, reached, room_of, sources
+
 # What each package may import of the project besides itself.
 ALLOWED = {
     "core": set[str](),
@@ -20,8 +16,8 @@ ALLOWED = {
 # module is in one of them (a folder stands for all that it holds).
 ORDER = {
     "core": (
-        "data", "stop", "drawing", "world", "problem", "result", "files", "graph", "vision", "referee",
-        "model", "objective", "coordination", "planners",
+        "data", "stop", "drawing", "world", "problem", "result", "files", "graph", "vision",
+        "referee", "model", "objective", "coordination", "planners",
     ),
     "formulations": (
         "certificates", "result", "simple_bounds", "brute_force", "relaxations",
@@ -38,73 +34,6 @@ PROGRAMS = {
 SOLVERS = {"cvxpy", "clarabel", "highspy", "ortools", "pyscipopt"}
 
 
-@cache
-def sources() -> dict[str, Path]:
-    """All modules of the project by their full name, and their files."""
-    found = {}
-    for folder, _, files in os.walk(ROOT, followlinks=True):
-        for file in files:
-            if file.endswith(".py"):
-                path = Path(folder) / file
-                parts = (CORE, *path.relative_to(ROOT).with_suffix("").parts)
-                found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
-    return found
-
-
-def package_of(module: str) -> str:
-    """The package that a module belongs to: the core or one of the linked folders."""
-    parts = module.split(".")
-    return parts[1] if len(parts) > 1 and parts[1] in LINKED else "core"
-
-
-def prefix(package: str) -> str:
-    """Full name of a package."""
-    return CORE if package == "core" else f"{CORE}.{package}"
-
-
-def room_of(module: str) -> str:
-    """The room of its package that a module is in; empty for the package's own front."""
-    inner = module.removeprefix(prefix(package_of(module))).removeprefix(".")
-    return inner.split(".")[0]
-
-
-@cache
-def imports(module: str) -> frozenset[str]:
-    """Everything a module imports, anywhere in it, by its full name."""
-    path = sources()[module]
-    found: set[str] = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
-            assert not node.level, f"{module}: imports are written in full"
-            base = node.module or ""
-            inner = {f"{base}.{alias.name}" for alias in node.names} & set(sources())
-            found |= inner
-            if len(inner) < len(node.names):
-                found.add(base)
-    return frozenset(found)
-
-
-@cache
-def reached(module: str) -> frozenset[str]:
-    """All modules of the project that a module imports, directly or through others.
-
-    A package is imported with each of its modules, so its `__init__` counts too.
-    """
-    seen: set[str] = set()
-    todo = [module]
-    while todo:
-        for name in imports(todo.pop()):
-            parts = name.split(".")
-            for end in range(2, len(parts) + 1):
-                part = ".".join(parts[:end])
-                if part in sources() and part not in seen:
-                    seen.add(part)
-                    todo.append(part)
-    return frozenset(seen)
-
-
 def within(names: frozenset[str], package: str) -> set[str]:
     """Those of the names that are the package or in it."""
     return {name for name in names if name == package or name.startswith(f"{package}.")}
@@ -118,7 +47,7 @@ def of_package(package: str) -> list[str]:
 def test_the_sources_are_found() -> None:
     """These tests look at the real files: every package is there, and imports are seen."""
     assert {package_of(name) for name in sources()} == set(ALLOWED)
-    assert "cocap_opt.problem.problem" in imports("cocap_opt.graph.motion")
+    assert "cocap_opt.problem" in imports("cocap_opt.graph.motion")
     assert "networkx" in imports("cocap_opt.graph.motion")
     assert "cocap_opt.problem.problem" in reached("cocap_opt.planners.greedy")
 
@@ -186,7 +115,8 @@ def test_the_referee_is_independent() -> None:
 
 def test_judges_compute_rewards_for_moves_themselves() -> None:
     """Referee and certificates do not take them from what planners and pricing use."""
-    judges = ["cocap_opt.referee", *within(frozenset(sources()), f"{CORE}.formulations.certificates")]
+    certificates = within(frozenset(sources()), f"{CORE}.formulations.certificates")
+    judges = ["cocap_opt.referee", *certificates]
     assert [m for m in judges if "cocap_opt.graph.move_rewards" in imports(m)] == []
 
 

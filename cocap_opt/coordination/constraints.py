@@ -6,8 +6,7 @@ from itertools import pairwise, product
 
 from cocap_opt.graph.timegraph import Charges
 from cocap_opt.model import Model, RobotClass
-from cocap_opt.problem.plan import Conflict, SwapConflict
-from cocap_opt.problem.problem import Cell, Problem, State
+from cocap_opt.problem import Cell, Conflict, Problem, State, SwapConflict
 
 _CLOSED_CHARGE = math.inf
 

@@ -9,8 +9,7 @@ import numpy as np
 
 from cocap_opt.data import ProblemError
 from cocap_opt.files.atomic_write import write_atomically
-from cocap_opt.problem.plan import Plan
-from cocap_opt.problem.problem import Problem
+from cocap_opt.problem import Plan, Problem
 
 
 class FileError(ValueError):

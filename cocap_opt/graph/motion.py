@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cocap_opt.data import BoolArray
-from cocap_opt.problem.problem import AnyCamera, Motion, Problem, State
+from cocap_opt.problem import AnyCamera, Motion, Problem, State
 from cocap_opt.world.columns import Columns
 from cocap_opt.world.workspace import Workspace
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray
-from cocap_opt.problem.problem import Objective
+from cocap_opt.problem import Objective
 
 Shape = tuple[int, ...]  # (headings, pitches, layers, X, Y) of a numbering of states
 

@@ -18,7 +18,7 @@ import numpy as np
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.graph.motion import Move, Place, moves, place_graph, turned
 from cocap_opt.graph.move_rewards import NO_BONUSES, Bonuses
-from cocap_opt.problem.problem import Motion, State
+from cocap_opt.problem import Motion, State
 from cocap_opt.world.workspace import Workspace
 
 CLOSED = -np.inf  # value of what must not or cannot be entered

@@ -1,1 +1,39 @@
-"""The planning problem as immutable data, and plans with their conflicts."""
+"""The planning problem: scene data that is checked once where it is made, and plans for it.
+
+The names below are the vocabulary of all other modules: `from cocap_opt.problem import Problem`.
+"""
+
+from cocap_opt.problem.actor import Actor
+from cocap_opt.problem.camera import AnyCamera, Camera, Cone
+from cocap_opt.problem.motion import Cell, Motion, State
+from cocap_opt.problem.objective import Objective
+from cocap_opt.problem.plan import Conflict, Plan, SwapConflict, VertexConflict, conflicts
+from cocap_opt.problem.problem import Problem
+from cocap_opt.problem.robot import Robot
+from cocap_opt.problem.rules import NO_RULES, PAPER_RULES, CollisionRules
+from cocap_opt.problem.shapes import Cuboid, Prism, Shape, TriangulatedCuboid
+
+__all__ = [
+    "NO_RULES",
+    "PAPER_RULES",
+    "Actor",
+    "AnyCamera",
+    "Camera",
+    "Cell",
+    "CollisionRules",
+    "Cone",
+    "Conflict",
+    "Cuboid",
+    "Motion",
+    "Objective",
+    "Plan",
+    "Prism",
+    "Problem",
+    "Robot",
+    "Shape",
+    "State",
+    "SwapConflict",
+    "TriangulatedCuboid",
+    "VertexConflict",
+    "conflicts",
+]

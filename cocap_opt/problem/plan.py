@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 import msgspec
 
-from cocap_opt.problem.problem import Cell, Problem, State
+from cocap_opt.problem.motion import Cell, State
+from cocap_opt.problem.problem import Problem
 
 
 class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -20,7 +21,7 @@ class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
 
 
 class VertexConflict(NamedTuple):
-    """Two robots in one cell, or nearer than the separation, at step t."""
+    """Two robots are in one cell, or nearer than the separation, at step t."""
 
     t: int
     robots: tuple[int, int]
@@ -28,7 +29,7 @@ class VertexConflict(NamedTuple):
 
 
 class SwapConflict(NamedTuple):
-    """Two robots exchange cells between t and t+1; `cells` are those they leave."""
+    """Two robots exchange cells between t and t+1; `cells` are the ones that they leave."""
 
     t: int
     robots: tuple[int, int]
@@ -39,7 +40,7 @@ Conflict = VertexConflict | SwapConflict
 
 
 def conflicts(problem: Problem, plan: Plan) -> Iterator[Conflict]:
-    """All conflicts under the problem's rules, earliest step first, then by robots."""
+    """Give all conflicts under the problem's rules, earliest step first, then by robots."""
     if problem.rules.none:
         return
     cells = [

@@ -9,7 +9,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cocap_opt.problem.problem import Actor, Problem, Robot
+from cocap_opt.problem.actor import Actor
+from cocap_opt.problem.problem import Problem
+from cocap_opt.problem.robot import Robot
 from cocap_opt.world.columns import mesh_spans
 from cocap_opt.world.workspace import Mesh, Workspace
 

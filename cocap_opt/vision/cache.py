@@ -1,7 +1,7 @@
 """Coverage tables on disk, found by content.
 
-A file's name is the digest of all that the table depends on, the code included; its first
-bytes are the digest of the rest, so a damaged file is noticed and made again.
+A file's name is the digest of all that the table depends on, the code included. Its first
+bytes are the digest of the rest, so that a damaged file is noticed and made again.
 """
 
 import hashlib
@@ -10,34 +10,28 @@ import logging
 import os
 from collections.abc import Callable
 from contextlib import suppress
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
 import msgspec
 import numpy as np
 
-from cocap_opt import data
 from cocap_opt.files.atomic_write import write_atomically
-from cocap_opt.graph import motion, timegraph
-from cocap_opt.problem import problem
-from cocap_opt.vision import coverage, faces, projection, views, visibility
+from cocap_opt.files.code import code_digest
 from cocap_opt.vision.coverage import CoverageTable
-from cocap_opt.world import columns, polygons, workspace
 
 log = logging.getLogger(__name__)
 
 # All code that a coverage table depends on.
-_CODE = (
-    data, polygons, columns, workspace, problem, motion, timegraph, coverage, faces, projection,
-    views, visibility,
-)  # fmt: skip
+CODE = tuple(f"cocap_opt.{room}" for room in ("data", "world", "problem", "graph", "vision"))
 _DIGEST_BYTES = hashlib.sha256().digest_size
 
 
 def cache_folder() -> Path | None:
-    """Folder of the cache: COCAP_OPT_CACHE, or cocap-opt in the user's cache folder.
+    """Return the folder of the cache: COCAP_OPT_CACHE, or cocap-opt in the user's cache folder.
 
-    None where the user has no home and therefore no such folder.
+    None if the user has no home and therefore no such folder.
     """
     if folder := os.environ.get("COCAP_OPT_CACHE"):
         return Path(folder)
@@ -49,17 +43,15 @@ def cache_folder() -> Path | None:
         return None
 
 
-def code_digest() -> bytes:
-    """Digest of the code that computes coverage."""
-    digest = hashlib.sha256(version("embreex").encode())
-    for module in _CODE:
-        digest.update(Path(str(module.__file__)).read_bytes())
-    return digest.digest()
+@cache
+def _code() -> bytes:
+    """Digest of the code that computes coverage, and of the version of the ray caster."""
+    return (version("embreex") + code_digest(*CODE)).encode()
 
 
 def content_key(*parts: object) -> str:
-    """Digest of plain data, arrays and this package's data classes."""
-    digest = hashlib.sha256(code_digest())
+    """Return the digest of plain data, arrays and this package's data classes."""
+    digest = hashlib.sha256(_code())
     digest.update(msgspec.msgpack.encode(parts, enc_hook=_plain))
     return digest.hexdigest()
 

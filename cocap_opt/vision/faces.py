@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray
-from cocap_opt.problem.problem import Problem, Shape
+from cocap_opt.problem import Problem, Shape
 from cocap_opt.vision.projection import dot
 from cocap_opt.vision.visibility import (
     Occluders,

@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from cocap_opt.data import FloatArray
-from cocap_opt.problem.problem import Camera
+from cocap_opt.problem import Camera
 from cocap_opt.world.polygons import clip
 
 SMALLEST_DEPTH = 1e-9  # m

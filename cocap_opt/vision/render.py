@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray
-from cocap_opt.problem.problem import Camera, Problem, Robot, State
+from cocap_opt.problem import Camera, Problem, Robot, State
 from cocap_opt.result import UnsupportedError
 from cocap_opt.vision.faces import FaceGeometry, Faces
 from cocap_opt.vision.visibility import Occluders

@@ -10,7 +10,7 @@ import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.graph.timegraph import TimeGraph
-from cocap_opt.problem.problem import AnyCamera, Camera, Cone, Problem
+from cocap_opt.problem import AnyCamera, Camera, Cone, Problem
 from cocap_opt.vision.faces import FaceGeometry, Faces
 from cocap_opt.vision.projection import (
     camera_axes,

@@ -19,8 +19,7 @@ from cocap_opt.experiments.results.statistics import mean
 from cocap_opt.experiments.results.tables import grouped, percent
 from cocap_opt.experiments.results.trace import Trace
 from cocap_opt.formulations.result import OPTIMALITY, Snapshot
-from cocap_opt.problem.plan import Conflict, Plan, SwapConflict, conflicts
-from cocap_opt.problem.problem import Problem
+from cocap_opt.problem import Conflict, Plan, Problem, SwapConflict, conflicts
 
 _DPI = 130
 _BLUE, _AMBER, _RED, _GREY = "#30638e", "#edae49", "#d1495b", "#8d99ae"

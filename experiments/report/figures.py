@@ -19,8 +19,7 @@ from PIL import Image
 from cocap_opt import drawing
 from cocap_opt.data import BoolArray
 from cocap_opt.graph.motion import free_places
-from cocap_opt.problem.plan import Plan
-from cocap_opt.problem.problem import Problem, State
+from cocap_opt.problem import Plan, Problem, State
 from cocap_opt.referee import Verdict
 from cocap_opt.world.workspace import Workspace
 

@@ -16,8 +16,7 @@ from cocap_opt.experiments.report.pages import filled, part
 from cocap_opt.experiments.report.player_scene import SceneData
 from cocap_opt.experiments.results.files import save_bytes
 from cocap_opt.model import compiled
-from cocap_opt.problem.plan import Conflict, Plan, SwapConflict, conflicts
-from cocap_opt.problem.problem import Cone, Problem
+from cocap_opt.problem import Cone, Conflict, Plan, Problem, SwapConflict, conflicts
 from cocap_opt.referee import check
 
 _SCRIPTS = ("raster.js", "world.js", "bodies.js", "view.js", "chart.js", "player.js")

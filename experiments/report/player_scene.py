@@ -13,11 +13,11 @@ import numpy as np
 
 from cocap_opt.data import FloatArray
 from cocap_opt.experiments.report.figures import VIEW_LENGTH, blocked_cells, robot_colour
-from cocap_opt.problem.plan import Plan
-from cocap_opt.problem.problem import (
+from cocap_opt.problem import (
     Actor,
     Camera,
     Cuboid,
+    Plan,
     Problem,
     Robot,
     Shape,

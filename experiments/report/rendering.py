@@ -19,8 +19,7 @@ from cocap_opt.experiments.results.rendered import (
     rendered_reward,
 )
 from cocap_opt.model import compiled
-from cocap_opt.problem.plan import Plan
-from cocap_opt.problem.problem import Problem
+from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.vision.render import TERRAIN, Picture, Renderer, pinhole
 

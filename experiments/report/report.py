@@ -27,8 +27,7 @@ from cocap_opt.experiments.results.trace import Trace
 from cocap_opt.experiments.sweeps.cells import FAILED
 from cocap_opt.experiments.sweeps.run_file import RunFile
 from cocap_opt.files.documents import FileError
-from cocap_opt.problem.plan import Plan
-from cocap_opt.problem.problem import Problem
+from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.scenarios import load_scene
 

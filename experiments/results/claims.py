@@ -14,8 +14,7 @@ from cocap_opt.formulations.certificates import (
     verify,
 )
 from cocap_opt.formulations.result import OPTIMALITY
-from cocap_opt.problem.plan import Plan
-from cocap_opt.problem.problem import Problem
+from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import Verdict, check
 from cocap_opt.result import relative_gap
 

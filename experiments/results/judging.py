@@ -7,8 +7,7 @@ from typing import Generic, NamedTuple, TypeVar
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Report, silent
 from cocap_opt.planners import PLANNERS
-from cocap_opt.problem.plan import Plan
-from cocap_opt.problem.problem import NO_RULES, Problem
+from cocap_opt.problem import NO_RULES, Plan, Problem
 from cocap_opt.referee import Verdict, check
 from cocap_opt.result import Reason, Result, UnsupportedError, relative_gap
 from cocap_opt.stop import FirstOf, Stop, TimeLimit, WorkLimit, never

@@ -8,8 +8,7 @@ import numpy as np
 
 from cocap_opt.experiments.results.printing import Record
 from cocap_opt.model import Model
-from cocap_opt.problem.plan import Plan
-from cocap_opt.problem.problem import Problem, State
+from cocap_opt.problem import Plan, Problem, State
 from cocap_opt.vision.render import Renderer
 
 LEAST_PIXELS = 400  # of a face, for its error to say something

@@ -16,8 +16,7 @@ from msgspec import UNSET, UnsetType
 from cocap_opt.experiments.results.columns import About, columns_of
 from cocap_opt.experiments.results.judging import BOUND_METHOD, ROUNDING, Judged
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult
-from cocap_opt.problem.plan import Plan, conflicts
-from cocap_opt.problem.problem import Problem
+from cocap_opt.problem import Plan, Problem, conflicts
 from cocap_opt.result import Reason, relative_gap
 
 _log = logging.getLogger(__name__)

@@ -11,7 +11,7 @@ from cocap_opt.experiments.results.printing import print_table
 from cocap_opt.model import compiled
 from cocap_opt.planners.cocap import cocap
 from cocap_opt.planners.view_search import Compounded, Discount, Undiscounted, ViewSearch
-from cocap_opt.problem.problem import Problem
+from cocap_opt.problem import Problem
 from cocap_opt.result import Result
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import TimeLimit

@@ -21,7 +21,7 @@ from cocap_opt.experiments.results.judging import judge
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.formulations.result import BoundMethod, Snapshot
 from cocap_opt.model import compiled
-from cocap_opt.problem.problem import Problem
+from cocap_opt.problem import Problem
 from cocap_opt.result import Reason, relative_gap
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import Limit, TimeLimit, never

@@ -15,7 +15,7 @@ from cocap_opt.experiments.results.files import make_folder, save_bytes, save_cs
 from cocap_opt.experiments.results.printing import Record, print_table
 from cocap_opt.experiments.results.rendered import Pose, error_row, face_views
 from cocap_opt.model import Model
-from cocap_opt.problem.problem import Problem
+from cocap_opt.problem import Problem
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import Clock
 from cocap_opt.vision.render import Renderer

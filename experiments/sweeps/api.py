@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cocap_opt.problem.problem import Problem
+from cocap_opt.problem import Problem
 
 if TYPE_CHECKING:
     from pandas import DataFrame

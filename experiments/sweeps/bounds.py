@@ -21,7 +21,7 @@ from cocap_opt.experiments.results.judging import (
 from cocap_opt.files.documents import problem_digest
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Report
 from cocap_opt.model import compiled
-from cocap_opt.problem.problem import Problem
+from cocap_opt.problem import Problem
 from cocap_opt.result import Reason, Result, relative_gap
 from cocap_opt.stop import Limit, LimitReached, Stop
 

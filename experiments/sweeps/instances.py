@@ -18,8 +18,7 @@ from cocap_opt.experiments.sweeps.cells import BOUND, Cell, CellFile, Status, St
 from cocap_opt.experiments.sweeps.start import Start
 from cocap_opt.experiments.sweeps.work import Task, given_plan
 from cocap_opt.files.documents import problem_digest
-from cocap_opt.problem.plan import Plan
-from cocap_opt.problem.problem import Problem
+from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import Reason, Result
 
 Key = tuple[str, int | None]  # scene and seed; None where the starts are the scene file's own

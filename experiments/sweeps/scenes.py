@@ -6,7 +6,7 @@ from cocap_opt.data import ProblemError
 from cocap_opt.experiments.console.streams import say
 from cocap_opt.experiments.sweeps.instances import Key
 from cocap_opt.files.documents import FileError, problem_digest
-from cocap_opt.problem.problem import Problem
+from cocap_opt.problem import Problem
 from cocap_opt.scenarios import load_scene
 
 Problems = dict[tuple[str, int], Problem]  # by scene as typed, and seed

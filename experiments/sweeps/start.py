@@ -9,7 +9,7 @@ import msgspec
 from cocap_opt.experiments.results.files import decode_certificate
 from cocap_opt.experiments.sweeps.cells import OWN, CellFile
 from cocap_opt.files.documents import encode
-from cocap_opt.problem.plan import Plan
+from cocap_opt.problem import Plan
 
 
 class Start(NamedTuple):

@@ -20,8 +20,7 @@ from cocap_opt.files.documents import encode
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile
 from cocap_opt.formulations.result import CertifiedResult
 from cocap_opt.model import compiled
-from cocap_opt.problem.plan import Plan
-from cocap_opt.problem.problem import Problem
+from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import Reason
 from cocap_opt.stop import Clock, Stop, never
 

@@ -13,7 +13,7 @@ from cocap_opt.formulations.certificates.format import (
 from cocap_opt.formulations.certificates.pricing import Pricing, price
 from cocap_opt.formulations.certificates.proof import price_proof
 from cocap_opt.model import Model
-from cocap_opt.problem.problem import Problem
+from cocap_opt.problem import Problem
 
 
 def certify(

@@ -18,7 +18,7 @@ import msgspec
 from cocap_opt.coordination.constraints import place_of
 from cocap_opt.graph.timegraph import Charges
 from cocap_opt.model import Model, Path
-from cocap_opt.problem.problem import Cell, Problem, State
+from cocap_opt.problem import Cell, Problem, State
 
 
 class Flight(NamedTuple):

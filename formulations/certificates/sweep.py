@@ -12,7 +12,7 @@ import numpy as np
 from cocap_opt.data import FloatArray
 from cocap_opt.graph.timegraph import Charges, TimeGraph
 from cocap_opt.model import RobotClass
-from cocap_opt.problem.problem import Objective, Problem
+from cocap_opt.problem import Objective, Problem
 
 
 def plain_sweep(

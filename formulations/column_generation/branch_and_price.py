@@ -12,8 +12,7 @@ from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.column_generation.tree import Tree
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Report, only_start, silent
 from cocap_opt.model import compiled
-from cocap_opt.problem.plan import Plan
-from cocap_opt.problem.problem import Problem
+from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import timed
 from cocap_opt.stop import Clock, Limit, LimitReached, Stop, never
 

@@ -11,7 +11,7 @@ from cocap_opt.formulations.certificates import Flight
 from cocap_opt.formulations.relaxations.separation import Seen
 from cocap_opt.model import Model, Path
 from cocap_opt.objective import robot_pixels
-from cocap_opt.problem.problem import Problem
+from cocap_opt.problem import Problem
 
 _LEAST_SEEN = 1e-7  # of a robot, from which on a column counts in what a mixture sees
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 from cocap_opt.formulations.column_generation.columns import Column
 from cocap_opt.model import Model, Path
 from cocap_opt.objective import objective_of
-from cocap_opt.problem.plan import Plan, conflicts
+from cocap_opt.problem import Plan, conflicts
 
 _LEAST_GAIN = 1e-12  # relative, so that rounding is no gain
 

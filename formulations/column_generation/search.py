@@ -23,7 +23,7 @@ from cocap_opt.formulations.result import (
 )
 from cocap_opt.model import Model
 from cocap_opt.objective import largest_roots, view_sum_weights
-from cocap_opt.problem.plan import Plan
+from cocap_opt.problem import Plan
 from cocap_opt.result import Reason, relative_gap
 from cocap_opt.stop import Clock, Limit, LimitReached, Stop, never
 

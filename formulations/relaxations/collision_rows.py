@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.formulations.certificates import Cells, Resource, Swap
 from cocap_opt.formulations.relaxations.flow import Flow, incidence
-from cocap_opt.problem.problem import Cell, Problem
+from cocap_opt.problem import Cell, Problem
 from cocap_opt.result import UnsupportedError
 
 MOST_ENTRIES = 500_000  # of the separation rows

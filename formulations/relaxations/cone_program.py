@@ -28,8 +28,7 @@ from cocap_opt.formulations.relaxations.separation import Seen
 from cocap_opt.formulations.result import CertifiedResult, Report, Snapshot, no_bound, silent
 from cocap_opt.model import Model, compiled, compiled_apart
 from cocap_opt.objective import most_views
-from cocap_opt.problem.plan import Plan
-from cocap_opt.problem.problem import Problem
+from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import timed
 from cocap_opt.stop import Clock, Limit, LimitReached, Stop, never
 

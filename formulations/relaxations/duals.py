@@ -17,7 +17,7 @@ from cocap_opt.formulations.certificates import (
 )
 from cocap_opt.model import Model
 from cocap_opt.objective import most_views, no_pixels
-from cocap_opt.problem.problem import Problem
+from cocap_opt.problem import Problem
 
 _K = TypeVar("_K")
 

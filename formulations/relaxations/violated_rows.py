@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping
 
 from cocap_opt.formulations.certificates import Cells, Flight, Swap
 from cocap_opt.model import Model
-from cocap_opt.problem.problem import Cell, Problem
+from cocap_opt.problem import Cell, Problem
 
 
 def violated_rows(

@@ -24,7 +24,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from cocap_opt.problem.problem import Problem
+from cocap_opt.problem import Problem
 from cocap_opt.scenarios.built_in.parts import SIZE, Point, Room, drones, walker
 
 STEPS = 11  # horizon T

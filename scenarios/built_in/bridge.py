@@ -15,7 +15,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from cocap_opt.problem.problem import Camera, Motion, Problem
+from cocap_opt.problem import Camera, Motion, Problem
 from cocap_opt.scenarios.built_in.parts import SIZE, Room, drones, walker
 from cocap_opt.world.workspace import HeightMap, Mesh
 

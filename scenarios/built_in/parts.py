@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.data import FloatArray
-from cocap_opt.problem.problem import Actor, Motion, Robot, State
+from cocap_opt.problem import Actor, Motion, Robot, State
 from cocap_opt.world.workspace import HeightMap
 
 SIZE = 30  # cells of 1 m along x and y

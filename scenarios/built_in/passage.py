@@ -19,7 +19,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from cocap_opt.problem.problem import Problem
+from cocap_opt.problem import Problem
 from cocap_opt.scenarios.built_in.parts import SIZE, Room, drones, walker
 
 STEPS = 12  # horizon T

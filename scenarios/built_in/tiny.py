@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from cocap_opt.problem.problem import Actor, Camera, Motion, Objective, Problem, Robot, State
+from cocap_opt.problem import Actor, Camera, Motion, Objective, Problem, Robot, State
 from cocap_opt.world.workspace import HeightMap
 
 WALL = 10.0  # m

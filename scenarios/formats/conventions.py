@@ -8,7 +8,7 @@ reader, `cocap_opt.scenarios.formats.greedy_perspectives`.
 from collections.abc import Mapping
 from typing import Literal, NamedTuple
 
-from cocap_opt.problem.problem import PAPER_RULES, CollisionRules
+from cocap_opt.problem import PAPER_RULES, CollisionRules
 from cocap_opt.scenarios.formats.options import NO_YES, YES_NO, Options
 
 

@@ -34,7 +34,7 @@ import yaml
 from msgspec import Meta
 
 from cocap_opt.data import FloatArray, ProblemError
-from cocap_opt.problem.problem import (
+from cocap_opt.problem import (
     Actor,
     Camera,
     Cuboid,

@@ -34,7 +34,7 @@ import numpy as np
 from msgspec import Meta
 
 from cocap_opt.data import LARGEST, MOST_WEIGHT, ProblemError
-from cocap_opt.problem.problem import (
+from cocap_opt.problem import (
     NO_RULES,
     Actor,
     Cone,

@@ -26,7 +26,7 @@ import networkx as nx
 import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, ProblemError
-from cocap_opt.problem.problem import Actor, Motion, Problem, Robot, State
+from cocap_opt.problem import Actor, Motion, Problem, Robot, State
 from cocap_opt.scenarios.text import integer, naming, number, read_text
 from cocap_opt.world.workspace import HeightMap
 

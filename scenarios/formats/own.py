@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from cocap_opt.files.documents import load_problem
-from cocap_opt.problem.problem import Problem
+from cocap_opt.problem import Problem
 
 
 def read(path: Path, seed: int = 0) -> Problem:

@@ -8,7 +8,7 @@ from msgspec import Meta
 
 from cocap_opt.data import FloatArray, IntArray, ProblemError
 from cocap_opt.graph.motion import free_places
-from cocap_opt.problem.problem import Actor, Camera, CollisionRules, Motion, Robot, State
+from cocap_opt.problem import Actor, Camera, CollisionRules, Motion, Robot, State
 from cocap_opt.scenarios.cameras import CAMERAS
 from cocap_opt.scenarios.recipe.tables import Coordinate, Count, Length, Table
 from cocap_opt.world.workspace import HeightMap, Workspace

@@ -7,7 +7,7 @@ import numpy as np
 from msgspec import Meta
 
 from cocap_opt.data import FloatArray, ProblemError
-from cocap_opt.problem.problem import Actor, Shape
+from cocap_opt.problem import Actor, Shape
 from cocap_opt.scenarios.recipe.tables import Count, Point, Size, Table
 from cocap_opt.scenarios.recipe.terrain import Terrain
 from cocap_opt.scenarios.recipe.tracks import BODY, STILL, Track, read_tracks

@@ -13,7 +13,7 @@ import numpy as np
 from msgspec import Meta
 
 from cocap_opt.data import LARGEST, MOST_STEPS, ProblemError
-from cocap_opt.problem.problem import Actor, CollisionRules, Objective, Problem, Robot
+from cocap_opt.problem import Actor, CollisionRules, Objective, Problem, Robot
 from cocap_opt.scenarios.recipe.drones import DronesTable
 from cocap_opt.scenarios.recipe.meshes import MeshTable
 from cocap_opt.scenarios.recipe.people import TracksTable, WalkTable

@@ -22,7 +22,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from cocap_opt.data import LARGEST, MOST_STEPS, BoolArray, FloatArray, IntArray, ProblemError
-from cocap_opt.problem.problem import Actor, Prism, Shape
+from cocap_opt.problem import Actor, Prism, Shape
 from cocap_opt.scenarios.recipe.track_table import PER_METRE, TrackTable
 from cocap_opt.scenarios.text import naming
 

@@ -10,7 +10,7 @@ from cocap_opt.coordination.best_response import best_response
 from cocap_opt.coordination.pair_iteration import conflict_matrix, coverage_of
 from cocap_opt.model import Model
 from cocap_opt.objective import no_pixels, objective_of
-from cocap_opt.problem.problem import Problem
+from cocap_opt.problem import Problem
 
 
 @examples(25)

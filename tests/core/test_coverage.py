@@ -19,13 +19,13 @@ from cocap_opt.data import LARGEST, MOST_PIXELS, MOST_WEIGHT, SMALLEST, FloatArr
 from cocap_opt.graph.timegraph import time_graph
 from cocap_opt.model import Model
 from cocap_opt.planners.joint import joint
-from cocap_opt.problem.plan import Plan
-from cocap_opt.problem.problem import (
+from cocap_opt.problem import (
     Actor,
     Camera,
     Cuboid,
     Motion,
     Objective,
+    Plan,
     Prism,
     Problem,
     Robot,

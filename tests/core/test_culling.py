@@ -12,7 +12,7 @@ from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.experiments.studies.coverage.town import town
 from cocap_opt.graph.timegraph import TimeGraph, time_graph
 from cocap_opt.model import Model
-from cocap_opt.problem.problem import (
+from cocap_opt.problem import (
     Actor,
     Camera,
     Cone,

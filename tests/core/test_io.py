@@ -26,14 +26,14 @@ from cocap_opt.files.documents import (
     save_plan,
     save_problem,
 )
-from cocap_opt.problem.plan import Plan
-from cocap_opt.problem.problem import (
+from cocap_opt.problem import (
     Actor,
     Camera,
     CollisionRules,
     Cuboid,
     Motion,
     Objective,
+    Plan,
     Prism,
     Problem,
     Robot,

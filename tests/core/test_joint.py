@@ -13,7 +13,7 @@ from strategies import Calls, examples, meetings, problems, standing, tiny
 
 from cocap_opt.model import Model
 from cocap_opt.planners.joint import joint
-from cocap_opt.problem.problem import (
+from cocap_opt.problem import (
     Camera,
     CollisionRules,
     Motion,

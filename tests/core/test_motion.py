@@ -20,8 +20,7 @@ from cocap_opt.graph.motion import (
     time_expanded_graph,
     turned,
 )
-from cocap_opt.problem.plan import Plan
-from cocap_opt.problem.problem import Camera, Motion, Problem, Robot, State
+from cocap_opt.problem import Camera, Motion, Plan, Problem, Robot, State
 from cocap_opt.referee import broken_motions
 from cocap_opt.world.workspace import HeightMap, Workspace
 

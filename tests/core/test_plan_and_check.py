@@ -9,8 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from strategies import WALL, examples, tiny
 
-from cocap_opt.problem.plan import Plan, SwapConflict, VertexConflict, conflicts
-from cocap_opt.problem.problem import (
+from cocap_opt.problem import (
     NO_RULES,
     PAPER_RULES,
     Camera,
@@ -18,9 +17,13 @@ from cocap_opt.problem.problem import (
     CollisionRules,
     Motion,
     Objective,
+    Plan,
     Problem,
     Robot,
     State,
+    SwapConflict,
+    VertexConflict,
+    conflicts,
 )
 from cocap_opt.referee import Verdict, broken_motions, broken_rules, check
 from cocap_opt.world.workspace import HeightMap

@@ -16,7 +16,7 @@ from strategies import WALL, examples, problems, standing, tiny
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.files.documents import SceneFile, encode, problem_digest
 from cocap_opt.planners.greedy import greedy
-from cocap_opt.problem.problem import (
+from cocap_opt.problem import (
     NO_RULES,
     PAPER_RULES,
     Actor,

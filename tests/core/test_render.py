@@ -19,7 +19,7 @@ from cocap_opt.experiments.results.rendered import (
 )
 from cocap_opt.graph.timegraph import time_graph
 from cocap_opt.model import Model
-from cocap_opt.problem.problem import Actor, Camera, Cuboid, Motion, Problem, Robot, State
+from cocap_opt.problem import Actor, Camera, Cuboid, Motion, Problem, Robot, State
 from cocap_opt.scenarios import load_scene
 from cocap_opt.vision.render import SKY, TERRAIN, Renderer
 from cocap_opt.world.workspace import HeightMap

@@ -22,8 +22,7 @@ from cocap_opt.objective import (
     view_reward,
     view_sum_weights,
 )
-from cocap_opt.problem.plan import Plan
-from cocap_opt.problem.problem import Objective, Problem
+from cocap_opt.problem import Objective, Plan, Problem
 from cocap_opt.referee import check
 
 TEAMS = problems(robots=st.integers(1, 3), most_plans=10**6)

@@ -16,7 +16,7 @@ from cocap_opt.data import FloatArray
 from cocap_opt.graph.motion import motion_graph, time_expanded_graph
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.timegraph import CLOSED, NO_CHARGES, Charges, TimeGraph, time_graph
-from cocap_opt.problem.problem import Camera, Motion, Problem, Robot, State
+from cocap_opt.problem import Camera, Motion, Problem, Robot, State
 from cocap_opt.world.workspace import HeightMap, Workspace
 
 Node = tuple[State, int]

@@ -13,7 +13,7 @@ from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.graph.motion import free_places, place_graph
 from cocap_opt.graph.timegraph import time_graph
 from cocap_opt.planners import PLANNERS
-from cocap_opt.problem.problem import (
+from cocap_opt.problem import (
     Actor,
     Camera,
     Cuboid,

@@ -21,7 +21,7 @@ from cocap_opt.experiments.report.figures import picture
 from cocap_opt.experiments.results.trace import Trace
 from cocap_opt.formulations.result import CertifiedResult, Snapshot
 from cocap_opt.planners import PLANNERS
-from cocap_opt.problem.plan import SwapConflict, conflicts
+from cocap_opt.problem import SwapConflict, conflicts
 from cocap_opt.result import Reason
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import Limit

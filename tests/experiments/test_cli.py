@@ -25,7 +25,7 @@ from cocap_opt.files.documents import save_problem
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.model import compiled
 from cocap_opt.planners import PLANNERS
-from cocap_opt.problem.problem import NO_RULES
+from cocap_opt.problem import NO_RULES
 from cocap_opt.scenarios import SCENES
 
 KEYS = {

@@ -21,7 +21,7 @@ from cocap_opt.experiments.studies.solvers.figures import Figure, at_least, belo
 from cocap_opt.experiments.studies.solvers.rows import Options
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.formulations.result import CertifiedResult
-from cocap_opt.problem.problem import Problem
+from cocap_opt.problem import Problem
 from cocap_opt.result import Reason
 from cocap_opt.stop import Limit, Stop
 

@@ -12,8 +12,7 @@ from cocap_opt.experiments.results.statistics import Mean, mean
 from cocap_opt.experiments.studies.paper import answers, reproduction
 from cocap_opt.experiments.studies.paper.giving_way import encounters, most_generous, own_reward
 from cocap_opt.planners import PLANNERS
-from cocap_opt.problem.plan import Plan, conflicts
-from cocap_opt.problem.problem import Problem
+from cocap_opt.problem import Plan, Problem, conflicts
 from cocap_opt.referee import check
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import never

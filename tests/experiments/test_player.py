@@ -20,8 +20,7 @@ from cocap_opt.experiments.report.player import player_data, player_page, seen_p
 from cocap_opt.experiments.studies.pictures import go_to, has_browser, opened, resize
 from cocap_opt.files.documents import load_plan
 from cocap_opt.planners import PLANNERS
-from cocap_opt.problem.plan import Plan
-from cocap_opt.problem.problem import Actor, Camera, Cone, Motion, Prism, Problem, Robot, State
+from cocap_opt.problem import Actor, Camera, Cone, Motion, Plan, Prism, Problem, Robot, State
 from cocap_opt.referee import check
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import never

@@ -23,8 +23,7 @@ from cocap_opt.experiments.studies.start_sets.tables import SetTables
 from cocap_opt.experiments.sweeps import work
 from cocap_opt.files.documents import load_plan
 from cocap_opt.planners import PLANNERS
-from cocap_opt.problem.plan import Plan
-from cocap_opt.problem.problem import Problem
+from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.result import relative_gap
 from cocap_opt.scenarios import load_scene

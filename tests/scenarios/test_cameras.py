@@ -12,7 +12,7 @@ from cocap_opt.data import ProblemError
 from cocap_opt.experiments.cli.commands import run
 from cocap_opt.formulations import EXACT
 from cocap_opt.planners import PLANNERS
-from cocap_opt.problem.problem import Camera, Cone
+from cocap_opt.problem import Camera, Cone
 from cocap_opt.referee import check
 from cocap_opt.scenarios import load_scene
 from cocap_opt.scenarios.cameras import CAMERAS, with_camera, with_tilts

@@ -16,8 +16,7 @@ from cocap_opt.files.documents import FileError, load_problem, problem_digest
 from cocap_opt.graph.move_rewards import bonuses_of
 from cocap_opt.model import compiled
 from cocap_opt.planners import PLANNERS
-from cocap_opt.problem.plan import Plan
-from cocap_opt.problem.problem import CollisionRules, Problem
+from cocap_opt.problem import CollisionRules, Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.scenarios import load_scene
 from cocap_opt.scenarios.formats import greedy_perspectives

@@ -19,8 +19,7 @@ from cocap_opt.graph.timegraph import time_graph
 from cocap_opt.model import compiled
 from cocap_opt.objective import marginal_reward, no_pixels, robot_pixels
 from cocap_opt.planners.myopic import myopic
-from cocap_opt.problem.plan import Plan
-from cocap_opt.problem.problem import Cone, Problem, State
+from cocap_opt.problem import Cone, Plan, Problem, State
 from cocap_opt.referee import check
 from cocap_opt.result import UnsupportedError
 from cocap_opt.scenarios import load_scene, read_foreign_plan

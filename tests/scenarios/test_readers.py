@@ -15,8 +15,7 @@ from scene_files import SEQUENCE, STARTS
 
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.experiments.studies.coverage.peers import _differences
-from cocap_opt.problem.plan import Plan
-from cocap_opt.problem.problem import PAPER_RULES, Cuboid, Problem, State, TriangulatedCuboid
+from cocap_opt.problem import PAPER_RULES, Cuboid, Plan, Problem, State, TriangulatedCuboid
 from cocap_opt.referee import check
 from cocap_opt.scenarios.formats import greedy_perspectives, movingai
 

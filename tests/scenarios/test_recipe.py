@@ -14,8 +14,8 @@ from rasterio.transform import Affine
 
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.formulations import EXACT
+from cocap_opt.problem import Actor, Cuboid, Problem, State
 from cocap_opt.problem.plausibility import doubts
-from cocap_opt.problem.problem import Actor, Cuboid, Problem, State
 from cocap_opt.scenarios import SCENES, load_scene
 from cocap_opt.scenarios.recipe.meshes import MeshTable
 from cocap_opt.scenarios.recipe.recipe import EXAMPLE, read

@@ -19,15 +19,16 @@ from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.files.documents import FileError, problem_digest, save_problem
 from cocap_opt.formulations import BOUNDS
 from cocap_opt.planners import PLANNERS
-from cocap_opt.problem.plan import Plan, conflicts
-from cocap_opt.problem.problem import (
+from cocap_opt.problem import (
     NO_RULES,
     Actor,
     Camera,
     CollisionRules,
     Cuboid,
     Motion,
+    Plan,
     Problem,
+    conflicts,
 )
 from cocap_opt.referee import check
 from cocap_opt.scenarios import FORMATS, SCENES, load_scene, read_foreign_plan, scene_of_plan

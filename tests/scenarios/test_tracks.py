@@ -14,7 +14,7 @@ from others import data
 from strategies import examples
 
 from cocap_opt.data import FloatArray, ProblemError
-from cocap_opt.problem.problem import Cuboid, Prism, TriangulatedCuboid
+from cocap_opt.problem import Cuboid, Prism, TriangulatedCuboid
 from cocap_opt.scenarios.recipe.tracks import Track, read_tracks
 
 ROWS = [(1, 0, 100.0, 250.0), (1, 1, 112.5, 250.0), (2, 1, -30.0, 0.5), (2, 2, -30.0, 1.5)]

@@ -14,8 +14,7 @@ import numpy as np
 from cocap_opt.data import FloatArray
 from cocap_opt.graph.motion import time_expanded_graph
 from cocap_opt.graph.timegraph import time_graph
-from cocap_opt.problem.plan import Plan
-from cocap_opt.problem.problem import Problem, State
+from cocap_opt.problem import Plan, Problem, State
 from cocap_opt.referee import broken_motions, broken_rules
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.views import make_views

@@ -6,8 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.data import FloatArray
-from cocap_opt.problem.plan import Plan
-from cocap_opt.problem.problem import Actor, Problem, Robot, State
+from cocap_opt.problem import Actor, Plan, Problem, Robot, State
 from cocap_opt.world.workspace import HeightMap, Mesh
 
 

@@ -24,8 +24,7 @@ from cocap_opt.formulations.certificates.format import CertificateFile
 from cocap_opt.formulations.result import CertifiedResult
 from cocap_opt.model import compiled
 from cocap_opt.planners import PLANNERS
-from cocap_opt.problem.plan import Plan
-from cocap_opt.problem.problem import NO_RULES, Problem
+from cocap_opt.problem import NO_RULES, Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.result import Result
 from cocap_opt.scenarios import load_scene

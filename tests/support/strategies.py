@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from cocap_opt.data import ProblemError
 from cocap_opt.graph.motion import free_places, time_expanded_graph
-from cocap_opt.problem.problem import (
+from cocap_opt.problem import (
     NO_RULES,
     PAPER_RULES,
     Actor,

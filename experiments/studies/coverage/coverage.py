@@ -23,7 +23,7 @@ from cocap_opt.experiments.results.printing import Record, print_table
 from cocap_opt.experiments.studies.coverage.town import town
 from cocap_opt.experiments.studies.runs import BYTES, Build, one_thread
 from cocap_opt.model import Model, RobotClass
-from cocap_opt.problem.problem import Problem
+from cocap_opt.problem import Problem
 from cocap_opt.scenarios.built_in.field import field
 from cocap_opt.stop import Clock
 

@@ -14,7 +14,7 @@ import numpy as np
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.experiments.results.printing import Record, print_table
 from cocap_opt.model import Model
-from cocap_opt.problem.problem import Problem, State
+from cocap_opt.problem import Problem, State
 from cocap_opt.scenarios.formats import greedy_perspectives
 from cocap_opt.vision.render import Renderer
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cocap_opt.data import BoolArray, FloatArray
-from cocap_opt.problem.problem import Actor, Motion, Problem, Robot, State
+from cocap_opt.problem import Actor, Motion, Problem, Robot, State
 from cocap_opt.world.workspace import HeightMap
 
 _STREET = 7.0  # m from house to house

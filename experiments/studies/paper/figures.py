@@ -16,8 +16,7 @@ from cocap_opt.experiments.report.figures import (
     position,
 )
 from cocap_opt.experiments.studies.paper.giving_way import Encounter
-from cocap_opt.problem.plan import Plan
-from cocap_opt.problem.problem import Problem
+from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
 
 _COLOURS = {

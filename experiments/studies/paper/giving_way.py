@@ -11,8 +11,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from cocap_opt.problem.plan import Plan, conflicts
-from cocap_opt.problem.problem import Problem
+from cocap_opt.problem import Plan, Problem, conflicts
 from cocap_opt.referee import check
 
 _GIVES = 1e-6  # share of its own reward from which on a drone counts as giving some up

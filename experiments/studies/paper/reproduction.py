@@ -20,7 +20,7 @@ from cocap_opt.experiments.studies.paper.giving_way import Encounter, encounters
 from cocap_opt.experiments.sweeps.instances import Instance, Settings
 from cocap_opt.experiments.sweeps.sweep import Hired, sweep
 from cocap_opt.model import Model
-from cocap_opt.problem.problem import Problem
+from cocap_opt.problem import Problem
 from cocap_opt.referee import check
 from cocap_opt.scenarios import load_scene
 from cocap_opt.scenarios.built_in.field import field

@@ -18,8 +18,7 @@ from cocap_opt.experiments.sweeps.instances import Instance, Key, Settings
 from cocap_opt.experiments.sweeps.scenes import told_apart
 from cocap_opt.experiments.sweeps.sweep import sweep
 from cocap_opt.files.documents import FileError, problem_digest
-from cocap_opt.problem.plan import Plan
-from cocap_opt.problem.problem import Problem
+from cocap_opt.problem import Plan, Problem
 from cocap_opt.scenarios import SCENES, load_scene
 from cocap_opt.scenarios.formats.greedy_perspectives import read_reward
 

@@ -1,0 +1,49 @@
+"""People to be filmed."""
+
+from functools import cached_property
+
+import msgspec
+import numpy as np
+
+from cocap_opt.data import MOST_WEIGHT, Data, FloatArray, frozen, read_only, require, within
+from cocap_opt.problem.shapes import Cuboid, Shape
+
+
+class Actor(Data, frozen=True, eq=False, dict=True):
+    """A moving person: a shape, its pose at every step, and a weight for each face.
+
+    Raises
+    ------
+    ProblemError
+        If poses are not [>= T+1, 4] finite numbers (T is checked by `Problem`), or weights
+        are out of range or not one per face.
+    """
+
+    poses: FloatArray  # [T+1, 4]: x, y, z of the foot point (m) and yaw (rad, from +x, ccw)
+    shape: Shape = Cuboid()
+    weights: tuple[float, ...] | None = None  # one per face of the shape; None: all 1
+    importance: tuple[float, ...] | None = None  # [>= T+1] factor of the weights; None: all 1
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        msgspec.structs.force_setattr(self, "poses", frozen(self.poses, "poses", 2))
+        columns = self.poses.shape[1]
+        require(columns == 4, "poses", f"must have 4 columns x, y, z, yaw, not {columns}")
+        if self.weights is not None:
+            faces = len(self.shape.faces())
+            require(
+                len(self.weights) == faces,
+                "weights",
+                f"must hold one weight for each of the {faces} faces, not {len(self.weights)}",
+            )
+            for weight in self.weights:
+                within(weight, 0, MOST_WEIGHT, "weights")
+        for value in self.importance or ():
+            within(value, 0, MOST_WEIGHT, "importance")
+
+    @cached_property
+    def face_weights(self) -> FloatArray:
+        """Weights of the faces of this actor [F of its shape], before its importance."""
+        if self.weights is None:
+            return read_only(np.ones(len(self.shape.faces())))
+        return read_only(np.array(self.weights, dtype=np.float64))

@@ -1,0 +1,62 @@
+"""Sensors of robots: pinhole cameras, and the cone of Hughes et al."""
+
+import math
+
+from cocap_opt.data import FOCAL, MOST_PIXELS, Data, require, whole, within
+
+
+class Camera(Data, frozen=True, tag="pinhole"):
+    """A pinhole camera with square pixels and its principal point in the middle.
+
+    More than one tilt makes a gimbal: the pitch index is then part of the motion state.
+    """
+
+    width: int = 4000  # px
+    height: int = 3000  # px
+    focal: float = 2500.0  # px
+    tilts: tuple[float, ...] = (math.radians(10.0),)  # rad below the horizon, one per pitch
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        whole(self.width, "width")
+        whole(self.height, "height")
+        within(self.width, 1, MOST_PIXELS, "width", "px")
+        within(self.height, 1, MOST_PIXELS, "height", "px")
+        within(self.focal, *FOCAL, "focal", "px")
+        require(len(self.tilts) > 0, "tilts", "must hold at least one tilt")
+        for tilt in self.tilts:
+            allowed = abs(tilt) <= math.pi / 2  # false for nan, too
+            require(allowed, "tilts", f"must be within +-pi/2 rad, not {tilt}")
+
+    @property
+    def half_angle(self) -> float:
+        """Half of the horizontal angle of view, in rad."""
+        return math.atan(self.width / 2 / self.focal)
+
+
+class Cone(Data, frozen=True, tag="cone"):
+    """The sensor of Hughes et al. 2024, which has no image, no range, and sees past obstacles.
+
+    It detects the actors whose foot point is ahead, within half of the opening to either side.
+    Each of their faces then has |d.u| max(0, -d.n) / |d|^4 in place of px/m2, where n is the
+    face's normal, d the way to its middle, dropped to the ground, and u the level look direction.
+    """
+
+    opening: float = math.pi / 2  # rad
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        within(self.opening, 0, math.tau, "opening", "rad")
+
+    @property
+    def tilts(self) -> tuple[float, ...]:
+        """The only tilt, 0: the sensor looks level and has no gimbal."""
+        return (0.0,)
+
+    @property
+    def half_angle(self) -> float:
+        """Half of the horizontal angle of view, in rad."""
+        return self.opening / 2
+
+
+AnyCamera = Camera | Cone

@@ -1,0 +1,58 @@
+"""Motion of a robot: its states, and the steps that it can take."""
+
+from typing import NamedTuple
+
+from cocap_opt.data import LARGEST, MOST_TURN, Data, require, whole, within
+
+
+class State(NamedTuple):
+    """The motion state of one robot: grid cell, layer, heading and gimbal pitch, all indices.
+
+    Heading 0 looks along +x and headings go counter-clockwise; `layer` indexes
+    `Motion.layers` and `pitch` indexes `Camera.tilts`.
+    """
+
+    x: int
+    y: int
+    layer: int = 0
+    heading: int = 0
+    pitch: int = 0
+
+
+class Cell(NamedTuple):
+    """The place of a robot without its orientation; `layer` is an index into `Problem.layers`."""
+
+    x: int
+    y: int
+    layer: int = 0
+
+
+class Motion(Data, frozen=True):
+    """The moves of a robot in one step: up to `radius` cells along each axis, and a turn.
+
+    The default is Greedy Perspectives' action set: 3x3 cells times yaw -45, 0, +45 degrees.
+    """
+
+    radius: int = 1  # cells along each axis per step
+    headings: int = 8  # number of headings in a full turn
+    turn: int = 1  # heading indices per step, either way
+    layers: tuple[float, ...] = (5.0,)  # m above the map's datum, flight heights, increasing
+    climb: int = 1  # layers per step, either way
+    pitch_turn: int = 1  # gimbal pitch indices per step, either way
+    clearance: float = 0.0  # m, to solid matter above and below; touching it is too near
+    corner_cutting: bool = False  # True: only the ends of a move must be free, as in the papers
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for field in ("radius", "headings", "turn", "climb", "pitch_turn"):
+            whole(getattr(self, field), field)
+        within(self.radius, 0, 16, "radius", "cells")
+        within(self.headings, 1, 360, "headings", "directions")
+        for field in ("turn", "climb", "pitch_turn"):
+            within(getattr(self, field), 0, MOST_TURN, field, "indices per step")
+        within(self.clearance, 0, LARGEST, "clearance", "m")
+        require(len(self.layers) > 0, "layers", "must name at least one flight height")
+        for height in self.layers:
+            within(height, -LARGEST, LARGEST, "layers", "m")
+        increasing = all(a < b for a, b in zip(self.layers, self.layers[1:], strict=False))
+        require(increasing, "layers", "flight heights must increase")

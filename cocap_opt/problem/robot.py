@@ -1,0 +1,25 @@
+"""One robot of a problem."""
+
+from cocap_opt.data import Data, require
+from cocap_opt.problem.camera import AnyCamera, Camera
+from cocap_opt.problem.motion import Motion, State
+
+
+class Robot(Data, frozen=True):
+    """One camera drone: its start, motion and camera, and perhaps a goal for step T."""
+
+    start: State
+    motion: Motion = Motion()
+    camera: AnyCamera = Camera()
+    goal: tuple[int, int] | None = None  # cell (x, y), any layer and orientation
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require(isinstance(self.start, State), "start", "must be a State")
+        sizes = self.goal is None or len(self.goal) == 2
+        require(sizes, "goal", "must be a cell (x, y)")
+
+    @property
+    def orientation_sizes(self) -> tuple[int, int, int]:
+        """Number of layers, headings and pitches, in the order of `State`."""
+        return len(self.motion.layers), self.motion.headings, len(self.camera.tilts)

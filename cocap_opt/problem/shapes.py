@@ -1,0 +1,106 @@
+"""Shapes of actors: polygons around a foot point on the ground, with the heading along +x."""
+
+import math
+
+import numpy as np
+
+from cocap_opt.data import LARGEST, SMALLEST, Data, FloatArray, whole, within
+
+
+class Cuboid(Data, frozen=True, tag="cuboid"):
+    """A box with four sides and a top; its bottom stands on the ground and is never seen."""
+
+    length: float = 1.0  # m, along the actor's heading
+    width: float = 1.0  # m, across it
+    height: float = 1.8  # m
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _require_sizes(self)
+
+    def faces(self) -> list[FloatArray]:
+        """Return the faces as polygons [V, 3]: front, left, back, right, top.
+
+        Corners are counter-clockwise seen from outside.
+        """
+        x, y, z = self.length / 2, self.width / 2, self.height
+        base = np.array([[x, -y, 0.0], [x, y, 0.0], [-x, y, 0.0], [-x, -y, 0.0]])
+        return _prism_faces(base, z)
+
+
+class Prism(Data, frozen=True, tag="prism"):
+    """An upright regular prism: `sides` side faces, the first facing the heading, and a top."""
+
+    sides: int = 6
+    apothem: float = 0.5  # m, centre to the middle of a side
+    height: float = 1.8  # m
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        whole(self.sides, "sides")
+        within(self.sides, 3, 64, "sides")
+        _require_sizes(self)
+
+    def faces(self) -> list[FloatArray]:
+        """Return the faces as polygons [V, 3]: the sides, then the top.
+
+        Corners are counter-clockwise seen from outside.
+        """
+        corner = self.apothem / math.cos(math.pi / self.sides)
+        angles = 2 * math.pi / self.sides * (np.arange(self.sides) - 0.5)
+        base = np.column_stack(
+            [corner * np.cos(angles), corner * np.sin(angles), np.zeros(self.sides)]
+        )
+        return _prism_faces(base, self.height)
+
+
+class TriangulatedCuboid(Data, frozen=True, tag="triangulated-cuboid"):
+    """A box whose sides and top are two triangles each, every triangle a face of its own.
+
+    The actors of Greedy Perspectives are such boxes: the square roots of all triangles' coverage
+    are summed. Triangles are ordered as the faces of `Cuboid`, two by two, and cut along the same
+    diagonals as theirs.
+    """
+
+    length: float = 1.0  # m
+    width: float = 1.0  # m
+    height: float = 2.5  # m
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _require_sizes(self)
+
+    def faces(self) -> list[FloatArray]:
+        """Return the faces as triangles [3, 3], counter-clockwise seen from outside."""
+        quads = Cuboid(length=self.length, width=self.width, height=self.height).faces()
+        first_to_third, second_to_fourth = ((0, 1, 2), (2, 3, 0)), ((1, 2, 3), (3, 0, 1))
+        cuts = [
+            first_to_third,
+            second_to_fourth,
+            second_to_fourth,
+            first_to_third,
+            second_to_fourth,
+        ]
+        return [
+            quad[list(corners)] for quad, cut in zip(quads, cuts, strict=True) for corners in cut
+        ]
+
+
+Shape = Cuboid | Prism | TriangulatedCuboid
+
+
+def _require_sizes(shape: Shape) -> None:
+    for field in ("length", "width", "apothem", "height"):
+        if hasattr(shape, field):
+            within(getattr(shape, field), SMALLEST, LARGEST, field, "m")
+
+
+def _prism_faces(base: FloatArray, height: float) -> list[FloatArray]:
+    """Return the sides and the top of a prism over a base [V, 3]."""
+    top = base + np.array([0.0, 0.0, height])
+    following = np.roll(np.arange(len(base)), -1)
+    sides = [
+        np.stack([base[i], base[j], top[j], top[i]])
+        for i, j in zip(range(len(base)), following, strict=True)
+    ]
+    return [*sides, top]

@@ -1,0 +1,77 @@
+"""The project's own modules, read from the source: where they are and which they import."""
+
+import ast
+import os
+from functools import cache
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2] / "cocap_opt"
+CORE = "cocap_opt"
+LINKED = ("formulations", "scenarios", "experiments")  # folders beside the core, linked into it
+
+
+@cache
+def sources() -> dict[str, Path]:
+    """All modules of the project by their full name, and their files."""
+    found = {}
+    for folder, _, files in os.walk(ROOT, followlinks=True):
+        for file in files:
+            if file.endswith(".py"):
+                path = Path(folder) / file
+                parts = (CORE, *path.relative_to(ROOT).with_suffix("").parts)
+                found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    return found
+
+
+def package_of(module: str) -> str:
+    """The package that a module belongs to: the core or one of the linked folders."""
+    parts = module.split(".")
+    return parts[1] if len(parts) > 1 and parts[1] in LINKED else "core"
+
+
+def prefix(package: str) -> str:
+    """Full name of a package."""
+    return CORE if package == "core" else f"{CORE}.{package}"
+
+
+def room_of(module: str) -> str:
+    """The room of its package that a module is in; empty for the package's own front."""
+    inner = module.removeprefix(prefix(package_of(module))).removeprefix(".")
+    return inner.split(".")[0]
+
+
+@cache
+def imports(module: str) -> frozenset[str]:
+    """Everything a module imports, anywhere in it, by its full name."""
+    path = sources()[module]
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert not node.level, f"{module}: imports are written in full"
+            base = node.module or ""
+            inner = {f"{base}.{alias.name}" for alias in node.names} & set(sources())
+            found |= inner
+            if len(inner) < len(node.names):
+                found.add(base)
+    return frozenset(found)
+
+
+@cache
+def reached(module: str) -> frozenset[str]:
+    """All modules of the project that a module imports, directly or through others.
+
+    A package is imported with each of its modules, so its `__init__` counts too.
+    """
+    seen: set[str] = set()
+    todo = [module]
+    while todo:
+        for name in imports(todo.pop()):
+            parts = name.split(".")
+            for end in range(2, len(parts) + 1):
+                part = ".".join(parts[:end])
+                if part in sources() and part not in seen:
+                    seen.add(part)
+                    todo.append(part)
+    return frozenset(seen)
