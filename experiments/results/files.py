@@ -20,8 +20,7 @@ from cocap_opt.files.documents import (
     read_bytes,
 )
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile
-from cocap_opt.problem.plan import Plan
-from cocap_opt.problem.problem import Problem
+from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.scenarios import read_foreign_plan, scene_of_plan
 
@@ -120,9 +119,10 @@ def read_claim(path: Path, problem: Problem) -> PlanFile | CertificateFile | Pro
     foreign = read_foreign_plan(path, problem)
     if foreign is not None:
         return foreign
-    kinds: tuple[type[PlanFile | CertificateFile | ProofFile], ...]
-    kinds = PlanFile, CertificateFile, ProofFile
-    return decode_document(read_bytes(path), str(path), *kinds)
+    content = read_bytes(path)
+    found = decode_document(content, str(path), PlanFile, CertificateFile, ProofFile)
+    assert isinstance(found, PlanFile | CertificateFile | ProofFile)
+    return found
 
 
 def decode_certificate(content: bytes, name: str) -> CertificateFile | ProofFile:

@@ -43,7 +43,7 @@ def _suffix(free: bool) -> str:
 
 
 def _file_name(name: str) -> str:
-    """Returns a name that any file system tells from others: if need be, shortened with a digest."""
+    """Returns a name that any file system tells from others, shortened with a digest if need be."""
     plain = re.sub(r"[^a-z0-9._-]+", "_", name.lower()).strip("_.-")[:60] or "scene"
     if plain == name:
         return plain

@@ -6,33 +6,28 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import msgspec
 import pytest
-from cocap_opt.experiments.sweeps.about import load_run
 from distributed import Client, LocalCluster
 
 from cocap_opt.experiments.cli import commands
-from cocap_opt.experiments.cli.options import OWN_STARTS
-from cocap_opt.experiments.console.progress import unseen
-from cocap_opt.experiments.results.files import decode_certificate, only_writer
-from cocap_opt.experiments.results.layout import (
-    FOLDERS,
-    certificate_path,
-    plan_path,
-    scene_path,
-    trace_path,
-)
-from cocap_opt.experiments.results.rows import SOLVERS, RefereeError, Row
-from cocap_opt.experiments.results.trace import load_trace
+from cocap_opt.experiments.console.progress import Watch
+from cocap_opt.experiments.results.files import decode_certificate
+from cocap_opt.experiments.results.judging import SOLVERS, RefereeError
+from cocap_opt.experiments.results.layout import FOLDERS, Paths
+from cocap_opt.experiments.results.rows import Row
+from cocap_opt.experiments.results.trace import Trace
 from cocap_opt.experiments.sweeps import cells as cells_module
 from cocap_opt.experiments.sweeps import cluster as cluster_module
-from cocap_opt.experiments.sweeps import earlier as earlier_module
+from cocap_opt.experiments.sweeps import folder as folder_module
+from cocap_opt.experiments.sweeps import instances as instances_module
+from cocap_opt.experiments.sweeps.api import gap as gap_frame
 from cocap_opt.experiments.sweeps.cells import (
     BOUND,
     OWN,
@@ -40,40 +35,42 @@ from cocap_opt.experiments.sweeps.cells import (
     CellFile,
     Status,
     Store,
-    code_digest,
+    cells_digest,
 )
 from cocap_opt.experiments.sweeps.cluster import Cluster, existing, local
 from cocap_opt.experiments.sweeps.crew import Alone, ClusterError
+from cocap_opt.experiments.sweeps.folder import only_writer
+from cocap_opt.experiments.sweeps.instances import Instance, Settings
 from cocap_opt.experiments.sweeps.results import load_results
-from cocap_opt.experiments.sweeps.run import Group, Settings, recall, run
-from cocap_opt.experiments.sweeps.start import start_of
-from cocap_opt.experiments.sweeps.sweep import Hired, sweep
-from cocap_opt.experiments.sweeps.work import Task, failed, run_task
+from cocap_opt.experiments.sweeps.run import recall, run
+from cocap_opt.experiments.sweeps.run_file import RunFile
+from cocap_opt.experiments.sweeps.start import Start
+from cocap_opt.experiments.sweeps.sweep import sweep
+from cocap_opt.experiments.sweeps.work import Task
 from cocap_opt.files.documents import decode, load_plan, load_problem, problem_digest
 from cocap_opt.formulations.result import hovering
 from cocap_opt.model import compiled
-from cocap_opt.problem.plan import Plan
-from cocap_opt.problem.problem import NO_RULES, Problem
+from cocap_opt.problem import NO_RULES, Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.result import Reason, Result
 from cocap_opt.scenarios import load_scene
 from cocap_opt.scenarios.built_in.field import field
-from cocap_opt.stop import Limit, Stop, never
+from cocap_opt.stop import Interrupt, Limit, Stop, never
 from cocap_opt.vision.coverage import usable_cores
 
 PLANNER_NAMES = ("greedy", "sequential", "cocap")
-SETTINGS = Settings(limit=60.0, bound_limit=60.0)
+SETTINGS = Settings(time_limit=60.0, bound_time_limit=60.0)
 TIMES = ("seconds", "bound_seconds", "bound_free_seconds")  # depend on how fast a machine is
 
 
-def groups(
+def instances(
     seeds: range = range(2),
     planners: tuple[str, ...] = PLANNER_NAMES,
     settings: Settings = SETTINGS,
-) -> list[Group]:
+) -> list[Instance]:
     """Two small scenes, which are others for each seed."""
     return [
-        Group(small_field(seed, steps), seed, planners, settings, {})
+        Instance(small_field(seed, steps), seed, planners, settings)
         for steps in (2, 3)
         for seed in seeds
     ]
@@ -88,7 +85,7 @@ class Listed(Alone):
     """This process, which says what it was asked to compute."""
 
     def __init__(self, stop: Stop = never) -> None:
-        super().__init__(stop, unseen())
+        super().__init__(stop, Watch())
         self.begun: list[Cell] = []
 
     def begin(self, task: Task) -> None:
@@ -97,7 +94,7 @@ class Listed(Alone):
         super().begin(task)
 
 
-def computed(some: list[Group], folder: Path | None, retry: bool = False) -> list[str]:
+def computed(some: list[Instance], folder: Path | None, retry: bool = False) -> list[str]:
     """Compute what is missing in this process; the planners whose cells were computed."""
     store, crew = Store(folder, retry), Listed()
     recall(some, store)
@@ -105,9 +102,9 @@ def computed(some: list[Group], folder: Path | None, retry: bool = False) -> lis
     return [cell.planner for cell in crew.begun]
 
 
-def swept(some: list[Group], folder: Path | None, settings: Settings = SETTINGS) -> list[Row]:
+def swept(some: list[Instance], folder: Path | None) -> list[Row]:
     """Rows of a sweep in this process, with all its files."""
-    return sweep(some, settings, folder, Hired(None, None, 1e4))
+    return sweep(some, folder)
 
 
 def folder_for_a_sweep(path: Path) -> Path:
@@ -117,14 +114,14 @@ def folder_for_a_sweep(path: Path) -> Path:
     return path
 
 
-def table(some: list[Group]) -> list[dict[str, Any]]:
+def table(some: list[Instance]) -> list[Row]:
     """Rows without what depends on the machine."""
-    return untimed([row for group in some if group.is_whole for row in group.rows()])
+    return untimed([row for instance in some if instance.is_whole for row in instance.rows()])
 
 
-def untimed(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+def untimed(rows: Sequence[Row]) -> list[Row]:
     """Rows without what depends on the machine."""
-    return [{key: row[key] for key in row if key not in TIMES} for row in rows]
+    return [replace(row, **dict.fromkeys(TIMES)) for row in rows]
 
 
 def staying(problem: Problem, stop: Stop) -> Result:
@@ -137,11 +134,11 @@ def staying(problem: Problem, stop: Stop) -> Result:
 def test_what_is_known_is_not_computed_again(tmp_path: Path) -> None:
     """A second run computes nothing and makes the same rows, whatever the order of planners."""
     folder = folder_for_a_sweep(tmp_path / "run")
-    first, again = groups(), groups()
+    first, again = instances(), instances()
     assert len(computed(first, folder)) == 4 * (len(PLANNER_NAMES) + 1)
     assert computed(again, folder) == []
-    assert [group.rows() for group in again] == [group.rows() for group in first]
-    assert computed(groups(planners=PLANNER_NAMES[::-1]), folder) == []
+    assert [instance.rows() for instance in again] == [instance.rows() for instance in first]
+    assert computed(instances(planners=PLANNER_NAMES[::-1]), folder) == []
 
 
 def test_a_bound_is_computed_anew_for_better_plans_only(
@@ -158,10 +155,10 @@ def test_a_bound_is_computed_anew_for_better_plans_only(
         (("stays-too", "cocap"), {"stays-too"}),
         (("cocap", "stays"), set()),
     ):
-        some = groups(range(1), planners)
+        some = instances(range(1), planners)
         assert set(computed(some, folder)) == expected
         for row in table(some):
-            assert row["conflicts"] or row["reward"] <= row["optimum"] <= row["bound"] * (1 + 1e-9)
+            assert row.conflicts or row.reward <= row.optimum <= row.bound * (1 + 1e-9)
 
 
 def test_a_bound_begins_with_the_best_of_all_whoever_found_it(
@@ -180,12 +177,12 @@ def test_a_bound_begins_with_the_best_of_all_whoever_found_it(
     problem = symmetric.replace(robots=(first, second.replace(start=first.start)), rules=NO_RULES)
     found = planned(problem, ("cocap", "twin"))
     one, other = (content.plan.plan for content in found if content.plan)
-    assert one != other and found[0].row["reward"] == found[1].row["reward"]
-    assert start_of(found) == start_of(found[::-1])
+    assert one != other and found[0].row.reward == found[1].row.reward
+    assert Start.of(found) == Start.of(found[::-1])
     found = planned(load_scene("tiny-queue", 0), ("cocap", "branch-and-price", "greedy"))
-    start = start_of(found)
-    assert start == start_of(found[::-1])
-    assert start.plan == found[2].plan.plan and found[2].row["conflicts"]  # type: ignore[union-attr]
+    start = Start.of(found)
+    assert start == Start.of(found[::-1])
+    assert start.plan == found[2].plan.plan and found[2].row.conflicts  # type: ignore[union-attr]
     assert start.valid in [content.plan.plan for content in found[:2] if content.plan]
     assert start.certificate == found[1].certificate(OWN)
     assert len({start.digest, *(s._replace(**{k: v}).digest for s, k, v in (
@@ -195,117 +192,172 @@ def test_a_bound_begins_with_the_best_of_all_whoever_found_it(
 
 def planned(problem: Problem, planners: tuple[str, ...]) -> list[CellFile]:
     """What planners' cells hold."""
-    return [run_task(task) for task in Group(problem, 0, planners, SETTINGS, {}).missing()]
+    return [task.run() for task in Instance(problem, 0, planners, SETTINGS).missing()]
 
 
 def test_another_plan_under_the_same_name_has_a_bound_of_its_own(tmp_path: Path) -> None:
     """What a bound begins with is known by its content: a better plan in the same file counts."""
     folder, problem = folder_for_a_sweep(tmp_path / "run"), small_field(0)
-    settings = msgspec.structs.replace(SETTINGS, bound_limit=0.0)
+    settings = msgspec.structs.replace(SETTINGS, bound_time_limit=0.0)
     for name in ("stays", "cocap"):
         plan = (staying if name == "stays" else SOLVERS[name])(problem, never).plan
         assert plan is not None
-        group = Group(problem, 0, (), settings, {"mine.json": plan})
-        assert computed([group], folder) == [BOUND]
-        assert group.rows()[0]["optimum"] >= group.rows()[0]["reward"]
+        instance = Instance(problem, 0, (), settings, {"mine.json": plan})
+        assert computed([instance], folder) == [BOUND]
+        assert (instance.rows()[0].optimum or 0.0) >= instance.rows()[0].reward
 
 
 def test_a_bound_below_a_plan_is_an_error(tmp_path: Path) -> None:
     """Wherever it comes from, it is never shown as a bound."""
     folder = folder_for_a_sweep(tmp_path / "run")
-    computed(groups(range(1)), folder)
-    some = groups(range(1))
+    computed(instances(range(1)), folder)
+    some = instances(range(1))
     for key in ("bound", "optimum", "bound_free", "optimum_free"):
         recall(some, Store(folder))
-        group = some[0]
-        assert group.bound is not None
-        wrong = msgspec.structs.replace(group.bound, row=group.bound.row | {key: 1.0})
-        group.bound = group.held(wrong)
-        assert all(key in row["message"] or row["bound"] is None for row in group.rows())
-        assert {row["bound_reason"] for row in group.rows()} == {"error"}
-        assert key in group.bound.message
-        some = groups(range(1))
+        instance = some[0]
+        assert instance.bound is not None and instance.bound.columns is not None
+        columns = replace(instance.bound.columns, **{key: 1.0})
+        wrong = msgspec.structs.replace(instance.bound, columns=columns)
+        instance.bound = instance.held(wrong)
+        assert all(key in row.message or row.bound is None for row in instance.rows())
+        assert {row.bound_reason for row in instance.rows()} == {"error"}
+        assert key in instance.bound.message
+        some = instances(range(1))
 
 
 def test_the_files_that_rows_name_prove_them(tmp_path: Path) -> None:
     """Whatever ran in the folder in between: scene, plans, certificates and traces are a row's."""
-    short = msgspec.structs.replace(SETTINGS, limit=0.0, bound_limit=0.0)
+    short = msgspec.structs.replace(SETTINGS, time_limit=0.0, bound_time_limit=0.0)
     found = []
     for settings in (short, SETTINGS, short):
-        rows = swept(groups(range(1), settings=settings), tmp_path, settings)
+        rows = swept(instances(range(1), settings=settings), tmp_path)
         assert untimed(load_results(tmp_path)) == untimed(rows)
         for row in rows:
-            assert load_plan(tmp_path / plan_path(row)).reward == row["reward"]
-            scene = load_problem(tmp_path / scene_path(row))
-            assert problem_digest(scene) == load_plan(tmp_path / plan_path(row)).digest
+            assert load_plan(tmp_path / Paths(row).plan).reward == row.reward
+            scene = load_problem(tmp_path / Paths(row).scene)
+            assert problem_digest(scene) == load_plan(tmp_path / Paths(row).plan).digest
             for key, free in (("bound", False), ("bound_free", True)):
-                last = load_trace(tmp_path / trace_path(row, free)).snapshots[-1]
-                assert last.bound == pytest.approx(math.inf if row[key] is None else row[key])
-                proof = tmp_path / certificate_path(row, free)
-                assert proof.is_file() is (row[key] is not None)
+                last = Trace.load(tmp_path / Paths(row).trace(free)).snapshots[-1]
+                bound = getattr(row, key)
+                assert last.bound == pytest.approx(math.inf if bound is None else bound)
+                proof = tmp_path / Paths(row).certificate(free)
+                assert proof.is_file() is (bound is not None)
                 if proof.is_file():
                     content = decode_certificate(proof.read_bytes(), "")
-                    assert content.proved == row[key]
+                    assert content.proved == bound
         found.append(untimed(rows))
     assert found[0] == found[2] != found[1]
 
 
-@pytest.mark.parametrize("about", [{}, OWN_STARTS])
-def test_a_folder_can_be_verified_anywhere(about: Row, tmp_path: Path) -> None:
+@pytest.mark.parametrize("own_starts", [False, True])
+def test_a_folder_can_be_verified_anywhere(own_starts: bool, tmp_path: Path) -> None:
     """Scene, plan and certificate are all that `verify` needs; a row says where they are."""
-    some = groups(range(1, 2), ("cocap",))[:1]
-    (row,) = sweep(some, SETTINGS, tmp_path, Hired(None, None, 1e4), about=about)
-    paths = (scene_path(row), plan_path(row), certificate_path(row, free=False))
+    some = [Instance(small_field(1), 1, ("cocap",), SETTINGS, own_starts=own_starts)]
+    (row,) = swept(some, tmp_path)
+    assert (row.seed is None) is own_starts
+    paths = (Paths(row).scene, Paths(row).plan, Paths(row).certificate(free=False))
     assert commands.run(["verify", *(str(tmp_path / path) for path in paths)]) == 0
 
 
-def in_table(rows: Sequence[Row]) -> list[dict[str, Any]]:
+def in_table(rows: Sequence[Row]) -> list[Row]:
     """Untimed rows, sorted."""
-    return sorted(untimed(rows), key=lambda row: (row["scene"], row["seed"], row["planner"]))
+    return sorted(untimed(rows), key=lambda row: (*row.key, row.planner))
 
 
 def test_results_accumulate(tmp_path: Path) -> None:
     """Commands one after the other leave the table of one command; each answers for itself."""
-    whole = swept(groups(planners=("greedy", "cocap")), tmp_path / "whole")
+    whole = swept(instances(planners=("greedy", "cocap")), tmp_path / "whole")
     folder = tmp_path / "parts"
-    swept(groups(range(1), ("greedy",)), folder)
-    swept(groups(range(1, 2), ("cocap", "greedy")), folder)
-    rows = swept(groups(range(1), ("cocap",)), folder)
-    assert {(row["seed"], row["planner"]) for row in rows} == {(0, "cocap")}
+    swept(instances(range(1), ("greedy",)), folder)
+    swept(instances(range(1, 2), ("cocap", "greedy")), folder)
+    rows = swept(instances(range(1), ("cocap",)), folder)
+    assert {(row.seed, row.planner) for row in rows} == {(0, "cocap")}
     assert in_table(load_results(folder)) == in_table(whole)
     assert (folder / "results.parquet").is_file()
-    assert [run.seeds for run in load_run(folder).runs] == [[0], [1]]  # the same command line
+    assert [run.seeds for run in RunFile.load(folder).runs] == [[0], [1]]  # the same command line
 
 
-@pytest.mark.parametrize("what", ["limit", "code", "scene", "run.json", "cells"])
+@pytest.mark.parametrize("what", ["code", "scene", "run.json", "cells"])
 def test_rows_that_do_not_fit_leave(
     what: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Of other settings, code or scenes, or of nobody knows which: no table mixes them."""
-    swept(groups(range(1), ("greedy",)), tmp_path)
-    settings, some = SETTINGS, groups(range(1), ("cocap",))
-    if what == "limit":
-        settings = msgspec.structs.replace(SETTINGS, limit=30.0)
-        some = groups(range(1), ("cocap",), settings)
-    elif what == "code":
-        monkeypatch.setattr(earlier_module, "rows_digest", lambda: "another")
+    """Of other code or scenes, or of nobody knows which: no table mixes them."""
+    swept(instances(range(1), ("greedy",)), tmp_path)
+    some = instances(range(1), ("cocap",))
+    if what == "code":
+        monkeypatch.setattr(folder_module, "rows_digest", lambda: "another")
     elif what == "scene":
         changed = [g.problem.replace(face_samples=1) for g in some]
-        some = [Group(problem, 0, ("cocap",), settings, {}) for problem in changed]
+        some = [Instance(problem, 0, ("cocap",), SETTINGS) for problem in changed]
     elif what == "run.json":
         (tmp_path / what).unlink()
     else:
         for path in (tmp_path / what).iterdir():
             path.unlink()
     capsys.readouterr()
-    rows = swept(some, tmp_path, settings)
+    rows = swept(some, tmp_path)
     assert in_table(load_results(tmp_path)) == in_table(rows)
     assert "no longer in results.csv" in capsys.readouterr().err
 
 
+def test_rows_of_other_limits_stay_and_the_newest_of_a_planner_wins(tmp_path: Path) -> None:
+    """Limits are columns: of a scene, seed and planner there is one row, with its own limits."""
+    other = Settings(time_limit=30.0, bound_time_limit=20.0, work_limit=1000)
+    swept(instances(range(2), ("greedy", "cocap")), tmp_path)
+    rows = swept(instances(range(1), ("cocap", "sequential"), other), tmp_path)
+    assert {(row.time_limit, row.work_limit) for row in rows} == {(30.0, 1000)}
+    found = {(*row.key, row.planner): row for row in load_results(tmp_path)}
+    assert len(found) == 2 * (3 + 2)
+    for (_, seed, planner), row in found.items():
+        is_new = seed == 0 and planner != "greedy"
+        assert (row.time_limit, row.work_limit) == ((30.0, 1000) if is_new else (60.0, None))
+        assert row.bound_time_limit == (20.0 if seed == 0 else 60.0)  # one bound for all planners
+        assert row.bound_work_limit == (1000 if seed == 0 else None)
+    back = instances(range(1), ("greedy", "cocap"))
+    assert computed(back, tmp_path) == []  # what it was is known still
+
+
+def test_a_rendered_reward_stays_with_its_row(tmp_path: Path) -> None:
+    """Rows with and without it stand in one table; a planner that is not named keeps its own."""
+    rendered = msgspec.structs.replace(SETTINGS, rendered=True)
+    (first,) = swept(instances(range(1), ("greedy",), rendered)[:1], tmp_path)
+    swept(instances(range(1), ("cocap",))[:1], tmp_path)
+    found = {row.planner: row.reward_rendered for row in load_results(tmp_path)}
+    assert found == {"cocap": None, "greedy": first.reward_rendered}
+    assert isinstance(first.reward_rendered, float)
+
+
+def test_a_work_limit_makes_the_same_rows_again(tmp_path: Path) -> None:
+    """Whatever the machine does: a search that is cut by its units of work is cut at the same."""
+    settings = Settings(time_limit=1e4, bound_time_limit=1e4, work_limit=1)
+    problem = load_scene("bottleneck-tight", 1)
+    runs = [
+        untimed(swept([Instance(problem, 1, ("sequential", "cocap"), settings)], None))
+        for _ in range(2)
+    ]
+    assert runs[0] == runs[1]
+    assert {row.bound_limit for row in runs[0]} == {"work"}
+    assert all(row.bound is not None for row in runs[0])
+
+
+def test_the_gap_table_is_a_function(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    """Scenes are names, files or problems; it prints nothing, and says in words what is wrong."""
+    frame = gap_frame(["tiny-queue", small_field(0)], ["greedy", "cocap"], out=tmp_path)
+    assert capsys.readouterr() == ("", "")
+    assert list(frame.scene) == ["tiny-queue", "tiny-queue", "field-2", "field-2"]
+    rows = load_results(tmp_path)
+    assert list(frame.reward) == [row.reward for row in rows]
+    assert gap_frame("tiny-queue", ["cocap"], work_limit=0).bound_limit[0] == "work"
+    for wrong in ({"planners": ["best"]}, {"time_limit": -1.0}, {"work_limit": -1}):
+        with pytest.raises(ValueError, match="must be"):
+            gap_frame("tiny-queue", **wrong)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="called the same"):
+        gap_frame([small_field(0), small_field(1)])
+
+
 def test_a_row_stays_until_it_is_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A command that is killed loses no row, and the next takes all planners along."""
-    first = swept(groups(range(1), ("greedy",)), tmp_path)
+    first = swept(instances(range(1), ("greedy",)), tmp_path)
 
     def killed(*_: object) -> None:
         raise KeyboardInterrupt
@@ -313,9 +365,9 @@ def test_a_row_stays_until_it_is_replaced(tmp_path: Path, monkeypatch: pytest.Mo
     with monkeypatch.context() as patch:
         patch.setattr(Alone, "begin", killed)
         with pytest.raises(KeyboardInterrupt):
-            swept(groups(range(2), ("cocap",)), tmp_path)
+            swept(instances(range(2), ("cocap",)), tmp_path)
     assert in_table(load_results(tmp_path)) == in_table(first)
-    swept(groups(range(2), ("cocap",)), tmp_path)
+    swept(instances(range(2), ("cocap",)), tmp_path)
     assert len(load_results(tmp_path)) == 6
 
 
@@ -324,32 +376,32 @@ def test_plans_of_others_stay(tmp_path: Path) -> None:
     problem = small_field(0)
     plan = staying(problem, never).plan
     assert plan is not None
-    swept([Group(problem, 0, (), SETTINGS, {"mine.json": plan})], tmp_path)
-    swept([Group(problem, 0, ("cocap",), SETTINGS, {})], tmp_path)
-    assert {row["planner"] for row in load_results(tmp_path)} == {"mine.json", "cocap"}
+    swept([Instance(problem, 0, (), SETTINGS, {"mine.json": plan})], tmp_path)
+    swept([Instance(problem, 0, ("cocap",), SETTINGS)], tmp_path)
+    assert {row.planner for row in load_results(tmp_path)} == {"mine.json", "cocap"}
 
 
 def test_rows_do_not_depend_on_where_cells_are_kept(tmp_path: Path) -> None:
     """Kept in a folder or not: the same table; certificates are named where there are files."""
-    kept, free = swept(groups(), tmp_path), swept(groups(), None)
-    assert {row.pop("certificate") for row in free} == {""}
-    assert {row.pop("certificate_free") for row in free} == {""}
+    kept, free = swept(instances(), tmp_path), swept(instances(), None)
+    assert {row.certificate for row in free} == {row.certificate_free for row in free} == {""}
     for row in kept:
-        assert (tmp_path / row.pop("certificate")).is_file()
-        assert (tmp_path / row.pop("certificate_free")).is_file()
-    assert untimed(kept) == untimed(free)
+        assert (tmp_path / row.certificate).is_file()
+        assert (tmp_path / row.certificate_free).is_file()
+    unnamed = [replace(row, certificate="", certificate_free="") for row in kept]
+    assert untimed(unnamed) == untimed(free)
 
 
 def test_a_limit_does_not_count_the_coverage(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It is whole before a limit begins, so what is in the cache changes no result."""
-    settings = msgspec.structs.replace(SETTINGS, limit=0.0, bound_limit=0.0)
+    settings = msgspec.structs.replace(SETTINGS, time_limit=0.0, bound_time_limit=0.0)
     for planners in (("cocap",), ()):  # without planners, the bound is what is missing
         cache = tmp_path / f"cache-{len(planners)}"
         monkeypatch.setenv("COCAP_OPT_CACHE", str(cache))
-        (task,) = groups(range(1), planners, settings)[0].missing()
-        run_task(task)
+        (task,) = instances(range(1), planners, settings)[0].missing()
+        task.run()
         assert list(cache.glob("*.coverage"))
 
 
@@ -359,10 +411,10 @@ def test_a_cell_of_other_settings_is_another_cell(
 ) -> None:
     """Nothing that a result depends on may change without the cell's name."""
     problem, settings = small_field(0), SETTINGS
-    one = Group(problem, 0, ["cocap"], settings, {}).cells["cocap"]
+    one = Instance(problem, 0, ["cocap"], settings).cells["cocap"]
     planner, seed = "cocap", 0
     if change == "limit":
-        settings = msgspec.structs.replace(settings, limit=61.0)
+        settings = msgspec.structs.replace(settings, time_limit=61.0)
     elif change == "rendered":
         settings = msgspec.structs.replace(settings, rendered=True)
     elif change == "problem":
@@ -372,21 +424,19 @@ def test_a_cell_of_other_settings_is_another_cell(
     elif change == "seed":
         seed = 1
     else:
-        monkeypatch.setattr(cells_module, "code_digest", lambda: "other")
-    other = Group(problem, seed, [planner], settings, {}).cells[planner]
+        monkeypatch.setattr(instances_module, "cells_digest", lambda: "other")
+    other = Instance(problem, seed, [planner], settings).cells[planner]
     assert other.key != one.key
 
 
 def test_the_code_is_all_that_cells_depend_on(monkeypatch: pytest.MonkeyPatch) -> None:
     """Other code beside the planners, and other versions of libraries, make other cells."""
-    digests = {code_digest()}
+    digests = {cells_digest()}
     with monkeypatch.context() as patch:
         patch.setattr(cells_module, "version", lambda name: "0.0")
-        digests.add(code_digest.__wrapped__())
-    for module in cells_module.MODULES:
-        assert (Path(cells_module.__file__).parents[1] / f"{module}.py").is_file()
-    monkeypatch.setattr(cells_module, "MODULES", ("results/rows",))
-    digests.add(code_digest.__wrapped__())
+        digests.add(cells_digest.__wrapped__())
+    monkeypatch.setattr(cells_module, "_MODULES", ("cocap_opt.experiments.results.rows",))
+    digests.add(cells_digest.__wrapped__())
     assert len(digests) == 3
 
 
@@ -401,22 +451,22 @@ def test_a_planner_that_fails_costs_its_own_cell(
     folder = folder_for_a_sweep(tmp_path / "run")
     with monkeypatch.context() as patch:
         patch.setitem(SOLVERS, "cocap", broken)  # type: ignore[arg-type]
-        first = groups()
+        first = instances()
         computed(first, folder)
-        assert computed(groups(), folder) == []
+        assert computed(instances(), folder) == []
     rows = table(first)
-    failed = [row for row in rows if row["planner"] == "cocap"]
-    assert {row["reason"] for row in failed} == {"error"}
-    assert all("RefereeError: it was wrong" in row["message"] for row in failed)
-    assert all(row["reward"] is None and row["bound"] is not None for row in failed)
+    failed = [row for row in rows if row.planner == "cocap"]
+    assert {row.reason for row in failed} == {"error"}
+    assert all("RefereeError: it was wrong" in row.message for row in failed)
+    assert all(row.reward is None and row.bound is not None for row in failed)
     assert all(
-        row["seconds"] is None
-        for group in first for row in group.rows() if row["planner"] == "cocap"
+        row.seconds is None
+        for instance in first for row in instance.rows() if row.planner == "cocap"
     )  # fmt: skip
-    assert all(row["gap"] is not None for row in rows if row["planner"] == "sequential")
-    again = groups()
+    assert all(row.gap is not None for row in rows if row.planner == "sequential")
+    again = instances()
     assert "cocap" in computed(again, folder, retry=True)
-    assert all(row["gap"] is not None for row in table(again) if row["planner"] == "cocap")
+    assert all(row.gap is not None for row in table(again) if row.planner == "cocap")
 
 
 def test_a_bound_that_fails_leaves_the_plans(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -426,32 +476,32 @@ def test_a_bound_that_fails_leaves_the_plans(monkeypatch: pytest.MonkeyPatch) ->
     def broken(*_: object) -> object:
         raise MemoryError
 
-    monkeypatch.setattr(work, "bounds_of", broken)
-    some = groups()
+    monkeypatch.setattr(work, "Bounds", broken)
+    some = instances()
     computed(some, None)
     for row in table(some):
-        assert row["reward"] is not None
-        assert row["bound"] is None and row["gap"] is None
-        assert row["bound_reason"] == "error"
-    assert {row["bound_seconds"] for group in some for row in group.rows()} == {None}
+        assert row.reward is not None
+        assert row.bound is None and row.gap is None
+        assert row.bound_reason == "error"
+    assert {row.bound_seconds for instance in some for row in instance.rows()} == {None}
 
 
 @pytest.mark.parametrize("cut", [0, 1, 10, -2])
 def test_a_damaged_cell_is_computed_again(cut: int, tmp_path: Path) -> None:
     """A file that is no cell, or another one's, is as good as none."""
     folder = folder_for_a_sweep(tmp_path / "run")
-    computed(groups(range(1)), folder)
+    computed(instances(range(1)), folder)
     paths = sorted((folder / "cells").iterdir())
     paths[0].write_bytes(paths[0].read_bytes()[:cut])
     paths[1].write_bytes(paths[2].read_bytes())
-    assert len(computed(groups(range(1)), folder)) == 2
+    assert len(computed(instances(range(1)), folder)) == 2
 
 
 def test_what_an_interrupt_cut_short_is_not_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """After Ctrl-C the scene that has begun is shown as far as it got; files do not have it."""
-    whole = swept(groups(range(3)), tmp_path / "whole")
+    whole = swept(instances(range(3)), tmp_path / "whole")
     solver, calls = SOLVERS["sequential"], 0
 
     def pressed(problem: Problem, stop: Stop) -> Result:
@@ -463,9 +513,9 @@ def test_what_an_interrupt_cut_short_is_not_kept(
 
     monkeypatch.setitem(SOLVERS, "sequential", pressed)
     (tmp_path / "results.parquet").write_bytes(b"of another run")
-    rows = swept(groups(range(3)), tmp_path)
-    assert [row["seed"] for row in rows] == [0, 0, 0, 1, 1, 1]
-    assert {(row["certificate"], row["certificate_free"]) for row in rows[3:]} == {("", "")}
+    rows = swept(instances(range(3)), tmp_path)
+    assert [row.seed for row in rows] == [0, 0, 0, 1, 1, 1]
+    assert {(row.certificate, row.certificate_free) for row in rows[3:]} == {("", "")}
     assert untimed(load_results(tmp_path)) == untimed(whole[:3])
     assert not (tmp_path / "results.parquet").exists()
     kept = [decode(p.read_bytes(), CellFile, "").cell for p in (tmp_path / "cells").iterdir()]
@@ -477,7 +527,7 @@ def test_run_json_tells_of_the_run_that_has_results(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A run that ends before it has any leaves that of the results that are there."""
-    swept(groups(range(1)), tmp_path)
+    swept(instances(range(1)), tmp_path)
     before = (tmp_path / "run.json").read_bytes()
 
     def pressed(problem: Problem, stop: Stop) -> Result:
@@ -485,25 +535,25 @@ def test_run_json_tells_of_the_run_that_has_results(
         return staying(problem, stop)
 
     monkeypatch.setitem(SOLVERS, "greedy", pressed)
-    swept(groups(range(4, 6)), tmp_path)
+    swept(instances(range(4, 6)), tmp_path)
     assert (tmp_path / "run.json").read_bytes() == before
 
 
 def test_cells_that_exceeded_a_lower_limit_are_tried_again(tmp_path: Path) -> None:
     """A raised --cell-limit says that they may take longer; the same one does not."""
     folder = folder_for_a_sweep(tmp_path / "run")
-    cell = groups()[0].cells["cocap"]
-    Store(folder).save(failed(cell, Status.EXCEEDED, "", seconds=10.0))
+    cell = instances()[0].cells["cocap"]
+    Store(folder).save(CellFile.failed(cell, Status.EXCEEDED, "", seconds=10.0))
     assert Store(folder, cell_limit=10.0).find(cell) is not None
     assert Store(folder, cell_limit=11.0).find(cell) is None
-    rows = swept(groups(range(1)), folder)
-    assert {row["reason"] for row in rows} == {"finished"}
+    rows = swept(instances(range(1)), folder)
+    assert {row.reason for row in rows} == {"finished"}
 
 
 def test_nobody_timed_what_was_not_planned() -> None:
     """A planner that does not take a scene has no seconds."""
     (content,) = planned(field(0, robots=3, actors=1, cells=15, steps=2), ("joint",))
-    assert (content.row["reason"], content.row["seconds"]) == ("unsupported", None)
+    assert (content.row.reason, content.row.seconds) == ("unsupported", None)
 
 
 # -- the command ----------------------------------------------------------------------------
@@ -529,7 +579,8 @@ def run_command(*arguments: object) -> subprocess.CompletedProcess[str]:
 def csv_rows(folder: Path) -> list[dict[str, str]]:
     """The table in a folder, without what depends on the machine."""
     with (folder / "results.csv").open(encoding="utf-8", newline="") as file:
-        return untimed(list(csv.DictReader(file)))
+        rows = list(csv.DictReader(file))
+    return [{key: row[key] for key in row if key not in TIMES} for row in rows]
 
 
 @pytest.fixture(scope="module")
@@ -538,7 +589,7 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("undisturbed") / "run"
     done = run_command("--out", folder)
     assert done.returncode == 0, done.stderr
-    assert len({row["bound"] for row in csv_rows(folder)}) == 1 + 3  # each seed another scene
+    assert len({row.bound for row in csv_rows(folder)}) == 1 + 3  # each seed another scene
     return folder
 
 
@@ -646,7 +697,7 @@ def test_seeds_that_change_nothing_are_one(
     ]  # fmt: skip
     assert "tiny-share: seed 1 makes the scene of seed 0" in captured.err
     assert commands.run([*words, "--seeds", "2"]) == 0
-    found = {(row["scene"], row["seed"]) for row in load_results(tmp_path)}
+    found = {(row.scene, row.seed) for row in load_results(tmp_path)}
     assert found == {("tiny-share", 0), ("corridor", 0), ("corridor", 1), ("corridor", 2)}
 
 
@@ -704,11 +755,23 @@ def test_a_lost_scheduler_is_no_cells_fault(tmp_path: Path) -> None:
     folder = folder_for_a_sweep(tmp_path / "run")
     with threads(1) as cluster, Client(cluster) as client:
         crew = Cluster(client, never, 60.0)
-        crew.begin(Task(groups()[0].cells["cocap"], small_field(0)))
+        crew.begin(Task(instances()[0].cells["cocap"], small_field(0)))
         cluster.close()
         with pytest.raises(ClusterError, match="--scheduler: it is lost"):
-            run(groups(), crew, Store(folder), never, lambda content: None)
+            run(instances(), crew, Store(folder), never, lambda content: None)
     assert not list((folder / "cells").iterdir())
+
+
+class AfterLooks(Stop):
+    """A stop that is reached once it has been asked so many times."""
+
+    def __init__(self, looks: int) -> None:
+        self._looks = looks
+
+    def reached(self) -> Limit:
+        """Count one more look."""
+        self._looks -= 1
+        return Limit.NONE if self._looks >= 0 else Limit.INTERRUPT
 
 
 def test_waiting_for_workers_is_said(
@@ -717,17 +780,16 @@ def test_waiting_for_workers_is_said(
     """A sweep whose workers are all gone says once that it waits, until Ctrl-C."""
     monkeypatch.setattr(cluster_module, "POLL", 0.01)
     monkeypatch.setattr(cluster_module, "ANSWER", 0.02)
-    asked = iter([Limit.NONE] * 6 + [Limit.INTERRUPT])
     with threads(1, workers=0) as cluster, Client(cluster) as client:
-        assert Cluster(client, lambda: next(asked), 60.0).next() is None
+        assert Cluster(client, AfterLooks(6), 60.0).next() is None
     assert capsys.readouterr().err.count("no workers") == 1
 
 
 def test_a_worker_lets_go_of_its_models_and_knows_its_code() -> None:
     """No cell uses another's model; a worker that joins late with other code computes nothing."""
-    group = groups(range(1), ("cocap",))[0]
-    (task,) = group.missing()
-    assert cluster_module._run_task(task).is_finished
+    instance = instances(range(1), ("cocap",))[0]
+    (task,) = instance.missing()
+    assert cluster_module._task.run().is_finished
     assert compiled.cache_info().currsize == 0
     other = msgspec.structs.replace(task.cell, code="other")
     with pytest.raises(ClusterError, match="other code"):
@@ -736,7 +798,7 @@ def test_a_worker_lets_go_of_its_models_and_knows_its_code() -> None:
 
 BAD_PLANNERS = """
 import os, time
-from cocap_opt.experiments.results.rows import SOLVERS
+from cocap_opt.experiments.results.judging import SOLVERS
 SOLVERS["sleeps"] = lambda problem, stop: time.sleep(1000)
 SOLVERS["dies"] = lambda problem, stop: os._exit(1)
 """
@@ -746,19 +808,19 @@ SOLVERS["dies"] = lambda problem, stop: os._exit(1)
 def test_a_worker_that_dies_or_hangs_costs_its_own_cell(tmp_path: Path) -> None:
     """Both are recorded with their reason; the only worker computes all other cells after it."""
     folder = folder_for_a_sweep(tmp_path / "run")
-    some = groups(range(1), ("greedy", "dies", "sleeps", "cocap"))[:1]
-    some += groups(range(1, 2))
+    some = instances(range(1), ("greedy", "dies", "sleeps", "cocap"))[:1]
+    some += instances(range(1, 2))
     with local(1, never, cell_limit=8.0) as cluster:
         cluster.client.register_worker_callbacks(partial(exec, BAD_PLANNERS, {}))
         assert cluster.client.cluster.scheduler.http_server.port != 8787  # no dashboard
         run(some, cluster, Store(folder), never, lambda content: None)
         masks = cluster.client.run(signal.pthread_sigmask, signal.SIG_BLOCK, [])
     assert all(signal.SIGINT in blocked for blocked in masks.values())  # Ctrl-C is for us
-    assert all(group.is_whole for group in some)
-    reasons = {row["planner"]: row["reason"] for row in some[0].rows()}
+    assert all(instance.is_whole for instance in some)
+    reasons = {row.planner: row.reason for row in some[0].rows()}
     assert reasons["sleeps"] == "exceeded" and reasons["dies"] == "died"
     assert reasons["greedy"] == reasons["cocap"] == "finished"
-    assert {row["reason"] for group in some[1:] for row in group.rows()} == {"finished"}
+    assert {row.reason for instance in some[1:] for row in instance.rows()} == {"finished"}
 
 
 def test_the_table_is_written_as_parquet(undisturbed: Path) -> None:
@@ -771,8 +833,8 @@ def test_the_table_is_written_as_parquet(undisturbed: Path) -> None:
     assert [*rows[0]] == [*texts[0]]
     for row, text in zip(rows, texts, strict=True):
         assert {key: "" if row[key] is None else str(row[key]) for key in row} == text
-    assert {type(row["reward"]) for row in rows} == {float}
-    assert {type(row["seed"]) for row in rows} == {int}
+    assert {type(row.reward) for row in rows} == {float}
+    assert {type(row.seed) for row in rows} == {int}
 
 
 def test_leftovers_of_killed_processes_are_cleared(tmp_path: Path) -> None:
@@ -788,17 +850,19 @@ def test_leftovers_of_killed_processes_are_cleared(tmp_path: Path) -> None:
 
 def test_ctrl_c_with_nothing_to_give_is_no_success(tmp_path: Path) -> None:
     """Before anything is whole it is an interrupt, and not an empty table."""
-    group = Group(load_scene("tiny-queue", 0), 0, ("greedy",), Settings(limit=1, bound_limit=1), {})
+    instance = Instance(load_scene("tiny-queue", 0), 0, ("greedy",), SETTINGS)
 
     @contextmanager
-    def interrupted() -> Iterator[Callable[[], Limit]]:
-        yield lambda: Limit.INTERRUPT
+    def interrupted() -> Iterator[Interrupt]:
+        pressed = Interrupt()
+        pressed.pressed = True
+        yield pressed
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("cocap_opt.experiments.sweeps.sweep.catch_interrupt", interrupted)
         patch.setattr("cocap_opt.experiments.sweeps.sweep.run", lambda *_: None)
         with pytest.raises(KeyboardInterrupt):
-            sweep([group], Settings(limit=1, bound_limit=1), tmp_path, Hired(None, None, 60.0))
+            sweep([instance], tmp_path)
 
 
 # -- one folder, several commands ---------------------------------------------------------
@@ -812,7 +876,7 @@ def gap(folder: Path, *words: object) -> int:
 
 def seeds_of(folder: Path) -> list[tuple[str, int | None]]:
     """Scenes and seeds of the table, each row's."""
-    return [(row["scene"], row["seed"]) for row in load_results(folder)]
+    return [(row.scene, row.seed) for row in load_results(folder)]
 
 
 def test_an_exported_scene_takes_no_seed_of_another(
@@ -827,9 +891,9 @@ def test_an_exported_scene_takes_no_seed_of_another(
     assert seeds_of(folder) == [("corridor", seed) for seed in (1, 2, 3)]
     assert "a scene that now has another seed" in capsys.readouterr().err
     for row in load_results(folder):
-        problem = load_problem(folder / scene_path(row))
-        assert problem_digest(problem) == row["digest"]
-        assert check(problem, load_plan(folder / plan_path(row)).plan).reward == row["reward"]
+        problem = load_problem(folder / Paths(row).scene)
+        assert problem_digest(problem) == row.digest
+        assert check(problem, load_plan(folder / Paths(row).plan).plan).reward == row.reward
 
 
 def test_an_edited_scene_leaves_its_old_rows(
@@ -879,10 +943,10 @@ def test_one_command_at_a_time_writes_into_a_folder(
 def test_planners_that_are_not_named_are_not_tried_again(tmp_path: Path) -> None:
     """What became of them is known; only what is named is computed, or retried."""
     folder = folder_for_a_sweep(tmp_path / "run")
-    (group,) = groups(range(1), ("greedy", "cocap"))[:1]
-    Store(folder).save(failed(group.cells["cocap"], Status.EXCEEDED, "", seconds=1e6))
-    swept([group], folder)
-    (again,) = groups(range(1), ("sequential",))[:1]
-    sweep([again], SETTINGS, folder, Hired(None, None, 1e4), retry=True)
-    reasons = {row["planner"]: row["reason"] for row in load_results(folder)}
+    (instance,) = instances(range(1), ("greedy", "cocap"))[:1]
+    Store(folder).save(CellFile.failed(instance.cells["cocap"], Status.EXCEEDED, "", seconds=1e6))
+    swept([instance], folder)
+    (again,) = instances(range(1), ("sequential",))[:1]
+    sweep([again], folder, retry=True)
+    reasons = {row.planner: row.reason for row in load_results(folder)}
     assert reasons == {"sequential": "finished", "greedy": "finished", "cocap": "exceeded"}

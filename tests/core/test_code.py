@@ -1,0 +1,75 @@
+"""The digest of code: comments, layout and docstrings do not count, everything else does."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from cocap_opt.files import code
+from cocap_opt.files.code import code_digest
+
+MODULE = '''"""A module."""
+
+def double(x):
+    """Return twice as much."""
+    return 2 * x  # of anything
+'''
+
+
+def digest_of(text: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    """Digest of a module with this text."""
+    (folder / "made.py").write_text(text, encoding="utf-8")
+    monkeypatch.setattr(code, "_FOLDER", folder)
+    return code_digest("cocap_opt.made")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "same"),
+    [
+        ("  # of anything", "", True),
+        ('"""Return twice as much."""', '"""Return the double."""', True),
+        ('"""A module."""\n\n', "", True),
+        ("return 2 * x", "return (2 *\n        x)", True),
+        ("return 2 * x", "return 3 * x", False),
+        ("return 2 * x", "return x * 2", False),
+        ("def double(x)", "def double(x, y=0)", False),
+        ("    return", "    'no docstring'\n    return", False),
+    ],
+)
+def test_what_counts_is_what_runs(
+    old: str, new: str, same: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Sentences and line breaks may change; code that runs may not."""
+    assert old in MODULE
+    before = digest_of(MODULE, tmp_path, monkeypatch)
+    after = digest_of(MODULE.replace(old, new), tmp_path, monkeypatch)
+    assert (before == after) is same
+
+
+def test_a_function_of_a_docstring_only_still_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without its docstring it is empty, and not the same as one that is gone."""
+    text = 'class Odd(ValueError):\n    """Something odd."""\n'
+    assert digest_of(text, tmp_path, monkeypatch) == digest_of(
+        text.replace("odd", "very odd"), tmp_path, monkeypatch
+    )
+    assert digest_of("", tmp_path, monkeypatch) != digest_of(text, tmp_path, monkeypatch)
+
+
+def test_an_installed_package_has_the_digest_of_its_checkout(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Links to folders and real folders are the same modules, by the names they are imported by."""
+    parts = ("cocap_opt", "cocap_opt.scenarios", "cocap_opt.experiments.console")
+    here = code_digest(*parts), code_digest("cocap_opt")
+    installed = tmp_path / "cocap_opt"
+    shutil.copytree(code._FOLDER, installed)  # follows the links
+    assert not (installed / "scenarios").is_symlink()
+    monkeypatch.setattr(code, "_FOLDER", installed)
+    assert (code_digest(*parts), code_digest("cocap_opt")) == here
+    (installed / "scenarios" / "more.py").write_text("more = 1\n")
+    assert code_digest("cocap_opt") == here[1]  # the core is without what is linked into it
+    assert code_digest(*parts) != here[0]
+    with pytest.raises(ValueError, match=r"cocap_opt\.scenarios\.none"):
+        code_digest("cocap_opt.scenarios.none")
