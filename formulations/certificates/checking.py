@@ -30,7 +30,7 @@ def certify(
         scene=problem.name,
         digest=problem_digest(problem),
         method=method,
-        classes="single" if model.is_apart else "alike",
+        classes="single" if model.is_disaggregated else "alike",
         bound=None if bound == -math.inf else bound,
         certificate=certificate,
     )
@@ -60,7 +60,7 @@ def verify(
             f"digest: the {'proof' if proof else 'certificate'} belongs to another scene"
         )
     model = Model(problem, use_cache=False)
-    model = model.apart() if file.classes == "single" else model
+    model = model.disaggregated() if file.classes == "single" else model
     if isinstance(file, ProofFile):
         pricing = price_proof(model, file, progress)
     else:

@@ -1,1 +1,16 @@
-"""Integer programs over the aggregated flow, and the generic solvers that take them."""
+"""Integer programs over the aggregated flow, and the generic solvers that take them.
+
+`program` says what is solved, `outer_approximation` how often; `linear_program` is the same as
+matrices. `mathopt` (HiGHS, SCIP), `cp_sat` and `scip_nonlinear` translate it for a solver.
+"""
+
+__all__ = [
+    "attending",
+    "cp_sat",
+    "linear_program",
+    "mathopt",
+    "mathopt_process",
+    "outer_approximation",
+    "program",
+    "scip_nonlinear",
+]

@@ -13,8 +13,8 @@ T = TypeVar("T")
 
 def attend(
     work: Callable[[], T], stop: Stop, tick: Callable[[], None], interrupt: Callable[[], None]
-) -> tuple[T, Limit]:
-    """Do work in another thread, while this one asks for limits and hears of Ctrl-C.
+) -> T:
+    """Does work in another thread, while this one asks for limits and hears of Ctrl-C.
 
     Parameters
     ----------
@@ -23,18 +23,16 @@ def attend(
 
     Returns
     -------
-    What the work returns, and the limit that was reached before it ended.
+    The outcome of the work, also where it was interrupted.
     """
-    limit = Limit.NONE
     with ThreadPoolExecutor(1) as pool:
         future = pool.submit(work)
         try:
             while not wait([future], POLL).done:
                 tick()
-                limit = limit if limit is not Limit.NONE else stop()
-                if limit is not Limit.NONE:
+                if stop.reached() is not Limit.NONE:
                     interrupt()
         finally:
             while not wait([future], POLL).done:  # an exception is on its way out
                 interrupt()
-    return future.result(), limit
+    return future.result()

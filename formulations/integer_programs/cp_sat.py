@@ -19,10 +19,13 @@ from cocap_opt.formulations.integer_programs.outer_approximation import (
     outer_approximation,
 )
 from cocap_opt.formulations.integer_programs.program import Answer, Call, Program
+from cocap_opt.formulations.relaxations.flow import Amounts, Compile
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Report, silent
-from cocap_opt.problem.plan import Plan
-from cocap_opt.problem.problem import Problem
-from cocap_opt.stop import Limit, Stop, never, seconds_left
+from cocap_opt.model import compiled
+from cocap_opt.problem import Plan, Problem
+from cocap_opt.stop import Limit, Stop, never
+
+__all__ = ["cp_sat"]
 
 ROUNDING = 1e-8  # of the largest J, all roundings together
 MOST = 2.0**52  # largest J in whole numbers
@@ -35,25 +38,33 @@ def cp_sat(
     start: Plan | None = None,
     report: Report = silent,
     gap: float = OPTIMALITY,
-    root: Root = certified_root,
+    root: Root | None = certified_root,
+    compile_: Compile = compiled,
 ) -> CertifiedResult:
-    """Optimum by outer approximation with CP-SAT; one worker, so that runs can be repeated.
+    """Computes the optimum by outer approximation with CP-SAT.
+
+    There is one worker, so that runs can be repeated.
+
+    Parameters
+    ----------
+    root : gives the certificate and the first cuts, or None (see `outer_approximation`)
+    compile_ : makes the model: one flow per class, or one per robot
 
     Raises
     ------
     UnsupportedError
         If the scene is too large for a flow model (see `cocap_opt.formulations.relaxations.flow`).
     """
-    return outer_approximation(problem, stop, start, report, gap, solve, root)
+    return outer_approximation(problem, stop, start, report, gap, _solve, root, compile_)
 
 
-def solve(program: Program, call: Call) -> Answer:
-    """Solve a program."""
+def _solve(program: Program, call: Call) -> Answer:
+    """Solves a program."""
     from ortools.sat.python import cp_model
 
     translated = _Translated(program)
     if call.hint is not None:
-        translated.hint(*call.hint)
+        translated.hint(call.hint)
     solver = cp_model.CpSolver()
     solver.parameters.num_workers = 1
     solver.parameters.random_seed = SEED
@@ -65,9 +76,9 @@ def solve(program: Program, call: Call) -> Answer:
     # With it, presolve of 9.15 cuts optima off (github.com/google/or-tools/issues/5293).
     solver.parameters.presolve_inclusion_work_limit = 0
     solver.parameters.relative_gap_limit = call.tolerance
-    if math.isfinite(seconds := seconds_left(call.stop)):
-        solver.parameters.max_time_in_seconds = max(seconds, 0.0)
-    solutions: list[tuple[FloatArray, FloatArray]] = []
+    if math.isfinite(seconds := call.stop.seconds_left):
+        solver.parameters.max_time_in_seconds = seconds
+    solutions: list[Amounts] = []
 
     class Collect(cp_model.CpSolverSolutionCallback):
         def on_solution_callback(self) -> None:
@@ -75,36 +86,40 @@ def solve(program: Program, call: Call) -> Answer:
 
     def tick() -> None:
         while solutions:
-            call.found(*solutions.pop(0))
+            call.found(solutions.pop(0))
         call.tick()
 
     collect = Collect()
-    _, limit = attend(
-        lambda: solver.solve(translated.model, collect), call.stop, tick, solver.stop_search
-    )
+    attend(lambda: solver.solve(translated.model, collect), call.stop, tick, solver.stop_search)
+    return _answer(solver, translated)
+
+
+def _answer(solver: Any, translated: "_Translated") -> Answer:
+    """Reads how a solve ended."""
+    from ortools.sat.python import cp_model
+
     status = solver.response_proto.status
     if status == cp_model.MODEL_INVALID:
         message = f"CP-SAT refuses the model: {translated.model.validate()}"
-        return Answer(None, None, math.inf, Limit.NUMERICS, message=message)
+        return Answer(None, math.inf, Limit.NUMERICS, message=message)
     nodes = int(solver.num_branches)
     if status == cp_model.INFEASIBLE:
-        return Answer(None, None, -math.inf, nodes=nodes)
+        return Answer(None, -math.inf, nodes=nodes)
     # Useful whatever the status is (the objective's value is not), once there is one: 0 is
     # what it has before the search begins.
     bound = solver.best_objective_bound / translated.scale
     if status == cp_model.UNKNOWN and bound == 0.0:
         bound = math.inf
-    x, y = None, None
+    solution = None
     if status in (cp_model.OPTIMAL, cp_model.FEASIBLE):
-        x, y = translated.solution(solver.response_proto.solution)
+        solution = translated.solution(solver.response_proto.solution)
     if status == cp_model.OPTIMAL:
-        return Answer(x, y, bound, Limit.NONE, nodes)
-    limit = limit if limit is not Limit.NONE else Limit.TIME
-    return Answer(x, y, bound, limit, nodes)
+        return Answer(solution, bound, nodes=nodes)
+    return Answer(solution, bound, Limit.TIME, nodes)
 
 
 class _Translated:
-    """A program in whole numbers.
+    """A program in whole numbers, as CP-SAT has it.
 
     Attributes
     ----------
@@ -157,18 +172,21 @@ class _Translated:
         program, roots = self.program, self.program.roots
         for g in range(len(roots.used)):
             self._bound_root(g, roots.seen, g, self.worth[g], 0.0)
-        for g, z0 in zip(*(part.tolist() for part in program.tangents), strict=True):
+        tangents = program.tangents
+        for g, z0 in zip(tangents.at.tolist(), tangents.z0.tolist(), strict=True):
             slope = self.worth[g] / (2 * math.sqrt(z0))
             constant = self.worth[g] * math.sqrt(z0) / 2
             self._bound_root(g, roots.pixels, g, slope, constant)
-        rows, constants, view_sums = program.cut_rows()
-        for k, (g, constant) in enumerate(zip(view_sums.tolist(), constants.tolist(), strict=True)):
-            self._bound_root(g, rows, k, self.worth[g], self.worth[g] * constant)
+        cuts = program.cut_rows()
+        for k, (g, constant) in enumerate(
+            zip(cuts.at.tolist(), cuts.constants.tolist(), strict=True)
+        ):
+            self._bound_root(g, cuts.phi, k, self.worth[g], self.worth[g] * constant)
 
     def _bound_root(
         self, g: int, matrix: sparse.csr_array, row: int, factor: float, constant: float
     ) -> None:
-        """Add V <= sum ceil(factor * row) x + ceil(constant)."""
+        """Adds V <= sum ceil(factor * row) x + ceil(constant)."""
         from ortools.sat.python import cp_model
 
         part = slice(matrix.indptr[row], matrix.indptr[row + 1])
@@ -177,29 +195,30 @@ class _Translated:
         paid = cp_model.LinearExpr.weighted_sum(nodes, coefficients.tolist())
         self.model.add(self.v[g] <= paid + int(_up(np.array([constant]))[0]))
 
-    def hint(self, x: FloatArray, y: FloatArray) -> None:
-        """Begin with a plan."""
+    def hint(self, plan: Amounts) -> None:
+        """Begins with a plan."""
+        x, y = plan
         roots = np.floor(self.worth * self.program.roots_at(x)).astype(np.int64)
         for variables, values in ((self.x, np.rint(x)), (self.y, np.rint(y)), (self.v, roots)):
             for variable, value in zip(variables, values.astype(np.int64).tolist(), strict=True):
                 self.model.add_hint(variable, value)
 
-    def solution(self, values: Any) -> tuple[FloatArray, FloatArray]:
-        """Nodes and edges of a solution, whose values are in the order of the variables."""
+    def solution(self, values: Any) -> Amounts:
+        """Returns a solution, whose values are in the order of the variables."""
         n, e = len(self.x), len(self.y)
         found = np.fromiter(values, dtype=np.float64, count=n + e)
-        return found[:n], found[n:]
+        return Amounts(found[:n], found[n:])
 
 
 def _up(values: FloatArray) -> IntArray:
-    """Whole numbers that are not below the values, rounding in their arithmetic included."""
+    """Returns whole numbers not below the values, rounding in their arithmetic included."""
     return np.ceil(values * (1 + 1e-12)).astype(np.int64)
 
 
 def _members(
     matrix: sparse.csr_array, which: BoolArray | None = None
 ) -> list[tuple[int, list[int]]]:
-    """Columns of the entries of each row."""
+    """Returns each row with the columns of its entries."""
     rows = range(matrix.shape[0]) if which is None else np.flatnonzero(which).tolist()
     at, columns = matrix.indptr.tolist(), matrix.indices.tolist()
     return [(row, columns[at[row] : at[row + 1]]) for row in rows]

@@ -1,4 +1,4 @@
-"""Programs (`program`) as matrices, for solvers that take real numbers.
+"""The integer programs (`program`) as matrices, for solvers that take real numbers.
 
 Variables are x [N] robots in each node, y [E] robots along each edge, z [g] pixels, s [g] sums
 of roots and u [g] roots, in this order: rows on pixels then have two entries each instead of
@@ -27,37 +27,45 @@ class LinearProgram(NamedTuple):
     row_high: FloatArray  # [m]
     first_pixels: int  # number of the first of the z
 
+    @classmethod
+    def of(cls, program: Program) -> "LinearProgram":
+        """Returns the matrices of a program; their objective is J / program.unit."""
+        flow, roots = program.flow, program.roots
+        n, e, g = flow.n_nodes, flow.n_edges, len(roots.used)
+        first = flow.steps == 0
+        rows = _rows(program)
+        gain = [np.zeros(n), flow.bonus, np.zeros(2 * g), roots.weights]
+        high = [np.where(first, flow.supply, flow.capacity), flow.capacity[flow.tails]]
+        return cls(
+            gain=np.concatenate(gain) / program.unit,
+            low=np.concatenate([np.where(first, flow.supply, 0.0), np.zeros(e + 3 * g)]),
+            high=np.concatenate([*high, np.full(3 * g, math.inf)]),
+            whole=np.repeat([True, program.whole_edges, False], [n, e, 3 * g]),
+            rows=rows.matrix,
+            row_low=rows.low,
+            row_high=rows.high,
+            first_pixels=n + e,
+        )
 
-def linear_program(program: Program) -> LinearProgram:
-    """Matrices of a program; its objective is J / program.unit."""
-    flow, roots = program.flow, program.roots
-    n, e, g = flow.n_nodes, flow.n_edges, len(roots.used)
-    first = flow.steps == 0
-    rows, row_low, row_high = _rows(program)
-    gain = [np.zeros(n), flow.bonus, np.zeros(2 * g), roots.weights]
-    high = [np.where(first, flow.supply, flow.capacity), flow.capacity[flow.tails]]
-    return LinearProgram(
-        gain=np.concatenate(gain) / program.unit,
-        low=np.concatenate([np.where(first, flow.supply, 0.0), np.zeros(e + 3 * g)]),
-        high=np.concatenate([*high, np.full(3 * g, math.inf)]),
-        whole=np.repeat([True, program.whole_edges, False], [n, e, 3 * g]),
-        rows=rows,
-        row_low=row_low,
-        row_high=row_high,
-        first_pixels=n + e,
-    )
+
+class _Rows(NamedTuple):
+    """Rows low <= matrix v <= high."""
+
+    matrix: sparse.csr_array  # [m, n]
+    low: FloatArray  # [m]
+    high: FloatArray  # [m]
 
 
-def _rows(program: Program) -> tuple[sparse.csr_array, FloatArray, FloatArray]:
-    """Rows over (x, y, z, s, u), the equations first."""
+def _rows(program: Program) -> _Rows:
+    """Returns the rows over (x, y, z, s, u), the equations first."""
     flow, roots, conflicts = program.flow, program.roots, program.conflicts
     g = len(roots.used)
     later = np.flatnonzero(flow.steps > 0)
     before = np.flatnonzero(flow.steps < flow.model.problem.horizon)
     inside, one = sparse.eye_array(flow.n_nodes, format="csr"), sparse.eye_array(g, format="csr")
-    of, z0 = program.tangents
-    slopes = _at(of, 1 / (2 * np.sqrt(z0)), g)
-    cuts, constants, cut_view_sums = program.cut_rows()
+    at, z0 = program.tangents
+    slopes = _at(at, 1 / (2 * np.sqrt(z0)), g)
+    cuts = program.cut_rows()
     widths = [flow.n_nodes, flow.n_edges, g, g, g]
     blocks: list[list[Any]] = [
         [inside[later], -flow.entering[later], None, None, None],
@@ -65,8 +73,8 @@ def _rows(program: Program) -> tuple[sparse.csr_array, FloatArray, FloatArray]:
         [-roots.pixels, None, one, None, None],
         [-roots.seen, None, None, one, None],
         [None, None, None, -one, one],
-        [None, None, -slopes, None, _at(of, np.ones(len(of)), g)],
-        [-cuts, None, None, None, _at(cut_view_sums, np.ones(len(constants)), g)],
+        [None, None, -slopes, None, _at(at, np.ones(len(at)), g)],
+        [-cuts.phi, None, None, None, _at(cuts.at, np.ones(len(cuts.at)), g)],
         [conflicts.at_nodes, None, None, None, None],
         [None, conflicts.crossing, None, None, None],
         [sparse.csr_array((0, width)) for width in widths],  # says how wide the columns are
@@ -74,14 +82,14 @@ def _rows(program: Program) -> tuple[sparse.csr_array, FloatArray, FloatArray]:
     n_equal = len(later) + len(before)
     n_conflicts = conflicts.cliques.shape[0] + conflicts.crossing.shape[0]
     high = np.concatenate(
-        [np.zeros(n_equal + 3 * g), np.sqrt(z0) / 2, constants, np.ones(n_conflicts)]
+        [np.zeros(n_equal + 3 * g), np.sqrt(z0) / 2, cuts.constants, np.ones(n_conflicts)]
     )
     low = np.full(len(high), -math.inf)
     low[:n_equal] = 0.0
-    return sparse.csr_array(sparse.block_array(blocks)), low, high
+    return _Rows(sparse.csr_array(sparse.block_array(blocks)), low, high)
 
 
 def _at(columns: IntArray, values: FloatArray, width: int) -> sparse.csr_array:
-    """One entry per row."""
+    """Returns a matrix with one entry per row, in these columns."""
     index = (np.arange(len(columns)), columns)
     return sparse.csr_array((values, index), shape=(len(columns), width))

@@ -1,6 +1,6 @@
 """A process that solves MathOpt's requests, one after the other, until its input ends.
 
-It is started by `mathopt` and imports nothing of this project. Messages on
+It is started by `mathopt_process` and imports nothing of this project. Messages on
 standard input: R, length (8 bytes), a SolveRequest; or S, which interrupts the solve. Answers
 on standard output: length (8 bytes), a SolveResponse.
 """
@@ -15,8 +15,8 @@ from ortools.math_opt.core.python import solver
 from ortools.util.python.solve_interrupter import SolveInterrupter
 
 
-def answer(data: bytes, interrupter: SolveInterrupter) -> bytes:
-    """Solve a request; what goes wrong is told in the response's status."""
+def _answer(data: bytes, interrupter: SolveInterrupter) -> bytes:
+    """Solves a request; an error is told in the status of the response."""
     request = rpc_pb2.SolveRequest.FromString(data)
     response = rpc_pb2.SolveResponse()
     try:
@@ -32,8 +32,8 @@ def answer(data: bytes, interrupter: SolveInterrupter) -> bytes:
     return bytes(response.SerializeToString())
 
 
-def main() -> None:
-    """Serve until standard input ends."""
+def _main() -> None:
+    """Serves until standard input ends."""
     requests: queue.Queue[tuple[bytes, SolveInterrupter]] = queue.Queue()
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # solvers print there
@@ -51,10 +51,10 @@ def main() -> None:
 
     threading.Thread(target=listen, daemon=True).start()
     while True:
-        data = answer(*requests.get())
+        data = _answer(*requests.get())
         answers.write(len(data).to_bytes(8, "big") + data)
         answers.flush()
 
 
 if __name__ == "__main__":
-    main()
+    _main()

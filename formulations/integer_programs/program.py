@@ -1,4 +1,4 @@
-"""Integer programs with roots bounded from above, and what their solvers are asked and answer.
+"""Integer programs with roots bounded from above, and the questions and answers of solvers.
 
 The root u of a view sum is concave in its pixels z, so every tangent lies above it:
 
@@ -8,16 +8,14 @@ The root u of a view sum is concave in its pixels z, so every tangent lies above
 """
 
 from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
-from scipy import sparse
 
 from cocap_opt.data import FloatArray, IntArray
-from cocap_opt.formulations.certificates.certificate import Multipliers, usable_cuts
-from cocap_opt.formulations.certificates.envelope import Cut
+from cocap_opt.formulations.certificates import Cut, Multipliers, usable_cuts
 from cocap_opt.formulations.relaxations.collision_rows import ConflictRows
-from cocap_opt.formulations.relaxations.flow import Flow, Roots, cut_rows
+from cocap_opt.formulations.relaxations.flow import Amounts, CutRows, Flow, Roots
 from cocap_opt.objective import most_views
 from cocap_opt.stop import Limit, Stop
 
@@ -26,35 +24,30 @@ SLACK = 1e-9  # relative, by which a root may be overestimated at a plan
 
 
 class Answer(NamedTuple):
-    """What a solver says of a program."""
+    """The answer of a solver to a program."""
 
-    x: FloatArray | None  # [N] robots in each node; None without a solution
-    y: FloatArray | None  # [E]
+    solution: Amounts | None
     bound: float  # on J; -inf where there is no solution
-    limit: Limit = Limit.NONE  # why it stopped before its tolerance
+    limit: Limit = Limit.NONE  # by its own account, where it stopped before its tolerance
     nodes: int = 0
     message: str = ""
 
 
 class Call(NamedTuple):
-    """What a solver is asked for."""
+    """The request to a solver that goes with a program."""
 
-    hint: tuple[FloatArray, FloatArray] | None  # x, y of a plan
+    hint: Amounts | None  # a plan's
     tolerance: float  # relative gap
     stop: Stop
     tick: Callable[[], None]  # to be called every now and then
-    found: Callable[[FloatArray, FloatArray], None]  # to be called with each new x, y
+    found: Callable[[Amounts], None]  # to be called with each new solution
 
 
-class Solver(Protocol):
-    """Solves programs of one problem, one after the other."""
-
-    def __call__(self, program: "Program", call: Call) -> Answer:
-        """Solve a program."""
+Solver = Callable[["Program", Call], Answer]  # takes programs of one problem, one after another
 
 
 class Program:
-    """Integer flow with roots bounded from above by linear functions of the pixels.
+    """An integer flow with roots bounded from above by linear functions of the pixels.
 
     Attributes
     ----------
@@ -81,10 +74,10 @@ class Program:
             self._take(root)
 
     @property
-    def tangents(self) -> tuple[IntArray, FloatArray]:
-        """Groups [k] (numbers among `roots.used`) and z0 [k] in units of their best views."""
-        view_sums, z0 = zip(*self._tangents, strict=True) if self._tangents else ((), ())
-        return np.array(view_sums, dtype=np.int64), np.array(z0, dtype=np.float64)
+    def tangents(self) -> "_Tangents":
+        """The tangents of the roots."""
+        at, z0 = zip(*self._tangents, strict=True) if self._tangents else ((), ())
+        return _Tangents(np.array(at, dtype=np.int64), np.array(z0, dtype=np.float64))
 
     @property
     def n_whole(self) -> int:
@@ -92,22 +85,23 @@ class Program:
         return self.flow.n_nodes + self.whole_edges * self.flow.n_edges
 
     def roots_at(self, x: FloatArray) -> FloatArray:
-        """Roots [g] that the program allows at robots in nodes."""
+        """Returns the roots [g] that the program allows at robots in nodes [N]."""
         pixels, seen = self.roots.pixels @ x, self.roots.seen @ x
         allowed: FloatArray = seen.copy()
-        of, z0 = self.tangents
-        np.minimum.at(allowed, of, pixels[of] / (2 * np.sqrt(z0)) + np.sqrt(z0) / 2)
-        rows, constants, view_sums = self.cut_rows()
-        np.minimum.at(allowed, view_sums, constants + rows @ x)
+        at, z0 = self.tangents
+        np.minimum.at(allowed, at, pixels[at] / (2 * np.sqrt(z0)) + np.sqrt(z0) / 2)
+        cuts = self.cut_rows()
+        np.minimum.at(allowed, cuts.at, cuts.constants + cuts.phi @ x)
         return allowed
 
-    def point(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Values of all variables of a linear program (see `linear_program`) for a plan."""
+    def point(self, plan: Amounts) -> FloatArray:
+        """Returns the values of all variables of a linear program (see `linear_program`)."""
+        x, y = plan
         pixels, seen = self.roots.pixels @ x, self.roots.seen @ x
         return np.concatenate([x, y, pixels, seen, self.roots_at(x)])
 
     def refine(self, x: FloatArray) -> int:
-        """Add tangents at whole x where roots are overestimated; how many."""
+        """Adds tangents at whole x where roots are overestimated, and returns how many."""
         pixels = self.roots.pixels @ x
         wrong = np.flatnonzero(
             (pixels > 0) & (self.roots_at(x) > np.sqrt(np.maximum(pixels, 0.0)) * (1 + SLACK))
@@ -115,15 +109,15 @@ class Program:
         self._add(wrong, pixels[wrong])
         return len(wrong)
 
-    def cut_rows(self) -> tuple[sparse.csr_array, FloatArray, IntArray]:
-        """The envelope cuts as rows (`flow.cut_rows`)."""
-        return cut_rows(self.flow, self.roots, self.cuts)
+    def cut_rows(self) -> CutRows:
+        """Returns the envelope cuts as rows."""
+        return self.roots.cut_rows(self.cuts)
 
     def _add(self, view_sums: IntArray, z0: FloatArray) -> None:
         self._tangents += zip(view_sums.tolist(), z0.tolist(), strict=True)
 
     def _take(self, root: Multipliers) -> None:
-        """Take over what makes the root's certificate: its cuts, and tangents of its slopes."""
+        """Takes over the cuts of the root's certificate, and tangents of its slopes."""
         model = self.flow.model
         alpha, beta = (
             np.array(part, dtype=np.float64).reshape(-1)[self.roots.used]
@@ -138,3 +132,10 @@ class Program:
         curved = np.flatnonzero((rest - alpha > 1e-6) & (beta > 0))
         slope = beta[curved] * self.roots.scale[curved] / (rest - alpha)[curved]
         self._add(curved, np.clip(1 / (4 * slope**2), 1e-6, self.n_views))
+
+
+class _Tangents(NamedTuple):
+    """Tangents of the roots: u <= z / (2 sqrt(z0)) + sqrt(z0) / 2."""
+
+    at: IntArray  # [k] positions of their view sums among `roots.used`
+    z0: FloatArray  # [k] in units of the view sums' best views

@@ -13,26 +13,23 @@ from scipy import sparse
 
 from cocap_opt.data import FloatArray
 from cocap_opt.formulations.integer_programs.attending import attend
-from cocap_opt.formulations.integer_programs.linear_program import LinearProgram, linear_program
+from cocap_opt.formulations.integer_programs.linear_program import LinearProgram
 from cocap_opt.formulations.integer_programs.outer_approximation import (
     Root,
     certified_root,
     outer_approximation,
 )
 from cocap_opt.formulations.integer_programs.program import Answer, Call, Program
+from cocap_opt.formulations.relaxations.flow import Amounts
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Report, silent
-from cocap_opt.problem.plan import Plan
-from cocap_opt.problem.problem import Problem
+from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import UnsupportedError
-from cocap_opt.stop import Limit, Stop, never, seconds_left
+from cocap_opt.stop import Limit, Stop, never
+
+__all__ = ["scip_nonlinear"]
 
 NO_TIME_LIMIT = 1e20  # s, SCIP's own infinity
 MOST_VARIABLES = 20_000  # beyond, SCIP may not hear of a limit for minutes
-
-
-def available() -> bool:
-    """Whether PySCIPOpt is installed (the extra `pyscipopt`)."""
-    return importlib.util.find_spec("pyscipopt") is not None
 
 
 def scip_nonlinear(
@@ -41,34 +38,38 @@ def scip_nonlinear(
     start: Plan | None = None,
     report: Report = silent,
     gap: float = OPTIMALITY,
-    root: Root = certified_root,
+    root: Root | None = certified_root,
 ) -> CertifiedResult:
-    """Optimum by SCIP's own branch and bound over the nonlinear program.
+    """Computes the optimum by SCIP's own branch and bound over the nonlinear program.
+
+    Parameters
+    ----------
+    root : gives the certificate and the first cuts, or None (see `outer_approximation`)
 
     Raises
     ------
     UnsupportedError
         If PySCIPOpt is not installed, or the scene is too large for a flow model.
     """
-    if not available():
+    if importlib.util.find_spec("pyscipopt") is None:
         raise UnsupportedError("scip-nonlinear needs PySCIPOpt: pip install 'cocap-opt[pyscipopt]'")
-    return outer_approximation(problem, stop, start, report, gap, solve, root)
+    return outer_approximation(problem, stop, start, report, gap, _solve, root)
 
 
-def solve(program: Program, call: Call) -> Answer:
-    """Solve a program with u^2 <= z besides its rows."""
-    linear = linear_program(program)
+def _solve(program: Program, call: Call) -> Answer:
+    """Solves a program with u^2 <= z besides its rows."""
+    linear = LinearProgram.of(program)
     if len(linear.gain) > MOST_VARIABLES:
         message = f"scip-nonlinear takes at most {MOST_VARIABLES} variables, here are "
-        return Answer(None, None, math.inf, Limit.MEMORY, message=f"{message}{len(linear.gain)}")
+        return Answer(None, math.inf, Limit.MEMORY, message=f"{message}{len(linear.gain)}")
     translated = _Translated(program, linear)
     model = translated.model
     model.setParam("limits/gap", call.tolerance)
-    model.setParam("limits/time", min(seconds_left(call.stop), NO_TIME_LIMIT))
+    model.setParam("limits/time", min(call.stop.seconds_left, NO_TIME_LIMIT))
     if call.hint is not None:
-        translated.hint(program.point(*call.hint))
-    _, limit = attend(model.optimizeNogil, call.stop, call.tick, model.interruptSolve)
-    return translated.answer(limit)
+        translated.hint(program.point(call.hint))
+    attend(model.optimizeNogil, call.stop, call.tick, model.interruptSolve)
+    return translated.answer()
 
 
 class _Translated:
@@ -111,25 +112,31 @@ class _Translated:
             self.model.addCons(paid == high if low == high else paid <= high)
 
     def hint(self, point: FloatArray) -> None:
-        """Begin with a plan."""
+        """Begins with a plan, given by the values of all variables."""
         solution = self.model.createSol()
         for variable, value in zip(self.variables, point.tolist(), strict=True):
             self.model.setSolVal(solution, variable, value)
         self.model.addSol(solution)
 
-    def answer(self, limit: Limit) -> Answer:
-        """What SCIP found."""
-        model, flow = self.model, self.program.flow
+    def answer(self) -> Answer:
+        """Reads how the solve ended."""
+        model = self.model
         status, nodes = str(model.getStatus()), int(model.getNTotalNodes())
         if status in ("infeasible", "inforunbd"):  # the roots are bounded
-            return Answer(None, None, -math.inf, nodes=nodes)
+            return Answer(None, -math.inf, nodes=nodes)
         bound = float(model.getDualbound()) * self.program.unit
         bound = bound if abs(bound) < NO_TIME_LIMIT else math.inf
-        if status not in ("optimal", "gaplimit") and limit is Limit.NONE:
-            limit = Limit.TIME if status == "timelimit" else Limit.NUMERICS
-        if not model.getNSols():
-            return Answer(None, None, bound, limit, nodes, status)
-        solution = model.getBestSol()
-        n = flow.n_nodes
-        found = np.array([solution[variable] for variable in self.variables[: n + flow.n_edges]])
-        return Answer(found[:n], found[n:], bound, limit, nodes)
+        if status in ("optimal", "gaplimit"):
+            return Answer(self._solution(), bound, nodes=nodes)
+        limit = Limit.TIME if status == "timelimit" else Limit.NUMERICS
+        message = "" if model.getNSols() else status
+        return Answer(self._solution(), bound, limit, nodes, message)
+
+    def _solution(self) -> Amounts | None:
+        """Returns the best solution."""
+        if not self.model.getNSols():
+            return None
+        n, e = self.program.flow.n_nodes, self.program.flow.n_edges
+        solution = self.model.getBestSol()
+        found = np.array([solution[variable] for variable in self.variables[: n + e]])
+        return Amounts(found[:n], found[n:])

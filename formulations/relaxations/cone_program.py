@@ -26,7 +26,7 @@ from cocap_opt.formulations.relaxations.duals import Duals, RootRows
 from cocap_opt.formulations.relaxations.flow import Compile, Flow, Roots
 from cocap_opt.formulations.relaxations.separation import Seen
 from cocap_opt.formulations.result import CertifiedResult, Report, Snapshot, no_bound, silent
-from cocap_opt.model import Model, compiled, compiled_apart
+from cocap_opt.model import Model, compiled, compiled_disaggregated
 from cocap_opt.objective import most_views
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import timed
@@ -110,7 +110,7 @@ def envelope(
     """
     # Over time a robot sees a view sum more than once, and no cut for single views holds.
     separate = _no_cuts if problem.objective.over_time else _violated_cuts
-    return _Relaxation(problem, compiled_apart, "envelope").run(stop, report, separate)
+    return _Relaxation(problem, compiled_disaggregated, "envelope").run(stop, report, separate)
 
 
 class _Point(NamedTuple):

@@ -28,12 +28,14 @@ from cocap_opt.graph.move_rewards import bonuses_of
 from cocap_opt.graph.timegraph import CLOSED, TimeGraph
 from cocap_opt.model import Model, Path, RobotClass
 from cocap_opt.objective import largest_roots, view_sum_weights
-from cocap_opt.problem.problem import Cell, Problem
+from cocap_opt.problem import Cell, Problem
 from cocap_opt.result import UnsupportedError
 from cocap_opt.stop import Stop, never
 
 MOST_EDGES = 400_000  # of the time-expanded graph
-Compile = Callable[[Problem], Model]  # one class of robots for all that are alike, or each apart
+Compile = Callable[
+    [Problem], Model
+]  # one class of robots for all that are alike, or each disaggregated
 
 UNUSED = 1e-6  # amounts below are rounding errors
 
@@ -164,7 +166,7 @@ class Flow:
 
     # -- back and forth between flows and paths --------------------------------------------
 
-    def amounts(self, paths: Sequence[Path]) -> "_Amounts":
+    def amounts(self, paths: Sequence[Path]) -> "Amounts":
         """Returns how many robots are in each node and along each edge, for one path per robot."""
         x, y = np.zeros(self.n_nodes), np.zeros(self.n_edges)
         for k, robot_class in enumerate(self.model.classes):
@@ -174,7 +176,7 @@ class Flow:
                 for tail, head in pairwise(nodes):
                     low, high = np.searchsorted(self.tails, [tail, tail + 1])
                     y[low + int(np.flatnonzero(self.heads[low:high] == head)[0])] += 1.0
-        return _Amounts(x, y)
+        return Amounts(x, y)
 
     def _node(self, number: int, t: int, state: int) -> int:
         first, end = np.searchsorted(self.owner, [number, number + 1])
@@ -225,7 +227,7 @@ class Flow:
         return chosen
 
 
-class _Amounts(NamedTuple):
+class Amounts(NamedTuple):
     """Robots of a flow, in fractions where a solver splits them."""
 
     x: FloatArray  # [N] in each node
@@ -351,7 +353,7 @@ class Roots:
         nodes: IntArray = self.seen.indices[part].astype(np.int64)
         return nodes, self.seen.data[part] * self.scale[g]
 
-    def cut_rows(self, cuts: Sequence[Cut]) -> "_CutRows":
+    def cut_rows(self, cuts: Sequence[Cut]) -> "CutRows":
         """Returns envelope cuts as rows u <= constants + phi x, in units of the roots."""
         at = np.searchsorted(self.used, [cut.view_sum for cut in cuts]).astype(np.int64)
         entries = [self.entries(g) for g in at.tolist()]
@@ -366,10 +368,10 @@ class Roots:
             np.cumsum([0, *(len(nodes) for nodes, _ in entries)]),
         )
         phi = sparse.csr_array(parts, shape=(len(cuts), len(self.owner)))
-        return _CutRows(phi, np.array([cut.constant for cut in cuts]) / scales, at)
+        return CutRows(phi, np.array([cut.constant for cut in cuts]) / scales, at)
 
 
-class _CutRows(NamedTuple):
+class CutRows(NamedTuple):
     """Envelope cuts as rows of a program, in units of the roots."""
 
     phi: sparse.csr_array  # [k, N] of a robot in each node

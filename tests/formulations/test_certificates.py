@@ -2,55 +2,51 @@ import json
 import math
 from fractions import Fraction
 from itertools import pairwise, product
+from pathlib import Path
 
 import msgspec
 import numpy as np
 import pytest
 from brute_force import all_paths, bonus_of, optimum, pixels_of, views_of, weights_of
-from cocap_opt.formulations.certificates.certificate import (
-    CertificateError,
-    CertificateFile,
-    Curve,
-    Decision,
-    EnvelopeCut,
-    Multipliers,
-    ReferencePixels,
-    Row,
-    certify,
-    price,
-    verify,
-)
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 from strategies import examples, problems, tiny
 
+from cocap_opt.files.documents import FileError, encode
 from cocap_opt.formulations import BOUNDS
-from cocap_opt.formulations.certificates import envelope
-from cocap_opt.formulations.certificates.proof import (
+from cocap_opt.formulations.certificates import (
     Branch,
-    Leaf,
-    ProofFile,
-    leaves,
-    price_proof,
-    verify_proof,
-)
-from cocap_opt.formulations.certificates.resources import (
     Cells,
+    CertificateError,
+    CertificateFile,
+    ClassCurve,
+    Cut,
+    Decision,
+    EnvelopeCut,
+    Flight,
+    Leaf,
     Move,
+    Multipliers,
+    ProofFile,
+    ReferencePixels,
     Resource,
+    Row,
     Swap,
     Visit,
-    flight_of,
-    uses,
+    certify,
+    envelope,
+    price,
+    price_proof,
+    read_certificate,
+    verify,
 )
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
-from cocap_opt.formulations.relaxations import separation
+from cocap_opt.formulations.relaxations.separation import Seen
 from cocap_opt.graph.motion import time_expanded_graph
-from cocap_opt.model import Model, compiled, compiled_apart
+from cocap_opt.model import Model, compiled, compiled_disaggregated
 from cocap_opt.objective import largest_roots, no_pixels
-from cocap_opt.problem.plan import Plan
-from cocap_opt.problem.problem import NO_RULES, Cell, Objective, Problem, State
+from cocap_opt.problem import NO_RULES, Cell, Objective, Plan, Problem, State
 from cocap_opt.referee import broken_rules
 
 Rows = tuple[tuple[float, ...], ...]
@@ -89,13 +85,15 @@ def random_rows(problem: Problem, rng: np.random.Generator) -> list[Row]:
 
 def some_model(problem: Problem, rng: np.random.Generator) -> Model:
     """A problem with its robots in classes, or each apart."""
-    return compiled_apart(problem) if rng.integers(2) else compiled(problem)
+    return compiled_disaggregated(problem) if rng.integers(2) else compiled(problem)
 
 
-def random_curve(number: int, top: float, rng: np.random.Generator) -> Curve:
+def random_curve(number: int, top: float, rng: np.random.Generator) -> ClassCurve:
     """A curve with random breakpoints up to somewhere near a root."""
     roots = np.sort(rng.uniform(0.05, 1.2, rng.integers(1, 5))) * top
-    return Curve(number, tuple(roots.tolist()), tuple(rng.uniform(0, top, len(roots)).tolist()))
+    return ClassCurve(
+        number, tuple(roots.tolist()), tuple(rng.uniform(0, top, len(roots)).tolist())
+    )
 
 
 def random_cuts(model: Model, rng: np.random.Generator) -> list[EnvelopeCut]:
@@ -149,12 +147,12 @@ def optimum_under(model: Model, decisions: tuple[Decision, ...]) -> float:
     paths = [all_paths(problem, robot) for robot in robots]
     pixels = [pixels_of(problem, robot, paths[robot]) for robot in robots]
     flights = [
-        [flight_of(model, i, tuple(model.class_of[i].graph.index(s) for s in path)) for path in own]
+        [Flight.of(model, i, tuple(model.class_of[i].graph.index(s) for s in path)) for path in own]
         for i, own in enumerate(paths)
     ]
     for chosen in product(*(range(len(own)) for own in paths)):
         counts = [
-            sum(uses(model, d.resource, flights[i][k]) for i, k in enumerate(chosen))
+            sum(d.resource.used_by(model, flights[i][k]) for i, k in enumerate(chosen))
             for d in decisions
         ]
         if any(d.sign * (count - d.robots) > 0 for d, count in zip(decisions, counts, strict=True)):
@@ -219,7 +217,7 @@ def test_an_envelope_cut_holds_for_all_roots(
 ) -> None:
     """The constant is taken at breakpoints only, and holds between and beyond them as well."""
     curves, sizes = drawn
-    cut = envelope.Cut(0, curves, envelope.constant_of(curves, sizes))
+    cut = Cut.valid(0, curves, sizes)
     rng = np.random.default_rng(seed)
     classes = np.repeat(np.arange(len(sizes)), sizes)
     seen = rng.uniform(0.0, 60.0, (200, len(classes))) * (rng.random((200, len(classes))) < 0.7)
@@ -241,7 +239,7 @@ def test_a_cuts_constant_is_its_largest_excess_at_breakpoints(
     for corner in product(*([(0.0, 0.0), *zip(c.roots, c.values, strict=True)] for c in robots)):
         norm = math.sqrt(sum(root**2 for root, _ in corner))
         most = max(most, norm - sum(value for _, value in corner))
-    constant = envelope.constant_of(curves, sizes)
+    constant = Cut.valid(0, curves, sizes).constant
     assert constant >= most - 1e-9
     assert constant == pytest.approx(most, rel=1e-9, abs=1e-9)
 
@@ -253,16 +251,16 @@ def test_constants_of_many_corners_are_rounded_up(monkeypatch: pytest.MonkeyPatc
     for number in range(5):
         roots = np.sort(rng.uniform(0.1, 10.0, 8))
         curves[number] = envelope.Curve(roots, 0.4 * roots + 0.01 * roots**2)
-    exact = envelope.constant_of(curves, (1,) * 5)
+    exact = Cut.valid(0, curves, (1,) * 5).constant
     monkeypatch.setattr(envelope, "MOST_CORNERS", 4)
-    merged = envelope.constant_of(curves, (1,) * 5)
+    merged = Cut.valid(0, curves, (1,) * 5).constant
     assert exact <= merged <= 3 * exact
     assert merged > exact
 
 
-def seen_by(number: int, roots: np.ndarray, amounts: np.ndarray) -> separation.Seen:
+def seen_by(number: int, roots: np.ndarray, amounts: np.ndarray) -> Seen:
     """What one class sees."""
-    return separation.Seen(np.full(len(roots), number), roots, amounts)
+    return Seen(np.full(len(roots), number), roots, amounts)
 
 
 @examples(30)
@@ -272,7 +270,10 @@ def test_the_best_cut_is_valid_and_no_weaker_than_single_view(seed: int, robots:
     rng = np.random.default_rng(seed)
     roots = np.sort(rng.uniform(1.0, 10.0, 4))
     amounts = rng.dirichlet(np.ones(5))[:4] * robots
-    cut, height = separation.best_cut(0, seen_by(0, roots, amounts), np.array([10.0]), (robots,))
+    seen = seen_by(0, roots, amounts)
+    cut = seen.best_cut(0, np.array([10.0]), (robots,))
+    assert cut is not None
+    height = seen.height(cut)
     assert height <= min(float(amounts @ roots), math.sqrt(amounts @ roots**2)) * (1 + 1e-3)
     for chosen in product([0.0, *roots], repeat=robots):
         at = np.array(chosen)
@@ -288,8 +289,10 @@ def test_the_best_cut_of_robots_apart_is_the_best_coupling(seed: int) -> None:
     roots = np.sort(rng.uniform(1.0, 10.0, (3, 2)), axis=1)
     assume((np.diff(roots) > 0.2).all())
     amounts = np.array([rng.dirichlet(np.ones(3))[:2] for _ in range(3)])
-    seen = separation.Seen(np.repeat(np.arange(3), 2), roots.ravel(), amounts.ravel())
-    _, height = separation.best_cut(0, seen, np.full(3, 10.0), (1, 1, 1))
+    seen = Seen(np.repeat(np.arange(3), 2), roots.ravel(), amounts.ravel())
+    cut = seen.best_cut(0, np.full(3, 10.0), (1, 1, 1))
+    assert cut is not None
+    height = seen.height(cut)
     corners = list(product(range(3), repeat=3))
     values = np.column_stack([np.zeros(3), roots])
     shares = np.column_stack([1 - amounts.sum(axis=1), amounts])
@@ -303,17 +306,28 @@ def test_the_best_cut_of_robots_apart_is_the_best_coupling(seed: int) -> None:
 def test_for_two_robots_the_cut_is_the_antitone_coupling() -> None:
     """Two robots half here and half there: the best mixture pairs much with little."""
     seen = seen_by(0, np.array([1.0, 4.0, 9.0]), np.array([0.5, 0.75, 0.5]))
-    _, height = separation.best_cut(0, seen, np.array([9.0]), (2,))
+    cut = seen.best_cut(0, np.array([9.0]), (2,))
+    assert cut is not None
+    height = seen.height(cut)
     # Amounts 0: 0.25, 1: 0.5, 4: 0.75, 9: 0.5, most paired with least: 9-0, 9-1, 4-1, 4-4.
     pairs = [(0.25, 9, 0), (0.25, 9, 1), (0.25, 4, 1), (0.25, 4, 4)]
     best = sum(p * math.hypot(a, b) for p, a, b in pairs)
     assert height == pytest.approx(best, rel=1e-4)
 
 
-def test_multisets_are_all_and_distinct() -> None:
-    """As many as the formula says, none twice, none too large."""
+def keep_all(
+    pixels: np.ndarray, values: np.ndarray, most: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Drop no partial corner."""
+    return np.arange(len(pixels)), pixels, values
+
+
+def test_all_corners_are_gone_through_and_once() -> None:
+    """As many multisets of breakpoints as the formula says, none twice, none too large."""
     for points, size in ((1, 4), (3, 2), (4, 5)):
-        counts = envelope.multisets(points, size)
+        curve = envelope.Curve(np.arange(1.0, points + 1), np.ones(points))
+        corners = envelope.Corners({0: curve}, (size,)).above(-math.inf, keep_all)
+        counts = corners.counts(np.arange(len(corners.heights)))
         assert len(counts) == math.comb(size + points, points)
         assert len(np.unique(counts, axis=0)) == len(counts)
         assert counts.min() >= 0
@@ -364,7 +378,7 @@ def exact_bonus(problem: Problem, a: State, b: State) -> Fraction:
 def exact_price(problem: Problem, certificate: Multipliers) -> Fraction:
     """What multipliers without cuts prove, in rational arithmetic, within 2^-BITS a root.
 
-    Written from the formula in `certificates.certificate` alone, over the networkx graph.
+    Written from the formula in `certificates.pricing` alone, over the networkx graph.
     """
     weights = [[Fraction(w) for w in row] for row in weights_of(problem).tolist()]
     alpha = [[Fraction(a) for a in row] for row in certificate.alpha]
@@ -523,14 +537,14 @@ def test_an_altered_number_is_refused_or_the_claim_still_holds(change: float) ->
 def test_an_altered_proof_is_refused_or_the_claim_still_holds(change: float) -> None:
     """Whatever number of a proof is changed, its tree included."""
     problem, file = small_proof()
-    verify_proof(problem, file)
+    verify(problem, file)
     best = optimum(problem).value
     plain = msgspec.json.decode(msgspec.json.encode(file))
     assert len(numbers(plain)) > 20
     for path in numbers(plain):
         try:
             claim = msgspec.convert(altered(plain, path, change), ProofFile)
-            verify_proof(problem, claim)
+            verify(problem, claim)
         except (CertificateError, msgspec.ValidationError):
             continue
         assert claim.proved >= best, path
@@ -560,7 +574,7 @@ def test_a_proof_needs_all_its_leaves() -> None:
     ]
     for some in broken:
         with pytest.raises(CertificateError, match=r"node|decisions"):
-            verify_proof(problem, msgspec.structs.replace(file, nodes=tuple(some)))
+            verify(problem, msgspec.structs.replace(file, nodes=tuple(some)))
 
 
 def test_a_proof_without_a_branching_row_is_refused() -> None:
@@ -570,11 +584,11 @@ def test_a_proof_without_a_branching_row_is_refused() -> None:
     assert isinstance(leaf, Leaf)
     alone = msgspec.structs.replace(file, nodes=(leaf,))
     with pytest.raises(CertificateError, match="decisions"):
-        verify_proof(problem, alone)
+        verify(problem, alone)
     fewer = Leaf(msgspec.structs.replace(leaf.certificate, decisions=(0.0,)))
     nodes = (*file.nodes[:3], fewer, file.nodes[4])
     with pytest.raises(CertificateError, match="decisions"):
-        verify_proof(problem, msgspec.structs.replace(file, nodes=nodes))
+        verify(problem, msgspec.structs.replace(file, nodes=nodes))
 
 
 @pytest.mark.parametrize("size", [1e150, 1e300, 1e304, 1e306, 3e306, 1.7e308])
@@ -594,7 +608,7 @@ def test_numbers_that_overflow_prove_nothing(size: float) -> None:
             file, nodes=(file.nodes[0], leaf, *file.nodes[2:]), bound=None
         )
         with pytest.raises(CertificateError):
-            verify_proof(problem, forged)
+            verify(problem, forged)
         goal = problem.replace(robots=tuple(r.replace(goal=(0, 0)) for r in problem.robots))
         alone = msgspec.structs.replace(
             root.certificate, alpha=as_rows(np.array(huge)), decisions=()
@@ -608,7 +622,7 @@ def test_numbers_that_overflow_prove_nothing(size: float) -> None:
 def test_the_leaves_of_a_proof_carry_their_decisions() -> None:
     """From the root down, with the right side of each branch."""
     _, file = small_proof()
-    senses = {n: [(d.sense, d.robots) for d in way] for n, way in leaves(file)}
+    senses = {n: [(d.sense, d.robots) for d in way] for n, _, way in file.leaves()}
     assert senses == {
         1: [("at most", 0)],
         3: [("at least", 1), ("at most", 0)],
@@ -624,10 +638,10 @@ def test_a_claim_beyond_the_proof_is_refused() -> None:
         with pytest.raises(CertificateError, match="bound"):
             verify(problem, msgspec.structs.replace(file, bound=bound))
     problem, proof = small_proof()
-    verify_proof(problem, msgspec.structs.replace(proof, bound=proof.proved * 1.01))
+    verify(problem, msgspec.structs.replace(proof, bound=proof.proved * 1.01))
     for bound in (proof.proved * (1 - 1e-9), math.nan, None):
         with pytest.raises(CertificateError, match="bound"):
-            verify_proof(problem, msgspec.structs.replace(proof, bound=bound))
+            verify(problem, msgspec.structs.replace(proof, bound=bound))
 
 
 def test_files_of_another_scene_are_refused() -> None:
@@ -643,7 +657,7 @@ def test_files_of_another_scene_are_refused() -> None:
         with pytest.raises(CertificateError, match="another scene"):
             verify(other, file)
         with pytest.raises(CertificateError, match="another scene"):
-            verify_proof(other, proof)
+            verify(other, proof)
 
 
 def test_proofs_survive_writing_and_reading() -> None:
@@ -651,6 +665,27 @@ def test_proofs_survive_writing_and_reading() -> None:
     _, proof = small_proof()
     assert msgspec.json.decode(msgspec.json.encode(proof), type=ProofFile) == proof
     assert "at_least" in json.loads(msgspec.json.encode(proof))["nodes"][0]
+
+
+def test_one_reader_takes_certificates_and_proofs(tmp_path: Path) -> None:
+    """A file names what it is; any other kind, version or field is refused in one line."""
+    _, file = small_certificate()
+    _, proof = small_proof()
+    for content in (file, proof):
+        (tmp_path / "file.json").write_bytes(encode(content))
+        assert read_certificate(tmp_path / "file.json") == content
+    plain = json.loads(encode(file))
+    for change, words in (
+        ({"format": "cocap-opt plan"}, "format: must be 'cocap-opt certificate' or"),
+        ({"version": 4}, "version: must be 3, not 4: a newer cocap-opt wrote it"),
+        ({"version": 2}, "version: must be 3, not 2"),
+        ({"coverage": "optimistic"}, "unknown field `coverage`"),
+        ({"classes": "any"}, "classes"),
+    ):
+        (tmp_path / "file.json").write_text(json.dumps(plain | change))
+        with pytest.raises(FileError, match=r"^\S*file\.json: ") as error:
+            read_certificate(tmp_path / "file.json")
+        assert words in str(error.value) and "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize(
@@ -690,20 +725,20 @@ def cut_of(
     values: tuple[float, ...] = (1e3, 1e4),
 ) -> EnvelopeCut:
     """A cut with one field changed."""
-    return EnvelopeCut(t, face, (Curve(class_number, roots, values),), share)
+    return EnvelopeCut(t, face, (ClassCurve(class_number, roots, values),), share)
 
 
 @pytest.mark.parametrize(
     ("cut", "words"),
     [
-        (cut_of(t=3), "no view_sum"),
-        (cut_of(face=99), "no view_sum"),
-        (cut_of(face=-1), "no view_sum"),
+        (cut_of(t=3), "no view sum"),
+        (cut_of(face=99), "no view sum"),
+        (cut_of(face=-1), "no view sum"),
         (cut_of(share=1.5), "share"),
         (cut_of(share=math.nan), "share"),
         (cut_of(class_number=1), "robot_class"),
         (cut_of(class_number=-1), "robot_class"),
-        (EnvelopeCut(1, 0, (Curve(0, (1.0,), (1.0,)),) * 2, 0.5), "robot_class"),
+        (EnvelopeCut(1, 0, (ClassCurve(0, (1.0,), (1.0,)),) * 2, 0.5), "robot_class"),
         (cut_of(roots=()), "roots"),
         (cut_of(roots=(2.0, 1.0)), "roots"),
         (cut_of(roots=(0.0, 1.0)), "roots"),
@@ -731,7 +766,7 @@ def test_many_tiny_shares_do_not_get_lost_in_rounding() -> None:
     largest = largest_roots(compiled(problem)).reshape(2, -1)
     shape = (2, len(problem.face_weights))
     cuts = tuple(
-        EnvelopeCut(1, face, (Curve(0, (float(root),), (0.0,)),), 0.501 * 2.0**-53)
+        EnvelopeCut(1, face, (ClassCurve(0, (float(root),), (0.0,)),), 0.501 * 2.0**-53)
         for face, root in enumerate(largest[1].tolist())
         for _ in range(4000 * (root > 0))
     )

@@ -1,5 +1,7 @@
+import inspect
 import math
 import os
+import pydoc
 import subprocess
 import sys
 from itertools import pairwise
@@ -7,17 +9,16 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from brute_force import objective_from_scratch, optimum
-from cocap_opt.formulations.certificates.certificate import verify
 from hypothesis import given
 from hypothesis import strategies as st
 from strategies import Calls, examples, meetings, problems, tiny
 
-from cocap_opt.formulations import BOUNDS, EXACT
-from cocap_opt.formulations.certificates.proof import ProofFile, verify_proof
+from cocap_opt.formulations import BOUNDS, EXACT, LazyMethod
+from cocap_opt.formulations.certificates import verify
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Snapshot
 from cocap_opt.planners import PLANNERS
-from cocap_opt.problem.problem import NO_RULES, Motion, Problem
+from cocap_opt.problem import NO_RULES, Motion, Problem
 from cocap_opt.referee import check
 from cocap_opt.result import Reason, UnsupportedError
 from cocap_opt.scenarios import load_scene
@@ -26,15 +27,13 @@ from cocap_opt.stop import Limit, TimeLimit, never
 
 TOLERANCE = 1e-9
 METHODS = {**BOUNDS, **EXACT}
-# Of the others, tests/test_milp.py and tests/test_relaxations.py ask the same.
+# Of the others, test_milp.py and test_relaxations.py ask the same.
 OWN = ("alone", "online", "column-generation", "brute-force", "branch-and-price")
 
 
 def proves(problem: Problem, result: CertifiedResult) -> bool:
-    """Whether a result's file proves exactly the bound that the result states."""
+    """True where a result's file proves exactly the bound that the result states."""
     file = result.certificate
-    if isinstance(file, ProofFile):
-        return verify_proof(problem, file).bound == result.bound
     return file is not None and verify(problem, file).bound == result.bound
 
 
@@ -148,6 +147,39 @@ def test_a_search_stopped_anywhere_has_a_valid_proof(name: str) -> None:
         assert result.reason in (Reason.STOPPED, whole.reason)
         nodes.add(result.statistics.get("leaves", 0))
     assert len(nodes) > 2  # it was stopped in trees of several sizes
+
+
+def test_a_method_shows_its_own_help() -> None:
+    """Signature and docstring are the function's, though it is imported at first use only."""
+    for name, method in METHODS.items():
+        function = method.load()
+        assert inspect.signature(method) == inspect.signature(function), name
+        assert method.__doc__ == function.__doc__
+        assert len(method.summary.splitlines()) == 1
+        words = pydoc.plain(pydoc.render_doc(method))
+        assert f"{method.__name__}(problem: " in words
+        assert inspect.getdoc(function).splitlines()[0] in words
+        required = [
+            parameter.name
+            for parameter in inspect.signature(method).parameters.values()
+            if parameter.default is inspect.Parameter.empty
+        ]
+        assert required == ["problem"], name
+    assert "imported at first use" in inspect.getdoc(LazyMethod)
+
+
+def test_summaries_need_no_solver() -> None:
+    """The registries say in a line what each method is before any solver is imported."""
+    code = (
+        "import sys; from cocap_opt.formulations import BOUNDS, EXACT;"
+        "print(*(method.summary for method in (BOUNDS | EXACT).values()));"
+        "print({'cvxpy', 'clarabel', 'highspy', 'ortools', 'pyscipopt'} & {*sys.modules})"
+    )
+    said = subprocess.run(
+        [sys.executable, "-c", code], check=True, capture_output=True, text=True
+    ).stdout.splitlines()
+    assert "branch" not in said[1] and said[1] == "set()"
+    assert "column generation" in said[0]
 
 
 def test_no_actors_means_a_bound_of_zero() -> None:

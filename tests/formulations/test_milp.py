@@ -1,3 +1,4 @@
+import importlib.util
 import math
 import subprocess
 import sys
@@ -8,37 +9,37 @@ from typing import Any
 import numpy as np
 import pytest
 from brute_force import all_paths, objective_from_scratch, optimum
-from cocap_opt.formulations.certificates.certificate import verify
-from cocap_opt.formulations.column_generation.column_generation import column_generation
 from hypothesis import given
 from hypothesis import strategies as st
 from strategies import examples, meetings, problems, tiny
 
-from cocap_opt.formulations.integer_programs import mathopt, scip_nonlinear
+from cocap_opt.formulations.certificates import verify
+from cocap_opt.formulations.column_generation.column_generation import column_generation
 from cocap_opt.formulations.integer_programs.cp_sat import cp_sat
-from cocap_opt.formulations.integer_programs.cp_sat import solve as solve_by_cp_sat
-from cocap_opt.formulations.integer_programs.mathopt import Worker, highs, scip
+from cocap_opt.formulations.integer_programs.mathopt import answer_of, highs, request_of, scip
+from cocap_opt.formulations.integer_programs.mathopt_process import SolverProcess
 from cocap_opt.formulations.integer_programs.outer_approximation import (
     certified_root,
-    no_root,
     outer_approximation,
 )
 from cocap_opt.formulations.integer_programs.program import Answer, Call, Program, Solver
+from cocap_opt.formulations.integer_programs.scip_nonlinear import scip_nonlinear
+from cocap_opt.formulations.relaxations.flow import Amounts
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Snapshot, silent
-from cocap_opt.model import compiled, compiled_apart
-from cocap_opt.problem.plan import Plan
-from cocap_opt.problem.problem import NO_RULES, Problem
+from cocap_opt.model import compiled, compiled_disaggregated
+from cocap_opt.problem import NO_RULES, Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.result import Reason, UnsupportedError
 from cocap_opt.scenarios import load_scene
-from cocap_opt.stop import Limit, TimeLimit, never
+from cocap_opt.stop import Limit, Stop, TimeLimit, never
 
 MILPS: dict[str, Any] = {"highs": highs, "scip": scip, "cp-sat": cp_sat}
 needs_pyscipopt = pytest.mark.skipif(
-    not scip_nonlinear.available(), reason="PySCIPOpt is not installed (extra pyscipopt)"
+    importlib.util.find_spec("pyscipopt") is None,
+    reason="PySCIPOpt is not installed (extra pyscipopt)",
 )
 ALL = [*MILPS, pytest.param("scip-nonlinear", marks=needs_pyscipopt)]
-METHODS = MILPS | {"scip-nonlinear": scip_nonlinear.scip_nonlinear}
+METHODS = MILPS | {"scip-nonlinear": scip_nonlinear}
 
 
 @pytest.mark.parametrize("method", ALL)
@@ -67,10 +68,8 @@ def test_milps_equal_brute_force(method: str, problem: Problem) -> None:
 def test_one_flow_per_class_has_the_optimum_of_one_per_robot(problem: Problem) -> None:
     """Aggregating the robots of a class changes no optimum; nor does the generic way."""
     results = [
-        outer_approximation(
-            problem, never, None, silent, OPTIMALITY, solve_by_cp_sat, no_root, compile_
-        )
-        for compile_ in (compiled, compiled_apart)
+        cp_sat(problem, root=None, compile_=compile_)
+        for compile_ in (compiled, compiled_disaggregated)
     ]
     assert results[0].reason is results[1].reason
     assert results[0].value == pytest.approx(results[1].value, rel=2 * OPTIMALITY, abs=1e-8)
@@ -124,14 +123,14 @@ def test_no_time_at_all(method: str) -> None:
         assert result.bound >= optimum(problem).value
 
 
-class After:
+class After(Stop):
     """Ctrl-C so many seconds after the first question."""
 
     def __init__(self, seconds: float) -> None:
         self._seconds, self._begin = seconds, math.inf
 
-    def __call__(self) -> Limit:
-        """Say whether it was pressed."""
+    def reached(self) -> Limit:
+        """Return `Limit.INTERRUPT` once it is late enough."""
         self._begin = min(self._begin, time.monotonic())
         late = time.monotonic() > self._begin + self._seconds
         return Limit.INTERRUPT if late else Limit.NONE
@@ -143,7 +142,7 @@ def test_an_interrupt_ends_a_long_solve(method: str) -> None:
     problem = load_scene("bottleneck")  # far more than these solvers close in seconds
     column_generation(problem, TimeLimit(1.0))  # so that coverage and imports are not measured
     begin = time.monotonic()
-    result = METHODS[method](problem, After(3.0), stay(problem), root=no_root)
+    result = METHODS[method](problem, After(3.0), stay(problem), root=None)
     assert (result.reason, result.limit) == (Reason.STOPPED, Limit.INTERRUPT)
     assert result.statistics["rounds"] >= 1  # the solver had begun
     assert time.monotonic() - begin < 60.0  # minutes would be needed to the end
@@ -155,13 +154,12 @@ INTERRUPTED = """
 import os, signal, threading
 from cocap_opt.stop import catch_interrupt
 from cocap_opt.formulations import EXACT
-from cocap_opt.formulations.integer_programs.outer_approximation import no_root
 from cocap_opt.scenarios import load_scene
 
 problem = load_scene("bottleneck").replace(horizon=9)
 with catch_interrupt() as interrupt:
     threading.Timer(5.0, os.kill, (os.getpid(), signal.SIGINT)).start()
-    result = EXACT[{method!r}](problem, interrupt, root=no_root)
+    result = EXACT[{method!r}](problem, interrupt, root=None)
 print(result.reason, result.limit, result.statistics["rounds"])
 """
 
@@ -202,7 +200,7 @@ def test_a_time_limit_ends_a_solve(method: str) -> None:
 
 def solved_by(solver: Solver, problem: Problem, start: Plan | None = None) -> CertifiedResult:
     """Result of outer approximation with some function as its solver."""
-    return outer_approximation(problem, never, start, silent, OPTIMALITY, solver, no_root)
+    return outer_approximation(problem, never, start, silent, OPTIMALITY, solver, None)
 
 
 def test_a_bound_below_a_known_plan_is_not_believed() -> None:
@@ -210,10 +208,10 @@ def test_a_bound_below_a_known_plan_is_not_believed() -> None:
     problem = load_scene("tiny-trap")
 
     def liar(program: Program, call: Call) -> Answer:
-        return Answer(None, None, 1.0)
+        return Answer(None, 1.0)
 
     def denier(program: Program, call: Call) -> Answer:
-        return Answer(None, None, -math.inf)
+        return Answer(None, -math.inf)
 
     for solver in (liar, denier):
         result = solved_by(solver, problem, stay(problem))
@@ -231,15 +229,15 @@ def test_solutions_that_are_none_are_dropped() -> None:
 
     def half(program: Program, call: Call) -> Answer:
         flow = program.flow
-        x, y = np.full(flow.n_nodes, 0.4), np.full(flow.n_edges, 0.4)
-        return Answer(x, y, 1e6, Limit.NUMERICS, message="half a robot")
+        solution = Amounts(np.full(flow.n_nodes, 0.4), np.full(flow.n_edges, 0.4))
+        return Answer(solution, 1e6, Limit.NUMERICS, message="half a robot")
 
     def crash(program: Program, call: Call) -> Answer:
         paths = product(*(all_paths(problem, robot) for robot in range(2)))
         plans = (Plan(paths=pair) for pair in paths)
         colliding = next(plan for plan in plans if check(problem, plan).conflicts)
-        x, y = program.flow.amounts(model.paths(colliding))
-        return Answer(x, y, 1e6, Limit.NUMERICS)
+        solution = program.flow.amounts(model.paths(colliding))
+        return Answer(solution, 1e6, Limit.NUMERICS)
 
     for solver in (half, crash):
         result = solved_by(solver, problem)
@@ -253,8 +251,7 @@ def test_a_gap_that_does_not_close_ends_the_search() -> None:
 
     def lazy(program: Program, call: Call) -> Answer:
         asked.append(call.tolerance)
-        x, y = program.flow.amounts(compiled(problem).paths(stay(problem)))
-        return Answer(x, y, 1e6)
+        return Answer(program.flow.amounts(compiled(problem).paths(stay(problem))), 1e6)
 
     result = solved_by(lazy, problem)
     assert (result.reason, result.limit) == (Reason.STOPPED, Limit.NUMERICS)
@@ -270,42 +267,40 @@ def test_what_goes_wrong_in_the_solvers_process_is_told() -> None:
         solver_type=parameters_pb2.SolverTypeProto.Value("SOLVER_TYPE_GUROBI")
     )
     problem = load_scene("tiny-trap")
-    with Worker() as worker:
+    with SolverProcess() as process:
         for _ in range(2):
-            data, limit = worker.solve(unknown.SerializeToString(), never, lambda: None)
-            assert limit is Limit.NONE
+            data = process.solve(unknown.SerializeToString(), never, lambda: None)
 
             def told(program: Program, call: Call, data: bytes | None = data) -> Answer:
-                return mathopt.answer_of(program, data, Limit.NONE)
+                return answer_of(program, data, late=False)
 
             result = solved_by(told, problem)
             assert result.limit is Limit.NUMERICS and "the solver failed" in result.message
         # And one that ends the process.
-        data, _ = worker.solve(b"\xff", never, lambda: None)
-        assert data is None
+        assert process.solve(b"\xff", never, lambda: None) is None
 
 
 def test_a_proof_at_the_time_limit_is_not_believed() -> None:
     """HiGHS calls its start optimal, with no bound, where its time ends in the root node."""
     problem, answers = load_scene("tiny-trap"), list[Answer]()
-    with Worker() as worker:
+    with SolverProcess() as process:
 
         def solver(program: Program, call: Call) -> Answer:
-            data, _ = worker.solve(mathopt.request_of("HIGHS", program, call), never, call.tick)
-            late = mathopt.answer_of(program, data, Limit.TIME)
+            data = process.solve(request_of("HIGHS", program, call), never, call.tick)
+            late = answer_of(program, data, late=True)
             answers.append(late)
             return late
 
         result = solved_by(solver, problem, stay(problem))
     assert (result.reason, result.limit) == (Reason.STOPPED, Limit.TIME)
-    assert answers[0].bound == math.inf and answers[0].x is not None
+    assert answers[0].bound == math.inf and answers[0].solution is not None
     assert result.value > check(problem, stay(problem)).reward
 
 
 def test_cp_sat_does_not_cut_the_optimum_off() -> None:
     """Presolve of CP-SAT 9.15 does, with its default parameters: or-tools issue 5293."""
     problem = load_scene("corridor").replace(horizon=2)
-    result = solved_by(solve_by_cp_sat, problem)
+    result = cp_sat(problem, root=None)
     assert result.reason is Reason.OPTIMAL
     assert result.value == pytest.approx(column_generation(problem).value, rel=OPTIMALITY)
 
@@ -320,7 +315,7 @@ def test_a_robot_without_a_path_is_a_proof(method: str) -> None:
     robots = tuple(robot.replace(goal=(0, 0)) for robot in problem.robots)
     result = METHODS[method](problem.replace(robots=robots))
     assert (result.reason, result.bound) == (Reason.INFEASIBLE, -math.inf)
-    alone = METHODS[method](problem.replace(robots=robots), root=no_root)
+    alone = METHODS[method](problem.replace(robots=robots), root=None)
     assert alone.reason is Reason.INFEASIBLE
 
 
@@ -354,9 +349,9 @@ def test_scip_nonlinear_leaves_large_scenes_alone() -> None:
 
 def test_scip_nonlinear_says_what_it_needs(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without PySCIPOpt the method is refused in words."""
-    monkeypatch.setattr(scip_nonlinear, "available", lambda: False)
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     with pytest.raises(UnsupportedError, match="pyscipopt"):
-        scip_nonlinear.scip_nonlinear(tiny())
+        scip_nonlinear(tiny())
 
 
 IMPORTS = {

@@ -4,28 +4,25 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from brute_force import all_paths, optimum
-from cocap_opt.formulations.certificates.certificate import verify
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from strategies import Calls, examples, meetings, problems, tiny
 
-from cocap_opt.formulations.certificates.resources import misruled, misuse
+from cocap_opt.formulations.certificates import verify
 from cocap_opt.formulations.relaxations import collision_rows
 from cocap_opt.formulations.relaxations import flow as flows
-from cocap_opt.formulations.relaxations.collision_rows import conflict_rows
+from cocap_opt.formulations.relaxations.collision_rows import ConflictRows
 from cocap_opt.formulations.relaxations.cone_program import (
     concave,
     envelope,
-    no_cuts,
-    relax,
     single_view,
 )
-from cocap_opt.formulations.relaxations.flow import Flow, make_flow
-from cocap_opt.formulations.relaxations.separation import Seen, best_cut
-from cocap_opt.formulations.result import Snapshot, silent
-from cocap_opt.model import Model, Path, compiled, compiled_apart
+from cocap_opt.formulations.relaxations.flow import Flow
+from cocap_opt.formulations.relaxations.separation import Seen
+from cocap_opt.formulations.result import Snapshot
+from cocap_opt.model import Model, Path, compiled, compiled_disaggregated
 from cocap_opt.objective import objective_of
-from cocap_opt.problem.problem import (
+from cocap_opt.problem import (
     NO_RULES,
     PAPER_RULES,
     CollisionRules,
@@ -73,10 +70,10 @@ def test_relaxations_are_ordered_and_above_the_optimum(problem: Problem) -> None
 @given(problem=any_problem())
 def test_one_flow_per_class_is_as_tight_as_one_per_robot(problem: Problem) -> None:
     """Aggregating the robots of a class loses nothing, with and without single-view cuts."""
-    for single in (False, True):
+    for relaxation in (concave, single_view):
         results = [
-            relax(problem, never, silent, "test", no_cuts, single, compile_)
-            for compile_ in (compiled, compiled_apart)
+            relaxation(problem, compile_=compile_)
+            for compile_ in (compiled, compiled_disaggregated)
         ]
         assert results[0].reason is results[1].reason
         if results[0].bound > 0:
@@ -122,7 +119,7 @@ def test_one_face_at_one_step_leaves_no_gap(problem: Problem, face: int) -> None
 
 
 def same_states(problem: Problem) -> bool:
-    """Whether all robots' starts are states of the first, and no two in one cell."""
+    """True where all robots' starts are states of the first, and no two in one cell."""
     cells = [problem.cell(i, robot.start) for i, robot in enumerate(problem.robots)]
     alike = len({(robot.motion, robot.camera) for robot in problem.robots}) == 1
     return alike and len(set(cells)) == len(cells)
@@ -143,7 +140,9 @@ def test_the_envelope_of_two_robots_is_the_antitone_coupling(
     amounts = np.array(shares[: len(points)])
     amounts *= total / amounts.sum()
     seen = Seen(np.zeros(len(points), dtype=np.int64), points, amounts)
-    _, height = best_cut(0, seen, points[-1:], (2,))
+    cut = seen.best_cut(0, points[-1:], (2,))
+    assert cut is not None
+    height = seen.height(cut)
     # Each of the two has half of the amounts; what is left over sees nothing.
     values = np.append(0.0, points)
     ends = np.cumsum(np.append(2.0 - total, amounts)) / 2
@@ -157,13 +156,6 @@ def test_the_envelope_of_two_robots_is_the_antitone_coupling(
 
 
 # -- flows -------------------------------------------------------------------------------------
-
-
-def flow_of(problem: Problem) -> Flow:
-    """Flow of a problem."""
-    flow, limit = make_flow(compiled(problem))
-    assert flow is not None and limit is Limit.NONE
-    return flow
 
 
 def random_paths(model: Model, rng: np.random.Generator) -> list[Path] | None:
@@ -184,7 +176,7 @@ def random_paths(model: Model, rng: np.random.Generator) -> list[Path] | None:
 def test_paths_and_flows_go_over_into_one_another(problem: Problem, seed: int) -> None:
     """A flow's paths begin where the robots do, have its J and break rules where its rows do."""
     model, rng = compiled(problem), np.random.default_rng(seed)
-    flow = flow_of(problem)
+    flow = Flow.of(model)
     paths = random_paths(model, rng)
     assert flow.serves_all == (paths is not None)
     assume(paths is not None)
@@ -193,13 +185,13 @@ def test_paths_and_flows_go_over_into_one_another(problem: Problem, seed: int) -
     again = flow.paths(y)
     assert [path[0] for path in again] == [model.start(i) for i in range(len(again))]
     assert objective_of(model, again) == pytest.approx(objective_of(model, paths))
-    rows = conflict_rows(flow)
+    rows = ConflictRows.of(flow)
     used = np.concatenate([rows.at_nodes @ x, rows.crossing @ y])
     for plan in (model.plan(paths), model.plan(again)):
         assert bool(broken_rules(problem, plan)) == bool((used > 1).any())
     for row in range(len(used)):
         resource = rows.resource(row)
-        assert not misuse(model, resource) and not misruled(problem, resource)
+        assert not resource.why_absent(model) and not resource.why_shared(problem)
 
 
 def test_a_fractional_flow_of_whole_nodes_is_made_whole() -> None:
@@ -210,7 +202,8 @@ def test_a_fractional_flow_of_whole_nodes_is_made_whole() -> None:
         name="pair", height_map=HeightMap(heights=np.zeros((2, 1))), robots=robots, actors=(),
         horizon=1, rules=NO_RULES, objective=Objective(stationarity=1.0),
     )  # fmt: skip
-    flow, model = flow_of(problem), compiled(problem)
+    model = compiled(problem)
+    flow = Flow.of(model)
     stay = tuple((model.start(i), model.start(i)) for i in range(2))
     change = tuple((model.start(i), model.start(1 - i)) for i in range(2))
     x, half = (flow.amounts(stay)[k] / 2 + flow.amounts(change)[k] / 2 for k in range(2))
@@ -230,8 +223,8 @@ def test_separation_rows_hold_every_pair_that_is_too_close(cells: float) -> None
         ),
         horizon=1, rules=CollisionRules(swap=False, separation=4.0 * cells),
     )  # fmt: skip
-    flow = flow_of(problem)
-    rows = conflict_rows(flow).at_nodes.toarray() > 0
+    flow = Flow.of(compiled(problem))
+    rows = ConflictRows.of(flow).at_nodes.toarray() > 0
     last = np.flatnonzero(flow.steps == 1)
     for n in last:
         for m in last:
