@@ -7,9 +7,10 @@ and `diving` make plans of the mixtures that come up.
 """
 
 __all__ = [
-    "arcs",
+    "arc_pool",
     "branch_and_price",
     "branching",
+    "coefficients",
     "column_generation",
     "columns",
     "conic_program",

@@ -1,15 +1,17 @@
 """Columns: paths of single robots with what they see, the arcs along them, and their mixtures."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from operator import eq
 from typing import NamedTuple
 
 import numpy as np
 
+from cocap_opt.coordination.constraints import avoid_paths
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.certificates import Flight
 from cocap_opt.formulations.relaxations.separation import Seen
-from cocap_opt.model import Model, Path
+from cocap_opt.graph.timegraph import Charges
+from cocap_opt.model import Model, Path, RobotClass
 from cocap_opt.objective import robot_pixels
 from cocap_opt.problem import Problem
 
@@ -105,3 +107,10 @@ class Mixture(NamedTuple):
             (view_sum, Seen(classes[p], roots[p], amounts[p]))
             for view_sum, p in zip(distinct.tolist(), parts, strict=True)
         ]
+
+
+def avoid_columns(model: Model, robot_class: RobotClass, columns: Iterable[Column]) -> Charges:
+    """Returns charges that keep robots of a class clear of the paths of columns."""
+    graphs = [robot_class.graph for robot_class in model.class_of]
+    paths = ((c.robot, [graphs[c.robot].state(state) for state in c.path]) for c in columns)
+    return avoid_paths(model, robot_class, paths)

@@ -14,8 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cocap_opt.coordination.best_response import best_response
-from cocap_opt.coordination.constraints import avoid_paths
-from cocap_opt.formulations.column_generation.columns import Arc, Column, Mixture
+from cocap_opt.formulations.column_generation.columns import Arc, Column, Mixture, avoid_columns
 from cocap_opt.formulations.column_generation.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.pairs import best_pair
 from cocap_opt.model import Model
@@ -76,12 +75,7 @@ class LocalSearch:
         model, pixels = self.model, no_pixels(self.model.problem)
         for column in others:
             pixels[column.view_sums] += column.pixels
-        graphs = [model.class_of[column.robot].graph for column in others]
-        paths = [
-            (column.robot, [graph.state(s) for s in column.path])
-            for column, graph in zip(others, graphs, strict=True)
-        ]
-        charges = avoid_paths(model, model.class_of[robot], paths)
+        charges = avoid_columns(model, model.class_of[robot], others)
         path = best_response(model, robot, pixels, charges)
         return None if path is None else Column.of(model, robot, path)
 

@@ -18,7 +18,11 @@ import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.formulations.certificates import Cut, Decision, Resource
-from cocap_opt.formulations.column_generation.arcs import ArcViews, move_rewards, users_of
+from cocap_opt.formulations.column_generation.coefficients import (
+    ArcViews,
+    move_rewards,
+    users_of,
+)
 from cocap_opt.formulations.column_generation.columns import Arc
 from cocap_opt.formulations.column_generation.conic_program import (
     Cone,

@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cocap_opt.coordination.constraints import avoid_paths
 from cocap_opt.coordination.pair_iteration import (
     PairIteration,
     Successors,
@@ -17,8 +16,8 @@ from cocap_opt.coordination.pair_iteration import (
     coverage_of,
 )
 from cocap_opt.data import FloatArray, IntArray
-from cocap_opt.formulations.column_generation.arcs import states_on_paths
-from cocap_opt.formulations.column_generation.columns import Arc, Column
+from cocap_opt.formulations.column_generation.arc_pool import states_on_paths
+from cocap_opt.formulations.column_generation.columns import Arc, Column, avoid_columns
 from cocap_opt.graph.move_rewards import bonuses_of
 from cocap_opt.graph.timegraph import CLOSED, Charges
 from cocap_opt.model import Model, RobotClass
@@ -112,8 +111,7 @@ def _side(model: Model, robot: int, arcs: Iterable[Arc], others: Sequence[Column
     """
     robot_class, horizon = model.class_of[robot], model.problem.horizon
     number, graph = model.classes.index(robot_class), robot_class.graph
-    paths = [(c.robot, [model.class_of[c.robot].graph.state(s) for s in c.path]) for c in others]
-    closed = avoid_paths(model, robot_class, paths)
+    closed = avoid_columns(model, robot_class, others)
     own = [arc for arc in arcs if arc.class_number == number]
     own = [arc for arc in own if not _is_closed(arc, closed, graph.n_places)]
     on = states_on_paths(own, [(number, model.start(robot))], horizon)

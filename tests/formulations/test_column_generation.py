@@ -18,9 +18,10 @@ from cocap_opt.formulations.certificates import (
     price,
     verify,
 )
-from cocap_opt.formulations.column_generation.arcs import states_on_paths, users_of
+from cocap_opt.formulations.column_generation.arc_pool import states_on_paths
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.formulations.column_generation.branching import ResourceUse, integral_paths
+from cocap_opt.formulations.column_generation.coefficients import users_of
 from cocap_opt.formulations.column_generation.column_generation import column_generation
 from cocap_opt.formulations.column_generation.columns import Arc, Column, Mixture
 from cocap_opt.formulations.column_generation.conic_program import Cone, ConicProgram
@@ -36,8 +37,7 @@ from cocap_opt.formulations.result import OPTIMALITY, BoundMethod
 from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.model import Model, compiled
 from cocap_opt.objective import objective_of
-from cocap_opt.problem.plan import conflicts
-from cocap_opt.problem.problem import NO_RULES, CollisionRules, Problem
+from cocap_opt.problem import NO_RULES, CollisionRules, Problem, conflicts
 from cocap_opt.referee import check
 from cocap_opt.result import Reason
 from cocap_opt.scenarios import load_scene
