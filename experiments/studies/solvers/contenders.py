@@ -9,15 +9,11 @@ from functools import partial
 
 from cocap_opt.formulations.integer_programs.cp_sat import cp_sat
 from cocap_opt.formulations.integer_programs.mathopt import highs, scip
-from cocap_opt.formulations.integer_programs.outer_approximation import (
-    Root,
-    certified_root,
-    no_root,
-)
+from cocap_opt.formulations.integer_programs.outer_approximation import Root, certified_root
 from cocap_opt.formulations.result import BoundMethod
 
 
-def _all(root: Root) -> dict[str, BoundMethod]:
+def _all(root: Root | None) -> dict[str, BoundMethod]:
     return {
         "highs": partial(highs, root=root),
         "scip": partial(scip, root=root),
@@ -25,5 +21,5 @@ def _all(root: Root) -> dict[str, BoundMethod]:
     }
 
 
-ALONE = _all(no_root)
+ALONE = _all(None)
 WITH_OUR_ROOT = _all(certified_root)
