@@ -1,7 +1,7 @@
-"""What in a problem is allowed but hardly meant: units mixed up, people inside walls.
+"""Likely mistakes in problems that are allowed: mixed-up units, people inside walls.
 
 Nothing here changes a result. A scene in which nobody can be seen has J = 0 and a proof of it;
-this says why.
+the doubts say why.
 """
 
 import math
@@ -12,20 +12,20 @@ import numpy as np
 from cocap_opt.problem.actor import Actor
 from cocap_opt.problem.problem import Problem
 from cocap_opt.problem.robot import Robot
-from cocap_opt.world.columns import mesh_spans
+from cocap_opt.world.columns import Spans
 from cocap_opt.world.workspace import Mesh, Workspace
 
-SUNK = 0.3  # m, by which feet may be below what they stand on
-FLOATING = 1.0  # m, by which they may be above it
-PROBE = 1e-3  # m, width of what is looked at around the foot point
-HEIGHTS = 0.3, 4.0  # m, of people and what they ride
-FASTEST = 100.0  # m per step
+_SUNK = 0.3  # m, by which feet may be below the ground
+_FLOATING = 1.0  # m, by which feet may be above the ground
+_PROBE = 1e-3  # m, width of the column that is looked at around a foot point
+_HEIGHTS = 0.3, 4.0  # m, of people and riders
+_FASTEST = 100.0  # m per step
 
-Pose = tuple[float, float, float, float]
+_Pose = tuple[float, float, float, float]
 
 
 def doubts(problem: Problem) -> list[str]:
-    """Everything in a problem that is likely a mistake, in words, one line each."""
+    """Return all likely mistakes in a problem, in words, one line each."""
     found = [
         f"meshes[{k}] is not closed, so that only its surface is solid"
         for k, mesh in enumerate(problem.meshes)
@@ -44,14 +44,14 @@ def doubts(problem: Problem) -> list[str]:
 
 
 def _below_ground(problem: Problem, mesh: Mesh) -> bool:
-    """Whether nothing of a mesh, where it is above the map at all, looks out of the ground."""
+    """Return True if the part of a mesh that is over the map is wholly below the ground."""
     tops = Workspace(problem.height_map, (mesh,)).columns.high[1:].max(axis=0, initial=-math.inf)
     above = tops > -math.inf
     return bool(above.any() and (tops <= problem.height_map.heights)[above].all())
 
 
 def _in_the_way(problem: Problem) -> Iterator[str]:
-    """Robots that can fly where somebody is: nothing keeps them apart."""
+    """Give a doubt for each robot that can fly into a person, which no rule forbids."""
     for i, robot in enumerate(problem.robots):
         for j, actor in enumerate(problem.actors):
             height = _height_within(problem, robot, actor)
@@ -64,7 +64,7 @@ def _in_the_way(problem: Problem) -> Iterator[str]:
 
 
 def _height_within(problem: Problem, robot: Robot, actor: Actor) -> float | None:
-    """How high above an actor's feet (m) a robot can fly into it; None where it cannot."""
+    """Return the height above an actor's feet (m) at which a robot can fly into it, or None."""
     for x, y, z, _ in actor.poses[: problem.horizon + 1].tolist():
         cell = problem.height_map.cell_of(x, y)
         if problem.height_map.inside(*cell):
@@ -76,29 +76,29 @@ def _height_within(problem: Problem, robot: Robot, actor: Actor) -> float | None
 
 
 def _about(problem: Problem, actor: Actor) -> Iterator[str]:
-    """What is doubtful about an actor."""
+    """Give the doubts about an actor."""
     poses = actor.poses[: problem.horizon + 1]
-    if not HEIGHTS[0] <= actor.shape.height <= HEIGHTS[1]:
+    if not _HEIGHTS[0] <= actor.shape.height <= _HEIGHTS[1]:
         yield f"is {actor.shape.height:.3g} m high: is the unit right?"
     fastest = float(np.hypot(*np.diff(poses[:, :2], axis=0).T).max(initial=0.0))
-    if fastest > FASTEST:
+    if fastest > _FASTEST:
         yield f"moves by {fastest:.3g} m in one step: is the unit right?"
-    steps: list[Pose] = [(x, y, z, yaw) for x, y, z, yaw in poses.tolist()]
+    steps: list[_Pose] = [(x, y, z, yaw) for x, y, z, yaw in poses.tolist()]
     off = [t for t, (x, y, _, _) in enumerate(steps) if not _on_map(problem, x, y)]
     if off:
         x, y, _, _ = steps[off[0]]
         yield _at(off, steps, "is off the map", f"at ({x:.7g}, {y:.7g}) m")
     depths = {t: depth for t, pose in enumerate(steps) if (depth := _sunk(problem, actor, pose))}
     if depths:
-        words = f"its feet are {next(iter(depths.values())):.3g} m below the top of what is there"
+        words = f"its feet are {next(iter(depths.values())):.3g} m below the top of the obstacle"
         yield _at(list(depths), steps, "is inside an obstacle", words)
     high = {t: up for t, pose in enumerate(steps) if (up := _floats(problem, actor, pose))}
     if high:
-        words = f"its feet are {next(iter(high.values())):.3g} m above what is below"
+        words = f"its feet are {next(iter(high.values())):.3g} m above the nearest matter below"
         yield _at(list(high), steps, "floats", words)
 
 
-def _at(when: list[int], steps: list[Pose], what: str, words: str) -> str:
+def _at(when: list[int], steps: list[_Pose], what: str, words: str) -> str:
     return f"{what} at {len(when)} of {len(steps)} steps; at step {when[0]} {words}"
 
 
@@ -106,39 +106,39 @@ def _on_map(problem: Problem, x: float, y: float) -> bool:
     return problem.height_map.inside(*problem.height_map.cell_of(x, y))
 
 
-def _sunk(problem: Problem, actor: Actor, pose: Pose) -> float:
-    """How far (m) an actor's feet are below the top of what it is in; 0 where it is in nothing."""
+def _sunk(problem: Problem, actor: Actor, pose: _Pose) -> float:
+    """Return how far (m) an actor's feet are below the top of an obstacle; 0 outside of any."""
     x, y, z, _ = pose
     if not _on_map(problem, x, y):
         return 0.0
     middle = z + actor.shape.height / 2
     spans = problem.workspace.columns.at(*problem.height_map.cell_of(x, y))
     if any(_holds(span, z, middle) for span in spans[1:]):
-        # Something of a mesh is in the cell; it need not be where the actor is.
+        # A part of a mesh is in the cell, perhaps not at the place of the actor.
         spans = [spans[0], *_mesh_spans(problem, x, y)]
     return max((top - z for low, top in spans if _holds((low, top), z, middle)), default=0.0)
 
 
 def _holds(span: tuple[float, float], foot: float, middle: float) -> bool:
-    return span[0] < middle and span[1] > foot + SUNK
+    return span[0] < middle and span[1] > foot + _SUNK
 
 
 def _mesh_spans(problem: Problem, x: float, y: float) -> list[tuple[float, float]]:
-    """Altitudes at which meshes are solid at a point."""
+    """Return the altitudes at which meshes are solid at a point."""
     found: list[tuple[float, float]] = []
     for mesh in problem.meshes:
-        vertices = (mesh.vertices - np.array([x, y, 0.0])) / np.array([PROBE, PROBE, 1.0])
+        vertices = (mesh.vertices - np.array([x, y, 0.0])) / np.array([_PROBE, _PROBE, 1.0])
         middle = np.array([0.5, 0.5, 0.0])
-        spans = mesh_spans(vertices + middle, mesh.triangles, (1, 1), mesh.is_solid)
+        spans = Spans.of_mesh(vertices + middle, mesh.triangles, (1, 1), mesh.is_solid)
         found += zip(spans.low.tolist(), spans.high.tolist(), strict=True)
     return found
 
 
-def _floats(problem: Problem, actor: Actor, pose: Pose) -> float:
-    """How far (m) an actor's feet are above anything; 0 where it stands on something."""
+def _floats(problem: Problem, actor: Actor, pose: _Pose) -> float:
+    """Return how far (m) an actor's feet are above all matter below; 0 if it stands on some."""
     x, y, z, _ = pose
     if not _on_map(problem, x, y):
         return 0.0
     spans = problem.workspace.columns.at(*problem.height_map.cell_of(x, y))
     below = max((top for low, top in spans if low < z + actor.shape.height), default=math.inf)
-    return z - below if z - below > FLOATING else 0.0
+    return z - below if z - below > _FLOATING else 0.0

@@ -1,7 +1,7 @@
 """Solid matter above every cell of a grid, as intervals of altitude.
 
-The column of a height map is solid from below everything to its top. What a mesh has in the
-cell, seen from the side, is one interval more, or several where it overhangs itself.
+The column of a height map is solid from minus infinity to its top. A mesh adds one interval to a
+cell that it meets, or several where it overhangs itself.
 """
 
 from collections.abc import Iterator
@@ -13,97 +13,104 @@ from cocap_opt.data import BoolArray, FloatArray, IntArray, ProblemError
 from cocap_opt.world.polygons import clip
 
 MARGIN = 1e-6  # cells; a solid that reaches less far into a cell only touches it
-PAIRS = 200_000  # of triangles and cells at once, to bound the memory
-MOST_PAIRS = 10_000_000  # of one mesh
-# Where in a cell its inside is looked for; not in the middle, where edges like to be.
+_PAIRS = 200_000  # of triangles and cells at once, to bound the memory
+_MOST_PAIRS = 10_000_000  # of one mesh
+# Point of a cell at which a mesh is probed; not the middle, which edges often pass.
 PROBE = 0.5137, 0.4789
 
 
 class Spans(NamedTuple):
-    """Intervals of altitude, in any order."""
+    """Intervals of altitude in cells, in any order."""
 
     cells: IntArray  # [n] x Y + y
     low: FloatArray  # [n] m
     high: FloatArray  # [n] m
+
+    @classmethod
+    def of_mesh(
+        cls, vertices: FloatArray, triangles: IntArray, shape: tuple[int, int], solid: bool
+    ) -> "Spans":
+        """Return the altitudes at which a mesh has matter inside each cell.
+
+        Parameters
+        ----------
+        vertices : [V, 3], x and y in cells, z in m
+        triangles : [M, 3] numbers of vertices
+        shape : number of cells along x and y
+        solid : True if the mesh is the surface of a solid, so that its inside counts as well and
+            a cell that it merely touches does not have it; a thin plate counts on both sides
+
+        Raises
+        ------
+        ProblemError
+            If the mesh reaches into too many cells.
+        """
+        corners, margin = vertices[triangles], np.full(2, MARGIN if solid else -MARGIN)
+        parts = [NO_SPANS]
+        for triangle, x, y in _pairs(corners, shape, margin):
+            inside, low, high = _surface(corners[triangle], x, y, margin)
+            parts.append(cls((x * shape[1] + y)[inside], low, high))
+        if not solid:
+            return _joined(parts).merged()
+        parts.append(_interior(vertices, triangles, shape))
+        matter = _joined(parts).merged()
+        thin = [_thin(corners, axis, shape, matter) for axis in (0, 1)]
+        return _joined([matter, *thin]).merged()
+
+    def merged(self) -> "Spans":
+        """Return the same matter, overlapping spans of a cell made one; by cell, from below."""
+        if not len(self.cells):
+            return NO_SPANS
+        order = np.lexsort([self.low, self.cells])
+        cells, low, high = self.cells[order], self.low[order], self.high[order]
+        new = np.concatenate([[True], cells[1:] != cells[:-1]])
+        # Cells are put one above the other, so that one running maximum serves all.
+        floor = (np.cumsum(new) - 1) * (high.max() - low.min() + 1) - low.min()
+        top = np.maximum.accumulate(high + floor)
+        new[1:] |= (low + floor)[1:] > top[:-1]
+        first = np.flatnonzero(new)
+        return Spans(cells[first], low[first], np.maximum.reduceat(high, first))
 
 
 NO_SPANS = Spans(np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0))
 
 
 class Columns(NamedTuple):
-    """Solid intervals of every cell, one above the other; those that a cell lacks are empty."""
+    """The solid intervals of every cell, one above the other; missing ones are empty."""
 
     low: FloatArray  # [K, X, Y] m, inf where there is none
     high: FloatArray  # [K, X, Y] m, -inf where there is none
 
+    @classmethod
+    def of(cls, heights: FloatArray, spans: Spans) -> "Columns":
+        """Return the columns of a height map [X, Y] and of spans, which are merged."""
+        cells, bottom, top = spans.merged()
+        _, first, counts = np.unique(cells, return_index=True, return_counts=True)
+        rank = np.arange(len(cells)) - np.repeat(first, counts)
+        size = 1 + int(counts.max(initial=0))
+        low, high = np.full((size, heights.size), np.inf), np.full((size, heights.size), -np.inf)
+        low[0], high[0] = -np.inf, heights.ravel()
+        low[rank + 1, cells], high[rank + 1, cells] = bottom, top
+        return cls(low.reshape(size, *heights.shape), high.reshape(size, *heights.shape))
+
     def solid(self, low: FloatArray, high: FloatArray) -> BoolArray:
-        """Whether there is solid matter at altitudes low..high, both [.., X, Y] in m."""
+        """Return an array that is true where solid matter is at altitudes low..high.
+
+        Both are [.., X, Y] in m.
+        """
         found: BoolArray = np.zeros(np.broadcast_shapes(low.shape, high.shape), dtype=bool)
         for bottom, top in zip(self.low, self.high, strict=True):
             found |= (bottom <= high) & (top >= low)
         return found
 
     def solid_at(self, x: int, y: int, low: float, high: float) -> bool:
-        """The same of one cell."""
+        """Return True if one cell has solid matter at altitudes low..high (m)."""
         return any(bottom <= high and top >= low for bottom, top in self.at(x, y))
 
     def at(self, x: int, y: int) -> list[tuple[float, float]]:
-        """Solid intervals of one cell."""
+        """Return the solid intervals of one cell; the first is that of the height map."""
         intervals = zip(self.low[:, x, y].tolist(), self.high[:, x, y].tolist(), strict=True)
         return [(low, high) for low, high in intervals if low <= high]
-
-
-def columns_of(heights: FloatArray, spans: Spans) -> Columns:
-    """Columns of a height map [X, Y] and of spans; those of a cell that overlap are one."""
-    cells, bottom, top = _merged(spans)
-    _, first, counts = np.unique(cells, return_index=True, return_counts=True)
-    rank = np.arange(len(cells)) - np.repeat(first, counts)
-    size = 1 + int(counts.max(initial=0))
-    low, high = np.full((size, heights.size), np.inf), np.full((size, heights.size), -np.inf)
-    low[0], high[0] = -np.inf, heights.ravel()
-    low[rank + 1, cells], high[rank + 1, cells] = bottom, top
-    return Columns(low.reshape(size, *heights.shape), high.reshape(size, *heights.shape))
-
-
-def _merged(spans: Spans) -> Spans:
-    """The same matter, spans of a cell that overlap made one; by cell, then from below."""
-    if not len(spans.cells):
-        return NO_SPANS
-    order = np.lexsort([spans.low, spans.cells])
-    cells, low, high = spans.cells[order], spans.low[order], spans.high[order]
-    new = np.concatenate([[True], cells[1:] != cells[:-1]])
-    # Cells are put one above the other, so that one running maximum serves all.
-    floor = (np.cumsum(new) - 1) * (high.max() - low.min() + 1) - low.min()
-    top = np.maximum.accumulate(high + floor)
-    new[1:] |= (low + floor)[1:] > top[:-1]
-    first = np.flatnonzero(new)
-    return Spans(cells[first], low[first], np.maximum.reduceat(high, first))
-
-
-def mesh_spans(
-    vertices: FloatArray, triangles: IntArray, shape: tuple[int, int], solid: bool
-) -> Spans:
-    """Altitudes at which a mesh has matter inside a cell.
-
-    Parameters
-    ----------
-    vertices : [V, 3], x and y in cells, z in m
-    triangles : [M, 3] numbers of vertices
-    shape : number of cells along x and y
-    solid : whether the mesh is the surface of a solid, so that its inside counts as well and
-        what merely touches a cell does not; of a thin plate it does, on both sides
-    """
-    corners, margin = vertices[triangles], np.full(2, MARGIN if solid else -MARGIN)
-    parts = [NO_SPANS]
-    for triangle, x, y in _pairs(corners, shape, margin):
-        inside, low, high = _surface(corners[triangle], x, y, margin)
-        parts.append(Spans((x * shape[1] + y)[inside], low, high))
-    if not solid:
-        return _merged(_joined(parts))
-    parts.append(_interior(vertices, triangles, shape))
-    matter = _merged(_joined(parts))
-    thin = [_thin(corners, axis, shape, matter) for axis in (0, 1)]
-    return _merged(_joined([matter, *thin]))
 
 
 def _joined(parts: list[Spans]) -> Spans:
@@ -111,12 +118,12 @@ def _joined(parts: list[Spans]) -> Spans:
 
 
 def _thin(corners: FloatArray, axis: int, shape: tuple[int, int], matter: Spans) -> Spans:
-    """Triangles [M, 3, 3] on an edge between cells with no matter behind them on either side.
+    """Return triangles [M, 3, 3] on an edge between cells with no matter on either side of them.
 
-    A wall that is no thicker than the margin is the surface of a solid, and a plate in fact.
+    A wall that is no thicker than the margin is the surface of a solid, but acts as a plate.
     """
     edge = np.rint(corners[:, 0, axis])
-    between = (edge > 0) & (edge < shape[axis])  # nobody crosses the edge of the map
+    between = (edge > 0) & (edge < shape[axis])  # robots do not cross the edge of the map
     flat = (np.abs(corners[..., axis] - edge[:, None]) <= MARGIN).all(axis=1)
     on_edge = np.flatnonzero(between & flat)
     if not len(on_edge):
@@ -147,25 +154,27 @@ def _thin(corners: FloatArray, axis: int, shape: tuple[int, int], matter: Spans)
 def _pairs(
     corners: FloatArray, shape: tuple[int, int], margin: FloatArray
 ) -> Iterator[tuple[IntArray, IntArray, IntArray]]:
-    """Triangles and the cells x, y that their bounding boxes meet, some at a time.
+    """Give triangles and the cells x, y that their bounding boxes meet, some at a time.
 
     Parameters
     ----------
-    margin : [2] cells, by which they must reach into a cell along x and y
+    corners : [M, 3, 3], x and y in cells
+    shape : number of cells along x and y
+    margin : [2] cells, by which triangles must reach into a cell along x and y
     """
     last = np.array(shape) - 1
     low, high = corners[..., :2].min(axis=1) + margin, corners[..., :2].max(axis=1) - margin
-    # Far outside the grid numbers of cells may not fit into integers.
+    # Far outside the grid, numbers of cells may not fit into integers.
     low, high = np.maximum(np.floor(low), 0), np.minimum(np.ceil(high) - 1, last)
     sizes = np.maximum(high - low + 1, 0).astype(np.int64)
     counts = sizes.prod(axis=1)
-    if counts.sum() > MOST_PAIRS:
+    if counts.sum() > _MOST_PAIRS:
         raise ProblemError(
-            f"meshes: must reach into cells at most {MOST_PAIRS} times, not {counts.sum()}; "
+            f"meshes: must reach into cells at most {_MOST_PAIRS} times, not {counts.sum()}; "
             "coarser cells or fewer triangles make it so"
         )
     some = np.flatnonzero(counts)
-    parts = np.cumsum(counts[some]) // PAIRS
+    parts = np.cumsum(counts[some]) // _PAIRS
     for part in np.split(some, np.flatnonzero(np.diff(parts)) + 1):
         if not len(part):
             continue
@@ -180,7 +189,10 @@ def _pairs(
 def _surface(
     corners: FloatArray, x: IntArray, y: IntArray, margin: FloatArray
 ) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Which triangles [n, 3, 3] reach into their cells, and at which altitudes, low and high."""
+    """Return the numbers of triangles [n, 3, 3] that reach into their cells, and altitudes.
+
+    These are the lowest and the highest inside of the cell.
+    """
     polygons, alive = corners, np.ones(len(corners), dtype=bool)
     for axis, cell in ((0, x), (1, y)):
         for sign, edge in ((1.0, cell + margin[axis]), (-1.0, cell + 1 - margin[axis])):
@@ -193,10 +205,10 @@ def _surface(
 
 
 def _interior(vertices: FloatArray, triangles: IntArray, shape: tuple[int, int]) -> Spans:
-    """Altitudes inside a solid, on the vertical line through one point of each cell.
+    """Return the altitudes inside a solid, on the vertical line through one point of each cell.
 
-    Where no triangle is in a cell at some altitude, one point says whether all of it is
-    inside; where there is one, `_surface` has it.
+    At an altitude at which no triangle is in a cell, one point shows if all of the cell is inside
+    the solid; altitudes at which a triangle is in the cell are found by `_surface`.
     """
     parts = [NO_SPANS]
     for triangle, x, y in _pairs(vertices[triangles], shape, np.zeros(2)):
@@ -209,7 +221,7 @@ def _interior(vertices: FloatArray, triangles: IntArray, shape: tuple[int, int])
         down = ~np.asarray(sides.any(axis=1))
         hit = np.flatnonzero(up | down)
         altitude = _altitude(vertices[numbers[hit]], point[hit])
-        # Seen from below, a solid is entered where its surface looks down.
+        # On the way up, a solid is entered where its surface looks down.
         step = np.where(down[hit], 1.0, -1.0)
         parts.append(Spans((x * shape[1] + y)[hit], altitude, step))
     cells, altitude, step = _joined(parts)
@@ -227,7 +239,9 @@ def _interior(vertices: FloatArray, triangles: IntArray, shape: tuple[int, int])
 
 
 def _left(vertices: FloatArray, a: IntArray, b: IntArray, point: FloatArray) -> BoolArray:
-    """Whether points [n, 2] are left of the edges a to b; two triangles agree on their edge.
+    """Return an array [n], true if points [n, 2] are left of the edges from a to b.
+
+    Two triangles always agree about the edge that they share.
 
     A point on an edge is moved by an infinitely small step along x, and a much smaller one
     along y.
@@ -243,7 +257,7 @@ def _left(vertices: FloatArray, a: IntArray, b: IntArray, point: FloatArray) -> 
 
 
 def _altitude(corners: FloatArray, point: FloatArray) -> FloatArray:
-    """Altitude [n] of the planes of triangles [n, 3, 3] above points [n, 2]."""
+    """Return the altitudes [n] of the planes of triangles [n, 3, 3] above points [n, 2]."""
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     off = point - corners[:, 0, :2]
     det = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]

@@ -8,8 +8,8 @@ from cocap_opt.data import FloatArray
 def clip(polygons: FloatArray, inside: FloatArray) -> FloatArray:
     """Keep the part of each polygon [n, V, 3] where `inside` [n, V] >= 0.
 
-    The result is [n, V+1, 3]; unused vertices repeat the last used one. Of a polygon of
-    which nothing is left all are the origin.
+    Returns [n, V+1, 3]; unused vertices repeat the last used one. If nothing is left of a polygon,
+    all its vertices are the origin.
     """
     result: FloatArray = np.concatenate([polygons, polygons[:, -1:]], axis=1)
     cut = np.flatnonzero(~(inside >= 0).all(axis=1))  # few, mostly
@@ -19,13 +19,13 @@ def clip(polygons: FloatArray, inside: FloatArray) -> FloatArray:
 
 
 def _cut(polygons: FloatArray, inside: FloatArray) -> FloatArray:
-    """The same where every polygon reaches outside (Sutherland-Hodgman)."""
+    """Clip polygons that all reach outside, by the algorithm of Sutherland and Hodgman."""
     n, size = inside.shape
     following, ahead = np.roll(polygons, -1, axis=1), np.roll(inside, -1, axis=1)
     crossing = (inside >= 0) != (ahead >= 0)
     share = np.where(crossing, inside, 0.0) / np.where(crossing, inside - ahead, 1.0)
     cuts = polygons + share[..., None] * (following - polygons)
-    # Each edge offers its first vertex and its cut, in order; what is not used moves last.
+    # Each edge offers its first vertex and its cut, in order; unused ones move to the end.
     vertices = np.stack([polygons, cuts], axis=2).reshape(n, 2 * size, 3)
     used = np.stack([inside >= 0, crossing], axis=2).reshape(n, 2 * size)
     order = np.argsort(~used, axis=1, kind="stable")[:, : size + 1]

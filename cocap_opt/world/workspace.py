@@ -1,4 +1,4 @@
-"""Where solid matter is: a height map, and meshes for what overhangs."""
+"""Solid matter: a height map, and meshes for bridges and other overhangs."""
 
 import math
 from functools import cached_property, lru_cache
@@ -18,7 +18,7 @@ from cocap_opt.data import (
     require,
     within,
 )
-from cocap_opt.world.columns import NO_SPANS, Columns, Spans, columns_of, mesh_spans
+from cocap_opt.world.columns import NO_SPANS, Columns, Spans
 
 MOST_TRIANGLES = 1_000_000
 
@@ -26,7 +26,7 @@ Place = tuple[int, int, float]  # cell x, y and flight height (m)
 
 
 class HeightMap(Data, frozen=True, eq=False, dict=True):
-    """A 2.5D map: `heights[x, y]` [X, Y] is the top of the solid column in a cell, in metres.
+    """A 2.5D map: `heights[x, y]` is the top of the solid column in a cell, in metres.
 
     Cell (i, j) covers `origin + resolution * ([i, i+1) x [j, j+1))`.
 
@@ -39,7 +39,7 @@ class HeightMap(Data, frozen=True, eq=False, dict=True):
     heights: FloatArray  # [X, Y] m
     resolution: float = 1.0  # m, edge of a cell
     origin: tuple[float, float] = (0.0, 0.0)  # m, corner of cell (0, 0)
-    datum: FloatArray | None = None  # [X, Y] m, what flight heights are above; None: 0
+    datum: FloatArray | None = None  # [X, Y] m, zero of flight heights; None: 0 everywhere
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -60,42 +60,42 @@ class HeightMap(Data, frozen=True, eq=False, dict=True):
         return x, y
 
     def centre(self, x: int, y: int) -> tuple[float, float]:
-        """World coordinates (m) of the middle of cell (x, y)."""
+        """Return the world coordinates (m) of the middle of cell (x, y)."""
         ox, oy = self.origin
         return ox + (x + 0.5) * self.resolution, oy + (y + 0.5) * self.resolution
 
     def cell_of(self, x: float, y: float) -> tuple[int, int]:
-        """Cell that holds the world point (x, y) in metres; it may lie outside the map."""
+        """Return the cell that holds the point (x, y) in m; it may lie outside the map."""
         ox, oy = self.origin
         return math.floor((x - ox) / self.resolution), math.floor((y - oy) / self.resolution)
 
     def inside(self, x: int, y: int) -> bool:
-        """Whether the map has this cell."""
+        """Return True if the map has this cell."""
         width, depth = self.shape
         return 0 <= x < width and 0 <= y < depth
 
     def altitude(self, x: int, y: int, height: float) -> float:
-        """Altitude (m) of flight height `height` in cell (x, y)."""
+        """Return the altitude (m) of flight height `height` in cell (x, y)."""
         return height if self.datum is None else height + float(self.datum[x, y])
 
     def way(self, one: Place, other: Place) -> tuple[float, float, float]:
-        """Way (m) from one place to another, each a cell x, y and a flight height."""
+        """Return the way (m) from one place to another, each a cell x, y and a flight height."""
         (ax, ay, low), (bx, by, high) = one, other
         up = self.altitude(bx, by, high) - self.altitude(ax, ay, low)
         return (bx - ax) * self.resolution, (by - ay) * self.resolution, up
 
     def altitudes(self, heights: tuple[float, ...]) -> FloatArray:
-        """Altitudes [layer, X, Y] (m) of flight heights in all cells."""
+        """Return the altitudes [layer, X, Y] (m) of flight heights in all cells."""
         datum = np.zeros(self.shape) if self.datum is None else self.datum
         result: FloatArray = np.array(heights)[:, None, None] + datum
         return result
 
 
 class Mesh(Data, frozen=True, eq=False, dict=True):
-    """A solid or a surface made of triangles: what a height map cannot hold.
+    """A solid or a surface made of triangles, for shapes that a height map cannot hold.
 
-    It blocks motion and hides actors. Where its triangles are the whole surface of something,
-    its inside is solid, too; otherwise the triangles are thin plates.
+    It blocks motion and hides actors. If its triangles are a closed surface, its inside is solid,
+    too; otherwise the triangles are thin plates.
 
     Raises
     ------
@@ -133,7 +133,7 @@ class Mesh(Data, frozen=True, eq=False, dict=True):
 
     @cached_property
     def is_solid(self) -> bool:
-        """Whether the triangles close: every edge is passed as often one way as the other."""
+        """True if the triangles close: each edge is passed as often one way as the other."""
         edges = np.concatenate([self.triangles[:, [k, (k + 1) % 3]] for k in range(3)])
         low, high = edges.min(axis=1), edges.max(axis=1)
         _, number = np.unique(low * len(self.vertices) + high, return_inverse=True)
@@ -148,7 +148,7 @@ class Mesh(Data, frozen=True, eq=False, dict=True):
 
 
 class Workspace(NamedTuple):
-    """All that is solid, and the grid in which robots move."""
+    """All solid matter, and the grid in which robots move."""
 
     height_map: HeightMap
     meshes: tuple[Mesh, ...] = ()
@@ -163,12 +163,12 @@ class Workspace(NamedTuple):
 def _columns(workspace: Workspace) -> Columns:
     spans = [NO_SPANS, *(_spans(mesh, workspace.height_map) for mesh in workspace.meshes)]
     whole = Spans(*(np.concatenate(parts) for parts in zip(*spans, strict=True)))
-    return columns_of(workspace.height_map.heights, whole)
+    return Columns.of(workspace.height_map.heights, whole)
 
 
 def _spans(mesh: Mesh, height_map: HeightMap) -> Spans:
-    # In cells along x and y, from the corner of the map.
+    # Coordinates x and y are counted in cells from the corner of the map.
     corner = np.array([*height_map.origin, 0.0])
     scale = np.array([height_map.resolution, height_map.resolution, 1.0])
     vertices = (mesh.vertices - corner) / scale
-    return mesh_spans(vertices, mesh.triangles, height_map.shape, mesh.is_solid)
+    return Spans.of_mesh(vertices, mesh.triangles, height_map.shape, mesh.is_solid)
