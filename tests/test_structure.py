@@ -26,11 +26,6 @@ ORDER = {
     "scenarios": ("text", "cameras", "formats", "recipe", "built_in"),
     "experiments": ("console", "results", "sweeps", "report", "api", "studies", "notebooks", "cli"),
 }  # fmt: skip
-# Programs beside the main one, until they are commands of it.
-PROGRAMS = {
-    f"cocap_opt.experiments.{name}.__main__"
-    for name in ("notebooks", "studies.paper", "studies.benchmarks")
-}
 SOLVERS = {"cvxpy", "clarabel", "highspy", "ortools", "pyscipopt"}
 
 
@@ -79,7 +74,7 @@ def test_rooms_are_in_order() -> None:
     broken = []
     for module in sources():
         package = package_of(module)
-        if room_of(module) and module not in PROGRAMS:
+        if room_of(module):
             order = ORDER[package]
             own = order.index(room_of(module))
             broken += [
