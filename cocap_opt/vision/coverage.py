@@ -1,4 +1,4 @@
-"""Coverage of all states that a class of robots can reach, kept sparsely.
+"""Coverage of all states that a class of robots can reach, in a sparse table.
 
 Most states see nothing.
 """
@@ -18,9 +18,9 @@ from cocap_opt.vision.visibility import spans
 
 
 class CoverageTable(NamedTuple):
-    """Coverage of all reachable states that see anything, in compressed sparse rows.
+    """The coverage of all reachable states that see anything, in compressed sparse rows.
 
-    Group g = t F + f is face f at step t; a node is t S + s.
+    View sum t F + f is face f at step t; node t S + s is state s at step t.
     """
 
     nodes: IntArray  # [n] increasing
@@ -29,7 +29,7 @@ class CoverageTable(NamedTuple):
     pixels: FloatArray  # [nnz] px/m2, > 0
 
     def row(self, node: int) -> tuple[IntArray, FloatArray]:
-        """Groups and their coverage of one node; empty where it sees nothing."""
+        """Return the view sums that a node sees and their coverage; empty if it sees nothing."""
         at = int(np.searchsorted(self.nodes, node))
         if at == len(self.nodes) or self.nodes[at] != node:
             return self.view_sums[:0], self.pixels[:0]
@@ -37,7 +37,10 @@ class CoverageTable(NamedTuple):
         return self.view_sums[part], self.pixels[part]
 
     def entries(self, nodes: IntArray) -> tuple[IntArray, IntArray]:
-        """Which of the nodes [n] see something, entry by entry, and where the entries are."""
+        """Return all entries of nodes [n]: the position of the node, and that of the entry.
+
+        Both are arrays with one number for each entry; a node that sees nothing has none.
+        """
         if not len(self.nodes):
             return nodes[:0], nodes[:0]
         at = np.minimum(np.searchsorted(self.nodes, nodes), len(self.nodes) - 1)
@@ -47,7 +50,7 @@ class CoverageTable(NamedTuple):
         return np.repeat(which, counts), spans(first, counts)
 
     def row_sums(self, values: FloatArray) -> FloatArray:
-        """Sum of `values` [nnz] over each row [n]; rows are never empty."""
+        """Return the sums [n] of `values` [nnz] over the rows, which are never empty."""
         if not len(self.nodes):
             return np.zeros(0)
         return np.add.reduceat(values, self.indptr[:-1])
@@ -62,12 +65,17 @@ def coverage_table(
     progress: Callable[[int, int], None] = lambda done, total: None,
     threads: int | None = None,
 ) -> CoverageTable:
-    """Evaluate all reachable states [T+1, S] from `first_step` on.
+    """Evaluate all reachable states from `first_step` on.
 
     Parameters
     ----------
-    n_places : number of places, of which each has all orientations
-    threads : that work at once, all usable cores if not given; the table does not depend on it
+    views : the source of coverage
+    n_places : number of places, each of which has all orientations
+    reachable : [T+1, S] true where a state can be reached
+    first_step : first step whose views count
+    stop : stopping criterion, checked after every batch
+    progress : told after each step how many steps of how many are done
+    threads : number of threads, all usable cores if not given; the table does not depend on it
 
     Raises
     ------
@@ -81,7 +89,7 @@ def coverage_table(
         for t in range(first_step, n_steps):
             stop.check()
             states, size = np.flatnonzero(reachable[t]), views.batch(t)
-            # Those of one place share rays.
+            # States at one place share rays.
             states = states[np.argsort(states % n_places, kind="stable")]
             batches = [states[start : start + size] for start in range(0, len(states), size)]
             found = [_NO_ROWS]
@@ -98,14 +106,14 @@ def coverage_table(
 
 
 def usable_cores() -> int:
-    """Number of processor cores that this process may run on."""
+    """Return the number of processor cores that this process may run on."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
 
 class _Rows(NamedTuple):
-    """Some rows of a table."""
+    """A few rows of a table."""
 
     nodes: IntArray  # [n]
     counts: IntArray  # [n] entries of each
@@ -118,7 +126,7 @@ _NO_ROWS = _Rows(_NONE, _NONE, _NONE, np.zeros(0))
 
 
 def _seen_by(views: Views, t: int, n_states: int, states: IntArray) -> _Rows:
-    """Rows of those of some states that see anything at step t."""
+    """Return the rows of those states [n] that see anything at step t."""
     coverage = views.coverage(t, states)
     row, face = np.nonzero(coverage)
     counts = np.bincount(row, minlength=len(states))
@@ -132,7 +140,7 @@ def _joined(parts: list[_Rows]) -> _Rows:
 
 
 def _in_order(rows: _Rows) -> _Rows:
-    """The same rows, nodes increasing."""
+    """Return the same rows, sorted by node."""
     order = np.argsort(rows.nodes)
     first, counts = (np.cumsum(rows.counts) - rows.counts)[order], rows.counts[order]
     entries = spans(first, counts)

@@ -1,4 +1,4 @@
-"""Where the faces of all actors are at every step, and what can hide them."""
+"""Geometry of all actors' faces at every step, and of all matter that can hide them."""
 
 import math
 from functools import lru_cache
@@ -17,16 +17,16 @@ from cocap_opt.vision.visibility import (
     terrain_triangles,
 )
 
-DECIMALS = 9  # of m, in which points differ
-DRAWN_IN = 0.01  # of the way to the middle, so that no ray grazes the ground
+_DECIMALS = 9  # of metres; points that agree in them are one
+_DRAWN_IN = 0.01  # of the way to the middle, so that no ray grazes the ground
 ROUNDING = 1e-6  # m, much more than that of coordinates
 
 
 class Bodies(NamedTuple):
     """The actors as wholes at one step.
 
-    Of most views of an actor nothing at all is hidden, or everything. A few rays to points all
-    over it tell: `samples` are its corners and the middles of its faces, and more if it is large.
+    In most views an actor is wholly visible or wholly hidden, which a few rays to points all over
+    it tell: `samples` are its corners and the middles of its faces, and more if it is large.
     """
 
     centres: FloatArray  # [A, 3] m
@@ -41,7 +41,7 @@ class Faces(NamedTuple):
     normals: FloatArray  # [F, 3] outward, unit length
     areas: FloatArray  # [F] m2
     centres: FloatArray  # [F, 3] m
-    samples: Samples  # where rays are sent
+    samples: Samples  # targets of rays
     bodies: Bodies
     terrain: Occluders
     actors: Occluders
@@ -49,12 +49,12 @@ class Faces(NamedTuple):
 
     @property
     def occluders(self) -> list[Occluders]:
-        """All that hides faces."""
+        """Everything that hides faces."""
         return [self.terrain, self.actors]
 
 
 class FaceGeometry:
-    """Faces of a problem's actors at every step, made when first asked for.
+    """The faces of a problem's actors at every step, computed when first asked for.
 
     Attributes
     ----------
@@ -108,14 +108,14 @@ class FaceGeometry:
 
 
 def _doubled_area(polygon: FloatArray) -> FloatArray:
-    """Normal of a planar polygon [V, 3] with length twice its area (Newell)."""
+    """Return the normal of a planar polygon [V, 3], twice its area long (Newell's method)."""
     moved = polygon - polygon[0]
     result: FloatArray = np.cross(moved, np.roll(moved, -1, axis=0)).sum(axis=0)
     return result
 
 
 def _placed(points: FloatArray, pose: FloatArray) -> FloatArray:
-    """Points [n, 3] of an actor where it is in this pose [4]."""
+    """Return points [n, 3] of an actor, moved to a pose [4]."""
     x, y, z, yaw = pose.tolist()
     c, s = np.cos(yaw), np.sin(yaw)
     turned = [points[:, 0] * c - points[:, 1] * s, points[:, 0] * s + points[:, 1] * c]
@@ -124,12 +124,12 @@ def _placed(points: FloatArray, pose: FloatArray) -> FloatArray:
 
 
 def _evenly(parts: list[FloatArray]) -> Samples:
-    """Samples of points [n, 3] of several things, of which all of one thing count the same."""
+    """Return samples of the points [n, 3] of several actors; those of one actor count equally."""
     return _joined([(points, np.full(len(points), 1 / len(points))) for points in parts])
 
 
 def _joined(parts: list[tuple[FloatArray, FloatArray]]) -> Samples:
-    """Samples of some points [n, 3] and their shares [n]."""
+    """Join parts, each of points [n, 3] and their shares [n]."""
     return Samples(
         points=np.concatenate([np.empty((0, 3)), *(points for points, _ in parts)]),
         shares=np.concatenate([np.empty(0), *(shares for _, shares in parts)]),
@@ -138,7 +138,7 @@ def _joined(parts: list[tuple[FloatArray, FloatArray]]) -> Samples:
 
 
 def _spheres(polygons: FloatArray, problem: Problem) -> tuple[FloatArray, FloatArray]:
-    """Middles [A, 3] and radii [A] of spheres around the faces [F, V, 3] of each actor."""
+    """Return the centres [A, 3] and radii [A] of spheres around each actor's faces [F, V, 3]."""
     actors = range(len(problem.actors))
     corners = [polygons[problem.face_owner == actor].reshape(-1, 3) for actor in actors]
     centres = np.array([(c.min(axis=0) + c.max(axis=0)) / 2 for c in corners]).reshape(-1, 3)
@@ -147,24 +147,27 @@ def _spheres(polygons: FloatArray, problem: Problem) -> tuple[FloatArray, FloatA
 
 
 def _points_all_over(shape: Shape, parts: int) -> FloatArray:
-    """Points [n, 3] of a shape: corners and middles of faces, and such as divide what is between
-    two of them into so many parts; all drawn in a little."""
+    """Return points [n, 3] of a shape: corners, middles of faces, and points between these.
+
+    The lines between two corners and a middle are divided into `parts`. All points are drawn in
+    toward the middle of the shape a little.
+    """
     first, second = np.array([(i, j) for i in range(parts + 1) for j in range(parts + 1 - i)]).T
     points = []
     for face in shape.faces():
         middle = face.mean(axis=0)
         for a, b in zip(face - middle, np.roll(face, -1, axis=0) - middle, strict=True):
             points.append(middle + (first[:, None] * a + second[:, None] * b) / parts)
-    different = np.unique(np.concatenate(points).round(DECIMALS), axis=0)
-    drawn_in: FloatArray = different + DRAWN_IN * (different.mean(axis=0) - different)
+    different = np.unique(np.concatenate(points).round(_DECIMALS), axis=0)
+    drawn_in: FloatArray = different + _DRAWN_IN * (different.mean(axis=0) - different)
     return drawn_in
 
 
 def _parts(problem: Problem) -> list[int]:
-    """Into how many parts what is between points of an actor has to be divided.
+    """Return for each actor the number of parts into which half a horizontal edge is divided.
 
-    Half a horizontal edge is between two points. If a part of it is no longer than a cell and
-    than any other actor, no column and nobody fits in between. No more parts than faces have.
+    If a part is no longer than a cell and than any other actor, no column and no actor fits in
+    between two points. An edge is not divided into more parts than a face has samples along it.
     """
     faces = [actor.shape.faces() for actor in problem.actors]
     ends = [np.concatenate([np.diff(f, axis=0, append=f[:1]) for f in those]) for those in faces]

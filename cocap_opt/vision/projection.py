@@ -12,11 +12,11 @@ from cocap_opt.data import FloatArray
 from cocap_opt.problem import Camera
 from cocap_opt.world.polygons import clip
 
-SMALLEST_DEPTH = 1e-9  # m
+_SMALLEST_DEPTH = 1e-9  # m
 
 
 def camera_axes(headings: int, camera: Camera) -> FloatArray:
-    """Right, up and forward unit vectors of every orientation [headings * pitches, 3, 3].
+    """Return right, up and forward unit vectors of all orientations [headings * pitches, 3, 3].
 
     Heading k looks at yaw 2 pi k / headings from +x, counter-clockwise; the tilt is the angle
     below the horizon.
@@ -31,28 +31,28 @@ def camera_axes(headings: int, camera: Camera) -> FloatArray:
 
 
 def _cos_sin(angle: float) -> tuple[float, float]:
-    """Cosine and sine with the rounding noise at multiples of a right angle removed."""
+    """Return cosine and sine, without rounding noise at multiples of a right angle."""
     c, s = math.cos(angle), math.sin(angle)
     return (0.0 if abs(c) < 1e-15 else c), (0.0 if abs(s) < 1e-15 else s)
 
 
 def dot(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Inner product over the last axis of three, in a fixed order of addition."""
+    """Return the inner product over the last axis, of length three, in a fixed order."""
     result: FloatArray = a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
     return result
 
 
 def frustum_distances(points: FloatArray, camera: Camera) -> FloatArray:
-    """Signed distances, up to scale, inside the four sides of the view frustum [..., 4].
+    """Return signed distances, up to scale, from the four sides of the view frustum [..., 4].
 
-    `points` [..., 3] are right, up, forward coordinates. A point behind the camera lies
-    outside at least one side, so no near plane is needed.
+    They are positive inside. `points` [..., 3] are right, up, forward coordinates. A point behind
+    the camera lies outside at least one side, so that no near plane is needed.
     """
     return np.stack([_side_distance(points, camera, side) for side in range(4)], axis=-1)
 
 
 def _side_distance(points: FloatArray, camera: Camera, side: int) -> FloatArray:
-    """The same of one side: right, left, upper, lower."""
+    """Return the distances from one side: 0 right, 1 left, 2 upper, 3 lower."""
     size, off = (camera.width, camera.height)[side // 2], points[..., side // 2]
     half = size / 2 / camera.focal * points[..., 2]
     result: FloatArray = half + off if side % 2 else half - off
@@ -60,10 +60,11 @@ def _side_distance(points: FloatArray, camera: Camera, side: int) -> FloatArray:
 
 
 def image_area(polygons: FloatArray, camera: Camera) -> FloatArray:
-    """Area in px of the projections [n] of convex polygons [n, V, 3], clipped to the image.
+    """Return the areas [n] in px of the images of convex polygons [n, V, 3].
 
-    Points are in camera coordinates (right, up, forward; m). Clipping is done before the
-    division by depth, so a polygon that reaches behind the camera is cut, not mirrored.
+    Points are in camera coordinates (right, up, forward; m). Polygons are clipped to the image
+    before the division by depth, so that a polygon that reaches behind the camera is cut, not
+    mirrored.
     """
     area = np.zeros(len(polygons))
     distances = frustum_distances(polygons, camera)
@@ -79,18 +80,18 @@ def image_area(polygons: FloatArray, camera: Camera) -> FloatArray:
 def image_samples(
     polygons: FloatArray, camera: Camera, samples: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Points spread evenly over the images of convex polygons [n, V, 3], clipped.
+    """Return points spread evenly over the images of convex polygons [n, V, 3], clipped.
 
     Each triangle between an edge of an image and its centroid is cut into `samples` squared
-    equal triangles; the points are those of the polygon that are seen at their centroids.
+    equal triangles; a point is the one of the polygon whose image is the centroid of a triangle.
 
     Returns
     -------
     points : [n, M, 3] m, in camera coordinates
-    weights : [n, M] share of the image of each; 0 where a triangle is none
+    weights : [n, M] share of the image that each stands for; 0 if its triangle has no area
     """
     cut = _clipped(polygons, camera)
-    inverse = 1 / np.maximum(cut[..., 2:], SMALLEST_DEPTH)
+    inverse = 1 / np.maximum(cut[..., 2:], _SMALLEST_DEPTH)
     image = np.concatenate([cut[..., :2] * inverse, inverse], axis=-1)  # linear in the image
     a, b = (weight[:, None] for weight in centroids(samples))
     middle = _centroids(image)[:, None]
@@ -105,7 +106,7 @@ def image_samples(
 
 
 def _centroids(image: FloatArray) -> FloatArray:
-    """Centroids [n, 3] of convex polygons [n, V, 3], by their area in the first two axes."""
+    """Return the centroids [n, 3] of convex polygons [n, V, 3], by area in the first two axes."""
     off = image - image[:, :1]
     first, second = off[:, 1:-1], off[:, 2:]
     area = np.abs(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])[..., None]
@@ -116,7 +117,10 @@ def _centroids(image: FloatArray) -> FloatArray:
 
 
 def centroids(samples: int) -> tuple[FloatArray, FloatArray]:
-    """Barycentric coordinates [n] of the centroids of `samples` squared parts of a triangle."""
+    """Return barycentric coordinates [n] of the centroids of equal parts of a triangle.
+
+    There are n = `samples` squared parts.
+    """
     rows = [
         (i + third, j + third)
         for third, size in ((1 / 3, samples), (2 / 3, samples - 1))
@@ -128,19 +132,19 @@ def centroids(samples: int) -> tuple[FloatArray, FloatArray]:
 
 
 def _clipped(polygons: FloatArray, camera: Camera) -> FloatArray:
-    """The parts of polygons [n, V, 3] that are in the image [n, V+4, 3]."""
+    """Return the parts of polygons [n, V, 3] that are in the image [n, V+4, 3]."""
     for side in range(4):
         polygons = clip(polygons, _side_distance(polygons, camera, side))
     return polygons
 
 
 def _projected_area(polygons: FloatArray, camera: Camera) -> FloatArray:
-    """Area in px of the projections [n] of polygons [n, V, 3] that lie inside the frustum."""
+    """Return the areas [n] in px of the images of polygons [n, V, 3] inside the frustum."""
     depth = polygons[..., 2]
-    # Only a clipped-away polygon has depth 0: all its vertices are the origin, its area is 0.
+    # Depth is 0 only if nothing is left of a polygon: all its vertices are the origin.
     scale = camera.focal / np.where(depth > 0, depth, 1.0)
     u, v = polygons[..., 0] * scale, polygons[..., 1] * scale
-    # Shoelace relative to the first vertex, which keeps the terms small.
+    # The shoelace formula relative to the first vertex keeps the terms small.
     u, v = u - u[:, :1], v - v[:, :1]
     area = np.zeros(len(polygons))
     for k in range(1, polygons.shape[1] - 1):

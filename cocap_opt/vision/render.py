@@ -1,7 +1,7 @@
-"""What a camera sees, pixel by pixel: the reference that coverage is held against.
+"""Pictures by ray casting, pixel by pixel: the reference against which coverage is tested.
 
-One ray goes through the middle of every pixel; what it meets first is what the pixel shows.
-Of `coverage` it shares where the faces are, and neither projection nor sample points.
+One ray goes through the middle of every pixel, which shows the first surface that the ray meets.
+Rendering shares with coverage only the geometry of the faces, not projection or sample points.
 """
 
 import math
@@ -19,21 +19,21 @@ from cocap_opt.vision.visibility import Occluders
 
 SKY, TERRAIN = -2, -1  # in place of a face
 RAYS = 500_000  # cast at once, to bound the memory
-BORDER = 2.0  # px around the box in which an actor is looked for
+_BORDER = 2.0  # px around the box in which an actor is looked for
 
 
 class Picture(NamedTuple):
-    """What each pixel shows."""
+    """An image: the face that each pixel shows, and its shade."""
 
-    faces: IntArray  # [height, width] number of a face, TERRAIN or SKY
+    faces: IntArray  # [height, width] number of a face, or TERRAIN or SKY
     shade: FloatArray  # [height, width] cosine between ray and surface normal; 0 for the sky
 
 
 class _Hits(NamedTuple):
-    """What rays meet first."""
+    """The first hits of rays."""
 
-    surface: IntArray  # [n] which of the surfaces; -1 for none
-    triangle: IntArray  # [n] which of its triangles
+    surface: IntArray  # [n] number of the surface; -1 for none
+    triangle: IntArray  # [n] number of the triangle of that surface
 
 
 class Renderer:
@@ -41,8 +41,14 @@ class Renderer:
 
     Parameters
     ----------
+    problem : the problem
     step : one ray is cast for each block of step x step pixels, through its middle, and
         stands for all of its pixels; 1 is exact
+
+    Raises
+    ------
+    UnsupportedError
+        If a robot has a sensor that makes no pictures.
     """
 
     def __init__(self, problem: Problem, step: int = 1) -> None:
@@ -53,18 +59,18 @@ class Renderer:
         self._alone = lru_cache(maxsize=256)(self._only)
 
     def areas(self, t: int) -> FloatArray:
-        """Area of every face [F] at step t, in m2."""
+        """Return the areas of all faces [F] at step t, in m2."""
         return self._geometry.at(t).areas
 
     def pixels(self, robot: Robot, t: int, state: State) -> FloatArray:
-        """Pixels [F] of every face in a robot's image at step t."""
+        """Return the pixels [F] of every face in a robot's image at step t."""
         counts = np.zeros(len(self._problem.face_weights))
         faces = self._geometry.at(t)
         for actor, box in self._boxes(faces, robot, state):
             for _, ways, hits in self._cast(robot, state, box, (faces.actors, faces.terrain)):
                 of_actors = np.flatnonzero(hits.surface == 0)
                 triangle, ways = hits.triangle[of_actors], ways[of_actors]
-                # From inside a body its faces are seen from behind, which counts as not at all.
+                # A face that is seen from behind, from inside of a body, does not count.
                 outside = (_normals(faces.actors.triangles[triangle]) * ways).sum(axis=1) < 0
                 seen = faces.triangle_faces[triangle[outside]]
                 own = seen[self._problem.face_owner[seen] == actor]
@@ -72,7 +78,7 @@ class Renderer:
         return counts * self._step**2
 
     def unhidden(self, robot: Robot, t: int, state: State) -> FloatArray:
-        """Pixels [F] that every face would have if its own actor stood alone in the world."""
+        """Return the pixels [F] that every face would have if its actor were alone in the world."""
         counts = np.zeros(len(self._problem.face_weights))
         faces = self._geometry.at(t)
         for actor, box in self._boxes(faces, robot, state):
@@ -83,12 +89,12 @@ class Renderer:
         return counts * self._step**2
 
     def coverage(self, robot: Robot, t: int, state: State) -> FloatArray:
-        """Rendered px/m2 [F] of every face in a robot's image at step t."""
+        """Return the rendered coverage [F] in px/m2 of every face in a robot's image at step t."""
         result: FloatArray = self.pixels(robot, t, state) / self.areas(t)
         return result
 
     def picture(self, robot: Robot, t: int, state: State) -> Picture:
-        """The whole image, one pixel for each block."""
+        """Return the whole image, one pixel for each block."""
         faces = self._geometry.at(t)
         surfaces = (faces.actors, faces.terrain)
         camera = pinhole(robot)
@@ -104,7 +110,7 @@ class Renderer:
         return Picture(shown.reshape(height, width), shade.reshape(height, width))
 
     def _only(self, t: int, actor: int) -> tuple[Occluders, IntArray]:
-        """One actor alone, and the face of each of its triangles."""
+        """Return one actor alone, and the face of each of its triangles."""
         faces = self._geometry.at(t)
         own = np.flatnonzero(self._problem.face_owner[faces.triangle_faces] == actor)
         alone = Occluders(faces.actors.triangles[own], self._geometry.origin)
@@ -113,14 +119,14 @@ class Renderer:
     def _boxes(
         self, faces: Faces, robot: Robot, state: State
     ) -> Iterator[tuple[int, tuple[int, int, int, int]]]:
-        """Actors and the part of the image (left, top, right, bottom) in which each can be."""
+        """Give actors and the part of the image (left, top, right, bottom) that each can be in."""
         camera, axes = pinhole(robot), _axes(robot, state)
         for actor in range(len(self._problem.actors)):
             corners = faces.polygons[self._problem.face_owner == actor].reshape(-1, 3)
             right, up, depth = axes @ (corners - eye(self._problem, robot, state)).T
             wide, high = (size / 2 / camera.focal * depth for size in (camera.width, camera.height))
             sides = np.stack([wide - right, wide + right, high - up, high + up])
-            if (sides < 0).all(axis=1).any():  # it is wholly beyond one side of the image
+            if (sides < 0).all(axis=1).any():  # wholly beyond one side of the image
                 continue
             whole = (0, 0, camera.width, camera.height)
             if depth.min() <= 0:  # partly behind the camera: it may be anywhere
@@ -128,8 +134,8 @@ class Renderer:
                 continue
             u = camera.width / 2 + camera.focal * right / depth
             v = camera.height / 2 - camera.focal * up / depth
-            first = np.floor(np.maximum([u.min() - BORDER, v.min() - BORDER], 0.0))
-            last = np.ceil(np.minimum([u.max() + BORDER, v.max() + BORDER], whole[2:]))
+            first = np.floor(np.maximum([u.min() - _BORDER, v.min() - _BORDER], 0.0))
+            last = np.ceil(np.minimum([u.max() + _BORDER, v.max() + _BORDER], whole[2:]))
             left, top, end, bottom = (int(x) for x in (*first, *last))
             if left < end and top < bottom:
                 yield actor, (left, top, end, bottom)
@@ -141,7 +147,7 @@ class Renderer:
         box: tuple[int, int, int, int],
         surfaces: Sequence[Occluders],
     ) -> Iterator[tuple[IntArray, FloatArray, _Hits]]:
-        """Rays of a box of pixels, some at a time: where in the image, ways [n, 3], and hits."""
+        """Give rays of a box of pixels, some at a time: their pixels, ways [n, 3], and hits."""
         camera, step, axes = pinhole(robot), self._step, _axes(robot, state)
         columns = np.arange(box[0] // step, -(-box[2] // step))
         width = -(-camera.width // step)
@@ -163,12 +169,12 @@ class Renderer:
 
 
 def pinhole(robot: Robot) -> Camera:
-    """A robot's camera.
+    """Return a robot's camera, which must make pictures.
 
     Raises
     ------
     UnsupportedError
-        If it is none that makes pictures.
+        If it makes none.
     """
     if not isinstance(robot.camera, Camera):
         raise UnsupportedError("only pinhole cameras make pictures")
@@ -176,14 +182,14 @@ def pinhole(robot: Robot) -> Camera:
 
 
 def eye(problem: Problem, robot: Robot, state: State) -> FloatArray:
-    """Where the camera is [3], in m."""
+    """Return the place of a robot's camera [3] in a state, in m."""
     x, y, terrain = state.x, state.y, problem.height_map
     altitude = terrain.altitude(x, y, robot.motion.layers[state.layer])
     return np.array([*terrain.centre(x, y), altitude])
 
 
 def _axes(robot: Robot, state: State) -> FloatArray:
-    """Right, up and forward unit vectors of the camera [3, 3]."""
+    """Return the right, up and forward unit vectors of the camera [3, 3]."""
     yaw = 2 * math.pi * state.heading / robot.motion.headings
     tilt = robot.camera.tilts[state.pitch]
     flat = np.array([math.cos(yaw), math.sin(yaw), 0.0])
@@ -193,7 +199,7 @@ def _axes(robot: Robot, state: State) -> FloatArray:
 
 
 def _nearest(surfaces: Sequence[Occluders], eyes: FloatArray, ways: FloatArray) -> _Hits:
-    """The first of all surfaces that each ray meets."""
+    """Return the first hit of each ray on any of the surfaces."""
     distance = np.full(len(ways), np.inf)
     hits = _Hits(np.full(len(ways), -1), np.full(len(ways), -1))
     for k, surface in enumerate(surfaces):
@@ -205,7 +211,7 @@ def _nearest(surfaces: Sequence[Occluders], eyes: FloatArray, ways: FloatArray) 
 
 
 def _normals(triangles: FloatArray) -> FloatArray:
-    """Unit normals [n, 3] of triangles [n, 3, 3]."""
+    """Return the unit normals [n, 3] of triangles [n, 3, 3]."""
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     result: FloatArray = normals / np.linalg.norm(normals, axis=1)[:, None]
     return result

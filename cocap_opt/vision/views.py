@@ -1,6 +1,6 @@
-"""What single states see: coverage of every face, evaluated on demand.
+"""Views of single states: the coverage of every face, evaluated on demand.
 
-How a face counts depends on the robot's camera; `make_views` knows which is whose.
+The value of a view depends on the kind of camera; `make_views` returns the views of a camera.
 """
 
 import math
@@ -29,34 +29,34 @@ from cocap_opt.vision.visibility import (
 )
 from cocap_opt.world.workspace import HeightMap
 
-# What is evaluated at once at most, so that limits are asked for every 0.3 s or more often.
-BATCH_STATES = 1024
-BATCH_RAYS = 1_600_000  # if all faces of all states were in view
-UNSURE = 0.5  # neither hidden nor in the open
-ON_THE_EDGE = 1e-9  # rad, by which an actor may be beyond the edge of a cone
+# Most states and rays at once, so that limits are checked every 0.3 s or more often.
+_BATCH_STATES = 1024
+_BATCH_RAYS = 1_600_000  # if all faces of all states were in view
+_UNSURE = 0.5  # neither hidden nor in the open
+_ON_THE_EDGE = 1e-9  # rad, by which an actor may be beyond the edge of a cone
 
 
 class Views(Protocol):
-    """Coverage of single states, evaluated on demand, from several threads if need be."""
+    """A source of coverage of single states, which several threads may use."""
 
     def coverage(self, t: int, states: IntArray) -> FloatArray:
-        """Coverage [n, F] in px/m2 of every face from each of the states [n] at step t."""
+        """Return the coverage [n, F] in px/m2 of every face from the states [n] at step t."""
 
     def batch(self, t: int) -> int:
-        """Number of states that can be evaluated at step t in a fraction of a second."""
+        """Return the number of states that can be evaluated at step t in a fraction of a second."""
 
 
 def make_views(
     geometry: FaceGeometry, problem: Problem, graph: TimeGraph, camera: AnyCamera
 ) -> Views:
-    """The source of coverage that goes with a camera."""
+    """Return the views of a camera."""
     if isinstance(camera, Cone):
-        return ConeViews(geometry, problem, graph, camera)
-    return PinholeViews(geometry, problem, graph, camera)
+        return _ConeViews(geometry, problem, graph, camera)
+    return _PinholeViews(geometry, problem, graph, camera)
 
 
 def eyes_at(height_map: HeightMap, graph: TimeGraph, places: IntArray) -> FloatArray:
-    """Camera positions [n, 3] in m: the middle of the cell at flight height."""
+    """Return camera positions [n, 3] in m: the middles of cells, at flight height."""
     layer, x, y = graph.coordinates(places)
     ox, oy = height_map.origin
     return np.column_stack(
@@ -68,15 +68,15 @@ def eyes_at(height_map: HeightMap, graph: TimeGraph, places: IntArray) -> FloatA
     )
 
 
-class PinholeViews:
+class _PinholeViews:
     """Coverage by a pinhole camera.
 
         coverage = projected area, clipped to the image / area of the face x visible share
 
-    What hides it depends on the camera's place only, not on where it looks. A few points of the
-    whole actor say first whether all or nothing of it is visible (`faces.Bodies`); where they
-    differ, points spread over the face say how much. Where the image cuts a face that is not all
-    visible, points spread over its image do.
+    The visible share depends on the camera's place only, not on its orientation. A few points of
+    the whole actor tell first if all or nothing of it is visible (`faces.Bodies`). If they
+    differ, points spread over the face are used, or, if the image cuts the face, points spread
+    over its image.
     """
 
     def __init__(self, geometry: FaceGeometry, problem: Problem, graph: TimeGraph, camera: Camera):
@@ -91,7 +91,7 @@ class PinholeViews:
         self._samples = problem.face_samples
 
     def coverage(self, t: int, states: IntArray) -> FloatArray:
-        """Coverage [n, F] in px/m2 of every face from each of the states [n] at step t."""
+        """Return the coverage [n, F] in px/m2 of every face from the states [n] at step t."""
         result = np.zeros((len(states), self._n_faces))
         if not self._n_faces:
             return result
@@ -104,12 +104,12 @@ class PinholeViews:
         in_view &= open_to[which] > 0
         if not in_view.any():
             return result
-        # A face turned away is not seen; the rest of the work is for those that are not.
+        # Only faces that are turned to the camera are seen.
         ahead = dot(eyes[:, None, :] - faces.polygons[None, :, 0], faces.normals[None]) > 0
         state, face = np.nonzero(ahead[which] & in_view[:, self._owners])
         relative = faces.polygons[face] - eyes[which[state]][:, None, :]
         in_camera = np.stack(self._in_camera(relative, orientation[state]), axis=-1)
-        # Of a face that all but touches the camera, rounding may leave more than an image, or nan.
+        # The area of a face that nearly touches the camera may be rounded beyond the image, or nan.
         with np.errstate(over="ignore", invalid="ignore"):
             area = np.minimum(image_area(in_camera, self._camera), self._image)
         seen = np.flatnonzero(area > 0)
@@ -125,7 +125,7 @@ class PinholeViews:
         return result
 
     def _in_view(self, faces: Faces, eyes: FloatArray, orientation: IntArray) -> BoolArray:
-        """Which actors may be in the images of cameras [n, A] at eyes [n, 3]."""
+        """Return an array [n, A], true if an actor may be in the image of a camera at an eye."""
         bodies = faces.bodies
         u, v, depth = self._in_camera(bodies.centres - eyes[:, None], orientation)
         in_view = np.ones(u.shape, dtype=bool)
@@ -137,12 +137,14 @@ class PinholeViews:
     def _share_of_actors(
         self, faces: Faces, eyes: FloatArray, which: IntArray, in_view: BoolArray
     ) -> FloatArray:
-        """Which actors in view are hidden, 0, and which in the open, 1, from eyes [m, 3]: [m, A].
+        """Return an array [m, A]: 0 if an actor is hidden from an eye [m, 3], 1 if in the open.
 
-        Hidden is who is so by terrain and meshes alone: behind other actors gaps are many.
+        Between 0 and 1 neither is certain. Only terrain and meshes hide an actor for certain,
+        since between other actors gaps are many.
 
         Parameters
         ----------
+        eyes : [m, 3] m, places of cameras
         which : [n] number of each state's eye
         in_view : [n, A] of each state
         """
@@ -155,19 +157,19 @@ class PinholeViews:
         past_actors = self._share_past(
             faces.actors, bodies.samples, eyes[eye[clear]], target[clear]
         )  # fmt: skip
-        past_terrain[clear] = np.maximum(past_actors, UNSURE)
+        past_terrain[clear] = np.maximum(past_actors, _UNSURE)
         share[eye, target] = past_terrain
         return share
 
     def _share_past(
         self, occluder: Occluders, samples: Samples, eyes: FloatArray, actors: IntArray
     ) -> FloatArray:
-        """Share [n] of some points of actors that is seen past something from eyes [n, 3]."""
+        """Return the share [n] of actors' points that are seen past occluders from eyes [n, 3]."""
         seen = seen_samples([occluder], eyes, samples, actors, np.arange(len(samples.counts)))
         return seen_share(samples, actors, seen)
 
     def _in_camera(self, points: FloatArray, orientation: IntArray) -> list[FloatArray]:
-        """How far [n, k] points [n, k, 3], from the camera, are to the right, up and forward."""
+        """Return the coordinates [n, k] right, up and forward of points [n, k, 3] from cameras."""
         axes = self._axes[orientation][:, None]
         return [dot(points, axes[:, :, k]) for k in range(3)]
 
@@ -180,15 +182,15 @@ class PinholeViews:
         orientation: IntArray,
         face: IntArray,
     ) -> FloatArray:
-        """Visible share [n] of the images of faces.
+        """Return the visible shares [n] of the images of faces.
 
         Parameters
         ----------
         polygons : [n, V, 3] m, the faces in camera coordinates
-        eyes : [m, 3] m, where cameras are
-        eye, orientation, face : [n] numbers of each one's eye, of how it looks and at what
+        eyes : [m, 3] m, places of cameras
+        eye, orientation, face : [n] number of each view's eye, orientation and face
         """
-        # Those who look from one place share their rays.
+        # Views from one place share their rays.
         pair, which = np.unique(eye * self._n_faces + face, return_inverse=True)
         one, target = np.divmod(pair, self._n_faces)
         seen = seen_samples(faces.occluders, eyes[one], faces.samples, target, self._owners)
@@ -199,7 +201,7 @@ class PinholeViews:
         if len(some):
             at, point = faces.samples.of(face[some])
             ways = faces.samples.points[point] - eyes[eye[some]][at]
-            # The image of a piece of a plane goes with the inverse cube of its depth.
+            # The image of a piece of a plane is proportional to the inverse cube of its depth.
             depth = dot(ways, axes[some][at, 2])
             weight = faces.samples.shares[point] / (depth * depth * depth)
             counts = faces.samples.counts[target]
@@ -216,13 +218,13 @@ class PinholeViews:
     def _share_in_image(
         self, faces: Faces, polygons: FloatArray, eyes: FloatArray, axes: FloatArray, of: IntArray
     ) -> FloatArray:
-        """Visible share [n] of the images of faces, by rays through points spread over them.
+        """Return the visible shares [n] of the images of faces, by rays spread over the images.
 
         Parameters
         ----------
         polygons : [n, V, 3] m, the faces in camera coordinates
         eyes, axes : [n, 3] m and [n, 3, 3], of the camera
-        of : [n] which faces they are
+        of : [n] numbers of the faces
         """
         points, weights = image_samples(polygons, self._camera, self._samples)
         which, sample = np.nonzero(weights)
@@ -235,13 +237,13 @@ class PinholeViews:
         return np.minimum(share, 1.0)
 
     def batch(self, t: int) -> int:
-        """Number of states that can be evaluated at step t in a fraction of a second."""
+        """Return the number of states that can be evaluated at step t in a fraction of a second."""
         rays = int(self._geometry.at(t).samples.counts.sum())
-        return min(max(BATCH_RAYS // max(rays, 1), 1), BATCH_STATES)
+        return min(max(_BATCH_RAYS // max(rays, 1), 1), _BATCH_STATES)
 
 
-class ConeViews:
-    """Coverage by a cone (`problem.Cone`): of all faces of the actors that it detects."""
+class _ConeViews:
+    """Coverage by a `Cone`, of all faces of the actors that it detects."""
 
     def __init__(self, geometry: FaceGeometry, problem: Problem, graph: TimeGraph, cone: Cone):
         self._geometry = geometry
@@ -250,7 +252,7 @@ class ConeViews:
         self._cone = cone
 
     def coverage(self, t: int, states: IntArray) -> FloatArray:
-        """Coverage [n, F] in 1/m2 of every face from each of the states [n] at step t."""
+        """Return the coverage [n, F] in 1/m2 of every face from the states [n] at step t."""
         faces, owners = self._geometry.at(t), self._problem.face_owner
         if not len(owners):
             return np.zeros((len(states), 0))
@@ -261,7 +263,7 @@ class ConeViews:
         ways = feet[None] - eyes[:, None]  # [n, A, 3]
         off = np.arctan2(ways[..., 1], ways[..., 0]) - yaw[:, None]
         off = np.abs((off + np.pi) % (2 * np.pi) - np.pi)
-        detected = off <= self._cone.opening / 2 + ON_THE_EDGE
+        detected = off <= self._cone.opening / 2 + _ON_THE_EDGE
         # All faces count as if they were on the ground.
         d = np.empty((len(states), len(owners), 3))
         d[..., :2] = faces.centres[None, :, :2] - eyes[:, None, :2]
@@ -273,5 +275,5 @@ class ConeViews:
         return result
 
     def batch(self, t: int) -> int:
-        """Number of states that can be evaluated at step t in a fraction of a second."""
-        return BATCH_STATES
+        """Return the number of states that can be evaluated at step t in a fraction of a second."""
+        return _BATCH_STATES

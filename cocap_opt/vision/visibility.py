@@ -1,6 +1,6 @@
-"""Which share of a face a camera sees past terrain and other actors, by ray casting.
+"""The share of a face that a camera sees past terrain and other actors, by ray casting.
 
-Rays are cast by Embree. It computes in float32, so everything is shifted to a local origin
+Embree casts the rays. It computes in float32, so everything is shifted to a local origin
 first: at map coordinates of 5e5 m it would otherwise lose several per cent of the pixels.
 """
 
@@ -17,15 +17,15 @@ from cocap_opt.vision.projection import centroids, dot
 from cocap_opt.world.workspace import HeightMap
 
 RAYS = 100_000  # rays cast at once, to bound the memory
-ALL = 1e-9  # of a face, less than which is not left out
-TOUCH = 1e-3  # m; a hit this near to the sample point is the sampled face itself
+_NOTHING = 1e-9  # share of a face; a smaller hidden part is no part at all
+_TOUCH = 1e-3  # m; a hit this near to the sample point is the sampled face itself
 
 
 def terrain_triangles(height_map: HeightMap) -> FloatArray:
-    """Surface of the columns of a height map as triangles [n, 3, 3] in m.
+    """Return the surface of a height map's columns as triangles [n, 3, 3] in m.
 
-    Every cell has a flat top; where two cells (or a cell and the outside) differ in height,
-    a vertical wall joins them. The outside is as low as the lowest cell.
+    Every cell has a flat top; if two cells (or a cell and the outside) differ in height, a vertical
+    wall joins them. The outside is as low as the lowest cell.
     """
     heights, resolution = height_map.heights, height_map.resolution
     ox, oy = height_map.origin
@@ -57,7 +57,7 @@ def _quads(
     first: FloatArray,
     second: FloatArray,
 ) -> FloatArray:
-    """Quads [n, 4, 3] over four (x, y) corners; the last two corners at the second height."""
+    """Return quads [n, 4, 3] over four corners (x, y), the last two at the second height."""
     corners = [
         np.column_stack([*corner, z])
         for corner, z in zip((a, b, c, d), (first, first, second, second), strict=True)
@@ -66,15 +66,15 @@ def _quads(
 
 
 def fan_triangles(polygon: FloatArray) -> FloatArray:
-    """Triangles [V-2, 3, 3] of a convex polygon [V, 3]."""
+    """Return the triangles [V-2, 3, 3] of a convex polygon [V, 3]."""
     return np.stack([polygon[[0, k, k + 1]] for k in range(1, len(polygon) - 1)])
 
 
 def sample_points(polygon: FloatArray, samples: int) -> tuple[FloatArray, FloatArray]:
-    """Points [n, 3] spread over a convex polygon [V, 3] and the share of area of each [n].
+    """Return points [n, 3] spread over a convex polygon [V, 3], and the share of area of each [n].
 
     Each triangle between an edge and the middle is cut into `samples` squared equal triangles,
-    whose centroids are the points. So a mirrored polygon has mirrored points.
+    whose centroids are the points, so that a mirrored polygon has mirrored points.
     """
     a, b = centroids(samples)
     points, areas = [], []
@@ -87,7 +87,7 @@ def sample_points(polygon: FloatArray, samples: int) -> tuple[FloatArray, FloatA
 
 
 def _around_middle(polygon: FloatArray) -> list[FloatArray]:
-    """Triangles [3, 3] between the edges of a convex polygon [V, 3] and its middle."""
+    """Return the triangles [3, 3] between the edges of a convex polygon [V, 3] and its middle."""
     middle = polygon.mean(axis=0)
     ends = zip(polygon, np.roll(polygon, -1, axis=0), strict=True)
     return [np.stack([middle, a, b]) for a, b in ends]
@@ -95,12 +95,12 @@ def _around_middle(polygon: FloatArray) -> list[FloatArray]:
 
 @cache
 def _device() -> EmbreeDevice:
-    """The one device of the process: each takes one of its 1024 thread-local keys."""
+    """Return the one device of the process; each takes one of 1024 thread-local keys."""
     return EmbreeDevice()
 
 
 class Occluders:
-    """Things that block views: the terrain, or the actors of one step.
+    """Matter that blocks views: the terrain, or the actors of one step.
 
     Parameters
     ----------
@@ -123,15 +123,15 @@ class Occluders:
         if len(triangles):
             self._scene = EmbreeScene(_device(), robust=True)
             TriangleMesh(self._scene, (triangles - origin).astype(np.float32))
-            # Builds the scene now: with the first ray threads would do so at the same time.
+            # The first ray builds the scene; several threads must not do that at the same time.
             self.first_hit(origin[None], np.array([[0.0, 0.0, 1.0]]))
 
     def first_hit(self, eyes: FloatArray, ways: FloatArray) -> tuple[FloatArray, IntArray]:
-        """Distance in m at which rays first meet something, and which triangle.
+        """Return the distances (m) at which rays first meet a triangle, and the triangles.
 
         Parameters
         ----------
-        eyes : [n, 3] m, where the rays begin
+        eyes : [n, 3] m, starts of the rays
         ways : [n, 3] unit vectors
 
         Returns
@@ -149,15 +149,15 @@ class Occluders:
     def free_share(
         self, eyes: FloatArray, targets: FloatArray, target_owners: IntArray | None = None
     ) -> FloatArray:
-        """How far a ray from each eye [n, 3] gets toward its target [n, 3]: 1 where it arrives.
+        """Return the share [n] of the way from eyes to targets, both [n, 3], that rays get.
 
-        Below 1 it is the share of the distance at which the ray is stopped. A face that is
-        turned to the camera cannot be hidden by its own (convex) actor, `target_owners` [n].
+        It is 1 for a ray that arrives. A face that is turned to the camera cannot be hidden by
+        its own (convex) actor, `target_owners` [n].
         """
         ways = targets - eyes
-        length = np.maximum(np.sqrt(dot(ways, ways)), TOUCH)  # a nearer one arrives
+        length = np.maximum(np.sqrt(dot(ways, ways)), _TOUCH)  # a nearer one arrives
         distance, triangle = self.first_hit(eyes, ways / length[:, None])
-        arrives = distance >= length - TOUCH
+        arrives = distance >= length - _TOUCH
         if target_owners is not None:
             hits = np.flatnonzero(triangle >= 0)
             arrives[hits] |= self._owners[triangle[hits]] == target_owners[hits]
@@ -165,20 +165,20 @@ class Occluders:
 
 
 class Samples(NamedTuple):
-    """Sample points of all faces, or of other things, one after the other."""
+    """Sample points of all faces, or of all actors, one after the other."""
 
     points: FloatArray  # [M, 3] m
     shares: FloatArray  # [M] share of its face's area that each point stands for
     counts: IntArray  # [F] number of points of each face
 
     def of(self, faces: IntArray) -> tuple[IntArray, IntArray]:
-        """Points of faces [n], one after the other: which of the faces, and which point."""
+        """Return for all points of faces [n] the position of the face, and the point's number."""
         counts, first = self.counts[faces], np.cumsum(self.counts) - self.counts
         return np.repeat(np.arange(len(faces)), counts), spans(first[faces], counts)
 
 
 def spans(first: IntArray, counts: IntArray) -> IntArray:
-    """Numbers first, first + 1, .. of each of the spans [n], one after the other."""
+    """Return the numbers first, first + 1, .. of spans of `counts` [n], one after the other."""
     ends = np.cumsum(counts)
     result: IntArray = np.arange(int(counts.sum())) + np.repeat(first + counts - ends, counts)
     return result
@@ -191,12 +191,16 @@ def seen_samples(
     faces: IntArray,
     owners: IntArray,
 ) -> BoolArray:
-    """Which sample points of faces [n] are seen, one after the other as `Samples.of` has them.
+    """Return an array that is true for each sample point of faces [n] that is seen.
+
+    Points are one after the other, as `Samples.of` has them.
 
     Parameters
     ----------
-    eyes : [n, 3] camera positions, one per pair of camera and face
-    faces : [n] which face is looked at
+    occluders : all matter that hides faces
+    eyes : [n, 3] m, camera positions, one per pair of camera and face
+    samples : of all faces
+    faces : [n] number of the face that is looked at
     owners : [F] actor of each face
     """
     parts = np.cumsum(samples.counts[faces]) // RAYS
@@ -210,17 +214,20 @@ def seen_samples(
 
 
 def seen_share(samples: Samples, faces: IntArray, seen: BoolArray) -> FloatArray:
-    """Share of the area of faces [n] that is seen, given which of their sample points are."""
+    """Return the share [n] of the area of faces that is seen, from their points that are seen."""
     pair, point = samples.of(faces)
-    # It adds up in this order, so that the result does not depend on n.
+    # Shares are added in this order, so that the result does not depend on n.
     share = np.bincount(pair, weights=seen * samples.shares[point], minlength=len(faces))
-    return np.where(share < 1 - ALL, share, 1.0)
+    return np.where(share < 1 - _NOTHING, share, 1.0)
 
 
 def rays_arrive(
     occluders: list[Occluders], eyes: FloatArray, targets: FloatArray, owners: IntArray
 ) -> BoolArray:
-    """Whether each ray [n] gets from its eye to its target, on a face of the actor `owners`."""
+    """Return an array [n], true if a ray gets from its eye to its target on an actor's face.
+
+    `owners` [n] are the actors.
+    """
     arrives = np.ones(len(eyes), dtype=bool)
     for occluder in occluders:
         rest = np.flatnonzero(arrives)
