@@ -12,7 +12,6 @@ from cocap_opt.formulations.result import (
     OPTIMALITY,
     CertifiedResult,
     Report,
-    only_start,
     silent,
     usable_start,
 )
@@ -56,7 +55,7 @@ def brute_force(
         search.run(stop)
     except LimitReached as reached:
         if search.plan is None:
-            return only_start(problem, start, reached.limit)
+            return CertifiedResult.of_start(problem, start, reached.limit)
         result = CertifiedResult(search.plan, search.value, Reason.STOPPED, reached.limit)
     else:
         reason = Reason.INFEASIBLE if search.plan is None else Reason.OPTIMAL

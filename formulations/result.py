@@ -19,8 +19,6 @@ __all__ = [
     "Report",
     "Snapshot",
     "hovering",
-    "no_bound",
-    "only_start",
     "silent",
     "usable_start",
 ]
@@ -50,6 +48,22 @@ class CertifiedResult(Result):
         return cls(
             None, -math.inf, reason, bound=file.proved, statistics=statistics, certificate=file
         )
+
+    @classmethod
+    def without_bound(cls, limit: Limit) -> "CertifiedResult":
+        """Returns the result of a method that was stopped before it had any bound."""
+        return cls(None, -math.inf, Reason.STOPPED, limit)
+
+    @classmethod
+    def of_start(cls, problem: Problem, start: Plan | None, limit: Limit) -> "CertifiedResult":
+        """Returns the result of an exact method that was stopped at once.
+
+        Its plan is the start, or else that nobody moves.
+        """
+        plan, message = usable_start(problem, start)
+        plan = hovering(problem) if plan is None else plan
+        value = -math.inf if plan is None else check(problem, plan).reward
+        return cls(plan, value, Reason.STOPPED, limit, message=message)
 
     def stopped_by(self, limit: Limit) -> "CertifiedResult":
         """Returns the same result with the limit that stopped the method.
@@ -132,19 +146,3 @@ def hovering(problem: Problem) -> Plan | None:
     if any(r.goal not in (None, (r.start.x, r.start.y)) for r in problem.robots):
         return None
     return Plan(paths=tuple((r.start,) * (problem.horizon + 1) for r in problem.robots))
-
-
-def no_bound(limit: Limit) -> CertifiedResult:
-    """Returns the result of a method that was stopped before it had any bound."""
-    return CertifiedResult(None, -math.inf, Reason.STOPPED, limit)
-
-
-def only_start(problem: Problem, start: Plan | None, limit: Limit) -> CertifiedResult:
-    """Returns the result of an exact method that was stopped at once.
-
-    Its plan is the start, or else that nobody moves.
-    """
-    plan, message = usable_start(problem, start)
-    plan = hovering(problem) if plan is None else plan
-    value = -math.inf if plan is None else check(problem, plan).reward
-    return CertifiedResult(plan, value, Reason.STOPPED, limit, message=message)

@@ -13,7 +13,6 @@ from cocap_opt.formulations.certificates import CertificateFile, ReferencePixels
 from cocap_opt.formulations.result import (
     CertifiedResult,
     Report,
-    no_bound,
     silent,
     usable_start,
 )
@@ -35,7 +34,7 @@ def alone(
     try:
         model.prepare_all(stop)
     except LimitReached as reached:
-        return no_bound(reached.limit)
+        return CertifiedResult.without_bound(reached.limit)
     return CertifiedResult.bounded(_at_pixels(model, no_pixels(problem), "alone"), {})
 
 
@@ -55,7 +54,7 @@ def online(
     try:
         model.prepare_all(stop)
     except LimitReached as reached:
-        return replace(no_bound(reached.limit), message=message)
+        return replace(CertifiedResult.without_bound(reached.limit), message=message)
     references = [no_pixels(problem)]
     if plan is not None:
         references.append(_pixels_of(model, plan))

@@ -10,7 +10,7 @@ Compare branch-and-cut-and-price for path finding (Lam, Le Bodic, Harabor, Stuck
 
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.column_generation.tree import Tree
-from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Report, only_start, silent
+from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Report, silent
 from cocap_opt.model import compiled
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import timed
@@ -35,7 +35,7 @@ def branch_and_price(
     try:
         model.prepare_all(stop)
     except LimitReached as reached:
-        return only_start(problem, start, reached.limit)
+        return CertifiedResult.of_start(problem, start, reached.limit)
     search = Search(model, stop, report, clock)
     message = search.use_start(start)
     tree, limit = Tree(search, gap), Limit.NONE

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from cocap_opt.formulations.certificates import certify
 from cocap_opt.formulations.column_generation.root import Root
 from cocap_opt.formulations.column_generation.search import Search
-from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Report, only_start, silent
+from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Report, silent
 from cocap_opt.model import compiled
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import timed
@@ -38,7 +38,7 @@ def column_generation(
     try:
         model.prepare_all(stop)
     except LimitReached as reached:
-        return only_start(problem, start, reached.limit)
+        return CertifiedResult.of_start(problem, start, reached.limit)
     search = Search(model, stop, report, clock)
     message = search.use_start(start)
     root, limit = Root.of(search, OPTIMALITY / 2), Limit.NONE

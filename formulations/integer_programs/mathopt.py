@@ -16,13 +16,13 @@ from cocap_opt.formulations.integer_programs.outer_approximation import (
     certified_root,
     outer_approximation,
 )
-from cocap_opt.formulations.integer_programs.program import Answer, Call, Program, Solver
+from cocap_opt.formulations.integer_programs.program import Answer, Call, Program
 from cocap_opt.formulations.relaxations.flow import Amounts
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Report, silent
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.stop import Limit, Stop, never
 
-__all__ = ["answer_of", "highs", "request_of", "scip"]
+__all__ = ["MathOptSolver", "highs", "scip"]
 
 
 def highs(
@@ -47,7 +47,7 @@ def highs(
         If the scene is too large for a flow model (see `cocap_opt.formulations.relaxations.flow`).
     """
     with SolverProcess() as process:
-        solver = _solver("HIGHS", process)
+        solver = MathOptSolver("HIGHS", process)
         return outer_approximation(problem, stop, start, report, gap, solver, root)
 
 
@@ -71,47 +71,88 @@ def scip(
         If the scene is too large for a flow model (see `cocap_opt.formulations.relaxations.flow`).
     """
     with SolverProcess() as process:
-        solver = _solver("GSCIP", process)
+        solver = MathOptSolver("GSCIP", process)
         return outer_approximation(problem, stop, start, report, gap, solver, root)
 
 
-def _solver(name: str, process: SolverProcess) -> Solver:
-    """Returns the solver that MathOpt knows by a name, in a process."""
+class MathOptSolver:
+    """A solver that MathOpt has, in a process.
 
-    def solve(program: Program, call: Call) -> Answer:
-        response = process.solve(request_of(name, program, call), call.stop, call.tick)
-        late = call.stop.reached() is not Limit.NONE
-        return answer_of(program, response, late)
+    Parameters
+    ----------
+    name : MathOpt's name for it
+    """
 
-    return solve
+    def __init__(self, name: str, process: SolverProcess) -> None:
+        self.name, self._process = name, process
 
+    def __call__(self, program: Program, call: Call) -> Answer:
+        """Solves a program."""
+        response = self._process.solve(self.request(program, call), call.stop, call.tick)
+        return self.answer(program, response, late=call.stop.reached() is not Limit.NONE)
 
-def request_of(name: str, program: Program, call: Call) -> bytes:
-    """Returns the message that asks MathOpt's solver `name` for a solution of a program."""
-    from ortools.math_opt import parameters_pb2, rpc_pb2
+    def request(self, program: Program, call: Call) -> bytes:
+        """Returns the message that asks for a solution of a program."""
+        from ortools.math_opt import parameters_pb2, rpc_pb2
 
-    request = rpc_pb2.SolveRequest(
-        solver_type=parameters_pb2.SolverTypeProto.Value(f"SOLVER_TYPE_{name}")
-    )
-    _fill_model(request.model, LinearProgram.of(program))
-    parameters = request.parameters
-    parameters.relative_gap_tolerance = call.tolerance
-    parameters.absolute_gap_tolerance = 0.0
-    if math.isfinite(seconds := call.stop.seconds_left):
-        parameters.time_limit.FromNanoseconds(int(1e9 * seconds))
-    if name == "HIGHS":
-        # MathOpt's own parameter for threads is an error with HiGHS.
-        parameters.highs.int_options["threads"] = 1
-    else:
-        parameters.threads = 1
-        # SCIP's presolve takes minutes and all memory on flows that it solves in a second.
-        parameters.presolve = parameters_pb2.EMPHASIS_OFF
-    if call.hint is not None:
-        values = program.point(call.hint)
-        hint = request.model_parameters.solution_hints.add()
-        hint.variable_values.ids.extend(range(len(values)))
-        hint.variable_values.values.extend(values.tolist())
-    return bytes(request.SerializeToString())
+        request = rpc_pb2.SolveRequest(
+            solver_type=parameters_pb2.SolverTypeProto.Value(f"SOLVER_TYPE_{self.name}")
+        )
+        _fill_model(request.model, LinearProgram.of(program))
+        parameters = request.parameters
+        parameters.relative_gap_tolerance = call.tolerance
+        parameters.absolute_gap_tolerance = 0.0
+        if math.isfinite(seconds := call.stop.seconds_left):
+            parameters.time_limit.FromNanoseconds(int(1e9 * seconds))
+        if self.name == "HIGHS":
+            # MathOpt's own parameter for threads is an error with HiGHS.
+            parameters.highs.int_options["threads"] = 1
+        else:
+            parameters.threads = 1
+            # SCIP's presolve takes minutes and all memory on flows that it solves in a second.
+            parameters.presolve = parameters_pb2.EMPHASIS_OFF
+        if call.hint is not None:
+            values = program.point(call.hint)
+            hint = request.model_parameters.solution_hints.add()
+            hint.variable_values.ids.extend(range(len(values)))
+            hint.variable_values.values.extend(values.tolist())
+        return bytes(request.SerializeToString())
+
+    @staticmethod
+    def answer(program: Program, data: bytes | None, late: bool) -> Answer:
+        """Reads a response; without one the process has ended.
+
+        Parameters
+        ----------
+        late : a limit was reached by the end of the solve. Then no proof is believed: where its
+            time ends in the root node, HiGHS drops that node, calls its start optimal or finds
+            no plan.
+        """
+        from ortools.math_opt import result_pb2, rpc_pb2
+
+        if data is None:
+            return _failure("the solver's process has ended")
+        response = rpc_pb2.SolveResponse.FromString(data)
+        if response.status.code:
+            return _failure(f"the solver failed: {response.status.message}")
+        result, why = response.result, response.result.termination
+        nodes, reasons = int(result.solve_stats.node_count), result_pb2.TerminationReasonProto
+        dual_bound = float(why.objective_bounds.dual_bound)
+        proofs = {
+            reasons.TERMINATION_REASON_OPTIMAL: dual_bound,
+            # The roots are bounded, so that it cannot be unbounded.
+            reasons.TERMINATION_REASON_INFEASIBLE: -math.inf,
+            reasons.TERMINATION_REASON_INFEASIBLE_OR_UNBOUNDED: -math.inf,
+        }
+        solution = _solution(program, result)
+        if why.reason in proofs and late:
+            return Answer(solution, math.inf, Limit.TIME, nodes)
+        if why.reason in proofs:
+            return Answer(solution, proofs[why.reason] * program.unit, nodes=nodes)
+        timed_out = late or why.limit == result_pb2.LimitProto.LIMIT_TIME
+        limit = Limit.TIME if timed_out else Limit.NUMERICS
+        bound = math.inf if math.isnan(dual_bound) else dual_bound * program.unit
+        return Answer(solution, bound, limit, nodes, why.detail)
 
 
 def _fill_model(model: Any, linear: LinearProgram) -> None:
@@ -135,41 +176,6 @@ def _fill_model(model: Any, linear: LinearProgram) -> None:
     matrix.row_ids.extend(entries.row[order].tolist())
     matrix.column_ids.extend(entries.col[order].tolist())
     matrix.coefficients.extend(entries.data[order].tolist())
-
-
-def answer_of(program: Program, data: bytes | None, late: bool) -> Answer:
-    """Reads a response; without one the process has ended.
-
-    Parameters
-    ----------
-    late : a limit was reached by the end of the solve. Then no proof is believed: where its time
-        ends in the root node, HiGHS drops that node, calls its start optimal or finds no plan.
-    """
-    from ortools.math_opt import result_pb2, rpc_pb2
-
-    if data is None:
-        return _failure("the solver's process has ended")
-    response = rpc_pb2.SolveResponse.FromString(data)
-    if response.status.code:
-        return _failure(f"the solver failed: {response.status.message}")
-    result, why = response.result, response.result.termination
-    nodes, reasons = int(result.solve_stats.node_count), result_pb2.TerminationReasonProto
-    dual_bound = float(why.objective_bounds.dual_bound)
-    proofs = {
-        reasons.TERMINATION_REASON_OPTIMAL: dual_bound,
-        # The roots are bounded, so that it cannot be unbounded.
-        reasons.TERMINATION_REASON_INFEASIBLE: -math.inf,
-        reasons.TERMINATION_REASON_INFEASIBLE_OR_UNBOUNDED: -math.inf,
-    }
-    solution = _solution(program, result)
-    if why.reason in proofs and late:
-        return Answer(solution, math.inf, Limit.TIME, nodes)
-    if why.reason in proofs:
-        return Answer(solution, proofs[why.reason] * program.unit, nodes=nodes)
-    timed_out = late or why.limit == result_pb2.LimitProto.LIMIT_TIME
-    limit = Limit.TIME if timed_out else Limit.NUMERICS
-    bound = math.inf if math.isnan(dual_bound) else dual_bound * program.unit
-    return Answer(solution, bound, limit, nodes, why.detail)
 
 
 def _failure(message: str) -> Answer:

@@ -25,7 +25,7 @@ from cocap_opt.formulations.relaxations.cone_solver import solve_cones
 from cocap_opt.formulations.relaxations.duals import Duals, RootRows
 from cocap_opt.formulations.relaxations.flow import Compile, Flow, Roots
 from cocap_opt.formulations.relaxations.separation import Seen
-from cocap_opt.formulations.result import CertifiedResult, Report, Snapshot, no_bound, silent
+from cocap_opt.formulations.result import CertifiedResult, Report, Snapshot, silent
 from cocap_opt.model import Model, compiled, compiled_disaggregated
 from cocap_opt.objective import most_views
 from cocap_opt.problem import Plan, Problem
@@ -174,7 +174,7 @@ class _Relaxation:
         try:
             self.model.prepare_all(stop)
         except LimitReached as reached:
-            return no_bound(reached.limit)
+            return CertifiedResult.without_bound(reached.limit)
         # The bound of robots alone, for where a robot has no path or the solver gives up.
         self.best = alone = self._certify(Duals.alone(self.model.problem))
         self._tell(report)

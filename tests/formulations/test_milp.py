@@ -16,7 +16,7 @@ from strategies import examples, meetings, problems, tiny
 from cocap_opt.formulations.certificates import verify
 from cocap_opt.formulations.column_generation.column_generation import column_generation
 from cocap_opt.formulations.integer_programs.cp_sat import cp_sat
-from cocap_opt.formulations.integer_programs.mathopt import answer_of, highs, request_of, scip
+from cocap_opt.formulations.integer_programs.mathopt import MathOptSolver, highs, scip
 from cocap_opt.formulations.integer_programs.mathopt_process import SolverProcess
 from cocap_opt.formulations.integer_programs.outer_approximation import (
     certified_root,
@@ -272,7 +272,7 @@ def test_what_goes_wrong_in_the_solvers_process_is_told() -> None:
             data = process.solve(unknown.SerializeToString(), never, lambda: None)
 
             def told(program: Program, call: Call, data: bytes | None = data) -> Answer:
-                return answer_of(program, data, late=False)
+                return MathOptSolver.answer(program, data, late=False)
 
             result = solved_by(told, problem)
             assert result.limit is Limit.NUMERICS and "the solver failed" in result.message
@@ -284,10 +284,11 @@ def test_a_proof_at_the_time_limit_is_not_believed() -> None:
     """HiGHS calls its start optimal, with no bound, where its time ends in the root node."""
     problem, answers = load_scene("tiny-trap"), list[Answer]()
     with SolverProcess() as process:
+        highs_solver = MathOptSolver("HIGHS", process)
 
         def solver(program: Program, call: Call) -> Answer:
-            data = process.solve(request_of("HIGHS", program, call), never, call.tick)
-            late = answer_of(program, data, late=True)
+            data = process.solve(highs_solver.request(program, call), never, call.tick)
+            late = highs_solver.answer(program, data, late=True)
             answers.append(late)
             return late
 
