@@ -45,7 +45,7 @@ from cocap_opt.experiments.sweeps.results import load_results
 from cocap_opt.experiments.sweeps.run import recall, run
 from cocap_opt.experiments.sweeps.run_file import RunFile
 from cocap_opt.experiments.sweeps.start import Start
-from cocap_opt.experiments.sweeps.sweep import sweep
+from cocap_opt.experiments.sweeps.sweep import Hired, sweep
 from cocap_opt.experiments.sweeps.work import Task
 from cocap_opt.files.documents import decode, load_plan, load_problem, problem_digest
 from cocap_opt.formulations.result import hovering
@@ -104,7 +104,7 @@ def computed(some: list[Instance], folder: Path | None, retry: bool = False) -> 
 
 def swept(some: list[Instance], folder: Path | None) -> list[Row]:
     """Rows of a sweep in this process, with all its files."""
-    return sweep(some, folder)
+    return sweep(some, folder, Hired(cell_limit=1e4))
 
 
 def folder_for_a_sweep(path: Path) -> Path:
@@ -264,6 +264,7 @@ def in_table(rows: Sequence[Row]) -> list[Row]:
     return sorted(untimed(rows), key=lambda row: (*row.key, row.planner))
 
 
+@pytest.mark.slow
 def test_results_accumulate(tmp_path: Path) -> None:
     """Commands one after the other leave the table of one command; each answers for itself."""
     whole = swept(instances(planners=("greedy", "cocap")), tmp_path / "whole")
@@ -317,6 +318,7 @@ def test_rows_of_other_limits_stay_and_the_newest_of_a_planner_wins(tmp_path: Pa
     assert computed(back, tmp_path) == []  # what it was is known still
 
 
+@pytest.mark.slow
 def test_a_rendered_reward_stays_with_its_row(tmp_path: Path) -> None:
     """Rows with and without it stand in one table; a planner that is not named keeps its own."""
     rendered = msgspec.structs.replace(SETTINGS, rendered=True)
@@ -327,6 +329,7 @@ def test_a_rendered_reward_stays_with_its_row(tmp_path: Path) -> None:
     assert isinstance(first.reward_rendered, float)
 
 
+@pytest.mark.slow
 def test_a_work_limit_makes_the_same_rows_again(tmp_path: Path) -> None:
     """Whatever the machine does: a search that is cut by its units of work is cut at the same."""
     settings = Settings(time_limit=1e4, bound_time_limit=1e4, work_limit=1)
@@ -589,10 +592,11 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("undisturbed") / "run"
     done = run_command("--out", folder)
     assert done.returncode == 0, done.stderr
-    assert len({row.bound for row in csv_rows(folder)}) == 1 + 3  # each seed another scene
+    assert len({row["bound"] for row in csv_rows(folder)}) == 1 + 3  # each seed another scene
     return folder
 
 
+@pytest.mark.slow
 def test_a_sweep_that_is_killed_goes_on_where_it_was(undisturbed: Path, tmp_path: Path) -> None:
     """Killed hard once it has some cells, and begun again: each cell once, the same table."""
     folder = tmp_path / "run"
@@ -624,6 +628,7 @@ def cell_times(folder: Path) -> dict[Path, int]:
     return {path: path.stat().st_mtime_ns for path in (folder / "cells").glob("*.json")}
 
 
+@pytest.mark.slow
 def test_workers_make_the_same_table(undisturbed: Path, tmp_path: Path) -> None:
     """On workers of its own, as many as there are cores."""
     folder, workers = tmp_path / "run", min(2, usable_cores())
@@ -651,6 +656,7 @@ def scheduler(tmp_path: Path) -> Iterator[str]:
             process.communicate()
 
 
+@pytest.mark.slow
 def test_workers_started_by_hand_make_the_same_table(
     undisturbed: Path, scheduler: str, tmp_path: Path
 ) -> None:
@@ -789,7 +795,7 @@ def test_a_worker_lets_go_of_its_models_and_knows_its_code() -> None:
     """No cell uses another's model; a worker that joins late with other code computes nothing."""
     instance = instances(range(1), ("cocap",))[0]
     (task,) = instance.missing()
-    assert cluster_module._task.run().is_finished
+    assert cluster_module._run_task(task).is_finished
     assert compiled.cache_info().currsize == 0
     other = msgspec.structs.replace(task.cell, code="other")
     with pytest.raises(ClusterError, match="other code"):
@@ -805,6 +811,7 @@ SOLVERS["dies"] = lambda problem, stop: os._exit(1)
 
 
 @pytest.mark.filterwarnings("ignore")  # of processes that are killed
+@pytest.mark.slow
 def test_a_worker_that_dies_or_hangs_costs_its_own_cell(tmp_path: Path) -> None:
     """Both are recorded with their reason; the only worker computes all other cells after it."""
     folder = folder_for_a_sweep(tmp_path / "run")
