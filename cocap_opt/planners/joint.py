@@ -95,13 +95,14 @@ class _Side:
 
     @classmethod
     def of(cls, model: Model, robot: int) -> "_Side":
+        """Returns the part of one robot."""
         graph, start = model.class_of[robot].graph, model.start(robot)
         reach = graph.reachable([start], model.problem.horizon)
         reach = reach.reshape(len(reach), graph.n_orientations, graph.n_places)
         return cls(model.class_of[robot], start, [np.flatnonzero(r.any(axis=0)) for r in reach])
 
     def sizes(self, t: int) -> tuple[int, int]:
-        """Returns how many orientations and places there are at step t."""
+        """Returns the numbers of orientations and of places at step t."""
         return self.robot_class.graph.n_orientations, len(self.places[t])
 
     def states(self, t: int) -> IntArray:
@@ -166,7 +167,7 @@ class _Pair(PairIteration):
         peak = later = 0.0
         for t in range(self.horizon, -1, -1):
             (o_a, n_a), (o_b, n_b) = self.a.sizes(t), self.b.sizes(t)
-            # Of each state: its coverage and the roots of it, and Python's views of its row.
+            # Of each state: its coverage and the roots of it, and some numbers to spare.
             work = (2.0 * self.model.n_faces + 40.0) * (o_a * n_a + o_b * n_b)
             if t < self.horizon:
                 work += self._numbers_of_step_back(t)
@@ -287,7 +288,7 @@ class _Pair(PairIteration):
         return best
 
     def _without_swaps(self, t: int, ahead: FloatArray, half: FloatArray, best: FloatArray) -> None:
-        """Compute the pairs of cells again that could be exchanged in this step, in `best`.
+        """Computes the pairs of cells again that could be exchanged in this step, in `best`.
 
         Either a does not go to b's cell and b moves freely (`half` holds b's best), or a goes
         there and b does not go to a's.
@@ -303,7 +304,7 @@ class _Pair(PairIteration):
     def _raise_with_a_elsewhere(
         self, t: int, half: FloatArray, exchanges: _Exchanges, redone: FloatArray
     ) -> None:
-        """Raise values [n, Oa, Ob] of exchanges to the best in which a avoids b's cell."""
+        """Raises values [n, Oa, Ob] of exchanges to the best in which a avoids b's cell."""
         at_a, at_b, there, _ = exchanges
         turned_a = _with_closed_end(self._turned(half, self.a, 0), 1)
         for target, rate in zip(self.a.targets(t), self._rates(self.a), strict=True):
@@ -317,7 +318,7 @@ class _Pair(PairIteration):
     def _raise_with_b_elsewhere(
         self, t: int, ahead: FloatArray, exchanges: _Exchanges, redone: FloatArray
     ) -> None:
-        """Raise values [n, Oa, Ob] of exchanges to the best in which a alone changes cells."""
+        """Raises values [n, Oa, Ob] of exchanges to the best in which a alone changes cells."""
         at_a, at_b, there, here = exchanges
         # The reward of a for going to b's cell.
         gone = self.bonuses.of_moves(self.a.moves(t, at_a, there))[:, None, None]

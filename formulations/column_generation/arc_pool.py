@@ -34,7 +34,7 @@ def states_on_paths(
 
 
 class ArcPool:
-    """A set of arcs, numbered, that knows for how many solves of a master each was idle."""
+    """The arcs of a master, numbered, and the number of solves for which each has been idle."""
 
     def __init__(self) -> None:
         self._numbers: dict[Arc, int] = {}
@@ -67,7 +67,7 @@ class ArcPool:
         return all(arc in self._numbers for arc in arcs)
 
     def drop_idle(self, model: Model, most_idle: int) -> bool:
-        """Drops arcs that were idle for longer, and those that lead nowhere then.
+        """Drops arcs idle for more than `most_idle` solves, and those that lead nowhere then.
 
         Returns
         -------

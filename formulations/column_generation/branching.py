@@ -22,7 +22,7 @@ Amounts = dict[Resource, float]
 
 
 class ResourceUse(NamedTuple):
-    """Numbers of robots of a mixture, fractional maybe, that use resources, kind by kind."""
+    """The number of robots of a mixture, maybe fractional, that uses each resource, by kinds."""
 
     cells: Amounts  # by all robots
     cells_of_classes: Amounts  # empty where there is one class
@@ -77,8 +77,9 @@ def _is_fractional(amount: float, tolerance: float = INTEGRAL) -> bool:
 
 
 def integral_paths(model: Model, mixture: Mixture) -> list[Path] | None:
-    """Returns paths of all robots, if integral numbers of robots use every state; else None.
+    """Returns the paths of all robots if the mixture is integral; None if it is fractional.
 
+    It is integral if integral numbers of robots use every state, be it along fractional paths.
     From step to step the robots in the states of t go where most of the mixture goes from there.
     """
     states = ResourceUse.of(model, mixture).states

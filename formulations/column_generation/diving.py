@@ -19,7 +19,7 @@ NEARLY = 0.75  # fraction of a robot from which on a state is decided
 SHARE = 0.15  # of the undecided states, at least, that are decided in a round
 MOST_ROUNDS = 40
 PRICINGS = 2  # in each round
-INTEGRAL = 1e-3  # amounts nearer than this to an integer count as integral
+TOLERANCE = 1e-3  # amounts nearer than this to an integer count as integral
 
 
 def dive(search: Search, master: Master, solution: Solution) -> Incumbent | None:
@@ -42,7 +42,7 @@ def integral_plan(search: Search, mixture: Mixture) -> Incumbent | None:
 
 
 def _dived(search: Search, master: Master, solution: Solution) -> tuple[Master, Solution]:
-    """Returns the master and its mixture when nothing more is to be decided.
+    """Returns the master and its solution after as many decisions as there are to make.
 
     Raises
     ------
@@ -68,7 +68,7 @@ def _dived(search: Search, master: Master, solution: Solution) -> tuple[Master, 
 
 
 def _nearly_decided(search: Search, mixture: Mixture, taken: set[Resource]) -> dict[Resource, int]:
-    """Returns states to be used by one robot more than they wholly are, and by how many robots.
+    """Returns states that one more robot is to use, and how many robots are to use each then.
 
     One robot's states of neighbouring steps decide one another: every few are taken.
     """
@@ -76,7 +76,7 @@ def _nearly_decided(search: Search, mixture: Mixture, taken: set[Resource]) -> d
     open_ = {
         resource: amount
         for resource, amount in states.items()
-        if resource not in taken and amount - math.floor(amount + INTEGRAL) > INTEGRAL
+        if resource not in taken and amount - math.floor(amount + TOLERANCE) > TOLERANCE
     }
     ranked = sorted(open_, key=lambda r: (-(open_[r] % 1), r.t, repr(r)))
     least = max(1, round(SHARE * len(search.model.problem.robots) * search.model.problem.horizon))
@@ -89,7 +89,7 @@ def _nearly_decided(search: Search, mixture: Mixture, taken: set[Resource]) -> d
         if fraction < 0.5 and chosen:
             break
         steps.add(resource.t)
-        chosen[resource] = math.floor(open_[resource] + INTEGRAL) + 1
+        chosen[resource] = math.floor(open_[resource] + TOLERANCE) + 1
     return chosen
 
 

@@ -32,13 +32,13 @@ class Solution(NamedTuple):
 
     value: float  # of the master
     mixture: Mixture  # of the paths that the flow splits into
-    slack: float  # how much of conflict rows and decisions is broken, at the penalty's price
+    slack: float  # robots by which conflict rows and decisions are broken, at the penalty's price
     duals: Duals
     is_solved: bool  # the solver says so, be it with reduced accuracy
 
 
 class Master:
-    """Restricted master problem; rows that the mixture breaks are added later.
+    """A restricted master problem; rows that its mixture breaks are added later.
 
     Attributes
     ----------
@@ -126,15 +126,14 @@ class Master:
         arcs = list(self.arcs)
         open_ = [decision for decision in self.decisions if not decision.closes]
         program = MasterProgram(self.model, arcs, self._rows, open_, self._cuts, self.penalty)
-        program.solve(stop, accuracy)
-        self._pool.note_flow(program.flow)
-        duals = program.duals()
+        solved = program.solve(stop, accuracy)
+        self._pool.note_flow(solved.flow)
         return Solution(
-            program.value,
-            self._split(arcs, program.flow),
-            program.slack,
-            replace(duals, decisions=self._all_decisions(duals.decisions)),
-            program.is_solved,
+            solved.value,
+            self._split(arcs, solved.flow),
+            solved.slack,
+            replace(solved.duals, decisions=self._all_decisions(solved.duals.decisions)),
+            solved.is_solved,
         )
 
     def _all_decisions(self, multipliers: FloatArray) -> FloatArray:
@@ -168,9 +167,9 @@ class _RestFlow:
         self._horizon = horizon
 
     def paths_from(self, number: int, start: int) -> list[tuple[Path, float]]:
-        """Takes paths of one robot from its start, and returns them with their amounts.
+        """Takes paths of one robot from its start, and returns them with their shares of the robot.
 
-        The amounts add up to 1, or to less where the flow has run dry.
+        The shares add up to 1, or to less where the flow has run dry.
         """
         found = []
         rest = 1.0

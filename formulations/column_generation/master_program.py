@@ -13,6 +13,7 @@ that an arc has of the view sum.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -35,14 +36,24 @@ from cocap_opt.objective import view_sum_weights
 from cocap_opt.stop import Stop
 
 
+class ProgramSolution(NamedTuple):
+    """A solution of a restricted master problem."""
+
+    value: float
+    flow: FloatArray  # [n] on each arc
+    slack: float  # robots by which conflict rows and decisions are broken, over all of them
+    duals: Duals  # with the multipliers of the decisions that have rows
+    is_solved: bool  # the solver says so, be it with reduced accuracy
+
+
 @dataclass
 class MasterProgram:
-    """One restricted master problem: its rows, and after `solve` its solution.
+    """One restricted master problem over a set of arcs.
 
     Attributes
     ----------
     rows : resources that at most one robot may use
-    decisions : those that do not simply close a resource
+    decisions : decisions that need a row; those that close a resource need none
     penalty : cost of each unit by which a row or a decision is broken
     """
 
@@ -54,6 +65,7 @@ class MasterProgram:
     penalty: float
 
     def __post_init__(self) -> None:
+        """Computes the coefficients of the arcs."""
         self._views = views = ArcViews.of(self.model, self.arcs)
         self._bonus = move_rewards(self.model, self.arcs)
         weights = view_sum_weights(self.model.problem)[views.view_sums] * views.scale
@@ -62,8 +74,8 @@ class MasterProgram:
         self._unit = largest or 1.0
         self._weights = weights
 
-    def solve(self, stop: Stop, accuracy: float) -> None:
-        """Solves to a relative accuracy of the value."""
+    def solve(self, stop: Stop, accuracy: float) -> ProgramSolution:
+        """Solves to a relative accuracy of the value, or to what a stop leaves time for."""
         sizes = {
             "flow": len(self.arcs),
             "slack": len(self.rows) + len(self.decisions),
@@ -80,12 +92,12 @@ class MasterProgram:
             "slack": np.full(sizes["slack"], self.penalty) / self._unit,
             "roots": -self._weights / self._unit,
         }
-        self._solution = program.solve(cost, stop, accuracy)
+        return self._read(program.solve(cost, stop, accuracy))
 
     # -- the rows, block by block --------------------------------------------------------
 
     def _add_conservation(self, program: ConicProgram) -> None:
-        """One unit leaves each start, and what enters a state before step T leaves it."""
+        """Adds the rows by which one unit leaves each start, and what enters a state leaves it."""
         nodes: dict[tuple[int, int, int], int] = {}
         leaving = [nodes.setdefault((a.class_number, a.t, a.tail), len(nodes)) for a in self.arcs]
         inner = [k for k, a in enumerate(self.arcs) if a.t + 1 < self.model.problem.horizon]
@@ -102,7 +114,7 @@ class MasterProgram:
         program.put(name, "flow", entering, arcs, -np.ones(len(inner)))
 
     def _add_resources(self, program: ConicProgram) -> None:
-        """At most one robot uses each row's resource, and so many that of each decision."""
+        """Adds the rows by which at most one robot, or as many as decided, use a resource."""
         decided = [decision.resource for decision in self.decisions]
         users = users_of(self.model, [*self.rows, *decided], self.arcs)
         of_rows, of_decisions = users[: len(self.rows)], users[len(self.rows) :]
@@ -116,7 +128,7 @@ class MasterProgram:
         self, program: ConicProgram, name: str, users: list[list[int]],
         signs: FloatArray, limits: FloatArray, first_slack: int,
     ) -> None:  # fmt: skip
-        """sign * (flow on the users' arcs) - slack <= limit."""
+        """Adds rows sign * (flow on the users' arcs) - slack <= limit."""
         program.add_rows(name, Cone.NONNEGATIVE, limits)
         row = np.repeat(np.arange(len(users)), [len(arcs) for arcs in users])
         arcs = np.array([k for some in users for k in some], dtype=np.int64)
@@ -125,13 +137,13 @@ class MasterProgram:
         program.put(name, "slack", each, first_slack + each, -np.ones(len(users)))
 
     def _add_bounds(self, program: ConicProgram, n_flow: int, n_slack: int) -> None:
-        """Flow and slack are not negative."""
+        """Adds the rows by which neither flow nor slack is negative."""
         for name, size in (("flow", n_flow), ("slack", n_slack)):
             program.add_rows(f"{name} >= 0", Cone.NONNEGATIVE, np.zeros(size))
             program.put_diagonal(f"{name} >= 0", name, -1.0)
 
     def _add_roots(self, program: ConicProgram) -> None:
-        """Each root is at most what the rows of the module's docstring say."""
+        """Adds the rows that bound the roots; see the module's docstring."""
         views, n = self._views, len(self._weights)
         program.add_rows("single view", Cone.NONNEGATIVE, np.zeros(n))
         program.put("single view", "flow", views.at, views.arcs, -views.roots)
@@ -149,7 +161,7 @@ class MasterProgram:
         program.put("cones", "roots", each + 1, each // 3, np.full(n, -2.0))
 
     def _add_cuts(self, program: ConicProgram) -> None:
-        """u <= constant + sum of phi(roots); cuts on view sums that no arc sees are 0 <= 0."""
+        """Adds rows u <= constant + sum of phi(roots); 0 <= 0 where no arc sees the view sum."""
         views = self._views
         constants = np.zeros(len(self.cuts))
         for k in np.flatnonzero(self._is_seen).tolist():
@@ -168,13 +180,13 @@ class MasterProgram:
 
     @cached_property
     def _cut_at(self) -> IntArray:
-        """Position of each cut's view sum among those seen, where it is among them."""
+        """Position [k] of each cut's view sum among those that arcs see, where it is among them."""
         numbers = np.array([cut.view_sum for cut in self.cuts], dtype=np.int64)
         return np.searchsorted(self._views.view_sums, numbers)
 
     @cached_property
     def _is_seen(self) -> BoolArray:
-        """Cuts whose view sum some arc sees."""
+        """True [k] for cuts whose view sum some arc sees."""
         seen, at = self._views.view_sums, self._cut_at
         numbers = np.array([cut.view_sum for cut in self.cuts], dtype=np.int64)
         present = at < len(seen)
@@ -183,29 +195,19 @@ class MasterProgram:
 
     # -- the solution --------------------------------------------------------------------
 
-    @property
-    def value(self) -> float:
-        """Value of the program."""
-        return -self._solution.value * self._unit
+    def _read(self, solution: ConicSolution) -> ProgramSolution:
+        """Returns a solution in the units of J."""
+        return ProgramSolution(
+            value=-solution.value * self._unit,
+            flow=solution.values("flow"),
+            slack=float(np.maximum(solution.values("slack"), 0.0).sum()),
+            duals=self._duals(solution),
+            is_solved=solution.is_solved,
+        )
 
-    @property
-    def is_solved(self) -> bool:
-        """True if the solver says so, be it with reduced accuracy."""
-        return self._solution.is_solved
-
-    @property
-    def flow(self) -> FloatArray:
-        """Flow on each arc [n]."""
-        return self._solution.values("flow")
-
-    @property
-    def slack(self) -> float:
-        """Amount by which rows and decisions are broken, in robots, over all of them."""
-        return float(np.maximum(self._solution.values("slack"), 0.0).sum())
-
-    def duals(self) -> Duals:
+    def _duals(self, solution: ConicSolution) -> Duals:
         """Returns the multipliers of the rows, repaired where they are out of range."""
-        solution, seen = self._solution, self._is_seen
+        seen, shares = self._is_seen, np.zeros(len(self.cuts))
         roots = RootRows(
             view_sums=self._views.view_sums,
             scale=self._views.scale,
@@ -215,7 +217,6 @@ class MasterProgram:
             cut_at=self._cut_at[seen],
             cuts=solution.multipliers("cuts")[seen],
         ).repaired(self.model.problem)
-        shares = np.zeros(len(self.cuts))
         shares[seen] = roots.shares
         rows = self._prices(solution, "rows")
         return Duals(

@@ -80,7 +80,7 @@ class Pricer:
         return total
 
     def _paid(self, number: int, duals: Duals, base: FloatArray) -> FloatArray:
-        """Returns what the nodes of a class's coverage table are paid [n].
+        """Returns the payment of each node of a class's coverage table [n].
 
         Parameters
         ----------

@@ -18,10 +18,11 @@ LEAST_GAIN_FAR = 0.02  # of what is open
 
 @dataclass
 class Root:
-    """The root of a search, of which `relaxation` is the tightest that has been begun.
+    """The root of a search: its relaxation, aggregated or disaggregated, solved or not.
 
     Attributes
     ----------
+    relaxation : the relaxation of which the bound is taken; `solve` may replace it
     gap : relative gap at which nothing is open, as in `Search.cutoff`
     rough : share of what is open that convergence may leave, as in `Relaxation.solve`
     """
@@ -50,13 +51,7 @@ class Root:
         return self.search.cutoff(self.gap)
 
     def solve_aggregated(self) -> None:
-        """Solves the relaxation with the robot classes as they are.
-
-        Raises
-        ------
-        LimitReached
-            At a limit; so do the other methods.
-        """
+        """Solves the relaxation with the robot classes as they are; raises LimitReached."""
         if self.relaxation.best.bound > -np.inf:
             self.relaxation.solve(self.cutoff, self.rough)
 
@@ -65,9 +60,14 @@ class Root:
 
         Disaggregated robots need more columns and larger masters. Whether that pays is tried
         with one round of cuts: where robots start side by side they are as good as exchangeable.
+
+        Raises
+        ------
+        LimitReached
+            At a limit; `relaxation` is then the one that was being solved.
         """
         self.solve_aggregated()
-        if self.relaxation.is_stuck or not self._may_pay():
+        if self.relaxation.is_stuck or not self._can_disaggregate():
             return
         self.relaxation.look_for_plans()
         aggregated = self.relaxation
@@ -75,7 +75,7 @@ class Root:
         self.relaxation.solve(self.cutoff, self.rough, rounds=1)
         if self.relaxation.is_stuck:
             return
-        if self._pays(aggregated):
+        if self._gains_enough(aggregated):
             self.relaxation.solve(self.cutoff, self.rough)
             return
         if self.search.incumbent is not None:
@@ -83,7 +83,7 @@ class Root:
             aggregated.search.offer(self.search.incumbent.in_model(model))
         self.relaxation = aggregated
 
-    def _may_pay(self) -> bool:
+    def _can_disaggregate(self) -> bool:
         """Returns True if the root is still open, and its robots can be disaggregated."""
         model = self.search.model
         states = sum(len(one.robots) * one.graph.n_states for one in model.classes)
@@ -94,7 +94,7 @@ class Root:
             and states * (model.problem.horizon + 1) <= MOST_DISAGGREGATED
         )
 
-    def _pays(self, aggregated: Relaxation) -> bool:
+    def _gains_enough(self, aggregated: Relaxation) -> bool:
         """Returns True if the disaggregated relaxation closes enough for its size."""
         before = aggregated.best.bound
         open_ = before - self.cutoff()

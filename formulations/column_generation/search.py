@@ -40,6 +40,12 @@ class Search:
     report : told about every iteration
     incumbent : the best plan so far
     columns : number of columns generated in all
+    pricer : prices multipliers for the model
+    local_search : improves plans of the model
+    rng : of perturbations
+    largest : [C, Z] largest root of the pixels of one robot, px^0.5/m
+    weights : [Z] of view sums
+    scale : bound in which every robot is alone, if it is positive and finite; 1 if it is not
     """
 
     model: Model

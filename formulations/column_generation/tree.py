@@ -87,7 +87,7 @@ class Tree:
         return self.search.cutoff(self._gap)
 
     def solve_root(self) -> None:
-        """Solves the root and opens it; at a limit with the bound so far."""
+        """Solves the root and opens it, at a limit with the bound so far; raises LimitReached."""
         root = Root.of(self.search, self._gap, ROUGH_ROOT)
         try:
             root.solve()
@@ -109,7 +109,7 @@ class Tree:
         return None if self.is_pruned(node) else node
 
     def solve(self, node: Node) -> Relaxation:
-        """Solves the relaxation of a node; the root's is solved already."""
+        """Solves the relaxation of a node (the root's is solved already); raises LimitReached."""
         if node.inherited is None and self._root is not None:
             relaxation, self._root = self._root, None
             return relaxation
