@@ -1,3 +1,4 @@
+import html
 import json
 import re
 import shutil
@@ -16,7 +17,7 @@ from strategies import examples, plate, tiny
 from cocap_opt.experiments.cli.main import main
 from cocap_opt.experiments.report import player_scene
 from cocap_opt.experiments.report.figures import blocked_cells, robot_colour
-from cocap_opt.experiments.report.player import player_data, player_page, seen_pixels
+from cocap_opt.experiments.report.player import Player, player_data, player_page, seen_pixels
 from cocap_opt.experiments.studies.pictures import go_to, has_browser, opened, resize
 from cocap_opt.files.documents import load_plan
 from cocap_opt.planners import PLANNERS
@@ -226,6 +227,28 @@ def test_names_stay_names(name: str) -> None:
     assert page.count("<") == plain.count("<")
 
 
+# -- notebooks ----------------------------------------------------------------------------
+
+
+def test_a_player_shows_itself_in_a_notebook(tmp_path: Path) -> None:
+    """It is a frame that holds the page of its file, whatever the titles are."""
+    problem = load_scene("tiny-give-way", 0)
+    player = Player(problem, [(EVIL, plan) for _, plan in planned(problem, "greedy")])
+    player.save(tmp_path / "plans.html")
+    frame = re.fullmatch(r'<iframe srcdoc="([^"<>]*)" [^<>]*></iframe>', player._repr_html_())
+    assert frame is not None
+    assert html.unescape(frame.group(1)) == (tmp_path / "plans.html").read_text(encoding="utf-8")
+    assert problem.name in repr(player)
+
+
+def test_a_player_without_plans_shows_the_starts() -> None:
+    """All drones stay where they begin."""
+    problem = load_scene("tiny-give-way", 0)
+    (plan,) = told(Player(problem).page())["plans"]
+    for path in plan["paths"]:
+        assert path == path[:1] * (problem.horizon + 1)
+
+
 # -- command ------------------------------------------------------------------------------
 
 
@@ -245,6 +268,7 @@ def plans(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_show_takes_one_plan_or_more(plans: Path, tmp_path: Path) -> None:
     """In the order given; files of one name are told apart by their folders."""
     greedy, cocap, page = plans / "greedy.json", plans / "cocap.json", tmp_path / "plans.html"
@@ -374,6 +398,7 @@ def test_the_slider_sets_the_step(player: Any, plans: Path) -> None:
             assert any(c.startswith(f"step {step}:") for c in verdict.conflicts) == bool(words)
 
 
+@pytest.mark.slow
 def test_play_advances_and_stops_at_the_end(player: Any) -> None:
     """The button plays, the space key pauses; at the end it stops, and begins anew if asked."""
     from selenium.webdriver.common.by import By
@@ -448,6 +473,7 @@ def test_a_focused_element_has_its_own_keys(player: Any) -> None:
     wait_until(player, "document.getElementById('step').textContent.startsWith('step 11 ')")
 
 
+@pytest.mark.slow
 def test_the_camera_turns_zooms_and_looks_down(player: Any) -> None:
     """A drag, the wheel and the button for the top view change both pictures."""
     from selenium.webdriver.common.action_chains import ActionChains

@@ -3,12 +3,16 @@
 import csv
 from pathlib import Path
 
+import pytest
+
 
 def study(*words: object) -> int:
     """Run a command of `cocap-opt study`; returns its exit code."""
-    from cocap_opt.experiments.cli import commands
+    from cocap_opt.experiments.cli.main import main
 
-    return commands.run(["study", *map(str, words)])
+    with pytest.raises(SystemExit) as caught:
+        main(["study", *map(str, words)])
+    return int(caught.value.code or 0)
 
 
 def rows_of(path: Path) -> list[dict[str, str]]:
