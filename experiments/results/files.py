@@ -9,7 +9,6 @@ from typing import Any
 
 import msgspec
 
-from cocap_opt.experiments.results.judging import Judged
 from cocap_opt.files.atomic_write import file_to_write, write_together
 from cocap_opt.files.documents import (
     FileError,
@@ -84,19 +83,6 @@ def _write(name: Path | str, action: Callable[[], None]) -> None:
         raise FileError(f"{name}: cannot be written: {error.strerror}") from error
 
 
-def plan_file(problem: Problem, planner: str, judged: Judged[Any]) -> PlanFile | None:
-    """Returns a plan as a file with the reward that the referee gave it; None without a plan."""
-    if judged.result.plan is None:
-        return None
-    return PlanFile(
-        scene=problem.name,
-        digest=problem_digest(problem),
-        planner=planner,
-        reward=judged.reward,
-        plan=judged.result.plan,
-    )
-
-
 # -- reading ------------------------------------------------------------------------------
 
 
@@ -123,12 +109,6 @@ def read_claim(path: Path, problem: Problem) -> PlanFile | CertificateFile | Pro
     found = decode_document(content, str(path), PlanFile, CertificateFile, ProofFile)
     assert isinstance(found, PlanFile | CertificateFile | ProofFile)
     return found
-
-
-def decode_certificate(content: bytes, name: str) -> CertificateFile | ProofFile:
-    """Returns a certificate or a proof from the content of the file of that name."""
-    kinds: tuple[type[CertificateFile | ProofFile], ...] = (CertificateFile, ProofFile)
-    return decode_document(content, name, *kinds)
 
 
 def read_plan(path: Path, scene: str, problem: Problem) -> tuple[Problem, Plan]:

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import msgspec
 
-from cocap_opt.experiments.results.files import decode_certificate
 from cocap_opt.experiments.sweeps.cells import OWN, CellFile
 from cocap_opt.files.documents import encode
+from cocap_opt.formulations.certificates import decode_certificate
 from cocap_opt.problem import Plan
 
 

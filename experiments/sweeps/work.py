@@ -9,15 +9,14 @@ from typing import Any, NamedTuple
 import msgspec
 
 from cocap_opt.experiments.console.progress import Watch
-from cocap_opt.experiments.results.files import decode_certificate, plan_file
-from cocap_opt.experiments.results.judging import Judged, judge_plan, run_planner, without_rules
+from cocap_opt.experiments.results.judging import Judged, run_planner, without_rules
 from cocap_opt.experiments.results.rows import BoundColumns, PlannedRow
 from cocap_opt.experiments.results.trace import Trace
 from cocap_opt.experiments.sweeps.bounds import WITH_RULES, WITHOUT_RULES, Bounds, cover
 from cocap_opt.experiments.sweeps.cells import BOUND, FREE, OWN, RULES, Cell, CellFile, Status
 from cocap_opt.experiments.sweeps.start import Start
 from cocap_opt.files.documents import encode
-from cocap_opt.formulations.certificates import CertificateFile, ProofFile
+from cocap_opt.formulations.certificates import CertificateFile, ProofFile, decode_certificate
 from cocap_opt.formulations.result import CertifiedResult
 from cocap_opt.model import compiled
 from cocap_opt.problem import Plan, Problem
@@ -52,10 +51,9 @@ class Task(NamedTuple):
             found = CellFile.failed(self.cell, Status.ERROR, words, traceback=trace)
         return msgspec.structs.replace(found, seconds=clock.seconds, machine=platform.node())
 
-
-def given_plan(cell: Cell, problem: Problem, plan: Plan) -> CellFile:
-    """Returns a plan of others as if a planner had found it; its seconds are not known."""
-    return _planned(cell, problem, judge_plan(problem, plan), {})
+    def given(self, plan: Plan) -> CellFile:
+        """Returns a plan of others as if a planner had found it; its seconds are not known."""
+        return _planned(self.cell, self.problem, Judged.of_plan(self.problem, plan), {})
 
 
 def _plan(task: Task, stop: Stop, watch: Watch) -> CellFile:
@@ -80,7 +78,7 @@ def _planned(
         cell=cell,
         status=Status.FINISHED,
         row=PlannedRow.of_planner(problem, cell.seed, cell.planner, judged, **columns),
-        plan=plan_file(problem, cell.planner, judged),
+        plan=judged.plan_file(problem, cell.planner),
         certificates=_encoded({OWN: own}),
     )
 
@@ -135,7 +133,9 @@ def _encoded(
 
 def _start_plans(problem: Problem, start: Start) -> list[Judged[Any]]:
     """Returns the start as judged plans."""
-    plans = [judge_plan(problem, plan) for plan in (start.plan, start.valid) if plan is not None]
+    plans = [
+        Judged.of_plan(problem, plan) for plan in (start.plan, start.valid) if plan is not None
+    ]
     if not start.certificate:
         return plans
     own = decode_certificate(start.certificate, "a planner's certificate")

@@ -39,6 +39,7 @@ from cocap_opt.formulations.certificates.format import (
     ProofFile,
     ReferencePixels,
     Row,
+    decode_certificate,
     read_certificate,
 )
 from cocap_opt.formulations.certificates.pricing import Pricing, price
@@ -77,6 +78,7 @@ __all__ = [
     "Visit",
     "certify",
     "charges_of",
+    "decode_certificate",
     "price",
     "price_proof",
     "read_certificate",

@@ -194,5 +194,16 @@ def read_certificate(path: Path) -> CertificateFile | ProofFile:
     FileError
         One line with the file's name, the field and what is allowed.
     """
+    return decode_certificate(read_bytes(path), str(path))
+
+
+def decode_certificate(content: bytes, name: str) -> CertificateFile | ProofFile:
+    """Returns a certificate or a proof from the content of the file of that name.
+
+    Raises
+    ------
+    FileError
+        One line with the file's name, the field and what is allowed.
+    """
     kinds: tuple[type[CertificateFile | ProofFile], ...] = (CertificateFile, ProofFile)
-    return decode_document(read_bytes(path), str(path), *kinds)
+    return decode_document(content, name, *kinds)

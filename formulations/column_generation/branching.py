@@ -9,10 +9,9 @@ all moves but where the swap rule couples them.
 from collections import defaultdict
 from typing import NamedTuple
 
-import numpy as np
-
 from cocap_opt.formulations.certificates import Cells, Move, Resource, Visit
 from cocap_opt.formulations.column_generation.columns import Mixture
+from cocap_opt.formulations.relaxations.flow_paths import assigned_heads
 from cocap_opt.model import Model, Path, RobotClass
 
 INTEGRAL = 1e-4  # amounts nearer than this to an integer count as integral
@@ -90,7 +89,9 @@ def integral_paths(model: Model, mixture: Mixture) -> list[Path] | None:
         for t in range(model.problem.horizon):
             heads = _heads(robot_class, number, t + 1, states)
             tails = [paths[robot][-1] for robot in robot_class.robots]
-            chosen = _assigned(tails, heads, _flow(mixture, number, t))
+            flow = _flow(mixture, number, t)
+            ahead = [{b: flow[a, b] for b in heads if (a, b) in flow} for a in tails]
+            chosen = assigned_heads(ahead, heads, NO_MOVE)
             if chosen is None:
                 return None
             for robot, head in zip(robot_class.robots, chosen, strict=True):
@@ -115,18 +116,3 @@ def _flow(mixture: Mixture, number: int, t: int) -> dict[tuple[int, int], float]
         if column.flight.class_number == number:
             flow[column.path[t], column.path[t + 1]] += amount
     return flow
-
-
-def _assigned(
-    tails: list[int], heads: list[int], flow: dict[tuple[int, int], float]
-) -> list[int] | None:
-    """Returns the heads in the order of their tails, along the largest flow; None without one."""
-    from scipy.optimize import linear_sum_assignment  # half of the time that imports take
-
-    if len(heads) != len(tails):
-        return None
-    gain = np.array([[flow.get((tail, head), NO_MOVE) for head in heads] for tail in tails])
-    rows, chosen = linear_sum_assignment(-gain)
-    if (gain[rows, chosen] < 0).any():
-        return None
-    return [heads[k] for k in chosen.tolist()]

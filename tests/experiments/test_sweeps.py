@@ -18,15 +18,14 @@ from distributed import Client, LocalCluster
 
 from cocap_opt.experiments.cli import commands
 from cocap_opt.experiments.console.progress import Watch
-from cocap_opt.experiments.results.files import decode_certificate
 from cocap_opt.experiments.results.judging import SOLVERS, RefereeError
 from cocap_opt.experiments.results.layout import FOLDERS, Paths
 from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.results.trace import Trace
 from cocap_opt.experiments.sweeps import cells as cells_module
 from cocap_opt.experiments.sweeps import cluster as cluster_module
-from cocap_opt.experiments.sweeps import folder as folder_module
 from cocap_opt.experiments.sweeps import instances as instances_module
+from cocap_opt.experiments.sweeps import run_file as run_file_module
 from cocap_opt.experiments.sweeps.api import gap as gap_frame
 from cocap_opt.experiments.sweeps.cells import (
     BOUND,
@@ -37,17 +36,18 @@ from cocap_opt.experiments.sweeps.cells import (
     Store,
     cells_digest,
 )
-from cocap_opt.experiments.sweeps.cluster import Cluster, existing, local
+from cocap_opt.experiments.sweeps.cluster import Cluster
 from cocap_opt.experiments.sweeps.crew import Alone, ClusterError
 from cocap_opt.experiments.sweeps.folder import only_writer
 from cocap_opt.experiments.sweeps.instances import Instance, Settings
 from cocap_opt.experiments.sweeps.results import load_results
-from cocap_opt.experiments.sweeps.run import recall, run
+from cocap_opt.experiments.sweeps.run import run
 from cocap_opt.experiments.sweeps.run_file import RunFile
 from cocap_opt.experiments.sweeps.start import Start
 from cocap_opt.experiments.sweeps.sweep import Hired, sweep
 from cocap_opt.experiments.sweeps.work import Task
 from cocap_opt.files.documents import decode, load_plan, load_problem, problem_digest
+from cocap_opt.formulations.certificates import decode_certificate
 from cocap_opt.formulations.result import hovering
 from cocap_opt.model import compiled
 from cocap_opt.problem import NO_RULES, Plan, Problem
@@ -97,7 +97,8 @@ class Listed(Alone):
 def computed(some: list[Instance], folder: Path | None, retry: bool = False) -> list[str]:
     """Compute what is missing in this process; the planners whose cells were computed."""
     store, crew = Store(folder, retry), Listed()
-    recall(some, store)
+    for instance in some:
+        instance.recall(store)
     run(some, crew, store, never, lambda content: None)
     return [cell.planner for cell in crew.begun]
 
@@ -213,7 +214,7 @@ def test_a_bound_below_a_plan_is_an_error(tmp_path: Path) -> None:
     computed(instances(range(1)), folder)
     some = instances(range(1))
     for key in ("bound", "optimum", "bound_free", "optimum_free"):
-        recall(some, Store(folder))
+        some[0].recall(Store(folder))
         instance = some[0]
         assert instance.bound is not None and instance.bound.columns is not None
         columns = replace(instance.bound.columns, **{key: 1.0})
@@ -286,7 +287,7 @@ def test_rows_that_do_not_fit_leave(
     swept(instances(range(1), ("greedy",)), tmp_path)
     some = instances(range(1), ("cocap",))
     if what == "code":
-        monkeypatch.setattr(folder_module, "rows_digest", lambda: "another")
+        monkeypatch.setattr(run_file_module, "_rows_digest", lambda: "another")
     elif what == "scene":
         changed = [g.problem.replace(face_samples=1) for g in some]
         some = [Instance(problem, 0, ("cocap",), SETTINGS) for problem in changed]
@@ -729,7 +730,7 @@ def test_a_scheduler_that_is_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cluster_module, "ANSWER", 0.5)
     with (
         pytest.raises(ClusterError, match=r"--scheduler: tcp://127\.0\.0\.1:9 does not answer"),
-        existing("tcp://127.0.0.1:9", never, 60.0),
+        Cluster.existing("tcp://127.0.0.1:9", never, 60.0),
     ):
         pass
 
@@ -750,7 +751,7 @@ def test_workers_that_cannot_take_cells_are_refused(n: int, words: str) -> None:
     with (
         threads(n) as cluster,
         pytest.raises(ClusterError, match=words),
-        existing(cluster.scheduler_address, never, 60.0),
+        Cluster.existing(cluster.scheduler_address, never, 60.0),
     ):
         pass
 
@@ -817,7 +818,7 @@ def test_a_worker_that_dies_or_hangs_costs_its_own_cell(tmp_path: Path) -> None:
     folder = folder_for_a_sweep(tmp_path / "run")
     some = instances(range(1), ("greedy", "dies", "sleeps", "cocap"))[:1]
     some += instances(range(1, 2))
-    with local(1, never, cell_limit=8.0) as cluster:
+    with Cluster.local(1, never, cell_limit=8.0) as cluster:
         cluster.client.register_worker_callbacks(partial(exec, BAD_PLANNERS, {}))
         assert cluster.client.cluster.scheduler.http_server.port != 8787  # no dashboard
         run(some, cluster, Store(folder), never, lambda content: None)
