@@ -7,10 +7,14 @@ from importlib.metadata import version
 
 from cyclopts import App
 
-from cocap_opt.experiments.cli import picture_commands, result_commands, scene_commands
-from cocap_opt.experiments.cli.gap_command import gap
-from cocap_opt.experiments.cli.solver_commands import bound, plan, solve
-from cocap_opt.experiments.cli.verify_command import verify
+from cocap_opt.experiments.cli import (
+    gap_command,
+    picture_commands,
+    result_commands,
+    scene_commands,
+    solver_commands,
+    verify_command,
+)
 from cocap_opt.experiments.console.program import run_app
 from cocap_opt.experiments.sweeps.crew import ClusterError
 
@@ -22,13 +26,12 @@ app = App(
     version_flags=["--version"],
     suppress_keyboard_interrupt=False,
 )
-for _command in (
-    scene_commands.scenes, scene_commands.recipe, scene_commands.export,
-    plan, bound, solve, verify, gap,
-    result_commands.table, result_commands.report,
-    picture_commands.show, picture_commands.render,
+for _family in (
+    scene_commands, solver_commands, verify_command, gap_command, result_commands,
+    picture_commands,
 ):  # fmt: skip
-    app.command(_command)
+    for _name, _command in _family.COMMANDS.items():
+        app.command(_command, name=_name)
 app.command(  # by name: matplotlib is slow to import
     "cocap_opt.experiments.cli.figure_commands:app",
     name="figure",

@@ -27,8 +27,8 @@ from cocap_opt.experiments.sweeps.results import load_results
 app = App(name="figure", help="Draw charts of results, as PNG, PDF or SVG.", version_flags=[])
 
 
-@app.command
-def gaps(
+@app.command(name="gaps")
+def _gaps(
     folder: Path,
     /,
     *,
@@ -45,8 +45,8 @@ def gaps(
     return _save(output, gaps_figure(chosen(load_results(folder), scene, planner)), json)
 
 
-@app.command
-def progress(*trace: Path, output: Output, json: Json = False) -> int:
+@app.command(name="progress")
+def _progress(*trace: Path, output: Output, json: Json = False) -> int:
     """Draw the gap of solver runs over time, from files that --trace has written, or a sweep.
 
     A folder stands for the traces of the sweep in it.
@@ -71,8 +71,8 @@ def _traces(path: Path) -> list[Path]:
     return found
 
 
-@app.command
-def conflicts(
+@app.command(name="conflicts")
+def _conflicts(
     scene: str, /, *plan: Path, output: Output, seed: Seed = 0, json: Json = False
 ) -> int:  # fmt: skip
     """Draw which drones collide at which step, in one or more plans.

@@ -26,13 +26,13 @@ from cocap_opt.experiments.results.gap_table import print_gap_table
 from cocap_opt.experiments.results.judging import SOLVERS
 from cocap_opt.experiments.results.printing import print_json, titles
 from cocap_opt.experiments.sweeps.cells import BOUND
-from cocap_opt.experiments.sweeps.instances import Instance, Settings, default_planners
+from cocap_opt.experiments.sweeps.instances import Instance, Settings
 from cocap_opt.experiments.sweeps.scenes import Problems, Scenes
 from cocap_opt.experiments.sweeps.sweep import Hired, sweep
 from cocap_opt.problem import Plan
 
 
-def gap(
+def _gap(
     *scene: str,
     planner: Annotated[
         list[str] | None,
@@ -90,7 +90,7 @@ def gap(
     others = _Others.read(plan or [], scenes.problems)
     instances = [
         Instance(
-            problem, 0 if others.own_starts else seed, planner or default_planners(problem),
+            problem, 0 if others.own_starts else seed, planner,
             settings, others.plans, others.own_starts,
         )
         for (_, seed), problem in others.problems.items()
@@ -155,3 +155,6 @@ class _Others(NamedTuple):
         ((key, own),) = problems.items()
         fitting, plans = read_plans(paths, key[0], own)
         return cls(dict(zip(names, plans, strict=True)), {key: fitting}, fitting is not own)
+
+
+COMMANDS = {"gap": _gap}

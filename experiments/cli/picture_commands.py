@@ -25,7 +25,7 @@ from cocap_opt.result import UnsupportedError
 SHOWN = (".html", ".png", ".pdf", ".svg", ".gif")
 
 
-def show(
+def _show(
     scene: str, /, *plan: Path, output: Output, seed: Seed = 0, json: Json = False
 ) -> int:  # fmt: skip
     """Play plans side by side in an HTML file, or draw one from above.
@@ -48,7 +48,7 @@ def show(
     return 0
 
 
-def render(
+def _render(
     scene: str,
     plan: Path,
     /,
@@ -102,3 +102,6 @@ def _shown(problem: Problem, plans: Sequence[Plan], names: Sequence[str], suffix
     if suffix == ".gif":
         return gif([plan_figure(problem, plans[0], verdict, t) for t in steps])
     return picture(plan_figure(problem, plans[0], verdict, problem.horizon), suffix)
+
+
+COMMANDS = {"show": _show, "render": _render}

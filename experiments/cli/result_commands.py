@@ -29,7 +29,7 @@ Against = Annotated[
 ]
 
 
-def table(
+def _table(
     folder: Path,
     /,
     *,
@@ -64,7 +64,7 @@ def table(
     return 0
 
 
-def report(
+def _report(
     folder: Path,
     /,
     *,
@@ -103,3 +103,6 @@ def _against(planner: str | None, rows: Sequence[Row]) -> str:
         return AGAINST
     choose("--against", planner, dict.fromkeys(row.planner or "" for row in rows))
     return planner
+
+
+COMMANDS = {"table": _table, "report": _report}

@@ -15,7 +15,7 @@ from cocap_opt.scenarios import FORMATS, SCENES
 from cocap_opt.scenarios.cameras import CAMERAS, with_camera, with_tilts
 
 
-def scenes(*, json: Json = False) -> int:
+def _scenes(*, json: Json = False) -> int:
     """List the built-in scenes, the file formats that can be read, their options, and cameras.
 
     Example: cocap-opt scenes
@@ -47,7 +47,7 @@ def scenes(*, json: Json = False) -> int:
     return 0
 
 
-def recipe(*, json: Json = False) -> int:
+def _recipe(*, json: Json = False) -> int:
     """Print a recipe with every table: a scene made of maps, meshes, tracks and drones.
 
     Example: cocap-opt recipe > scene.toml
@@ -61,7 +61,7 @@ def recipe(*, json: Json = False) -> int:
     return 0
 
 
-def export(
+def _export(
     scene: str,
     /,
     *,
@@ -111,3 +111,6 @@ def _angles(option: str, text: str) -> tuple[float, ...]:
         return tuple(float(part) for part in text.split(","))
     except ValueError:
         raise UsageError(f"{option}: must be numbers such as 10,30,60, not {text!r}") from None
+
+
+COMMANDS = {"scenes": _scenes, "recipe": _recipe, "export": _export}

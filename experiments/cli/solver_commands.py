@@ -24,7 +24,6 @@ from cocap_opt.experiments.console.progress import Watch, watching
 from cocap_opt.experiments.results.claims import reward_parts
 from cocap_opt.experiments.results.files import (
     check_output,
-    plan_file,
     read_plan,
     save_bytes,
     save_together,
@@ -63,7 +62,7 @@ _TraceFile = Annotated[
 ]
 
 
-def plan(
+def _plan(
     scene: str,
     /,
     *,
@@ -89,7 +88,7 @@ def plan(
         if judged.result.reason is Reason.UNSUPPORTED:
             raise UsageError(f"--planner: {judged.result.message}")
         answer = asdict(PlanRow.of(problem, seed, planner, judged)) | task.about
-        _save(answer, "plan", {"file": (output, plan_file(problem, planner, judged))})
+        _save(answer, "plan", {"file": (output, judged.plan_file(problem, planner))})
     answer |= judged.result.statistics
     if judged.verdict:
         answer |= reward_parts(judged.verdict)
@@ -98,7 +97,7 @@ def plan(
     return 0
 
 
-def bound(
+def _bound(
     scene: str,
     /,
     *,
@@ -128,7 +127,7 @@ def bound(
     return 0
 
 
-def solve(
+def _solve(
     scene: str,
     /,
     *,
@@ -170,7 +169,7 @@ def solve(
         judged = task.certified(seed, method, stop, max(gap, OPTIMALITY), trace)
         answer = task.answer(seed, method, judged)
         proof = certificate, judged.result.certificate
-        made = output, plan_file(task.problem, method, judged)
+        made = output, judged.plan_file(task.problem, method)
         _save(answer, "plan", {"file": made, "certificate": proof})
     print_result({**answer, **judged.result.statistics}, json)
     return 0
@@ -258,3 +257,6 @@ def _save(answer: Record, noun: str, files: Mapping[str, _Wanted]) -> None:
             said = f"{path} was not written: there is no {kind}"
             answer["message"] = "; ".join(filter(None, (answer["message"], said)))
     save_together(contents)
+
+
+COMMANDS = {"plan": _plan, "bound": _bound, "solve": _solve}

@@ -20,7 +20,7 @@ from cocap_opt.problem import Plan, Problem
 from cocap_opt.scenarios import scene_of_plan
 
 
-def verify(
+def _verify(
     scene: str,
     /,
     *file: Path,
@@ -80,3 +80,6 @@ class _Claims(NamedTuple):
             about |= {"seed": None, "starts": OWN_STARTS} if fitting is not problem else {}
             problem = fitting
         return cls(without_rules(problem) if free else problem, content, bounds, about)
+
+
+COMMANDS = {"verify": _verify}

@@ -10,37 +10,36 @@ from cocap_opt.files.documents import FileError
 _LARGEST = 2**63 - 1
 
 
-class About(NamedTuple):
-    """Stands beside a field's type, in `Annotated`, and says what the field means.
+class Column(NamedTuple):
+    """A column. In `Annotated` it stands beside the type of a field, which says the rest.
 
     Attributes
     ----------
     meaning : a sentence
     unit : of a number; empty where it has none
     least, most : range of a number
+    name : of the field
+    kind : int, float or str
+    is_optional : its fields may be empty, which means that there is no such value
+    is_extra : only some tables have it
     """
 
     meaning: str
     unit: str = ""
     least: float = 0
     most: float = _LARGEST
+    name: str = ""
+    kind: type = str
+    is_optional: bool = False
+    is_extra: bool = False
 
-
-class Column(NamedTuple):
-    """A column by its name.
-
-    Attributes
-    ----------
-    kind : int, float or str
-    is_optional : its fields may be empty, which means that there is no such value
-    is_extra : only some tables have it
-    """
-
-    name: str
-    kind: type
-    about: About
-    is_optional: bool
-    is_extra: bool
+    @classmethod
+    def all_of(cls, row: type) -> "dict[str, Column]":
+        """Returns the columns of a data class, whose fields are annotated with them, by name."""
+        return {
+            name: _completed(name, hint)
+            for name, hint in get_type_hints(row, include_extras=True).items()
+        }
 
     def parse(self, text: str, where: str) -> Any:
         """Returns the value of a field of a CSV file; None where an optional field is empty.
@@ -58,23 +57,17 @@ class Column(NamedTuple):
             number = self.kind(text)
         except ValueError:
             raise FileError(f"{where}: must be a number, not {text[:30]!r}") from None
-        least, most = self.about.least, self.about.most
-        if not least <= number <= most:
-            raise FileError(f"{where}: must be {least:g}..{most:g}, not {text[:30]!r}")
+        if not self.least <= number <= self.most:
+            raise FileError(f"{where}: must be {self.least:g}..{self.most:g}, not {text[:30]!r}")
         return number
 
 
-def columns_of(row: type) -> dict[str, Column]:
-    """Returns the columns of a data class, whose fields are annotated with `About`, by name."""
-    return {
-        name: _column(name, hint)
-        for name, hint in get_type_hints(row, include_extras=True).items()
-    }  # fmt: skip
-
-
-def _column(name: str, hint: Any) -> Column:
+def _completed(name: str, hint: Any) -> Column:
     assert get_origin(hint) is Annotated, f"{name}: says nothing about itself"
-    inner, about = get_args(hint)
+    inner, column = get_args(hint)
     kinds = set(get_args(inner)) or {inner}
     (kind,) = kinds - {NoneType, UnsetType}
-    return Column(name, kind, about, NoneType in kinds, UnsetType in kinds)
+    completed: Column = column._replace(
+        name=name, kind=kind, is_optional=NoneType in kinds, is_extra=UnsetType in kinds
+    )
+    return completed

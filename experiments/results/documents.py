@@ -16,7 +16,7 @@ def markdown(tables: Mapping[str, Table]) -> str:
     return "\n".join(parts)
 
 
-def latex(tables: Mapping[str, Table]) -> str:
+def _latex(tables: Mapping[str, Table]) -> str:
     """Returns tables in LaTeX (package booktabs) with their titles as captions."""
     return "% \\usepackage{booktabs}\n" + "\n".join(
         _frame(table).to_latex(
@@ -42,7 +42,7 @@ def html(tables: Mapping[str, Table], level: int = 2) -> str:
 
 DOCUMENTS: Mapping[str, Callable[[Mapping[str, Table]], str]] = {
     "markdown": markdown,
-    "latex": latex,
+    "latex": _latex,
     "html": html,
 }
 

@@ -1,11 +1,11 @@
 """The gap table as it is printed, with sentences that say what its bounds are, and its means."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from msgspec import UNSET
 
-from cocap_opt.experiments.results.printing import Marked, Record, print_note, print_table
+from cocap_opt.experiments.results.printing import Marked, Record, print_table
 from cocap_opt.experiments.results.rows import Row
 
 _OPEN = "*"  # marks a bound that a limit stopped
@@ -36,16 +36,19 @@ def _print_rows(rows: Sequence[Row]) -> None:
         keys.append("limit")
     keys.append("seconds")
     table: list[Record] = [{key: _shown(row, key) for key in keys} for row in rows]
-    print_table(_title(rows), table)
+    print_table(_title(rows), table, list(_notes(rows, table)))
+
+
+def _notes(rows: Sequence[Row], table: Sequence[Record]) -> Iterator[str]:
+    """Yields sentences that say what the table does not say of itself."""
     if any(_OPEN in (shown["bound"].mark, shown["gap_free"].mark) for shown in table):
-        print_note(
+        yield (
             f"{_OPEN} A limit stopped the search for this bound: it is certified, but the optimum "
             "may be lower."
         )
-    for words in _missing_bounds(rows):
-        print_note(words)
+    yield from _missing_bounds(rows)
     if any(row.conflicts for row in rows):
-        print_note(
+        yield (
             "A plan with conflicts breaks the scene's rules: its reward may exceed the bound, "
             "and it has no gap."
         )

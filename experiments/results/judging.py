@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Generic, NamedTuple, TypeVar
 
+from cocap_opt.files.documents import PlanFile, problem_digest
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Report, silent
 from cocap_opt.planners import PLANNERS
@@ -45,6 +46,12 @@ class Judged(NamedTuple, Generic[R_co]):
     result: R_co
     verdict: Verdict | None
 
+    @classmethod
+    def of_plan(cls, problem: Problem, plan: Plan) -> "Judged[Result]":
+        """Returns a plan of others, judged; its seconds are not known."""
+        verdict = check(problem, plan)
+        return Judged(Result(plan, verdict.reward, Reason.FINISHED, seconds=math.nan), verdict)
+
     @property
     def reward(self) -> float:
         """The referee's J; -inf where there is no plan."""
@@ -65,6 +72,18 @@ class Judged(NamedTuple, Generic[R_co]):
         """Gap of a plan that obeys the rules to its own result's bound; infinite otherwise."""
         return relative_gap(self.reward, self.result.bound) if self.valid else math.inf
 
+    def plan_file(self, problem: Problem, planner: str) -> PlanFile | None:
+        """Returns the plan as a file with the referee's J; None where there is no plan."""
+        if self.result.plan is None:
+            return None
+        return PlanFile(
+            scene=problem.name,
+            digest=problem_digest(problem),
+            planner=planner,
+            reward=self.reward,
+            plan=self.result.plan,
+        )
+
 
 def judge(name: str, problem: Problem, result: R) -> Judged[R]:
     """Has the referee judge a method's plan, and compares that with what the result claims.
@@ -84,12 +103,6 @@ def judge(name: str, problem: Problem, result: R) -> Judged[R]:
     if verdict.valid:
         require_bound(name, verdict.reward, result.bound)
     return Judged(result, verdict)
-
-
-def judge_plan(problem: Problem, plan: Plan) -> Judged[Result]:
-    """Has the referee judge a plan of others, whose seconds are not known."""
-    verdict = check(problem, plan)
-    return Judged(Result(plan, verdict.reward, Reason.FINISHED, seconds=math.nan), verdict)
 
 
 def require_bound(name: str, reward: float, bound: float) -> None:

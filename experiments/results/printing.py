@@ -65,13 +65,8 @@ def print_result(row: Record, json: bool) -> None:
     _console().print(table)
 
 
-def print_note(words: str) -> None:
-    """Prints a sentence below a table."""
-    _console().print(words, markup=False)
-
-
-def print_table(title: str, rows: Sequence[Record]) -> None:
-    """Prints rows that all have the keys of the first."""
+def print_table(title: str, rows: Sequence[Record], notes: Sequence[str] = ()) -> None:
+    """Prints rows that all have the keys of the first, and sentences below them."""
     widest = {
         key: max(len(part) for row in rows for part in (key, *_text(key, row[key]).splitlines()))
         for key in (rows[0] if rows else ())
@@ -87,6 +82,8 @@ def print_table(title: str, rows: Sequence[Record]) -> None:
         table.add_row(*(escape(_text(key, value)) for key, value in row.items()))
     console = _console()
     _console(console.measure(table).minimum).print(table)
+    for words in notes:
+        console.print(words, markup=False)
 
 
 def markdown(rows: Sequence[Record]) -> str:

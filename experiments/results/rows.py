@@ -13,7 +13,7 @@ from typing import Annotated, Any
 
 from msgspec import UNSET, UnsetType
 
-from cocap_opt.experiments.results.columns import About, columns_of
+from cocap_opt.experiments.results.columns import Column
 from cocap_opt.experiments.results.judging import BOUND_METHOD, ROUNDING, Judged
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult
 from cocap_opt.problem import Plan, Problem, conflicts
@@ -29,7 +29,7 @@ _SHARE = {"least": -ROUNDING, "most": 1 + ROUNDING}
 
 _Bound = Annotated[
     float | None,
-    About("A number that J of no plan exceeds that obeys the scene's rules; certified.", **_ANY),
+    Column("A number that J of no plan exceeds that obeys the scene's rules; certified.", **_ANY),
 ]
 _Number = float | None
 _Count = int | None
@@ -39,28 +39,28 @@ _Count = int | None
 class PlanRow:
     """What is known of a plan; with a bound if one comes with it."""
 
-    scene: Annotated[str, About("The scene's name.")]
-    seed: Annotated[_Count, About("Its seed; none where the starts are the scene file's own.")]
-    planner: Annotated[str | None, About("The planner, or the file of a plan of others.")]
-    method: Annotated[str | None, About("The method that made the bound.")] = None
-    reward: Annotated[_Number, About("J of the plan by the referee; none without a plan.", **_ANY)]
+    scene: Annotated[str, Column("The scene's name.")]
+    seed: Annotated[_Count, Column("Its seed; none where the starts are the scene file's own.")]
+    planner: Annotated[str | None, Column("The planner, or the file of a plan of others.")]
+    method: Annotated[str | None, Column("The method that made the bound.")] = None
+    reward: Annotated[_Number, Column("J of the plan by the referee; none without a plan.", **_ANY)]
     bound: _Bound = None
     gap: Annotated[
-        _Number, About("(bound - reward) / bound, of a plan that obeys the rules.", **_SHARE)
+        _Number, Column("(bound - reward) / bound, of a plan that obeys the rules.", **_SHARE)
     ] = None
     reason: Annotated[
         str,
-        About(
+        Column(
             "Why the planner stopped: finished, optimal, infeasible, failed, unsupported or "
             "stopped; or why its cell has no result: error, exceeded or died."
         ),
     ]
-    limit: Annotated[str, About("The limit that stopped the planner, or none.")]
+    limit: Annotated[str, Column("The limit that stopped the planner, or none.")]
     seconds: Annotated[
-        _Number, About("Wall-clock time of the planner; coverage comes before.", unit="s")
+        _Number, Column("Wall-clock time of the planner; coverage comes before.", unit="s")
     ]
-    conflicts: Annotated[_Count, About("Collision rules that the plan breaks.")]
-    message: Annotated[str, About("What else is to be said, in words.")]
+    conflicts: Annotated[_Count, Column("Collision rules that the plan breaks.")]
+    message: Annotated[str, Column("What else is to be said, in words.")]
 
     @classmethod
     def of(
@@ -118,16 +118,16 @@ class PlanRow:
 class PlannedRow(PlanRow):
     """What the gap table says of a plan alone."""
 
-    colliding: Annotated[_Count, About("Drones that take part in a conflict.")]
-    robots: Annotated[int, About("Drones of the scene.")]
-    actors: Annotated[int, About("People of the scene.")]
-    steps: Annotated[int, About("Steps after the start.")]
-    time_limit: Annotated[_Number, About("Time that the planner was allowed.", unit="s")] = None
+    colliding: Annotated[_Count, Column("Drones that take part in a conflict.")]
+    robots: Annotated[int, Column("Drones of the scene.")]
+    actors: Annotated[int, Column("People of the scene.")]
+    steps: Annotated[int, Column("Steps after the start.")]
+    time_limit: Annotated[_Number, Column("Time that the planner was allowed.", unit="s")] = None
     work_limit: Annotated[
-        _Count, About("Units of work that the planner was allowed; none where any number was.")
+        _Count, Column("Units of work that the planner was allowed; none where any number was.")
     ] = None
     reward_rendered: Annotated[
-        _Number | UnsetType, About("J of the rendered pixels of the plan.", **_ANY)
+        _Number | UnsetType, Column("J of the rendered pixels of the plan.", **_ANY)
     ] = UNSET
 
     @classmethod
@@ -150,32 +150,35 @@ class BoundColumns:
     """What all rows of one scene and seed share: what bounds their plans, and the best plans."""
 
     bound: _Bound = None
-    bound_method: Annotated[str, About("The method that made the bound.")] = BOUND_METHOD
+    bound_method: Annotated[str, Column("The method that made the bound.")] = BOUND_METHOD
     bound_reason: Annotated[
-        str, About("Why the search for the bound stopped: optimal means that J of a plan meets it.")
+        str,
+        Column("Why the search for the bound stopped: optimal means that J of a plan meets it."),
     ]
-    bound_limit: Annotated[str, About("The limit that stopped this search, or none.")] = "none"
-    bound_seconds: Annotated[_Number, About("Wall-clock time of this search.", unit="s")] = None
+    bound_limit: Annotated[str, Column("The limit that stopped this search, or none.")] = "none"
+    bound_seconds: Annotated[_Number, Column("Wall-clock time of this search.", unit="s")] = None
     bound_time_limit: Annotated[
-        _Number, About("Time that each of the two searches for bounds was allowed.", unit="s")
+        _Number, Column("Time that each of the two searches for bounds was allowed.", unit="s")
     ] = None
     bound_work_limit: Annotated[
-        _Count, About("Units of work that each of them was allowed; none where any number was.")
+        _Count, Column("Units of work that each of them was allowed; none where any number was.")
     ] = None
-    certificate: Annotated[str, About("The file that proves the bound.")] = ""
+    certificate: Annotated[str, Column("The file that proves the bound.")] = ""
     optimum: Annotated[
-        _Number, About("The largest known J of a plan that obeys the rules.", **_ANY)
+        _Number, Column("The largest known J of a plan that obeys the rules.", **_ANY)
     ] = None
-    optimum_free: Annotated[_Number, About("The largest known J of any plan.", **_ANY)] = None
+    optimum_free: Annotated[_Number, Column("The largest known J of any plan.", **_ANY)] = None
     bound_free: Annotated[
-        _Number, About("A number that J of no plan exceeds, without collision rules.", **_ANY)
+        _Number, Column("A number that J of no plan exceeds, without collision rules.", **_ANY)
     ] = None
-    bound_free_reason: Annotated[str, About("Why the search for bound_free stopped.")]
-    bound_free_limit: Annotated[str, About("The limit that stopped that search, or none.")] = "none"
-    bound_free_seconds: Annotated[_Number, About("Wall-clock time of that search.", unit="s")] = (
+    bound_free_reason: Annotated[str, Column("Why the search for bound_free stopped.")]
+    bound_free_limit: Annotated[str, Column("The limit that stopped that search, or none.")] = (
+        "none"
+    )
+    bound_free_seconds: Annotated[_Number, Column("Wall-clock time of that search.", unit="s")] = (
         None
     )
-    certificate_free: Annotated[str, About("The file that proves bound_free.")] = ""
+    certificate_free: Annotated[str, Column("The file that proves bound_free.")] = ""
 
     @classmethod
     def of_bounds(
@@ -209,11 +212,11 @@ class Row(BoundColumns, PlannedRow):
     """A row of the gap table: a plan, and what bounds all plans of its scene and seed."""
 
     gap_free: Annotated[
-        _Number, About("(bound_free - reward) / bound_free, of the same plans.", **_SHARE)
+        _Number, Column("(bound_free - reward) / bound_free, of the same plans.", **_SHARE)
     ]
-    digest: Annotated[str, About("Digest of the scene.")]
+    digest: Annotated[str, Column("Digest of the scene.")]
     starts: Annotated[
-        str | UnsetType, About("Where the drones start, if not where the seed has them.")
+        str | UnsetType, Column("Where the drones start, if not where the seed has them.")
     ] = UNSET
 
     @classmethod
@@ -265,7 +268,7 @@ class Row(BoundColumns, PlannedRow):
         return max(optimum_free - bound, 0.0) / bound_free, (bound_free - optimum) / bound_free
 
 
-COLUMNS = columns_of(Row)
+COLUMNS = Column.all_of(Row)
 
 
 def _fields(row: PlanRow | BoundColumns) -> dict[str, Any]:

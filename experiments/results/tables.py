@@ -18,7 +18,7 @@ _LARGE = 1000  # rewards from which on no decimals are shown
 AGAINST = "sequential"  # what the paper compares itself with
 
 
-def planner_table(rows: Sequence[Row]) -> Table:
+def _planner_table(rows: Sequence[Row]) -> Table:
     """Returns reward, gap, and numbers of plans that obey the rules and are best, by planner.
 
     Rewards are of all plans. Only plans that obey the rules have gaps; where not all of them do,
@@ -36,7 +36,7 @@ def planner_table(rows: Sequence[Row]) -> Table:
                 "obeys the rules": _share(len(valid), len(some)),
                 "reward, all plans": _spread(values(some, "reward")),
                 "gap (%)": _of(interval(gaps), len(gaps), len(some)),
-                "largest gap (%)": number(max(gaps, default=None), 3),
+                "largest gap (%)": _number(max(gaps, default=None), 3),
                 "gap to free (%)": interval(percent(valid, "gap_free")),
                 "proved optimal": _share(sum(row.is_optimal for row in valid), len(some)),
                 "stopped by a limit": str(sum(row.reason == Reason.STOPPED for row in some)),
@@ -46,7 +46,7 @@ def planner_table(rows: Sequence[Row]) -> Table:
     return table
 
 
-def difference_table(rows: Sequence[Row], against: str = AGAINST) -> Table:
+def _difference_table(rows: Sequence[Row], against: str = AGAINST) -> Table:
     """Returns J minus J of another planner on the same seeds, in % of the latter, by planner.
 
     Only seeds are compared on which both plans obey the rules.
@@ -78,7 +78,7 @@ def difference_table(rows: Sequence[Row], against: str = AGAINST) -> Table:
     return table
 
 
-def price_table(rows: Sequence[Row]) -> Table:
+def _price_table(rows: Sequence[Row]) -> Table:
     """Returns what collision avoidance costs at least and at most, by scene; both are certified.
 
     At least it costs what the best free plan has more than the bound under the rules, at most
@@ -93,7 +93,7 @@ def price_table(rows: Sequence[Row]) -> Table:
                 "scene": scene,
                 "at least (%)": interval([100 * low for low, _ in ends]),
                 "at most (%)": interval([100 * high for _, high in ends]),
-                "largest (%)": number(max((100 * high for _, high in ends), default=None), 3),
+                "largest (%)": _number(max((100 * high for _, high in ends), default=None), 3),
                 "bound proved best": _share(sum(row.bound_is_proved for row in first), len(first)),
                 "seeds": str(len(ends)),
             }
@@ -101,7 +101,7 @@ def price_table(rows: Sequence[Row]) -> Table:
     return table
 
 
-def time_table(rows: Sequence[Row]) -> Table:
+def _time_table(rows: Sequence[Row]) -> Table:
     """Returns shifted geometric means of seconds by scene and planner, at the end over all scenes.
 
     A run without a plan that obeys the rules counts as one that took the time it was allowed.
@@ -146,10 +146,10 @@ def _times(scene: str, rows: Sequence[Row]) -> Table:
             "planner": planner,
             "runs": str(len(some)),
             "no valid plan": str(sum(not row.valid for row in some)),
-            "shifted geometric mean (s)": number(means[planner], 3),
-            "of the fastest": number(alike[planner] / least if least > 0 else None, 1),
+            "shifted geometric mean (s)": _number(means[planner], 3),
+            "of the fastest": _number(alike[planner] / least if least > 0 else None, 1),
             "median (s)": _median(values(some, "seconds")),
-            "longest (s)": number(max(values(some, "seconds"), default=None), 3),
+            "longest (s)": _number(max(values(some, "seconds"), default=None), 3),
         }
         for planner, some in planners.items()
     ]
@@ -164,10 +164,10 @@ def all_tables(rows: Sequence[Row], against: str = AGAINST) -> dict[str, Table]:
     """Returns all tables by their titles; those that have no rows are left out."""
     planners = {row.planner for row in rows}
     tables = {
-        "Planners": planner_table(rows),
-        "Paired differences": difference_table(rows, against) if against in planners else [],
-        "Price of collision avoidance": price_table(rows),
-        "Time": time_table(rows),
+        "Planners": _planner_table(rows),
+        "Paired differences": _difference_table(rows, against) if against in planners else [],
+        "Price of collision avoidance": _price_table(rows),
+        "Time": _time_table(rows),
     }
     return {title: table for title, table in tables.items() if table}
 
@@ -201,12 +201,12 @@ def _spread(sample: Sequence[float]) -> str:
         return NONE
     found = mean(sample)
     digits = 0 if abs(found.value) >= _LARGE else 2
-    spread = "" if math.isnan(found.spread) else f" ± {number(found.spread, digits)}"
-    return number(found.value, digits) + spread
+    spread = "" if math.isnan(found.spread) else f" ± {_number(found.spread, digits)}"
+    return _number(found.value, digits) + spread
 
 
 def _median(sample: Sequence[float]) -> str:
-    return number(median(sample), 3) if sample else NONE
+    return _number(median(sample), 3) if sample else NONE
 
 
 def interval(sample: Sequence[float], digits: int = 3) -> str:
@@ -215,12 +215,12 @@ def interval(sample: Sequence[float], digits: int = 3) -> str:
         return NONE
     found = mean(sample)
     if math.isnan(found.low):
-        return number(found.value, digits)
-    low, high = number(found.low, digits), number(found.high, digits)
-    return f"{number(found.value, digits)} [{low}, {high}]"
+        return _number(found.value, digits)
+    low, high = _number(found.low, digits), _number(found.high, digits)
+    return f"{_number(found.value, digits)} [{low}, {high}]"
 
 
-def number(value: float | None, digits: int) -> str:
+def _number(value: float | None, digits: int) -> str:
     """Returns a number with so many digits, if there is one."""
     if value is None or not math.isfinite(value):
         return NONE

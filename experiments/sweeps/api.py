@@ -63,7 +63,7 @@ def gap(
 
     from cocap_opt.experiments.console.options import check_seconds, check_workers, choose
     from cocap_opt.experiments.results.judging import SOLVERS
-    from cocap_opt.experiments.sweeps.instances import Instance, Settings, default_planners
+    from cocap_opt.experiments.sweeps.instances import Instance, Settings
     from cocap_opt.experiments.sweeps.results import records
     from cocap_opt.experiments.sweeps.scenes import Scenes
     from cocap_opt.experiments.sweeps.sweep import Hired, sweep
@@ -84,10 +84,7 @@ def gap(
     settings = Settings(
         time_limit=time_limit, bound_time_limit=time_limit, work_limit=work_limit
     )  # fmt: skip
-    instances = [
-        Instance(problem, seed, planners or default_planners(problem), settings)
-        for problem, seed in problems
-    ]
+    instances = [Instance(problem, seed, planners, settings) for problem, seed in problems]
     hired = Hired(workers, None, settings.cell_limit)
     folder = None if out is None else Path(out)
     return DataFrame(records(sweep(instances, folder, hired, is_same=named.is_same, quiet=True)))

@@ -55,6 +55,36 @@ class Cluster:
         self.client, self._stop, self._limit, self._own = client, stop, cell_limit, own
         self._running: dict[Future, tuple[Task, float]] = {}
 
+    @classmethod
+    @contextmanager
+    def local(cls, workers: int, stop: Stop, cell_limit: float) -> "Iterator[Cluster]":
+        """Yields a cluster of this machine's cores: a process for each, with one thread."""
+        _silence_dask()
+        cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else [0]
+        with dask.config.set(_LOCAL), ExitStack() as stack:
+            with _interrupts_wait():
+                cluster = LocalCluster(
+                    n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None,
+                    host="127.0.0.1", scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},
+                )  # fmt: skip
+                client = stack.enter_context(Client(stack.enter_context(cluster)))
+                client.register_plugin(_Quiet(cores))
+            yield cls(client, stop, cell_limit, own=cluster)
+
+    @classmethod
+    @contextmanager
+    def existing(cls, address: str, stop: Stop, cell_limit: float) -> "Iterator[Cluster]":
+        """Yields a cluster whose scheduler is there already, with workers that can take cells."""
+        _silence_dask()
+        try:
+            client = Client(address, timeout=ANSWER)
+        except (OSError, ValueError, TimeoutError) as error:
+            raise ClusterError(f"--scheduler: {address} does not answer: {error}") from error
+        with client:
+            with _scheduler_there(client):
+                _require_usable(client)
+            yield cls(client, stop, cell_limit)
+
     def room(self) -> int:
         """Returns the number of workers without a cell."""
         with _scheduler_there(self.client):
@@ -185,22 +215,6 @@ class _Quiet(WorkerPlugin):
 
 
 @contextmanager
-def local(workers: int, stop: Stop, cell_limit: float) -> Iterator[Cluster]:
-    """Yields a cluster of this machine's cores: a process for each, with one thread."""
-    _silence_dask()
-    cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else [0]
-    with dask.config.set(_LOCAL), ExitStack() as stack:
-        with _interrupts_wait():
-            cluster = LocalCluster(
-                n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None,
-                host="127.0.0.1", scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},
-            )  # fmt: skip
-            client = stack.enter_context(Client(stack.enter_context(cluster)))
-            client.register_plugin(_Quiet(cores))
-        yield Cluster(client, stop, cell_limit, own=cluster)
-
-
-@contextmanager
 def _interrupts_wait() -> Iterator[None]:
     """Blocks Ctrl-C, which a terminal sends to all processes, until this is over.
 
@@ -215,20 +229,6 @@ def _interrupts_wait() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-@contextmanager
-def existing(address: str, stop: Stop, cell_limit: float) -> Iterator[Cluster]:
-    """Yields a cluster whose scheduler is there already, with workers that can take cells."""
-    _silence_dask()
-    try:
-        client = Client(address, timeout=ANSWER)
-    except (OSError, ValueError, TimeoutError) as error:
-        raise ClusterError(f"--scheduler: {address} does not answer: {error}") from error
-    with client:
-        with _scheduler_there(client):
-            _require_usable(client)
-        yield Cluster(client, stop, cell_limit)
 
 
 def _require_usable(client: Client) -> None:

@@ -24,7 +24,7 @@ from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.sweeps.cells import Store
 from cocap_opt.experiments.sweeps.instances import Instance, Key
 from cocap_opt.experiments.sweeps.results import RESULTS, load_results
-from cocap_opt.experiments.sweeps.run_file import Run, RunFile, rows_digest
+from cocap_opt.experiments.sweeps.run_file import Run, RunFile
 from cocap_opt.files.atomic_write import UNFINISHED
 from cocap_opt.files.documents import FileError, PlanFile, decode_document, read_bytes
 from cocap_opt.referee import check
@@ -134,7 +134,7 @@ def _of_same_code(folder: Path) -> Earlier:
     except FileError as error:
         _tell_leaving(folder, rows, f"unknown code ({error})")
         return nothing
-    if file.code != rows_digest():
+    if not file.is_of_this_code:
         _tell_leaving(folder, rows, "another version of the code")
         return nothing
     known: dict[Key, list[Row]] = {}

@@ -16,7 +16,7 @@ from cocap_opt.experiments.results.judging import (
 from cocap_opt.experiments.results.rows import OWN_STARTS, BoundColumns, PlannedRow, Row
 from cocap_opt.experiments.sweeps.cells import BOUND, Cell, CellFile, Status, Store, cells_digest
 from cocap_opt.experiments.sweeps.start import Start
-from cocap_opt.experiments.sweeps.work import Task, given_plan
+from cocap_opt.experiments.sweeps.work import Task
 from cocap_opt.files.documents import problem_digest
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import Reason, Result
@@ -38,7 +38,7 @@ class Settings(msgspec.Struct, frozen=True, kw_only=True):
         return 10 * (self.time_limit + self.bound_time_limit) + 600
 
 
-def default_planners(problem: Problem) -> list[str]:
+def _default_planners(problem: Problem) -> list[str]:
     """Returns the planners of a gap table: those of the paper, and joint where it can be run."""
     names = ["greedy", "sequential", "cocap", "cocap-vs"]
     return [*names, "joint"] if len(problem.robots) <= 2 else names
@@ -49,6 +49,7 @@ class Instance:
 
     Parameters
     ----------
+    planners : None stands for those of the paper, and joint for one or two robots
     given : plans of others by name, which get rows of their own
     own_starts : the drones start where the scene's own file says, not where the seed has them
 
@@ -66,7 +67,7 @@ class Instance:
         self,
         problem: Problem,
         seed: int,
-        planners: Sequence[str],
+        planners: Sequence[str] | None,
         settings: Settings,
         given: Mapping[str, Plan] | None = None,
         own_starts: bool = False,
@@ -80,7 +81,7 @@ class Instance:
         self.is_cut = False
         for name, plan in (given or {}).items():
             self.give(name, plan)
-        for name in planners:
+        for name in _default_planners(problem) if planners is None else planners:
             self.cells.setdefault(name, self.cell(name))
         self.asked = tuple(self.cells)
 
@@ -118,7 +119,7 @@ class Instance:
 
     def give(self, name: str, plan: Plan) -> None:
         """Takes a plan of others."""
-        self.take(given_plan(self.cell(name), self.problem, plan))
+        self.take(Task(self.cell(name), self.problem).given(plan))
 
     def plan(self, name: str) -> Plan | None:
         """Returns the plan of a planner or of others, if it is there yet."""

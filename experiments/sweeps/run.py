@@ -14,17 +14,6 @@ from cocap_opt.experiments.sweeps.work import Task
 from cocap_opt.stop import Limit, Stop
 
 
-def recall(instances: Sequence[Instance], store: Store) -> tuple[int, int]:
-    """Finds what is known already; returns how many cells are missing and how many are known."""
-    missing = known = 0
-    for instance in instances:
-        given = len(instance.contents)  # plans of others
-        instance.recall(store)
-        known += len(instance.contents) - given
-        missing += len(instance.cells) + 1 - len(instance.contents)
-    return missing, known
-
-
 def run(
     instances: Sequence[Instance],
     crew: Crew,

@@ -28,13 +28,13 @@ RUN = "run.json"
 
 
 @cache
-def rows_digest() -> str:
+def _rows_digest() -> str:
     """Returns the digest of the code that rows depend on: that of cells, and of built-in scenes."""
     parts = cells_digest() + code_digest("cocap_opt.scenarios")
     return hashlib.sha256(parts.encode()).hexdigest()
 
 
-class OldSettings(msgspec.Struct, frozen=True, kw_only=True):
+class _OldSettings(msgspec.Struct, frozen=True, kw_only=True):
     """The limits that all rows of a folder had in version 2, which were no columns then."""
 
     limit: float  # s, for each planner
@@ -78,7 +78,7 @@ class RunFile(Document, frozen=True, kw_only=True):
 
     format: Literal["cocap-opt run"] = "cocap-opt run"
     version: Literal[2, 3] = 3
-    settings: OldSettings | None = None  # of version 2
+    settings: _OldSettings | None = None  # of version 2
     code: str  # digest of what rows depend on, scenes included
     runs: list[Run]
 
@@ -94,12 +94,17 @@ class RunFile(Document, frozen=True, kw_only=True):
         path = folder / RUN
         return decode_document(read_bytes(path), str(path), cls)
 
+    @property
+    def is_of_this_code(self) -> bool:
+        """The code that made the results does the same as this one."""
+        return self.code == _rows_digest()
+
     @classmethod
     def save(cls, folder: Path, before: Sequence[Run], run: Run) -> None:
         """Writes the file. A run that is there already, but for its time, stays as it was."""
         again = any(msgspec.structs.replace(known, began=run.began) == run for known in before)
         runs = [*before] if again else [*before, run]
-        save_bytes(folder / RUN, encode(cls(code=rows_digest(), runs=runs)))
+        save_bytes(folder / RUN, encode(cls(code=_rows_digest(), runs=runs)))
 
 
 def _program() -> list[str]:

@@ -14,7 +14,7 @@ from cocap_opt.experiments.sweeps.crew import Alone, Crew
 from cocap_opt.experiments.sweeps.folder import Earlier, IsSame, only_writer
 from cocap_opt.experiments.sweeps.instances import Instance, Key
 from cocap_opt.experiments.sweeps.output import Output
-from cocap_opt.experiments.sweeps.run import recall, run
+from cocap_opt.experiments.sweeps.run import run
 from cocap_opt.experiments.sweeps.run_file import Run
 from cocap_opt.stop import Stop, catch_interrupt
 
@@ -90,7 +90,7 @@ def _sweep(
     scenes = list(dict.fromkeys(instance.problem.name for instance in instances))
     seeds = sorted({instance.seed for instance in instances})
     output = Output(folder, instances, before, partial(Run.now, scenes, seeds, hired.words))
-    missing, known = recall(instances, store)
+    missing, known = _recalled(instances, store)
     if known:
         tell(f"{known} of {known + missing} cells are in {folder} already")
     for instance in instances:
@@ -118,6 +118,17 @@ def _sweep(
     return rows
 
 
+def _recalled(instances: Sequence[Instance], store: Store) -> tuple[int, int]:
+    """Finds what is known already; returns how many cells are missing and how many are known."""
+    missing = known = 0
+    for instance in instances:
+        given = len(instance.contents)  # plans of others
+        instance.recall(store)
+        known += len(instance.contents) - given
+        missing += len(instance.cells) + 1 - len(instance.contents)
+    return missing, known
+
+
 def _tell_failure(content: CellFile, store: Store, tell: Callable[[str], None]) -> None:
     """Says why a cell has no result, and where the traceback of an error is."""
     if content.is_finished:
@@ -132,12 +143,12 @@ def _crew(hired: Hired, stop: Stop, watch: Watch) -> Iterator[Crew]:
     if hired.scheduler is None and hired.workers is None:
         yield Alone(stop, watch)
         return
-    from cocap_opt.experiments.sweeps.cluster import existing, local  # dask is slow to import
+    from cocap_opt.experiments.sweeps.cluster import Cluster  # dask is slow to import
 
     if hired.scheduler is not None:
-        with existing(hired.scheduler, stop, hired.cell_limit) as cluster:
+        with Cluster.existing(hired.scheduler, stop, hired.cell_limit) as cluster:
             yield cluster
     else:
         assert hired.workers is not None
-        with local(hired.workers, stop, hired.cell_limit) as cluster:
+        with Cluster.local(hired.workers, stop, hired.cell_limit) as cluster:
             yield cluster

@@ -12,16 +12,10 @@ from scipy import stats
 
 from cocap_opt.experiments.cli import commands
 from cocap_opt.experiments.cli.result_commands import DOCUMENT_STYLES
-from cocap_opt.experiments.results.columns import About, columns_of
+from cocap_opt.experiments.results.columns import Column
 from cocap_opt.experiments.results.rows import COLUMNS, Row
 from cocap_opt.experiments.results.statistics import mean, shifted_geometric_mean
-from cocap_opt.experiments.results.tables import (
-    all_tables,
-    difference_table,
-    planner_table,
-    price_table,
-    time_table,
-)
+from cocap_opt.experiments.results.tables import all_tables
 from cocap_opt.experiments.sweeps.results import load_results
 from cocap_opt.files.documents import FileError
 
@@ -78,7 +72,7 @@ ROWS = [
 
 def test_planners_are_judged_by_plans_that_obey_the_rules() -> None:
     """A plan with conflicts has no gap and is not optimal; its reward is a reward."""
-    sequential, cocap = planner_table(ROWS)
+    sequential, cocap = all_tables(ROWS)["Planners"]
     assert (sequential["obeys the rules"], cocap["obeys the rules"]) == ("2 of 3", "2 of 3")
     assert (sequential["proved optimal"], cocap["proved optimal"]) == ("0 of 3", "1 of 3")
     assert sequential["reward, all plans"] == "85.00 ± 7.07"
@@ -88,7 +82,7 @@ def test_planners_are_judged_by_plans_that_obey_the_rules() -> None:
 
 def test_differences_are_paired() -> None:
     """Only seeds count on which both plans obey the rules."""
-    (cocap,) = difference_table(ROWS)
+    (cocap,) = all_tables(ROWS)["Paired differences"]
     percent = mean([25.0, 0.0])
     expected = f"12.500 [{percent.low:.3f}, {percent.high:.3f}]"
     assert cocap["against sequential (%)"] == expected
@@ -97,16 +91,16 @@ def test_differences_are_paired() -> None:
 
 def test_the_price_has_two_certified_ends() -> None:
     """At least (109 - 100) / 110, at most (110 - 100) / 110, of each seed once."""
-    (only,) = price_table(ROWS)
+    (only,) = all_tables(ROWS)["Price of collision avoidance"]
     assert only["at least (%)"].startswith("8.182") and only["at most (%)"].startswith("9.091")
     assert (only["seeds"], only["bound proved best"]) == ("3", "3 of 3")
 
 
 def test_a_run_without_a_plan_counts_as_its_own_time_limit() -> None:
     """In the shifted geometric mean, but not in the median of what was measured."""
-    (only,) = time_table([row("cocap", 0, None, seconds=1.0, time_limit=7.0)])
+    (only,) = all_tables([row("cocap", 0, None, seconds=1.0, time_limit=7.0)])["Time"]
     assert only["shifted geometric mean (s)"] == "7.000"
-    sequential, cocap = time_table(ROWS)
+    sequential, cocap = all_tables(ROWS)["Time"]
     expected = shifted_geometric_mean([1.0, 1.0, 60.0])
     assert sequential["shifted geometric mean (s)"] == f"{expected:.3f}"
     assert (sequential["median (s)"], cocap["longest (s)"]) == ("1.000", "3.000")
@@ -118,16 +112,16 @@ def test_times_are_compared_on_the_same_runs() -> None:
     hard = [row("cocap", seed, 90.0, scene="hard", seconds=100.0) for seed in range(3)]
     easy = [row("joint", seed, 100.0, scene="easy", seconds=4.0) for seed in range(3)]
     easy += [row("cocap", seed, 90.0, scene="easy", seconds=1.0) for seed in range(3)]
-    table = time_table(hard + easy)
+    table = all_tables(hard + easy)["Time"]
     found = {(r["scene"], r["planner"]): r["of the fastest"] for r in table}
     assert found == {
         ("hard", "cocap"): "1.0", ("easy", "joint"): "4.0", ("easy", "cocap"): "1.0",
         ("all", "cocap"): "1.0",
     }  # fmt: skip
     ragged = [row("cocap", seed, 90.0, seconds=100.0 * seed + 1) for seed in range(3)]
-    cocap, joint = time_table([*ragged, row("joint", 0, 90.0, seconds=2.0)])
+    cocap, joint = all_tables([*ragged, row("joint", 0, 90.0, seconds=2.0)])["Time"]
     assert (cocap["of the fastest"], joint["of the fastest"]) == ("1.0", "2.0")
-    cocap, joint = time_table([*ragged, row("joint", 7, 90.0)])
+    cocap, joint = all_tables([*ragged, row("joint", 7, 90.0)])["Time"]
     assert (cocap["of the fastest"], joint["of the fastest"]) == ("-", "-")
 
 
@@ -138,7 +132,7 @@ def test_only_runs_are_timed() -> None:
         row("theirs", 0, 90.0, seconds=None), row("joint", 0, None, seconds=None,
                                                   reason="unsupported"),
     ]  # fmt: skip
-    (cocap,) = time_table(rows)
+    (cocap,) = all_tables(rows)["Time"]
     assert (cocap["runs"], cocap["no valid plan"], cocap["longest (s)"]) == ("2", "1", "1.000")
     expected = shifted_geometric_mean([1.0, 60.0])
     assert cocap["shifted geometric mean (s)"] == f"{expected:.3f}"
@@ -196,10 +190,10 @@ def test_the_command_makes_tables(results: Path, capsys: pytest.CaptureFixture[s
 
 def test_every_column_says_what_it_means() -> None:
     """One statement has type, unit, range and meaning; the header of results.csv follows it."""
-    assert columns_of(Row) == COLUMNS
+    assert Column.all_of(Row) == COLUMNS
     for name, column in COLUMNS.items():
         assert column.name == name and column.kind in (int, float, str)
-        assert column.about.meaning.endswith(".") and column.about.least <= column.about.most
+        assert column.meaning.endswith(".") and column.least <= column.most
         assert not column.is_optional or column.kind is not str or name in ("planner", "method")
     assert [name for name, c in COLUMNS.items() if c.is_extra] == ["reward_rendered", "starts"]
 
@@ -211,7 +205,6 @@ def test_a_column_reads_what_is_written() -> None:
     assert COLUMNS["gap"].parse("", "gap") is None
     with pytest.raises(FileError, match="robots: must be a number, not ''"):
         COLUMNS["robots"].parse("", "robots")
-    assert About("Something.").least == 0
 
 
 def test_results_of_earlier_versions_are_read(results: Path, tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from cocap_opt.experiments.results.documents import markdown
 from cocap_opt.experiments.results.files import save_bytes
 from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.results.statistics import mean
-from cocap_opt.experiments.results.tables import Table, planner_table, price_table, values
+from cocap_opt.experiments.results.tables import Table, all_tables, values
 from cocap_opt.experiments.studies.paper.answers import SOURCE, answers_of, giving_row
 from cocap_opt.experiments.studies.paper.figures import (
     curves_figure,
@@ -40,7 +40,7 @@ def reproduce(
     limit: float,
     workers: int | None,
 ) -> bool:
-    """Compute what is missing, and write paper.md and its figures.
+    """Computes what is missing, and writes paper.md and its figures.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def _write(
     limit: float,
     missing: int,
 ) -> None:
-    """Write the page and its figures from the instances that are whole."""
+    """Writes the page and its figures from the instances that are whole."""
     giving, found = _giving_way(instances)
     example = most_generous(found["cocap"])
     figures = {"curves.png": png(curves_figure(_curves(instances)))}
@@ -105,7 +105,7 @@ def _swept(folder: Path, instances: Sequence[Instance], workers: int | None) -> 
 
 
 def _curves(instances: Sequence[Instance]) -> dict[str, dict[str, list[Sequence[float]]]]:
-    """Reward per step by scene and planner, a curve per seed."""
+    """Returns the reward per step by scene and planner, a curve per seed."""
     curves: dict[str, dict[str, list[Sequence[float]]]] = {}
     for instance in instances:
         planners = curves.setdefault(instance.problem.name, {name: [] for name in _PLANNERS})
@@ -116,7 +116,7 @@ def _curves(instances: Sequence[Instance]) -> dict[str, dict[str, list[Sequence[
 
 
 def _giving_way(instances: Sequence[Instance]) -> tuple[Table, dict[str, list[Encounter]]]:
-    """Encounters by planner, over all scenes, and their table."""
+    """Returns the encounters by planner, over all scenes, and their table."""
     found: dict[str, list[Encounter]] = {"sequential": [], "cocap": []}
     for instance in instances:
         unconstrained = instance.plan("greedy")
@@ -128,7 +128,7 @@ def _giving_way(instances: Sequence[Instance]) -> tuple[Table, dict[str, list[En
 
 
 def _example(instances: Sequence[Instance], example: Encounter) -> bytes:
-    """Picture of an encounter in the plans of three planners."""
+    """Returns the picture of an encounter in the plans of three planners."""
     where = (example.scene, example.seed)
     instance = next(one for one in instances if one.key == where)
     plans = {name: instance.plan(name) for name in ("greedy", "sequential", "cocap")}
@@ -137,7 +137,7 @@ def _example(instances: Sequence[Instance], example: Encounter) -> bytes:
 
 
 def _points(rows: Sequence[Row], sizes: Sequence[int]) -> dict[str, list[tuple[int, float, float]]]:
-    """Per planner and team size: median seconds, and mean reward in % of the free bound.
+    """Returns median seconds and mean reward (% of the free bound) per planner and team size.
 
     That bound holds for plans with conflicts, too, so that all seeds count for every planner
     that has a plan on each.
@@ -158,7 +158,7 @@ def _points(rows: Sequence[Row], sizes: Sequence[int]) -> dict[str, list[tuple[i
 
 
 def _coverage_seconds(problem: Problem) -> float:
-    """Seconds that the coverage of all states takes on one thread, the median of three."""
+    """Returns the seconds that coverage of all states takes on one thread, a median of three."""
     return median(_timed(Model(problem, use_cache=False)) for _ in range(3))
 
 
@@ -176,7 +176,7 @@ def _page(
     limit: float,
     missing: int,
 ) -> str:
-    """The page in Markdown."""
+    """Returns the page in Markdown."""
     scenes = answers_of(rows)
     comparison = [row for answers in scenes for row in answers.comparison()]
     questions: Mapping[str, list[str]] = {
@@ -200,16 +200,17 @@ def _page(
     parts.append("## Reward per step\n\n![Reward per step](curves.png)\n")
     parts.append(markdown({"Who gives way": giving}))
     parts.append(_story(example))
-    parts.append(markdown({"Planners": planner_table(rows), "Price": price_table(rows)}))
+    tables = all_tables(rows)
+    parts.append(markdown({"Planners": tables["Planners"], "Price": tables["Price of collision avoidance"]}))
     if team_rows:
         parts.append("## Scaling\n\n![Time and reward against team size](scaling.png)\n")
         parts.append("".join(f"- {a.scaling(limit)}\n" for a in answers_of(team_rows)))
-        parts.append(markdown({"Team sizes": planner_table(team_rows)}))
+        parts.append(markdown({"Team sizes": all_tables(team_rows)["Planners"]}))
     return "\n".join(parts)
 
 
 def _story(example: Encounter | None) -> str:
-    """Sentences about the encounter in which most is given up."""
+    """Returns the sentences about the encounter in which most is given up."""
     if example is None:
         return "No earlier drone gave up any of its own reward in these scenes.\n"
     i, k = example.robots
