@@ -5,12 +5,12 @@ from importlib.resources import files
 
 
 def part(name: str) -> str:
-    """Return the text of a file."""
+    """Returns the text of a file."""
     return (files("cocap_opt.experiments.report") / "page" / name).read_text(encoding="utf-8")
 
 
 def filled(name: str, parts: Mapping[str, str]) -> str:
-    """Return the text of a file in which parts have taken the places of their @names@.
+    """Returns the text of a file in which parts have taken the places of their @names@.
 
     A part may hold anything, @ included.
     """

@@ -95,7 +95,7 @@ def _run(problem: Problem, discount: Discount, seconds: float) -> Result:
 
 
 def _reachable(problem: Problem) -> int:
-    """Number of states, over all steps that count, whose views some robot can have."""
+    """Returns the number of states, over all steps that count, whose views some robot can have."""
     model = compiled(problem)
     first = problem.first_step
     return sum(int(np.count_nonzero(model.reachable(c)[first:])) for c in model.classes)

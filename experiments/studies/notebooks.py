@@ -25,7 +25,7 @@ _METADATA = {
 
 
 def store_notebooks(names: Sequence[str]) -> None:
-    """Run notebooks and store them; a notebook of which a cell fails is left as it is.
+    """Runs notebooks and stores them; a notebook of which a cell fails is left as it is.
 
     Parameters
     ----------
@@ -55,12 +55,12 @@ class Notebook:
         self.path = path
 
     def content(self) -> NotebookNode:
-        """Read the notebook."""
+        """Reads the notebook."""
         notebook: NotebookNode = nbformat.read(self.path, as_version=4)
         return notebook
 
     def executed(self) -> NotebookNode:
-        """Run the notebook in a process of its own, in a folder that is removed afterwards.
+        """Runs the notebook in a process of its own, in a folder that is removed afterwards.
 
         Raises
         ------
@@ -79,7 +79,7 @@ class Notebook:
         return notebook
 
     def store(self) -> None:
-        """Run the notebook and write it with its outputs."""
+        """Runs the notebook and writes it with its outputs."""
         notebook = self.executed()
         notebook.metadata = nbformat.from_dict({**_METADATA, "ran": self.digest(notebook)})
         for cell in notebook.cells:
@@ -94,5 +94,5 @@ class Notebook:
 
 
 def notebooks() -> list[Notebook]:
-    """All notebooks."""
+    """Returns all notebooks."""
     return [Notebook(path) for path in sorted(_FOLDER.glob("*.ipynb"))]

@@ -38,7 +38,7 @@ class _Programs(NamedTuple):
 
 
 def write_pictures(folder: Path) -> None:
-    """Write player.html, which plays two plans of the bottleneck, and its picture player.png.
+    """Writes player.html, which plays two plans of the bottleneck, and its picture player.png.
 
     Raises
     ------
@@ -56,7 +56,7 @@ def write_pictures(folder: Path) -> None:
 
 
 def has_browser() -> bool:
-    """True if the browser and its driver are installed."""
+    """Returns True if the browser and its driver are installed."""
     return _programs() is not None
 
 
@@ -69,7 +69,7 @@ def _programs() -> _Programs | None:
 def opened(
     page: Path, size: tuple[int, int] = _SIZE, ready: str = PLAYER_IS_READY
 ) -> Iterator[webdriver.Chrome]:
-    """Open a page in a browser of its own that cannot reach any network.
+    """Opens a page in a browser of its own that cannot reach any network.
 
     Parameters
     ----------
@@ -101,14 +101,14 @@ def opened(
 
 
 def resize(driver: webdriver.Chrome, size: tuple[int, int]) -> None:
-    """Give the page a size (px)."""
+    """Gives the page a size (px)."""
     width, height = size
     screen = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
     driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", screen)
 
 
 def go_to(driver: webdriver.Chrome, step: int) -> None:
-    """Put the slider to a step, and wait until the page has drawn it."""
+    """Puts the slider to a step, and waits until the page has drawn it."""
     slide = (
         "const [step, done] = arguments, slider = document.getElementById('slider');"
         "slider.value = step; slider.dispatchEvent(new Event('input'));"

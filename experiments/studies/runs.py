@@ -85,7 +85,7 @@ class Run:
         return self.seconds if self.reason is Reason.OPTIMAL else math.inf
 
     def gap_after(self, seconds: float) -> float:
-        """Certified relative gap that was reached within this time."""
+        """Returns the certified relative gap that was reached within some seconds."""
         if seconds >= self.seconds:
             return self.gap
         before = [moment for moment in self.moments if moment.seconds <= seconds]
@@ -93,7 +93,7 @@ class Run:
         return relative_gap(value, min((moment.bound for moment in before), default=math.inf))
 
     def seconds_to_gap(self, gap: float) -> float:
-        """Seconds until the relative gap was at most this; infinite if it never was."""
+        """Returns the seconds until the relative gap was at most this; infinite if it never was."""
         value, bound = -math.inf, math.inf
         for moment in self.moments:
             value, bound = max(value, moment.value), min(bound, moment.bound)
@@ -102,19 +102,19 @@ class Run:
         return self.seconds if self.gap <= gap else math.inf
 
     def seconds_to_bound(self, bound: float) -> float:
-        """Seconds until the bound was at most this; infinite if it never was."""
+        """Returns the seconds until the bound was at most this; infinite if it never was."""
         first = (moment.seconds for moment in self.moments if moment.bound <= bound)
         return next(first, self.seconds if self.bound <= bound else math.inf)
 
 
 def scene(name_or_path: str, seed: int, horizon: int | None = None) -> Problem:
-    """Build a scene; with a horizon, cut off after so many steps."""
+    """Builds a scene; with a horizon, cut off after so many steps."""
     problem = load_scene(name_or_path, seed)
     return problem if horizon is None else problem.replace(horizon=horizon)
 
 
 def run(build: Build, method: BoundMethod, seconds: float) -> Run:
-    """Run a method with a time limit in a process of its own.
+    """Runs a method with a time limit in a process of its own.
 
     Raises
     ------
@@ -144,7 +144,7 @@ def run(build: Build, method: BoundMethod, seconds: float) -> Run:
 
 
 def measured(build: Build, method: BoundMethod, seconds: float) -> Run:
-    """Run a method with a time limit in this process."""
+    """Runs a method with a time limit in this process."""
     # Methods import some libraries only once they need them: that is not to be counted either.
     method(_prepared(partial(scene, "corridor", 0, 2)), TimeLimit(_WARM_UP_SECONDS))
     branch_and_price(_prepared(partial(scene, "bottleneck", 0, 4)), TimeLimit(_WARM_UP_SECONDS))
@@ -183,7 +183,7 @@ def _send(sender: Connection, build: Build, method: BoundMethod, seconds: float)
 
 
 def _end_with_parent() -> None:
-    """End this process once its parent has been killed."""
+    """Ends this process once its parent has been killed."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         wait([parent.sentinel])
@@ -191,7 +191,7 @@ def _end_with_parent() -> None:
 
 
 def _prepared(build: Build) -> Problem:
-    """Build a problem and compute its coverage."""
+    """Builds a problem and computes its coverage."""
     problem = build()
     compiled(problem).prepare_all(never)
     return problem
@@ -199,7 +199,7 @@ def _prepared(build: Build) -> Problem:
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Limit the libraries of processes that are started meanwhile to one thread."""
+    """Limits the libraries of processes that are started meanwhile to one thread."""
     before = {name: os.environ.get(name) for name in _THREADS}
     os.environ.update(dict.fromkeys(_THREADS, "1"))
     try:

@@ -19,6 +19,7 @@ from typing import NamedTuple
 from rich.console import Console
 from rich.table import Table
 
+from cocap_opt.graph.value_iteration import backward_sweep
 from cocap_opt.model import Model, compiled
 from cocap_opt.objective import marginal_reward, no_pixels
 from cocap_opt.planners import PLANNERS
@@ -51,7 +52,7 @@ class _Figure(NamedTuple):
 
 
 def speed() -> None:
-    """Measure and print all figures."""
+    """Measures and prints all figures."""
     os.chdir(Path(__file__).parents[2])  # for the programs that are started
     table = Table("figure", "measured", "target", title="speed (medians; one thread)")
     for measure in _MEASURES:
@@ -63,20 +64,20 @@ def speed() -> None:
 
 
 def _value_iteration() -> list[_Figure]:
-    """Compare a backward sweep on the corridor with copying its reward array."""
+    """Compares a backward sweep on the corridor with copying its reward array."""
     model = compiled(load_scene("corridor", 0))
     robot_class = model.classes[0]
     reward = marginal_reward(model, robot_class, no_pixels(model.problem))
     # In turns, so that both meet the same noise.
     ratios = [
-        _seconds(lambda: robot_class.graph.backward_sweep(reward), 50) / _seconds(reward.copy, 50)
+        _seconds(lambda: backward_sweep(robot_class.graph, reward), 50) / _seconds(reward.copy, 50)
         for _ in range(11)
     ]
     return [_Figure("value iteration / copying the reward array", median(ratios), "x", "< 20")]
 
 
 def _coverage() -> list[_Figure]:
-    """Measure the coverage of all reachable states of the corridor, without the cache."""
+    """Measures the coverage of all reachable states of the corridor, without the cache."""
     problem = load_scene("corridor", 0)
 
     def run() -> None:
@@ -87,7 +88,7 @@ def _coverage() -> list[_Figure]:
 
 
 def _joint() -> list[_Figure]:
-    """Measure joint value iteration on the corridor in a process of its own, for its memory."""
+    """Measures joint value iteration on the corridor in a process of its own, for its memory."""
     runs = [json.loads(_run_python(_JOINT)) for _ in range(3)]
     seconds, gigabytes = (median(column) for column in zip(*runs, strict=True))
     return [
@@ -97,7 +98,7 @@ def _joint() -> list[_Figure]:
 
 
 def _cocap() -> list[_Figure]:
-    """Compare CoCap with value iteration and sequential planning on the bottleneck."""
+    """Compares CoCap with value iteration and sequential planning on the bottleneck."""
     ratios = []
     for seed in _SEEDS:
         problem = load_scene("bottleneck", seed)
@@ -114,7 +115,7 @@ def _cocap() -> list[_Figure]:
 
 
 def _command_line() -> list[_Figure]:
-    """Measure importing the command line, and the corridor's gap table."""
+    """Measures importing the command line, and the corridor's gap table."""
     imports, bare, warm = (
         _seconds(partial(_run_python, program), repeats)
         for program, repeats in (
@@ -138,7 +139,7 @@ _MEASURES = (_value_iteration, _coverage, _joint, _cocap, _command_line)
 
 
 def _seconds(run: Callable[[], object], repeats: int) -> float:
-    """Median wall time of a call, after one call that is not counted."""
+    """Returns the median wall time of a call, after one call that is not counted."""
     run()
     times = []
     for _ in range(repeats):
@@ -149,7 +150,7 @@ def _seconds(run: Callable[[], object], repeats: int) -> float:
 
 
 def _run_python(code: str, **environment: str) -> bytes:
-    """Run a Python program in a process of its own; returns its output."""
+    """Runs a Python program in a process of its own; returns its output."""
     command = [sys.executable, "-c", code]
     variables = os.environ | environment
     return subprocess.run(command, check=True, capture_output=True, env=variables).stdout

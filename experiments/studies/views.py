@@ -44,7 +44,7 @@ _COLOURS = ("#30638e", "#d1495b", "#edae49", "#4c956c", "#6a4c93")
 def views(
     scenes: Sequence[str], poses: int, samples: Sequence[int], out: Path | None = None
 ) -> None:
-    """Measure, print, and write the table (views.csv) and the figure (views.png).
+    """Measures, prints, and writes the table (views.csv) and the figure (views.png).
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def views(
 
 
 def _random_poses(problem: Problem, count: int) -> list[Pose]:
-    """Poses of random robots at random steps, from which some face is in view."""
+    """Returns the poses of random robots at random steps, from which some face is in view."""
     rng, model = np.random.default_rng(_SEED), Model(problem)
     poses = []
     for robot in rng.integers(len(problem.robots), size=count).tolist():
@@ -92,7 +92,7 @@ def _random_poses(problem: Problem, count: int) -> list[Pose]:
 
 
 def _planned(model: Model, poses: Sequence[Pose]) -> dict[Pose, FloatArray]:
-    """Planned coverage [F] of each pose, px/m2."""
+    """Returns the planned coverage [F] of each pose, px/m2."""
     found = {}
     for pose in poses:
         robot_class = model.class_of[pose.robot]
@@ -102,7 +102,7 @@ def _planned(model: Model, poses: Sequence[Pose]) -> dict[Pose, FloatArray]:
 
 
 def _told(scene: str) -> Callable[[int, int], None]:
-    """Make a function that prints now and then how many views are rendered."""
+    """Makes a function that prints now and then how many views are rendered."""
     clock = Clock()
 
     def tell(done: int, total: int) -> None:
@@ -118,7 +118,7 @@ def _told(scene: str) -> Callable[[int, int], None]:
 
 
 def _figure(rows: Sequence[Record]) -> Figure:
-    """Errors against seconds of coverage, a panel for faces in full view and for hidden ones."""
+    """Draws errors against seconds of coverage, a panel for each kind of faces."""
     figure = Figure(figsize=(9, 3.8), layout="constrained", dpi=130)
     for ax, (key, title) in zip(figure.subplots(1, 2), _PANELS.items(), strict=True):
         _draw_errors(ax, rows, key)
@@ -130,7 +130,7 @@ def _figure(rows: Sequence[Record]) -> Figure:
 
 
 def _draw_errors(ax: Axes, rows: Sequence[Record], key: str) -> Axes:
-    """Draw a line per scene, a point per number of samples."""
+    """Draws a line per scene, a point per number of samples."""
     scenes = list(dict.fromkeys(row["scene"] for row in rows))
     for scene, colour in zip(scenes, _COLOURS, strict=False):
         own = [row for row in rows if row["scene"] == scene and row[key] is not None]

@@ -35,14 +35,14 @@ HILL, _WIDE, _ROUGH = 8.0, 90.0, 0.3  # m: height and width of hills, roughness 
 
 
 def above_roofs(problem: Problem) -> Problem:
-    """Make the same scene with all drones higher than everything."""
+    """Makes the same scene with all drones higher than everything."""
     flights = [robot.motion.replace(layers=(_ABOVE_ROOFS,)) for robot in problem.robots]
     robots = zip(problem.robots, flights, strict=True)
     return problem.replace(robots=tuple(r.replace(motion=motion) for r, motion in robots))
 
 
 def on_hills(problem: Problem) -> Problem:
-    """Make the same scene on hills: people stand on them, drones keep their height above them."""
+    """Makes the same scene on hills: people stand on them, drones keep their height above them."""
     flat, rng = problem.height_map, np.random.default_rng(_SEED)
     x, y = np.indices(flat.shape) * (2 * np.pi * flat.resolution / _WIDE)
     ground = HILL * np.sin(x) * np.cos(y) + _ROUGH * rng.random(flat.shape)
@@ -71,7 +71,7 @@ SCENES: dict[str, tuple[Callable[..., Problem], Callable[[Problem], Problem]]] =
 
 
 def coverage(robots: Sequence[int], steps: int = STEPS, out: Path | None = None) -> None:
-    """Measure, print, and write the table (coverage.csv).
+    """Measures, prints, and writes the table (coverage.csv).
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def coverage(robots: Sequence[int], steps: int = STEPS, out: Path | None = None)
 
 
 def _row(build: Build, change: Callable[[Problem], Problem]) -> Record:
-    """Compute the coverage of a problem with one robot class; returns what it cost."""
+    """Computes the coverage of a problem with one robot class; returns what it cost."""
     problem = change(build())
     model = Model(problem, use_cache=False)
     (robot_class,) = model.classes
@@ -121,7 +121,7 @@ def _row(build: Build, change: Callable[[Problem], Problem]) -> Record:
 
 
 def _microseconds(model: Model, robot_class: RobotClass, reachable: BoolArray, n: int) -> float:
-    """Median time (us) of a state when n states of near places are asked for at once."""
+    """Returns the median time (us) of a state when n states of near places are asked for."""
     rng, views = np.random.default_rng(_SEED), model.views(robot_class)
     times = []
     for _ in range(_REPEATS):

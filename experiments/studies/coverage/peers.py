@@ -32,7 +32,7 @@ class _Difference(NamedTuple):
 
 
 def peers(scene: Path, coverage: Path, states: int) -> None:
-    """Print how far planned and rendered coverage are from theirs.
+    """Prints how far planned and rendered coverage are from theirs.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def peers(scene: Path, coverage: Path, states: int) -> None:
 def _differences(
     problem: Problem, theirs: dict[tuple[int, State], FloatArray], most: int
 ) -> tuple[list[_Difference], dict[str, float]]:
-    """Compare at most so many random states; returns the differences, and sums of px/m2 by name."""
+    """Compares some random states; returns the differences, and sums of px/m2 by name."""
     model, renderer = Model(problem), Renderer(problem, _THEIR_STEP)
     robot, robot_class = problem.robots[0], model.class_of[0]
     reached = robot_class.graph.reachable([model.start(0)], problem.horizon)

@@ -18,7 +18,7 @@ PACE = 1.0  # m per step
 
 
 def town(seed: int, robots: int, actors: int, cells: int, steps: int, resolution: float) -> Problem:
-    """Build a square town whose houses, walks and starts are chosen by the seed.
+    """Builds a square town whose houses, walks and starts are chosen by the seed.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def town(seed: int, robots: int, actors: int, cells: int, steps: int, resolution
 
 
 def _blocks(length: float, rng: np.random.Generator) -> FloatArray:
-    """Middles (m) of the parallel streets along one side of the town, the edges included."""
+    """Returns the middles (m) of the parallel streets along one side of the town."""
     middles = [_STREET / 2]
     while middles[-1] + _STREET + HOUSE[1] < length:
         middles.append(middles[-1] + _STREET + rng.uniform(*HOUSE))
@@ -51,13 +51,13 @@ def _blocks(length: float, rng: np.random.Generator) -> FloatArray:
 
 
 def _inside(x: NDArray[np.floating], left: float, right: float) -> BoolArray:
-    """True where a house stands between two streets."""
+    """Returns True where a house stands between two streets."""
     result: BoolArray = (x > left + _STREET / 2) & (x < right - _STREET / 2)
     return result
 
 
 def _walker(ends: list[FloatArray], steps: int, rng: np.random.Generator) -> Actor:
-    """Make a person who walks around a block, along the middles of its streets."""
+    """Makes a person who walks around a block, along the middles of its streets."""
     (left, right), (low, high) = (
         middles[k : k + 2] for middles, k in ((m, int(rng.integers(len(m) - 1))) for m in ends)
     )
@@ -72,7 +72,7 @@ def _walker(ends: list[FloatArray], steps: int, rng: np.random.Generator) -> Act
 
 
 def _spread(count: int, free: BoolArray) -> tuple[Robot, ...]:
-    """Put robots on the free cells that are nearest to points spread evenly over the map."""
+    """Puts robots on the free cells that are nearest to points spread evenly over the map."""
     cells = np.argwhere(free)
     columns = max(int(np.ceil(np.sqrt(count))), 1)
     rows = -(-count // columns)

@@ -29,7 +29,7 @@ _LABELS = {
 
 
 def growth_figure(points: Sequence[Point], limit: float) -> Figure:
-    """Seconds and gap against drones, steps and cells, on logarithmic axes.
+    """Draws seconds and gap against drones, steps and cells, on logarithmic axes.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def growth_figure(points: Sequence[Point], limit: float) -> Figure:
 
 
 def _draw_seconds(ax: Axes, points: Sequence[Point], limit: float) -> Axes:
-    """Draw the time to the end and to a small gap; the limit as a line."""
+    """Draws the time to the end and to a small gap; the limit as a line."""
     ax.axhline(limit, color="grey", lw=0.8, ls=":")
     ax.annotate(f"limit {limit:g} s", (0.01, limit), xycoords=("axes fraction", "data"),
                 fontsize=8, color="grey", va="bottom")  # fmt: skip
@@ -64,7 +64,7 @@ def _draw_seconds(ax: Axes, points: Sequence[Point], limit: float) -> Axes:
 
 
 def _draw_gaps(ax: Axes, points: Sequence[Point]) -> Axes:
-    """Draw the certified gap at the end or at the limit."""
+    """Draws the certified gap at the end or at the limit."""
     name = "gap at the end or the limit"
     _draw_measure(ax, points, MEASURES["gap_percent"], name, _GAP_COLOUR, "o")
     return _finish(ax, spoilt=False)
@@ -78,7 +78,7 @@ def _draw_measure(
     colour: str,
     marker: str,
 ) -> Axes:
-    """Draw medians against sizes, hollow where the limit stopped a run, and the fit dashed."""
+    """Draws medians against sizes, hollow where the limit stopped a run, and the fit dashed."""
     shown = [(p, median(measure.of(p))) for p in points]
     shown = [(p, value) for p, value in shown if math.isfinite(value)]
     line = measure.fit(points)

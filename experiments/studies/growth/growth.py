@@ -30,7 +30,7 @@ from cocap_opt.scenarios.built_in.field import field
 def growth(
     sizes: Mapping[str, Sequence[int]], seeds: Sequence[int], limit: float, out: Path | None = None
 ) -> bool:
-    """Measure, print, and write the table (growth.csv) and the figure (growth.png).
+    """Measures, prints, and writes the table (growth.csv) and the figure (growth.png).
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def growth(
 
 
 def _table(points: Sequence[Point], limit: float) -> list[Record]:
-    """Rows of the CSV file: medians per size, and the exponents of each axis so far."""
+    """Returns the rows of the CSV file: medians per size, and the exponents of each axis so far."""
     return [
         {
             "axis": point.axis, "size": point.size, **point.field._asdict(),
@@ -88,7 +88,7 @@ def _on_axis(points: Sequence[Point], axis: str) -> list[Point]:
 
 
 def _measured(wanted: Field, seed: int, limit: float) -> Run | None:
-    """Run column generation on a field; None if it failed."""
+    """Runs column generation on a field; returns None if it failed."""
     try:
         result = run(partial(field, seed, **wanted._asdict()), column_generation, limit)
     except RunError as error:

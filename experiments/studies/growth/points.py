@@ -96,12 +96,12 @@ class Measure(NamedTuple):
     whole: Callable[[Point], bool]
 
     def exponent(self, points: Sequence[Point]) -> float:
-        """Exponent of the power law through the medians; NaN from too few sizes."""
+        """Returns the exponent of the power law through the medians; NaN from too few sizes."""
         line = self.fit(points)
         return math.nan if line is None else line[0]
 
     def fit(self, points: Sequence[Point]) -> tuple[float, float] | None:
-        """Slope and offset of log measure over log size, from sizes that no limit has cut short.
+        """Returns slope and offset of log measure over log size, of sizes that no limit cut short.
 
         None if there are fewer than three such sizes.
         """

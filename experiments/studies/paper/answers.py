@@ -23,14 +23,14 @@ _PUBLISHED = {"sequential": 482.0, "cocap": 3981.0, "cocap-vs": 2.7}  # s, their
 
 
 def verdict_below(found: Mean, line: float) -> str:
-    """HOLDS, FAILS or OPEN for the claim that a mean is below a line."""
+    """Returns HOLDS, FAILS or OPEN for the claim that a mean is below a line."""
     if found.high < line:
         return HOLDS
     return FAILS if found.low > line else OPEN
 
 
 def verdict_above(found: Mean, line: float) -> str:
-    """HOLDS, FAILS or OPEN for the claim that a mean is above a line."""
+    """Returns HOLDS, FAILS or OPEN for the claim that a mean is above a line."""
     return verdict_below(
         Mean(-found.value, -found.high, -found.low, found.spread, found.size), -line
     )
@@ -132,7 +132,7 @@ class SceneAnswers:
         )
 
     def comparison(self) -> Table:
-        """Published seconds beside ours, and the gaps that only bounds can tell."""
+        """Returns published seconds beside ours, and the gaps that only bounds can tell."""
         table = []
         for planner in _PUBLISHED:
             own = self._of(planner)
@@ -178,7 +178,7 @@ class SceneAnswers:
     def _pairs(
         self, first: str, second: str, figure: Callable[[Row], float | None]
     ) -> list[tuple[float, float]]:
-        """A figure of two planners, on the seeds on which both have it."""
+        """Returns a figure of two planners, on the seeds on which both have it."""
         one, other = (
             {row.seed: number for row in self._of(name) if (number := figure(row)) is not None}
             for name in (first, second)
@@ -192,7 +192,7 @@ def answers_of(rows: Sequence[Row]) -> list[SceneAnswers]:
 
 
 def giving_row(planner: str, some: Sequence[Encounter]) -> dict[str, str]:
-    """Row that counts who gives way in encounters, and says at what cost."""
+    """Returns the row that counts who gives way in encounters, and says at what cost."""
     earlier = [100 * e.given_up[0] for e in some if e.earlier_gives_way]
     return {
         "planner": planner,

@@ -30,7 +30,7 @@ _NAMES = {
 
 
 def curves_figure(curves: Mapping[str, Mapping[str, Sequence[Sequence[float]]]]) -> Figure:
-    """Reward per step: mean over seeds and, shaded, one standard deviation; a panel per scene.
+    """Draws the mean reward per step over seeds, one standard deviation shaded, a panel per scene.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def curves_figure(curves: Mapping[str, Mapping[str, Sequence[Sequence[float]]]])
 
 
 def _draw_curves(ax: Axes, planners: Mapping[str, Sequence[Sequence[float]]]) -> Axes:
-    """Draw the mean and the spread of each planner's reward per step."""
+    """Draws the mean and the spread of each planner's reward per step."""
     for k, (planner, rewards) in enumerate(planners.items()):
         if not rewards:
             continue
@@ -67,7 +67,7 @@ def _draw_curves(ax: Axes, planners: Mapping[str, Sequence[Sequence[float]]]) ->
 
 
 def encounter_figure(problem: Problem, encounter: Encounter, plans: Mapping[str, Plan]) -> Figure:
-    """An encounter in several plans side by side, at the step at which two drones would collide.
+    """Draws several plans side by side at the step at which two drones would collide.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def encounter_figure(problem: Problem, encounter: Encounter, plans: Mapping[str,
 
 
 def _extent(problem: Problem, plans: Iterable[Plan]) -> tuple[FloatArray, FloatArray]:
-    """Corners (m) of the part of the map where drones fly and people walk."""
+    """Returns the corners (m) of the part of the map where drones fly and people walk."""
     places = [position(problem, state) for plan in plans for path in plan.paths for state in path]
     places += [(float(x), float(y)) for actor in problem.actors for x, y in actor.poses[:, :2]]
     origin = np.array(problem.height_map.origin)
@@ -105,7 +105,7 @@ def _extent(problem: Problem, plans: Iterable[Plan]) -> tuple[FloatArray, FloatA
 
 
 def scaling_figure(points: Mapping[str, Sequence[tuple[int, float, float]]]) -> Figure:
-    """Time and reward against the number of drones, per planner.
+    """Draws time and reward against the number of drones, per planner.
 
     Parameters
     ----------

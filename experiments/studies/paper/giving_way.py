@@ -42,7 +42,7 @@ class Encounter(NamedTuple):
 
 
 def encounters(problem: Problem, seed: int, unconstrained: Plan, plan: Plan) -> list[Encounter]:
-    """All encounters of two drones that collide in the unconstrained plan, and with no third."""
+    """Returns encounters of two drones that collide in the unconstrained plan, with no third."""
     team = check(problem, plan).reward
     found = []
     for pair, step in _apart(_first_conflicts(problem, unconstrained)).items():
@@ -59,19 +59,19 @@ def encounters(problem: Problem, seed: int, unconstrained: Plan, plan: Plan) -> 
 
 
 def own_reward(problem: Problem, robot: int, plan: Plan) -> float:
-    """J of one robot's path, as if it were alone."""
+    """Returns J of one robot's path, as if it were alone."""
     alone = problem.replace(robots=(problem.robots[robot],))
     return check(alone, Plan(paths=(plan.paths[robot],))).reward
 
 
 def most_generous(some: Sequence[Encounter]) -> Encounter | None:
-    """The encounter in which the earlier drone gives up the most; None if none gives up any."""
+    """Returns the encounter in which the earlier drone gives up most; None if none does."""
     giving = [e for e in some if e.earlier_gives_way]
     return max(giving, key=lambda e: e.given_up[0], default=None)
 
 
 def _first_conflicts(problem: Problem, plan: Plan) -> dict[tuple[int, int], int]:
-    """The step of each pair's first conflict."""
+    """Returns the step of each pair's first conflict."""
     steps: dict[tuple[int, int], int] = {}
     for conflict in conflicts(problem, plan):
         steps.setdefault(conflict.robots, conflict.t)
@@ -79,7 +79,7 @@ def _first_conflicts(problem: Problem, plan: Plan) -> dict[tuple[int, int], int]
 
 
 def _apart(steps: Mapping[tuple[int, int], int]) -> dict[tuple[int, int], int]:
-    """The pairs that share no drone with another pair."""
+    """Returns the pairs that share no drone with another pair."""
     partners = Counter(robot for pair in steps for robot in pair)
     return {
         pair: step for pair, step in steps.items() if all(partners[robot] == 1 for robot in pair)

@@ -201,7 +201,8 @@ def _page(
     parts.append(markdown({"Who gives way": giving}))
     parts.append(_story(example))
     tables = all_tables(rows)
-    parts.append(markdown({"Planners": tables["Planners"], "Price": tables["Price of collision avoidance"]}))
+    shown = ("Planners", "Price of collision avoidance")
+    parts.append(markdown({title: tables[title] for title in shown if title in tables}))
     if team_rows:
         parts.append("## Scaling\n\n![Time and reward against team size](scaling.png)\n")
         parts.append("".join(f"- {a.scaling(limit)}\n" for a in answers_of(team_rows)))

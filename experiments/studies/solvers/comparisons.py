@@ -45,7 +45,7 @@ class _Duel(NamedTuple):
 
 
 def _cone_program(options: Options) -> list[Figure]:
-    """Compare column generation with its single-view relaxation as one cone program (Clarabel)."""
+    """Compares column generation with its single-view relaxation as one cone program (Clarabel)."""
     seeds, limit = options.seeds_or(SEEDS), options.limit_or(_LIMIT)
     steps, first, why = _largest_cone_program(seeds[0], limit)
     duels, tighter = [], []
@@ -72,7 +72,7 @@ def _cone_program(options: Options) -> list[Figure]:
 
 
 def _largest_cone_program(seed: int, limit: float) -> tuple[int, Run, str]:
-    """The most steps for which the cone program finishes, its run, and why no more steps."""
+    """Returns the most steps that the cone program finishes, its run, and why no more."""
     best: tuple[int, Run] | None = None
     for steps in _BOTTLENECK_STEPS:
         build = partial(scene, "bottleneck", seed, steps)
@@ -87,7 +87,7 @@ def _largest_cone_program(seed: int, limit: float) -> tuple[int, Run, str]:
 
 
 def _relaxations(options: Options) -> list[Figure]:
-    """Measure how far relaxations are above the optimum, and what they close of the weakest."""
+    """Measures how far relaxations are above the optimum, and what they close of the weakest."""
     figures = []
     for name, steps in _RELAXED.items():
         above: dict[str, list[float]] = {}
@@ -110,12 +110,12 @@ def _relaxations(options: Options) -> list[Figure]:
 
 
 def _milps(options: Options) -> list[Figure]:
-    """Compare branch-and-price with HiGHS, SCIP and CP-SAT alone."""
+    """Compares branch-and-price with HiGHS, SCIP and CP-SAT alone."""
     return _against(ALONE, options)
 
 
 def _rooted_milps(options: Options) -> list[Figure]:
-    """Compare branch-and-price with the same solvers, given the bound and cuts of our root."""
+    """Compares branch-and-price with the same solvers, given the bound and cuts of our root."""
     return _against(WITH_OUR_ROOT, options, asked=False)
 
 
@@ -152,7 +152,7 @@ def _against(
 def _largest_closed(
     contenders: Mapping[str, BoundMethod], seed: int, limit: float
 ) -> tuple[int, dict[str, Run], str]:
-    """The most steps for which a solver proves the optimum, the runs that do, and why no more.
+    """Returns the most steps for which a solver proves the optimum, its runs, and why no more.
 
     A solver that fails is not tried with more steps.
     """
@@ -176,7 +176,7 @@ def _largest_closed(
 
 
 def _try(build: Build, method: BoundMethod, limit: float, name: str, seed: int) -> Run | None:
-    """Run a method; None if it failed or did not come to its end within the limit."""
+    """Runs a method; returns None if it failed or did not come to its end within the limit."""
     try:
         result = told(name, seed, run(build, method, limit))
     except RunError as error:
@@ -190,7 +190,7 @@ def _busy(theirs: Run, ours: Sequence[Run]) -> float:
 
 
 def _require_same(name: str, theirs: float, ours: float) -> None:
-    """Raise RunError if two proved optima differ: then one of the methods is wrong."""
+    """Raises RunError if two proved optima differ: then one of the methods is wrong."""
     if abs(theirs - ours) > 2 * OPTIMALITY * abs(ours):
         raise RunError(f"{name}'s optimum is {theirs!r}, branch-and-price's {ours!r}")
 

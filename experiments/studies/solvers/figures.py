@@ -11,7 +11,7 @@ class Target(NamedTuple):
     number: float
 
     def met(self, value: float) -> bool:
-        """True if a value reaches the target."""
+        """Returns True if a value reaches the target."""
         return value < self.number if self.relation == "<" else value >= self.number
 
 
@@ -57,10 +57,10 @@ class Figure(NamedTuple):
 
 
 def below(number: float) -> Target:
-    """The target of being less than a number."""
+    """Returns the target of being less than a number."""
     return Target("<", number)
 
 
 def at_least(number: float) -> Target:
-    """The target of being at least a number."""
+    """Returns the target of being at least a number."""
     return Target(">=", number)

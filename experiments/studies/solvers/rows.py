@@ -35,20 +35,20 @@ class Options:
     large: Path | None = None
 
     def seeds_or(self, default: Sequence[int]) -> tuple[int, ...]:
-        """The seeds of a row."""
+        """Returns the seeds of a row."""
         return tuple(default) if self.seeds is None else self.seeds
 
     def at_most(self, seconds: float) -> float:
-        """The time limit (s) of a row whose targets name one, if need be cut short."""
+        """Returns the time limit (s) of a row whose targets name one, if need be cut short."""
         return seconds if self.limit is None else min(seconds, self.limit)
 
     def limit_or(self, seconds: float) -> float:
-        """The time limit (s) of a row whose targets name none."""
+        """Returns the time limit (s) of a row whose targets name none."""
         return seconds if self.limit is None else self.limit
 
 
 def _corridor(options: Options) -> list[Figure]:
-    """Measure the corridor: 2 drones, 8 steps."""
+    """Measures the corridor: 2 drones, 8 steps."""
     runs = _runs("corridor", options.seeds_or(_MANY_SEEDS), options.at_most(60.0))
     return [
         _proved(runs, must=1.0),
@@ -62,7 +62,7 @@ def _corridor(options: Options) -> list[Figure]:
 
 
 def _bottleneck(options: Options) -> list[Figure]:
-    """Measure the bottleneck: 4 drones, 11 steps."""
+    """Measures the bottleneck: 4 drones, 11 steps."""
     seeds, seconds = options.seeds_or(_MANY_SEEDS), options.at_most(300.0)
     runs = _runs("bottleneck", seeds, seconds)
     roots = _runs("bottleneck", seeds, min(_ROOT_SECONDS, seconds), column_generation)
@@ -90,7 +90,7 @@ def _bottleneck(options: Options) -> list[Figure]:
 
 
 def _passage(options: Options) -> list[Figure]:
-    """Measure the one-cell passage: 8 drones, 12 steps."""
+    """Measures the one-cell passage: 8 drones, 12 steps."""
     seconds = options.at_most(30.0)
     runs = _runs("passage", options.seeds_or(SEEDS), seconds)
     return [
@@ -102,7 +102,7 @@ def _passage(options: Options) -> list[Figure]:
 
 
 def _large(options: Options) -> list[Figure]:
-    """Measure Greedy Perspectives' `large`: 18 drones, 6 people, 10 steps; seeds are start sets."""
+    """Measures Greedy Perspectives' `large`: 18 drones, 10 steps; a seed is a start set."""
     if options.large is None:
         raise SkippedError("this row needs --large FILE, the path of the scene's seq.yaml")
     seconds = options.at_most(120.0)
@@ -115,14 +115,14 @@ def _large(options: Options) -> list[Figure]:
 
 
 def _field_long(options: Options) -> list[Figure]:
-    """Measure the long field: 6 drones, 6 people, 60 steps, 75 moves a step."""
+    """Measures the long field: 6 drones, 6 people, 60 steps, 75 moves a step."""
     seconds = options.at_most(300.0)
     runs = _runs("field-long", options.seeds_or(SEEDS), seconds)
     return [*_gaps(runs, seconds, below(1), below(0.2)), _memory(runs, 6), _busy(runs)]
 
 
 def _field_large(options: Options) -> list[Figure]:
-    """Measure the large field: 64 drones, 32 people, 64 x 64 cells, 40 steps."""
+    """Measures the large field: 64 drones, 32 people, 64 x 64 cells, 40 steps."""
     seconds = options.at_most(1200.0)
     runs = _runs("field-large", options.seeds_or(SEEDS), seconds)
     return [*_gaps(runs, seconds, below(2), below(0.5)), _memory(runs, 12), _busy(runs)]
@@ -134,12 +134,12 @@ def _runs(
     seconds: float,
     method: BoundMethod = branch_and_price,
 ) -> list[Run]:
-    """Run a method on each seed of a scene."""
+    """Runs a method on each seed of a scene."""
     return [told(name, seed, run(partial(scene, name, seed), method, seconds)) for seed in seeds]
 
 
 def told(name: str, seed: int, result: Run) -> Run:
-    """Print a line about a run on standard error, and return the run."""
+    """Prints a line about a run on standard error, and returns the run."""
     gap = f"gap {100 * result.gap:.4f} %" if math.isfinite(result.gap) else "no gap"
     say(f"{name} seed {seed}: {result.reason} after {result.seconds:.2f} s "
         f"({result.processor:.2f} s of processor), {gap}, {result.gigabytes:.2f} GB")  # fmt: skip
@@ -149,7 +149,7 @@ def told(name: str, seed: int, result: Run) -> Run:
 def _proved(
     runs: Sequence[Run], must: float | None = None, moonshot: float | None = None
 ) -> Figure:
-    """The number of optima that are proved; targets are shares of the runs."""
+    """Returns the number of optima that are proved; targets are shares of the runs."""
 
     def of_all(share: float | None) -> Target | None:
         return None if share is None else at_least(math.ceil(share * len(runs)))
@@ -163,7 +163,7 @@ def _slowest(runs: Sequence[Run]) -> Figure:
 
 
 def _busy(runs: Sequence[Run]) -> Figure:
-    """The share of its time in which a run had a processor: less on a busy machine."""
+    """Returns the share of its time in which a run had a processor: less on a busy machine."""
     share = median(100 * r.processor / max(r.seconds, 1e-9) for r in runs)
     return Figure("had a processor, median", share, "% of the time")
 

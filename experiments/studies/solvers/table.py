@@ -20,7 +20,7 @@ ROWS: Mapping[str, Callable[[Options], list[Figure]]] = {**SCENE_ROWS, **COMPARI
 
 
 def solvers(names: Sequence[str], options: Options, out: Path | None = None) -> bool:
-    """Measure rows and print them; the file solvers.csv keeps its other rows.
+    """Measures rows and prints them; the file solvers.csv keeps its other rows.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def solvers(names: Sequence[str], options: Options, out: Path | None = None) -> 
 
 
 def _measure(name: str, options: Options) -> list[Figure]:
-    """Measure a row; a row that is skipped or fails has one figure without a number."""
+    """Measures a row; a row that is skipped or fails has one figure without a number."""
     try:
         return ROWS[name](options)
     except SkippedError as error:
@@ -71,7 +71,7 @@ def _measure(name: str, options: Options) -> list[Figure]:
 
 
 def _record(name: str, figure: Figure, options: Options) -> Record:
-    """Row of the CSV file."""
+    """Returns the row of the CSV file."""
     seeds = "row's own" if options.seeds is None else " ".join(map(str, options.seeds))
     return {
         "row": name,
@@ -91,7 +91,7 @@ def _record(name: str, figure: Figure, options: Options) -> Record:
 
 
 def _shown(name: str, figure: Figure) -> Record:
-    """Row of the table that is printed."""
+    """Returns the row of the table that is printed."""
     return {
         "row": name,
         "figure": figure.name,
@@ -103,7 +103,7 @@ def _shown(name: str, figure: Figure) -> Record:
 
 
 def _names_once(rows: Sequence[Record]) -> list[Record]:
-    """Rows in which a name is left out if the row before has the same."""
+    """Returns the rows in which a name is left out if the row before has the same."""
     before = ["", *(row["row"] for row in rows)]
     return [
         row | {"row": "" if row["row"] == other else row["row"]}
@@ -112,18 +112,18 @@ def _names_once(rows: Sequence[Record]) -> list[Record]:
 
 
 def _in_order(records: Sequence[Record]) -> list[Record]:
-    """Records in the order of ROWS, and at the end those whose row is unknown."""
+    """Returns the records in the order of ROWS, and at the end those whose row is unknown."""
     order = list(ROWS)
     return sorted(records, key=lambda r: order.index(r["row"]) if r["row"] in ROWS else len(order))
 
 
 def _load() -> str:
-    """Load average of the last minute."""
+    """Returns the load average of the last minute."""
     return f"{os.getloadavg()[0]:.1f}"
 
 
 def _read(path: Path) -> list[Record]:
-    """Rows of the file of earlier runs; none if there is no file."""
+    """Returns the rows of the file of earlier runs; none if there is no file."""
     try:
         with path.open(encoding="utf-8", newline="") as file:
             return [dict(row) for row in csv.DictReader(file)]
@@ -134,7 +134,7 @@ def _read(path: Path) -> list[Record]:
 
 
 def _commit() -> str:
-    """The commit of this code, with a + where files have changed since; empty if unknown."""
+    """Returns the commit of this code, with a + if files have changed since; empty if unknown."""
     command = ["git", "-C", str(Path(__file__).parent), "describe", "--always", "--dirty=+"]
     try:
         return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()

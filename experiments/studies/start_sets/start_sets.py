@@ -41,7 +41,7 @@ def start_sets(
     options: Mapping[str, str],
     out: Path | None = None,
 ) -> bool:
-    """Sweep over start sets what is not in `out` yet, and print and write the tables.
+    """Measures what is not in `out` yet by a sweep, and prints and writes the tables.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def start_sets(
 def _start_set_problems(
     scenes: Sequence[str], sets: Sequence[int], options: Mapping[str, str]
 ) -> dict[tuple[str, int], Problem]:
-    """The scenes by their words and start sets; each set must be another one."""
+    """Returns the scenes by their words and start sets; each set must be another one."""
     problems = told_apart({(s, k): load_scene(s, k, options) for s in scenes for k in sets})
     first: dict[tuple[str, str], int] = {}
     for (scene, k), problem in problems.items():
@@ -97,7 +97,7 @@ def _start_set_problems(
 
 
 def _digest(scene: str, number: int, options: Mapping[str, str]) -> str:
-    """Digest of a scene with a start set; empty if there is no such set any more."""
+    """Returns the digest of a scene with a start set; empty if there is no such set any more."""
     try:
         return problem_digest(load_scene(scene, number, options))
     except (FileError, ProblemError):
@@ -130,7 +130,7 @@ def _folder(scene: str) -> Path:
 
 
 def _has_peer(scene: str) -> bool:
-    """True for a scene of theirs with their plan and its reward beside it."""
+    """Returns True for a scene of theirs with their plan and its reward beside it."""
     is_theirs = Path(scene).is_dir() or Path(scene).suffix.lower() in (".yaml", ".yml")
     files = (_folder(scene) / name for name in (_PEER_PLAN, _PEER_REWARD))
     return scene not in SCENES and is_theirs and all(file.is_file() for file in files)

@@ -55,7 +55,7 @@ class SetTables:
     reported: Mapping[str, Reported]
 
     def publish(self, limit: float, out: Path | None) -> None:
-        """Print the tables, and write start_sets.csv, peers.csv and start_sets.md.
+        """Prints the tables, and writes start_sets.csv, peers.csv and start_sets.md.
 
         Parameters
         ----------
@@ -78,7 +78,7 @@ class SetTables:
         save_bytes(out / "start_sets.md", "\n".join([*parts, NOTES]).encode())
 
     def over_sets(self) -> list[Record]:
-        """Per scene and planner: means and spreads over start sets."""
+        """Returns means and spreads over start sets, per scene and planner."""
         rows = [row for row in self.rows if row.scene not in self.reported]
         keys = list(dict.fromkeys((row.scene, row.planner) for row in rows))
         return [
@@ -88,7 +88,7 @@ class SetTables:
         ]
 
     def beside_theirs(self) -> list[Record]:
-        """Their plan and ours, scene by scene."""
+        """Returns the rows of their plan and ours, scene by scene."""
         return [self._beside(row) for row in self.rows if row.scene in self.reported]
 
     def _beside(self, row: Row) -> Record:
@@ -129,12 +129,12 @@ class SetTables:
         }
 
     def _each(self, row: Row, value: float | None) -> float | None:
-        """A sum over drones and steps as a mean of one drone and step."""
+        """Returns a sum over drones and steps as a mean of one drone and step."""
         return None if value is None else value / (row.robots * self.counted[row.scene])
 
 
 def _gap_free(row: Row) -> float | None:
-    """Gap to the bound without rules, which holds for plans that break them, too."""
+    """Returns the gap to the bound without rules, which holds for plans that break them, too."""
     if row.reward is None or row.bound_free is None:
         return None
     return relative_gap(row.reward, row.bound_free)
@@ -151,6 +151,6 @@ def _mean(values: Sequence[float | None]) -> float | None:
 def _of_all(
     statistic: Callable[[list[float]], float | None], values: Sequence[float | None]
 ) -> float | None:
-    """A statistic if no value is missing: statistics over different start sets mislead."""
+    """Returns a statistic if no value is missing: statistics over different start sets mislead."""
     known = [value for value in values if value is not None]
     return statistic(known) if known and len(known) == len(values) else None
