@@ -162,6 +162,7 @@ def test_growth_outlives_a_failed_run(tmp_path: Path, monkeypatch: pytest.Monkey
     assert (tmp_path / "growth.png").exists()
 
 
+@pytest.mark.slow
 def test_a_process_that_dies_is_an_error_in_words() -> None:
     """Also one that says nothing before it ends."""
     with pytest.raises(RunError, match="exit code 3"):
