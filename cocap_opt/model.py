@@ -12,6 +12,7 @@ import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray
 from cocap_opt.graph.timegraph import TimeGraph, time_graph
+from cocap_opt.graph.value_iteration import backward_sweep
 from cocap_opt.problem import AnyCamera, Cell, Motion, Plan, Problem, Robot
 from cocap_opt.stop import Stop, never
 from cocap_opt.vision.cache import cached_table, content_key
@@ -229,7 +230,7 @@ class _Coverage:
 
 @lru_cache(maxsize=16)
 def _to_goal(graph: TimeGraph, horizon: int, goal: tuple[int, int]) -> FloatArray:
-    return graph.backward_sweep(graph.no_reward(horizon), goal=goal)
+    return backward_sweep(graph, graph.no_reward(horizon), goal=goal)
 
 
 def _graph(problem: Problem, spec: Robot) -> TimeGraph:

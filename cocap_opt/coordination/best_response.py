@@ -1,8 +1,9 @@
 """Best responses: one robot's best path given what the others see, by value iteration."""
 
 from cocap_opt.data import FloatArray
+from cocap_opt.graph.charges import NO_CHARGES, Charges
 from cocap_opt.graph.move_rewards import bonuses_of
-from cocap_opt.graph.timegraph import NO_CHARGES, Charges
+from cocap_opt.graph.value_iteration import backward_sweep, best_path
 from cocap_opt.model import Model, Path
 from cocap_opt.objective import marginal_reward
 
@@ -22,6 +23,6 @@ def best_response(
     """
     robot_class, bonuses = model.class_of[robot], bonuses_of(model.problem.objective)
     graph, reward = robot_class.graph, marginal_reward(model, robot_class, pixels)
-    value = graph.backward_sweep(reward, bonuses, charges, robot_class.goal)
-    path = graph.best_path(value, model.start(robot), bonuses, charges)
+    value = backward_sweep(graph, reward, bonuses, charges, robot_class.goal)
+    path = best_path(graph, value, model.start(robot), bonuses, charges)
     return None if path is None else tuple(path)

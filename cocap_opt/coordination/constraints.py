@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Sequence
 from itertools import pairwise, product
 
-from cocap_opt.graph.timegraph import Charges
+from cocap_opt.graph.charges import Charges
 from cocap_opt.model import Model, RobotClass
 from cocap_opt.problem import Cell, Conflict, Problem, State, SwapConflict
 

@@ -1,1 +1,23 @@
-"""The time-expanded graph: networkx motion graphs, their compiled form, and its charges."""
+"""Motion of robots: networkx graphs, the time-expanded graph compiled to arrays, and best paths.
+
+The modules are `motion` (the graphs by networkx), `timegraph` (their compiled form), `charges` and
+`move_rewards` (costs and rewards on it) and `value_iteration` (best paths through it).
+"""
+
+from cocap_opt.graph.charges import NO_CHARGES, Charges
+from cocap_opt.graph.move_rewards import NO_BONUSES, Bonuses, bonuses_of
+from cocap_opt.graph.timegraph import CLOSED, TimeGraph, time_graph
+from cocap_opt.graph.value_iteration import backward_sweep, best_path
+
+__all__ = [
+    "CLOSED",
+    "NO_BONUSES",
+    "NO_CHARGES",
+    "Bonuses",
+    "Charges",
+    "TimeGraph",
+    "backward_sweep",
+    "best_path",
+    "bonuses_of",
+    "time_graph",
+]

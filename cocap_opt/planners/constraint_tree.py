@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from cocap_opt.coordination.constraints import forbid
-from cocap_opt.graph.timegraph import NO_CHARGES, Charges
+from cocap_opt.graph.charges import NO_CHARGES, Charges
 from cocap_opt.model import Model
 from cocap_opt.planners.low_level import LowLevel, SingleRobotPath, SingleRobotTask
 from cocap_opt.planners.sequential import sequential

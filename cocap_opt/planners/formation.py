@@ -22,6 +22,7 @@ import numpy as np
 from cocap_opt.data import FloatArray
 from cocap_opt.graph.move_rewards import bonuses_of
 from cocap_opt.graph.timegraph import CLOSED
+from cocap_opt.graph.value_iteration import backward_sweep, best_path
 from cocap_opt.model import Path, compiled
 from cocap_opt.objective import marginal_gain, no_pixels, view_sum_weights
 from cocap_opt.planners.circles import Circle
@@ -119,8 +120,8 @@ def _nearest(task: SingleRobotTask, places: FloatArray) -> Path | None:
     reward = graph.no_reward(problem.horizon)
     for row, place in zip(reward, places, strict=True):
         row -= np.tile(np.linalg.norm(at - place, axis=1), graph.n_orientations)
-    value = graph.backward_sweep(reward, charges=task.charges, goal=robot_class.goal)
-    path = graph.best_path(value, start, charges=task.charges)
+    value = backward_sweep(graph, reward, charges=task.charges, goal=robot_class.goal)
+    path = best_path(graph, value, start, charges=task.charges)
     return None if path is None else tuple(path)
 
 
@@ -137,6 +138,6 @@ def _look(task: SingleRobotTask, way: Path, views: LazyCoverage) -> Path:
             view_sums = problem.view_sums_at(t)
             gain = marginal_gain(task.pixels[view_sums], views(t, states))
             reward[t, states] = (gain * view_sum_weights(problem)[view_sums]).sum(axis=1)
-    value = graph.backward_sweep(reward, bonuses)
+    value = backward_sweep(graph, reward, bonuses)
     # A way that can be flown can be flown without turning.
-    return tuple(graph.best_path(value, way[0], bonuses) or way)
+    return tuple(best_path(graph, value, way[0], bonuses) or way)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from cocap_opt.coordination.best_response import best_response
 from cocap_opt.data import FloatArray
-from cocap_opt.graph.timegraph import NO_CHARGES, Charges
+from cocap_opt.graph.charges import NO_CHARGES, Charges
 from cocap_opt.model import Model, Path
 from cocap_opt.objective import no_pixels, robot_pixels
 from cocap_opt.stop import Stop, never

@@ -12,6 +12,7 @@ from cocap_opt.coordination.constraints import avoid_paths
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.graph.move_rewards import bonuses_of
 from cocap_opt.graph.timegraph import CLOSED
+from cocap_opt.graph.value_iteration import best_path
 from cocap_opt.model import Model, RobotClass, compiled
 from cocap_opt.objective import marginal_gain, no_pixels, view_sum_weights
 from cocap_opt.planners.lazy_coverage import LazyCoverage
@@ -136,6 +137,6 @@ def _move(model: Model, flights: list[_Flight], robot: int, t: int, heads: IntAr
     value = np.full((2, graph.n_states), CLOSED)
     value[0, flight.path[-1]] = 0.0
     value[1, heads] = gains.sum(axis=1)
-    _, head = graph.best_path(value, flight.path[-1], bonuses_of(problem.objective)) or []
+    _, head = best_path(graph, value, flight.path[-1], bonuses_of(problem.objective)) or []
     flight.path.append(head)
     flight.pixels[view_sums] += coverage[np.flatnonzero(heads == head)[0]]

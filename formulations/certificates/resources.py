@@ -16,7 +16,7 @@ from typing import NamedTuple
 import msgspec
 
 from cocap_opt.coordination.constraints import place_of
-from cocap_opt.graph.timegraph import Charges
+from cocap_opt.graph.charges import Charges
 from cocap_opt.model import Model, Path
 from cocap_opt.problem import Cell, Problem, State
 

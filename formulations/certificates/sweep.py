@@ -10,7 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.data import FloatArray
-from cocap_opt.graph.timegraph import Charges, TimeGraph
+from cocap_opt.graph.charges import Charges
+from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.model import RobotClass
 from cocap_opt.problem import Objective, Problem
 

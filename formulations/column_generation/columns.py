@@ -10,7 +10,7 @@ from cocap_opt.coordination.constraints import avoid_paths
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.certificates import Flight
 from cocap_opt.formulations.relaxations.separation import Seen
-from cocap_opt.graph.timegraph import Charges
+from cocap_opt.graph.charges import Charges
 from cocap_opt.model import Model, Path, RobotClass
 from cocap_opt.objective import robot_pixels
 from cocap_opt.problem import Problem

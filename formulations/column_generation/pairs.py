@@ -18,8 +18,9 @@ from cocap_opt.coordination.pair_iteration import (
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.column_generation.arc_pool import states_on_paths
 from cocap_opt.formulations.column_generation.columns import Arc, Column, avoid_columns
+from cocap_opt.graph.charges import Charges
 from cocap_opt.graph.move_rewards import bonuses_of
-from cocap_opt.graph.timegraph import CLOSED, Charges
+from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.model import Model, RobotClass
 from cocap_opt.objective import no_pixels, view_sum_weights
 

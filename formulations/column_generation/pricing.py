@@ -17,6 +17,7 @@ from cocap_opt.formulations.column_generation.columns import Column
 from cocap_opt.formulations.relaxations.duals import Duals
 from cocap_opt.graph.move_rewards import bonuses_of
 from cocap_opt.graph.timegraph import CLOSED
+from cocap_opt.graph.value_iteration import backward_sweep, best_path
 from cocap_opt.model import Model
 from cocap_opt.objective import spread, view_sum_weights
 from cocap_opt.vision.coverage import CoverageTable
@@ -54,11 +55,11 @@ class Pricer:
             own = base[id(model.coverage(robot_class))]
             reward = spread(model, robot_class, self._paid(number, duals, own))
             charges = charges_of(model, number, costs)
-            value = robot_class.graph.backward_sweep(reward, bonuses, charges, robot_class.goal)
+            value = backward_sweep(robot_class.graph, reward, bonuses, charges, robot_class.goal)
             for robot, start in zip(robot_class.robots, robot_class.starts, strict=True):
                 bound += float(value[0, start])
                 if value[0, start] > CLOSED:
-                    path = robot_class.graph.best_path(value, start, bonuses, charges)
+                    path = best_path(robot_class.graph, value, start, bonuses, charges)
                     assert path is not None
                     columns.append(Column.of(model, robot, tuple(path)))
         return Priced(bound, duals, columns)

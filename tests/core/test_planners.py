@@ -19,8 +19,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from strategies import WALL, examples, meetings, number_of_plans, problems, standing, tiny
 
+from cocap_opt.graph.charges import Charges
 from cocap_opt.graph.motion import time_expanded_graph
-from cocap_opt.graph.timegraph import Charges
 from cocap_opt.model import Model
 from cocap_opt.objective import no_pixels, objective_of, robot_pixels, view_sum_weights
 from cocap_opt.planners import PLANNERS, Planner, constraint_tree

@@ -13,9 +13,11 @@ from hypothesis import strategies as st
 from strategies import WALL, cameras, examples, height_maps, motions
 
 from cocap_opt.data import FloatArray
+from cocap_opt.graph.charges import NO_CHARGES, Charges
 from cocap_opt.graph.motion import motion_graph, time_expanded_graph
 from cocap_opt.graph.move_rewards import Bonuses
-from cocap_opt.graph.timegraph import CLOSED, NO_CHARGES, Charges, TimeGraph, time_graph
+from cocap_opt.graph.timegraph import CLOSED, TimeGraph, time_graph
+from cocap_opt.graph.value_iteration import backward_sweep, best_path
 from cocap_opt.problem import Camera, Motion, Problem, Robot, State
 from cocap_opt.world.workspace import HeightMap, Workspace
 
@@ -211,13 +213,13 @@ def test_backward_sweep_is_dynamic_programming(case: Case, data: st.DataObject) 
     reward = graph.no_reward(horizon) + rng.random((horizon + 1, graph.n_states))
     bonuses = data.draw(BONUSES)
     priced = Priced(graph, reward, bonuses, data.draw(charges(graph, horizon)))
-    value = graph.backward_sweep(reward, bonuses, priced.charges, goal)
+    value = backward_sweep(graph, reward, bonuses, priced.charges, goal)
     expanded = time_expanded_graph(case.problem, 0)
     for (state, t), expected in priced.values(expanded, horizon).items():
         assert value[t, graph.index(state)] == pytest.approx(expected, abs=1e-12)
     if (case.problem.robots[0].start, 0) not in expanded:
         assert value[0, case.start] == CLOSED
-    path = graph.best_path(value, case.start, bonuses, priced.charges)
+    path = best_path(graph, value, case.start, bonuses, priced.charges)
     assert (path is None) == (value[0, case.start] == CLOSED)
     if path is not None:
         assert path[0] == case.start
@@ -235,9 +237,9 @@ def test_sweep_changes_nothing_it_is_given(case: Case) -> None:
     reward += np.linspace(0, 1, reward.size).reshape(reward.shape)
     before = reward.copy()
     bonuses = Bonuses(1.0, 2.0, 3.0, 4.0)
-    value = case.graph.backward_sweep(reward, bonuses)
+    value = backward_sweep(case.graph, reward, bonuses)
     swept = value.copy()
-    case.graph.best_path(value, case.start, bonuses)
+    best_path(case.graph, value, case.start, bonuses)
     assert (reward == before).all()
     assert (value == swept).all()
 
@@ -249,7 +251,7 @@ def test_closed_outside_the_free_states() -> None:
     graph = TimeGraph(Workspace(HeightMap(heights=heights)), Motion(headings=2), 1)
     free = np.tile(graph.free, graph.n_orientations)
     assert int(graph.free.sum()) == 8
-    value = graph.backward_sweep(graph.no_reward(2))
+    value = backward_sweep(graph, graph.no_reward(2))
     assert (value[:, free] == 0.0).all()
     assert (value[:, ~free] == CLOSED).all()
 
@@ -257,12 +259,12 @@ def test_closed_outside_the_free_states() -> None:
 def test_ties_go_to_the_calmest_step() -> None:
     """Among equally good paths the one that moves and turns least is read off."""
     graph = TimeGraph(Workspace(HeightMap(heights=np.zeros((3, 1)))), Motion(headings=1), 1)
-    value = graph.backward_sweep(graph.no_reward(2))
-    path = graph.best_path(value, graph.index(State(1, 0)))
+    value = backward_sweep(graph, graph.no_reward(2))
+    path = best_path(graph, value, graph.index(State(1, 0)))
     assert path is not None
     assert [graph.state(s).x for s in path] == [1, 1, 1]
     value[1, graph.index(State(1, 0))] = -1.0
-    path = graph.best_path(value, graph.index(State(1, 0)))
+    path = best_path(graph, value, graph.index(State(1, 0)))
     assert path is not None
     assert [graph.state(s).x for s in path] == [1, 0, 0]  # of both sides the lower number
 
@@ -276,8 +278,8 @@ def test_a_closed_start_has_no_path() -> None:
         Charges({(1, here): math.inf, (1, there): math.inf}),
         Charges({(1, here): math.inf}, {(0, here, there): math.inf}),
     ):
-        value = graph.backward_sweep(graph.no_reward(1), charges=charges)
-        assert graph.best_path(value, here, charges=charges) is None
+        value = backward_sweep(graph, graph.no_reward(1), charges=charges)
+        assert best_path(graph, value, here, charges=charges) is None
 
 
 def test_a_charged_place_is_left_for_a_cheaper_one() -> None:
@@ -288,8 +290,8 @@ def test_a_charged_place_is_left_for_a_cheaper_one() -> None:
     reward[1, there] = 1.0
     for cost, expected in ((0.4, [here, there]), (1.5, [here, here])):
         for charges in (Charges({(1, there): cost}), Charges({}, {(0, here, there): cost})):
-            value = graph.backward_sweep(reward, charges=charges)
-            assert graph.best_path(value, here, charges=charges) == expected
+            value = backward_sweep(graph, reward, charges=charges)
+            assert best_path(graph, value, here, charges=charges) == expected
             assert value[0, here] == pytest.approx(max(0.0, 1.0 - cost))
 
 
@@ -302,9 +304,9 @@ def test_staying_is_never_charged_as_a_move() -> None:
         reward = graph.no_reward(2)
         reward[:, here] += 1.0
         charges = Charges({}, {(0, here, here): 9.0, (1, here, here): math.inf})
-        plain = graph.backward_sweep(reward, bonuses)
-        assert (graph.backward_sweep(reward, bonuses, charges) == plain).all()
-        assert graph.best_path(plain, here, bonuses, charges) == [here] * 3
+        plain = backward_sweep(graph, reward, bonuses)
+        assert (backward_sweep(graph, reward, bonuses, charges) == plain).all()
+        assert best_path(graph, plain, here, bonuses, charges) == [here] * 3
 
 
 @pytest.mark.parametrize(
@@ -328,7 +330,7 @@ def test_extreme_motions(shape: tuple[int, int], motion: Motion) -> None:
     reward = case.graph.no_reward(2) + np.arange(case.graph.n_states) % 7
     bonuses = Bonuses(0.5, 0.25, 1.5, 2.0)
     priced = Priced(case.graph, reward, bonuses, NO_CHARGES)
-    value = case.graph.backward_sweep(reward, bonuses)
+    value = backward_sweep(case.graph, reward, bonuses)
     for (state, t), expected in priced.values(expanded, 2).items():
         assert value[t, case.graph.index(state)] == pytest.approx(expected, abs=1e-12)
 
@@ -338,8 +340,8 @@ def test_long_horizons() -> None:
     graph = TimeGraph(Workspace(HeightMap(heights=np.zeros((3, 3)))), Motion(headings=4), 1)
     reward = graph.no_reward(1000)
     reward[1000, graph.index(State(2, 2, 0, 2))] = 1.0
-    value = graph.backward_sweep(reward)
-    path = graph.best_path(value, graph.index(State(0, 0)))
+    value = backward_sweep(graph, reward)
+    path = best_path(graph, value, graph.index(State(0, 0)))
     assert path is not None
     assert graph.state(path[-1]) == State(2, 2, 0, 2)
 

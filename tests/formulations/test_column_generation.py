@@ -35,6 +35,7 @@ from cocap_opt.formulations.column_generation.root import Root
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.result import OPTIMALITY, BoundMethod
 from cocap_opt.graph.timegraph import CLOSED
+from cocap_opt.graph.value_iteration import backward_sweep
 from cocap_opt.model import Model, compiled
 from cocap_opt.objective import objective_of
 from cocap_opt.problem import NO_RULES, CollisionRules, Problem, conflicts
@@ -120,7 +121,7 @@ def test_charges_cost_a_path_what_it_uses(problem: Problem, seed: int) -> None:
     reward = np.full((problem.horizon + 1, robot_class.graph.n_states), CLOSED)
     reward[np.arange(problem.horizon + 1), list(flight.path)] = 1.0
     charges = charges_of(model, number, zip(resources, costs, strict=True))
-    value = robot_class.graph.backward_sweep(reward, charges=charges)
+    value = backward_sweep(robot_class.graph, reward, charges=charges)
     assert value[0, flight.path[0]] == pytest.approx(problem.horizon + 1 - used)
 
 

@@ -16,6 +16,7 @@ from cocap_opt.files.documents import FileError
 from cocap_opt.formulations import EXACT
 from cocap_opt.graph.move_rewards import NO_BONUSES, bonuses_of
 from cocap_opt.graph.timegraph import time_graph
+from cocap_opt.graph.value_iteration import backward_sweep
 from cocap_opt.model import compiled
 from cocap_opt.objective import marginal_reward, no_pixels, robot_pixels
 from cocap_opt.planners.myopic import myopic
@@ -223,7 +224,7 @@ def test_their_greedy_paths_are_optima_of_their_planning_reward(name: str) -> No
         reward = marginal_reward(model, robot_class, seen)
         views = sum(float(reward[t, state]) for t, state in enumerate(path))
         for bonuses, exact in ((bonuses_of(problem.objective), True), (NO_BONUSES, False)):
-            best = robot_class.graph.backward_sweep(reward, bonuses)[0, path[0]]
+            best = backward_sweep(robot_class.graph, reward, bonuses)[0, path[0]]
             theirs = views + bonuses.of_path(robot_class.graph.shape, path)
             assert (theirs == pytest.approx(best, rel=1e-12)) == exact
         seen = seen + robot_pixels(model, robot, path)

@@ -1,0 +1,249 @@
+"""Value iteration over the time-expanded graph: one backward sweep, and the best path from it.
+
+A step's moves and turns are independent, so a sweep is a few shifted maxima over one array
+[heading, pitch, layer, x, y] at every step, instead of a loop over edges.
+"""
+
+from collections.abc import Mapping
+from functools import cached_property
+
+import numpy as np
+
+from cocap_opt.data import FloatArray, IntArray
+from cocap_opt.graph.charges import NO_CHARGES, Charges
+from cocap_opt.graph.move_rewards import NO_BONUSES, Bonuses
+from cocap_opt.graph.timegraph import CLOSED, TimeGraph
+
+
+def backward_sweep(
+    graph: TimeGraph,
+    reward: FloatArray,
+    bonuses: Bonuses = NO_BONUSES,
+    charges: Charges = NO_CHARGES,
+    goal: tuple[int, int] | None = None,
+) -> FloatArray:
+    """Return the best reward to go of every state at every step.
+
+    Parameters
+    ----------
+    graph : the compiled graph of one robot's motion
+    reward : [T+1, S] reward for being in a state at step t, CLOSED (-inf) outside the
+        free states, as `TimeGraph.no_reward` makes it
+    bonuses : rewards for the moves themselves
+    charges : costs of places, moves and states; infinity closes them
+    goal : cell (x, y) in which the path must end
+
+    Returns
+    -------
+    [T+1, S] reward at t itself plus the best of the steps after it; CLOSED if the state is not
+    free or cannot reach the goal.
+    """
+    value = np.empty_like(reward)
+    value[-1] = reward[-1]
+    if goal is not None:
+        elsewhere = np.ones(graph.shape[2:], dtype=bool)
+        elsewhere[:, goal[0] + graph.border[1], goal[1] + graph.border[2]] = False
+        value[-1].reshape(graph.shape)[:, :, elsewhere] = CLOSED
+    places, states = _by_step(charges.places), _by_step(charges.states)
+    leaving = _leaving_by_step(charges)
+    step = _Step(graph, bonuses)
+    last = len(reward) - 1
+    _charge(graph, value[last], places.get(last, {}), states.get(last, {}))
+    for t in range(last - 1, -1, -1):
+        best = step.best(value[t + 1], leaving.get(t, {}))
+        np.add(best, reward[t], out=value[t])
+        _charge(graph, value[t], places.get(t, {}), states.get(t, {}))
+    return value
+
+
+def best_path(
+    graph: TimeGraph,
+    value: FloatArray,
+    start: int,
+    bonuses: Bonuses = NO_BONUSES,
+    charges: Charges = NO_CHARGES,
+) -> list[int] | None:
+    """Return a path of T+1 states from `start` that attains `value`, or None if there is none.
+
+    Ties go to the shortest move, then to the smallest turn, which are the same in a turned
+    or mirrored copy of a scene; last to the lowest state number, so that the path is the
+    same in every process.
+
+    Parameters
+    ----------
+    graph, bonuses, charges : as in `backward_sweep`
+    value : [T+1, S] the result of `backward_sweep`
+    start : number of the state at step 0
+    """
+    if value[0, start] == CLOSED:
+        return None
+    path = [start]
+    for t in range(len(value) - 1):
+        heads = graph.successors(path[-1])
+        ahead = value[t + 1, heads]
+        if not bonuses.none:
+            ahead = ahead + bonuses.of_edges(graph.shape, path[-1], heads)
+        if charges.moves:
+            tail = path[-1] % graph.n_places
+            ahead = ahead - np.array(
+                [
+                    charges.moves.get((t, tail, head), 0.0) if head != tail else 0.0
+                    for head in (heads % graph.n_places).tolist()
+                ]
+            )
+        path.append(_calmest(graph, path[-1], heads[ahead == ahead.max()]))
+    return path
+
+
+class _Step:
+    """One step of value iteration; its arrays are used again at every step."""
+
+    def __init__(self, graph: TimeGraph, bonuses: Bonuses) -> None:
+        self._graph, self._bonuses = graph, bonuses
+        self._after_turn, self._best, self._pair = np.full((3, graph.n_states), CLOSED)
+
+    @cached_property
+    def _rates(self) -> FloatArray | None:
+        """Rewards of the cell moves [K]; None if no move has any."""
+        if self._bonuses.keep_cell or self._bonuses.balanced:
+            return self._bonuses.of_moves(np.array(self._graph.moves))
+        return None
+
+    def best(self, ahead: FloatArray, leaving: Mapping[int, Mapping[int, float]]) -> FloatArray:
+        """Return the best of all edges [S], from the values ahead [S]; charges by tail and head."""
+        self._turn(ahead)
+        if self._bonuses.keep_heading:
+            self._keep_heading(ahead)
+        self._window()
+        if self._rates is not None:
+            self._reward_moves(self._rates)
+        irregular = self._graph.irregular
+        if irregular.states.size:
+            self._best[irregular.states] = self._best_irregular()
+        for tail, costs in leaving.items():
+            self._charge_moves(tail, costs)
+        if self._bonuses.stationarity:
+            np.maximum(self._best, ahead + self._bonuses.stay, out=self._best)
+        return self._best
+
+    def _turn(self, ahead: FloatArray) -> None:
+        """Find the maximum over the orientations that one step can turn to."""
+        headings, turn = self._graph.shape[0], self._graph.motion.turn
+        out, pair = self._after_turn, self._pair
+        step = self._graph.n_states // headings  # states of one heading are contiguous
+        if 2 * turn + 1 >= headings:
+            out.reshape(headings, -1)[:] = ahead.reshape(headings, -1).max(axis=0)
+        elif not turn:
+            np.copyto(out, ahead)
+        else:
+            source = ahead
+            for _ in range(turn):
+                np.maximum(source[:-step], source[step:], out=pair[:-step])
+                np.maximum(source[-step:], source[:step], out=pair[-step:])
+                np.maximum(pair[step:], pair[:-step], out=out[step:])
+                np.maximum(pair[:step], pair[-step:], out=out[:step])
+                source = out
+        self._pitch(out)
+
+    def _pitch(self, values: FloatArray) -> None:
+        """Find the maximum over the pitches that one step can turn to [S], in place."""
+        headings, pitches = self._graph.shape[:2]
+        by_pitch = values.reshape(headings, pitches, -1)
+        for _ in range(min(self._graph.motion.pitch_turn, pitches - 1)):
+            narrow = by_pitch.copy()
+            np.maximum(narrow[:, 1:], narrow[:, :-1], out=by_pitch[:, 1:])
+            np.maximum(by_pitch[:, :-1], narrow[:, 1:], out=by_pitch[:, :-1])
+
+    def _keep_heading(self, ahead: FloatArray) -> None:
+        """Raise the maximum over turns where keeping the heading pays more."""
+        np.add(ahead, self._bonuses.keep_heading, out=self._pair)
+        self._pitch(self._pair)
+        np.maximum(self._after_turn, self._pair, out=self._after_turn)
+
+    def _window(self) -> None:
+        """Find the maximum over the box of cell moves.
+
+        Each pass widens the window by one cell along one axis. Values that a pass leaves over at
+        both ends lie in the border, and no later pass carries them out of there.
+        """
+        out, pair, source = self._best, self._pair, self._after_turn
+        for reach, stride in zip(self._graph.border, self._graph.strides, strict=True):
+            for _ in range(reach):
+                np.maximum(source[:-stride], source[stride:], out=pair[:-stride])
+                np.maximum(pair[: -2 * stride], pair[stride:-stride], out=out[stride:-stride])
+                source = out
+        if source is self._after_turn:
+            np.copyto(out, source)
+
+    def _reward_moves(self, rates: FloatArray) -> None:
+        """Raise the maximum over moves where a move with a reward is better.
+
+        If a move leads out of the map, or its end is not free, the value ahead is CLOSED; other
+        hidden moves are irregular.
+        """
+        n, out, pair = self._graph.n_states, self._best, self._pair
+        for rate, move in zip(rates.tolist(), self._graph.moves, strict=True):
+            if rate:
+                strides = zip(move, self._graph.strides, strict=True)
+                shift = sum(i * stride for i, stride in strides)
+                tails, heads = (slice(max(0, s), n + min(0, s)) for s in (-shift, shift))
+                np.add(self._after_turn[heads], rate, out=pair[tails])
+                np.maximum(out[tails], pair[tails], out=out[tails])
+
+    def _best_irregular(self) -> FloatArray:
+        """Return the maximum over the moves of irregular states, with their rewards."""
+        _, heads, hidden = self._graph.irregular
+        ahead = self._after_turn[heads]
+        if self._rates is not None:
+            ahead += np.where(hidden, 0.0, self._rates[:, None])
+        best: FloatArray = ahead.max(axis=0)
+        return best
+
+    def _charge_moves(self, tail: int, costs: Mapping[int, float]) -> None:
+        """Recompute one place, some of whose moves are charged or closed."""
+        graph = self._graph
+        origins = np.arange(graph.n_orientations) * graph.n_places
+        heads = graph.neighbours[:, tail]
+        open_ = heads >= 0
+        heads = heads[open_]
+        cost = np.array([costs.get(int(head), 0.0) for head in heads])
+        cost[heads == tail] = 0.0  # staying is not a move
+        if self._rates is not None:
+            cost -= self._rates[open_]
+        ahead = self._after_turn[origins[:, None] + heads] - cost
+        self._best[origins + tail] = ahead.max(axis=1)
+
+
+def _charge(
+    graph: TimeGraph, value: FloatArray, places: Mapping[int, float], states: Mapping[int, float]
+) -> None:
+    for place, cost in places.items():
+        value[place :: graph.n_places] -= cost
+    for state, cost in states.items():
+        value[state] -= cost
+
+
+def _by_step(costs: Mapping[tuple[int, int], float]) -> dict[int, dict[int, float]]:
+    steps: dict[int, dict[int, float]] = {}
+    for (t, at), cost in costs.items():
+        steps.setdefault(t, {})[at] = cost
+    return steps
+
+
+def _leaving_by_step(charges: Charges) -> dict[int, dict[int, dict[int, float]]]:
+    """Return the charges on moves by step, tail and head."""
+    leaving: dict[int, dict[int, dict[int, float]]] = {}
+    for (t, tail, head), cost in charges.moves.items():
+        leaving.setdefault(t, {}).setdefault(tail, {})[head] = cost
+    return leaving
+
+
+def _calmest(graph: TimeGraph, tail: int, heads: IntArray) -> int:
+    """Return the head that is nearest to the tail in place, then in orientation."""
+    if len(heads) == 1:
+        return int(heads[0])
+    before, after = np.unravel_index(tail, graph.shape), np.unravel_index(heads, graph.shape)
+    turn, pitch, *move = (b - a for a, b in zip(before, after, strict=True))
+    far = sum(step**2 for step in move)
+    turn = np.minimum(turn % graph.shape[0], -turn % graph.shape[0])
+    return int(heads[np.lexsort([heads, np.abs(pitch), turn, far])[0]])
