@@ -11,16 +11,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+import result_rows
 from scene_files import SMALL_SEQUENCE
 
-from cocap_opt.experiments.cli import commands
-from cocap_opt.experiments.cli.commands import AT_THE_ROOT
+from cocap_opt.experiments.cli import solver_commands
 from cocap_opt.experiments.cli.main import main
+from cocap_opt.experiments.cli.solver_commands import AT_THE_ROOT
 from cocap_opt.experiments.console import progress
-from cocap_opt.experiments.results import rows
-from cocap_opt.experiments.results.gap_table import told_apart
-from cocap_opt.experiments.results.printing import print_gap_table
+from cocap_opt.experiments.results.gap_table import print_gap_table
+from cocap_opt.experiments.results.judging import run_planner
 from cocap_opt.experiments.results.rows import Row
+from cocap_opt.experiments.sweeps.scenes import told_apart
 from cocap_opt.files.documents import save_problem
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.model import compiled
@@ -88,14 +89,14 @@ def test_coverage_is_there_before_a_planner_begins(
 
     def spy(*arguments: Any) -> Any:
         seen.append(any(tmp_path.glob("*.coverage")))
-        judged = rows.run_planner(*arguments)
+        judged = run_planner(*arguments)
         seen.append(any(tmp_path.glob("*.coverage")))
         return judged
 
-    monkeypatch.setattr(commands, "run_planner", spy)
+    monkeypatch.setattr(solver_commands, "run_planner", spy)
     compiled.cache_clear()
     assert Run(capsys, "plan", "tiny-share", "--planner", planner).code == 0
-    assert seen == 2 * [planner not in commands.LAZY]
+    assert seen == 2 * [planner not in solver_commands.LAZY]
 
 
 def test_a_path_that_is_no_text_is_shown_escaped(
@@ -112,6 +113,7 @@ def test_a_path_that_is_no_text_is_shown_escaped(
     assert run.json["file"].endswith("\\udcff.json")
 
 
+@pytest.mark.slow
 def test_gap_prints_and_writes_the_keys_that_do_not_change(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -137,6 +139,7 @@ def test_gap_prints_and_writes_the_keys_that_do_not_change(
     assert len(lines) == len(rows)
 
 
+@pytest.mark.slow
 def test_gap_never_writes_two_scenes_into_one_file(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -164,6 +167,7 @@ def test_gap_calls_no_two_scenes_the_same() -> None:
     assert names == ["a.json", "b.json", "c.json", "own"]
 
 
+@pytest.mark.slow
 def test_every_plan_and_certificate_of_gap_is_verified(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -261,14 +265,9 @@ def test_the_gap_table_says_what_its_bounds_are(capsys: pytest.CaptureFixture[st
 
 def gap_rows(*bounds: tuple[float | None, str]) -> list[Row]:
     """A row of the gap table per bound and the reason why the search for it stopped."""
-    plain: Row = {
-        "scene": "s", "planner": "cocap", "reward": 1.0, "gap": None, "gap_free": None,
-        "conflicts": 0, "reason": "finished", "limit": "none", "seconds": 1.0,
-        "bound_method": "branch-and-price",
-    }  # fmt: skip
     return [
-        plain | {"seed": seed, "bound": bound, "bound_reason": reason, "bound_free": bound,
-                 "bound_free_reason": reason}
+        result_rows.row("cocap", seed, 1.0, scene="s", gap=None, gap_free=None, bound=bound,
+            bound_reason=reason, bound_free=bound, bound_free_reason=reason)
         for seed, (bound, reason) in enumerate(bounds)
     ]  # fmt: skip
 
@@ -317,6 +316,7 @@ def number_paths(content: object, path: tuple = ()) -> list[tuple]:
     return [path] if isinstance(content, (int, float)) else []
 
 
+@pytest.mark.slow
 def test_every_altered_number_of_a_plan_is_noticed(
     files: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -396,6 +396,7 @@ def test_solve_gives_the_optimum_and_a_proof(
     assert answer["optimal"] is (True if proof.exists() else None)
 
 
+@pytest.mark.slow
 def test_solve_at_the_root_and_to_a_gap(capsys: pytest.CaptureFixture[str]) -> None:
     """Column generation has a plan and a bound; with --gap, `optimal` is not said too early."""
     root = Run(capsys, "solve", "corridor-tight", "--method", AT_THE_ROOT, "--json").json
@@ -409,6 +410,7 @@ def test_solve_at_the_root_and_to_a_gap(capsys: pytest.CaptureFixture[str]) -> N
     assert best["reason"] == "optimal"
 
 
+@pytest.mark.slow
 def test_solve_without_rules(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """--free plans, bounds and verifies the scene without inter-robot collisions."""
     plan, proof = tmp_path / "plan.json", tmp_path / "proof.json"
@@ -430,6 +432,7 @@ def test_solve_without_rules(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert greedy["conflicts"] == 0
 
 
+@pytest.mark.slow
 def test_a_start_is_used_or_rejected_with_the_reason(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -551,6 +554,7 @@ def test_altered_proofs_are_refused(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert Run(capsys, "verify", "tiny-queue", good).code == 1
 
 
+@pytest.mark.slow
 def test_every_altered_number_of_a_proof_is_noticed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -573,6 +577,7 @@ def test_every_altered_number_of_a_proof_is_noticed(
                 assert run.json["bound"] >= OPTIMA["tiny-share"] - 1e-9, path
 
 
+@pytest.mark.slow
 def test_verify_says_whether_a_plan_is_optimal(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -657,6 +662,9 @@ WRONG = [
     (["plan", "corridor", "--seed", "9" * 40], "--seed"),
     (["plan", "corridor", "--seed", "9" * 5000], "--seed"),
     (["gap", "corridor", "--bound-limit", "-1"], "--bound-limit"),
+    (["gap", "corridor", "--work-limit", "-1"], "--work-limit: must be 0.."),
+    (["plan", "corridor", "--work-limit", "few"], "--work-limit"),
+    (["study", "no-such-study"], "no-such-study"),
     (["gap", "corridor", "--out", "/dev/null/x"], "/dev/null/x"),
     (["verify", "corridor", "absent.json"], "absent.json"),
     (["show", "corridor", "absent.json", "-o", "x.txt"], "-o"),
@@ -704,7 +712,7 @@ def test_exported_scene_is_the_scene(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert by_name["reward_per_step"] == by_file["reward_per_step"]
 
 
-@pytest.mark.parametrize("suffix", [".png", ".gif"])
+@pytest.mark.parametrize("suffix", [".png", pytest.param(".gif", marks=pytest.mark.slow)])
 def test_show_draws_a_picture(
     suffix: str, tmp_path: Path, files: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -738,6 +746,31 @@ def test_a_time_limit_of_zero_still_answers(capsys: pytest.CaptureFixture[str]) 
         assert row["bound"] is None or row["bound"] >= row["reward"]
 
 
+@pytest.mark.parametrize(
+    ("words", "limited"),
+    [
+        pytest.param(
+            ("plan", "bottleneck-tight", "--planner", "cocap"), "reason", marks=pytest.mark.slow
+        ),
+        (("bound", "corridor-tight"), "bound"),
+        (("solve", "corridor-tight", "--seed", 1), "bound"),
+    ],
+)
+def test_a_work_limit_stops_where_it_stops_anywhere(
+    words: tuple[object, ...], limited: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The same answer twice, and another one without the limit; a limit in the other column."""
+    times = ("seconds", "coverage_seconds")
+    first, again, free = (
+        {k: v for k, v in Run(capsys, *words, *more, "--json").json.items() if k not in times}
+        for more in (["--work-limit", 1], ["--work-limit", 1], [])
+    )
+    assert first == again
+    assert (first["reason"], first["limit"], free["limit"]) == ("stopped", "work", "none")
+    assert first[limited] != free[limited]
+
+
+@pytest.mark.slow
 def test_the_same_plan_file_in_any_process(tmp_path: Path) -> None:
     """Same scene and seed: the same plan file, byte for byte, whatever the hash seed."""
     contents = []
@@ -753,6 +786,7 @@ def test_the_same_plan_file_in_any_process(tmp_path: Path) -> None:
     assert contents[0] == contents[1]
 
 
+@pytest.mark.slow
 def test_ctrl_c_prints_what_is_finished(tmp_path: Path) -> None:
     """An interrupted gap table is printed as far as it got, with exit code 0."""
     process = start_command("gap", "corridor", "--seeds", "0-99", "--json", "--out", tmp_path)
@@ -764,6 +798,7 @@ def test_ctrl_c_prints_what_is_finished(tmp_path: Path) -> None:
     assert (tmp_path / "results.csv").is_file()
 
 
+@pytest.mark.slow
 def test_ctrl_c_gives_the_best_plan_and_bound_so_far(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -785,6 +820,7 @@ def test_ctrl_c_gives_the_best_plan_and_bound_so_far(
     assert (answer["reward"], answer["bound"]) == (row["reward"], row["bound"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("module", ["cyclopts", "cocap_opt.experiments.results.documents"])
 def test_ctrl_c_while_modules_are_imported_is_one_line(module: str) -> None:
     """The half second before a command begins ends without a traceback, and so does a command."""
@@ -807,7 +843,12 @@ main(["table", "folder"])
 
 
 @pytest.mark.parametrize(
-    ("redirection", "code"), [(">&-", 0), ("> /dev/full", 2), ("| head -n 1", 0)]
+    ("redirection", "code"),
+    [
+        (">&-", 0),
+        pytest.param("> /dev/full", 2, marks=pytest.mark.slow),
+        pytest.param("| head -n 1", 0, marks=pytest.mark.slow),
+    ],
 )
 def test_standard_output_that_takes_nothing(redirection: str, code: int) -> None:
     """A closed, full or cut-off standard output is no traceback."""
@@ -825,6 +866,7 @@ def test_standard_output_that_takes_nothing(redirection: str, code: int) -> None
     assert len(done.stderr.splitlines()) == (1 if code else 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("redirection", ["2>&-", "2> /dev/full", ">&- 2>&-"])
 def test_standard_error_that_takes_nothing(redirection: str) -> None:
     """What is wrong with the input is told by the exit code alone."""
