@@ -1,6 +1,6 @@
-"""CP-SAT, OR-tools' solver over whole numbers, on the same outer approximation.
+"""CP-SAT, OR-tools' solver over integers, on the same outer approximation.
 
-Roots become whole numbers V of a unit so small that rounding every coefficient up costs less
+Roots become integers V of a unit so small that rounding every coefficient up costs less
 than ROUNDING of J: with V <= sum ceil(a) x + ceil(b) instead of w u <= sum a x + b, no plan's
 J is cut off, and the program's optimum stays an upper bound.
 """
@@ -28,7 +28,7 @@ from cocap_opt.stop import Limit, Stop, never
 __all__ = ["cp_sat"]
 
 ROUNDING = 1e-8  # of the largest J, all roundings together
-MOST = 2.0**52  # largest J in whole numbers
+MOST = 2.0**52  # largest J in integers
 SEED = 0
 
 
@@ -119,11 +119,11 @@ def _answer(solver: Any, translated: "_Translated") -> Answer:
 
 
 class _Translated:
-    """A program in whole numbers, as CP-SAT has it.
+    """A program in integers, as CP-SAT has it.
 
     Attributes
     ----------
-    scale : J in whole numbers / J
+    scale : J in integers / J
     """
 
     def __init__(self, program: Program) -> None:
@@ -211,7 +211,7 @@ class _Translated:
 
 
 def _up(values: FloatArray) -> IntArray:
-    """Returns whole numbers not below the values, rounding in their arithmetic included."""
+    """Returns integers not below the values, rounding in their arithmetic included."""
     return np.ceil(values * (1 + 1e-12)).astype(np.int64)
 
 

@@ -21,7 +21,7 @@ class LinearProgram(NamedTuple):
     gain: FloatArray  # [n]
     low: FloatArray  # [n]
     high: FloatArray  # [n]
-    whole: BoolArray  # [n] must be a whole number
+    integral: BoolArray  # [n]
     rows: sparse.csr_array  # [m, n]
     row_low: FloatArray  # [m]
     row_high: FloatArray  # [m]
@@ -40,7 +40,7 @@ class LinearProgram(NamedTuple):
             gain=np.concatenate(gain) / program.unit,
             low=np.concatenate([np.where(first, flow.supply, 0.0), np.zeros(e + 3 * g)]),
             high=np.concatenate([*high, np.full(3 * g, math.inf)]),
-            whole=np.repeat([True, program.whole_edges, False], [n, e, 3 * g]),
+            integral=np.repeat([True, program.integral_edges, False], [n, e, 3 * g]),
             rows=rows.matrix,
             row_low=rows.low,
             row_high=rows.high,

@@ -161,7 +161,7 @@ def _fill_model(model: Any, linear: LinearProgram) -> None:
     variables.ids.extend(range(n))
     variables.lower_bounds.extend(linear.low.tolist())
     variables.upper_bounds.extend(linear.high.tolist())
-    variables.integers.extend(linear.whole.tolist())
+    variables.integers.extend(linear.integral.tolist())
     paying = np.flatnonzero(linear.gain)
     model.objective.maximize = True
     model.objective.linear_coefficients.ids.extend(paying.tolist())

@@ -157,7 +157,7 @@ class _Rounds:
             flow, Roots.of(flow), ConflictRows.of(flow),
             multipliers if isinstance(multipliers, Multipliers) else None,
         )  # fmt: skip
-        self.statistics |= {"edges": flow.n_edges, "whole": program.n_whole}
+        self.statistics |= {"edges": flow.n_edges, "whole": program.n_integral}
         return self._repeat(program, solver)
 
     def _take_root(self, make_root: Root | None) -> CertifiedResult | None:
@@ -228,7 +228,7 @@ class _Rounds:
         try:
             paths = flow.paths(solution.y, solution.x)
         except ValueError:
-            return  # not whole: a solver's tolerance
+            return  # not integral: a solver's tolerance
         if next(conflicts(self.problem, self.model.plan(paths)), None) is None:
             self._keep(paths)
 

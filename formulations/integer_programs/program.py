@@ -62,9 +62,9 @@ class Program:
         self.unit = max(float(roots.weights.max(initial=0.0)), flow.largest_bonus) or 1.0
         self.n_robots = len(flow.model.problem.robots)
         self.n_views = most_views(flow.model.problem)
-        # Without swaps, whole numbers of robots in the nodes are enough: between two steps
+        # Without swaps, integral numbers of robots in the nodes are enough: between two steps
         # the rest is a transport problem.
-        self.whole_edges = conflicts.crossing.shape[0] > 0
+        self.integral_edges = conflicts.crossing.shape[0] > 0
         self.cuts: list[Cut] = []
         self._tangents: list[tuple[int, float]] = []
         view_sums = np.arange(len(roots.used))
@@ -80,9 +80,9 @@ class Program:
         return _Tangents(np.array(at, dtype=np.int64), np.array(z0, dtype=np.float64))
 
     @property
-    def n_whole(self) -> int:
-        """Number of variables that must be whole."""
-        return self.flow.n_nodes + self.whole_edges * self.flow.n_edges
+    def n_integral(self) -> int:
+        """Number of variables that must be integral."""
+        return self.flow.n_nodes + self.integral_edges * self.flow.n_edges
 
     def roots_at(self, x: FloatArray) -> FloatArray:
         """Returns the roots [g] that the program allows at robots in nodes [N]."""
@@ -101,7 +101,7 @@ class Program:
         return np.concatenate([x, y, pixels, seen, self.roots_at(x)])
 
     def refine(self, x: FloatArray) -> int:
-        """Adds tangents at whole x where roots are overestimated, and returns how many."""
+        """Adds tangents at integral x where roots are overestimated, and returns how many."""
         pixels = self.roots.pixels @ x
         wrong = np.flatnonzero(
             (pixels > 0) & (self.roots_at(x) > np.sqrt(np.maximum(pixels, 0.0)) * (1 + SLACK))

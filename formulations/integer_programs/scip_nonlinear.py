@@ -82,7 +82,7 @@ class _Translated:
         self.model: Any = Model()
         self.model.hideOutput()
         self.model.setPresolve(SCIP_PARAMSETTING.OFF)  # takes longer than all the rest
-        kinds = np.where(linear.whole, "I", "C").tolist()
+        kinds = np.where(linear.integral, "I", "C").tolist()
         self.variables = [
             self.model.addVar(lb=low, ub=None if math.isinf(high) else high, vtype=kind, obj=gain)
             for low, high, kind, gain in zip(

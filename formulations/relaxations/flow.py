@@ -26,6 +26,7 @@ from cocap_opt.formulations.certificates import Cut
 from cocap_opt.formulations.relaxations.flow_paths import assigned_heads
 from cocap_opt.graph.move_rewards import bonuses_of
 from cocap_opt.graph.timegraph import CLOSED, TimeGraph
+from cocap_opt.graph.value_iteration import backward_sweep
 from cocap_opt.model import Model, Path, RobotClass
 from cocap_opt.objective import largest_roots, view_sum_weights
 from cocap_opt.problem import Cell, Problem
@@ -33,9 +34,7 @@ from cocap_opt.result import UnsupportedError
 from cocap_opt.stop import Stop, never
 
 MOST_EDGES = 400_000  # of the time-expanded graph
-Compile = Callable[
-    [Problem], Model
-]  # one class of robots for all that are alike, or each disaggregated
+Compile = Callable[[Problem], Model]  # robots that are alike as one class, or disaggregated
 
 UNUSED = 1e-6  # amounts below are rounding errors
 
@@ -59,7 +58,7 @@ class Flow:
         Raises
         ------
         LimitReached
-            If the limit is reached before the flow is whole.
+            If the limit is reached before the flow is complete.
         UnsupportedError
             If the time-expanded graph has more than MOST_EDGES edges.
         """
@@ -188,8 +187,8 @@ class Flow:
 
         Parameters
         ----------
-        y : [E] robots along each edge; it may be fractional where x is whole and given: from
-            step to step a mixture of assignments of robots to nodes holds one that is whole
+        y : [E] robots along each edge; it may be fractional where x is integral and given: from
+            step to step a mixture of assignments of robots to nodes holds an integral one
         x : [N] robots in each node; None: as y says
 
         Raises
@@ -197,20 +196,20 @@ class Flow:
         ValueError
             If the flow splits into no paths.
         """
-        whole = np.rint(self.supply + self.entering @ y if x is None else x).astype(np.int64)
+        counts = np.rint(self.supply + self.entering @ y if x is None else x).astype(np.int64)
         paths: dict[int, list[int]] = {}
         for k, robot_class in enumerate(self.model.classes):
             at = [self._node(k, 0, start) for start in robot_class.starts]
             ways = [[node] for node in at]
             for _ in range(self.model.problem.horizon):
-                at = self._step(at, whole, y)
+                at = self._step(at, counts, y)
                 for way, node in zip(ways, at, strict=True):
                     way.append(node)
             for robot, way in zip(robot_class.robots, ways, strict=True):
                 paths[robot] = self.states[way].tolist()
         return tuple(tuple(paths[robot]) for robot in range(len(paths)))
 
-    def _step(self, at: list[int], whole: IntArray, y: FloatArray) -> list[int]:
+    def _step(self, at: list[int], counts: IntArray, y: FloatArray) -> list[int]:
         """Returns the nodes to which robots go along used edges, as many to each as are there."""
         ahead: list[dict[int, float]] = []
         for node in at:
@@ -218,12 +217,12 @@ class Flow:
             used = low + np.flatnonzero(y[low:high] > UNUSED)
             ahead.append(dict(zip(self.heads[used].tolist(), self.bonus[used], strict=True)))
         nodes = sorted({head for some in ahead for head in some})
-        slots = [head for head in nodes for _ in range(whole[head])]
+        slots = [head for head in nodes for _ in range(counts[head])]
         # A forbidden edge costs more than all rewards together bring.
         worst = -2.0 * len(at) * (self.largest_bonus or 1.0)
         chosen = assigned_heads(ahead, slots, worst)
         if chosen is None:
-            raise ValueError("the flow is not whole")
+            raise ValueError("the flow is not integral")
         return chosen
 
 
@@ -277,7 +276,7 @@ class _Parts:
 def _useful(model: Model, robot_class: RobotClass) -> BoolArray:
     """Returns the states [T+1, S] on a path from one of the starts to the end (or the goal)."""
     graph, horizon = robot_class.graph, model.problem.horizon
-    to_go = graph.backward_sweep(graph.no_reward(horizon), goal=robot_class.goal)
+    to_go = backward_sweep(graph, graph.no_reward(horizon), goal=robot_class.goal)
     found: BoolArray = graph.reachable(robot_class.starts, horizon) & (to_go > CLOSED)
     return found
 

@@ -1,4 +1,4 @@
-"""Robots assigned to the next states of a flow: the step by which a whole flow becomes paths."""
+"""The assignment of robots to next states, by which an integral flow becomes paths."""
 
 from collections.abc import Mapping, Sequence
 

@@ -48,7 +48,7 @@ class Seen:
         return cut.constant + float(self.amounts @ cut.phi_of(self.classes, self.roots))
 
     def is_exact(self, sizes: tuple[int, ...]) -> bool:
-        """Returns True where nothing can be cut off: one robot's views, or whole and equal ones.
+        """Returns True where nothing can be cut off: one robot's views, or integral and equal ones.
 
         Parameters
         ----------

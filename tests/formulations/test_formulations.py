@@ -29,6 +29,12 @@ TOLERANCE = 1e-9
 METHODS = {**BOUNDS, **EXACT}
 # Of the others, test_milp.py and test_relaxations.py ask the same.
 OWN = ("alone", "online", "column-generation", "brute-force", "branch-and-price")
+TAKING_LONG = ("online", "column-generation")
+
+
+def slow(value: object) -> object:
+    """A parameter whose test takes long."""
+    return pytest.param(value, marks=pytest.mark.slow)
 
 
 def proves(problem: Problem, result: CertifiedResult) -> bool:
@@ -54,7 +60,7 @@ def assert_sandwich(problem: Problem, result: CertifiedResult) -> None:
         assert proves(problem, result)
 
 
-@pytest.mark.parametrize("method", OWN)
+@pytest.mark.parametrize("method", [slow(m) if m in TAKING_LONG else m for m in OWN])
 @examples(15)
 @given(problem=problems(over_time=True))
 def test_sandwich(method: str, problem: Problem) -> None:
@@ -84,7 +90,7 @@ def test_tiny_scenes_are_solved_by_branch_and_price(name: str) -> None:
     assert result.reason in (Reason.OPTIMAL, Reason.INFEASIBLE)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", [0, *map(slow, range(1, 4))])
 def test_branch_and_price_equals_joint_value_iteration(seed: int) -> None:
     """At the paper's size, two robots: two methods that share no search find the same optimum."""
     problem = load_scene("corridor" if seed % 2 else "corridor-tight", seed)
@@ -134,7 +140,7 @@ def test_a_time_limit_still_gives_a_valid_bound(method: str) -> None:
         assert (result.reason, result.limit) == (Reason.STOPPED, Limit.TIME)
 
 
-@pytest.mark.parametrize("name", ["tiny-give-way", "tiny-head-on"])
+@pytest.mark.parametrize("name", [slow("tiny-give-way"), "tiny-head-on"])
 def test_a_search_stopped_anywhere_has_a_valid_proof(name: str) -> None:
     """Wherever in its tree a limit falls, plan and proof so far are returned and hold."""
     problem, calls = load_scene(name, 0), Calls()

@@ -2,6 +2,7 @@ import importlib.util
 import math
 import subprocess
 import sys
+import threading
 import time
 from itertools import product
 from typing import Any
@@ -11,10 +12,11 @@ import pytest
 from brute_force import all_paths, objective_from_scratch, optimum
 from hypothesis import given
 from hypothesis import strategies as st
-from strategies import examples, meetings, problems, tiny
+from strategies import Calls, examples, meetings, problems, tiny
 
 from cocap_opt.formulations.certificates import verify
 from cocap_opt.formulations.column_generation.column_generation import column_generation
+from cocap_opt.formulations.integer_programs.attending import attend
 from cocap_opt.formulations.integer_programs.cp_sat import cp_sat
 from cocap_opt.formulations.integer_programs.mathopt import MathOptSolver, highs, scip
 from cocap_opt.formulations.integer_programs.mathopt_process import SolverProcess
@@ -42,7 +44,10 @@ ALL = [*MILPS, pytest.param("scip-nonlinear", marks=needs_pyscipopt)]
 METHODS = MILPS | {"scip-nonlinear": scip_nonlinear}
 
 
-@pytest.mark.parametrize("method", ALL)
+@pytest.mark.parametrize(
+    "method",
+    [pytest.param(m, marks=pytest.mark.slow) if m in ("highs", "scip") else m for m in ALL],
+)
 @examples(8)
 @given(problem=st.one_of(problems(), problems(over_time=True), meetings(), meetings(3)))
 def test_milps_equal_brute_force(method: str, problem: Problem) -> None:
@@ -136,6 +141,21 @@ class After(Stop):
         return Limit.INTERRUPT if late else Limit.NONE
 
 
+def test_work_that_is_attended_hears_of_a_limit() -> None:
+    """Work goes on until a limit is reached, then it is told to end, and its outcome counts."""
+    told, ticks = threading.Event(), list[float]()
+
+    def work() -> str:
+        assert told.wait(10.0)
+        return "so far"
+
+    outcome = attend(work, Calls(2), lambda: ticks.append(0.0), told.set)
+    assert outcome == "so far" and len(ticks) >= 3
+    assert attend(lambda: "at once", never, lambda: None, told.clear) == "at once"
+    assert told.is_set()
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("method", MILPS)
 def test_an_interrupt_ends_a_long_solve(method: str) -> None:
     """Ctrl-C gives the best plan so far, soon, though the solver would go on for long."""
@@ -164,6 +184,7 @@ print(result.reason, result.limit, result.statistics["rounds"])
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", MILPS)
 def test_the_signal_of_an_interrupt_ends_no_process(method: str) -> None:
     """Solvers have signal handlers of their own; Ctrl-C still gives a result."""
@@ -175,6 +196,7 @@ def test_the_signal_of_an_interrupt_ends_no_process(method: str) -> None:
     assert (reason, limit) == ("stopped", "interrupt") and int(rounds) >= 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ALL)
 def test_an_interrupt_in_the_root_keeps_its_bound(method: str) -> None:
     """Before the solver has begun, the bound is that of the root so far."""
@@ -185,6 +207,7 @@ def test_an_interrupt_in_the_root_keeps_its_bound(method: str) -> None:
     assert result.value <= result.bound < math.inf
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["highs", "scip"])
 def test_a_time_limit_ends_a_solve(method: str) -> None:
     """Solvers get the time that is left, and the result says that it was too little."""
@@ -223,7 +246,7 @@ def test_a_bound_below_a_known_plan_is_not_believed() -> None:
 
 
 def test_solutions_that_are_none_are_dropped() -> None:
-    """A solution that is not whole, or whose robots collide, is no plan."""
+    """A solution that is not integral, or whose robots collide, is no plan."""
     problem = load_scene("tiny-queue")
     model = compiled(problem)
 
@@ -338,6 +361,7 @@ def test_a_coarse_gap_is_enough_where_it_is_asked_for() -> None:
     assert result.reason is (Reason.OPTIMAL if proved else Reason.FINISHED)
 
 
+@pytest.mark.slow
 @needs_pyscipopt
 def test_scip_nonlinear_leaves_large_scenes_alone() -> None:
     """It might not hear of a limit for minutes: the root's bound and the start are returned."""
@@ -372,7 +396,11 @@ IMPORTS = {
 
 
 @pytest.mark.parametrize(
-    "order", [("cvxpy", "highspy", "ortools"), ("ortools", "highspy", "cvxpy")]
+    "order",
+    [
+        ("cvxpy", "highspy", "ortools"),
+        pytest.param(("ortools", "highspy", "cvxpy"), marks=pytest.mark.slow),
+    ],
 )
 def test_solvers_bear_one_another_in_one_process(order: tuple[str, ...]) -> None:
     """cvxpy's HiGHS and OR-tools' clashed where highspy was 1.15; hence the pin."""
