@@ -1,7 +1,7 @@
-"""The referee: is a plan feasible, and what is its J?
+"""The referee, which tells if a plan is feasible and computes its J.
 
-It trusts no planner, no reward code and no solver: from the problem alone it recomputes
-both by slow, obvious loops. Of the other modules it uses only what coverage is, and what is solid.
+It trusts no planner, no reward code and no solver: from the problem alone it recomputes both by
+slow, obvious loops. It shares with planners only coverage and solid matter.
 """
 
 import math
@@ -18,34 +18,34 @@ from cocap_opt.vision.views import make_views
 
 @dataclass(frozen=True)
 class Verdict:
-    """What the referee found.
+    """The findings of the referee.
 
-    `violations` are broken motions (a plan that no robot can fly), `conflicts` broken
-    collision rules; both in words, one line each.
+    `violations` are broken motions (no robot can fly such a plan), `conflicts` broken collision
+    rules; both in words, one line each.
     """
 
     violations: tuple[str, ...]
     conflicts: tuple[str, ...]
     reward: float  # J
-    reward_at_start: float  # view reward at t = 0; 0 where it does not count
-    reward_per_step: tuple[float, ...]  # view reward at t = 1..T, without that of moves
-    reward_moves: float  # for moves themselves, such as staying
+    reward_at_start: float  # view reward at t = 0; 0 if it does not count
+    reward_per_step: tuple[float, ...]  # [T] view reward at t = 1..T, without rewards per move
+    reward_moves: float  # rewards per move, such as for staying
     face_reward: tuple[float, ...]  # [F] view reward of each face over all steps
 
     @property
     def valid(self) -> bool:
-        """True where the plan can be flown and no rule is broken."""
+        """True if the plan can be flown and no rule is broken."""
         return not self.violations and not self.conflicts
 
 
 def check(problem: Problem, plan: Plan) -> Verdict:
-    """Judge a plan."""
+    """Return the verdict on a plan; its rewards are nan if it cannot be flown."""
     violations = broken_motions(problem, plan)
     if violations:
         return Verdict(tuple(violations), (), math.nan, math.nan, (), math.nan, ())
-    rewards = view_rewards(problem, plan)
+    rewards = _view_rewards(problem, plan)
     per_step = [math.fsum(row) for row in rewards]
-    moves = move_rewards(problem, plan)
+    moves = _move_rewards(problem, plan)
     return Verdict(
         violations=(),
         conflicts=tuple(broken_rules(problem, plan)),
@@ -57,8 +57,8 @@ def check(problem: Problem, plan: Plan) -> Verdict:
     )
 
 
-def move_rewards(problem: Problem, plan: Plan) -> float:
-    """What all robots are rewarded for their moves, whatever they see."""
+def _move_rewards(problem: Problem, plan: Plan) -> float:
+    """Return the rewards per move of all robots together."""
     objective, rewards = problem.objective, []
     for path in plan.paths:
         for t in range(problem.horizon):
@@ -74,10 +74,10 @@ def move_rewards(problem: Problem, plan: Plan) -> float:
     return math.fsum(rewards)
 
 
-def view_rewards(problem: Problem, plan: Plan) -> list[list[float]]:
-    """View reward of every step and face [T+1][F].
+def _view_rewards(problem: Problem, plan: Plan) -> list[list[float]]:
+    """Return the view reward of every step and face [T+1][F].
 
-    Where pixels add up over time, a step's reward is what it adds to that of the steps before.
+    If pixels add up over time, a step's reward is its gain over the steps before.
     """
     geometry = FaceGeometry(problem)
     rewards = []
@@ -110,7 +110,7 @@ def _coverage(
 
 
 def broken_motions(problem: Problem, plan: Plan) -> list[str]:
-    """Everything that makes the plan impossible to fly, robot by robot."""
+    """Say in words what makes the plan impossible to fly, robot by robot."""
     if len(plan.paths) != len(problem.robots):
         return [f"paths: {len(plan.paths)} paths for {len(problem.robots)} robots"]
     found = []
@@ -154,7 +154,7 @@ def _altitude(problem: Problem, robot: Robot, state: State) -> float:
 def _is_free(
     problem: Problem, robot: Robot, x: int, y: int, altitudes: tuple[float, float]
 ) -> bool:
-    """True where nothing solid of a cell is between two altitudes or within the clearance."""
+    """Return True if a cell has no matter between two altitudes or within the clearance."""
     for bottom, top in problem.workspace.columns.at(x, y):
         above = bottom > max(altitudes) + robot.motion.clearance
         below = top < min(altitudes) - robot.motion.clearance
@@ -185,7 +185,7 @@ def _broken_move(problem: Problem, robot: Robot, a: State, b: State) -> str:
 
 
 def _line_touches(a: State, b: State, x: int, y: int) -> bool:
-    """True where the line between two cell centres meets the closed square of cell (x, y)."""
+    """Return True if the line between two cell centres meets the closed square of a cell."""
     enter, leave = Fraction(0), Fraction(1)
     for start, end, centre in ((a.x, b.x, x), (a.y, b.y, y)):
         low, high = Fraction(2 * centre - 1, 2), Fraction(2 * centre + 1, 2)
@@ -199,7 +199,7 @@ def _line_touches(a: State, b: State, x: int, y: int) -> bool:
 
 
 def broken_rules(problem: Problem, plan: Plan) -> list[str]:
-    """Every broken collision rule, in words."""
+    """Say in words which collision rules are broken, step by step."""
     rules, found = problem.rules, []
 
     def position(robot: int, t: int) -> tuple[int, int, float]:

@@ -1,8 +1,8 @@
-"""Motion of one robot as networkx graphs: where it can go in one step, and how it can turn.
+"""Motion of one robot as networkx graphs: the moves and the turns of one step.
 
 Moving and turning do not depend on each other, so the motion graph is the tensor product of
 a place graph (cells) and an orientation graph (headings and gimbal pitches), both with
-self-loops. `timegraph` compiles the two factors; nobody needs the product to plan.
+self-loops. `timegraph` compiles the two factors; planners do not need the product.
 """
 
 from __future__ import annotations  # networkx graphs take type arguments in stubs only
@@ -29,25 +29,25 @@ if TYPE_CHECKING:
 
 
 def free_places(workspace: Workspace, motion: Motion) -> BoolArray:
-    """Places where a robot may be, [layer, X, Y]: nothing solid within its clearance."""
+    """Return an array [layer, X, Y], true where no solid matter is within a robot's clearance."""
     altitudes = workspace.height_map.altitudes(motion.layers)
     return ~workspace.columns.solid(altitudes - motion.clearance, altitudes + motion.clearance)
 
 
 def moves(motion: Motion) -> list[Move]:
-    """All cell moves of one step; the first is to stay."""
+    """Return all cell moves of one step; the first is to stay."""
     climb = min(motion.climb, len(motion.layers) - 1)
     reach, climbs = range(-motion.radius, motion.radius + 1), range(-climb, climb + 1)
     return sorted(product(climbs, reach, reach), key=lambda move: (move != (0, 0, 0), move))
 
 
 def swept_cells(dx: int, dy: int) -> list[tuple[int, int]]:
-    """Cells, relative to the first, that the straight line between two cell centres touches.
+    """Return the cells, relative to the first, that the line between two cell centres touches.
 
     A diagonal move touches the two cells at whose corner it passes.
     """
     # The line meets the closed unit square around (i, j) unless the square lies wholly on
-    # one side of it (separating axis; integers, so the test is exact).
+    # one side of it (separating axis). With integers the test is exact.
     return [
         (i, j)
         for i in range(min(0, dx), max(0, dx) + 1)
@@ -56,10 +56,10 @@ def swept_cells(dx: int, dy: int) -> list[tuple[int, int]]:
     ]
 
 
-def allowed_starts(workspace: Workspace, free: BoolArray, motion: Motion, move: Move) -> BoolArray:
-    """Places [layer, X, Y] from which `move` is allowed, of those that are free.
+def _allowed_starts(workspace: Workspace, free: BoolArray, motion: Motion, move: Move) -> BoolArray:
+    """Return an array [layer, X, Y], true for free places from which a move is allowed.
 
-    The cells that it passes must have nothing solid from the lower of its two altitudes to
+    The cells that it passes must have no solid matter from the lower of its two altitudes to
     the higher, nor within the clearance of these. With corner cutting only the two ends count.
     """
     if motion.corner_cutting:
@@ -77,7 +77,7 @@ def allowed_starts(workspace: Workspace, free: BoolArray, motion: Motion, move: 
 
 
 def shifted(values: NDArray[T], move: Move, outside: float) -> NDArray[T]:
-    """`values` [layer, X, Y] looked up at every place + `move`."""
+    """Return `values` [layer, X, Y] looked up at every place + `move`; `outside` beyond the map."""
     result = np.full_like(values, outside)
     source, target = [], []
     for step, size in zip(move, values.shape, strict=True):
@@ -88,16 +88,16 @@ def shifted(values: NDArray[T], move: Move, outside: float) -> NDArray[T]:
 
 
 def place_graph(workspace: Workspace, motion: Motion) -> Graph:
-    """Directed graph of the cells a robot can fly in: nodes (layer, x, y), self-loops included."""
+    """Return the directed graph of places (layer, x, y) and moves, self-loops included."""
     free = free_places(workspace, motion)
     _, width, depth = free.shape
     tails, heads = [], []
     for climb, dx, dy in moves(motion):
-        tails.append(np.flatnonzero(allowed_starts(workspace, free, motion, (climb, dx, dy))))
+        tails.append(np.flatnonzero(_allowed_starts(workspace, free, motion, (climb, dx, dy))))
         heads.append(tails[-1] + (climb * width + dx) * depth + dy)
     tail, head = np.concatenate(tails), np.concatenate(heads)
-    # There may be millions of edges: networkx takes them in half the time tail by tail, and in
-    # a tenth where they share the nodes' tuples.
+    # There may be millions of edges. networkx takes half the time if they are sorted by tail, and
+    # a tenth if they share the nodes' tuples.
     order = np.argsort(tail, kind="stable")
     places: list[Place] = list(np.ndindex(free.shape))
     graph: Graph = nx.DiGraph()
@@ -110,7 +110,7 @@ def place_graph(workspace: Workspace, motion: Motion) -> Graph:
 
 
 def turned(index: int, most: int, size: int, cyclic: bool) -> set[int]:
-    """Indices reachable from `index` by at most `most` steps on a ring or a line of `size`."""
+    """Return the indices within `most` steps of `index` on a ring or a line of `size`."""
     if cyclic:
         most = min(most, size // 2)
         return {i % size for i in range(index - most, index + most + 1)}
@@ -118,7 +118,7 @@ def turned(index: int, most: int, size: int, cyclic: bool) -> set[int]:
 
 
 def orientation_graph(motion: Motion, camera: AnyCamera) -> Graph:
-    """Directed graph of orientations: nodes (heading, pitch), self-loops included.
+    """Return the directed graph of orientations (heading, pitch), self-loops included.
 
     Headings are a ring, pitches a line.
     """
@@ -133,7 +133,7 @@ def orientation_graph(motion: Motion, camera: AnyCamera) -> Graph:
 
 
 def motion_graph(problem: Problem, robot: int) -> Graph:
-    """Motion graph of one robot; nodes are `State`, an edge is one step of motion."""
+    """Return the motion graph of one robot; nodes are `State`, an edge is one step."""
     motion, camera = problem.robots[robot].motion, problem.robots[robot].camera
     graph = nx.tensor_product(
         place_graph(problem.workspace, motion), orientation_graph(motion, camera)
@@ -148,11 +148,11 @@ def _state(place: Place, orientation: Orientation) -> State:
 
 
 def time_expanded_graph(problem: Problem, robot: int) -> Graph:
-    """Time-expanded graph of one robot: nodes (State, t) that lie on some path from its start.
+    """Return the time-expanded graph of one robot; nodes (State, t) lie on a path from its start.
 
-    It is the tensor product of the motion graph and the directed path 0..T, pruned to what
-    the start reaches and, where there is a goal, to what reaches the goal. Every planner
-    searches this graph; `timegraph.TimeGraph` is its compiled form.
+    It is the tensor product of the motion graph and the directed path 0..T, pruned to nodes that
+    the start reaches and, if there is a goal, that reach the goal. Every planner searches this
+    graph; `timegraph.TimeGraph` is its compiled form.
     """
     steps: Graph = nx.path_graph(problem.horizon + 1, create_using=nx.DiGraph)
     graph = cast("Graph", nx.tensor_product(motion_graph(problem, robot), steps))

@@ -1,8 +1,8 @@
-"""What robots gain by their moves alone, whatever they see: `Objective` as planners take it.
+"""Rewards per move, which robots get whatever they see: `Objective` in the form for planners.
 
 The reward of an edge is a part that the cell move decides, plus a part that the turn decides,
-plus `stationarity` for the one edge that changes nothing. So value iteration can still take
-the maximum over turns first and over moves after it.
+plus `stationarity` for the one edge that changes nothing. Value iteration can therefore still
+take the maximum over turns first and over moves after it.
 """
 
 import math
@@ -18,7 +18,7 @@ Shape = tuple[int, ...]  # (headings, pitches, layers, X, Y) of a numbering of s
 
 
 class Bonuses(NamedTuple):
-    """Rewards for one step of one robot, which add up; see `Objective`."""
+    """The rewards for one step of one robot, which add up; see `Objective`."""
 
     stationarity: float = 0.0  # for an unchanged state
     keep_cell: float = 0.0
@@ -27,29 +27,29 @@ class Bonuses(NamedTuple):
 
     @property
     def none(self) -> bool:
-        """Whether no step is worth anything by itself."""
+        """True if no step has a reward."""
         return not any(self)
 
     @property
     def stay(self) -> float:
-        """Reward of the step that changes nothing: it gets all of them."""
+        """Reward of the step that changes nothing, which gets all of them."""
         return math.fsum(self)
 
     def of_moves(self, moves: IntArray) -> FloatArray:
-        """Part of the reward [n] that cell moves [n, 3] decide (layers, cells along x and y)."""
+        """Return the part of the rewards [n] that moves [n, 3] decide (layers, cells x and y)."""
         _, dx, dy = moves.T
         stays = (moves == 0).all(axis=1)
         rewards: FloatArray = self.keep_cell * stays + self.balanced * (dx + dy == 0)
         return rewards
 
     def of_edges(self, shape: Shape, tails: IntArray | int, heads: IntArray) -> FloatArray:
-        """Rewards [n] of the steps between numbered states.
+        """Return the rewards [n] of the steps between numbered states.
 
         Parameters
         ----------
         shape : of the numbering, `TimeGraph.shape`
-        tails : [n] states, or one that all steps begin at
-        heads : [n]
+        tails : [n] states, or one state at which all steps begin
+        heads : [n] states
         """
         rewards: FloatArray = self.stationarity * (heads == tails)
         if self.keep_cell or self.keep_heading or self.balanced:
@@ -60,7 +60,7 @@ class Bonuses(NamedTuple):
         return rewards
 
     def of_path(self, shape: Shape, path: Sequence[int]) -> float:
-        """Reward of all steps along a path of state numbers."""
+        """Return the reward of all steps along a path of state numbers."""
         if self.none:
             return 0.0
         states = np.array(path, dtype=np.int64)
@@ -71,7 +71,7 @@ NO_BONUSES = Bonuses()
 
 
 def bonuses_of(objective: Objective) -> Bonuses:
-    """The rewards for moves in an objective."""
+    """Return the rewards per move of an objective."""
     return Bonuses(
         objective.stationarity, objective.keep_cell, objective.keep_heading, objective.balanced
     )
