@@ -39,7 +39,7 @@ class Verdict:
 
 
 def check(problem: Problem, plan: Plan) -> Verdict:
-    """Return the verdict on a plan; its rewards are nan if it cannot be flown."""
+    """Returns the verdict on a plan; its rewards are nan if it cannot be flown."""
     violations = broken_motions(problem, plan)
     if violations:
         return Verdict(tuple(violations), (), math.nan, math.nan, (), math.nan, ())
@@ -58,7 +58,7 @@ def check(problem: Problem, plan: Plan) -> Verdict:
 
 
 def _move_rewards(problem: Problem, plan: Plan) -> float:
-    """Return the rewards per move of all robots together."""
+    """Returns the rewards per move of all robots together."""
     objective, rewards = problem.objective, []
     for path in plan.paths:
         for t in range(problem.horizon):
@@ -75,7 +75,7 @@ def _move_rewards(problem: Problem, plan: Plan) -> float:
 
 
 def _view_rewards(problem: Problem, plan: Plan) -> list[list[float]]:
-    """Return the view reward of every step and face [T+1][F].
+    """Returns the view reward of every step and face [T+1][F].
 
     If pixels add up over time, a step's reward is its gain over the steps before.
     """
@@ -110,7 +110,7 @@ def _coverage(
 
 
 def broken_motions(problem: Problem, plan: Plan) -> list[str]:
-    """Say in words what makes the plan impossible to fly, robot by robot."""
+    """Says in words what makes the plan impossible to fly, robot by robot."""
     if len(plan.paths) != len(problem.robots):
         return [f"paths: {len(plan.paths)} paths for {len(problem.robots)} robots"]
     found = []
@@ -154,7 +154,7 @@ def _altitude(problem: Problem, robot: Robot, state: State) -> float:
 def _is_free(
     problem: Problem, robot: Robot, x: int, y: int, altitudes: tuple[float, float]
 ) -> bool:
-    """Return True if a cell has no matter between two altitudes or within the clearance."""
+    """Returns True if a cell has no matter between two altitudes or within the clearance."""
     for bottom, top in problem.workspace.columns.at(x, y):
         above = bottom > max(altitudes) + robot.motion.clearance
         below = top < min(altitudes) - robot.motion.clearance
@@ -185,7 +185,7 @@ def _broken_move(problem: Problem, robot: Robot, a: State, b: State) -> str:
 
 
 def _line_touches(a: State, b: State, x: int, y: int) -> bool:
-    """Return True if the line between two cell centres meets the closed square of a cell."""
+    """Returns True if the line between two cell centres meets the closed square of a cell."""
     enter, leave = Fraction(0), Fraction(1)
     for start, end, centre in ((a.x, b.x, x), (a.y, b.y, y)):
         low, high = Fraction(2 * centre - 1, 2), Fraction(2 * centre + 1, 2)
@@ -199,7 +199,7 @@ def _line_touches(a: State, b: State, x: int, y: int) -> bool:
 
 
 def broken_rules(problem: Problem, plan: Plan) -> list[str]:
-    """Say in words which collision rules are broken, step by step."""
+    """Says in words which collision rules are broken, step by step."""
     rules, found = problem.rules, []
 
     def position(robot: int, t: int) -> tuple[int, int, float]:

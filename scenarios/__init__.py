@@ -37,7 +37,7 @@ class _Files(NamedTuple):
     words: bytes = b""
 
     def has(self, path: Path) -> bool:
-        """Return True if a file is one of these."""
+        """Returns True if a file is one of these."""
         if path.suffix.lower() not in self.suffixes:
             return False
         try:
@@ -58,13 +58,13 @@ class Format(NamedTuple):
     own_starts: Mapping[str, str] | None = None
 
     def read(self, path: Path, seed: int, options: Mapping[str, str] = NOTHING) -> Problem:
-        """Read a scene file; `options` are words by name, of those that the format has."""
+        """Reads a scene file; `options` are words by name, of those that the format has."""
         more = (options,) if self.options.allowed else ()
         problem: Problem = self._module().read(path, seed, *more)
         return problem
 
     def read_plan(self, path: Path, problem: Problem) -> Plan:
-        """Read a plan file of this format."""
+        """Reads a plan file of this format."""
         return Plan(paths=self._module().read_plan(path, problem))
 
     def _module(self) -> Any:
@@ -106,7 +106,7 @@ FORMATS: dict[str, Format] = {
 
 
 def load_scene(name_or_path: str, seed: int = 0, options: Mapping[str, str] = NOTHING) -> Problem:
-    """Build a built-in scene, or read a scene file or a folder that holds a seq.yaml.
+    """Builds a built-in scene, or read a scene file or a folder that holds a seq.yaml.
 
     A file whose name is that of a built-in scene is reached as ./NAME.
 
@@ -140,7 +140,7 @@ def load_scene(name_or_path: str, seed: int = 0, options: Mapping[str, str] = NO
 
 
 def scene_of_plan(name_or_path: str, problem: Problem, plan: Plan) -> Problem:
-    """Find the variant of a scene that a foreign plan was made for, by where it starts.
+    """Finds the variant of a scene that a foreign plan was made for, by where it starts.
 
     Plans of other projects do not say which start set they belong to: it is the one that
     the seed chose (`problem`), or the one in the scene's own file.
@@ -159,7 +159,7 @@ def scene_of_plan(name_or_path: str, problem: Problem, plan: Plan) -> Problem:
 
 
 def read_foreign_plan(path: Path, problem: Problem) -> Plan | None:
-    """Read a plan in the file format of another project; None where it is not known as one.
+    """Reads a plan in the file format of another project; None where it is not known as one.
 
     The referee, not the reader, says if the plan can be flown.
 
@@ -178,7 +178,7 @@ def read_foreign_plan(path: Path, problem: Problem) -> Plan | None:
 
 
 def _refuse(options: Mapping[str, str], scene: str) -> None:
-    """Raise a FileError if options are given to a scene that has none."""
+    """Raises a FileError if options are given to a scene that has none."""
     if options:
         takers = ", ".join(key for key, kind in FORMATS.items() if kind.options.allowed)
         raise FileError(
@@ -192,7 +192,7 @@ def _starts(problem: Problem) -> list[State]:
 
 
 def _find_file(name_or_path: str) -> tuple[Path, Format]:
-    """Return the scene file of this name, or in the folder of this name, and its format."""
+    """Returns the scene file of this name, or in the folder of this name, and its format."""
     path = Path(name_or_path)
     if os.path.isdir(path):
         if not os.path.exists(path / "seq.yaml"):

@@ -33,7 +33,7 @@ CAMERAS: dict[str, Camera] = {
 
 
 def with_camera(problem: Problem, name: str) -> Problem:
-    """Return the problem with this camera on all robots; each robot keeps its tilts.
+    """Returns the problem with this camera on all robots; each robot keeps its tilts.
 
     Raises
     ------
@@ -51,7 +51,7 @@ def with_camera(problem: Problem, name: str) -> Problem:
 
 
 def with_tilts(problem: Problem, degrees: tuple[float, ...]) -> Problem:
-    """Return the problem with these tilts, in degrees below the horizon, on all robots' cameras.
+    """Returns the problem with these tilts, in degrees below the horizon, on all robots' cameras.
 
     Several tilts make a gimbal, which begins at the tilt nearest to the robot's old one.
 

@@ -10,7 +10,7 @@ from cocap_opt.data import ProblemError
 
 @contextmanager
 def naming(place: Path | str) -> Iterator[None]:
-    """Put the name of a file or a field before the message of a `ProblemError` raised inside."""
+    """Puts the name of a file or a field before the message of a `ProblemError` raised inside."""
     try:
         yield
     except ProblemError as error:
@@ -18,12 +18,12 @@ def naming(place: Path | str) -> Iterator[None]:
 
 
 def one_line(error: Exception) -> str:
-    """Return the message of another library's error on one line (PyYAML's have several)."""
+    """Returns the message of another library's error on one line (PyYAML's have several)."""
     return " ".join(str(error).split()) or type(error).__name__
 
 
 def read_text(path: Path) -> str:
-    """Return the text of a UTF-8 file, without a byte order mark.
+    """Returns the text of a UTF-8 file, without a byte order mark.
 
     Raises
     ------
@@ -39,7 +39,7 @@ def read_text(path: Path) -> str:
 
 
 def integer(text: str, field: str) -> int:
-    """Return the whole number that `text` spells.
+    """Returns the whole number that `text` spells.
 
     Raises
     ------
@@ -53,7 +53,7 @@ def integer(text: str, field: str) -> int:
 
 
 def number(text: str, field: str) -> float:
-    """Return the finite number that `text` spells, of at most a thousand million.
+    """Returns the finite number that `text` spells, of at most a thousand million.
 
     Raises
     ------

@@ -29,20 +29,20 @@ if TYPE_CHECKING:
 
 
 def free_places(workspace: Workspace, motion: Motion) -> BoolArray:
-    """Return an array [layer, X, Y], true where no solid matter is within a robot's clearance."""
+    """Returns an array [layer, X, Y], true where no solid matter is within a robot's clearance."""
     altitudes = workspace.height_map.altitudes(motion.layers)
     return ~workspace.columns.solid(altitudes - motion.clearance, altitudes + motion.clearance)
 
 
 def moves(motion: Motion) -> list[Move]:
-    """Return all cell moves of one step; the first is to stay."""
+    """Returns all cell moves of one step; the first is to stay."""
     climb = min(motion.climb, len(motion.layers) - 1)
     reach, climbs = range(-motion.radius, motion.radius + 1), range(-climb, climb + 1)
     return sorted(product(climbs, reach, reach), key=lambda move: (move != (0, 0, 0), move))
 
 
 def swept_cells(dx: int, dy: int) -> list[tuple[int, int]]:
-    """Return the cells, relative to the first, that the line between two cell centres touches.
+    """Returns the cells, relative to the first, that the line between two cell centres touches.
 
     A diagonal move touches the two cells at whose corner it passes.
     """
@@ -57,7 +57,7 @@ def swept_cells(dx: int, dy: int) -> list[tuple[int, int]]:
 
 
 def _allowed_starts(workspace: Workspace, free: BoolArray, motion: Motion, move: Move) -> BoolArray:
-    """Return an array [layer, X, Y], true for free places from which a move is allowed.
+    """Returns an array [layer, X, Y], true for free places from which a move is allowed.
 
     The cells that it passes must have no solid matter from the lower of its two altitudes to
     the higher, nor within the clearance of these. With corner cutting only the two ends count.
@@ -77,7 +77,7 @@ def _allowed_starts(workspace: Workspace, free: BoolArray, motion: Motion, move:
 
 
 def shifted(values: NDArray[T], move: Move, outside: float) -> NDArray[T]:
-    """Return `values` [layer, X, Y] looked up at every place + `move`; `outside` beyond the map."""
+    """Returns `values` [layer, X, Y] at every place + `move`, and `outside` beyond the map."""
     result = np.full_like(values, outside)
     source, target = [], []
     for step, size in zip(move, values.shape, strict=True):
@@ -88,7 +88,7 @@ def shifted(values: NDArray[T], move: Move, outside: float) -> NDArray[T]:
 
 
 def place_graph(workspace: Workspace, motion: Motion) -> Graph:
-    """Return the directed graph of places (layer, x, y) and moves, self-loops included."""
+    """Returns the directed graph of places (layer, x, y) and moves, self-loops included."""
     free = free_places(workspace, motion)
     _, width, depth = free.shape
     tails, heads = [], []
@@ -110,7 +110,7 @@ def place_graph(workspace: Workspace, motion: Motion) -> Graph:
 
 
 def turned(index: int, most: int, size: int, cyclic: bool) -> set[int]:
-    """Return the indices within `most` steps of `index` on a ring or a line of `size`."""
+    """Returns the indices within `most` steps of `index` on a ring or a line of `size`."""
     if cyclic:
         most = min(most, size // 2)
         return {i % size for i in range(index - most, index + most + 1)}
@@ -118,7 +118,7 @@ def turned(index: int, most: int, size: int, cyclic: bool) -> set[int]:
 
 
 def orientation_graph(motion: Motion, camera: AnyCamera) -> Graph:
-    """Return the directed graph of orientations (heading, pitch), self-loops included.
+    """Returns the directed graph of orientations (heading, pitch), self-loops included.
 
     Headings are a ring, pitches a line.
     """
@@ -133,7 +133,7 @@ def orientation_graph(motion: Motion, camera: AnyCamera) -> Graph:
 
 
 def motion_graph(problem: Problem, robot: int) -> Graph:
-    """Return the motion graph of one robot; nodes are `State`, an edge is one step."""
+    """Returns the motion graph of one robot; nodes are `State`, an edge is one step."""
     motion, camera = problem.robots[robot].motion, problem.robots[robot].camera
     graph = nx.tensor_product(
         place_graph(problem.workspace, motion), orientation_graph(motion, camera)
@@ -148,7 +148,7 @@ def _state(place: Place, orientation: Orientation) -> State:
 
 
 def time_expanded_graph(problem: Problem, robot: int) -> Graph:
-    """Return the time-expanded graph of one robot; nodes (State, t) lie on a path from its start.
+    """Returns the time-expanded graph of one robot; nodes (State, t) lie on a path from its start.
 
     It is the tensor product of the motion graph and the directed path 0..T, pruned to nodes that
     the start reaches and, if there is a goal, that reach the goal. Every planner searches this

@@ -36,14 +36,14 @@ class Bonuses(NamedTuple):
         return math.fsum(self)
 
     def of_moves(self, moves: IntArray) -> FloatArray:
-        """Return the part of the rewards [n] that moves [n, 3] decide (layers, cells x and y)."""
+        """Returns the part of the rewards [n] that moves [n, 3] decide (layers, cells x and y)."""
         _, dx, dy = moves.T
         stays = (moves == 0).all(axis=1)
         rewards: FloatArray = self.keep_cell * stays + self.balanced * (dx + dy == 0)
         return rewards
 
     def of_edges(self, shape: Shape, tails: IntArray | int, heads: IntArray) -> FloatArray:
-        """Return the rewards [n] of the steps between numbered states.
+        """Returns the rewards [n] of the steps between numbered states.
 
         Parameters
         ----------
@@ -60,7 +60,7 @@ class Bonuses(NamedTuple):
         return rewards
 
     def of_path(self, shape: Shape, path: Sequence[int]) -> float:
-        """Return the reward of all steps along a path of state numbers."""
+        """Returns the reward of all steps along a path of state numbers."""
         if self.none:
             return 0.0
         states = np.array(path, dtype=np.int64)
@@ -71,7 +71,7 @@ NO_BONUSES = Bonuses()
 
 
 def bonuses_of(objective: Objective) -> Bonuses:
-    """Return the rewards per move of an objective."""
+    """Returns the rewards per move of an objective."""
     return Bonuses(
         objective.stationarity, objective.keep_cell, objective.keep_heading, objective.balanced
     )

@@ -60,7 +60,7 @@ class TimeGraph:
         self.irregular = self._compile_irregular()
 
     def _compile(self, ahead: Mapping[Place, Collection[Place]]) -> IntArray:
-        """Turn the edges of the networkx place graph into one row of targets per move."""
+        """Turns the edges of the networkx place graph into one row of targets per move."""
         neighbours = np.full((len(self.moves), self.n_places), -1, dtype=np.int64)
         number = {place: self.place(*place) for place in ahead}
         tails = np.array([number[tail] for tail, row in ahead.items() for _ in row], dtype=np.int64)
@@ -69,7 +69,7 @@ class TimeGraph:
         return neighbours
 
     def _move_between(self, tails: IntArray, heads: IntArray) -> IntArray:
-        """Return the index of the move from each place to its head, or any index if none does."""
+        """Returns the index of the move from each place to its head, or any index if none does."""
         # Because of the border, the difference of the places' numbers is unique for every move.
         shifts = np.array(self.moves) @ self.strides
         order = np.argsort(shifts)
@@ -77,7 +77,7 @@ class TimeGraph:
         return order[np.minimum(at, len(order) - 1)]
 
     def _compile_irregular(self) -> _Irregular:
-        """Find the places from which a move to a free place is hidden."""
+        """Finds the places from which a move to a free place is hidden."""
         shifts = np.array(self.moves) @ self.strides
         targets = np.arange(self.n_places)[None, :] + shifts[:, None]
         target_free = self.free[np.clip(targets, 0, self.n_places - 1)]
@@ -93,30 +93,30 @@ class TimeGraph:
         return _Irregular(states, state_heads, stays)
 
     def _all_orientations(self, places: IntArray) -> IntArray:
-        """Return the states of places [n] in every orientation, orientation by orientation."""
+        """Returns the states of places [n] in every orientation, orientation by orientation."""
         origins = np.arange(self.n_orientations) * self.n_places
         return (origins[:, None] + places[None, :]).ravel()
 
     # -- numbering -----------------------------------------------------------------------
 
     def place(self, layer: int, x: int, y: int) -> int:
-        """Return the number of the place at this layer and cell."""
+        """Returns the number of the place at this layer and cell."""
         at = zip((layer, x, y), self.border, self.strides, strict=True)
         return sum((i + b) * stride for i, b, stride in at)
 
     def index(self, state: State) -> int:
-        """Return the number of a state."""
+        """Returns the number of a state."""
         place = self.place(state.layer, state.x, state.y)
         return (state.heading * self.shape[1] + state.pitch) * self.n_places + place
 
     def state(self, index: int) -> State:
-        """Return the state with this number."""
+        """Returns the state with this number."""
         heading, pitch, *place = (int(i) for i in np.unravel_index(index, self.shape))
         layer, x, y = (i - b for i, b in zip(place, self.border, strict=True))
         return State(x, y, layer, heading, pitch)
 
     def coordinates(self, places: IntArray) -> IntArray:
-        """Return layer, x and y [3, n] of numbered places [n]."""
+        """Returns layer, x and y [3, n] of numbered places [n]."""
         return np.array(np.unravel_index(places, self.shape[2:])) - _column(self.border)
 
     # -- edges ---------------------------------------------------------------------------
@@ -136,7 +136,7 @@ class TimeGraph:
         ]
 
     def successors(self, state: int) -> IntArray:
-        """Return the states reachable from `state` in one step, in increasing order."""
+        """Returns the states reachable from `state` in one step, in increasing order."""
         orientation, place = divmod(state, self.n_places)
         heads = self.neighbours[:, place]
         heads = np.sort(heads[heads >= 0])
@@ -144,12 +144,12 @@ class TimeGraph:
         return (turned_to[:, None] * self.n_places + heads[None, :]).ravel()
 
     def adjacent(self, tails: IntArray, heads: IntArray) -> BoolArray:
-        """Return an array [n], true if a move leads from a place to its head."""
+        """Returns an array [n], true if a move leads from a place to its head."""
         result: BoolArray = self.neighbours[self._move_between(tails, heads), tails] == heads
         return result
 
     def reachable(self, starts: Iterable[int], horizon: int) -> BoolArray:
-        """Return an array [T+1, S], true if a state can be reached from a start state at a step."""
+        """Returns an array [T+1, S], true if a state is reachable from a start at a step."""
         seen = np.zeros((horizon + 1, self.n_orientations, self.n_places), dtype=bool)
         seen[0].reshape(-1)[list(starts)] = True
         for t in range(horizon):
@@ -165,7 +165,7 @@ class TimeGraph:
     # -- rewards ----------------------------------------------------------------------------
 
     def no_reward(self, horizon: int) -> FloatArray:
-        """Return a reward array [T+1, S] of zeros, CLOSED outside the free states."""
+        """Returns a reward array [T+1, S] of zeros, CLOSED outside the free states."""
         one = np.where(np.tile(self.free, self.n_orientations), 0.0, CLOSED)
         return np.tile(one, (horizon + 1, 1))
 
@@ -176,5 +176,5 @@ def _column(values: Iterable[int]) -> IntArray:
 
 @lru_cache(maxsize=16)
 def time_graph(workspace: Workspace, motion: Motion, pitches: int) -> TimeGraph:
-    """Return the compiled graph of these motions in this workspace, made once and shared."""
+    """Returns the compiled graph of these motions in this workspace, made once and shared."""
     return TimeGraph(workspace, motion, pitches)

@@ -22,7 +22,7 @@ def backward_sweep(
     charges: Charges = NO_CHARGES,
     goal: tuple[int, int] | None = None,
 ) -> FloatArray:
-    """Return the best reward to go of every state at every step.
+    """Returns the best reward to go of every state at every step.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def best_path(
     bonuses: Bonuses = NO_BONUSES,
     charges: Charges = NO_CHARGES,
 ) -> list[int] | None:
-    """Return a path of T+1 states from `start` that attains `value`, or None if there is none.
+    """Returns a path of T+1 states from `start` that attains `value`, or None if there is none.
 
     Ties go to the shortest move, then to the smallest turn, which are the same in a turned
     or mirrored copy of a scene; last to the lowest state number, so that the path is the
@@ -110,7 +110,7 @@ class _Step:
         return None
 
     def best(self, ahead: FloatArray, leaving: Mapping[int, Mapping[int, float]]) -> FloatArray:
-        """Return the best of all edges [S], from the values ahead [S]; charges by tail and head."""
+        """Returns the best of all edges [S] from the values ahead [S]; `leaving` has charged moves."""
         self._turn(ahead)
         if self._bonuses.keep_heading:
             self._keep_heading(ahead)
@@ -127,7 +127,7 @@ class _Step:
         return self._best
 
     def _turn(self, ahead: FloatArray) -> None:
-        """Find the maximum over the orientations that one step can turn to."""
+        """Finds the maximum over the orientations that one step can turn to."""
         headings, turn = self._graph.shape[0], self._graph.motion.turn
         out, pair = self._after_turn, self._pair
         step = self._graph.n_states // headings  # states of one heading are contiguous
@@ -146,7 +146,7 @@ class _Step:
         self._pitch(out)
 
     def _pitch(self, values: FloatArray) -> None:
-        """Find the maximum over the pitches that one step can turn to [S], in place."""
+        """Finds the maximum over the pitches that one step can turn to [S], in place."""
         headings, pitches = self._graph.shape[:2]
         by_pitch = values.reshape(headings, pitches, -1)
         for _ in range(min(self._graph.motion.pitch_turn, pitches - 1)):
@@ -155,13 +155,13 @@ class _Step:
             np.maximum(by_pitch[:, :-1], narrow[:, 1:], out=by_pitch[:, :-1])
 
     def _keep_heading(self, ahead: FloatArray) -> None:
-        """Raise the maximum over turns where keeping the heading pays more."""
+        """Raises the maximum over turns where keeping the heading pays more."""
         np.add(ahead, self._bonuses.keep_heading, out=self._pair)
         self._pitch(self._pair)
         np.maximum(self._after_turn, self._pair, out=self._after_turn)
 
     def _window(self) -> None:
-        """Find the maximum over the box of cell moves.
+        """Finds the maximum over the box of cell moves.
 
         Each pass widens the window by one cell along one axis. Values that a pass leaves over at
         both ends lie in the border, and no later pass carries them out of there.
@@ -176,7 +176,7 @@ class _Step:
             np.copyto(out, source)
 
     def _reward_moves(self, rates: FloatArray) -> None:
-        """Raise the maximum over moves where a move with a reward is better.
+        """Raises the maximum over moves where a move with a reward is better.
 
         If a move leads out of the map, or its end is not free, the value ahead is CLOSED; other
         hidden moves are irregular.
@@ -191,7 +191,7 @@ class _Step:
                 np.maximum(out[tails], pair[tails], out=out[tails])
 
     def _best_irregular(self) -> FloatArray:
-        """Return the maximum over the moves of irregular states, with their rewards."""
+        """Returns the maximum over the moves of irregular states, with their rewards."""
         _, heads, hidden = self._graph.irregular
         ahead = self._after_turn[heads]
         if self._rates is not None:
@@ -200,7 +200,7 @@ class _Step:
         return best
 
     def _charge_moves(self, tail: int, costs: Mapping[int, float]) -> None:
-        """Recompute one place, some of whose moves are charged or closed."""
+        """Recomputes one place, some of whose moves are charged or closed."""
         graph = self._graph
         origins = np.arange(graph.n_orientations) * graph.n_places
         heads = graph.neighbours[:, tail]
@@ -231,7 +231,7 @@ def _by_step(costs: Mapping[tuple[int, int], float]) -> dict[int, dict[int, floa
 
 
 def _leaving_by_step(charges: Charges) -> dict[int, dict[int, dict[int, float]]]:
-    """Return the charges on moves by step, tail and head."""
+    """Returns the charges on moves by step, tail and head."""
     leaving: dict[int, dict[int, dict[int, float]]] = {}
     for (t, tail, head), cost in charges.moves.items():
         leaving.setdefault(t, {}).setdefault(tail, {})[head] = cost
@@ -239,7 +239,7 @@ def _leaving_by_step(charges: Charges) -> dict[int, dict[int, dict[int, float]]]
 
 
 def _calmest(graph: TimeGraph, tail: int, heads: IntArray) -> int:
-    """Return the head that is nearest to the tail in place, then in orientation."""
+    """Returns the head that is nearest to the tail in place, then in orientation."""
     if len(heads) == 1:
         return int(heads[0])
     before, after = np.unravel_index(tail, graph.shape), np.unravel_index(heads, graph.shape)

@@ -40,7 +40,7 @@ Conflict = VertexConflict | SwapConflict
 
 
 def conflicts(problem: Problem, plan: Plan) -> Iterator[Conflict]:
-    """Give all conflicts under the problem's rules, earliest step first, then by robots."""
+    """Yields all conflicts under the problem's rules, earliest step first, then by robots."""
     if problem.rules.none:
         return
     cells = [

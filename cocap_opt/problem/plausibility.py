@@ -25,7 +25,7 @@ _Pose = tuple[float, float, float, float]
 
 
 def doubts(problem: Problem) -> list[str]:
-    """Return all likely mistakes in a problem, in words, one line each."""
+    """Returns all likely mistakes in a problem, in words, one line each."""
     found = [
         f"meshes[{k}] is not closed, so that only its surface is solid"
         for k, mesh in enumerate(problem.meshes)
@@ -44,14 +44,14 @@ def doubts(problem: Problem) -> list[str]:
 
 
 def _below_ground(problem: Problem, mesh: Mesh) -> bool:
-    """Return True if the part of a mesh that is over the map is wholly below the ground."""
+    """Returns True if the part of a mesh that is over the map is wholly below the ground."""
     tops = Workspace(problem.height_map, (mesh,)).columns.high[1:].max(axis=0, initial=-math.inf)
     above = tops > -math.inf
     return bool(above.any() and (tops <= problem.height_map.heights)[above].all())
 
 
 def _in_the_way(problem: Problem) -> Iterator[str]:
-    """Give a doubt for each robot that can fly into a person, which no rule forbids."""
+    """Yields a doubt for each robot that can fly into a person, which no rule forbids."""
     for i, robot in enumerate(problem.robots):
         for j, actor in enumerate(problem.actors):
             height = _height_within(problem, robot, actor)
@@ -64,7 +64,7 @@ def _in_the_way(problem: Problem) -> Iterator[str]:
 
 
 def _height_within(problem: Problem, robot: Robot, actor: Actor) -> float | None:
-    """Return the height above an actor's feet (m) at which a robot can fly into it, or None."""
+    """Returns the height above an actor's feet (m) at which a robot can fly into it, or None."""
     for x, y, z, _ in actor.poses[: problem.horizon + 1].tolist():
         cell = problem.height_map.cell_of(x, y)
         if problem.height_map.inside(*cell):
@@ -76,7 +76,7 @@ def _height_within(problem: Problem, robot: Robot, actor: Actor) -> float | None
 
 
 def _about(problem: Problem, actor: Actor) -> Iterator[str]:
-    """Give the doubts about an actor."""
+    """Yields the doubts about an actor."""
     poses = actor.poses[: problem.horizon + 1]
     if not _HEIGHTS[0] <= actor.shape.height <= _HEIGHTS[1]:
         yield f"is {actor.shape.height:.3g} m high: is the unit right?"
@@ -107,7 +107,7 @@ def _on_map(problem: Problem, x: float, y: float) -> bool:
 
 
 def _sunk(problem: Problem, actor: Actor, pose: _Pose) -> float:
-    """Return how far (m) an actor's feet are below the top of an obstacle; 0 outside of any."""
+    """Returns how far (m) an actor's feet are below the top of an obstacle; 0 outside of any."""
     x, y, z, _ = pose
     if not _on_map(problem, x, y):
         return 0.0
@@ -124,7 +124,7 @@ def _holds(span: tuple[float, float], foot: float, middle: float) -> bool:
 
 
 def _mesh_spans(problem: Problem, x: float, y: float) -> list[tuple[float, float]]:
-    """Return the altitudes at which meshes are solid at a point."""
+    """Returns the altitudes at which meshes are solid at a point."""
     found: list[tuple[float, float]] = []
     for mesh in problem.meshes:
         vertices = (mesh.vertices - np.array([x, y, 0.0])) / np.array([_PROBE, _PROBE, 1.0])
@@ -135,7 +135,7 @@ def _mesh_spans(problem: Problem, x: float, y: float) -> list[tuple[float, float
 
 
 def _floats(problem: Problem, actor: Actor, pose: _Pose) -> float:
-    """Return how far (m) an actor's feet are above all matter below; 0 if it stands on some."""
+    """Returns how far (m) an actor's feet are above all matter below; 0 if it stands on some."""
     x, y, z, _ = pose
     if not _on_map(problem, x, y):
         return 0.0

@@ -155,11 +155,11 @@ class Problem(Data, frozen=True, eq=False, dict=True):
         )
 
     def _repr_html_(self) -> str:
-        """Describe the problem in a notebook, with a picture."""
+        """Describes the problem in a notebook, with a picture."""
         return f"<p>{html.escape(repr(self))}</p>{drawing.inline_image(self.plot())}"
 
     def plot(self, plan: "_Paths | None" = None, ax: "Axes | None" = None) -> "Axes":
-        """Draw the scene from above, with the flights of a plan or the drones' starts.
+        """Draws the scene from above, with the flights of a plan or the drones' starts.
 
         Parameters
         ----------
@@ -169,7 +169,7 @@ class Problem(Data, frozen=True, eq=False, dict=True):
         return drawing.draw(self.top_view(plan), ax)
 
     def top_view(self, plan: "_Paths | None" = None) -> drawing.TopView:
-        """Return the scene from above, with the flights of a plan or the drones' starts."""
+        """Returns the scene from above, with the flights of a plan or the drones' starts."""
         lowest = self.layers[0]
         clearance = max(
             robot.motion.clearance for robot in self.robots if robot.motion.layers[0] == lowest
@@ -203,13 +203,13 @@ class Problem(Data, frozen=True, eq=False, dict=True):
         return Workspace(self.height_map, self.meshes)
 
     def blocked(self, x: int, y: int, motion: Motion, layer: int) -> bool:
-        """Return True if solid matter is within the clearance of a robot of this motion."""
+        """Returns True if solid matter is within the clearance of a robot of this motion."""
         altitude = self.height_map.altitude(x, y, motion.layers[layer])
         low, high = altitude - motion.clearance, altitude + motion.clearance
         return self.workspace.columns.solid_at(x, y, low, high)
 
     def _solid_at(self, start: State) -> str:
-        """Say which solid matter is in a robot's start cell."""
+        """Says which solid matter is in a robot's start cell."""
         (_, height), *meshes = self.workspace.columns.at(start.x, start.y)
         if not meshes:
             return f"height {height:g} m"
@@ -222,12 +222,12 @@ class Problem(Data, frozen=True, eq=False, dict=True):
         return tuple(sorted({height for robot in self.robots for height in robot.motion.layers}))
 
     def cell(self, robot: int, state: State) -> Cell:
-        """Return the cell of a robot's state, comparable between robots with different layers."""
+        """Returns the cell of a robot's state, comparable between robots with different layers."""
         height = self.robots[robot].motion.layers[state.layer]
         return Cell(state.x, state.y, self.layers.index(height))
 
     def too_close(self, a: Cell, b: Cell) -> bool:
-        """Return True if two robots in cells `a` and `b` at one step break a rule."""
+        """Returns True if two robots in cells `a` and `b` at one step break a rule."""
         if not self.rules.vertex:
             return False
         if a == b:
@@ -269,7 +269,7 @@ class Problem(Data, frozen=True, eq=False, dict=True):
         return 1 if self.objective.over_time else self.horizon + 1
 
     def view_sums_at(self, t: int) -> slice:
-        """Return the view sums to which the pixels of step t are added, face by face."""
+        """Returns the view sums to which the pixels of step t are added, face by face."""
         faces = len(self.face_weights)
         first = 0 if self.objective.over_time else t * faces
         return slice(first, first + faces)

@@ -28,7 +28,7 @@ class CollisionRules(Data, frozen=True):
         )
 
     def too_near(self, way: tuple[float, float, float]) -> bool:
-        """Return True if robots break a rule when this way (m) leads from one to the other."""
+        """Returns True if robots break a rule when this way (m) leads from one to the other."""
         apart = math.hypot(*way)
         return self.vertex and (apart == 0 or apart < self.separation)
 

@@ -19,7 +19,7 @@ class Cuboid(Data, frozen=True, tag="cuboid"):
         _require_sizes(self)
 
     def faces(self) -> list[FloatArray]:
-        """Return the faces as polygons [V, 3]: front, left, back, right, top.
+        """Returns the faces as polygons [V, 3]: front, left, back, right, top.
 
         Corners are counter-clockwise seen from outside.
         """
@@ -42,7 +42,7 @@ class Prism(Data, frozen=True, tag="prism"):
         _require_sizes(self)
 
     def faces(self) -> list[FloatArray]:
-        """Return the faces as polygons [V, 3]: the sides, then the top.
+        """Returns the faces as polygons [V, 3]: the sides, then the top.
 
         Corners are counter-clockwise seen from outside.
         """
@@ -71,7 +71,7 @@ class TriangulatedCuboid(Data, frozen=True, tag="triangulated-cuboid"):
         _require_sizes(self)
 
     def faces(self) -> list[FloatArray]:
-        """Return the faces as triangles [3, 3], counter-clockwise seen from outside."""
+        """Returns the faces as triangles [3, 3], counter-clockwise seen from outside."""
         quads = Cuboid(length=self.length, width=self.width, height=self.height).faces()
         first_to_third, second_to_fourth = ((0, 1, 2), (2, 3, 0)), ((1, 2, 3), (3, 0, 1))
         cuts = [
@@ -96,7 +96,7 @@ def _require_sizes(shape: Shape) -> None:
 
 
 def _prism_faces(base: FloatArray, height: float) -> list[FloatArray]:
-    """Return the sides and the top of a prism over a base [V, 3]."""
+    """Returns the sides and the top of a prism over a base [V, 3]."""
     top = base + np.array([0.0, 0.0, height])
     following = np.roll(np.arange(len(base)), -1)
     sides = [

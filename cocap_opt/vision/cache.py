@@ -29,7 +29,7 @@ _DIGEST_BYTES = hashlib.sha256().digest_size
 
 
 def cache_folder() -> Path | None:
-    """Return the folder of the cache: COCAP_OPT_CACHE, or cocap-opt in the user's cache folder.
+    """Returns the folder of the cache: COCAP_OPT_CACHE, or cocap-opt in the user's cache folder.
 
     None if the user has no home and therefore no such folder.
     """
@@ -50,7 +50,7 @@ def _code() -> bytes:
 
 
 def content_key(*parts: object) -> str:
-    """Return the digest of plain data, arrays and this package's data classes."""
+    """Returns the digest of plain data, arrays and this package's data classes."""
     digest = hashlib.sha256(_code())
     digest.update(msgspec.msgpack.encode(parts, enc_hook=_plain))
     return digest.hexdigest()
@@ -63,7 +63,7 @@ def _plain(value: object) -> object:
 
 
 def cached_table(key: str, make: Callable[[], CoverageTable]) -> CoverageTable:
-    """Read the table with this content key from disk, or make it and write it there."""
+    """Reads the table with this content key from disk, or make it and write it there."""
     folder = cache_folder()
     if folder is None:
         return make()

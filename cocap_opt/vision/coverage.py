@@ -29,7 +29,7 @@ class CoverageTable(NamedTuple):
     pixels: FloatArray  # [nnz] px/m2, > 0
 
     def row(self, node: int) -> tuple[IntArray, FloatArray]:
-        """Return the view sums that a node sees and their coverage; empty if it sees nothing."""
+        """Returns the view sums that a node sees and their coverage; empty if it sees nothing."""
         at = int(np.searchsorted(self.nodes, node))
         if at == len(self.nodes) or self.nodes[at] != node:
             return self.view_sums[:0], self.pixels[:0]
@@ -37,7 +37,7 @@ class CoverageTable(NamedTuple):
         return self.view_sums[part], self.pixels[part]
 
     def entries(self, nodes: IntArray) -> tuple[IntArray, IntArray]:
-        """Return all entries of nodes [n]: the position of the node, and that of the entry.
+        """Returns all entries of nodes [n]: the position of the node, and that of the entry.
 
         Both are arrays with one number for each entry; a node that sees nothing has none.
         """
@@ -50,7 +50,7 @@ class CoverageTable(NamedTuple):
         return np.repeat(which, counts), spans(first, counts)
 
     def row_sums(self, values: FloatArray) -> FloatArray:
-        """Return the sums [n] of `values` [nnz] over the rows, which are never empty."""
+        """Returns the sums [n] of `values` [nnz] over the rows, which are never empty."""
         if not len(self.nodes):
             return np.zeros(0)
         return np.add.reduceat(values, self.indptr[:-1])
@@ -65,7 +65,7 @@ def coverage_table(
     progress: Callable[[int, int], None] = lambda done, total: None,
     threads: int | None = None,
 ) -> CoverageTable:
-    """Evaluate all reachable states from `first_step` on.
+    """Evaluates all reachable states from `first_step` on.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ def coverage_table(
 
 
 def usable_cores() -> int:
-    """Return the number of processor cores that this process may run on."""
+    """Returns the number of processor cores that this process may run on."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
@@ -126,7 +126,7 @@ _NO_ROWS = _Rows(_NONE, _NONE, _NONE, np.zeros(0))
 
 
 def _seen_by(views: Views, t: int, n_states: int, states: IntArray) -> _Rows:
-    """Return the rows of those states [n] that see anything at step t."""
+    """Returns the rows of those states [n] that see anything at step t."""
     coverage = views.coverage(t, states)
     row, face = np.nonzero(coverage)
     counts = np.bincount(row, minlength=len(states))
@@ -140,7 +140,7 @@ def _joined(parts: list[_Rows]) -> _Rows:
 
 
 def _in_order(rows: _Rows) -> _Rows:
-    """Return the same rows, sorted by node."""
+    """Returns the same rows, sorted by node."""
     order = np.argsort(rows.nodes)
     first, counts = (np.cumsum(rows.counts) - rows.counts)[order], rows.counts[order]
     entries = spans(first, counts)

@@ -108,14 +108,14 @@ class FaceGeometry:
 
 
 def _doubled_area(polygon: FloatArray) -> FloatArray:
-    """Return the normal of a planar polygon [V, 3], twice its area long (Newell's method)."""
+    """Returns the normal of a planar polygon [V, 3], twice its area long (Newell's method)."""
     moved = polygon - polygon[0]
     result: FloatArray = np.cross(moved, np.roll(moved, -1, axis=0)).sum(axis=0)
     return result
 
 
 def _placed(points: FloatArray, pose: FloatArray) -> FloatArray:
-    """Return points [n, 3] of an actor, moved to a pose [4]."""
+    """Returns points [n, 3] of an actor, moved to a pose [4]."""
     x, y, z, yaw = pose.tolist()
     c, s = np.cos(yaw), np.sin(yaw)
     turned = [points[:, 0] * c - points[:, 1] * s, points[:, 0] * s + points[:, 1] * c]
@@ -124,12 +124,12 @@ def _placed(points: FloatArray, pose: FloatArray) -> FloatArray:
 
 
 def _evenly(parts: list[FloatArray]) -> Samples:
-    """Return samples of the points [n, 3] of several actors; those of one actor count equally."""
+    """Returns samples of the points [n, 3] of several actors; those of one actor count equally."""
     return _joined([(points, np.full(len(points), 1 / len(points))) for points in parts])
 
 
 def _joined(parts: list[tuple[FloatArray, FloatArray]]) -> Samples:
-    """Join parts, each of points [n, 3] and their shares [n]."""
+    """Joins parts, each of points [n, 3] and their shares [n]."""
     return Samples(
         points=np.concatenate([np.empty((0, 3)), *(points for points, _ in parts)]),
         shares=np.concatenate([np.empty(0), *(shares for _, shares in parts)]),
@@ -138,7 +138,7 @@ def _joined(parts: list[tuple[FloatArray, FloatArray]]) -> Samples:
 
 
 def _spheres(polygons: FloatArray, problem: Problem) -> tuple[FloatArray, FloatArray]:
-    """Return the centres [A, 3] and radii [A] of spheres around each actor's faces [F, V, 3]."""
+    """Returns the centres [A, 3] and radii [A] of spheres around each actor's faces [F, V, 3]."""
     actors = range(len(problem.actors))
     corners = [polygons[problem.face_owner == actor].reshape(-1, 3) for actor in actors]
     centres = np.array([(c.min(axis=0) + c.max(axis=0)) / 2 for c in corners]).reshape(-1, 3)
@@ -147,7 +147,7 @@ def _spheres(polygons: FloatArray, problem: Problem) -> tuple[FloatArray, FloatA
 
 
 def _points_all_over(shape: Shape, parts: int) -> FloatArray:
-    """Return points [n, 3] of a shape: corners, middles of faces, and points between these.
+    """Returns points [n, 3] of a shape: corners, middles of faces, and points between these.
 
     The lines between two corners and a middle are divided into `parts`. All points are drawn in
     toward the middle of the shape a little.
@@ -164,7 +164,7 @@ def _points_all_over(shape: Shape, parts: int) -> FloatArray:
 
 
 def _parts(problem: Problem) -> list[int]:
-    """Return for each actor the number of parts into which half a horizontal edge is divided.
+    """Returns for each actor the number of parts into which half a horizontal edge is divided.
 
     If a part is no longer than a cell and than any other actor, no column and no actor fits in
     between two points. An edge is not divided into more parts than a face has samples along it.

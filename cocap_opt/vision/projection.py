@@ -16,7 +16,7 @@ _SMALLEST_DEPTH = 1e-9  # m
 
 
 def camera_axes(headings: int, camera: Camera) -> FloatArray:
-    """Return right, up and forward unit vectors of all orientations [headings * pitches, 3, 3].
+    """Returns right, up and forward unit vectors of all orientations [headings * pitches, 3, 3].
 
     Heading k looks at yaw 2 pi k / headings from +x, counter-clockwise; the tilt is the angle
     below the horizon.
@@ -31,19 +31,19 @@ def camera_axes(headings: int, camera: Camera) -> FloatArray:
 
 
 def _cos_sin(angle: float) -> tuple[float, float]:
-    """Return cosine and sine, without rounding noise at multiples of a right angle."""
+    """Returns cosine and sine, without rounding noise at multiples of a right angle."""
     c, s = math.cos(angle), math.sin(angle)
     return (0.0 if abs(c) < 1e-15 else c), (0.0 if abs(s) < 1e-15 else s)
 
 
 def dot(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return the inner product over the last axis, of length three, in a fixed order."""
+    """Returns the inner product over the last axis, of length three, in a fixed order."""
     result: FloatArray = a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
     return result
 
 
 def frustum_distances(points: FloatArray, camera: Camera) -> FloatArray:
-    """Return signed distances, up to scale, from the four sides of the view frustum [..., 4].
+    """Returns signed distances, up to scale, from the four sides of the view frustum [..., 4].
 
     They are positive inside. `points` [..., 3] are right, up, forward coordinates. A point behind
     the camera lies outside at least one side, so that no near plane is needed.
@@ -52,7 +52,7 @@ def frustum_distances(points: FloatArray, camera: Camera) -> FloatArray:
 
 
 def _side_distance(points: FloatArray, camera: Camera, side: int) -> FloatArray:
-    """Return the distances from one side: 0 right, 1 left, 2 upper, 3 lower."""
+    """Returns the distances from one side: 0 right, 1 left, 2 upper, 3 lower."""
     size, off = (camera.width, camera.height)[side // 2], points[..., side // 2]
     half = size / 2 / camera.focal * points[..., 2]
     result: FloatArray = half + off if side % 2 else half - off
@@ -60,7 +60,7 @@ def _side_distance(points: FloatArray, camera: Camera, side: int) -> FloatArray:
 
 
 def image_area(polygons: FloatArray, camera: Camera) -> FloatArray:
-    """Return the areas [n] in px of the images of convex polygons [n, V, 3].
+    """Returns the areas [n] in px of the images of convex polygons [n, V, 3].
 
     Points are in camera coordinates (right, up, forward; m). Polygons are clipped to the image
     before the division by depth, so that a polygon that reaches behind the camera is cut, not
@@ -80,7 +80,7 @@ def image_area(polygons: FloatArray, camera: Camera) -> FloatArray:
 def image_samples(
     polygons: FloatArray, camera: Camera, samples: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Return points spread evenly over the images of convex polygons [n, V, 3], clipped.
+    """Returns points spread evenly over the images of convex polygons [n, V, 3], clipped.
 
     Each triangle between an edge of an image and its centroid is cut into `samples` squared
     equal triangles; a point is the one of the polygon whose image is the centroid of a triangle.
@@ -106,7 +106,7 @@ def image_samples(
 
 
 def _centroids(image: FloatArray) -> FloatArray:
-    """Return the centroids [n, 3] of convex polygons [n, V, 3], by area in the first two axes."""
+    """Returns the centroids [n, 3] of convex polygons [n, V, 3], by area in the first two axes."""
     off = image - image[:, :1]
     first, second = off[:, 1:-1], off[:, 2:]
     area = np.abs(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])[..., None]
@@ -117,7 +117,7 @@ def _centroids(image: FloatArray) -> FloatArray:
 
 
 def centroids(samples: int) -> tuple[FloatArray, FloatArray]:
-    """Return barycentric coordinates [n] of the centroids of equal parts of a triangle.
+    """Returns barycentric coordinates [n] of the centroids of equal parts of a triangle.
 
     There are n = `samples` squared parts.
     """
@@ -132,14 +132,14 @@ def centroids(samples: int) -> tuple[FloatArray, FloatArray]:
 
 
 def _clipped(polygons: FloatArray, camera: Camera) -> FloatArray:
-    """Return the parts of polygons [n, V, 3] that are in the image [n, V+4, 3]."""
+    """Returns the parts of polygons [n, V, 3] that are in the image [n, V+4, 3]."""
     for side in range(4):
         polygons = clip(polygons, _side_distance(polygons, camera, side))
     return polygons
 
 
 def _projected_area(polygons: FloatArray, camera: Camera) -> FloatArray:
-    """Return the areas [n] in px of the images of polygons [n, V, 3] inside the frustum."""
+    """Returns the areas [n] in px of the images of polygons [n, V, 3] inside the frustum."""
     depth = polygons[..., 2]
     # Depth is 0 only if nothing is left of a polygon: all its vertices are the origin.
     scale = camera.focal / np.where(depth > 0, depth, 1.0)

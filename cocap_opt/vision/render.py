@@ -59,11 +59,11 @@ class Renderer:
         self._alone = lru_cache(maxsize=256)(self._only)
 
     def areas(self, t: int) -> FloatArray:
-        """Return the areas of all faces [F] at step t, in m2."""
+        """Returns the areas of all faces [F] at step t, in m2."""
         return self._geometry.at(t).areas
 
     def pixels(self, robot: Robot, t: int, state: State) -> FloatArray:
-        """Return the pixels [F] of every face in a robot's image at step t."""
+        """Returns the pixels [F] of every face in a robot's image at step t."""
         counts = np.zeros(len(self._problem.face_weights))
         faces = self._geometry.at(t)
         for actor, box in self._boxes(faces, robot, state):
@@ -78,7 +78,7 @@ class Renderer:
         return counts * self._step**2
 
     def unhidden(self, robot: Robot, t: int, state: State) -> FloatArray:
-        """Return the pixels [F] that every face would have if its actor were alone in the world."""
+        """Returns the pixels [F] that every face would have if its actor were alone."""
         counts = np.zeros(len(self._problem.face_weights))
         faces = self._geometry.at(t)
         for actor, box in self._boxes(faces, robot, state):
@@ -89,12 +89,12 @@ class Renderer:
         return counts * self._step**2
 
     def coverage(self, robot: Robot, t: int, state: State) -> FloatArray:
-        """Return the rendered coverage [F] in px/m2 of every face in a robot's image at step t."""
+        """Returns the rendered coverage [F] in px/m2 of every face in a robot's image at step t."""
         result: FloatArray = self.pixels(robot, t, state) / self.areas(t)
         return result
 
     def picture(self, robot: Robot, t: int, state: State) -> Picture:
-        """Return the whole image, one pixel for each block."""
+        """Returns the whole image, one pixel for each block."""
         faces = self._geometry.at(t)
         surfaces = (faces.actors, faces.terrain)
         camera = pinhole(robot)
@@ -110,7 +110,7 @@ class Renderer:
         return Picture(shown.reshape(height, width), shade.reshape(height, width))
 
     def _only(self, t: int, actor: int) -> tuple[Occluders, IntArray]:
-        """Return one actor alone, and the face of each of its triangles."""
+        """Returns one actor alone, and the face of each of its triangles."""
         faces = self._geometry.at(t)
         own = np.flatnonzero(self._problem.face_owner[faces.triangle_faces] == actor)
         alone = Occluders(faces.actors.triangles[own], self._geometry.origin)
@@ -119,7 +119,7 @@ class Renderer:
     def _boxes(
         self, faces: Faces, robot: Robot, state: State
     ) -> Iterator[tuple[int, tuple[int, int, int, int]]]:
-        """Give actors and the part of the image (left, top, right, bottom) that each can be in."""
+        """Yields actors, and the box of the image (left, top, right, bottom) that each may be in."""
         camera, axes = pinhole(robot), _axes(robot, state)
         for actor in range(len(self._problem.actors)):
             corners = faces.polygons[self._problem.face_owner == actor].reshape(-1, 3)
@@ -147,7 +147,7 @@ class Renderer:
         box: tuple[int, int, int, int],
         surfaces: Sequence[Occluders],
     ) -> Iterator[tuple[IntArray, FloatArray, _Hits]]:
-        """Give rays of a box of pixels, some at a time: their pixels, ways [n, 3], and hits."""
+        """Yields rays of a box of pixels, some at a time: their pixels, ways [n, 3], and hits."""
         camera, step, axes = pinhole(robot), self._step, _axes(robot, state)
         columns = np.arange(box[0] // step, -(-box[2] // step))
         width = -(-camera.width // step)
@@ -169,7 +169,7 @@ class Renderer:
 
 
 def pinhole(robot: Robot) -> Camera:
-    """Return a robot's camera, which must make pictures.
+    """Returns a robot's camera, which must make pictures.
 
     Raises
     ------
@@ -182,14 +182,14 @@ def pinhole(robot: Robot) -> Camera:
 
 
 def eye(problem: Problem, robot: Robot, state: State) -> FloatArray:
-    """Return the place of a robot's camera [3] in a state, in m."""
+    """Returns the place of a robot's camera [3] in a state, in m."""
     x, y, terrain = state.x, state.y, problem.height_map
     altitude = terrain.altitude(x, y, robot.motion.layers[state.layer])
     return np.array([*terrain.centre(x, y), altitude])
 
 
 def _axes(robot: Robot, state: State) -> FloatArray:
-    """Return the right, up and forward unit vectors of the camera [3, 3]."""
+    """Returns the right, up and forward unit vectors of the camera [3, 3]."""
     yaw = 2 * math.pi * state.heading / robot.motion.headings
     tilt = robot.camera.tilts[state.pitch]
     flat = np.array([math.cos(yaw), math.sin(yaw), 0.0])
@@ -199,7 +199,7 @@ def _axes(robot: Robot, state: State) -> FloatArray:
 
 
 def _nearest(surfaces: Sequence[Occluders], eyes: FloatArray, ways: FloatArray) -> _Hits:
-    """Return the first hit of each ray on any of the surfaces."""
+    """Returns the first hit of each ray on any of the surfaces."""
     distance = np.full(len(ways), np.inf)
     hits = _Hits(np.full(len(ways), -1), np.full(len(ways), -1))
     for k, surface in enumerate(surfaces):
@@ -211,7 +211,7 @@ def _nearest(surfaces: Sequence[Occluders], eyes: FloatArray, ways: FloatArray) 
 
 
 def _normals(triangles: FloatArray) -> FloatArray:
-    """Return the unit normals [n, 3] of triangles [n, 3, 3]."""
+    """Returns the unit normals [n, 3] of triangles [n, 3, 3]."""
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     result: FloatArray = normals / np.linalg.norm(normals, axis=1)[:, None]
     return result

@@ -40,23 +40,23 @@ class Views(Protocol):
     """A source of coverage of single states, which several threads may use."""
 
     def coverage(self, t: int, states: IntArray) -> FloatArray:
-        """Return the coverage [n, F] in px/m2 of every face from the states [n] at step t."""
+        """Returns the coverage [n, F] in px/m2 of every face from the states [n] at step t."""
 
     def batch(self, t: int) -> int:
-        """Return the number of states that can be evaluated at step t in a fraction of a second."""
+        """Returns the number of states that a fraction of a second suffices for at step t."""
 
 
 def make_views(
     geometry: FaceGeometry, problem: Problem, graph: TimeGraph, camera: AnyCamera
 ) -> Views:
-    """Return the views of a camera."""
+    """Returns the views of a camera."""
     if isinstance(camera, Cone):
         return _ConeViews(geometry, problem, graph, camera)
     return _PinholeViews(geometry, problem, graph, camera)
 
 
 def eyes_at(height_map: HeightMap, graph: TimeGraph, places: IntArray) -> FloatArray:
-    """Return camera positions [n, 3] in m: the middles of cells, at flight height."""
+    """Returns camera positions [n, 3] in m: the middles of cells, at flight height."""
     layer, x, y = graph.coordinates(places)
     ox, oy = height_map.origin
     return np.column_stack(
@@ -91,7 +91,7 @@ class _PinholeViews:
         self._samples = problem.face_samples
 
     def coverage(self, t: int, states: IntArray) -> FloatArray:
-        """Return the coverage [n, F] in px/m2 of every face from the states [n] at step t."""
+        """Returns the coverage [n, F] in px/m2 of every face from the states [n] at step t."""
         result = np.zeros((len(states), self._n_faces))
         if not self._n_faces:
             return result
@@ -125,7 +125,7 @@ class _PinholeViews:
         return result
 
     def _in_view(self, faces: Faces, eyes: FloatArray, orientation: IntArray) -> BoolArray:
-        """Return an array [n, A], true if an actor may be in the image of a camera at an eye."""
+        """Returns an array [n, A], true if an actor may be in the image of a camera at an eye."""
         bodies = faces.bodies
         u, v, depth = self._in_camera(bodies.centres - eyes[:, None], orientation)
         in_view = np.ones(u.shape, dtype=bool)
@@ -137,7 +137,7 @@ class _PinholeViews:
     def _share_of_actors(
         self, faces: Faces, eyes: FloatArray, which: IntArray, in_view: BoolArray
     ) -> FloatArray:
-        """Return an array [m, A]: 0 if an actor is hidden from an eye [m, 3], 1 if in the open.
+        """Returns an array [m, A]: 0 if an actor is hidden from an eye [m, 3], 1 if in the open.
 
         Between 0 and 1 neither is certain. Only terrain and meshes hide an actor for certain,
         since between other actors gaps are many.
@@ -164,12 +164,12 @@ class _PinholeViews:
     def _share_past(
         self, occluder: Occluders, samples: Samples, eyes: FloatArray, actors: IntArray
     ) -> FloatArray:
-        """Return the share [n] of actors' points that are seen past occluders from eyes [n, 3]."""
+        """Returns the share [n] of actors' points that are seen past occluders from eyes [n, 3]."""
         seen = seen_samples([occluder], eyes, samples, actors, np.arange(len(samples.counts)))
         return seen_share(samples, actors, seen)
 
     def _in_camera(self, points: FloatArray, orientation: IntArray) -> list[FloatArray]:
-        """Return the coordinates [n, k] right, up and forward of points [n, k, 3] from cameras."""
+        """Returns the coordinates [n, k] right, up and forward of points [n, k, 3] from cameras."""
         axes = self._axes[orientation][:, None]
         return [dot(points, axes[:, :, k]) for k in range(3)]
 
@@ -182,7 +182,7 @@ class _PinholeViews:
         orientation: IntArray,
         face: IntArray,
     ) -> FloatArray:
-        """Return the visible shares [n] of the images of faces.
+        """Returns the visible shares [n] of the images of faces.
 
         Parameters
         ----------
@@ -218,7 +218,7 @@ class _PinholeViews:
     def _share_in_image(
         self, faces: Faces, polygons: FloatArray, eyes: FloatArray, axes: FloatArray, of: IntArray
     ) -> FloatArray:
-        """Return the visible shares [n] of the images of faces, by rays spread over the images.
+        """Returns the visible shares [n] of the images of faces, by rays spread over the images.
 
         Parameters
         ----------
@@ -237,7 +237,7 @@ class _PinholeViews:
         return np.minimum(share, 1.0)
 
     def batch(self, t: int) -> int:
-        """Return the number of states that can be evaluated at step t in a fraction of a second."""
+        """Returns the number of states that a fraction of a second suffices for at step t."""
         rays = int(self._geometry.at(t).samples.counts.sum())
         return min(max(_BATCH_RAYS // max(rays, 1), 1), _BATCH_STATES)
 
@@ -252,7 +252,7 @@ class _ConeViews:
         self._cone = cone
 
     def coverage(self, t: int, states: IntArray) -> FloatArray:
-        """Return the coverage [n, F] in 1/m2 of every face from the states [n] at step t."""
+        """Returns the coverage [n, F] in 1/m2 of every face from the states [n] at step t."""
         faces, owners = self._geometry.at(t), self._problem.face_owner
         if not len(owners):
             return np.zeros((len(states), 0))
@@ -275,5 +275,5 @@ class _ConeViews:
         return result
 
     def batch(self, t: int) -> int:
-        """Return the number of states that can be evaluated at step t in a fraction of a second."""
+        """Returns the number of states that a fraction of a second suffices for at step t."""
         return _BATCH_STATES

@@ -22,7 +22,7 @@ _TOUCH = 1e-3  # m; a hit this near to the sample point is the sampled face itse
 
 
 def terrain_triangles(height_map: HeightMap) -> FloatArray:
-    """Return the surface of a height map's columns as triangles [n, 3, 3] in m.
+    """Returns the surface of a height map's columns as triangles [n, 3, 3] in m.
 
     Every cell has a flat top; if two cells (or a cell and the outside) differ in height, a vertical
     wall joins them. The outside is as low as the lowest cell.
@@ -57,7 +57,7 @@ def _quads(
     first: FloatArray,
     second: FloatArray,
 ) -> FloatArray:
-    """Return quads [n, 4, 3] over four corners (x, y), the last two at the second height."""
+    """Returns quads [n, 4, 3] over four corners (x, y), the last two at the second height."""
     corners = [
         np.column_stack([*corner, z])
         for corner, z in zip((a, b, c, d), (first, first, second, second), strict=True)
@@ -66,12 +66,12 @@ def _quads(
 
 
 def fan_triangles(polygon: FloatArray) -> FloatArray:
-    """Return the triangles [V-2, 3, 3] of a convex polygon [V, 3]."""
+    """Returns the triangles [V-2, 3, 3] of a convex polygon [V, 3]."""
     return np.stack([polygon[[0, k, k + 1]] for k in range(1, len(polygon) - 1)])
 
 
 def sample_points(polygon: FloatArray, samples: int) -> tuple[FloatArray, FloatArray]:
-    """Return points [n, 3] spread over a convex polygon [V, 3], and the share of area of each [n].
+    """Returns points [n, 3] spread over a convex polygon [V, 3], and the share of area of each [n].
 
     Each triangle between an edge and the middle is cut into `samples` squared equal triangles,
     whose centroids are the points, so that a mirrored polygon has mirrored points.
@@ -87,7 +87,7 @@ def sample_points(polygon: FloatArray, samples: int) -> tuple[FloatArray, FloatA
 
 
 def _around_middle(polygon: FloatArray) -> list[FloatArray]:
-    """Return the triangles [3, 3] between the edges of a convex polygon [V, 3] and its middle."""
+    """Returns the triangles [3, 3] between the edges of a convex polygon [V, 3] and its middle."""
     middle = polygon.mean(axis=0)
     ends = zip(polygon, np.roll(polygon, -1, axis=0), strict=True)
     return [np.stack([middle, a, b]) for a, b in ends]
@@ -95,7 +95,7 @@ def _around_middle(polygon: FloatArray) -> list[FloatArray]:
 
 @cache
 def _device() -> EmbreeDevice:
-    """Return the one device of the process; each takes one of 1024 thread-local keys."""
+    """Returns the one device of the process; each takes one of 1024 thread-local keys."""
     return EmbreeDevice()
 
 
@@ -127,7 +127,7 @@ class Occluders:
             self.first_hit(origin[None], np.array([[0.0, 0.0, 1.0]]))
 
     def first_hit(self, eyes: FloatArray, ways: FloatArray) -> tuple[FloatArray, IntArray]:
-        """Return the distances (m) at which rays first meet a triangle, and the triangles.
+        """Returns the distances (m) at which rays first meet a triangle, and the triangles.
 
         Parameters
         ----------
@@ -149,7 +149,7 @@ class Occluders:
     def free_share(
         self, eyes: FloatArray, targets: FloatArray, target_owners: IntArray | None = None
     ) -> FloatArray:
-        """Return the share [n] of the way from eyes to targets, both [n, 3], that rays get.
+        """Returns the share [n] of the way from eyes to targets, both [n, 3], that rays get.
 
         It is 1 for a ray that arrives. A face that is turned to the camera cannot be hidden by
         its own (convex) actor, `target_owners` [n].
@@ -172,13 +172,13 @@ class Samples(NamedTuple):
     counts: IntArray  # [F] number of points of each face
 
     def of(self, faces: IntArray) -> tuple[IntArray, IntArray]:
-        """Return for all points of faces [n] the position of the face, and the point's number."""
+        """Returns for all points of faces [n] the position of the face, and the point's number."""
         counts, first = self.counts[faces], np.cumsum(self.counts) - self.counts
         return np.repeat(np.arange(len(faces)), counts), spans(first[faces], counts)
 
 
 def spans(first: IntArray, counts: IntArray) -> IntArray:
-    """Return the numbers first, first + 1, .. of spans of `counts` [n], one after the other."""
+    """Returns the numbers first, first + 1, .. of spans of `counts` [n], one after the other."""
     ends = np.cumsum(counts)
     result: IntArray = np.arange(int(counts.sum())) + np.repeat(first + counts - ends, counts)
     return result
@@ -191,7 +191,7 @@ def seen_samples(
     faces: IntArray,
     owners: IntArray,
 ) -> BoolArray:
-    """Return an array that is true for each sample point of faces [n] that is seen.
+    """Returns an array that is true for each sample point of faces [n] that is seen.
 
     Points are one after the other, as `Samples.of` has them.
 
@@ -214,7 +214,7 @@ def seen_samples(
 
 
 def seen_share(samples: Samples, faces: IntArray, seen: BoolArray) -> FloatArray:
-    """Return the share [n] of the area of faces that is seen, from their points that are seen."""
+    """Returns the share [n] of the area of faces that is seen, from their points that are seen."""
     pair, point = samples.of(faces)
     # Shares are added in this order, so that the result does not depend on n.
     share = np.bincount(pair, weights=seen * samples.shares[point], minlength=len(faces))
@@ -224,7 +224,7 @@ def seen_share(samples: Samples, faces: IntArray, seen: BoolArray) -> FloatArray
 def rays_arrive(
     occluders: list[Occluders], eyes: FloatArray, targets: FloatArray, owners: IntArray
 ) -> BoolArray:
-    """Return an array [n], true if a ray gets from its eye to its target on an actor's face.
+    """Returns an array [n], true if a ray gets from its eye to its target on an actor's face.
 
     `owners` [n] are the actors.
     """

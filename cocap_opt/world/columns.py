@@ -30,7 +30,7 @@ class Spans(NamedTuple):
     def of_mesh(
         cls, vertices: FloatArray, triangles: IntArray, shape: tuple[int, int], solid: bool
     ) -> "Spans":
-        """Return the altitudes at which a mesh has matter inside each cell.
+        """Returns the altitudes at which a mesh has matter inside each cell.
 
         Parameters
         ----------
@@ -58,7 +58,7 @@ class Spans(NamedTuple):
         return _joined([matter, *thin]).merged()
 
     def merged(self) -> "Spans":
-        """Return the same matter, overlapping spans of a cell made one; by cell, from below."""
+        """Returns the same matter, overlapping spans of a cell made one; by cell, from below."""
         if not len(self.cells):
             return NO_SPANS
         order = np.lexsort([self.low, self.cells])
@@ -83,7 +83,7 @@ class Columns(NamedTuple):
 
     @classmethod
     def of(cls, heights: FloatArray, spans: Spans) -> "Columns":
-        """Return the columns of a height map [X, Y] and of spans, which are merged."""
+        """Returns the columns of a height map [X, Y] and of spans, which are merged."""
         cells, bottom, top = spans.merged()
         _, first, counts = np.unique(cells, return_index=True, return_counts=True)
         rank = np.arange(len(cells)) - np.repeat(first, counts)
@@ -94,7 +94,7 @@ class Columns(NamedTuple):
         return cls(low.reshape(size, *heights.shape), high.reshape(size, *heights.shape))
 
     def solid(self, low: FloatArray, high: FloatArray) -> BoolArray:
-        """Return an array that is true where solid matter is at altitudes low..high.
+        """Returns an array that is true where solid matter is at altitudes low..high.
 
         Both are [.., X, Y] in m.
         """
@@ -104,11 +104,11 @@ class Columns(NamedTuple):
         return found
 
     def solid_at(self, x: int, y: int, low: float, high: float) -> bool:
-        """Return True if one cell has solid matter at altitudes low..high (m)."""
+        """Returns True if one cell has solid matter at altitudes low..high (m)."""
         return any(bottom <= high and top >= low for bottom, top in self.at(x, y))
 
     def at(self, x: int, y: int) -> list[tuple[float, float]]:
-        """Return the solid intervals of one cell; the first is that of the height map."""
+        """Returns the solid intervals of one cell; the first is that of the height map."""
         intervals = zip(self.low[:, x, y].tolist(), self.high[:, x, y].tolist(), strict=True)
         return [(low, high) for low, high in intervals if low <= high]
 
@@ -118,7 +118,7 @@ def _joined(parts: list[Spans]) -> Spans:
 
 
 def _thin(corners: FloatArray, axis: int, shape: tuple[int, int], matter: Spans) -> Spans:
-    """Return triangles [M, 3, 3] on an edge between cells with no matter on either side of them.
+    """Returns triangles [M, 3, 3] on an edge between cells with no matter on either side of them.
 
     A wall that is no thicker than the margin is the surface of a solid, but acts as a plate.
     """
@@ -154,7 +154,7 @@ def _thin(corners: FloatArray, axis: int, shape: tuple[int, int], matter: Spans)
 def _pairs(
     corners: FloatArray, shape: tuple[int, int], margin: FloatArray
 ) -> Iterator[tuple[IntArray, IntArray, IntArray]]:
-    """Give triangles and the cells x, y that their bounding boxes meet, some at a time.
+    """Yields triangles and the cells x, y that their bounding boxes meet, some at a time.
 
     Parameters
     ----------
@@ -189,7 +189,7 @@ def _pairs(
 def _surface(
     corners: FloatArray, x: IntArray, y: IntArray, margin: FloatArray
 ) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Return the numbers of triangles [n, 3, 3] that reach into their cells, and altitudes.
+    """Returns the numbers of triangles [n, 3, 3] that reach into their cells, and altitudes.
 
     These are the lowest and the highest inside of the cell.
     """
@@ -205,7 +205,7 @@ def _surface(
 
 
 def _interior(vertices: FloatArray, triangles: IntArray, shape: tuple[int, int]) -> Spans:
-    """Return the altitudes inside a solid, on the vertical line through one point of each cell.
+    """Returns the altitudes inside a solid, on the vertical line through one point of each cell.
 
     At an altitude at which no triangle is in a cell, one point shows if all of the cell is inside
     the solid; altitudes at which a triangle is in the cell are found by `_surface`.
@@ -239,7 +239,7 @@ def _interior(vertices: FloatArray, triangles: IntArray, shape: tuple[int, int])
 
 
 def _left(vertices: FloatArray, a: IntArray, b: IntArray, point: FloatArray) -> BoolArray:
-    """Return an array [n], true if points [n, 2] are left of the edges from a to b.
+    """Returns an array [n], true if points [n, 2] are left of the edges from a to b.
 
     Two triangles always agree about the edge that they share.
 
@@ -257,7 +257,7 @@ def _left(vertices: FloatArray, a: IntArray, b: IntArray, point: FloatArray) -> 
 
 
 def _altitude(corners: FloatArray, point: FloatArray) -> FloatArray:
-    """Return the altitudes [n] of the planes of triangles [n, 3, 3] above points [n, 2]."""
+    """Returns the altitudes [n] of the planes of triangles [n, 3, 3] above points [n, 2]."""
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     off = point - corners[:, 0, :2]
     det = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]

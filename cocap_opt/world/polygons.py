@@ -6,7 +6,7 @@ from cocap_opt.data import FloatArray
 
 
 def clip(polygons: FloatArray, inside: FloatArray) -> FloatArray:
-    """Keep the part of each polygon [n, V, 3] where `inside` [n, V] >= 0.
+    """Keeps the part of each polygon [n, V, 3] where `inside` [n, V] >= 0.
 
     Returns [n, V+1, 3]; unused vertices repeat the last used one. If nothing is left of a polygon,
     all its vertices are the origin.
@@ -19,7 +19,7 @@ def clip(polygons: FloatArray, inside: FloatArray) -> FloatArray:
 
 
 def _cut(polygons: FloatArray, inside: FloatArray) -> FloatArray:
-    """Clip polygons that all reach outside, by the algorithm of Sutherland and Hodgman."""
+    """Clips polygons that all reach outside, by the algorithm of Sutherland and Hodgman."""
     n, size = inside.shape
     following, ahead = np.roll(polygons, -1, axis=1), np.roll(inside, -1, axis=1)
     crossing = (inside >= 0) != (ahead >= 0)

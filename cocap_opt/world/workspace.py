@@ -60,32 +60,32 @@ class HeightMap(Data, frozen=True, eq=False, dict=True):
         return x, y
 
     def centre(self, x: int, y: int) -> tuple[float, float]:
-        """Return the world coordinates (m) of the middle of cell (x, y)."""
+        """Returns the world coordinates (m) of the middle of cell (x, y)."""
         ox, oy = self.origin
         return ox + (x + 0.5) * self.resolution, oy + (y + 0.5) * self.resolution
 
     def cell_of(self, x: float, y: float) -> tuple[int, int]:
-        """Return the cell that holds the point (x, y) in m; it may lie outside the map."""
+        """Returns the cell that holds the point (x, y) in m; it may lie outside the map."""
         ox, oy = self.origin
         return math.floor((x - ox) / self.resolution), math.floor((y - oy) / self.resolution)
 
     def inside(self, x: int, y: int) -> bool:
-        """Return True if the map has this cell."""
+        """Returns True if the map has this cell."""
         width, depth = self.shape
         return 0 <= x < width and 0 <= y < depth
 
     def altitude(self, x: int, y: int, height: float) -> float:
-        """Return the altitude (m) of flight height `height` in cell (x, y)."""
+        """Returns the altitude (m) of flight height `height` in cell (x, y)."""
         return height if self.datum is None else height + float(self.datum[x, y])
 
     def way(self, one: Place, other: Place) -> tuple[float, float, float]:
-        """Return the way (m) from one place to another, each a cell x, y and a flight height."""
+        """Returns the way (m) from one place to another, each a cell x, y and a flight height."""
         (ax, ay, low), (bx, by, high) = one, other
         up = self.altitude(bx, by, high) - self.altitude(ax, ay, low)
         return (bx - ax) * self.resolution, (by - ay) * self.resolution, up
 
     def altitudes(self, heights: tuple[float, ...]) -> FloatArray:
-        """Return the altitudes [layer, X, Y] (m) of flight heights in all cells."""
+        """Returns the altitudes [layer, X, Y] (m) of flight heights in all cells."""
         datum = np.zeros(self.shape) if self.datum is None else self.datum
         result: FloatArray = np.array(heights)[:, None, None] + datum
         return result
@@ -125,7 +125,7 @@ class Mesh(Data, frozen=True, eq=False, dict=True):
 
     @classmethod
     def box(cls, low: tuple[float, float, float], high: tuple[float, float, float]) -> "Mesh":
-        """Return the box from one corner to the opposite one (m)."""
+        """Returns the box from one corner to the opposite one (m)."""
         corners = np.array(list(product(*zip(low, high, strict=True))))
         sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
         triangles = [side[k] for side in sides for k in (0, 1, 2, 0, 2, 3)]

@@ -54,7 +54,7 @@ def _bottleneck_tight(seed: int) -> Problem:
 def _scene(
     name: str, seed: int, square: Room, starts: Room, width: int, first: float, spacing: float
 ) -> Problem:
-    """Build the scene.
+    """Builds the scene.
 
     Parameters
     ----------

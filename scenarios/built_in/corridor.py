@@ -51,7 +51,7 @@ def _corridor_tight(seed: int) -> Problem:
 
 
 def _scene(name: str, seed: int, width: int, pace: float, starts: Room) -> Problem:
-    """Build the scene with a passage of `width` cells; people walk about `pace` m per step."""
+    """Builds the scene with a passage of `width` cells; people walk about `pace` m per step."""
     rng = np.random.default_rng(seed)
     low = 15 - width // 2
     middle = low + width / 2

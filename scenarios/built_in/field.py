@@ -50,7 +50,7 @@ TRIES = 20  # random goals in a row that a person tries before being stuck
 
 
 def field(seed: int, robots: int, actors: int, cells: int, steps: int, radius: int = 1) -> Problem:
-    """Build a square field with scattered blocks, people on random ways and drones near them.
+    """Builds a square field with scattered blocks, people on random ways and drones near them.
 
     The seed chooses the blocks, the people's ways and pace, and the drones' cells and headings.
     People walk from one random place to the next on shortest ways, and stay apart.
@@ -114,7 +114,7 @@ def _require_within(name: str, value: int, least: int, most: float) -> None:
 
 
 def _free_cells(cells: int, rng: np.random.Generator) -> BoolArray:
-    """Draw the blocks; return an array [cells, cells] that is true where there is none.
+    """Draws the blocks; returns an array [cells, cells] that is true where there is none.
 
     A lane runs between blocks, and between them and the field's edge, so that the ground a metre
     off the walls is connected, too.
@@ -137,7 +137,7 @@ def _free_cells(cells: int, rng: np.random.Generator) -> BoolArray:
 
 
 def _off_the_walls(free: BoolArray) -> BoolArray:
-    """Return the cells whose neighbours are all free, so that a box there may turn freely."""
+    """Returns the cells whose neighbours are all free, so that a box there may turn freely."""
     padded = np.pad(free, 1)
     moves = np.ndindex(3, 3)
     width, depth = free.shape
@@ -148,7 +148,7 @@ def _off_the_walls(free: BoolArray) -> BoolArray:
 
 
 def _near(people: list[Actor], free: BoolArray, count: int) -> list[GridCell]:
-    """Return at least `count` free cells, as near as possible to where people start."""
+    """Returns at least `count` free cells, as near as possible to where people start."""
     cells = np.argwhere(free)
     starts = np.array([actor.poses[0, :2] for actor in people])
     # The greater of the distances along x and y from each cell's middle to the nearest person.
@@ -162,7 +162,7 @@ def _near(people: list[Actor], free: BoolArray, count: int) -> list[GridCell]:
 
 
 def _walkers(count: int, graph: Graph, steps: int, rng: np.random.Generator) -> list[Actor]:
-    """Draw people who walk on the graph's cells, each clear of all drawn before."""
+    """Draws people who walk on the graph's cells, each clear of all drawn before."""
     places = list(graph)
     people: list[Actor] = []
     for _ in range(DRAWS):
@@ -183,7 +183,7 @@ def _stroller(
     steps: int,
     rng: np.random.Generator,
 ) -> Actor | None:
-    """Draw a person who walks from one random place to the next; None if the person gets stuck.
+    """Draws a person who walks from one random place to the next; None if the person gets stuck.
 
     Places that cannot be walked to without running into others are skipped.
     """
@@ -209,7 +209,7 @@ def _stroller(
 
 
 def _corners(path: list[GridCell], graph: Graph) -> list[GridCell]:
-    """Return the cells of a path at which a way along straight lines must turn.
+    """Returns the cells of a path at which a way along straight lines must turn.
 
     A path on a grid has eight directions only; from each corner the next is the farthest cell
     within SIGHT such that the straight line to it stays on the graph's cells.
@@ -223,7 +223,7 @@ def _corners(path: list[GridCell], graph: Graph) -> list[GridCell]:
 
 
 def _straight(a: GridCell, b: GridCell, graph: Graph) -> bool:
-    """Return True if the line between the middles of two cells touches only the graph's cells."""
+    """Returns True if the line between the middles of two cells touches only the graph's cells."""
     return all((a[0] + i, a[1] + j) in graph for i, j in _swept(b[0] - a[0], b[1] - a[1]))
 
 
@@ -231,7 +231,7 @@ _swept = cache(swept_cells)
 
 
 def _apart(person: Actor, other: Actor) -> bool:
-    """Return True if the boxes do not meet at any step of `person`, who may walk fewer."""
+    """Returns True if the boxes do not meet at any step of `person`, who may walk fewer."""
     offsets = person.poses[:, :2] - other.poses[: len(person.poses), :2]
     return bool((np.hypot(*offsets.T) >= APART).all())
 

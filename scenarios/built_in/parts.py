@@ -31,7 +31,7 @@ class Room(NamedTuple):
 
     @staticmethod
     def cut_into_rock(*rooms: "Room") -> HeightMap:
-        """Return the map of SIZE x SIZE cells that is wall except in these rooms."""
+        """Returns the map of SIZE x SIZE cells that is wall except in these rooms."""
         heights = np.full((SIZE, SIZE), WALL)
         for x0, x1, y0, y1 in rooms:
             heights[x0:x1, y0:y1] = 0.0
@@ -39,7 +39,7 @@ class Room(NamedTuple):
 
 
 def walker(points: list[Point], first: float, pace: float, steps: int) -> Actor:
-    """Return an actor that walks along straight legs, looking where it goes.
+    """Returns an actor that walks along straight legs, looking where it goes.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def drones(
     rng: np.random.Generator,
     motion: Motion = NEIGHBOURS,
 ) -> tuple[Robot, ...]:
-    """Return drones in distinct random cells and with random headings of those given.
+    """Returns drones in distinct random cells and with random headings of those given.
 
     The cells must be free.
     """

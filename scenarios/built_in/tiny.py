@@ -170,7 +170,7 @@ def _tiny_head_on(seed: int) -> Problem:
 
 
 def _front(x: float, y: float, facing: int) -> Actor:
-    """Return an actor that stands still and looks `facing`, its front's middle at (x, y) m."""
+    """Returns an actor that stands still and looks `facing`, its front's middle at (x, y) m."""
     yaw = facing * math.pi / 2
     pose = [x - HALF * math.cos(yaw), y - HALF * math.sin(yaw), 0.0, yaw]
     return Actor(poses=np.tile(pose, (MOST_STEPS + 1, 1)), weights=FRONT_ONLY)
@@ -187,7 +187,7 @@ def _tiny(
     goals: tuple[tuple[int, int] | None, ...] = (None, None),
     stationarity: float = 0.0,
 ) -> Problem:
-    """Build a tiny scene; `cells` are rows from north to south, `#` is wall."""
+    """Builds a tiny scene; `cells` are rows from north to south, `#` is wall."""
     walls = np.array([[cell == "#" for cell in row] for row in reversed(cells)]).T
     return Problem(
         name=name,

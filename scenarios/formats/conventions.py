@@ -55,7 +55,7 @@ class Conventions(NamedTuple):
 
     @classmethod
     def of(cls, options: Mapping[str, str]) -> "Conventions":
-        """Return the conventions that options in words ask for, such as {"triangles": "no"}.
+        """Returns the conventions that options in words ask for, such as {"triangles": "no"}.
 
         Raises
         ------

@@ -125,7 +125,7 @@ class _Sequence(msgspec.Struct):
 
 
 def read(path: Path, seed: int = 0, options: Mapping[str, str] = NOTHING) -> Problem:
-    """Read a scene; its map and, where there is one, `starts.csv` must lie beside the file.
+    """Reads a scene; its map and, where there is one, `starts.csv` must lie beside the file.
 
     Parameters
     ----------
@@ -176,7 +176,7 @@ def read(path: Path, seed: int = 0, options: Mapping[str, str] = NOTHING) -> Pro
 
 
 def read_plan(path: Path, problem: Problem) -> tuple[tuple[State, ...], ...]:
-    """Read the paths that Greedy Perspectives' planner found for a problem made by `read`.
+    """Reads the paths that Greedy Perspectives' planner found for a problem made by `read`.
 
     The file has columns robot, t, x_cell, y_cell, heading_idx, one row per robot and step, in
     any order. Returns one path of T+1 states per robot. The referee, not the reader, says if they
@@ -219,7 +219,7 @@ class _Reported(NamedTuple):
 
 
 def read_reward(path: Path, problem: Problem) -> _Reported:
-    """Read the view reward at each step that their program gave the plan of `read_plan`.
+    """Reads the view reward at each step that their program gave the plan of `read_plan`.
 
     The file has columns t, reported_view_reward, own_tilt_view_reward, one row per step.
 
@@ -246,7 +246,7 @@ THEIR_FACES = (7, 6, 8, 9, 2, 3, 4, 5, 11, 10)
 
 
 def read_coverage(path: Path, problem: Problem) -> dict[tuple[int, State], FloatArray]:
-    """Read the coverage that Greedy Perspectives' planner rendered for a problem made by `read`.
+    """Reads the coverage that Greedy Perspectives' planner rendered for a problem made by `read`.
 
     The file has columns x, y, h, t, actor, face, ppa, one row per face that a state sees.
 
@@ -280,12 +280,12 @@ def read_coverage(path: Path, problem: Problem) -> dict[tuple[int, State], Float
 
 
 def _their_heading(theta: float, headings: int) -> int:
-    """Return their heading index of an angle (rad): truncated toward zero, wrapped to +-pi."""
+    """Returns their heading index of an angle (rad): truncated toward zero, wrapped to +-pi."""
     return int(math.remainder(theta, math.tau) / (math.tau / headings)) % headings
 
 
 def _our_heading(theirs: int, headings: int) -> int:
-    """Return our heading index, counted from +x, of theirs, which is counted from +y."""
+    """Returns our heading index, counted from +x, of theirs, which is counted from +y."""
     return (theirs + headings // 4) % headings
 
 
@@ -295,7 +295,7 @@ def _require_index(value: int, size: int, field: str) -> None:
 
 
 def _read_table(path: Path, columns: tuple[str, ...]) -> list[tuple[int, dict[str, str]]]:
-    """Return the rows of a CSV file, each with its line number; further columns are kept.
+    """Returns the rows of a CSV file, each with its line number; further columns are kept.
 
     Raises
     ------
@@ -344,7 +344,7 @@ def _world(text: str) -> _World:
 def _starts(
     path: Path, world: _World, seed: int, conventions: Conventions
 ) -> tuple[Path, list[_Pose]]:
-    """Return the file that states the start poses, and the pose of each robot."""
+    """Returns the file that states the start poses, and the pose of each robot."""
     start_sets = path.with_name("starts.csv")
     # A link that leads nowhere is there, too, and is refused instead of being passed over.
     if conventions.start_set == "seed" and os.path.lexists(start_sets):
@@ -390,7 +390,7 @@ def _robot(pose: _Pose, camera: Camera, motion: Motion, height_map: HeightMap) -
 
 
 def _map_file(path: Path, stated: str) -> Path:
-    """Return the file of the map, which scenes state relative to a folder further up."""
+    """Returns the file of the map, which scenes state relative to a folder further up."""
     for candidate in (path.parent / Path(stated).name, path.parent / stated):
         if os.path.isfile(candidate):  # unlike Path.is_file, false too for an impossible name
             return candidate

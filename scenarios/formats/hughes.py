@@ -103,7 +103,7 @@ T = TypeVar("T")
 
 
 def read(path: Path, seed: int = 0, options: Mapping[str, str] = NOTHING) -> Problem:
-    """Read a scene; a `solution_*.json` beside it says where its robots start.
+    """Reads a scene; a `solution_*.json` beside it says where its robots start.
 
     Parameters
     ----------
@@ -154,7 +154,7 @@ def read(path: Path, seed: int = 0, options: Mapping[str, str] = NOTHING) -> Pro
 
 
 def read_plan(path: Path, problem: Problem) -> tuple[tuple[State, ...], ...]:
-    """Read the paths of a solution, one per robot; the referee says if they can be flown.
+    """Reads the paths of a solution, one per robot; the referee says if they can be flown.
 
     Raises
     ------
@@ -183,7 +183,7 @@ def _actor(frames: list[_Actor]) -> Actor:
 
 
 def _areas() -> list[float]:
-    """Return the areas of the faces of an actor, in m2."""
+    """Returns the areas of the faces of an actor, in m2."""
     side = 2 * BODY.apothem * math.tan(math.pi / BODY.sides)
     top = BODY.sides * side * BODY.apothem / 2
     return [side * BODY.height] * BODY.sides + [top]

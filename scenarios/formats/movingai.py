@@ -47,7 +47,7 @@ class _Trip(NamedTuple):
     length: float  # cells; some files, as `tunnel.scen`, hold 0 throughout
 
     def walk(self, graph: Graph) -> list[GridCell] | None:
-        """Return the cells of a shortest path, both ends included; None where there is none."""
+        """Returns the cells of a shortest path, both ends included; None where there is none."""
         try:
             path: list[GridCell] = nx.shortest_path(graph, self.start, self.goal, weight="weight")
         except (nx.NetworkXNoPath, nx.NodeNotFound):
@@ -64,7 +64,7 @@ def read(
     steps: int = 10,
     wall: float = 10.0,
 ) -> Problem:
-    """Read a scenario; the map that it names must lie beside it.
+    """Reads a scenario; the map that it names must lie beside it.
 
     Robots fly at 5 m and first look toward the first actor. Actors walk one cell a step, look
     where they go, and stand still once they have arrived. For a robot, rows are skipped whose
@@ -113,7 +113,7 @@ def read(
 
 
 def read_trips(path: Path) -> tuple[BoolArray, list[_Trip]]:
-    """Return the free cells [columns, rows] of a scenario's map, and its trips in file order.
+    """Returns the free cells [columns, rows] of a scenario's map, and its trips in file order.
 
     Raises
     ------
@@ -136,7 +136,7 @@ def read_trips(path: Path) -> tuple[BoolArray, list[_Trip]]:
 
 
 def _read_map(path: Path) -> BoolArray:
-    """Return an array [columns, rows] that is true where a cell of a `.map` file is free.
+    """Returns an array [columns, rows] that is true where a cell of a `.map` file is free.
 
     Raises
     ------
@@ -161,7 +161,7 @@ def _read_map(path: Path) -> BoolArray:
 
 
 def walking_graph(free: BoolArray) -> Graph:
-    """Return the graph on which people walk: free cells [columns, rows] and their neighbours.
+    """Returns the graph on which people walk: free cells [columns, rows] and their neighbours.
 
     Each cell is joined to eight others; diagonal moves cut no corner. Weights are in cells.
     """
@@ -188,7 +188,7 @@ def _size(fields: list[str], line: str, key: str) -> int:
 
 
 def _fields(text: str, line: int) -> list[str]:
-    """Split a row into its nine fields: bucket, map, width, height, start x y, goal x y, length."""
+    """Splits a row into bucket, map, width, height, start x, start y, goal x, goal y, length."""
     fields = text.split("\t") if "\t" in text else text.split()
     _require(len(fields) == 9, f"line {line}", f"must have 9 fields, not {len(fields)}")
     return fields
@@ -229,7 +229,7 @@ def _walks(trips: Iterable[_Trip], graph: Graph) -> Iterator[list[GridCell]]:
 
 
 def _robot(start: GridCell, target: GridCell) -> Robot:
-    """Return a robot at `start` with the heading nearest to the direction of `target`."""
+    """Returns a robot at `start` with the heading nearest to the direction of `target`."""
     motion = Motion()
     angle = math.atan2(target[1] - start[1], target[0] - start[0])
     heading = round(angle / (math.tau / motion.headings)) % motion.headings
@@ -237,7 +237,7 @@ def _robot(start: GridCell, target: GridCell) -> Robot:
 
 
 def _poses(walk: list[GridCell], steps: int) -> FloatArray:
-    """Return the poses [T+1, 4] of an actor on its walk, in the middles of cells of 1 m."""
+    """Returns the poses [T+1, 4] of an actor on its walk, in the middles of cells of 1 m."""
     poses = np.zeros((steps + 1, 4))
     cells = np.array(walk)
     moves = np.diff(cells, axis=0)

@@ -24,7 +24,7 @@ class Options(NamedTuple):
         return MappingProxyType({name: tuple(words) for name, words in self.values.items()})
 
     def chosen(self, given: Mapping[str, str]) -> dict[str, Any]:
-        """Return the values of the options that are given in words, by option.
+        """Returns the values of the options that are given in words, by option.
 
         Raises
         ------

@@ -7,7 +7,7 @@ from cocap_opt.problem import Problem
 
 
 def read(path: Path, seed: int = 0) -> Problem:
-    """Read a scene that `cocap_opt.files.documents.save_problem` wrote; it has no seed.
+    """Reads a scene that `cocap_opt.files.documents.save_problem` wrote; it has no seed.
 
     Raises
     ------

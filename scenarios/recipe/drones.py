@@ -41,7 +41,7 @@ class DronesTable(Table):
         rules: CollisionRules,
         rng: np.random.Generator,
     ) -> list[Robot]:
-        """Return a team with the drones of this table added.
+        """Returns a team with the drones of this table added.
 
         Drones without a stated start are put into random free cells of their lowest layer, apart
         from the rest of the team, and look at the actor that is nearest to them at step 0.
@@ -81,7 +81,7 @@ class DronesTable(Table):
         return CAMERAS[self.camera].replace(tilts=tilts)
 
     def _room(self, workspace: Workspace) -> str:
-        """Say how much room there is for drones."""
+        """Says how much room there is for drones."""
         free = free_places(workspace, self.motion)[0]
         near = "" if self.near is None else f", and only some within {self.near:g} m of someone"
         return (
@@ -92,7 +92,7 @@ class DronesTable(Table):
     def _candidates(
         self, workspace: Workspace, actors: tuple[Actor, ...], rng: np.random.Generator
     ) -> list[State]:
-        """Return free cells near someone in random order, with headings to the nearest actor."""
+        """Returns free cells near someone in random order, with headings to the nearest actor."""
         free = np.argwhere(free_places(workspace, self.motion)[0])
         ways = _ways(workspace.height_map, free, actors)
         far = np.hypot(ways[:, 0], ways[:, 1])
@@ -120,12 +120,12 @@ def _stated(start: _StartTable, motion: Motion, height_map: HeightMap) -> State:
 
 
 def _heading(yaw: float, motion: Motion) -> int:
-    """Return the index of the heading nearest to a yaw in rad."""
+    """Returns the index of the heading nearest to a yaw in rad."""
     return round(yaw / math.tau * motion.headings) % motion.headings
 
 
 def _ways(height_map: HeightMap, cells: IntArray, actors: tuple[Actor, ...]) -> FloatArray:
-    """Return the ways [n, 2] (m) from the middles of cells [n, 2] to the nearest actor at step 0.
+    """Returns the ways [n, 2] (m) from the middles of cells [n, 2] to the nearest actor at step 0.
 
     Without actors they are 0.
     """
@@ -142,7 +142,7 @@ def _ways(height_map: HeightMap, cells: IntArray, actors: tuple[Actor, ...]) -> 
 def _crowded(
     state: State, motion: Motion, rules: CollisionRules, height_map: HeightMap, team: list[Robot]
 ) -> bool:
-    """Return True if a start breaks a collision rule with a start of the team."""
+    """Returns True if a start breaks a collision rule with a start of the team."""
     own = state.x, state.y, motion.layers[state.layer]
     starts = [(r.start.x, r.start.y, r.motion.layers[r.start.layer]) for r in team]
     return any(rules.too_near(height_map.way(own, other)) for other in starts)

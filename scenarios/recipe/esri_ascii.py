@@ -26,7 +26,7 @@ Header = dict[str, str]
 
 
 def read(path: Path, nodata: float | None, window: Window | None) -> Raster:
-    """Read a grid; see `cocap_opt.scenarios.recipe.raster_files.read_raster`."""
+    """Reads a grid; see `cocap_opt.scenarios.recipe.raster_files.read_raster`."""
     with path.open("rb") as file:
         header = _read_header(file)
         (x, dx, width), (y, dy, height) = _axis(header, "x"), _axis(header, "y")
@@ -37,7 +37,7 @@ def read(path: Path, nodata: float | None, window: Window | None) -> Raster:
 
 
 def _read_header(file: BinaryIO) -> Header:
-    """Read the lines before the first one that starts with a number."""
+    """Reads the lines before the first one that starts with a number."""
     header: Header = {}
     line = 0
     while True:
@@ -74,7 +74,7 @@ def _is_number(text: str | bytes) -> bool:
 
 
 def _axis(header: Header, name: str) -> tuple[float, float, int]:
-    """Return the lower end (m), the length of a cell (m) and the number of cells of an axis."""
+    """Returns the lower end (m), the length of a cell (m) and the number of cells of an axis."""
     cell = _edge(header, f"d{name}")
     key = {"x": "ncols", "y": "nrows"}[name]
     cells = integer(_required(header, key), key)
@@ -119,7 +119,7 @@ def _nodata(header: Header) -> float | None:
 
 
 def _read_values(file: BinaryIO, layout: Layout, columns: range, rows: range) -> FloatArray:
-    """Read all values and return those of `columns` and `rows`, the northernmost row first."""
+    """Reads all values and returns those of `columns` and `rows`, the northernmost row first."""
     width, height = layout.cells
     kept = np.empty((len(rows), len(columns)))
     done = 0
@@ -138,7 +138,7 @@ def _read_values(file: BinaryIO, layout: Layout, columns: range, rows: range) ->
 
 
 def _blocks(file: BinaryIO, width: int) -> Iterator[FloatArray]:
-    """Give the numbers of the rest of a file in blocks; messages need the `width` of a row."""
+    """Yields the numbers of the rest of a file in blocks; messages need the `width` of a row."""
     done, tail = 0, b""
     while chunk := file.read(CHUNK):
         words = (tail + chunk).split()

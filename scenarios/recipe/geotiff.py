@@ -19,7 +19,7 @@ CACHE = 64  # MB; GDAL's own choice is a share of all memory
 
 
 def read(path: Path, band: int | None, nodata: float | None, window: Window | None) -> Raster:
-    """Read a band; see `cocap_opt.scenarios.recipe.raster_files.read_raster`."""
+    """Reads a band; see `cocap_opt.scenarios.recipe.raster_files.read_raster`."""
     with path.open("rb") as file:
         if file.read(4) not in MAGIC:
             raise ProblemError("must be a TIFF file, as its name says")
@@ -73,7 +73,7 @@ def _band(dataset: Any, band: int | None) -> int:
 
 
 def _refuse_units(dataset: Any, band: int) -> None:
-    """Raise a ProblemError unless both coordinates and heights are in metres."""
+    """Raises a ProblemError unless both coordinates and heights are in metres."""
     crs = dataset.crs
     if crs and crs.is_geographic:
         raise ProblemError("coordinates: must be metres of a projection, not degrees")
@@ -102,7 +102,7 @@ def _layout(dataset: Any) -> Layout:
 
 
 def _in_file(met: range, cells: int, increasing: bool) -> range:
-    """Return the cells `met` of an axis in the numbers of the file, which may count down."""
+    """Returns the cells `met` of an axis in the numbers of the file, which may count down."""
     return met if increasing else range(cells - met.stop, cells - met.start)
 
 

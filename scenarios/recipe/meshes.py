@@ -32,7 +32,7 @@ class MeshTable(Table):
     at: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)  # m, where its origin lies
 
     def mesh(self, folder: Path) -> Mesh:
-        """Read all geometry of the file as one mesh; vertices at the same place become one.
+        """Reads all geometry of the file as one mesh; vertices at the same place become one.
 
         Raises
         ------
@@ -74,7 +74,7 @@ class _Beside(Resolver):
 
 
 def _load(path: Path) -> tuple[FloatArray, IntArray]:
-    """Read the vertices [V, 3] and the triangles [M, 3] of a file."""
+    """Reads the vertices [V, 3] and the triangles [M, 3] of a file."""
     kind = path.suffix.lower()
     if not path.is_file():  # opening a pipe would wait for someone to write into it
         raise ProblemError("cannot be read: no such file")
@@ -104,7 +104,7 @@ def _load(path: Path) -> tuple[FloatArray, IntArray]:
 
 
 def _placed(vertices: FloatArray, turn: float, at: tuple[float, float, float]) -> FloatArray:
-    """Return the vertices turned by `turn` rad about the z axis, and shifted by `at`."""
+    """Returns the vertices turned by `turn` rad about the z axis, and shifted by `at`."""
     c, s = math.cos(turn), math.sin(turn)
     x, y, z = vertices.T
     placed: FloatArray = np.column_stack([c * x - s * y, s * x + c * y, z]) + np.array(at)

@@ -29,7 +29,7 @@ class TracksTable(Table):
     still: Size = STILL
 
     def actors(self, folder: Path, terrain: Terrain, step: float, steps: int) -> list[Actor]:
-        """Read the people of the file who are there at all steps, standing on the ground.
+        """Reads the people of the file who are there at all steps, standing on the ground.
 
         Parameters
         ----------
@@ -56,7 +56,7 @@ class TracksTable(Table):
         ]
 
     def _chosen(self, tracks: list[Track], step: float, steps: int) -> tuple[float, list[Track]]:
-        """Return the time (s) of step 0, and the people who are filmed."""
+        """Returns the time (s) of step 0, and the people who are filmed."""
         if (self.ids is None) == (self.count is None):
             raise ProblemError("must have either ids or a count")
         candidates = tracks if self.ids is None else _named(self.ids, tracks)
@@ -88,7 +88,7 @@ class WalkTable(Table):
     shape: Shape = BODY
 
     def actor(self, terrain: Terrain, step: float, steps: int) -> Actor:
-        """Return a person who walks along the legs, and stands where they end.
+        """Returns a person who walks along the legs, and stands where they end.
 
         Parameters
         ----------
@@ -102,7 +102,7 @@ class WalkTable(Table):
         return Actor(poses=np.column_stack([points, floor, yaw]), shape=self.shape)
 
     def _along(self, step: float, steps: int) -> FloatArray:
-        """Return the points [T+1, 2] (m) at the steps."""
+        """Returns the points [T+1, 2] (m) at the steps."""
         corners = np.array(self.points)
         behind = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])
         done = self.first + self.speed * step * np.arange(steps + 1)

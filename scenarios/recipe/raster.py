@@ -29,7 +29,7 @@ class Raster(NamedTuple):
     origin: tuple[float, float]  # m, lower left corner
 
     def sample(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
-        """Return the heights (m) of the cells that hold points (x, y) in m.
+        """Returns the heights (m) of the cells that hold points (x, y) in m.
 
         The height is nan outside and in holes. A cell holds its lower edges, not its upper ones,
         as in `HeightMap.cell_of`. The arrays may have any shapes that broadcast.
@@ -58,7 +58,7 @@ class Layout(NamedTuple):
         return self._edge(0, self.cells[0]), self._edge(1, self.cells[1])
 
     def met(self, window: Window | None) -> tuple[range, range]:
-        """Return the cells along x and along y that a window overlaps, or all without a window.
+        """Returns the cells along x and along y that a window overlaps, or all without a window.
 
         Raises
         ------
@@ -84,7 +84,7 @@ class Layout(NamedTuple):
         return columns, rows
 
     def cut(self, columns: range, rows: range) -> "Layout":
-        """Return the layout of only these cells along x and along y."""
+        """Returns the layout of only these cells along x and along y."""
         corner = self._edge(0, columns.start), self._edge(1, rows.start)
         return Layout(corner, self.cell, (len(columns), len(rows)))
 
@@ -96,7 +96,7 @@ class Layout(NamedTuple):
         scale: float = 1.0,
         offset: float = 0.0,
     ) -> Raster:
-        """Return the raster of these cells from rows of stored values, which are overwritten.
+        """Returns the raster of these cells from rows of stored values, which are overwritten.
 
         Parameters
         ----------
@@ -127,11 +127,11 @@ class Layout(NamedTuple):
         return Raster(values, self.cell, self.lower)
 
     def _edge(self, axis: int, cell: int) -> float:
-        """Return the coordinate (m) of the lower edge of a cell."""
+        """Returns the coordinate (m) of the lower edge of a cell."""
         return self.lower[axis] + cell * self.cell[axis]
 
     def _met(self, axis: int, ends: tuple[float, ...]) -> range:
-        """Return the cells that an interval (m) overlaps by more than a sliver."""
+        """Returns the cells that an interval (m) overlaps by more than a sliver."""
         low, high = ((end - self.lower[axis]) / self.cell[axis] for end in ends)
         start, stop = math.floor(low + SLIVER), math.ceil(high - SLIVER)
         cells = self.cells[axis]
@@ -144,7 +144,7 @@ class Layout(NamedTuple):
             _require(inside, f"origin: must lie, as all of the raster, within +-{LARGEST:g} m")
 
     def _require_land(self, rows: FloatArray, scale: float, offset: float) -> None:
-        """Refuse values that must mean that there is no data, though the file does not say so."""
+        """Refuses values that must mean that there is no data, though the file does not say so."""
         least, most = sorted((limit - offset) / scale for limit in (LOWEST, HIGHEST))
         low, high = np.fmin.reduce(rows, axis=None), np.fmax.reduce(rows, axis=None)
         if not (low < least or high > most):  # nan where all is a hole
@@ -161,7 +161,7 @@ class Layout(NamedTuple):
 
 
 def _mark_holes(rows: FloatArray, nodata: float | None) -> None:
-    """Make cells nan that hold the value `nodata`, as far as single precision tells them apart.
+    """Makes cells nan that hold the value `nodata`, as far as single precision tells them apart.
 
     Files often spell a single precision limit such as -3.4e38 with a few digits only.
     """

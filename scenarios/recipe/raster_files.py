@@ -19,7 +19,7 @@ def read_raster(
     nodata: float | None = None,
     window: Window | None = None,
 ) -> Raster:
-    """Read a height map (`.asc`, `.tif`, `.tiff`) as float64, whatever numbers the file holds.
+    """Reads a height map (`.asc`, `.tif`, `.tiff`) as float64, whatever numbers the file holds.
 
     A GeoTIFF may be south-up, have cells that are not square, and hold integers with a scale
     and an offset. It must have a geotransform, and all units must be metres; where the file

@@ -111,7 +111,7 @@ class _Recipe(Table):
 
 
 def read(path: Path, seed: int = 0) -> Problem:
-    """Read a recipe and all files that it names.
+    """Reads a recipe and all files that it names.
 
     Parameters
     ----------

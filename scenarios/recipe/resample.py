@@ -29,7 +29,7 @@ class Grid(NamedTuple):
 
     @classmethod
     def of(cls, raster: Raster, resolution: float | None = None, how: How = "highest") -> "Grid":
-        """Return the raster on square cells, from its lower left corner on.
+        """Returns the raster on square cells, from its lower left corner on.
 
         The last cells may reach over the raster's edge by less than a cell; they take the heights
         that they overlap. A cell that overlaps a hole is a hole.
@@ -66,7 +66,7 @@ class Grid(NamedTuple):
         return cls(values, raster.origin, resolution)
 
     def filled(self, fill: float | None, field: str) -> FloatArray:
-        """Return the heights [X, Y], with `fill` (m) in the holes.
+        """Returns the heights [X, Y], with `fill` (m) in the holes.
 
         Raises
         ------
@@ -97,7 +97,7 @@ def _nearly_square(raster: Raster) -> bool:
 
 
 def _refuse_too_many(width: float, height: float, resolution: float) -> None:
-    """Raise a ProblemError if width x height m have more cells than are allowed."""
+    """Raises a ProblemError if width x height m have more cells than are allowed."""
     x, y = (math.ceil(length / resolution * (1 - ROUNDING)) for length in (width, height))
     if x * y > MOST_CELLS:
         # The r where (width / r + 1) (height / r + 1) = MOST_CELLS, rounded up for three digits.
@@ -110,7 +110,7 @@ def _refuse_too_many(width: float, height: float, resolution: float) -> None:
 
 
 def _edges(cells: int, ratio: float) -> FloatArray:
-    """Return the edges of the target cells that begin before the end of `cells` source cells.
+    """Returns the edges of the target cells that begin before the end of `cells` source cells.
 
     Edges are counted in source cells and cut off at the end; `ratio` is the length of a target
     cell in source cells. An edge that is a whole number up to rounding becomes that number, so

@@ -27,7 +27,7 @@ class Terrain(NamedTuple):
     ground: FloatArray  # [X, Y] m
 
     def floor(self, x: float, y: float) -> float:
-        """Return the altitude of the ground at a point (m); outside, that of the nearest cell."""
+        """Returns the altitude of the ground at a point (m); outside, that of the nearest cell."""
         i, j = self.height_map.cell_of(x, y)
         width, depth = self.height_map.shape
         return float(self.ground[min(max(i, 0), width - 1), min(max(j, 0), depth - 1)])
@@ -49,7 +49,7 @@ class MapTable(Table):
     lowest: Size = 0.0
 
     def terrain(self, folder: Path, flight: Flight) -> Terrain:
-        """Build the terrain that the table describes.
+        """Builds the terrain that the table describes.
 
         Obstacles keep their height above the ground, so that on a slope nobody is sunk into a
         coarse cell: a cell's ground is the mean of the ground that it covers, and its obstacle
@@ -104,7 +104,7 @@ class MapTable(Table):
         return Terrain(HeightMap(heights=flat, resolution=resolution, origin=self.origin), flat)
 
     def _surface(self, folder: Path) -> Raster:
-        """Read the map's own file, with `fill` where it has no data."""
+        """Reads the map's own file, with `fill` where it has no data."""
         raster = read_raster(
             folder / str(self.file), band=self.band, nodata=self.nodata, window=self.window
         )
@@ -113,7 +113,7 @@ class MapTable(Table):
         return raster._replace(values=np.where(np.isnan(raster.values), self.fill, raster.values))
 
     def _bare(self, folder: Path, surface: Raster) -> FloatArray:
-        """Return the altitude of the bare terrain in the cells of a raster [X, Y]."""
+        """Returns the altitude of the bare terrain in the cells of a raster [X, Y]."""
         if self.ground is None:
             return np.zeros_like(surface.values)
         if self.ground == SURFACE:
@@ -125,7 +125,7 @@ class MapTable(Table):
         return terrain.sample(x[:, None], y[None, :])
 
     def _above(self, surface: Raster, bare: FloatArray) -> FloatArray:
-        """Return the heights above the ground [X, Y] of the obstacles on it; holes stay holes."""
+        """Returns the heights above the ground [X, Y] of the obstacles on it; holes stay holes."""
         above = surface.values if self.heights == "above-ground" else surface.values - bare
         lowest = float(np.nanmin(above, initial=np.inf))
         if lowest < -DEEP:

@@ -87,7 +87,7 @@ class TrackTable(NamedTuple):
         fps: float | None,
         delimiter: str | None,
     ) -> "TrackTable":
-        """Read the rows of a file; the parameters are those of `tracks.read_tracks`.
+        """Reads the rows of a file; the parameters are those of `tracks.read_tracks`.
 
         Raises
         ------
@@ -157,7 +157,7 @@ def _layout(text: str, delimiter: str | None) -> _Layout:
 
 
 def _separator(line: str) -> str:
-    """Return the character that separates the fields of a line."""
+    """Returns the character that separates the fields of a line."""
     if ";" in line:
         return ";"
     first = line.partition(",")[0].split()
@@ -178,7 +178,7 @@ def _is_number(text: str) -> bool:
 
 
 def _names(layout: _Layout, columns: Sequence[str] | None) -> Sequence[str]:
-    """Return the names of the columns; those that nothing names are called "-"."""
+    """Returns the names of the columns; those that nothing names are called "-"."""
     count = len(layout.row)
     names = columns or layout.header
     if names is not None:
@@ -239,12 +239,12 @@ def _stated_units(layout: _Layout, names: Sequence[str]) -> set[str]:
 
 
 def _short(unit: str) -> str:
-    """Return the short name of a unit, which may be spelt out."""
+    """Returns the short name of a unit, which may be spelt out."""
     return "cm" if unit.startswith("c") else "mm" if unit.startswith(("mm", "mi")) else "m"
 
 
 def _rate(layout: _Layout, places: _Columns, fps: float | None) -> float | None:
-    """Return the frames per second; None where the column of times is used instead."""
+    """Returns the frames per second; None where the column of times is used instead."""
     if "time" in places and (fps is None or "frame" not in places):
         if fps is not None:
             raise ProblemError("fps: must be left out where times stand in place of frames")
@@ -259,7 +259,7 @@ def _rate(layout: _Layout, places: _Columns, fps: float | None) -> float | None:
 
 
 def _settled(field: str, stated: set[T], given: T | None) -> T:
-    """Return the value that the file states or the caller gives, which must be the same."""
+    """Returns the value that the file states or the caller gives, which must be the same."""
     if len(stated) > 1:
         both = " and ".join(sorted(f"{value}" for value in stated))
         raise ProblemError(f"{field}: must be one, but the file states {both}")
@@ -278,7 +278,7 @@ def _settled(field: str, stated: set[T], given: T | None) -> T:
 def _values(
     text: str, layout: _Layout, places: _Columns, count: int
 ) -> tuple[_Values, NDArray[np.str_] | None]:
-    """Return the numbers of all columns that are used, and the ids where they are words."""
+    """Returns the numbers of all columns that are used, and the ids where they are words."""
     words = not _is_number(layout.row[places["id"]])
     if not words:
         try:
@@ -302,7 +302,7 @@ def _values(
 
 
 def _row_lines(text: str, layout: _Layout) -> Iterator[tuple[int, str]]:
-    """Give the lines that are rows, without comments, each with its number."""
+    """Yields the lines that are rows, without comments, each with its number."""
     for line, raw in enumerate(io.StringIO(text), start=1):
         content = raw.partition("#")[0]
         if line >= layout.first and content.strip():
@@ -331,7 +331,7 @@ def _word(text: str, line: int) -> str:
 
 
 def _check(values: _Values, line: Callable[[int], int]) -> None:
-    """Raise unless all numbers are finite and within limits, ids and frames whole."""
+    """Raises unless all numbers are finite and within limits, ids and frames whole."""
     for role, column in values.items():
         most = LARGEST if role in ("x", "y", "z") else MOST
         whole = role in ("id", "frame")

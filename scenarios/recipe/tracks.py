@@ -48,7 +48,7 @@ class Track(NamedTuple):
     height: float | None  # m, of the head above the floor; None where the file has none
 
     def is_there(self, begin: float, step: float, steps: int) -> bool:
-        """Return True if the person is there at all steps, so that `at_steps` works.
+        """Returns True if the person is there at all steps, so that `at_steps` works.
 
         Raises
         ------
@@ -58,7 +58,7 @@ class Track(NamedTuple):
         return not self._absent(_times(begin, step, steps)).any()
 
     def at_steps(self, begin: float, step: float, steps: int) -> FloatArray:
-        """Return the points [T+1, 2] (m) at the times begin + t step, linear between frames.
+        """Returns the points [T+1, 2] (m) at the times begin + t step, linear between frames.
 
         Parameters
         ----------
@@ -94,7 +94,7 @@ class Track(NamedTuple):
         still: float = STILL,
         ground: Callable[[float, float], float] = lambda x, y: 0.0,
     ) -> Actor:
-        """Return the actor that walks the track, looking where it goes.
+        """Returns the actor that walks the track, looking where it goes.
 
         Parameters
         ----------
@@ -121,7 +121,7 @@ class Track(NamedTuple):
 
     @staticmethod
     def headings(points: FloatArray, still: float) -> FloatArray:
-        """Return the yaw [T+1] of a person who passes points [T+1, 2] (m), one at each step.
+        """Returns the yaw [T+1] of a person who passes points [T+1, 2] (m), one at each step.
 
         It is in rad, from +x, counter-clockwise, in (-pi, pi]: the direction from the step before
         to the step after, or at the ends from or to the end itself. A person who moves by less
@@ -148,13 +148,13 @@ class Track(NamedTuple):
         return np.where(yaw <= -math.pi, math.pi, yaw)
 
     def appearances(self) -> list[float]:
-        """Return the times (s) at which the person comes: the first, and after every gap."""
+        """Returns the times (s) at which the person comes: the first, and after every gap."""
         gaps = np.flatnonzero(np.diff(self.times) > MOST_GAP + SLACK)
         times: list[float] = self.times[[0, *(gaps + 1)]].tolist()
         return times
 
     def presence(self) -> str:
-        """Say from when to when the person is there."""
+        """Says from when to when the person is there."""
         gaps = np.flatnonzero(np.diff(self.times) > MOST_GAP + SLACK)
         begins = self.appearances()
         ends = self.times[[*gaps, -1]]
@@ -164,7 +164,7 @@ class Track(NamedTuple):
         )
 
     def _absent(self, times: FloatArray) -> BoolArray:
-        """Return an array that is true at the times at which nobody knows where the person is."""
+        """Returns an array that is true at the times at which nobody knows where the person is."""
         after = np.searchsorted(self.times, times).clip(0, len(self.times) - 1)
         last, following = self.times[np.maximum(after - 1, 0)], self.times[after]
         gap = following - last > MOST_GAP + SLACK
@@ -181,7 +181,7 @@ def read_tracks(
     fps: float | None = None,
     delimiter: str | None = None,
 ) -> list[Track]:
-    """Read the tracks of a file, in the order of their ids; rows may have any order.
+    """Reads the tracks of a file, in the order of their ids; rows may have any order.
 
     Signs of a wrong unit or frame rate are logged as warnings. A track's height is the median of
     its z, and None where that is not above 0, as in files which keep z at 0.
@@ -243,7 +243,7 @@ def _track(table: TrackTable, name: int | str, rows: IntArray) -> Track:
 
 
 def _doubts(tracks: Sequence[Track], unit: str) -> Iterator[str]:
-    """Give the signs that the unit or the frame rate is wrong, each in words."""
+    """Yields the signs that the unit or the frame rate is wrong, each in words."""
     speeds = [speed for track in tracks if (speed := _speed(track)) > 0]
     speed = float(np.median(speeds)) if speeds else 0.0
     known = [(track.height, track.id) for track in tracks if track.height is not None]
@@ -265,7 +265,7 @@ def _doubts(tracks: Sequence[Track], unit: str) -> Iterator[str]:
 
 
 def _speed(track: Track) -> float:
-    """Return the mean speed of a person, m/s."""
+    """Returns the mean speed of a person, m/s."""
     if len(track.times) < 2:
         return 0.0
     way = np.hypot(*np.diff(track.points, axis=0).T).sum()
@@ -273,7 +273,7 @@ def _speed(track: Track) -> float:
 
 
 def _likely(value: float, unit: str, limits: tuple[float, float]) -> str | None:
-    """Name the unit in which a length or speed, read in another, would be within limits."""
+    """Names the unit in which a length or speed, read in another, would be within limits."""
     low, high = limits
     for other, per_metre in PER_METRE.items():
         if low <= value * PER_METRE[unit] / per_metre <= high:
@@ -282,7 +282,7 @@ def _likely(value: float, unit: str, limits: tuple[float, float]) -> str | None:
 
 
 def _times(begin: float, step: float, steps: int) -> FloatArray:
-    """Return the times [T+1] of the steps, s."""
+    """Returns the times [T+1] of the steps, s."""
     if not 1 <= steps <= MOST_STEPS:
         raise ProblemError(f"steps: must be 1..{MOST_STEPS}, not {steps}")
     if not 0 < step <= LARGEST:  # false for nan, too

@@ -44,7 +44,7 @@ class WallsTable(Table):
     base: Coordinate | None = None  # m, altitude of the walls' foot; None: the lowest ground
 
     def meshes(self, folder: Path, lowest: float) -> list[Mesh]:
-        """Read the ground plan and return its walls.
+        """Reads the ground plan and returns its walls.
 
         Parameters
         ----------
@@ -89,7 +89,7 @@ def _polygon(ring: Sequence[Point]) -> BaseGeometry:
 
 
 def _extruded(area: BaseGeometry, height: float, bottom: float) -> Mesh:
-    """Return the solid above an area (m, of polygons), from one altitude to another.
+    """Returns the solid above an area (m, of polygons), from one altitude to another.
 
     Raises
     ------
@@ -123,13 +123,13 @@ def _polygons(area: BaseGeometry) -> list[Polygon]:
 
 
 def _triangles(polygon: Polygon) -> list[FloatArray]:
-    """Cut a polygon into triangles [3, 2], counter-clockwise."""
+    """Cuts a polygon into triangles [3, 2], counter-clockwise."""
     pieces = _polygons(shapely.constrained_delaunay_triangles(polygon))
     return [np.asarray(piece.exterior.coords)[:3] for piece in pieces]
 
 
 def _side(ring: FloatArray, bottom: float, height: float) -> FloatArray:
-    """Return the triangles [n, 3, 3] of walls along a closed ring whose inside is on its left."""
+    """Returns the triangles [n, 3, 3] of walls along a closed ring whose inside is on its left."""
     a, b = ring[:-1], ring[1:]
     low, high = np.full(len(a), bottom), np.full(len(a), height)
     corners = [np.column_stack([*at.T, z]) for at, z in ((a, low), (b, low), (b, high), (a, high))]
