@@ -41,7 +41,7 @@ class Player:
     """
 
     def __init__(self, problem: Problem, plans: Sequence[Titled] = ()) -> None:
-        self._problem = problem
+        self._problem = problem if plans else _without_goals(problem)
         self._plans = plans or [("drones at their starts", _waiting(problem))]
 
     def page(self) -> str:
@@ -71,8 +71,13 @@ class Player:
 
 
 def _waiting(problem: Problem) -> Plan:
-    """Returns the plan in which all drones stay at their starts, be it allowed or not."""
+    """Returns the plan in which all drones stay at their starts."""
     return Plan(paths=tuple((robot.start,) * (problem.horizon + 1) for robot in problem.robots))
+
+
+def _without_goals(problem: Problem) -> Problem:
+    """Returns the problem in which drones may stay at their starts."""
+    return problem.replace(robots=tuple(robot.replace(goal=None) for robot in problem.robots))
 
 
 def player_page(problem: Problem, plans: Sequence[Titled]) -> str:
