@@ -110,7 +110,7 @@ class _Step:
         return None
 
     def best(self, ahead: FloatArray, leaving: Mapping[int, Mapping[int, float]]) -> FloatArray:
-        """Returns the best of all edges [S] from the values ahead [S]; `leaving` has charged moves."""
+        """Returns the best [S] of all edges, from the values ahead [S] and charges on moves."""
         self._turn(ahead)
         if self._bonuses.keep_heading:
             self._keep_heading(ahead)

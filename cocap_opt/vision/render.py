@@ -119,7 +119,7 @@ class Renderer:
     def _boxes(
         self, faces: Faces, robot: Robot, state: State
     ) -> Iterator[tuple[int, tuple[int, int, int, int]]]:
-        """Yields actors, and the box of the image (left, top, right, bottom) that each may be in."""
+        """Yields actors, and the box (left, top, right, bottom) in px in which each may be."""
         camera, axes = pinhole(robot), _axes(robot, state)
         for actor in range(len(self._problem.actors)):
             corners = faces.polygons[self._problem.face_owner == actor].reshape(-1, 3)
