@@ -17,8 +17,8 @@ from cocap_opt.experiments.cli.options import (
 )
 from cocap_opt.experiments.console.options import UsageError, choose
 from cocap_opt.experiments.results.files import check_output, save_bytes
-from cocap_opt.experiments.results.printing import path_text, print_json, print_result
-from cocap_opt.experiments.results.rows import Row
+from cocap_opt.experiments.results.printing import path_text, print_json, print_result, print_table
+from cocap_opt.experiments.results.rows import COLUMNS, Row
 from cocap_opt.experiments.results.tables import AGAINST, all_tables
 from cocap_opt.experiments.sweeps.results import load_results
 from cocap_opt.experiments.sweeps.run_file import RunFile
@@ -105,4 +105,20 @@ def _against(planner: str | None, rows: Sequence[Row]) -> str:
     return planner
 
 
-COMMANDS = {"table": _table, "report": _report}
+def _columns(*, json: Json = False) -> int:
+    """Print the columns of results.csv: their types, their units and what they mean.
+
+    Example: cocap-opt columns
+    """
+    rows = [
+        {"column": name, "type": c.kind.__name__, "unit": c.unit, "about": c.meaning}
+        for name, c in COLUMNS.items()
+    ]
+    if json:
+        print_json({"columns": rows})
+    else:
+        print_table("columns of results.csv", rows)
+    return 0
+
+
+COMMANDS = {"columns": _columns, "table": _table, "report": _report}

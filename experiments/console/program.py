@@ -1,4 +1,4 @@
-"""How commands begin and end: exit codes, and one line for what is wrong."""
+"""The begin and the end of a command: exit codes, and one line for what is wrong."""
 
 from collections.abc import Sequence
 

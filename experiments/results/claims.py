@@ -1,11 +1,10 @@
-"""What `verify` says of the claims in plan, certificate and proof files."""
+"""The claims in plan, certificate and proof files, held against a scene by `verify`."""
 
 import math
 from collections.abc import Callable
 
 from cocap_opt.experiments.results.judging import ROUNDING
 from cocap_opt.experiments.results.printing import Record
-from cocap_opt.experiments.results.rows import finite
 from cocap_opt.files.documents import PlanFile, problem_digest
 from cocap_opt.formulations.certificates import (
     CertificateError,
@@ -107,7 +106,7 @@ class Verification:
             self._refuse("plan: obeys the rules, though it is proved that no plan does")
         if reward is not None and bound is not None and not violations:
             gap = relative_gap(reward, bound)
-            answer["gap"] = finite(gap)
+            answer["gap"] = gap if math.isfinite(gap) else None
             if reward > bound + ROUNDING * abs(bound):
                 self._refuse("reward: above the bound, one of the two is wrong")
             answer["optimal"] = gap <= OPTIMALITY and not violations

@@ -8,6 +8,7 @@ every bound comes from a certificate; no number is a solver's word.
 
 import logging
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
@@ -29,7 +30,7 @@ _SHARE = {"least": -ROUNDING, "most": 1 + ROUNDING}
 
 _Bound = Annotated[
     float | None,
-    Column("A number that J of no plan exceeds that obeys the scene's rules; certified.", **_ANY),
+    Column("A certified number that no plan's J exceeds under the scene's rules.", **_ANY),
 ]
 _Number = float | None
 _Count = int | None
@@ -37,13 +38,17 @@ _Count = int | None
 
 @dataclass(frozen=True, kw_only=True)
 class PlanRow:
-    """What is known of a plan; with a bound if one comes with it."""
+    """The row of a plan; with a bound if one comes with it."""
 
     scene: Annotated[str, Column("The scene's name.")]
-    seed: Annotated[_Count, Column("Its seed; none where the starts are the scene file's own.")]
+    seed: Annotated[
+        _Count, Column("The seed; empty where the drones start as the scene's own file says.")
+    ]
     planner: Annotated[str | None, Column("The planner, or the file of a plan of others.")]
     method: Annotated[str | None, Column("The method that made the bound.")] = None
-    reward: Annotated[_Number, Column("J of the plan by the referee; none without a plan.", **_ANY)]
+    reward: Annotated[
+        _Number, Column("J of the plan by the referee; empty without a plan.", **_ANY)
+    ]
     bound: _Bound = None
     gap: Annotated[
         _Number, Column("(bound - reward) / bound, of a plan that obeys the rules.", **_SHARE)
@@ -60,7 +65,7 @@ class PlanRow:
         _Number, Column("Wall-clock time of the planner; coverage comes before.", unit="s")
     ]
     conflicts: Annotated[_Count, Column("Collision rules that the plan breaks.")]
-    message: Annotated[str, Column("What else is to be said, in words.")]
+    message: Annotated[str, Column("Further remarks, in words.")]
 
     @classmethod
     def of(
@@ -80,10 +85,10 @@ class PlanRow:
             scene=problem.name,
             seed=seed,
             planner=planner,
-            reward=finite(judged.reward),
+            reward=_finite(judged.reward),
             reason=str(reason),
             limit=str(result.limit),
-            seconds=finite(result.seconds),
+            seconds=_finite(result.seconds),
             conflicts=judged.conflicts if judged.verdict else None,
             message="; ".join(messages),
         )
@@ -103,8 +108,8 @@ class PlanRow:
         return replace(
             row,
             method=method,
-            bound=finite(result.bound),
-            gap=finite(judged.gap),
+            bound=_finite(result.bound),
+            gap=_finite(judged.gap),
             message="; ".join(messages),
         )
 
@@ -116,7 +121,7 @@ class PlanRow:
 
 @dataclass(frozen=True, kw_only=True)
 class PlannedRow(PlanRow):
-    """What the gap table says of a plan alone."""
+    """The columns of the gap table that depend on the plan alone."""
 
     colliding: Annotated[_Count, Column("Drones that take part in a conflict.")]
     robots: Annotated[int, Column("Drones of the scene.")]
@@ -124,7 +129,7 @@ class PlannedRow(PlanRow):
     steps: Annotated[int, Column("Steps after the start.")]
     time_limit: Annotated[_Number, Column("Time that the planner was allowed.", unit="s")] = None
     work_limit: Annotated[
-        _Count, Column("Units of work that the planner was allowed; none where any number was.")
+        _Count, Column("Units of work that the planner was allowed; empty without such a limit.")
     ] = None
     reward_rendered: Annotated[
         _Number | UnsetType, Column("J of the rendered pixels of the plan.", **_ANY)
@@ -147,7 +152,7 @@ class PlannedRow(PlanRow):
 
 @dataclass(frozen=True, kw_only=True)
 class BoundColumns:
-    """What all rows of one scene and seed share: what bounds their plans, and the best plans."""
+    """The columns that all rows of one scene and seed share: bounds, and the best known plans."""
 
     bound: _Bound = None
     bound_method: Annotated[str, Column("The method that made the bound.")] = BOUND_METHOD
@@ -161,7 +166,7 @@ class BoundColumns:
         _Number, Column("Time that each of the two searches for bounds was allowed.", unit="s")
     ] = None
     bound_work_limit: Annotated[
-        _Count, Column("Units of work that each of them was allowed; none where any number was.")
+        _Count, Column("Units of work that each of them was allowed; empty without such a limit.")
     ] = None
     certificate: Annotated[str, Column("The file that proves the bound.")] = ""
     optimum: Annotated[
@@ -169,7 +174,8 @@ class BoundColumns:
     ] = None
     optimum_free: Annotated[_Number, Column("The largest known J of any plan.", **_ANY)] = None
     bound_free: Annotated[
-        _Number, Column("A number that J of no plan exceeds, without collision rules.", **_ANY)
+        _Number,
+        Column("A certified number that no plan's J exceeds without collision rules.", **_ANY),
     ] = None
     bound_free_reason: Annotated[str, Column("Why the search for bound_free stopped.")]
     bound_free_limit: Annotated[str, Column("The limit that stopped that search, or none.")] = (
@@ -192,14 +198,14 @@ class BoundColumns:
         """
         bound, bound_free = under.result, free.result
         return BoundColumns(
-            bound=finite(bound.bound),
+            bound=_finite(bound.bound),
             bound_method=bound.certificate.method if bound.certificate else BOUND_METHOD,
             bound_reason=str(bound.reason),
             bound_limit=str(bound.limit),
             bound_seconds=bound.seconds,
-            optimum=finite(under.reward),
-            optimum_free=finite(free.reward),
-            bound_free=finite(bound_free.bound),
+            optimum=_finite(under.reward),
+            optimum_free=_finite(free.reward),
+            bound_free=_finite(bound_free.bound),
             bound_free_reason=str(bound_free.reason),
             bound_free_limit=str(bound_free.limit),
             bound_free_seconds=bound_free.seconds,
@@ -216,7 +222,7 @@ class Row(BoundColumns, PlannedRow):
     ]
     digest: Annotated[str, Column("Digest of the scene.")]
     starts: Annotated[
-        str | UnsetType, Column("Where the drones start, if not where the seed has them.")
+        str | UnsetType, Column("The starts of the drones, if not those of the seed.")
     ] = UNSET
 
     @classmethod
@@ -235,6 +241,22 @@ class Row(BoundColumns, PlannedRow):
             "gap_free": _gap(plan, bound.bound_free),
             "digest": digest,
         })  # fmt: skip
+
+    @staticmethod
+    def records(rows: "Sequence[Row]") -> list[dict[str, Any]]:
+        """Returns rows as plain data, with the columns that any of them has."""
+        names = [
+            name
+            for name, column in COLUMNS.items()
+            if not column.is_extra or any(getattr(row, name) is not UNSET for row in rows)
+        ]
+        return [{name: row._plain(name) for name in names} for row in rows]
+
+    def _plain(self, name: str) -> object:
+        value = getattr(self, name)
+        if value is not UNSET:
+            return value
+        return "" if COLUMNS[name].kind is str else None
 
     @property
     def key(self) -> tuple[str, int | None]:
@@ -278,7 +300,7 @@ def _fields(row: PlanRow | BoundColumns) -> dict[str, Any]:
 def _gap(plan: PlanRow, bound: float | None) -> float | None:
     if plan.reward is None or bound is None or not plan.valid:
         return None
-    return finite(relative_gap(plan.reward, bound))
+    return _finite(relative_gap(plan.reward, bound))
 
 
 def colliding(problem: Problem, plan: Plan | None) -> int | None:
@@ -288,6 +310,6 @@ def colliding(problem: Problem, plan: Plan | None) -> int | None:
     return len({robot for conflict in conflicts(problem, plan) for robot in conflict.robots})
 
 
-def finite(value: float) -> float | None:
+def _finite(value: float) -> float | None:
     """Returns a number, or None for what JSON cannot hold."""
     return value if math.isfinite(value) else None

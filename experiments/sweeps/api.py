@@ -63,8 +63,8 @@ def gap(
 
     from cocap_opt.experiments.console.options import check_seconds, check_workers, choose
     from cocap_opt.experiments.results.judging import SOLVERS
+    from cocap_opt.experiments.results.rows import Row
     from cocap_opt.experiments.sweeps.instances import Instance, Settings
-    from cocap_opt.experiments.sweeps.results import records
     from cocap_opt.experiments.sweeps.scenes import Scenes
     from cocap_opt.experiments.sweeps.sweep import Hired, sweep
 
@@ -81,10 +81,9 @@ def gap(
     names = [(problem.name, seed) for problem, seed in problems]
     if len(set(names)) < len(names):
         raise ValueError("scenes: two are called the same; give them other names")
-    settings = Settings(
-        time_limit=time_limit, bound_time_limit=time_limit, work_limit=work_limit
-    )  # fmt: skip
+    settings = Settings(time_limit=time_limit, bound_time_limit=time_limit, work_limit=work_limit)
     instances = [Instance(problem, seed, planners, settings) for problem, seed in problems]
     hired = Hired(workers, None, settings.cell_limit)
     folder = None if out is None else Path(out)
-    return DataFrame(records(sweep(instances, folder, hired, is_same=named.is_same, quiet=True)))
+    rows = sweep(instances, folder, hired, is_same=named.is_same, quiet=True)
+    return DataFrame(Row.records(rows))

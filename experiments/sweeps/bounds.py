@@ -1,4 +1,4 @@
-"""What bounds all plans of an instance: under the scene's rules, and without any."""
+"""The bounds on all plans of an instance: under the scene's rules, and without any."""
 
 import math
 from collections.abc import Callable, Sequence

@@ -42,7 +42,7 @@ _LIBRARIES = ("clarabel", "embreex", "highspy", "numpy", "ortools", "scipy")
 
 
 class Status(StrEnum):
-    """How a cell ended; what a planner says of its own limit is in the row."""
+    """The way in which a cell ended; a limit that stopped its planner is in the row."""
 
     FINISHED = "finished"
     ERROR = ERROR  # in the code or in its libraries
@@ -64,7 +64,7 @@ def cells_digest() -> str:
 
 
 class Cell(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What is to be computed, and all that its result depends on."""
+    """One computation, and all that its result depends on."""
 
     scene: str
     seed: int

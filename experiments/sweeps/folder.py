@@ -76,7 +76,7 @@ def _clear_leftovers(folders: Sequence[Path]) -> None:
 
 
 class Earlier(NamedTuple):
-    """What earlier commands left that can stay: rows by instance, and the commands."""
+    """The rows by instance that earlier commands left and that can stay, and these commands."""
 
     rows: dict[Key, list[Row]]
     runs: Sequence[Run]

@@ -25,7 +25,7 @@ Key = tuple[str, int | None]  # scene and seed; None where the starts are the sc
 
 
 class Settings(msgspec.Struct, frozen=True, kw_only=True):
-    """What a command allows its cells."""
+    """The limits and options of a command, which all of its cells share."""
 
     time_limit: float  # s, for each planner
     bound_time_limit: float  # s, for each of the two bounds
@@ -45,7 +45,7 @@ def _default_planners(problem: Problem) -> list[str]:
 
 
 class Instance:
-    """A scene with a seed: its cells, and what has become of them so far.
+    """A scene with a seed: its cells, and their results so far.
 
     Parameters
     ----------
@@ -58,8 +58,8 @@ class Instance:
     digest : of the problem
     asked : the planners that the command names, and plans of others that it gives
     cells : of the planners, by name; that of the bound is known once all of these are found
-    found : what has become of them
-    bound : what has become of the bound
+    found : the cells of planners that have ended, with their results
+    bound : the cell of the bound, once it has ended
     is_cut : Ctrl-C has cut one of them short
     """
 
@@ -152,7 +152,7 @@ class Instance:
 
     @property
     def contents(self) -> list[CellFile]:
-        """What has become of its cells so far."""
+        """The cells that have ended so far, with their results."""
         return [*self.found.values(), *([] if self.bound is None else [self.bound])]
 
     def held(self, content: CellFile) -> CellFile:

@@ -11,8 +11,6 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
-from msgspec import UNSET
-
 from cocap_opt.experiments.results.files import read_text, remove, save_bytes, save_csv
 from cocap_opt.experiments.results.printing import Record
 from cocap_opt.experiments.results.rows import COLUMNS, Row
@@ -69,29 +67,12 @@ def _with_limits(rows: Sequence[Row], folder: Path) -> list[Row]:
 
 def save_results(folder: Path, rows: Sequence[Row], whole: bool) -> None:
     """Writes what there is of a table; as Parquet only once it is whole."""
-    table = records(rows)
+    table = Row.records(rows)
     if not whole:
         remove(folder / _PARQUET)
     save_csv(folder / RESULTS, table)
     if whole:
         save_bytes(folder / _PARQUET, _parquet(table))
-
-
-def records(rows: Sequence[Row]) -> list[Record]:
-    """Returns rows as plain data, with the columns that any of them has."""
-    names = [
-        name
-        for name, column in COLUMNS.items()
-        if not column.is_extra or any(getattr(row, name) is not UNSET for row in rows)
-    ]
-    return [{name: _value(row, name) for name in names} for row in rows]
-
-
-def _value(row: Row, name: str) -> object:
-    value = getattr(row, name)
-    if value is not UNSET:
-        return value
-    return "" if COLUMNS[name].kind is str else None
 
 
 def _parquet(table: Sequence[Record]) -> bytes:

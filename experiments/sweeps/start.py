@@ -1,4 +1,4 @@
-"""What the search for a bound begins with, whoever found it."""
+"""The plans and the proof that the search for a bound begins with, whoever found them."""
 
 import hashlib
 from collections.abc import Sequence
@@ -8,7 +8,7 @@ import msgspec
 
 from cocap_opt.experiments.sweeps.cells import OWN, CellFile
 from cocap_opt.files.documents import encode
-from cocap_opt.formulations.certificates import decode_certificate
+from cocap_opt.formulations.certificates import CertificateFile, ProofFile, decode_certificate
 from cocap_opt.problem import Plan
 
 
@@ -26,6 +26,13 @@ class Start(NamedTuple):
         certificate, seconds = _lowest_bound(contents)
         valid = [content for content in contents if content.row and content.row.valid]
         return Start(_best(contents), _best(valid), certificate, seconds)
+
+    @property
+    def proof(self) -> CertificateFile | ProofFile | None:
+        """The certificate or the proof of the lowest bound, if there is one."""
+        return (
+            decode_certificate(self.certificate, "a planner's proof") if self.certificate else None
+        )
 
     @property
     def digest(self) -> str:
@@ -48,6 +55,11 @@ def _lowest_bound(contents: Sequence[CellFile]) -> tuple[bytes, float]:
     for content in contents:
         if OWN in content.certificates and content.row is not None:
             own = content.certificate(OWN)
-            proved = decode_certificate(own, content.cell.words).proved
-            ranked.append((proved, own, content.row.seconds or 0.0))
+            ranked.append(
+                (
+                    decode_certificate(own, content.cell.words).proved,
+                    own,
+                    content.row.seconds or 0.0,
+                )
+            )
     return min(ranked)[1:] if ranked else (b"", 0.0)

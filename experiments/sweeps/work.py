@@ -16,7 +16,7 @@ from cocap_opt.experiments.sweeps.bounds import WITH_RULES, WITHOUT_RULES, Bound
 from cocap_opt.experiments.sweeps.cells import BOUND, FREE, OWN, RULES, Cell, CellFile, Status
 from cocap_opt.experiments.sweeps.start import Start
 from cocap_opt.files.documents import encode
-from cocap_opt.formulations.certificates import CertificateFile, ProofFile, decode_certificate
+from cocap_opt.formulations.certificates import CertificateFile, ProofFile
 from cocap_opt.formulations.result import CertifiedResult
 from cocap_opt.model import compiled
 from cocap_opt.problem import Plan, Problem
@@ -136,9 +136,8 @@ def _start_plans(problem: Problem, start: Start) -> list[Judged[Any]]:
     plans = [
         Judged.of_plan(problem, plan) for plan in (start.plan, start.valid) if plan is not None
     ]
-    if not start.certificate:
+    if (own := start.proof) is None:
         return plans
-    own = decode_certificate(start.certificate, "a planner's certificate")
     proved = CertifiedResult(
         None, -math.inf, Reason.FINISHED, bound=own.proved, seconds=start.seconds, certificate=own
     )

@@ -385,6 +385,7 @@ def test_plans_of_others_stay(tmp_path: Path) -> None:
     assert {row.planner for row in load_results(tmp_path)} == {"mine.json", "cocap"}
 
 
+@pytest.mark.slow
 def test_rows_do_not_depend_on_where_cells_are_kept(tmp_path: Path) -> None:
     """Kept in a folder or not: the same table; certificates are named where there are files."""
     kept, free = swept(instances(), tmp_path), swept(instances(), None)
@@ -690,6 +691,7 @@ def test_wrong_options_are_refused(
     assert word in captured.err and len(captured.err.splitlines()) == 1
 
 
+@pytest.mark.slow
 def test_seeds_that_change_nothing_are_one(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -831,6 +833,7 @@ def test_a_worker_that_dies_or_hangs_costs_its_own_cell(tmp_path: Path) -> None:
     assert {row.reason for instance in some[1:] for row in instance.rows()} == {"finished"}
 
 
+@pytest.mark.slow
 def test_the_table_is_written_as_parquet(undisturbed: Path) -> None:
     """The same rows as in the CSV file, with types."""
     from pyarrow.parquet import read_table
@@ -841,8 +844,8 @@ def test_the_table_is_written_as_parquet(undisturbed: Path) -> None:
     assert [*rows[0]] == [*texts[0]]
     for row, text in zip(rows, texts, strict=True):
         assert {key: "" if row[key] is None else str(row[key]) for key in row} == text
-    assert {type(row.reward) for row in rows} == {float}
-    assert {type(row.seed) for row in rows} == {int}
+    assert {type(row["reward"]) for row in rows} == {float}
+    assert {type(row["seed"]) for row in rows} == {int}
 
 
 def test_leftovers_of_killed_processes_are_cleared(tmp_path: Path) -> None:
@@ -887,6 +890,7 @@ def seeds_of(folder: Path) -> list[tuple[str, int | None]]:
     return [(row.scene, row.seed) for row in load_results(folder)]
 
 
+@pytest.mark.slow
 def test_an_exported_scene_takes_no_seed_of_another(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

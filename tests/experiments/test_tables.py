@@ -198,6 +198,19 @@ def test_every_column_says_what_it_means() -> None:
     assert [name for name, c in COLUMNS.items() if c.is_extra] == ["reward_rendered", "starts"]
 
 
+def test_the_columns_are_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    """With type, unit and meaning, so that nobody needs the code to read results.csv."""
+    assert commands.run(["columns", "--json"]) == 0
+    printed = json.loads(capsys.readouterr().out)["columns"]
+    assert [line["column"] for line in printed] == list(COLUMNS)
+    assert printed[4] == {
+        "column": "reward", "type": "float", "unit": "sqrt(px/m2)",
+        "about": "J of the plan by the referee; empty without a plan.",
+    }  # fmt: skip
+    assert commands.run(["columns"]) == 0
+    assert "bound_time_limit" in capsys.readouterr().out
+
+
 def test_a_column_reads_what_is_written() -> None:
     """Numbers in range, text as it is, and nothing where nothing is."""
     cells = {"seed": "3", "bound": "1.5", "scene": "s"}
