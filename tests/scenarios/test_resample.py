@@ -81,7 +81,7 @@ def by_loops(raster: Raster, resolution: float, how: How) -> FloatArray:
 
 @examples(150)
 @given(data=st.data(), raster=rasters(holes=True))
-@pytest.mark.parametrize("how", HOW)
+@pytest.mark.parametrize("how", [pytest.param("highest", marks=pytest.mark.slow), "mean"])
 def test_grid_follows_its_definition(how: How, data: st.DataObject, raster: Raster) -> None:
     """A cell takes the highest or mean of what it overlaps by an area, and its holes."""
     resolution = data.draw(resolutions(raster))

@@ -54,7 +54,11 @@ MADE_FIELDS = [
         for sizes in (SMALLEST_FIELD, FULL_FIELD, FIELDS["field"])
         for seed in range(3)
     ],
-    *[(0, sizes) for sizes in (FIELDS["field-long"], FIELDS["field-large"], LARGEST_FIELD)],
+    (0, FIELDS["field-long"]),
+    *[
+        pytest.param(0, sizes, marks=pytest.mark.slow)
+        for sizes in (FIELDS["field-large"], LARGEST_FIELD)
+    ],
 ]
 SEEDS = range(12)
 
@@ -191,13 +195,14 @@ def test_scenes_are_the_same_in_every_process() -> None:
 # --- corridor, bottleneck and passage: how hard they are -------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "least"),
     [
         ("corridor", 1 / 3),
-        pytest.param("corridor-tight", 0.7, marks=pytest.mark.slow),
-        pytest.param("bottleneck", 1 / 3, marks=pytest.mark.slow),
-        pytest.param("bottleneck-tight", 0.7, marks=pytest.mark.slow),
+        ("corridor-tight", 0.7),
+        ("bottleneck", 1 / 3),
+        ("bottleneck-tight", 0.7),
     ],
 )
 def test_unconstrained_plans_collide(name: str, least: float) -> None:
