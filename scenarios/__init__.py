@@ -106,7 +106,7 @@ FORMATS: dict[str, Format] = {
 
 
 def load_scene(name_or_path: str, seed: int = 0, options: Mapping[str, str] = NOTHING) -> Problem:
-    """Builds a built-in scene, or read a scene file or a folder that holds a seq.yaml.
+    """Builds a built-in scene, or reads a scene file or a folder that holds a seq.yaml.
 
     A file whose name is that of a built-in scene is reached as ./NAME.
 

@@ -163,7 +163,7 @@ class Problem(Data, frozen=True, eq=False, dict=True):
 
         Parameters
         ----------
-        plan : a plan, or whatever has its `paths`
+        plan : a plan, or any object with `paths`
         ax : matplotlib axes; a figure of its own if not given
         """
         return drawing.draw(self.top_view(plan), ax)

@@ -84,7 +84,7 @@ def _read(path: Path) -> CoverageTable | None:
         return None
     digest, body = content[:_DIGEST_BYTES], content[_DIGEST_BYTES:]
     if hashlib.sha256(body).digest() == digest:
-        # NumPy names no set of errors for what is not its file.
+        # NumPy names no set of errors for files of other kinds.
         with suppress(Exception), np.load(io.BytesIO(body), allow_pickle=False) as arrays:
             return CoverageTable(**{name: arrays[name] for name in CoverageTable._fields})
     log.warning("cache file %s is damaged; computing its content again", path)

@@ -61,7 +61,7 @@ class TracksTable(Table):
             raise ProblemError("must have either ids or a count")
         candidates = tracks if self.ids is None else _named(self.ids, tracks)
         wanted = self.count or len(candidates)
-        # The set of people who are there changes where someone appears.
+        # More people are there only from a time at which someone appears.
         moments = sorted({time for track in candidates for time in track.appearances()})
         most = 0
         for begin in moments if self.begin is None else [self.begin]:

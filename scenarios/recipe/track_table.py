@@ -54,7 +54,7 @@ _FRAME_RATE = re.compile(
 
 
 class _Layout(NamedTuple):
-    """The form of a file: what stands before its first row, and the first row itself."""
+    """The form of a file: its comments and header, and the first row."""
 
     comments: list[str]  # before the first row, without #
     header: list[str] | None

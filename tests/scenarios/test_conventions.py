@@ -43,7 +43,7 @@ def hovering(problem: Problem) -> Plan:
 
 
 def facts(problem: Problem) -> dict[str, Any]:
-    """What an option may change."""
+    """The parts of a problem that an option may change."""
     return {
         "triangles": problem.actors[0].shape,
         "count-start": problem.objective.count_start,
@@ -131,7 +131,7 @@ def test_conventions_by_name() -> None:
     ],
 )
 def test_wrong_options_are_one_line(options: dict[str, str], words: tuple[str, ...]) -> None:
-    """What is not allowed is one line with what is."""
+    """An option that is not allowed is refused in one line, with the allowed ones."""
     with pytest.raises(ProblemError) as caught:
         Conventions.of(options)
     assert "\n" not in str(caught.value)

@@ -130,7 +130,7 @@ def test_the_bonus_is_that_of_their_planner(folder: Path) -> None:
 
 
 def test_their_scenes_are_solved(folder: Path) -> None:
-    """Planners and bounds need not know what a view is worth by which law."""
+    """Planners and bounds work with any law of the worth of a view."""
     problem = load_scene(str(folder / "scene.json"))
     plan = read_foreign_plan(folder / "solution_greedy.json", problem)
     result = EXACT["branch-and-price"](problem, never, plan)

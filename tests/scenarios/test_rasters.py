@@ -138,7 +138,7 @@ def test_spellings_of_one_grid(grid: Callable[[str], Path], text: str) -> None:
     ],
 )
 def test_damaged_grids(grid: Callable[[str], Path], text: str, message: str) -> None:
-    """What is missing, too much or no number is said in one line."""
+    """Missing values, surplus ones and words are refused in one line."""
     refused(grid(text), message)
 
 
@@ -325,7 +325,7 @@ def test_a_grid_has_one_band(grid: Callable[[str], Path]) -> None:
 def test_tiffs_that_are_no_maps_in_metres(
     tiff: Write, options: dict[str, Any], message: str
 ) -> None:
-    """Where the raster lies and its units must be certain."""
+    """Rasters without a certain place or certain units are refused."""
     refused(tiff(**options), message)
 
 
@@ -381,7 +381,7 @@ def test_names_of_other_formats(tmp_path: Path) -> None:
 
 
 def test_without_rasterio(tiff: Write, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where rasterio is missing the message says how to install it."""
+    """Without rasterio the message tells the command that installs it."""
     path = tiff()
     monkeypatch.setitem(sys.modules, "rasterio", None)
     refused(path, r"needs rasterio: pip install 'cocap-opt\[maps\]'")
@@ -411,7 +411,7 @@ def test_sample_finds_the_cells_of_points() -> None:
 @examples(40)
 @given(point=st.tuples(st.floats(-1, 9), st.floats(-1, 9)))
 def test_sample_agrees_with_height_maps(point: tuple[float, float]) -> None:
-    """Where cells are square, raster and height map put a point in the same cell."""
+    """If cells are square, raster and height map put a point in the same cell."""
     raster = Raster(VALUES, (2.5, 2.5), (0.3, 0.7))
     x, y = HeightMap(VALUES, 2.5, (0.3, 0.7)).cell_of(*point)
     inside = 0 <= x < 3 and 0 <= y < 2

@@ -85,7 +85,7 @@ def test_heading_is_truncated_toward_zero(sequence: Path, theta: float, index: i
 
 
 def test_sequence_is_read_faithfully(sequence: Path) -> None:
-    """Cells, flight heights, tilts, rules and the horizon mean what they mean in the paper."""
+    """Cells, flight heights, tilts, rules and the horizon have the meaning of the paper."""
     problem = greedy_perspectives.read(sequence)
     first, second = problem.robots
     assert problem.name == "tiny"

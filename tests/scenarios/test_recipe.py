@@ -208,7 +208,7 @@ def test_seeds_place_drones_and_nothing_else(tmp_path: Path) -> None:
     ],
 )  # fmt: skip
 def test_mistakes_are_named(tmp_path: Path, change: tuple[str, str], message: str) -> None:
-    """One line says in which file and field what is allowed."""
+    """One line names the file, the field and the allowed values."""
     text = FLAT + DRONE
     assert change[0] in text
     with pytest.raises(ProblemError, match=message) as error:
@@ -217,7 +217,7 @@ def test_mistakes_are_named(tmp_path: Path, change: tuple[str, str], message: st
 
 
 def test_holes_are_refused_or_filled(tmp_path: Path) -> None:
-    """A map with cells without data is used only where the recipe says what they are."""
+    """A map with cells without data is used only if the recipe gives them a height."""
     values = np.zeros((20, 12))
     values[3, 4] = np.nan
     write_tif(tmp_path / "map.tif", values)
@@ -420,7 +420,7 @@ def test_what_is_hardly_meant_is_said(actor: Problem, words: str | None) -> None
 
 
 def test_a_scene_without_people_is_doubted() -> None:
-    """Where there is nobody to be seen, J is 0, and that is said."""
+    """A scene without people has J = 0, which raises a doubt."""
     assert "no actors" in doubts(load_scene("corridor", 0).replace(actors=()))[0]
 
 

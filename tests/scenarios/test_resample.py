@@ -83,7 +83,7 @@ def by_loops(raster: Raster, resolution: float, how: How) -> FloatArray:
 @given(data=st.data(), raster=rasters(holes=True))
 @pytest.mark.parametrize("how", [pytest.param("highest", marks=pytest.mark.slow), "mean"])
 def test_grid_follows_its_definition(how: How, data: st.DataObject, raster: Raster) -> None:
-    """A cell takes the highest or mean of what it overlaps by an area, and its holes."""
+    """A cell takes the highest or mean height of the cells that it overlaps, and their holes."""
     resolution = data.draw(resolutions(raster))
     grid = Grid.of(raster, resolution, how)
     assert grid.resolution == resolution
@@ -114,7 +114,7 @@ def test_own_resolution_changes_nothing(how: How, raster: Raster, own: bool) -> 
 @given(raster=rasters(holes=True), times=st.integers(1, 6))
 @pytest.mark.parametrize("how", HOW)
 def test_mirror_images(how: How, raster: Raster, times: int) -> None:
-    """Where the sizes divide, the mirrored raster gives the mirrored grid."""
+    """If the sizes divide, the mirrored raster gives the mirrored grid."""
     assume(len(raster.values) % times == 0)
     resolution = times * raster.cell[0]
     mirrored = Grid.of(raster._replace(values=raster.values[::-1]), resolution, how)
@@ -160,7 +160,7 @@ def test_cells_that_are_not_square_take_the_smaller_edge() -> None:
 
 @pytest.mark.parametrize("resolution", [0.0, -1.0, math.nan, math.inf, 1e-5])
 def test_resolution_must_be_a_length(resolution: float) -> None:
-    """What is no length of a cell is refused in one line."""
+    """A number that is no length of a cell is refused in one line."""
     raster = Raster(np.zeros((2, 2)), (1.0, 1.0), (0.0, 0.0))
     with pytest.raises(ProblemError, match=r"^resolution: must be within .* not .*$"):
         Grid.of(raster, resolution)

@@ -427,7 +427,7 @@ def test_every_tiny_scene_has_its_optimum() -> None:
     ],
 )
 def test_tiny_values_of_simple_planners(name: str, planner: str, expected: float) -> None:
-    """What the docstrings say of plans made one by one, or without rules, is so."""
+    """Plans made one by one, or without rules, have the values that the docstrings state."""
     assert value(planner, SCENES[name](0)) == pytest.approx(expected)
 
 
@@ -475,7 +475,7 @@ def test_a_scene_is_loaded_from_each_format(files: Path) -> None:
 def test_what_cannot_be_loaded_is_said_in_one_line(
     files: Path, monkeypatch: pytest.MonkeyPatch, name: str, words: list[str]
 ) -> None:
-    """One line that names the file and what is wrong with it or what is allowed."""
+    """One line names the file, and its fault or the allowed ones."""
     (files / "empty").mkdir()
     for suffix in ("json", "yaml", "scen"):
         (files / f"bad.{suffix}").write_text("{ [\n")

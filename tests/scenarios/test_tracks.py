@@ -41,7 +41,7 @@ def read(folder: Path, text: str, **options: Any) -> list[Track]:
 
 
 def same(first: list[Track], second: list[Track]) -> bool:
-    """Whether all is equal, to the last bit."""
+    """Return True if all is equal, to the last bit."""
     return len(first) == len(second) and all(
         (a.id, a.height) == (b.id, b.height)
         and np.array_equal(a.times, b.times)
@@ -218,7 +218,7 @@ def walks(draw: st.DrawFn) -> list[Track]:
 def test_rows_in_any_order_and_among_words(
     tmp_path_factory: pytest.TempPathFactory, tracks: list[Track], random: Any, separator: str
 ) -> None:
-    """What was written is read: in any order, fast, and row by row where a column has words."""
+    """Rows are read as written: in any order, fast, and row by row if a column has words."""
     lines = [
         [f"{t.id}", f"{time * 4:g}", f"{x!r}", f"{y!r}"]
         for t in tracks
@@ -269,7 +269,7 @@ def test_doubts_are_said(
 def test_who_stands_does_not_make_the_rest_fast(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """The median is over those who move: a crowd that waits hides no wrong unit."""
+    """The median is over people who move: a crowd that waits hides no wrong unit."""
     standing = "".join(f"{k} {t} {k} 0\n" for k in range(5) for t in range(2))
     read(tmp_path, standing + "9 0 0 0\n9 1 130 0\n", unit="m", fps=1)
     assert "median speed 130 m/s" in caplog.text
@@ -408,7 +408,7 @@ def turned(first: FloatArray, second: FloatArray) -> FloatArray:
 
 
 def moves(path: FloatArray) -> bool:
-    """Whether anybody walks anywhere; who does not has heading 0 whichever way one looks."""
+    """Return True if the person moves at all; otherwise the heading is 0 in any turned copy."""
     return bool((np.hypot(*np.gradient(path, axis=0).T) >= STILL).any())
 
 
@@ -446,7 +446,7 @@ def test_headings_by_their_definition(path: FloatArray) -> None:
 
 
 def test_headings_of_known_walks() -> None:
-    """North, a halt with a wobble, then west; who never walks looks along +x."""
+    """A walk north, a wobbly halt, then west; a person who never walks looks along +x."""
     path = np.array([[0, 0], [0.01, 0], [0, 1], [0, 2], [0, 2.02], [0, 2], [-1, 2], [-2.0, 2.0]])
     north, west = math.pi / 2, math.pi
     assert headings(path, 0.1)[[0, 1, 2, 3, 4]] == pytest.approx([math.atan2(1, 0)] * 5, abs=0.02)
