@@ -1,7 +1,9 @@
 """Collision rules as rows of a flow: cliques of cells in which at most one robot is, and swaps."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
@@ -14,6 +16,10 @@ from cocap_opt.problem import Cell, Problem
 from cocap_opt.result import UnsupportedError
 
 MOST_ENTRIES = 500_000  # of the separation rows
+TOO_LARGE = (
+    "a flow model takes at most {} entries of separation rows, here there are more; "
+    "column-generation adds the few that matter"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,7 +27,7 @@ class ConflictRows:
     """Rows "at most one robot"; those that only one robot can reach are left out."""
 
     flow: Flow
-    slots: IntArray  # [K] places at steps, t (number of places) + place
+    slots: "_Slots"
     occupied: sparse.csr_array  # [K, N] 1 where a node lies in a slot
     cliques: sparse.csr_array  # [rows, K] slots of which at most one robot is in any
     swaps: IntArray  # [W, 3] t and the two places
@@ -37,20 +43,25 @@ class ConflictRows:
             If the separation needs more than MOST_ENTRIES entries.
         """
         problem = flow.model.problem
-        n_places, n_robots = _n_places(flow), len(problem.robots)
         later = np.flatnonzero(flow.steps > 0)
-        if problem.rules.none or n_robots < 2:
+        if problem.rules.none or len(problem.robots) < 2:
             later = later[:0]
-        keys = flow.steps[later] * n_places + flow.places[later]
-        slots, at = np.unique(keys, return_inverse=True)
-        occupied = incidence(at, later, (len(slots), flow.n_nodes))
+        slots = _Slots.of(flow, later)
+        at = np.searchsorted(slots.numbers, slots.number_of(flow, later))
         reach = _reach(flow, slots)
-        cliques = sparse.csr_array(_cliques(problem, slots, n_places))
+        cliques = sparse.csr_array(_cliques(problem, slots))
         shared = np.asarray((cliques @ reach > 0).sum(axis=1)).ravel() > 1
-        swaps, crossing = np.zeros((0, 3), dtype=np.int64), sparse.csr_array((0, flow.n_edges))
+        swaps = _Swaps(np.zeros((0, 3), dtype=np.int64), sparse.csr_array((0, flow.n_edges)))
         if problem.rules.swap and len(slots):
-            swaps, crossing = _swaps(flow, slots, reach)
-        return cls(flow, slots, occupied, cliques[shared], swaps, crossing)
+            swaps = _swaps(flow, slots, reach)
+        return cls(
+            flow=flow,
+            slots=slots,
+            occupied=incidence(at, later, (len(slots), flow.n_nodes)),
+            cliques=cliques[shared],
+            swaps=swaps.moves,
+            crossing=swaps.crossing,
+        )
 
     @property
     def at_nodes(self) -> sparse.csr_array:
@@ -63,8 +74,8 @@ class ConflictRows:
             t, one, other = self.swaps[row - self.cliques.shape[0]].tolist()
             return Swap(t, (self.flow.cell(one), self.flow.cell(other)))
         members = self.cliques.indices[self.cliques.indptr[row] : self.cliques.indptr[row + 1]]
-        steps, places = np.divmod(self.slots[members], _n_places(self.flow))
-        return Cells(int(steps[0]), tuple(sorted(map(self.flow.cell, places.tolist()))))
+        cells = sorted(self.slots.cell(k) for k in members.tolist())
+        return Cells(int(self.slots.t[members[0]]), tuple(cells))
 
     def multipliers(self, values: FloatArray, least: float) -> tuple[tuple[Resource, float], ...]:
         """Returns the rows with multipliers that are large enough to matter."""
@@ -72,86 +83,126 @@ class ConflictRows:
         return tuple((self.resource(row), float(values[row])) for row in large)
 
 
-def _n_places(flow: Flow) -> int:
-    problem = flow.model.problem
-    width, depth = problem.height_map.shape
-    return len(problem.layers) * width * depth
+@dataclass(frozen=True, eq=False)
+class _Slots:
+    """Cells at steps that robots can be in, each numbered t (number of cells) + cell."""
+
+    numbers: IntArray  # [K] increasing
+    sizes: tuple[int, int, int]  # layers, width and depth of the map
+
+    @classmethod
+    def of(cls, flow: Flow, nodes: IntArray) -> "_Slots":
+        """Returns the slots of some nodes."""
+        problem = flow.model.problem
+        sizes = (len(problem.layers), *problem.height_map.shape)
+        none = cls(np.zeros(0, dtype=np.int64), sizes)
+        return cls(np.unique(none.number_of(flow, nodes)), sizes)
+
+    def __len__(self) -> int:
+        return len(self.numbers)
+
+    @property
+    def n_cells(self) -> int:
+        """Number of cells of the map, in all layers."""
+        layers, width, depth = self.sizes
+        return layers * width * depth
+
+    @cached_property
+    def t(self) -> IntArray:
+        """Step of each slot [K]."""
+        return self.numbers // self.n_cells
+
+    @cached_property
+    def at(self) -> IntArray:
+        """Layer, x and y of each slot [3, K]."""
+        return np.array(np.unravel_index(self.numbers % self.n_cells, self.sizes))
+
+    def cell(self, k: int) -> Cell:
+        """Returns the cell of slot k."""
+        layer, x, y = self.at[:, k].tolist()
+        return Cell(x, y, layer)
+
+    def number_of(self, flow: Flow, nodes: IntArray) -> IntArray:
+        """Returns the numbers that the slots of some nodes have [n]."""
+        numbers: IntArray = flow.steps[nodes] * self.n_cells + flow.places[nodes]
+        return numbers
+
+    def find(self, t: IntArray, layer: int, x: IntArray, y: IntArray) -> "_Found":
+        """Returns which of these cells at steps t are slots."""
+        _, width, depth = self.sizes
+        inside = np.flatnonzero((x >= 0) & (x < width) & (y >= 0) & (y < depth))
+        level = np.full(len(inside), layer)
+        wanted = np.ravel_multi_index((level, x[inside], y[inside]), self.sizes)
+        wanted += t[inside] * self.n_cells
+        slots = np.minimum(np.searchsorted(self.numbers, wanted), len(self) - 1)
+        found = self.numbers[slots] == wanted
+        return _Found(inside[found], slots[found])
 
 
-def _reach(flow: Flow, slots: IntArray) -> sparse.csr_array:
+class _Found(NamedTuple):
+    """Cells that are slots."""
+
+    which: IntArray  # [n] positions among the cells that were looked for
+    slots: IntArray  # [n]
+
+
+def _reach(flow: Flow, slots: _Slots) -> sparse.csr_array:
     """Returns 1 where a robot can be in a slot [K, R]."""
-    problem, n_places = flow.model.problem, _n_places(flow)
+    problem = flow.model.problem
     rows, columns = [], []
     for k, robot_class in enumerate(flow.model.classes):
         own = np.flatnonzero(flow.owner == k)
         for robot, start in zip(robot_class.robots, robot_class.starts, strict=True):
-            seen = robot_class.graph.reachable([start], problem.horizon)
-            mine = own[seen[flow.steps[own], flow.states[own]]]
-            found = np.unique(flow.steps[mine] * n_places + flow.places[mine])
-            at = np.flatnonzero(np.isin(slots, found))
+            reached = robot_class.graph.reachable([start], problem.horizon)
+            mine = own[reached[flow.steps[own], flow.states[own]]]
+            at = np.flatnonzero(np.isin(slots.numbers, slots.number_of(flow, mine)))
             rows.append(at)
             columns.append(np.full(len(at), robot))
     shape = (len(slots), len(problem.robots))
     return incidence(np.concatenate(rows), np.concatenate(columns), shape)
 
 
-def _cliques(problem: Problem, slots: IntArray, n_places: int) -> sparse.csr_array:
+def _cliques(problem: Problem, slots: _Slots) -> sparse.csr_array:
     """Returns sets of slots that hold all pairs that are too close, and only such pairs."""
     if not problem.rules.separation or not len(slots):
         return sparse.eye_array(len(slots), format="csr")
     if problem.height_map.datum is not None:
-        return _pairs_too_close(problem, slots, n_places)
-    sizes = (len(problem.layers), *problem.height_map.shape)
-    t, place = np.divmod(slots, n_places)
-    layer, x, y = np.unravel_index(place, sizes)
+        return _pairs_too_close(problem, slots)
     blocks, entries = [], 0
     for shape in _shapes(problem):
-        # A shape is laid wherever one of its cells falls into a slot.
-        laid = [np.column_stack([t, x - i, y - j])[layer == k] for k, i, j in shape]
-        origins = np.unique(np.concatenate(laid), axis=0)
-        rows, columns = [], []
-        for k, i, j in shape:
-            u, v = origins[:, 1] + i, origins[:, 2] + j
-            inside = np.flatnonzero((u >= 0) & (u < sizes[1]) & (v >= 0) & (v < sizes[2]))
-            level = np.full(len(inside), k)
-            wanted = np.ravel_multi_index((level, u[inside], v[inside]), sizes)
-            wanted += origins[inside, 0] * n_places
-            at = np.minimum(np.searchsorted(slots, wanted), len(slots) - 1)
-            found = slots[at] == wanted
-            rows.append(inside[found])
-            columns.append(at[found])
-        entries += sum(map(len, rows))
+        block = _laid(shape, slots)
+        entries += block.nnz
         if entries > MOST_ENTRIES:
-            raise UnsupportedError(
-                f"a flow model takes at most {MOST_ENTRIES} entries of separation rows, here "
-                "there are more; column-generation adds the few that matter"
-            )
-        blocks.append(
-            incidence(np.concatenate(rows), np.concatenate(columns), (len(origins), len(slots)))
-        )
+            raise UnsupportedError(TOO_LARGE.format(MOST_ENTRIES))
+        blocks.append(block)
     return _distinct(sparse.csr_array(sparse.vstack(blocks)))
 
 
-def _pairs_too_close(problem: Problem, slots: IntArray, n_places: int) -> sparse.csr_array:
+def _laid(shape: "_Shape", slots: _Slots) -> sparse.csr_array:
+    """Returns a shape laid wherever one of its cells falls into a slot [rows, K]."""
+    layer, x, y = slots.at
+    laid = [np.column_stack([slots.t, x - i, y - j])[layer == k] for k, i, j in shape]
+    origins = np.unique(np.concatenate(laid), axis=0)
+    t, u, v = origins.T
+    found = [slots.find(t, k, u + i, v + j) for k, i, j in shape]
+    rows = np.concatenate([part.which for part in found])
+    columns = np.concatenate([part.slots for part in found])
+    return incidence(rows, columns, (len(origins), len(slots)))
+
+
+def _pairs_too_close(problem: Problem, slots: _Slots) -> sparse.csr_array:
     """Returns the slots, and all pairs of one step that are too close: this fits any terrain."""
-    sizes = (len(problem.layers), *problem.height_map.shape)
-    t, place = np.divmod(slots, n_places)
-    layer, x, y = np.unravel_index(place, sizes)
-    cells = [Cell(*at) for at in zip(x.tolist(), y.tolist(), layer.tolist(), strict=True)]
+    layer, x, y = slots.at
     altitude = problem.height_map.altitudes(problem.layers)[layer, x, y]
     # Steps are put so far apart that no two of different steps are near.
     apart = 2 * problem.rules.separation
     size = problem.height_map.resolution
-    points = np.column_stack([x * size, y * size, altitude, t * apart])
+    tree = cKDTree(np.column_stack([x * size, y * size, altitude, slots.t * apart]))
     reach = problem.rules.separation * (1 + 1e-9)
-    tree = cKDTree(points)
     if tree.count_neighbors(tree, reach) > MOST_ENTRIES:
-        raise UnsupportedError(
-            f"a flow model takes at most {MOST_ENTRIES} entries of separation rows, here "
-            "there are more; column-generation adds the few that matter"
-        )
+        raise UnsupportedError(TOO_LARGE.format(MOST_ENTRIES))
     near = tree.query_pairs(reach, output_type="ndarray").tolist()
-    pairs = [(a, b) for a, b in near if problem.too_close(cells[a], cells[b])]
+    pairs = [(a, b) for a, b in near if problem.too_close(slots.cell(a), slots.cell(b))]
     one, other = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
     number = np.arange(len(pairs))
     rows, columns = np.concatenate([number, number]), np.concatenate([one, other])
@@ -245,13 +296,15 @@ def _distinct(rows: sparse.csr_array) -> sparse.csr_array:
     return sparse.csr_array(rows[np.sort(first)])
 
 
-def _swaps(
-    flow: Flow, slots: IntArray, reach: sparse.csr_array
-) -> tuple[IntArray, sparse.csr_array]:
-    """Returns the moves between two cells, either way, in which two robots can meet.
+class _Swaps(NamedTuple):
+    """Moves between two cells, either way, in which two robots can meet."""
 
-    They are returned as t and the two places [W, 3], and as rows over the edges [W, E].
-    """
+    moves: IntArray  # [W, 3] t and the two places
+    crossing: sparse.csr_array  # [W, E] 1 where an edge moves between the two
+
+
+def _swaps(flow: Flow, slots: _Slots, reach: sparse.csr_array) -> _Swaps:
+    """Returns the swaps that the edges of a flow allow."""
     one, other = flow.places[flow.tails], flow.places[flow.heads]
     moving = np.flatnonzero(one != other)
     one, other = one[moving], other[moving]
@@ -264,6 +317,8 @@ def _swaps(
     crossing = incidence(at, moving, (len(pairs), flow.n_edges))
     kept = np.flatnonzero(both.all(axis=1))
     t, *ends = pairs[kept].T
-    one, other = (reach[np.searchsorted(slots, (t + 1) * _n_places(flow) + end)] for end in ends)
+    one, other = (
+        reach[np.searchsorted(slots.numbers, (t + 1) * slots.n_cells + end)] for end in ends
+    )
     kept = kept[np.asarray((one + other > 0).sum(axis=1)).ravel() > 1]
-    return pairs[kept], sparse.csr_array(crossing[kept])
+    return _Swaps(pairs[kept], sparse.csr_array(crossing[kept]))

@@ -40,6 +40,13 @@ needs_pyscipopt = pytest.mark.skipif(
     importlib.util.find_spec("pyscipopt") is None,
     reason="PySCIPOpt is not installed (extra pyscipopt)",
 )
+
+
+def slow(value: object) -> object:
+    """A parameter whose test takes long."""
+    return pytest.param(value, marks=pytest.mark.slow)
+
+
 ALL = [*MILPS, pytest.param("scip-nonlinear", marks=needs_pyscipopt)]
 METHODS = MILPS | {"scip-nonlinear": scip_nonlinear}
 
