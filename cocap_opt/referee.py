@@ -112,7 +112,7 @@ def _coverage(
 def broken_motions(problem: Problem, plan: Plan) -> list[str]:
     """Says in words what makes the plan impossible to fly, robot by robot."""
     if len(plan.paths) != len(problem.robots):
-        return [f"paths: {len(plan.paths)} paths for {len(problem.robots)} robots"]
+        return [f"paths: {len(plan.paths)} paths for {len(problem.robots)} drones"]
     found = []
     for i, (robot, path) in enumerate(zip(problem.robots, plan.paths, strict=True)):
         where = f"paths[{i}]"
@@ -215,13 +215,13 @@ def broken_rules(problem: Problem, plan: Plan) -> list[str]:
             for k in range(i + 1, len(plan.paths)):
                 a, b = position(i, t), position(k, t)
                 if rules.vertex and a == b:
-                    found.append(f"step {t}: robots {i} and {k} are in one cell")
+                    found.append(f"step {t}: drones {i} and {k} are in one cell")
                 elif rules.vertex and distance(a, b) < rules.separation:
                     found.append(
-                        f"step {t}: robots {i} and {k} are {distance(a, b):g} m apart, "
+                        f"step {t}: drones {i} and {k} are {distance(a, b):g} m apart, "
                         f"less than {rules.separation:g} m"
                     )
                 ahead = t < problem.horizon and (position(i, t + 1), position(k, t + 1))
                 if rules.swap and a != b and ahead == (b, a):
-                    found.append(f"step {t} to {t + 1}: robots {i} and {k} swap cells")
+                    found.append(f"step {t} to {t + 1}: drones {i} and {k} swap cells")
     return found

@@ -37,7 +37,7 @@ def doubts(problem: Problem) -> list[str]:
         if _below_ground(problem, mesh)
     ]
     if not problem.actors:
-        found.append("there are no actors, so that every view reward is 0")
+        found.append("there are no people to film, so that every view reward is 0")
     for j, actor in enumerate(problem.actors):
         found += [f"actors[{j}] {doubt}" for doubt in _about(problem, actor)]
     return found + list(_in_the_way(problem))

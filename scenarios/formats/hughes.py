@@ -137,7 +137,7 @@ def read(path: Path, seed: int = 0, options: Mapping[str, str] = NOTHING) -> Pro
     solutions = sorted(path.parent.glob("solution_*.json"))
     if not solutions:
         raise ProblemError(
-            f"{path}: a solution_*.json must be beside it, to say where the robots start"
+            f"{path}: a solution_*.json must be beside it, to say where the drones start"
         )
     with naming(solutions[0]):
         starts = [path_[0] for path_ in _paths(_decode(solutions[0], _Solution))]

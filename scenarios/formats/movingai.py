@@ -100,7 +100,7 @@ def read(
         _require(
             (len(starts), len(walks)) == (robots, actors),
             "rows",
-            f"must give {robots} robots a free start of their own and {actors} actors a path to "
+            f"must give {robots} drones a free start of their own and {actors} people a path to "
             f"their goal, but give only {len(starts)} and {len(walks)}",
         )
         return Problem(

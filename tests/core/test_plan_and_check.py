@@ -114,7 +114,7 @@ def test_wrong_number_of_paths_is_found(number: int) -> None:
     """A plan needs exactly one path per robot."""
     problem = arena(S, State(0, 0))
     verdict = check(problem, Plan(paths=(path_of((2, 1), (2, 1), (2, 1)),) * number))
-    assert verdict.violations == (f"paths: {number} paths for 2 robots",)
+    assert verdict.violations == (f"paths: {number} paths for 2 drones",)
 
 
 def test_missed_goal_is_found() -> None:
@@ -163,7 +163,7 @@ def test_vertex_conflict_is_found() -> None:
     """Two robots in one cell at one step break the vertex rule, whatever their headings."""
     starts = [path[0] for path in MEETING]
     verdict, found = judged(arena(*starts), *MEETING)
-    assert verdict.conflicts == ("step 1: robots 0 and 1 are in one cell",)
+    assert verdict.conflicts == ("step 1: drones 0 and 1 are in one cell",)
     assert found == [VertexConflict(1, (0, 1), (Cell(1, 0), Cell(1, 0)))]
     turned = (MEETING[0], path_of((2, 0), (1, 0, 0, 1), (2, 0)))
     assert judged(arena(*starts), *turned)[1] == found
@@ -177,7 +177,7 @@ def test_swap_conflict_is_found() -> None:
     """Two robots that exchange cells break the swap rule, where it is on, at the step they do."""
     starts = [path[0] for path in SWAPPING]
     verdict, found = judged(arena(*starts), *SWAPPING)
-    assert verdict.conflicts == ("step 0 to 1: robots 0 and 1 swap cells",)
+    assert verdict.conflicts == ("step 0 to 1: drones 0 and 1 swap cells",)
     assert found == [SwapConflict(0, (0, 1), (Cell(0, 0), Cell(1, 0)))]
     verdict, found = judged(arena(*starts, rules=PAPER_RULES), *SWAPPING)
     assert verdict.valid
@@ -200,7 +200,7 @@ def test_separation_is_found() -> None:
     problem = arena(*starts, rules=rules, resolution=1.0, motion=motion)
     near = (path_of((0, 0), (1, 0), (1, 0)), path_of((4, 0), (3, 0), (2, 0, 1)))
     verdict, found = judged(problem, *near)
-    assert verdict.conflicts == ("step 2: robots 0 and 1 are 1.41421 m apart, less than 1.5 m",)
+    assert verdict.conflicts == ("step 2: drones 0 and 1 are 1.41421 m apart, less than 1.5 m",)
     assert found == [VertexConflict(2, (0, 1), (Cell(1, 0, 0), Cell(2, 0, 1)))]
     high = (near[0], path_of((4, 0), (3, 0), (2, 0, 2)))
     assert judged(problem, *high)[0].valid
@@ -312,7 +312,7 @@ def test_planners_and_referee_agree_on_conflicts(case: tuple[Problem, Plan]) -> 
         assert i < k
         swap = isinstance(conflict, SwapConflict)
         when = f"step {conflict.t} to {conflict.t + 1}" if swap else f"step {conflict.t}"
-        named.append((when, f"robots {i} and {k}", swap))
+        named.append((when, f"drones {i} and {k}", swap))
     found = [
         (text.split(":")[0], text.split(": ")[1].split(" are")[0].split(" swap")[0], "swap" in text)
         for text in broken_rules(problem, plan)

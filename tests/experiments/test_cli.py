@@ -445,7 +445,7 @@ def test_a_start_is_used_or_rejected_with_the_reason(
         command, *options = words
         run = Run(capsys, command, "corridor-tight", *options, "--start", plans["greedy"], "--json")
         assert run.code == 0
-        assert re.search("start rejected: step .* robots 0 and 1", run.json["message"])
+        assert re.search("start rejected: step .* drones 0 and 1", run.json["message"])
     best = Run(capsys, "plan", "corridor-tight", "--planner", "joint", "--json").json["reward"]
     for command in ("solve", "bound"):
         run = Run(capsys, command, "corridor-tight", "--start", plans["joint"], "--json")

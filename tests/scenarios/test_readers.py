@@ -414,7 +414,7 @@ def test_seed_permutes_the_rows(scenario: Path) -> None:
         ("\t3\t0\t0\t0\t9", "\t3\t0\tx\t0\t9", ("line 5", "'x'")),
         ("\t3\t0\t0\t0\t9", "\t3\t0\t0\t0\tnan", ("line 5", "'nan'")),
         ("tiny.map\t4\t3\t3", "other.map\t4\t3\t3", ("map", "all rows", "2 maps")),
-        ("0\t0\t2\t0\t4\n", "0\t0\t1\t0\t4\n", ("rows", "2 actors", "give only 2 and 1")),
+        ("0\t0\t2\t0\t4\n", "0\t0\t1\t0\t4\n", ("rows", "2 people", "give only 2 and 1")),
         (SCENARIO, "version 1\n", ("rows", "at least one")),
         (SCENARIO, "", ("line 1",)),
     ],

@@ -421,7 +421,7 @@ def test_what_is_hardly_meant_is_said(actor: Problem, words: str | None) -> None
 
 def test_a_scene_without_people_is_doubted() -> None:
     """A scene without people has J = 0, which raises a doubt."""
-    assert "no actors" in doubts(load_scene("corridor", 0).replace(actors=()))[0]
+    assert "no people" in doubts(load_scene("corridor", 0).replace(actors=()))[0]
 
 
 @pytest.mark.parametrize("name", [name for name in SCENES if not name.startswith("tiny")])

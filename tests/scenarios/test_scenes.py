@@ -4,6 +4,7 @@ import math
 import subprocess
 import sys
 from functools import cache
+from importlib import import_module
 from itertools import permutations
 from pathlib import Path
 from statistics import median
@@ -505,6 +506,25 @@ def test_a_plan_is_read_in_the_format_of_its_scene(files: Path) -> None:
     (files / "peer_paths.csv").write_text(header)
     with pytest.raises(FileError, match=r"peer_paths\.csv: robot 0: must have a row") as caught:
         read_foreign_plan(files / "peer_paths.csv", problem)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_every_format_has_a_reader(name: str, tmp_path: Path) -> None:
+    """A reader is a module with `read`, and `read_plan` where plans are read; errors are one line.
+
+    Options that choose the file's own starts are options of the format.
+    """
+    kind = FORMATS[name]
+    reader = import_module(f"cocap_opt.scenarios.{kind.reader}")
+    assert callable(reader.read)
+    assert bool(kind.plans.suffixes) == hasattr(reader, "read_plan")
+    for option, word in (kind.own_starts or {}).items():
+        assert word in kind.options.allowed[option]
+    damaged = tmp_path / f"scene{kind.scenes.suffixes[0]}"
+    damaged.write_bytes(b"{[\0" + kind.scenes.words)
+    with pytest.raises((ProblemError, FileError), match=r"^.*scene\.\w+: ") as caught:
+        kind.read(damaged, 0)
     assert "\n" not in str(caught.value)
 
 
