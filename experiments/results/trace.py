@@ -53,11 +53,16 @@ class Trace:
 
     @property
     def text(self) -> str:
-        """The trace as CSV."""
+        """The trace as CSV.
+
+        A search reports the bound of what it has not searched yet. Where that is below the best
+        value, this value is the bound.
+        """
         text = io.StringIO(newline="")
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(_COLUMNS)
-        for snapshot in self._snapshots:
+        for kept in self._snapshots:
+            snapshot = kept._replace(bound=max(kept.bound, kept.value))
             writer.writerow("" if math.isinf(number) else number for number in snapshot)
         return text.getvalue()
 

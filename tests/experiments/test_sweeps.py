@@ -226,6 +226,7 @@ def test_a_bound_below_a_plan_is_an_error(tmp_path: Path) -> None:
         some = instances(range(1))
 
 
+@pytest.mark.slow
 def test_the_files_that_rows_name_prove_them(tmp_path: Path) -> None:
     """Whatever ran in the folder in between: scene, plans, certificates and traces are a row's."""
     short = msgspec.structs.replace(SETTINGS, time_limit=0.0, bound_time_limit=0.0)
@@ -279,7 +280,10 @@ def test_results_accumulate(tmp_path: Path) -> None:
     assert [run.seeds for run in RunFile.load(folder).runs] == [[0], [1]]  # the same command line
 
 
-@pytest.mark.parametrize("what", ["code", "scene", "run.json", "cells"])
+@pytest.mark.parametrize(
+    "what",
+    ["code", *(pytest.param(w, marks=pytest.mark.slow) for w in ("scene", "run.json", "cells"))],
+)
 def test_rows_that_do_not_fit_leave(
     what: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -445,6 +449,7 @@ def test_the_code_is_all_that_cells_depend_on(monkeypatch: pytest.MonkeyPatch) -
     assert len(digests) == 3
 
 
+@pytest.mark.slow
 def test_a_planner_that_fails_costs_its_own_cell(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -491,7 +496,9 @@ def test_a_bound_that_fails_leaves_the_plans(monkeypatch: pytest.MonkeyPatch) ->
     assert {row.bound_seconds for instance in some for row in instance.rows()} == {None}
 
 
-@pytest.mark.parametrize("cut", [0, 1, 10, -2])
+@pytest.mark.parametrize(
+    "cut", [10, *(pytest.param(n, marks=pytest.mark.slow) for n in (0, 1, -2))]
+)
 def test_a_damaged_cell_is_computed_again(cut: int, tmp_path: Path) -> None:
     """A file that is no cell, or another one's, is as good as none."""
     folder = folder_for_a_sweep(tmp_path / "run")
@@ -502,6 +509,7 @@ def test_a_damaged_cell_is_computed_again(cut: int, tmp_path: Path) -> None:
     assert len(computed(instances(range(1)), folder)) == 2
 
 
+@pytest.mark.slow
 def test_what_an_interrupt_cut_short_is_not_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

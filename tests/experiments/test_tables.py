@@ -16,8 +16,10 @@ from cocap_opt.experiments.results.columns import Column
 from cocap_opt.experiments.results.rows import COLUMNS, Row
 from cocap_opt.experiments.results.statistics import mean, shifted_geometric_mean
 from cocap_opt.experiments.results.tables import all_tables
+from cocap_opt.experiments.results.trace import Trace
 from cocap_opt.experiments.sweeps.results import load_results
 from cocap_opt.files.documents import FileError
+from cocap_opt.formulations.result import Snapshot
 
 SOME = st.lists(st.floats(0, 1e6), min_size=2, max_size=30)
 
@@ -196,6 +198,16 @@ def test_every_column_says_what_it_means() -> None:
         assert column.meaning.endswith(".") and column.least <= column.most
         assert not column.is_optional or column.kind is not str or name in ("planner", "method")
     assert [name for name, c in COLUMNS.items() if c.is_extra] == ["reward_rendered", "starts"]
+
+
+def test_a_trace_can_be_read_that_ends_below_the_best_value(tmp_path: Path) -> None:
+    """The last nodes of a tree may have bounds below the best plan, which then is the bound."""
+    trace = Trace()
+    for value, bound in ((1.0, 4.0), (2.0, 3.0), (2.0, 1.5)):
+        trace.report(Snapshot(value, bound, 0.1))
+    (tmp_path / "trace.csv").write_text(trace.text)
+    found = [(s.value, s.bound) for s in Trace.load(tmp_path / "trace.csv").snapshots]
+    assert found == [(1.0, 4.0), (2.0, 3.0), (2.0, 2.0)]
 
 
 def test_the_columns_are_printed(capsys: pytest.CaptureFixture[str]) -> None:
