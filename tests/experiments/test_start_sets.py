@@ -297,7 +297,7 @@ def test_robots_that_collide_are_those_that_the_referee_names(problem: Problem) 
     if plan is None:
         assert colliding(problem, plan) is None
         return
-    named = re.findall(r"robots (\d+) and (\d+)", " ".join(check(problem, plan).conflicts))
+    named = re.findall(r"drones (\d+) and (\d+)", " ".join(check(problem, plan).conflicts))
     assert colliding(problem, plan) == len({robot for pair in named for robot in pair})
 
 
