@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, NamedTuple
@@ -42,9 +43,10 @@ from cocap_opt.experiments.results.trace import Trace
 from cocap_opt.experiments.sweeps.bounds import cover
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult
+from cocap_opt.model import compiled
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import Reason, Result, UnsupportedError
-from cocap_opt.stop import Limit, Stop, catch_interrupt
+from cocap_opt.stop import LimitReached, Stop, catch_interrupt
 
 AT_THE_ROOT = "column-generation"  # a bound that comes with a plan
 LAZY = (
@@ -184,8 +186,8 @@ def _planned(
     """
     stop = allowance.begin(interrupt)
     if planner not in LAZY:
-        cover(problem, stop, watch)
-        if stop.reached() is Limit.NONE:
+        with suppress(LimitReached):
+            compiled(problem).prepare_all(stop, watch.counter("coverage"))
             stop = allowance.begin(interrupt)
     return run_planner(problem, planner, stop)
 
