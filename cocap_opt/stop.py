@@ -35,14 +35,13 @@ class LimitReached(Exception):  # noqa: N818  it is no error
 class Stop:
     """A stopping criterion; this one never stops. Others override `reached`."""
 
-    def reached(self) -> Limit:
-        """Return the limit that is reached, or `Limit.NONE`."""
-        return Limit.NONE
+    def reached(self) -> Limit | None:
+        """Return the limit that is reached, or None."""
+        return None
 
     def check(self) -> None:
         """Raise LimitReached if the limit is reached."""
-        limit = self.reached()
-        if limit is not Limit.NONE:
+        if limit := self.reached():
             raise LimitReached(limit)
 
     def begin_work(self) -> None:
@@ -68,9 +67,9 @@ class TimeLimit(Stop):
     def __init__(self, seconds: float) -> None:
         self._deadline = time.monotonic() + seconds
 
-    def reached(self) -> Limit:
+    def reached(self) -> Limit | None:
         """Return `Limit.TIME` once the time is up."""
-        return Limit.TIME if time.monotonic() >= self._deadline else Limit.NONE
+        return Limit.TIME if time.monotonic() >= self._deadline else None
 
     @property
     def seconds_left(self) -> float:
@@ -88,9 +87,9 @@ class WorkLimit(Stop):
     def __init__(self, units: int) -> None:
         self._left = units
 
-    def reached(self) -> Limit:
+    def reached(self) -> Limit | None:
         """Return `Limit.WORK` once more units than allowed have begun."""
-        return Limit.WORK if self._left < 0 else Limit.NONE
+        return Limit.WORK if self._left < 0 else None
 
     def count_work(self) -> None:
         """Count one more unit of work."""
@@ -103,10 +102,10 @@ class FirstOf(Stop):
     def __init__(self, *criteria: Stop) -> None:
         self._criteria = criteria
 
-    def reached(self) -> Limit:
+    def reached(self) -> Limit | None:
         """Return the first limit that is reached among the criteria."""
         limits = [stop.reached() for stop in self._criteria]
-        return next((limit for limit in limits if limit is not Limit.NONE), Limit.NONE)
+        return next(filter(None, limits), None)
 
     def count_work(self) -> None:
         """Count one more unit of work for all criteria."""
@@ -125,9 +124,9 @@ class Interrupt(Stop):
     def __init__(self) -> None:
         self.pressed = False
 
-    def reached(self) -> Limit:
+    def reached(self) -> Limit | None:
         """Return `Limit.INTERRUPT` once Ctrl-C was pressed."""
-        return Limit.INTERRUPT if self.pressed else Limit.NONE
+        return Limit.INTERRUPT if self.pressed else None
 
 
 @contextmanager

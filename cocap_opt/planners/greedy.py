@@ -9,7 +9,7 @@ from cocap_opt.planners.low_level import LowLevel, SingleRobotTask, value_iterat
 from cocap_opt.planners.team import Team
 from cocap_opt.problem import Problem
 from cocap_opt.result import Result, timed
-from cocap_opt.stop import Limit, LimitReached, Stop, never
+from cocap_opt.stop import LimitReached, Stop, never
 
 ROUNDS = 10  # of `greedy_rounds`
 
@@ -31,7 +31,7 @@ def greedy(
     Result
         At a limit, robots that are not planned yet stay at their starts.
     """
-    team, limit = Team(compiled(problem)), Limit.NONE
+    team, limit = Team(compiled(problem)), None
     try:
         for robot in range(len(problem.robots)):
             single = low_level(_task(team, robot, stop))

@@ -20,7 +20,7 @@ from cocap_opt.planners.low_level import SingleRobotPath
 from cocap_opt.planners.team import Team
 from cocap_opt.problem import Problem, State
 from cocap_opt.result import Reason, Result, timed
-from cocap_opt.stop import Limit, Stop, never
+from cocap_opt.stop import Stop, never
 
 
 @dataclass
@@ -69,7 +69,7 @@ def one_step(problem: Problem, stop: Stop = never) -> Result:
     Result
         `statistics` holds the number of states `evaluated`: those that a robot could go to.
     """
-    model, limit = compiled(problem), Limit.NONE
+    model, limit = compiled(problem), None
     flights = _at_starts(model)
     for robot, flight in enumerate(flights):
         if not flight.may_be(0, np.array(flight.path)).all():
@@ -78,13 +78,14 @@ def one_step(problem: Problem, stop: Stop = never) -> Result:
         for robot, flight in enumerate(flights):
             limit = stop.reached()
             heads = np.array(flight.path[-1:])
-            if limit is Limit.NONE:
+            if limit is None:
                 heads = _open_heads(model, flights, robot, t)
             if not heads.size:
                 words = f"robot {robot} cannot reach its goal beside the others after step {t}"
                 return Result.without_plan(Reason.FAILED, words, {"failed_robot": robot})
             _move(model, flights, robot, t + 1, heads)
-    if not all(flight.may_be(-1, np.array(flight.path[-1:])).all() for flight in flights):
+    at_goals = all(flight.may_be(-1, np.array(flight.path[-1:])).all() for flight in flights)
+    if limit is not None and not at_goals:
         return Result.out_of_time(limit)
     found = tuple(SingleRobotPath(tuple(f.path), f.pixels, f.evaluated) for f in flights)
     return Team(model, found).result(limit)

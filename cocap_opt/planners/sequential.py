@@ -9,7 +9,7 @@ from cocap_opt.planners.low_level import LowLevel, SingleRobotTask, value_iterat
 from cocap_opt.planners.team import Team
 from cocap_opt.problem import Problem, State
 from cocap_opt.result import Reason, Result, timed
-from cocap_opt.stop import Limit, LimitReached, Stop, never
+from cocap_opt.stop import LimitReached, Stop, never
 
 
 @timed
@@ -23,7 +23,7 @@ def sequential(
     ends the attempt: that is a failure of the order, and proves nothing.
     """
     model = compiled(problem)
-    team, limit = Team(model), Limit.NONE
+    team, limit = Team(model), None
     others: dict[int, tuple[State, ...]] = {
         i: (robot.start,) * (problem.horizon + 1) for i, robot in enumerate(problem.robots)
     }

@@ -77,15 +77,15 @@ class Team:
     # -- results --------------------------------------------------------------------------
 
     def result(
-        self, limit: Limit = Limit.NONE, statistics: Mapping[str, float] | None = None
+        self, limit: Limit | None = None, statistics: Mapping[str, float] | None = None
     ) -> Result:
         """Make the result of a planner that has a path for every robot."""
         evaluated = sum(single.evaluated for single in self.found)
         return Result(
             plan=self.model.plan(self.paths),
             value=self.value,
-            reason=Reason.FINISHED if limit is Limit.NONE else Reason.STOPPED,
-            limit=limit,
+            reason=Reason.STOPPED if limit else Reason.FINISHED,
+            limit=limit or Limit.NONE,
             message=ONE_STEP_AT_A_TIME if self.model.problem.objective.over_time else "",
             statistics={"evaluated": evaluated} if statistics is None else statistics,
         )

@@ -25,7 +25,7 @@ from cocap_opt.experiments.sweeps.cells import CellFile, Status, cells_digest
 from cocap_opt.experiments.sweeps.crew import ClusterError
 from cocap_opt.experiments.sweeps.work import Task
 from cocap_opt.model import compiled, compiled_apart
-from cocap_opt.stop import Limit, Stop
+from cocap_opt.stop import Stop
 
 POLL = 0.2  # s, between two looks at Ctrl-C and at the clock
 ANSWER = 10.0  # s, in which a scheduler answers
@@ -105,7 +105,7 @@ class Cluster:
 
     def _next(self) -> CellFile | None:
         looks = 0  # at a cluster without any worker
-        while self._stop.reached() is Limit.NONE:
+        while not self._stop.reached():
             late = time.monotonic() - self._limit
             for future, (task, begun) in list(self._running.items()):
                 if future.done():

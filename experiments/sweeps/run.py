@@ -11,7 +11,7 @@ from cocap_opt.experiments.sweeps.cells import BOUND, Cell, CellFile, Store
 from cocap_opt.experiments.sweeps.crew import Crew
 from cocap_opt.experiments.sweeps.instances import Instance
 from cocap_opt.experiments.sweeps.work import Task
-from cocap_opt.stop import Limit, Stop
+from cocap_opt.stop import Stop
 
 
 def run(
@@ -39,7 +39,7 @@ def run(
             crew.begin(queue.popleft())
             running += 1
         content = crew.next()
-        is_cut = stop.reached() is not Limit.NONE
+        is_cut = bool(stop.reached())
         if content is None and not is_cut:  # there is room again
             continue
         if content is None:

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, wait
 from typing import TypeVar
 
-from cocap_opt.stop import Limit, Stop
+from cocap_opt.stop import Stop
 
 POLL = 0.05  # s
 
@@ -30,7 +30,7 @@ def attend(
         try:
             while not wait([future], POLL).done:
                 tick()
-                if stop.reached() is not Limit.NONE:
+                if stop.reached():
                     interrupt()
         finally:
             while not wait([future], POLL).done:  # an exception is on its way out

@@ -89,7 +89,7 @@ class MathOptSolver:
     def __call__(self, program: Program, call: Call) -> Answer:
         """Solves a program."""
         response = self._process.solve(self.request(program, call), call.stop, call.tick)
-        return self.answer(program, response, late=call.stop.reached() is not Limit.NONE)
+        return self.answer(program, response, late=bool(call.stop.reached()))
 
     def request(self, program: Program, call: Call) -> bytes:
         """Returns the message that asks for a solution of a program."""

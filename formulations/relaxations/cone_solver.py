@@ -7,7 +7,7 @@ import clarabel
 from scipy import sparse
 
 from cocap_opt.data import FloatArray
-from cocap_opt.stop import Limit, Stop
+from cocap_opt.stop import Stop
 
 NO_TIME_LIMIT = 1e9  # s, Clarabel takes no infinity
 
@@ -35,5 +35,5 @@ def solve_cones(
         setattr(chosen, name, value)
     none = sparse.csc_matrix((len(cost), len(cost)))
     solver = clarabel.DefaultSolver(none, cost, rows, rhs, cones, chosen)
-    solver.set_termination_callback(lambda info: stop.reached() is not Limit.NONE)
+    solver.set_termination_callback(lambda info: bool(stop.reached()))
     return solver.solve()

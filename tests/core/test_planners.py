@@ -81,10 +81,10 @@ class Patience(Stop):
     def __init__(self, calls: int = CALLS) -> None:
         self._left = calls
 
-    def reached(self) -> Limit:
+    def reached(self) -> Limit | None:
         """Count down."""
         self._left -= 1
-        return Limit.WORK if self._left < 0 else Limit.NONE
+        return Limit.WORK if self._left < 0 else None
 
 
 def close(a: float, b: float) -> bool:
@@ -602,9 +602,9 @@ def test_cocap_that_is_stopped_late_is_no_worse_than_sequential(
 
 def test_criteria_compose() -> None:
     """The first of several criteria that is reached is named; no limit is never reached."""
-    assert never.reached() is Limit.NONE
-    assert FirstOf().reached() is Limit.NONE
-    assert FirstOf(never, TimeLimit(1e9)).reached() is Limit.NONE
+    assert never.reached() is None
+    assert FirstOf().reached() is None
+    assert FirstOf(never, TimeLimit(1e9)).reached() is None
     assert FirstOf(never, Patience(0), TimeLimit(0)).reached() is Limit.WORK
     assert FirstOf(TimeLimit(0), Patience(0)).reached() is Limit.TIME
 
@@ -636,7 +636,7 @@ def test_ctrl_c_is_a_stop_and_twice_an_interrupt() -> None:
     """The first Ctrl-C stops in good order, a second one at once; afterwards all is as before."""
     before = signal.getsignal(signal.SIGINT)
     with catch_interrupt() as interrupt:
-        assert interrupt.reached() is Limit.NONE
+        assert interrupt.reached() is None
         signal.raise_signal(signal.SIGINT)
         assert interrupt.reached() is Limit.INTERRUPT
         result = greedy(tiny(), interrupt)

@@ -785,10 +785,10 @@ class AfterLooks(Stop):
     def __init__(self, looks: int) -> None:
         self._looks = looks
 
-    def reached(self) -> Limit:
+    def reached(self) -> Limit | None:
         """Count one more look."""
         self._looks -= 1
-        return Limit.NONE if self._looks >= 0 else Limit.INTERRUPT
+        return None if self._looks >= 0 else Limit.INTERRUPT
 
 
 def test_waiting_for_workers_is_said(

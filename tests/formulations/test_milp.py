@@ -141,11 +141,11 @@ class After(Stop):
     def __init__(self, seconds: float) -> None:
         self._seconds, self._begin = seconds, math.inf
 
-    def reached(self) -> Limit:
+    def reached(self) -> Limit | None:
         """Return `Limit.INTERRUPT` once it is late enough."""
         self._begin = min(self._begin, time.monotonic())
         late = time.monotonic() > self._begin + self._seconds
-        return Limit.INTERRUPT if late else Limit.NONE
+        return Limit.INTERRUPT if late else None
 
 
 def test_work_that_is_attended_hears_of_a_limit() -> None:

@@ -43,10 +43,10 @@ class Calls(Stop):
     def __init__(self, most: float = math.inf) -> None:
         self.asked, self._most = 0, most
 
-    def reached(self) -> Limit:
+    def reached(self) -> Limit | None:
         """Count the question, and say whether the limit is reached."""
         self.asked += 1
-        return Limit.TIME if self.asked > self._most else Limit.NONE
+        return Limit.TIME if self.asked > self._most else None
 
 
 def examples(count: int) -> settings:
