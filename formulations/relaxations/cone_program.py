@@ -248,27 +248,38 @@ class _ConeProgram:
         self.y = cp.Variable(flow.n_edges, nonneg=True)
         self.u = cp.Variable(len(roots.used))
         self.z = cp.Variable(len(roots.used))
-        constraints = self._conservation()
         self._pixels = self.z <= roots.pixels @ self.x
         self._single = self.u <= roots.seen @ self.x
-        if len(roots.used):
-            # u^2 <= z as the cone (1 + z, 2 u, z - 1).
-            sides = cp.vstack([2 * self.u, self.z - 1])
-            constraints += [self._pixels, cp.SOC(1 + self.z, sides, axis=0)]
-            constraints += [self._single] if single_view else []
         self._single_view = single_view and len(roots.used) > 0
         usage = (conflicts.at_nodes, conflicts.crossing)
         self.n_rows = usage[0].shape[0] + usage[1].shape[0]
-        slack = cp.Variable(self.n_rows, nonneg=True)
-        self._capacity = cp.hstack([usage[0] @ self.x, usage[1] @ self.y]) <= 1 + slack
-        constraints += [self._capacity] if self.n_rows else []
-        # A broken row costs more than all there is to gain, so that a solution exists.
+        self.slack = cp.Variable(self.n_rows, nonneg=True)
+        self._capacity = cp.hstack([usage[0] @ self.x, usage[1] @ self.y]) <= 1 + self.slack
+        self._constraints: list[Any] = [*self._conservation(), *self._root_bounds()]
+        self._constraints += [self._capacity] if self.n_rows else []
+        self._goal = cp.Maximize(self._profit() / self._unit)
+
+    def _profit(self) -> Any:
+        """Returns J, less a penalty for broken rows.
+
+        A broken row costs more than all there is to gain, so that a solution exists.
+        """
+        import cvxpy as cp
+
+        roots, flow = self.roots, self.flow
         most = float(roots.weights.sum()) + flow.largest_bonus * flow.model.problem.horizon
-        profit = flow.bonus @ self.y - self._views * (most + self._unit) * cp.sum(slack)
-        if len(roots.used):
-            profit = profit + roots.weights @ self.u
-        self._goal = cp.Maximize(profit / self._unit)
-        self._constraints: list[Any] = constraints
+        profit = flow.bonus @ self.y - self._views * (most + self._unit) * cp.sum(self.slack)
+        return profit + roots.weights @ self.u if len(roots.used) else profit
+
+    def _root_bounds(self) -> list[Any]:
+        """Returns the rows that bound the roots: u^2 <= z as the cone (1 + z, 2 u, z - 1)."""
+        import cvxpy as cp
+
+        if not len(self.roots.used):
+            return []
+        sides = cp.vstack([2 * self.u, self.z - 1])
+        cones = [self._pixels, cp.SOC(1 + self.z, sides, axis=0)]
+        return [*cones, self._single] if self._single_view else cones
 
     def _conservation(self) -> list[Any]:
         """Returns the rows: robots that enter a node are in it and leave it; starts are given."""
