@@ -5,8 +5,9 @@ import sys
 from collections.abc import Sequence
 from importlib.metadata import version
 
-from cyclopts import App
+from cyclopts import App, CycloptsError
 
+from cocap_opt.data import ProblemError
 from cocap_opt.experiments.cli import (
     gap_command,
     picture_commands,
@@ -15,8 +16,10 @@ from cocap_opt.experiments.cli import (
     solver_commands,
     verify_command,
 )
-from cocap_opt.experiments.console.program import run_app
+from cocap_opt.experiments.console.options import UsageError
+from cocap_opt.experiments.console.streams import say
 from cocap_opt.experiments.sweeps.crew import ClusterError
+from cocap_opt.files.documents import FileError
 
 app = App(
     name="cocap-opt",
@@ -47,7 +50,15 @@ app.command(
 def run(arguments: Sequence[str] | None) -> int:
     """Runs one command and returns its exit code; wrong input is one line on standard error."""
     _log_to_stderr()
-    return run_app(app, arguments, ClusterError)
+    try:
+        code = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
+    except (CycloptsError, UsageError, ClusterError, FileError, ProblemError) as error:
+        say(str(error))
+        return 2
+    except MemoryError:
+        say("out of memory: the scene is too large for this method")
+        return 2
+    return int(code or 0)
 
 
 class _Once(logging.Filter):

@@ -11,16 +11,17 @@ import signal
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from io import TextIOWrapper
 from types import FrameType
 
-from cocap_opt.experiments.console.streams import discard, open_streams, say
+from cocap_opt.experiments.console.streams import discard, say
 
 _INTERRUPTED = 130
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the command line and exits."""
-    open_streams()
+    _open_streams()
     try:
         with _leave_at_once():
             from cocap_opt.experiments.cli.commands import run  # half a second
@@ -38,6 +39,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
         say("interrupted")
         code = _INTERRUPTED
     sys.exit(code)
+
+
+def _open_streams() -> None:
+    """Makes both streams writable: what is written to a closed one goes nowhere."""
+    if sys.stdout is None:
+        sys.stdout = open(os.devnull, "w")  # noqa: SIM115 (open until the process ends)
+    if sys.stderr is None:
+        sys.stderr = open(os.devnull, "w")  # noqa: SIM115
+    if isinstance(sys.stdout, TextIOWrapper):  # a file's name need not be text
+        sys.stdout.reconfigure(errors="backslashreplace")
 
 
 @contextmanager

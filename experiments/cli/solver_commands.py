@@ -22,7 +22,6 @@ from cocap_opt.experiments.cli.options import (
 )
 from cocap_opt.experiments.console.options import UsageError, choose
 from cocap_opt.experiments.console.progress import Watch, watching
-from cocap_opt.experiments.results.claims import reward_parts
 from cocap_opt.experiments.results.files import (
     check_output,
     read_plan,
@@ -93,7 +92,7 @@ def _plan(
         _save(answer, "plan", {"file": (output, judged.plan_file(problem, planner))})
     answer |= judged.result.statistics
     if judged.verdict:
-        answer |= reward_parts(judged.verdict)
+        answer |= judged.reward_parts
         answer["violations"] = judged.verdict.conflicts
     print_result(answer, json)
     return 0

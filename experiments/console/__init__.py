@@ -1,3 +1,3 @@
-"""The terminal: streams, progress, options with several values, and how programs begin and end."""
+"""The terminal: its streams, progress, and the options of commands."""
 
-__all__ = ["options", "program", "progress", "streams"]
+__all__ = ["options", "progress", "streams"]

@@ -3,18 +3,7 @@
 import os
 import sys
 from contextlib import suppress
-from io import TextIOWrapper
 from typing import TextIO
-
-
-def open_streams() -> None:
-    """Makes both streams writable: what is written to a closed one goes nowhere."""
-    if sys.stdout is None:
-        sys.stdout = open(os.devnull, "w")  # noqa: SIM115 (open until the process ends)
-    if sys.stderr is None:
-        sys.stderr = open(os.devnull, "w")  # noqa: SIM115
-    if isinstance(sys.stdout, TextIOWrapper):  # a file's name need not be text
-        sys.stdout.reconfigure(errors="backslashreplace")
 
 
 def discard(stream: TextIO) -> None:

@@ -13,9 +13,8 @@ from cocap_opt.experiments.results.files import save_bytes, save_csv
 from cocap_opt.experiments.results.printing import Record
 from cocap_opt.experiments.results.rendered import (
     FaceView,
+    Pose,
     error_row,
-    face_views,
-    poses_of,
     rendered_reward,
 )
 from cocap_opt.model import compiled
@@ -44,14 +43,14 @@ def write_views(
     verdict = check(problem, plan)
     steps = [max(round(pinhole(robot).width / width), 1) for robot in problem.robots]
     painters = {step: Renderer(problem, step) for step in set(steps)}
-    for pose in poses_of(plan):
+    for pose in Pose.all_of(plan):
         painter = painters[steps[pose.robot]]
         picture = painter.picture(problem.robots[pose.robot], pose.t, pose.state)
         name = folder / f"drone{pose.robot:02d}-step{pose.t:03d}.png"
         save_bytes(name, _png(problem, picture))
     renderer = Renderer(problem, pixel_step)
-    poses = poses_of(plan, problem.first_step)
-    views = list(face_views(compiled(problem), renderer, poses, progress))
+    poses = Pose.all_of(plan, problem.first_step)
+    views = list(FaceView.all_from(compiled(problem), renderer, poses, progress))
     save_csv(
         folder / "coverage.csv", [_csv_row(problem, view) for view in views] or [{"robot": ""}]
     )

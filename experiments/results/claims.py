@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 
-from cocap_opt.experiments.results.judging import ROUNDING
+from cocap_opt.experiments.results.judging import ROUNDING, Judged
 from cocap_opt.experiments.results.printing import Record
 from cocap_opt.files.documents import PlanFile, problem_digest
 from cocap_opt.formulations.certificates import (
@@ -14,21 +14,10 @@ from cocap_opt.formulations.certificates import (
 )
 from cocap_opt.formulations.result import OPTIMALITY
 from cocap_opt.problem import Plan, Problem
-from cocap_opt.referee import Verdict, check
+from cocap_opt.referee import Verdict
 from cocap_opt.result import relative_gap
 
 _NO_PLAN = "proved: there is no plan"
-
-
-def reward_parts(verdict: Verdict) -> Record:
-    """Returns the parts of J by their names; rewards for moves only where a scene has them."""
-    parts: Record = {
-        "reward_at_start": verdict.reward_at_start,
-        "reward_per_step": verdict.reward_per_step,
-    }
-    if verdict.reward_moves:
-        parts["reward_moves"] = verdict.reward_moves
-    return parts
 
 
 class Verification:
@@ -48,14 +37,17 @@ class Verification:
     def verify_plan(self, content: PlanFile | Plan) -> None:
         """Judges a plan afresh, and compares that with what its file claims."""
         claimed = content if isinstance(content, PlanFile) else None
-        verdict = check(self._problem, content.plan if isinstance(content, PlanFile) else content)
+        plan = content.plan if isinstance(content, PlanFile) else content
+        judged = Judged.of_plan(self._problem, plan)
+        verdict = judged.verdict
+        assert verdict is not None
         self.answer["violations"] += [*verdict.violations, *verdict.conflicts]
         self.answer["planner"] = claimed.planner if claimed else None
         self.answer["conflicts"] = len(verdict.conflicts)
         self.answer["reward"] = None
         if not verdict.violations:
             self.answer["reward"] = verdict.reward
-            self.answer |= reward_parts(verdict) | {"reward_per_face": verdict.face_reward}
+            self.answer |= judged.reward_parts | {"reward_per_face": verdict.face_reward}
         if claimed is not None:
             self._compare(claimed, verdict)
 

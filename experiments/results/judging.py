@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Generic, NamedTuple, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 from cocap_opt.files.documents import PlanFile, problem_digest
 from cocap_opt.formulations import BOUNDS, EXACT
@@ -47,6 +47,26 @@ class Judged(NamedTuple, Generic[R_co]):
     verdict: Verdict | None
 
     @classmethod
+    def of(cls, name: str, problem: Problem, result: R) -> "Judged[R]":
+        """Has the referee judge a method's plan, and compares that with what the result claims.
+
+        Raises
+        ------
+        RefereeError
+            If the plan cannot be flown, has another J than claimed, or is better than the bound.
+        """
+        if result.plan is None:
+            return Judged(result, None)
+        verdict = check(problem, result.plan)
+        if verdict.violations:
+            raise RefereeError(f"{name}: {verdict.violations[0]}")
+        if not math.isclose(verdict.reward, result.value, rel_tol=1e-9, abs_tol=1e-9):
+            raise RefereeError(f"{name}: claims J = {result.value!r}, it is {verdict.reward!r}")
+        if verdict.valid:
+            require_bound(name, verdict.reward, result.bound)
+        return Judged(result, verdict)
+
+    @classmethod
     def of_plan(cls, problem: Problem, plan: Plan) -> "Judged[Result]":
         """Returns a plan of others, judged; its seconds are not known."""
         verdict = check(problem, plan)
@@ -72,6 +92,19 @@ class Judged(NamedTuple, Generic[R_co]):
         """Gap of a plan that obeys the rules to its own result's bound; infinite otherwise."""
         return relative_gap(self.reward, self.result.bound) if self.valid else math.inf
 
+    @property
+    def reward_parts(self) -> dict[str, Any]:
+        """The parts of J by their names; rewards for moves only where the plan has some."""
+        if self.verdict is None:
+            return {}
+        parts: dict[str, Any] = {
+            "reward_at_start": self.verdict.reward_at_start,
+            "reward_per_step": self.verdict.reward_per_step,
+        }
+        if self.verdict.reward_moves:
+            parts["reward_moves"] = self.verdict.reward_moves
+        return parts
+
     def plan_file(self, problem: Problem, planner: str) -> PlanFile | None:
         """Returns the plan as a file with the referee's J; None where there is no plan."""
         if self.result.plan is None:
@@ -83,26 +116,6 @@ class Judged(NamedTuple, Generic[R_co]):
             reward=self.reward,
             plan=self.result.plan,
         )
-
-
-def judge(name: str, problem: Problem, result: R) -> Judged[R]:
-    """Has the referee judge a method's plan, and compares that with what the result claims.
-
-    Raises
-    ------
-    RefereeError
-        If the plan cannot be flown, has another J than claimed, or is better than the bound.
-    """
-    if result.plan is None:
-        return Judged(result, None)
-    verdict = check(problem, result.plan)
-    if verdict.violations:
-        raise RefereeError(f"{name}: {verdict.violations[0]}")
-    if not math.isclose(verdict.reward, result.value, rel_tol=1e-9, abs_tol=1e-9):
-        raise RefereeError(f"{name}: claims J = {result.value!r}, it is {verdict.reward!r}")
-    if verdict.valid:
-        require_bound(name, verdict.reward, result.bound)
-    return Judged(result, verdict)
 
 
 def require_bound(name: str, reward: float, bound: float) -> None:
@@ -122,7 +135,7 @@ def run_planner(problem: Problem, name: str, stop: Stop) -> Judged[Result]:
         result = SOLVERS[name](problem, stop)
     except UnsupportedError as error:
         return Judged(Result(None, -math.inf, Reason.UNSUPPORTED, message=str(error)), None)
-    return judge(name, problem, result)
+    return Judged.of(name, problem, result)
 
 
 def run_certified(
@@ -144,4 +157,4 @@ def run_certified(
         result = EXACT[name](problem, stop, start, report, gap)
     else:
         result = BOUNDS[name](problem, stop, start, report)
-    return judge(name, problem, result)
+    return Judged.of(name, problem, result)

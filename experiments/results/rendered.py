@@ -21,6 +21,12 @@ class Pose(NamedTuple):
     t: int
     state: State
 
+    @classmethod
+    def all_of(cls, plan: Plan, first_step: int = 0) -> "list[Pose]":
+        """Returns all poses of a plan, step by step."""
+        steps = range(first_step, len(plan.paths[0]))
+        return [cls(i, t, path[t]) for t in steps for i, path in enumerate(plan.paths)]
+
 
 class FaceView(NamedTuple):
     """A face in the image of one pose, in pixels."""
@@ -32,6 +38,32 @@ class FaceView(NamedTuple):
     rendered: float
     unhidden: float  # rendered, were nothing in the way
 
+    @classmethod
+    def all_from(
+        cls,
+        model: Model,
+        renderer: Renderer,
+        poses: Sequence[Pose],
+        progress: Callable[[int, int], None] = lambda done, total: None,
+    ) -> "Iterator[FaceView]":
+        """Yields every face that is seen, by plan or in the picture, from each pose.
+
+        Parameters
+        ----------
+        progress : told how many poses are done, and of how many
+        """
+        problem = model.problem
+        for done, pose in enumerate(poses):
+            robot, robot_class = problem.robots[pose.robot], model.class_of[pose.robot]
+            state = np.array([robot_class.graph.index(pose.state)])
+            planned = model.views(robot_class).coverage(pose.t, state)[0] * renderer.areas(pose.t)
+            rendered = renderer.pixels(robot, pose.t, pose.state)
+            unhidden = renderer.unhidden(robot, pose.t, pose.state)
+            for f in np.flatnonzero((planned > 0) | (rendered > 0)).tolist():
+                area = float(renderer.areas(pose.t)[f])
+                yield cls(pose, f, area, float(planned[f]), float(rendered[f]), float(unhidden[f]))
+            progress(done + 1, len(poses))
+
     @property
     def hidden(self) -> bool:
         """Something hides a part of what would be in the image."""
@@ -41,37 +73,6 @@ class FaceView(NamedTuple):
     def error(self) -> float:
         """(planned - rendered) / rendered; infinite where it is not in the picture at all."""
         return (self.planned - self.rendered) / self.rendered if self.rendered else math.inf
-
-
-def poses_of(plan: Plan, first_step: int = 0) -> list[Pose]:
-    """Returns all poses of a plan, step by step."""
-    steps = range(first_step, len(plan.paths[0]))
-    return [Pose(i, t, path[t]) for t in steps for i, path in enumerate(plan.paths)]
-
-
-def face_views(
-    model: Model,
-    renderer: Renderer,
-    poses: Sequence[Pose],
-    progress: Callable[[int, int], None] = lambda done, total: None,
-) -> Iterator[FaceView]:
-    """Yields every face that is seen, by plan or in the picture, from each pose.
-
-    Parameters
-    ----------
-    progress : told how many poses are done, and of how many
-    """
-    problem = model.problem
-    for done, pose in enumerate(poses):
-        robot, robot_class = problem.robots[pose.robot], model.class_of[pose.robot]
-        state = np.array([robot_class.graph.index(pose.state)])
-        planned = model.views(robot_class).coverage(pose.t, state)[0] * renderer.areas(pose.t)
-        rendered = renderer.pixels(robot, pose.t, pose.state)
-        unhidden = renderer.unhidden(robot, pose.t, pose.state)
-        for f in np.flatnonzero((planned > 0) | (rendered > 0)).tolist():
-            area = float(renderer.areas(pose.t)[f])
-            yield FaceView(pose, f, area, float(planned[f]), float(rendered[f]), float(unhidden[f]))
-        progress(done + 1, len(poses))
 
 
 def rendered_reward(problem: Problem, views: Iterable[FaceView], reward_moves: float) -> float:

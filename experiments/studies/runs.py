@@ -17,7 +17,7 @@ from multiprocessing.connection import Connection, wait
 from threading import Thread
 from typing import NamedTuple
 
-from cocap_opt.experiments.results.judging import judge
+from cocap_opt.experiments.results.judging import Judged
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.formulations.result import BoundMethod, Snapshot
 from cocap_opt.model import compiled
@@ -160,7 +160,7 @@ def measured(build: Build, method: BoundMethod, seconds: float) -> Run:
     result = method(problem, TimeLimit(seconds), None, note)
     processor = _processor_seconds() - before
     gigabytes = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * BYTES / 1e9
-    judged = judge(str(getattr(method, "__name__", method)), problem, result)
+    judged = Judged.of(str(getattr(method, "__name__", method)), problem, result)
     if result.plan is not None and not judged.valid:
         raise RunError("the plan breaks a collision rule")
     return Run(

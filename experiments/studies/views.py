@@ -13,7 +13,7 @@ from cocap_opt.experiments.console.streams import say
 from cocap_opt.experiments.report.figures import draw_frame, png
 from cocap_opt.experiments.results.files import make_folder, save_bytes, save_csv
 from cocap_opt.experiments.results.printing import Record, print_table
-from cocap_opt.experiments.results.rendered import Pose, error_row, face_views
+from cocap_opt.experiments.results.rendered import FaceView, Pose, error_row
 from cocap_opt.model import Model
 from cocap_opt.problem import Problem
 from cocap_opt.scenarios import load_scene
@@ -56,7 +56,7 @@ def views(
     for scene in scenes:
         problem = load_scene(scene, _SEED)
         some = _random_poses(problem, poses)
-        rendered = list(face_views(Model(problem), Renderer(problem), some, _told(scene)))
+        rendered = list(FaceView.all_from(Model(problem), Renderer(problem), some, _told(scene)))
         for n in samples:
             varied = Model(problem.replace(face_samples=n), use_cache=False)
             begin = time.process_time()

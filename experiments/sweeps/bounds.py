@@ -13,7 +13,6 @@ from cocap_opt.experiments.results.judging import (
     BOUND_METHOD,
     Allowance,
     Judged,
-    judge,
     require_bound,
     run_certified,
     without_rules,
@@ -77,7 +76,7 @@ class Bounds:
         known = [plan.result for plan in self._plans if isinstance(plan.result, CertifiedResult)]
         known.append(self._of_all_plans(free.result))
         bound = min((b for b in known if b.certificate), key=_bound, default=known[-1])
-        judged = (*self._plans, judge(BOUND_METHOD, self._problem, free.result))
+        judged = (*self._plans, Judged.of(BOUND_METHOD, self._problem, free.result))
         best = _best([one for one in judged if one.valid])
         if relative_gap(best.reward, bound.bound) > OPTIMALITY and bound.bound >= 0:
             found = self._run(self._problem, best, WITH_RULES)

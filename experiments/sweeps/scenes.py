@@ -29,33 +29,35 @@ class Scenes:
         seeds: Sequence[int],
         load: Callable[[str, int], Problem] = load_scene,
     ) -> None:
-        self.problems = told_apart({
+        self.problems = self.told_apart({
             (name, seed): problem
             for name in dict.fromkeys(names)
             for seed, problem in _seeded(name, seeds, load).items()
         })  # fmt: skip
         self._words = {problem.name: name for (name, _), problem in self.problems.items()}
 
+    @staticmethod
+    def told_apart(problems: Mapping[tuple[str, int], Problem]) -> Problems:
+        """Returns problems by scene as typed and seed, with no two scenes of one name.
+
+        A scene that has another's name, or a name that another was typed as, is called as it was
+        typed. The name is no part of a problem's digest, so certificates and plans still fit.
+        """
+        claimed: dict[str, set[str]] = {}
+        for (scene, _), problem in problems.items():
+            claimed.setdefault(problem.name, set()).add(scene)
+            claimed.setdefault(scene, set()).add(scene)
+        return {
+            (scene, seed): problem.replace(name=scene)
+            if len(claimed[problem.name]) > 1
+            else problem
+            for (scene, seed), problem in problems.items()
+        }
+
     def is_same(self, key: Key, digest: str) -> bool:
         """Returns False if an earlier row's scene is not what these names make with its seed."""
         name, seed = key
         return seed is None or name not in self._words or _digest(self._words[name], seed) == digest
-
-
-def told_apart(problems: Mapping[tuple[str, int], Problem]) -> Problems:
-    """Returns problems by scene as typed and seed, with no two scenes of one name.
-
-    A scene that has another's name, or a name that another was typed as, is called as it was
-    typed. The name is no part of a problem's digest, so certificates and plans still fit.
-    """
-    claimed: dict[str, set[str]] = {}
-    for (scene, _), problem in problems.items():
-        claimed.setdefault(problem.name, set()).add(scene)
-        claimed.setdefault(scene, set()).add(scene)
-    return {
-        (scene, seed): problem.replace(name=scene) if len(claimed[problem.name]) > 1 else problem
-        for (scene, seed), problem in problems.items()
-    }
 
 
 def _seeded(

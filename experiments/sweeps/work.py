@@ -85,13 +85,13 @@ def _planned(
 
 def _rendered_reward(problem: Problem, judged: Judged[Any]) -> float | None:
     """Returns J of a plan's rendered pixels; None where there is no plan."""
-    from cocap_opt.experiments.results.rendered import face_views, poses_of, rendered_reward
+    from cocap_opt.experiments.results.rendered import FaceView, Pose, rendered_reward
     from cocap_opt.vision.render import Renderer
 
     if judged.result.plan is None or judged.verdict is None:
         return None
-    poses = poses_of(judged.result.plan, problem.first_step)
-    views = face_views(compiled(problem), Renderer(problem), poses)
+    poses = Pose.all_of(judged.result.plan, problem.first_step)
+    views = FaceView.all_from(compiled(problem), Renderer(problem), poses)
     return rendered_reward(problem, views, judged.verdict.reward_moves)
 
 

@@ -13,8 +13,6 @@ from cocap_opt.experiments.results.rendered import (
     FaceView,
     Pose,
     error_row,
-    face_views,
-    poses_of,
     rendered_reward,
 )
 from cocap_opt.graph.timegraph import time_graph
@@ -86,7 +84,7 @@ def test_planned_pixels_are_rendered_pixels(problem: Problem) -> None:
         reached = model.reachable(model.class_of[i])
         for t in range(1, problem.horizon + 1):
             state = graph.state(int(rng.choice(np.flatnonzero(reached[t]))))
-            for view in face_views(model, renderer, [Pose(i, t, state)]):
+            for view in FaceView.all_from(model, renderer, [Pose(i, t, state)]):
                 edges = 0.02 * view.unhidden + 8 * np.sqrt(view.unhidden) + 8
                 assert view.planned <= view.unhidden + edges
                 assert view.rendered <= view.unhidden
@@ -103,7 +101,7 @@ def test_a_face_that_only_its_corner_shows_is_planned_by_that_corner() -> None:
     robots = (problem.robots[0].replace(camera=camera),)
     problem = problem.replace(height_map=HeightMap(heights=walled), robots=robots)
     (view,) = (
-        v for v in face_views(Model(problem), Renderer(problem), [Pose(0, 1, State(0, 0))])
+        v for v in FaceView.all_from(Model(problem), Renderer(problem), [Pose(0, 1, State(0, 0))])
         if v.face == 2
     )  # fmt: skip
     assert 0 < view.rendered == view.unhidden
@@ -120,7 +118,7 @@ def test_rendered_reward_is_near_the_planned_one() -> None:
 
     plan = PLANNERS["cocap"](problem, never).plan
     assert plan is not None
-    views = list(face_views(model, Renderer(problem), poses_of(plan, problem.first_step)))
+    views = list(FaceView.all_from(model, Renderer(problem), Pose.all_of(plan, problem.first_step)))
     verdict = check(problem, plan)
     rendered = rendered_reward(problem, views, verdict.reward_moves)
     assert rendered == pytest.approx(verdict.reward, rel=0.02)

@@ -21,7 +21,7 @@ from cocap_opt.experiments.console import progress
 from cocap_opt.experiments.results.gap_table import print_gap_table
 from cocap_opt.experiments.results.judging import run_planner
 from cocap_opt.experiments.results.rows import Row
-from cocap_opt.experiments.sweeps.scenes import told_apart
+from cocap_opt.experiments.sweeps.scenes import Scenes
 from cocap_opt.files.documents import save_problem
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.model import compiled
@@ -163,7 +163,7 @@ def test_gap_calls_no_two_scenes_the_same() -> None:
     build = SCENES["tiny-share"]
     named = {"a.json": "twin", "b.json": "twin", "c.json": "a.json", "d.json": "own"}
     problems = {(scene, 0): build(0).replace(name=name) for scene, name in named.items()}
-    names = [problem.name for problem in told_apart(problems).values()]
+    names = [problem.name for problem in Scenes.told_apart(problems).values()]
     assert names == ["a.json", "b.json", "c.json", "own"]
 
 

@@ -15,7 +15,7 @@ from cocap_opt.experiments.results.files import read_plan
 from cocap_opt.experiments.results.judging import BOUND_METHOD
 from cocap_opt.experiments.studies.start_sets.tables import THEIRS, Reported, SetTables
 from cocap_opt.experiments.sweeps.instances import Instance, Key, Settings
-from cocap_opt.experiments.sweeps.scenes import told_apart
+from cocap_opt.experiments.sweeps.scenes import Scenes
 from cocap_opt.experiments.sweeps.sweep import sweep
 from cocap_opt.files.documents import FileError, problem_digest
 from cocap_opt.problem import Plan, Problem
@@ -87,7 +87,7 @@ def _start_set_problems(
     scenes: Sequence[str], sets: Sequence[int], options: Mapping[str, str]
 ) -> dict[tuple[str, int], Problem]:
     """Returns the scenes by their words and start sets; each set must be another one."""
-    problems = told_apart({(s, k): load_scene(s, k, options) for s in scenes for k in sets})
+    problems = Scenes.told_apart({(s, k): load_scene(s, k, options) for s in scenes for k in sets})
     first: dict[tuple[str, str], int] = {}
     for (scene, k), problem in problems.items():
         other = first.setdefault((scene, problem_digest(problem)), k)
@@ -115,7 +115,7 @@ def peers_of(scenes: Sequence[str], options: Mapping[str, str]) -> Iterator[Peer
     """Plans by their program, of the scenes that have one beside them."""
     own = {**options, "start-set": "yaml"}
     found = [scene for scene in dict.fromkeys(scenes) if _has_peer(scene)]
-    problems = told_apart({(scene, 0): load_scene(scene, 0, own) for scene in found})
+    problems = Scenes.told_apart({(scene, 0): load_scene(scene, 0, own) for scene in found})
     for (scene, _), problem in problems.items():
         named = problem.replace(name=f"{problem.name}-own-starts")
         try:
