@@ -155,6 +155,29 @@ class Model:
         for robot_class in self.classes:
             self.prepare(robot_class, stop, progress)
 
+    def robot_pixels(self, robot: int, path: Path) -> FloatArray:
+        """View sums [Z] that one robot has alone, along its path of state numbers."""
+        robot_class = self.class_of[robot]
+        table, n_states = self.coverage(robot_class), robot_class.graph.n_states
+        entries = table.entries(np.arange(len(path)) * n_states + np.array(path))[1]
+        pixels = self.problem.no_pixels()
+        np.add.at(pixels, table.view_sums[entries], table.pixels[entries])
+        return pixels
+
+    def spread(self, robot_class: RobotClass, values: FloatArray) -> FloatArray:
+        """Make a reward array [T+1, S] of the values at the nodes of a class's coverage table."""
+        reward = robot_class.graph.no_reward(self.problem.horizon)
+        reward.reshape(-1)[self.coverage(robot_class).nodes] = values
+        return reward
+
+    def largest_roots(self) -> FloatArray:
+        """Largest root of one robot's pixels, by class and view sum [C, Z], px^0.5/m."""
+        largest = np.zeros((len(self.classes), len(self.problem.view_sum_weights)))
+        for row, robot_class in zip(largest, self.classes, strict=True):
+            table = self.coverage(robot_class)
+            np.maximum.at(row, table.view_sums, table.pixels)
+        return np.sqrt(largest)
+
     def plan(self, paths: Sequence[Path]) -> Plan:
         """Plan made of one path of state numbers per robot."""
         graphs = (robot_class.graph for robot_class in self.class_of)

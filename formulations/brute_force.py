@@ -16,7 +16,7 @@ from cocap_opt.formulations.result import (
     usable_start,
 )
 from cocap_opt.model import Model, Path, compiled
-from cocap_opt.objective import move_reward, robot_pixels, view_reward
+from cocap_opt.objective import move_reward, view_reward
 from cocap_opt.problem import Plan, Problem, conflicts
 from cocap_opt.result import Reason, UnsupportedError, timed
 from cocap_opt.stop import LimitReached, Stop, never
@@ -105,7 +105,7 @@ class _Enumeration:
         model, found = self.model, []
         for path in _all_paths(model, robot):
             stop.check()
-            pixels = robot_pixels(model, robot, path)
+            pixels = model.robot_pixels(robot, path)
             found.append(_Choice(path, pixels, move_reward(model, robot, path)))
         return found
 

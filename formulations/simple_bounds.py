@@ -17,7 +17,6 @@ from cocap_opt.formulations.result import (
     usable_start,
 )
 from cocap_opt.model import Model, compiled
-from cocap_opt.objective import no_pixels, robot_pixels
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import timed
 from cocap_opt.stop import LimitReached, Stop, never
@@ -35,7 +34,7 @@ def alone(
         model.prepare_all(stop)
     except LimitReached as reached:
         return CertifiedResult.without_bound(reached.limit)
-    return CertifiedResult.bounded(_at_pixels(model, no_pixels(problem), "alone"), {})
+    return CertifiedResult.bounded(_at_pixels(model, problem.no_pixels(), "alone"), {})
 
 
 @timed
@@ -55,7 +54,7 @@ def online(
         model.prepare_all(stop)
     except LimitReached as reached:
         return replace(CertifiedResult.without_bound(reached.limit), message=message)
-    references = [no_pixels(problem)]
+    references = [problem.no_pixels()]
     if plan is not None:
         references.append(_pixels_of(model, plan))
     files = [_at_pixels(model, pixels, "online") for pixels in references]
@@ -65,9 +64,9 @@ def online(
 
 def _pixels_of(model: Model, plan: Plan) -> FloatArray:
     """Returns the pixels that all robots of a plan have of each view sum [Z]."""
-    pixels = no_pixels(model.problem)
+    pixels = model.problem.no_pixels()
     for robot, path in enumerate(model.paths(plan)):
-        pixels = pixels + robot_pixels(model, robot, path)
+        pixels = pixels + model.robot_pixels(robot, path)
     return pixels
 
 

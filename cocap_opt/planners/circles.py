@@ -12,7 +12,6 @@ from scipy.optimize import linear_sum_assignment
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.model import Model
-from cocap_opt.objective import view_sum_weights
 from cocap_opt.planners.lazy_coverage import LazyCoverage
 from cocap_opt.problem import Camera, Problem, Robot
 from cocap_opt.stop import Stop
@@ -100,7 +99,7 @@ class Circle(NamedTuple):
                 there = reach[seat][t, states]
                 if there.any():
                     pixels[which[there]] += views[robot](t, states[there])
-            weights = view_sum_weights(problem)[problem.view_sums_at(t)]
+            weights = problem.view_sum_weights[problem.view_sums_at(t)]
             rewards[t] = (np.sqrt(pixels) * weights).sum(axis=1)
         return rewards
 

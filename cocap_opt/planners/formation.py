@@ -24,7 +24,7 @@ from cocap_opt.graph.move_rewards import bonuses_of
 from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.graph.value_iteration import backward_sweep, best_path
 from cocap_opt.model import Path, compiled
-from cocap_opt.objective import marginal_gain, no_pixels, view_sum_weights
+from cocap_opt.objective import marginal_gain
 from cocap_opt.planners.circles import Circle
 from cocap_opt.planners.lazy_coverage import LazyCoverage
 from cocap_opt.planners.low_level import SingleRobotPath, SingleRobotTask
@@ -98,7 +98,7 @@ def _keep_place(task: SingleRobotTask, places: FloatArray, views: LazyCoverage) 
     view reward.
     """
     task.stop.check()
-    pixels = no_pixels(task.model.problem)
+    pixels = task.model.problem.no_pixels()
     before, way = views.evaluated, _nearest(task, places)
     if way is None:
         return SingleRobotPath(None, pixels, 0)
@@ -137,7 +137,7 @@ def _look(task: SingleRobotTask, way: Path, views: LazyCoverage) -> Path:
         if t >= problem.first_step:
             view_sums = problem.view_sums_at(t)
             gain = marginal_gain(task.pixels[view_sums], views(t, states))
-            reward[t, states] = (gain * view_sum_weights(problem)[view_sums]).sum(axis=1)
+            reward[t, states] = (gain * problem.view_sum_weights[view_sums]).sum(axis=1)
     value = backward_sweep(graph, reward, bonuses)
     # A way that can be flown can be flown without turning.
     return tuple(best_path(graph, value, way[0], bonuses) or way)

@@ -23,7 +23,7 @@ from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.graph.move_rewards import bonuses_of
 from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.model import Model, Path, RobotClass, compiled
-from cocap_opt.objective import no_pixels, objective_of, view_sum_weights
+from cocap_opt.objective import objective
 from cocap_opt.planners.team import Team
 from cocap_opt.problem import Problem
 from cocap_opt.result import Reason, Result, UnsupportedError, timed
@@ -59,7 +59,7 @@ def joint(problem: Problem, stop: Stop = never) -> Result:
         return Result.without_plan(
             Reason.INFEASIBLE, "no plan obeys the rules: no pair of paths is left"
         )
-    value = objective_of(model, paths)
+    value = objective(model, paths)
     return Result(model.plan(paths), value, Reason.OPTIMAL, bound=value)
 
 
@@ -74,7 +74,7 @@ def _best_paths(model: Model, stop: Stop) -> tuple[Path, ...] | None:
     model.prepare_all(stop)
     stop.check()
     if len(model.problem.robots) == 1:
-        path = best_response(model, 0, no_pixels(model.problem))
+        path = best_response(model, 0, model.problem.no_pixels())
         return None if path is None else (path,)
     pair = _Pair(model, stop)
     if pair.bytes_needed > MEMORY_LIMIT:
@@ -205,7 +205,7 @@ class _Pair(PairIteration):
             for side in (self.a, self.b)
         )
         n_faces = self.model.n_faces
-        weights = view_sum_weights(self.model.problem)[t * n_faces : (t + 1) * n_faces]
+        weights = self.model.problem.view_sum_weights[t * n_faces : (t + 1) * n_faces]
         root_a, root_b = np.sqrt(coverage_a) @ weights, np.sqrt(coverage_b) @ weights
         own: FloatArray = root_a[:, None] + root_b[None, :]
         # Where both see a face, the roots do not add up.

@@ -11,7 +11,6 @@ from cocap_opt.coordination.best_response import best_response
 from cocap_opt.data import FloatArray
 from cocap_opt.graph.charges import NO_CHARGES, Charges
 from cocap_opt.model import Model, Path
-from cocap_opt.objective import no_pixels, robot_pixels
 from cocap_opt.stop import Stop, never
 
 
@@ -52,5 +51,5 @@ def value_iteration(task: SingleRobotTask) -> SingleRobotPath:
     model.prepare(model.class_of[task.robot], task.stop)
     path = best_response(model, task.robot, task.pixels, task.charges)
     if path is None:
-        return SingleRobotPath(None, no_pixels(model.problem), 0)
-    return SingleRobotPath(path, robot_pixels(model, task.robot, path), 0)
+        return SingleRobotPath(None, model.problem.no_pixels(), 0)
+    return SingleRobotPath(path, model.robot_pixels(task.robot, path), 0)

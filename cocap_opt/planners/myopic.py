@@ -4,7 +4,6 @@ What this loses is what the robots' knowledge of one another is worth. Collision
 Source: the baseline of this name in Hughes et al. 2024 (arXiv 2404.03103).
 """
 
-from cocap_opt.objective import no_pixels
 from cocap_opt.planners.greedy import greedy
 from cocap_opt.planners.low_level import SingleRobotPath, SingleRobotTask, value_iteration
 from cocap_opt.problem import Problem
@@ -18,4 +17,4 @@ def myopic(problem: Problem, stop: Stop = never) -> Result:
 
 
 def _alone(task: SingleRobotTask) -> SingleRobotPath:
-    return value_iteration(task._replace(pixels=no_pixels(task.model.problem)))
+    return value_iteration(task._replace(pixels=task.model.problem.no_pixels()))

@@ -14,7 +14,7 @@ from cocap_opt.graph.move_rewards import bonuses_of
 from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.graph.value_iteration import best_path
 from cocap_opt.model import Model, RobotClass, compiled
-from cocap_opt.objective import marginal_gain, no_pixels, view_sum_weights
+from cocap_opt.objective import marginal_gain
 from cocap_opt.planners.lazy_coverage import LazyCoverage
 from cocap_opt.planners.low_level import SingleRobotPath
 from cocap_opt.planners.team import Team
@@ -97,7 +97,7 @@ def _at_starts(model: Model) -> list[_Flight]:
     flights, sources = [], LazyCoverage.of_robots(model)
     for robot, robot_class in enumerate(model.class_of):
         to_goal, path = robot_class.reward_to_goal(problem.horizon), [model.start(robot)]
-        flight = _Flight(robot_class, sources[robot], to_goal, no_pixels(problem), path)
+        flight = _Flight(robot_class, sources[robot], to_goal, problem.no_pixels(), path)
         if problem.first_step == 0:
             flight.pixels[problem.view_sums_at(0)] += flight.look(0, np.array(path))[0]
         flights.append(flight)
@@ -133,7 +133,7 @@ def _move(model: Model, flights: list[_Flight], robot: int, t: int, heads: IntAr
     graph, view_sums = flight.robot_class.graph, problem.view_sums_at(t)
     coverage = flight.look(t, heads)
     seen = sum((other.pixels[view_sums] for other in flights), np.zeros(coverage.shape[1]))
-    gains = marginal_gain(seen, coverage) * view_sum_weights(problem)[view_sums]
+    gains = marginal_gain(seen, coverage) * problem.view_sum_weights[view_sums]
     # A path of one step, so that bonuses and ties are those of all other planners.
     value = np.full((2, graph.n_states), CLOSED)
     value[0, flight.path[-1]] = 0.0

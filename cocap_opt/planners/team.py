@@ -7,7 +7,7 @@ import numpy as np
 
 from cocap_opt.data import FloatArray
 from cocap_opt.model import Model, Path
-from cocap_opt.objective import no_pixels, objective
+from cocap_opt.objective import objective
 from cocap_opt.planners.low_level import SingleRobotPath
 from cocap_opt.problem import conflicts
 from cocap_opt.result import Reason, Result
@@ -28,7 +28,7 @@ class Team:
 
     def others(self, robot: int) -> FloatArray:
         """Pixels [Z] of all robots but one (or of EVERYBODY)."""
-        pixels = no_pixels(self.model.problem)
+        pixels = self.model.problem.no_pixels()
         for i, single in enumerate(self.found):
             if i != robot:
                 pixels = pixels + single.pixels
@@ -42,7 +42,7 @@ class Team:
     @property
     def value(self) -> float:
         """J."""
-        return objective(self.model, self.others(EVERYBODY), self.paths)
+        return objective(self.model, self.paths, self.others(EVERYBODY))
 
     @property
     def collides(self) -> bool:
@@ -65,7 +65,7 @@ class Team:
     def _hover(self, robot: int) -> SingleRobotPath:
         """The path that stays at the start, which needs no time to be found."""
         problem, robot_class = self.model.problem, self.model.class_of[robot]
-        start, pixels = problem.robots[robot].start, no_pixels(problem)
+        start, pixels = problem.robots[robot].start, problem.no_pixels()
         if robot_class.goal not in (None, (start.x, start.y)):
             return SingleRobotPath(None, pixels, 0)
         views, state = self.model.views(robot_class), self.model.start(robot)

@@ -22,7 +22,7 @@ from cocap_opt.data import IntArray
 from cocap_opt.graph.move_rewards import bonuses_of
 from cocap_opt.graph.timegraph import CLOSED, TimeGraph
 from cocap_opt.model import Model, Path
-from cocap_opt.objective import marginal_gain, no_pixels, view_sum_weights
+from cocap_opt.objective import marginal_gain
 from cocap_opt.planners.lazy_coverage import LazyCoverage
 from cocap_opt.planners.low_level import SingleRobotPath, SingleRobotTask
 from cocap_opt.problem import Problem
@@ -127,7 +127,7 @@ class ViewSearch:
             self._sources[key] = LazyCoverage(model.views(robot_class))
         coverage = self._sources[key]
         evaluated_before = coverage.evaluated
-        path, pixels = algorithm_2(task, coverage, self.discount), no_pixels(model.problem)
+        path, pixels = algorithm_2(task, coverage, self.discount), model.problem.no_pixels()
         for t, state in enumerate(path or ()):
             if t >= model.problem.first_step:
                 pixels[model.problem.view_sums_at(t)] += coverage(t, np.array([state]))[0]
@@ -169,7 +169,7 @@ def _rewarded_successors(
         return  # a dead end: the queue holds the alternatives
     view_sums = problem.view_sums_at(k)
     gains = marginal_gain(task.pixels[view_sums], coverage(k, heads))
-    rewards = (gains * view_sum_weights(problem)[view_sums]).sum(axis=1)
+    rewards = (gains * problem.view_sum_weights[view_sums]).sum(axis=1)
     rewards += bonuses_of(problem.objective).of_edges(graph.shape, v, heads)
     yield from zip(heads.tolist(), rewards.tolist(), _ways(problem, graph, k, heads), strict=True)
 

@@ -274,6 +274,24 @@ class Problem(Data, frozen=True, eq=False, dict=True):
         first = 0 if self.objective.over_time else t * faces
         return slice(first, first + faces)
 
+    def no_pixels(self) -> FloatArray:
+        """Make view sums [Z] to which no robot has added anything yet."""
+        return np.zeros(self.view_sum_steps * len(self.face_weights))
+
+    @property
+    def view_sum_weights(self) -> FloatArray:
+        """Weight w of every view sum [Z]; 0 for steps that do not count."""
+        if self.objective.over_time:  # pixels of steps that do not count are not added
+            always: FloatArray = self.step_weights[0]
+            return always
+        counts = np.arange(self.horizon + 1) >= self.first_step
+        return (counts[:, None] * self.step_weights).ravel()
+
+    @property
+    def most_views(self) -> int:
+        """Largest number of views, each of one robot at one step, that add to a view sum."""
+        return len(self.robots) * (self.horizon + 1 if self.objective.over_time else 1)
+
     @property
     def first_step(self) -> int:
         """First step whose views count, 0 or 1."""

@@ -21,7 +21,7 @@ from rich.table import Table
 
 from cocap_opt.graph.value_iteration import backward_sweep
 from cocap_opt.model import Model, compiled
-from cocap_opt.objective import marginal_reward, no_pixels
+from cocap_opt.objective import marginal_reward
 from cocap_opt.planners import PLANNERS
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import Clock, never
@@ -67,7 +67,7 @@ def _value_iteration() -> list[_Figure]:
     """Compares a backward sweep on the corridor with copying its reward array."""
     model = compiled(load_scene("corridor", 0))
     robot_class = model.classes[0]
-    reward = marginal_reward(model, robot_class, no_pixels(model.problem))
+    reward = marginal_reward(model, robot_class, model.problem.no_pixels())
     # In turns, so that both meet the same noise.
     ratios = [
         _seconds(lambda: backward_sweep(robot_class.graph, reward), 50) / _seconds(reward.copy, 50)

@@ -48,7 +48,7 @@ from cocap_opt.formulations.certificates.format import (
 from cocap_opt.formulations.certificates.resources import Resource, charges_of
 from cocap_opt.formulations.certificates.sweep import plain_sweep
 from cocap_opt.model import Model
-from cocap_opt.objective import marginal_gain, view_sum_weights
+from cocap_opt.objective import marginal_gain
 
 UNIT_ROUNDOFF = 2.0**-53
 
@@ -132,7 +132,7 @@ class _Payment(NamedTuple):
 def _payment_of_multipliers(model: Model, certificate: Multipliers) -> _Payment:
     alpha = _array(model, certificate.alpha, "certificate.alpha")
     beta = _array(model, certificate.beta, "certificate.beta")
-    weights = view_sum_weights(model.problem)
+    weights = model.problem.view_sum_weights
     cuts = usable_cuts(model, certificate.cuts)
     rest = _left_by(cuts, len(alpha))
     needed = np.flatnonzero((_visible_view_sums(model) > 0) & (alpha < rest))
@@ -183,12 +183,12 @@ def _visible_view_sums(model: Model) -> FloatArray:
     visible = np.zeros(model.problem.view_sum_steps * model.n_faces)
     for robot_class in model.classes:
         visible[model.coverage(robot_class).view_sums] = 1.0
-    return np.where(view_sum_weights(model.problem) > 0, visible, 0.0)
+    return np.where(model.problem.view_sum_weights > 0, visible, 0.0)
 
 
 def _payment_of_reference(model: Model, certificate: ReferencePixels) -> _Payment:
     pixels = _array(model, certificate.pixels, "certificate.pixels")
-    roots = view_sum_weights(model.problem) * np.sqrt(pixels)
+    roots = model.problem.view_sum_weights * np.sqrt(pixels)
     constant = math.fsum(roots.tolist())
     # Every gain is a difference of roots that may be as large as the constant's.
     gains = len(model.problem.robots)
@@ -207,7 +207,7 @@ def _node_rewards(model: Model, number: int, payment: _Payment) -> FloatArray:
     with np.errstate(over="ignore"):
         paid = (
             payment.pay(number, table.view_sums, table.pixels)
-            * view_sum_weights(model.problem)[table.view_sums]
+            * model.problem.view_sum_weights[table.view_sums]
         )
     rewards = np.zeros((model.problem.horizon + 1, robot_class.graph.n_states))
     with np.errstate(over="ignore"):

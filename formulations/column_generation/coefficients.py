@@ -10,7 +10,6 @@ from cocap_opt.formulations.certificates import Resource
 from cocap_opt.formulations.column_generation.columns import Arc
 from cocap_opt.graph.move_rewards import bonuses_of
 from cocap_opt.model import Model
-from cocap_opt.objective import view_sum_weights
 
 
 def move_rewards(model: Model, arcs: Sequence[Arc]) -> FloatArray:
@@ -41,7 +40,7 @@ class ArcViews(NamedTuple):
         """Returns the views of arcs."""
         parts = [_entries_of_class(model, number, arcs) for number in range(len(model.classes))]
         of, view_sums, pixels = (np.concatenate(part) for part in zip(*parts, strict=True))
-        counted = view_sum_weights(model.problem)[view_sums] > 0
+        counted = model.problem.view_sum_weights[view_sums] > 0
         of, view_sums, pixels = of[counted], view_sums[counted], pixels[counted]
         distinct, at = np.unique(view_sums, return_inverse=True)
         best = np.zeros(len(distinct))

@@ -12,7 +12,6 @@ from cocap_opt.formulations.certificates import Flight
 from cocap_opt.formulations.relaxations.separation import Seen
 from cocap_opt.graph.charges import Charges
 from cocap_opt.model import Model, Path, RobotClass
-from cocap_opt.objective import robot_pixels
 from cocap_opt.problem import Problem
 
 _LEAST_SEEN = 1e-7  # of a robot, from which on a column counts in what a mixture sees
@@ -38,7 +37,7 @@ class Column(NamedTuple):
     @classmethod
     def of(cls, model: Model, robot: int, path: Path) -> "Column":
         """Returns the column of a robot's path of state numbers."""
-        pixels = robot_pixels(model, robot, path)
+        pixels = model.robot_pixels(robot, path)
         view_sums = np.flatnonzero(pixels)
         return cls(robot, Flight.of(model, robot, path), view_sums, pixels[view_sums])
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from cocap_opt.formulations.column_generation.columns import Column
 from cocap_opt.model import Model, Path
-from cocap_opt.objective import objective_of
+from cocap_opt.objective import objective
 from cocap_opt.problem import Plan, conflicts
 
 _LEAST_GAIN = 1e-12  # relative, so that rounding is no gain
@@ -23,7 +23,7 @@ class Incumbent(NamedTuple):
         paths = [column.path for column in columns]
         if next(conflicts(model.problem, model.plan(paths)), None) is not None:
             return None
-        return cls(objective_of(model, paths), tuple(columns))
+        return cls(objective(model, paths), tuple(columns))
 
     @classmethod
     def along(cls, model: Model, paths: Sequence[Path]) -> "Incumbent | None":

@@ -18,7 +18,6 @@ from cocap_opt.formulations.column_generation.columns import Arc, Column, Mixtur
 from cocap_opt.formulations.column_generation.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.pairs import best_pair
 from cocap_opt.model import Model
-from cocap_opt.objective import no_pixels, view_sum_weights
 from cocap_opt.stop import LimitReached, Stop, never
 
 MOST_PARTNERS = 5  # robots with which each is paired
@@ -72,7 +71,7 @@ class LocalSearch:
 
     def best_response(self, robot: int, others: Sequence[Column]) -> Column | None:
         """Returns a robot's best path against other robots' columns; None if they leave none."""
-        model, pixels = self.model, no_pixels(self.model.problem)
+        model, pixels = self.model, self.model.problem.no_pixels()
         for column in others:
             pixels[column.view_sums] += column.pixels
         charges = avoid_columns(model, model.class_of[robot], others)
@@ -154,7 +153,7 @@ class LocalSearch:
 
 def _pairs(model: Model, plan: Incumbent) -> list[tuple[int, int]]:
     """Returns pairs of robots, those whose views overlap most first; a few for each robot."""
-    roots = np.zeros((len(plan.columns), len(view_sum_weights(model.problem))))
+    roots = np.zeros((len(plan.columns), len(model.problem.view_sum_weights)))
     for row, column in zip(roots, plan.columns, strict=True):
         row[column.view_sums] = np.sqrt(column.pixels)
     pairs = []

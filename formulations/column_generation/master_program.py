@@ -32,7 +32,6 @@ from cocap_opt.formulations.column_generation.conic_program import (
 )
 from cocap_opt.formulations.relaxations.duals import Duals, RootRows
 from cocap_opt.model import Model
-from cocap_opt.objective import view_sum_weights
 from cocap_opt.stop import Stop
 
 
@@ -68,7 +67,7 @@ class MasterProgram:
         """Computes the coefficients of the arcs."""
         self._views = views = ArcViews.of(self.model, self.arcs)
         self._bonus = move_rewards(self.model, self.arcs)
-        weights = view_sum_weights(self.model.problem)[views.view_sums] * views.scale
+        weights = self.model.problem.view_sum_weights[views.view_sums] * views.scale
         # The solver's costs are in units of the largest one.
         largest = max(float(weights.max(initial=0.0)), float(self._bonus.max()))
         self._unit = largest or 1.0

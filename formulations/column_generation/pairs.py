@@ -22,7 +22,6 @@ from cocap_opt.graph.charges import Charges
 from cocap_opt.graph.move_rewards import bonuses_of
 from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.model import Model, RobotClass
-from cocap_opt.objective import no_pixels, view_sum_weights
 
 MOST_PAIRS = 250_000  # of states at one step
 
@@ -68,7 +67,7 @@ class _ArcPair(PairIteration):
         self.horizon = model.problem.horizon
         self._model = model
         self._sides = sides
-        self._seen = no_pixels(model.problem)
+        self._seen = model.problem.no_pixels()
         for column in others:
             self._seen[column.view_sums] += column.pixels
 
@@ -76,7 +75,7 @@ class _ArcPair(PairIteration):
         """Returns the reward of all pairs of states at a step; CLOSED where the two conflict."""
         model, (a, b) = self._model, self._sides
         faces = slice(t * model.n_faces, (t + 1) * model.n_faces)
-        weights = view_sum_weights(model.problem)[faces]
+        weights = model.problem.view_sum_weights[faces]
         one, other = (coverage_of(model, s.robot_class, t, s.states[t]) for s in (a, b))
         used = np.flatnonzero((weights > 0) & (one.any(axis=0) | other.any(axis=0)))
         base = self._seen[faces][used]

@@ -19,7 +19,6 @@ from cocap_opt.graph.move_rewards import bonuses_of
 from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.graph.value_iteration import backward_sweep, best_path
 from cocap_opt.model import Model
-from cocap_opt.objective import spread, view_sum_weights
 from cocap_opt.vision.coverage import CoverageTable
 
 
@@ -36,7 +35,7 @@ class Pricer:
 
     def __init__(self, model: Model) -> None:
         self.model = model
-        self._weights = view_sum_weights(model.problem)
+        self._weights = model.problem.view_sum_weights
         # Some classes share a table.
         tables = [model.coverage(robot_class) for robot_class in model.classes]
         distinct = {id(table): table for table in tables}
@@ -53,7 +52,7 @@ class Pricer:
         columns = []
         for number, robot_class in enumerate(model.classes):
             own = base[id(model.coverage(robot_class))]
-            reward = spread(model, robot_class, self._paid(number, duals, own))
+            reward = model.spread(robot_class, self._paid(number, duals, own))
             charges = charges_of(model, number, costs)
             value = backward_sweep(robot_class.graph, reward, bonuses, charges, robot_class.goal)
             for robot, start in zip(robot_class.robots, robot_class.starts, strict=True):

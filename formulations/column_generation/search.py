@@ -22,7 +22,6 @@ from cocap_opt.formulations.result import (
     usable_start,
 )
 from cocap_opt.model import Model
-from cocap_opt.objective import largest_roots, view_sum_weights
 from cocap_opt.problem import Plan
 from cocap_opt.result import Reason, relative_gap
 from cocap_opt.stop import Clock, Limit, LimitReached, Stop, never
@@ -60,8 +59,8 @@ class Search:
         self.pricer = Pricer(self.model)
         self.local_search = LocalSearch(self.model, self.stop)
         self.rng = np.random.default_rng(0)
-        self.largest = largest_roots(self.model)
-        self.weights = view_sum_weights(self.model.problem)
+        self.largest = self.model.largest_roots()
+        self.weights = self.model.problem.view_sum_weights
         alone = self.alone().bound
         self.scale = alone if 0 < alone < np.inf else 1.0
 

@@ -31,7 +31,7 @@ from cocap_opt.formulations.result import (
     usable_start,
 )
 from cocap_opt.model import Model, Path, compiled
-from cocap_opt.objective import largest_roots, objective_of, view_sum_weights
+from cocap_opt.objective import objective
 from cocap_opt.problem import Plan, Problem, conflicts
 from cocap_opt.referee import check
 from cocap_opt.result import Reason, relative_gap, timed
@@ -138,7 +138,7 @@ class _Rounds:
             if self.plan is not None:
                 self.value = check(self.problem, self.plan).reward
             raise
-        self.scale = float(view_sum_weights(self.problem) @ largest_roots(self.model).max(axis=0))
+        self.scale = float(self.problem.view_sum_weights @ self.model.largest_roots().max(axis=0))
         if self.plan is not None:
             self._keep(self.model.paths(self.plan))
         try:
@@ -234,7 +234,7 @@ class _Rounds:
 
     def _keep(self, paths: tuple[Path, ...]) -> None:
         """Keeps a plan if it is the best so far."""
-        value = objective_of(self.model, paths)
+        value = objective(self.model, paths)
         if value > self.value:
             self.paths, self.value, self.plan = paths, value, self.model.plan(paths)
             self.known = max(self.known, value)

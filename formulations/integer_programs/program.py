@@ -16,7 +16,6 @@ from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.certificates import Cut, Multipliers, usable_cuts
 from cocap_opt.formulations.relaxations.collision_rows import ConflictRows
 from cocap_opt.formulations.relaxations.flow import Amounts, CutRows, Flow, Roots
-from cocap_opt.objective import most_views
 from cocap_opt.stop import Limit, Stop
 
 TANGENTS = 5  # per view sum at the beginning, each at a quarter of the pixels of the one before
@@ -61,7 +60,7 @@ class Program:
         self.flow, self.roots, self.conflicts = flow, roots, conflicts
         self.unit = max(float(roots.weights.max(initial=0.0)), flow.largest_bonus) or 1.0
         self.n_robots = len(flow.model.problem.robots)
-        self.n_views = most_views(flow.model.problem)
+        self.n_views = flow.model.problem.most_views
         # Without swaps, integral numbers of robots in the nodes are enough: between two steps
         # the rest is a transport problem.
         self.integral_edges = conflicts.crossing.shape[0] > 0

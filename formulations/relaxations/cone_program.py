@@ -27,7 +27,6 @@ from cocap_opt.formulations.relaxations.flow import Compile, Flow, Roots
 from cocap_opt.formulations.relaxations.separation import Seen
 from cocap_opt.formulations.result import CertifiedResult, Report, Snapshot, silent
 from cocap_opt.model import Model, compiled, compiled_disaggregated
-from cocap_opt.objective import most_views
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import timed
 from cocap_opt.stop import Clock, Limit, LimitReached, Stop, never
@@ -242,7 +241,7 @@ class _ConeProgram:
         import cvxpy as cp  # a second, which not every method needs
 
         self.flow, self.roots, self.conflicts = flow, roots, conflicts
-        self._views = most_views(flow.model.problem)
+        self._views = flow.model.problem.most_views
         self._unit = max(float(roots.weights.max(initial=0.0)), flow.largest_bonus) or 1.0
         self.x = cp.Variable(flow.n_nodes, nonneg=True)
         self.y = cp.Variable(flow.n_edges, nonneg=True)

@@ -16,7 +16,6 @@ from cocap_opt.formulations.certificates import (
     Row,
 )
 from cocap_opt.model import Model
-from cocap_opt.objective import most_views, no_pixels
 from cocap_opt.problem import Problem
 
 _K = TypeVar("_K")
@@ -35,7 +34,7 @@ class Duals:
     @classmethod
     def alone(cls, problem: Problem) -> "Duals":
         """Returns the multipliers that count every view as if nobody else saw the face."""
-        zeros = no_pixels(problem)
+        zeros = problem.no_pixels()
         return cls(zeros + 1.0, zeros)
 
     def blended(self, other: "Duals", weight: float) -> "Duals":
@@ -118,12 +117,12 @@ class RootRows(NamedTuple):
         taken = np.bincount(self.cut_at, shares, minlength=len(self.weights))
         shares = shares / np.maximum(taken, 1.0)[self.cut_at]
         rest = np.maximum(1 - taken, 0.0)
-        largest = np.sqrt(most_views(problem)) * self.scale
+        largest = np.sqrt(problem.most_views) * self.scale
         alpha = np.clip(np.nan_to_num(self.single_view / self.weights), 0.0, rest)
         beta = np.nan_to_num(self.pixels / (self.weights * self.scale))
         beta = np.maximum(beta, (rest - alpha) / (2 * largest))
         nearly = rest - alpha < 1e-9
-        result = _RootDuals(no_pixels(problem) + 1.0, no_pixels(problem), shares)
+        result = _RootDuals(problem.no_pixels() + 1.0, problem.no_pixels(), shares)
         # A little more than the rest, so that no rounding makes it less.
         result.alpha[self.view_sums] = np.where(nearly, rest + 1e-12, alpha)
         result.beta[self.view_sums] = np.where(nearly, 0.0, beta)

@@ -28,7 +28,6 @@ from cocap_opt.graph.move_rewards import bonuses_of
 from cocap_opt.graph.timegraph import CLOSED, TimeGraph
 from cocap_opt.graph.value_iteration import backward_sweep
 from cocap_opt.model import Model, Path, RobotClass
-from cocap_opt.objective import largest_roots, view_sum_weights
 from cocap_opt.problem import Cell, Problem
 from cocap_opt.result import UnsupportedError
 from cocap_opt.stop import Stop, never
@@ -149,7 +148,7 @@ class Flow:
 
     def coverage(self) -> sparse.csr_array:
         """Returns the pixels [Z, N] that a robot in a node has of each view sum."""
-        n_view_sums = len(view_sum_weights(self.model.problem))
+        n_view_sums = len(self.model.problem.view_sum_weights)
         rows, columns, pixels = [], [], []
         for k, robot_class in enumerate(self.model.classes):
             own = np.flatnonzero(self.owner == k)
@@ -338,12 +337,12 @@ class Roots:
     def of(cls, flow: Flow) -> "Roots":
         """Returns the roots that a flow can have."""
         coverage = flow.coverage()
-        weights = view_sum_weights(flow.model.problem)
+        weights = flow.model.problem.view_sum_weights
         best = np.asarray(coverage.max(axis=1).todense()).ravel()
         used = np.flatnonzero((best > 0) & (weights > 0))
         scale = np.sqrt(best[used])
         pixels = sparse.csr_array(sparse.diags_array(1 / scale**2) @ coverage[used])
-        largest = largest_roots(flow.model)[:, used]
+        largest = flow.model.largest_roots()[:, used]
         return cls(flow.owner, used, scale, largest, weights[used] * scale, pixels, pixels.sqrt())
 
     def entries(self, g: int) -> tuple[IntArray, FloatArray]:

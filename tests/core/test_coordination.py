@@ -9,7 +9,7 @@ from strategies import examples, meetings, number_of_plans, problems
 from cocap_opt.coordination.best_response import best_response
 from cocap_opt.coordination.pair_iteration import conflict_matrix, coverage_of
 from cocap_opt.model import Model
-from cocap_opt.objective import no_pixels, objective_of
+from cocap_opt.objective import objective
 from cocap_opt.problem import Problem
 
 
@@ -51,11 +51,11 @@ def test_a_best_response_to_nobody_is_the_best_path(problem: Problem) -> None:
     """Against all paths of a robot alone, one by one."""
     assume(number_of_plans(problem) <= 2000)
     model = Model(problem, use_cache=False)
-    path = best_response(model, 0, no_pixels(problem))
+    path = best_response(model, 0, problem.no_pixels())
     graph = model.class_of[0].graph
     found = [tuple(map(graph.index, states)) for states in all_paths(problem, 0)]
-    values = [objective_of(model, [one]) for one in found]
+    values = [objective(model, [one]) for one in found]
     if path is None:
         assert not values
         return
-    assert objective_of(model, [path]) >= max(values) - 1e-9 * max(values)
+    assert objective(model, [path]) >= max(values) - 1e-9 * max(values)

@@ -22,7 +22,7 @@ from strategies import WALL, examples, meetings, number_of_plans, problems, stan
 from cocap_opt.graph.charges import Charges
 from cocap_opt.graph.motion import time_expanded_graph
 from cocap_opt.model import Model
-from cocap_opt.objective import no_pixels, objective_of, robot_pixels, view_sum_weights
+from cocap_opt.objective import objective
 from cocap_opt.planners import PLANNERS, Planner, constraint_tree
 from cocap_opt.planners.cocap import cocap
 from cocap_opt.planners.greedy import greedy
@@ -229,7 +229,7 @@ def test_goal_out_of_reach() -> None:
 def seen_by_others(model: Model, seed: int) -> np.ndarray:
     """Random pixels [Z] that other robots might have."""
     rng = np.random.default_rng(seed)
-    pixels = rng.choice([0.0, 10.0, 4000.0], len(no_pixels(model.problem)))
+    pixels = rng.choice([0.0, 10.0, 4000.0], len(model.problem.no_pixels()))
     return pixels * rng.random(len(pixels))
 
 
@@ -358,7 +358,7 @@ def literal_view_search(task: SingleRobotTask, gamma: float) -> tuple[int, ...] 
         for head in graph.successors(state).tolist():
             seen = views.coverage(k, np.array([head]))[0]
             others = task.pixels[model.problem.view_sums_at(k)]
-            weights = view_sum_weights(model.problem)[model.problem.view_sums_at(k)]
+            weights = model.problem.view_sum_weights[model.problem.view_sums_at(k)]
             reward = float(((np.sqrt(others + seen) - np.sqrt(others)) * weights).sum())
             value = (reward + rbar[k, state]) * gamma ** (k - 1)
             child = (k + 1, head)
@@ -385,7 +385,7 @@ def test_view_search_is_its_algorithm(gamma: float, problem: Problem, seed: int)
 def test_view_search_is_its_algorithm_in_the_open(gamma: float) -> None:
     """The same on a meadow, where no ties decide, and gamma makes a difference."""
     model = Model(meadow(), use_cache=False)
-    task = SingleRobotTask(model, 0, no_pixels(meadow()))
+    task = SingleRobotTask(model, 0, meadow().no_pixels())
     expected = literal_view_search(task, gamma)
     assert expected is not None
     assert ViewSearch(Compounded(gamma))(task).path == expected
@@ -409,12 +409,12 @@ def test_view_search_is_lazy() -> None:
     reachable = len(time_expanded_graph(problem, 0)) - 1
     model = Model(problem, use_cache=False)
     search = ViewSearch()
-    found = search(SingleRobotTask(model, 0, no_pixels(problem)))
+    found = search(SingleRobotTask(model, 0, problem.no_pixels()))
     assert found.path is not None
     assert 0 < found.evaluated < reachable / 4
     assert broken_motions(problem, model.plan([found.path])) == []
     assert found.pixels.sum() > 0
-    again = search(SingleRobotTask(model, 0, no_pixels(problem)))
+    again = search(SingleRobotTask(model, 0, problem.no_pixels()))
     assert (again.path, again.evaluated) == (found.path, 0)  # remembered
     result = greedy(problem, low_level=ViewSearch())
     assert result.statistics["evaluated"] == found.evaluated
@@ -441,11 +441,11 @@ def test_view_search_backtracks_from_dead_ends() -> None:
         {(2, middle): math.inf, (2, left): math.inf, (1, right): math.inf},
         {(1, middle, right): math.inf},
     )
-    task = SingleRobotTask(model, 0, no_pixels(problem), charges)
+    task = SingleRobotTask(model, 0, problem.no_pixels(), charges)
     assert ViewSearch()(task).path is None
     assert value_iteration(task).path is None
     some = charges._replace(moves={})
-    task = SingleRobotTask(model, 0, no_pixels(problem), some)
+    task = SingleRobotTask(model, 0, problem.no_pixels(), some)
     assert ViewSearch()(task).path == value_iteration(task).path == (middle, middle, right)
 
 
@@ -509,10 +509,10 @@ def plain_cocap(problem: Problem) -> tuple[Plan | None, int]:
     def planned(
         paths: list[tuple[int, ...]], robot: int, closed: Charges
     ) -> tuple[int, ...] | None:
-        others = no_pixels(problem)
+        others = problem.no_pixels()
         for i, path in enumerate(paths):
             if i != robot:
-                others = others + robot_pixels(model, i, path)
+                others = others + model.robot_pixels(i, path)
         return value_iteration(SingleRobotTask(model, robot, others, closed)).path
 
     paths: list[tuple[int, ...]] = []
@@ -521,7 +521,7 @@ def plain_cocap(problem: Problem) -> tuple[Plan | None, int]:
         if path is None:
             return None, 0
         paths.append(path)
-    leaves, nodes = [Leaf(paths, [Charges()] * len(paths), objective_of(model, paths))], 1
+    leaves, nodes = [Leaf(paths, [Charges()] * len(paths), objective(model, paths))], 1
     while leaves:
         leaf = max(leaves, key=lambda leaf: leaf.value)  # the first of the greatest
         leaves.remove(leaf)
@@ -543,7 +543,7 @@ def plain_cocap(problem: Problem) -> tuple[Plan | None, int]:
             if path is not None:
                 paths = [*leaf.paths]
                 paths[robot] = path
-                leaves.append(Leaf(paths, closed, objective_of(model, paths)))
+                leaves.append(Leaf(paths, closed, objective(model, paths)))
                 nodes += 1
     return None, nodes
 

@@ -12,16 +12,7 @@ from strategies import examples, problems, tiny
 
 from cocap_opt.data import FloatArray
 from cocap_opt.model import Model, Path
-from cocap_opt.objective import (
-    marginal_gain,
-    marginal_reward,
-    move_reward,
-    no_pixels,
-    objective_of,
-    robot_pixels,
-    view_reward,
-    view_sum_weights,
-)
+from cocap_opt.objective import marginal_gain, marginal_reward, move_reward, objective, view_reward
 from cocap_opt.problem import Objective, Plan, Problem
 from cocap_opt.referee import check
 
@@ -41,9 +32,9 @@ class Flown(NamedTuple):
 
     def pixels(self, robots: list[int]) -> FloatArray:
         """Pixels [Z] of some of the robots together."""
-        total = no_pixels(self.model.problem)
+        total = self.model.problem.no_pixels()
         for robot in robots:
-            total = total + robot_pixels(self.model, robot, self.paths[robot])
+            total = total + self.model.robot_pixels(robot, self.paths[robot])
         return total
 
     def value(self, robots: list[int]) -> float:
@@ -81,7 +72,7 @@ def without_goals(problem: Problem) -> Problem:
 def test_objective_is_the_referees(run: Flown) -> None:
     """J of the planners, of the referee and from scratch are one number."""
     problem = run.model.problem
-    value = objective_of(run.model, run.paths)
+    value = objective(run.model, run.paths)
     verdict = check(problem, run.plan)
     assert verdict.violations == ()
     assert value == pytest.approx(verdict.reward, rel=1e-9, abs=1e-12)
@@ -211,9 +202,9 @@ def test_actor_without_weight_is_worth_nothing(run: Flown) -> None:
 def test_view_sum_weights_are_zero_before_the_first_step() -> None:
     """The weights by view sum repeat the faces' weights at every step that counts."""
     problem = tiny()
-    assert view_sum_weights(problem).tolist() == [0.0] * 5 + [1.0] * 10
+    assert problem.view_sum_weights.tolist() == [0.0] * 5 + [1.0] * 10
     early = problem.replace(objective=Objective(count_start=True))
-    assert view_sum_weights(early).tolist() == [1.0] * 15
+    assert early.view_sum_weights.tolist() == [1.0] * 15
 
 
 def test_pixels_add_up_within_a_step_only() -> None:

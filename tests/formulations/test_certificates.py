@@ -45,7 +45,6 @@ from cocap_opt.formulations.column_generation.branch_and_price import branch_and
 from cocap_opt.formulations.relaxations.separation import Seen
 from cocap_opt.graph.motion import time_expanded_graph
 from cocap_opt.model import Model, compiled, compiled_disaggregated
-from cocap_opt.objective import largest_roots, no_pixels
 from cocap_opt.problem import NO_RULES, Cell, Objective, Plan, Problem, State
 from cocap_opt.referee import broken_rules
 
@@ -100,7 +99,7 @@ def random_cuts(model: Model, rng: np.random.Generator) -> list[EnvelopeCut]:
     """Envelope cuts of some view sums, with random values and shares."""
     if model.problem.objective.over_time:
         return []
-    largest = largest_roots(model).max(axis=0).reshape(model.problem.horizon + 1, -1)
+    largest = model.largest_roots().max(axis=0).reshape(model.problem.horizon + 1, -1)
     cuts = []
     for t, face in np.argwhere(largest > 0).tolist():
         for _ in range(int(rng.integers(3))):
@@ -763,7 +762,7 @@ def test_many_tiny_shares_do_not_get_lost_in_rounding() -> None:
     problem = tiny().replace(horizon=1)
     problem = problem.replace(robots=problem.robots[:1])
     best = optimum(problem).value
-    largest = largest_roots(compiled(problem)).reshape(2, -1)
+    largest = compiled(problem).largest_roots().reshape(2, -1)
     shape = (2, len(problem.face_weights))
     cuts = tuple(
         EnvelopeCut(1, face, (ClassCurve(0, (float(root),), (0.0,)),), 0.501 * 2.0**-53)
@@ -799,6 +798,6 @@ def test_rows_need_their_rule() -> None:
 def test_reference_pixels_of_nobody_are_the_bound_alone() -> None:
     """Gains over nothing are what each robot sees alone."""
     problem = tiny()
-    none = as_rows(no_pixels(problem).reshape(problem.horizon + 1, -1))
+    none = as_rows(problem.no_pixels().reshape(problem.horizon + 1, -1))
     alone = BOUNDS["alone"](problem).bound
     assert price(compiled(problem), ReferencePixels(none)).bound == alone

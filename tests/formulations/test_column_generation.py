@@ -37,7 +37,7 @@ from cocap_opt.formulations.result import OPTIMALITY, BoundMethod
 from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.graph.value_iteration import backward_sweep
 from cocap_opt.model import Model, compiled
-from cocap_opt.objective import objective_of
+from cocap_opt.objective import objective
 from cocap_opt.problem import NO_RULES, CollisionRules, Problem, conflicts
 from cocap_opt.referee import check
 from cocap_opt.result import Reason
@@ -79,7 +79,7 @@ def test_the_best_pair_over_all_arcs_is_the_joint_optimum(problem: Problem) -> N
     if pair is None:
         assert best.plan is None
         return
-    value = objective_of(model, [column.path for column in pair])
+    value = objective(model, [column.path for column in pair])
     assert value == pytest.approx(best.value, rel=1e-9, abs=1e-9)
     assert check(problem, model.plan([column.path for column in pair])).valid
 
@@ -200,9 +200,7 @@ def test_integral_mixtures_become_paths_with_the_same_reward() -> None:
     columns = Search(model).first_columns()[:2]
     paths = integral_paths(model, Mixture(columns, np.ones(2)))
     assert paths is not None
-    assert objective_of(model, paths) == pytest.approx(
-        objective_of(model, [c.path for c in columns])
-    )
+    assert objective(model, paths) == pytest.approx(objective(model, [c.path for c in columns]))
     half = Mixture([*columns, *columns], np.full(4, 0.5))
     assert integral_paths(model, half) == paths
     assert not ResourceUse.of(model, half).fractional()
@@ -291,11 +289,11 @@ def test_a_best_response_avoids_the_others() -> None:
     assert answer is not None
     assert not answer.conflicts_with(other, problem)
     rng = np.random.default_rng(0)
-    value = objective_of(model, [answer.path, other.path])
+    value = objective(model, [answer.path, other.path])
     for _ in range(50):
         column = Column.of(model, 0, random_path(model, 0, rng))
         if Incumbent.of(model, [column, other]) is not None:
-            assert objective_of(model, [column.path, other.path]) <= value + 1e-9
+            assert objective(model, [column.path, other.path]) <= value + 1e-9
 
 
 def test_a_mixture_is_split_by_view_sum() -> None:

@@ -21,7 +21,7 @@ from cocap_opt.formulations.relaxations.flow import Flow
 from cocap_opt.formulations.relaxations.separation import Seen
 from cocap_opt.formulations.result import Snapshot
 from cocap_opt.model import Model, Path, compiled, compiled_disaggregated
-from cocap_opt.objective import objective_of
+from cocap_opt.objective import objective
 from cocap_opt.problem import (
     NO_RULES,
     PAPER_RULES,
@@ -197,7 +197,7 @@ def test_paths_and_flows_go_over_into_one_another(problem: Problem, seed: int) -
     assert (flow.entering @ y + flow.supply == x).all()
     again = flow.paths(y)
     assert [path[0] for path in again] == [model.start(i) for i in range(len(again))]
-    assert objective_of(model, again) == pytest.approx(objective_of(model, paths))
+    assert objective(model, again) == pytest.approx(objective(model, paths))
     rows = ConflictRows.of(flow)
     used = np.concatenate([rows.at_nodes @ x, rows.crossing @ y])
     for plan in (model.plan(paths), model.plan(again)):

@@ -18,7 +18,7 @@ from cocap_opt.graph.move_rewards import NO_BONUSES, bonuses_of
 from cocap_opt.graph.timegraph import time_graph
 from cocap_opt.graph.value_iteration import backward_sweep
 from cocap_opt.model import compiled
-from cocap_opt.objective import marginal_reward, no_pixels, robot_pixels
+from cocap_opt.objective import marginal_reward
 from cocap_opt.planners.myopic import myopic
 from cocap_opt.problem import Cone, Plan, Problem, State
 from cocap_opt.referee import check
@@ -218,7 +218,7 @@ def test_their_greedy_paths_are_optima_of_their_planning_reward(name: str) -> No
     problem = load_scene(str(place / "scene.json"), 0, {"bonus": "yes"})
     plan = read_foreign_plan(place / "solution_greedy.json", problem)
     assert plan is not None
-    model, seen = compiled(problem), no_pixels(problem)
+    model, seen = compiled(problem), problem.no_pixels()
     for robot, path in enumerate(model.paths(plan)):
         robot_class = model.class_of[robot]
         reward = marginal_reward(model, robot_class, seen)
@@ -227,7 +227,7 @@ def test_their_greedy_paths_are_optima_of_their_planning_reward(name: str) -> No
             best = backward_sweep(robot_class.graph, reward, bonuses)[0, path[0]]
             theirs = views + bonuses.of_path(robot_class.graph.shape, path)
             assert (theirs == pytest.approx(best, rel=1e-12)) == exact
-        seen = seen + robot_pixels(model, robot, path)
+        seen = seen + model.robot_pixels(robot, path)
 
 
 @pytest.mark.slow
