@@ -24,7 +24,7 @@ from cocap_opt.experiments.console.options import (
 from cocap_opt.experiments.results.files import read_plans
 from cocap_opt.experiments.results.gap_table import print_gap_table
 from cocap_opt.experiments.results.judging import SOLVERS
-from cocap_opt.experiments.results.printing import print_json, titles
+from cocap_opt.experiments.results.printing import print_result, titles
 from cocap_opt.experiments.sweeps.cells import BOUND
 from cocap_opt.experiments.sweeps.instances import Instance, Settings
 from cocap_opt.experiments.sweeps.scenes import Problems, Scenes
@@ -97,7 +97,7 @@ def _gap(
     ]  # fmt: skip
     rows = sweep(instances, out, hired, retry, scenes.is_same)
     if json:
-        print_json({"rows": rows})
+        print_result({"rows": rows}, json)
     else:
         print_gap_table(rows)
     return 1 if any(row.has_error for row in rows) else 0

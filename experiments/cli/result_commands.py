@@ -17,7 +17,7 @@ from cocap_opt.experiments.cli.options import (
 )
 from cocap_opt.experiments.console.options import UsageError, choose
 from cocap_opt.experiments.results.files import check_output, save_bytes
-from cocap_opt.experiments.results.printing import path_text, print_json, print_result, print_table
+from cocap_opt.experiments.results.printing import path_text, print_result, print_table
 from cocap_opt.experiments.results.rows import COLUMNS, Row
 from cocap_opt.experiments.results.tables import AGAINST, all_tables
 from cocap_opt.experiments.sweeps.results import load_results
@@ -56,7 +56,7 @@ def _table(
     rows = chosen(load_results(folder), scene, planner)
     tables = all_tables(rows, _against(against, rows))
     if json:
-        print_json({"tables": tables})
+        print_result({"tables": tables}, json)
     elif output is None:
         sys.stdout.write(DOCUMENTS[style](tables))
     if output is not None:
@@ -115,7 +115,7 @@ def _columns(*, json: Json = False) -> int:
         for name, c in COLUMNS.items()
     ]
     if json:
-        print_json({"columns": rows})
+        print_result({"columns": rows}, json)
     else:
         print_table("columns of results.csv", rows)
     return 0

@@ -9,7 +9,7 @@ from cyclopts import Parameter
 from cocap_opt.experiments.cli.options import Json, Output, Seed, load
 from cocap_opt.experiments.console.options import UsageError, values
 from cocap_opt.experiments.results.files import check_output, save_together
-from cocap_opt.experiments.results.printing import path_text, print_json, print_result, print_table
+from cocap_opt.experiments.results.printing import path_text, print_result, print_table
 from cocap_opt.files.documents import SceneFile
 from cocap_opt.scenarios import FORMATS, SCENES
 from cocap_opt.scenarios.cameras import CAMERAS, with_camera, with_tilts
@@ -38,7 +38,9 @@ def _scenes(*, json: Json = False) -> int:
         for name, words in kind.options.allowed.items()
     ]  # fmt: skip
     if json:
-        print_json({"scenes": rows, "formats": formats, "cameras": cameras, "options": options})
+        print_result(
+            {"scenes": rows, "formats": formats, "cameras": cameras, "options": options}, json
+        )
     else:
         print_table("built-in scenes", rows)
         print_table("files that can be read in place of a scene's name", formats)
@@ -55,7 +57,7 @@ def _recipe(*, json: Json = False) -> int:
     from cocap_opt.scenarios.recipe.recipe import EXAMPLE  # its readers are slow to import
 
     if json:
-        print_json({"recipe": EXAMPLE})
+        print_result({"recipe": EXAMPLE}, json)
     else:
         sys.stdout.write(EXAMPLE)
     return 0

@@ -32,11 +32,6 @@ def _console(least: int = 0) -> Console:
     return console
 
 
-def print_json(content: Any) -> None:
-    """Prints one JSON object on one line; infinite numbers are null."""
-    sys.stdout.write(msgspec.json.encode(content).decode() + "\n")
-
-
 def path_text(path: Path) -> str:
     """Returns a path as text, in which bytes that cannot be printed are escaped."""
     return printable(str(path))
@@ -54,9 +49,12 @@ def titles(paths: Sequence[Path]) -> list[str]:
 
 
 def print_result(row: Record, json: bool) -> None:
-    """Prints the answer of a command, a line per key, or as JSON."""
+    """Prints the answer of a command: a line per key, or one JSON object on one line.
+
+    Infinite numbers are null in JSON.
+    """
     if json:
-        print_json(row)
+        sys.stdout.write(msgspec.json.encode(row).decode() + "\n")
         return
     table = Table(show_header=False, box=None)
     for key, value in row.items():

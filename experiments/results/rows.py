@@ -17,7 +17,7 @@ from msgspec import UNSET, UnsetType
 from cocap_opt.experiments.results.columns import Column
 from cocap_opt.experiments.results.judging import BOUND_METHOD, ROUNDING, Judged
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult
-from cocap_opt.problem import Plan, Problem, conflicts
+from cocap_opt.problem import Problem
 from cocap_opt.result import Reason, relative_gap
 
 _log = logging.getLogger(__name__)
@@ -142,7 +142,7 @@ class PlannedRow(PlanRow):
         """Returns the row of a plan of the gap table, with more columns by their names."""
         return PlannedRow(**{
             **_fields(PlanRow.of(problem, seed, planner, judged)),
-            "colliding": colliding(problem, judged.result.plan),
+            "colliding": judged.colliding(problem),
             "robots": len(problem.robots),
             "actors": len(problem.actors),
             "steps": problem.horizon,
@@ -301,13 +301,6 @@ def _gap(plan: PlanRow, bound: float | None) -> float | None:
     if plan.reward is None or bound is None or not plan.valid:
         return None
     return _finite(relative_gap(plan.reward, bound))
-
-
-def colliding(problem: Problem, plan: Plan | None) -> int | None:
-    """Returns the number of robots that take part in a conflict; None where there is no plan."""
-    if plan is None:
-        return None
-    return len({robot for conflict in conflicts(problem, plan) for robot in conflict.robots})
 
 
 def _finite(value: float) -> float | None:

@@ -64,7 +64,7 @@ class Output:
             self._save_run(self._folder)
 
     def _save_run(self, folder: Path) -> None:
-        RunFile.save(folder, self._before.runs, self._about_run())
+        RunFile.add_run(folder, self._before.runs, self._about_run())
 
     def rows(self) -> list[Row]:
         """Returns all rows that this run was asked for and has, in that order."""

@@ -100,7 +100,7 @@ class RunFile(Document, frozen=True, kw_only=True):
         return self.code == _rows_digest()
 
     @classmethod
-    def save(cls, folder: Path, before: Sequence[Run], run: Run) -> None:
+    def add_run(cls, folder: Path, before: Sequence[Run], run: Run) -> None:
         """Writes the file. A run that is there already, but for its time, stays as it was."""
         again = any(msgspec.structs.replace(known, began=run.began) == run for known in before)
         runs = [*before] if again else [*before, run]

@@ -57,6 +57,7 @@ def test_a_function_of_a_docstring_only_still_runs(
     assert digest_of("", tmp_path, monkeypatch) != digest_of(text, tmp_path, monkeypatch)
 
 
+@pytest.mark.slow
 def test_an_installed_package_has_the_digest_of_its_checkout(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -15,13 +15,13 @@ from strategies import examples, meetings
 from studies import rows_of, study
 
 from cocap_opt.experiments.cli.main import main as cocap_opt
-from cocap_opt.experiments.results.judging import without_rules
-from cocap_opt.experiments.results.rows import Row, colliding
+from cocap_opt.experiments.results.judging import Judged, without_rules
+from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.studies.start_sets.start_sets import PLANNERS as PLANNED
 from cocap_opt.experiments.studies.start_sets.start_sets import peers_of
 from cocap_opt.experiments.studies.start_sets.tables import SetTables
 from cocap_opt.experiments.sweeps import work
-from cocap_opt.files.documents import load_plan
+from cocap_opt.files.documents import PlanFile
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
@@ -101,7 +101,7 @@ def test_the_table_is_what_the_plans_are_worth(
     free = [PLANNERS["joint"](without_rules(problem)).value / 6 for problem in problems]
     for name, row in table.items():
         files = [out / "plans" / f"tiny-{k}-{name}.json" for k in (0, 1)]
-        verdicts = [check(p, load_plan(f).plan) for p, f in zip(problems, files, strict=True)]
+        verdicts = [check(p, PlanFile.read(f).plan) for p, f in zip(problems, files, strict=True)]
         rewards = [verdict.reward / (2 * 3) for verdict in verdicts]  # robots, rows
         assert float(row["reward"]) == pytest.approx(fmean(rewards))
         assert float(row["sd"]) == pytest.approx(stdev(rewards))
@@ -161,7 +161,7 @@ def test_rows_and_files_stay_together(sequence: Path) -> None:
     rows = rows_of(out / "results.csv")
     assert {row["seed"] for row in rows} == {"1"}  # set 0 is of the scene as it was
     for row in rows:
-        plan = load_plan(out / "plans" / f"tiny-{row['seed']}-{row['planner']}.json")
+        plan = PlanFile.read(out / "plans" / f"tiny-{row['seed']}-{row['planner']}.json")
         assert (plan.digest, repr(plan.reward)) == (row["digest"], row["reward"])
 
 
@@ -196,7 +196,7 @@ def test_their_plan_is_held_against_the_same_bound(with_peer: Path) -> None:
     problem = load_scene(str(with_peer), 0, {"start-set": "yaml"})
     theirs, best = rows["theirs"], PLANNERS["joint"](problem).value
     hovering = Plan(paths=tuple((robot.start,) * 3 for robot in problem.robots))
-    verdict = check(problem, load_plan(out / "plans/tiny-own-starts-own-cocap.json").plan)
+    verdict = check(problem, PlanFile.read(out / "plans/tiny-own-starts-own-cocap.json").plan)
     assert float(rows["cocap"]["J"]) == verdict.reward
     expected = check(problem, hovering).reward
     assert float(theirs["J"]) == pytest.approx(expected)
@@ -295,10 +295,11 @@ def test_robots_that_collide_are_those_that_the_referee_names(problem: Problem) 
     """A robot is counted once, however many conflicts it takes part in, and with whom."""
     plan = PLANNERS["greedy"](problem).plan
     if plan is None:
-        assert colliding(problem, plan) is None
         return
     named = re.findall(r"drones (\d+) and (\d+)", " ".join(check(problem, plan).conflicts))
-    assert colliding(problem, plan) == len({robot for pair in named for robot in pair})
+    assert Judged.of_plan(problem, plan).colliding(problem) == len(
+        {robot for pair in named for robot in pair}
+    )
 
 
 @pytest.mark.parametrize("name", ["corridor", "split"])

@@ -15,6 +15,7 @@ from pathlib import Path
 import msgspec
 import pytest
 from distributed import Client, LocalCluster
+from sources import reached
 
 from cocap_opt.experiments.cli import commands
 from cocap_opt.experiments.console.progress import Watch
@@ -46,7 +47,7 @@ from cocap_opt.experiments.sweeps.run_file import RunFile
 from cocap_opt.experiments.sweeps.start import Start
 from cocap_opt.experiments.sweeps.sweep import Hired, sweep
 from cocap_opt.experiments.sweeps.work import Task
-from cocap_opt.files.documents import decode, load_plan, load_problem, problem_digest
+from cocap_opt.files.documents import PlanFile, SceneFile, decode, problem_digest
 from cocap_opt.formulations.certificates import decode_certificate
 from cocap_opt.formulations.result import hovering
 from cocap_opt.model import compiled
@@ -235,9 +236,9 @@ def test_the_files_that_rows_name_prove_them(tmp_path: Path) -> None:
         rows = swept(instances(range(1), settings=settings), tmp_path)
         assert untimed(load_results(tmp_path)) == untimed(rows)
         for row in rows:
-            assert load_plan(tmp_path / Paths(row).plan).reward == row.reward
-            scene = load_problem(tmp_path / Paths(row).scene)
-            assert problem_digest(scene) == load_plan(tmp_path / Paths(row).plan).digest
+            assert PlanFile.read(tmp_path / Paths(row).plan).reward == row.reward
+            scene = SceneFile.read(tmp_path / Paths(row).scene).problem
+            assert problem_digest(scene) == PlanFile.read(tmp_path / Paths(row).plan).digest
             for key, free in (("bound", False), ("bound_free", True)):
                 last = Trace.load(tmp_path / Paths(row).trace(free)).snapshots[-1]
                 bound = getattr(row, key)
@@ -440,6 +441,19 @@ def test_a_cell_of_other_settings_is_another_cell(
 
 def test_the_code_is_all_that_cells_depend_on(monkeypatch: pytest.MonkeyPatch) -> None:
     """Other code beside the planners, and other versions of libraries, make other cells."""
+    prefix = "cocap_opt.experiments."
+    own = {name for name in reached(f"{prefix}sweeps.work") if name.startswith(prefix)}
+    silent = {
+        "console.progress",
+        "console.streams",
+        "results.columns",
+        "results.layout",
+        "results.printing",
+    }  # they compute nothing
+    fronts = {"console", "results", "sweeps"}
+    computing = {name.removeprefix(prefix) for name in own} - silent - fronts
+    named = {name.removeprefix(prefix) for name in cells_module._MODULES if prefix in name}
+    assert computing | {"sweeps.work"} == named
     digests = {cells_digest()}
     with monkeypatch.context() as patch:
         patch.setattr(cells_module, "version", lambda name: "0.0")
@@ -911,9 +925,9 @@ def test_an_exported_scene_takes_no_seed_of_another(
     assert seeds_of(folder) == [("corridor", seed) for seed in (1, 2, 3)]
     assert "a scene that now has another seed" in capsys.readouterr().err
     for row in load_results(folder):
-        problem = load_problem(folder / Paths(row).scene)
+        problem = SceneFile.read(folder / Paths(row).scene).problem
         assert problem_digest(problem) == row.digest
-        assert check(problem, load_plan(folder / Paths(row).plan).plan).reward == row.reward
+        assert check(problem, PlanFile.read(folder / Paths(row).plan).plan).reward == row.reward
 
 
 def test_an_edited_scene_leaves_its_old_rows(
