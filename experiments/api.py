@@ -11,7 +11,6 @@ from cocap_opt.files.documents import (
     decode_document,
     problem_digest,
     read_bytes,
-    save_document,
 )
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.certificates.checking import verify as verify_bound
@@ -308,7 +307,7 @@ def save(
         else content if isinstance(content, CertificateFile | ProofFile)
         else _plan_file(content, problem)
     )  # fmt: skip
-    save_document(Path(path), document)
+    document.save(Path(path))
 
 
 def read(path: str | Path) -> Problem | Plan | Bound:

@@ -2,7 +2,7 @@
 
 import hashlib
 from pathlib import Path
-from typing import Any, Literal, TypeVar, get_args, get_type_hints
+from typing import Any, Literal, Self, TypeVar, get_args, get_type_hints
 
 import msgspec
 import numpy as np
@@ -25,8 +25,32 @@ class Document(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     fields, and files of a newer version, are refused in words.
     """
 
+    @classmethod
+    def read(cls, path: Path) -> Self:
+        """Read a file of this kind.
 
-class Header(msgspec.Struct):
+        Raises
+        ------
+        FileError
+            If it cannot be used; one line with its name, the field and what is allowed.
+        """
+        return decode_document(read_bytes(path), str(path), cls)
+
+    def save(self, path: Path) -> None:
+        """Write the file, whole or not at all; reading it gives the same content, bit for bit.
+
+        Raises
+        ------
+        FileError
+            If it cannot be written; one line with its name.
+        """
+        try:
+            write_atomically(path, encode(self))
+        except OSError as error:
+            raise FileError(f"{path}: {error.strerror}") from error
+
+
+class _Header(msgspec.Struct):
     """The fields that tell what kind of document a file is; others are not looked at."""
 
     format: str
@@ -102,7 +126,7 @@ def decode_document(content: bytes, name: str, *kinds: type[D]) -> D:
         One line with the file's name, the field and what is allowed: another kind of file, a
         version that is not read, an unknown field, a value out of range.
     """
-    header = decode(content, Header, name)
+    header = decode(content, _Header, name)
     formats = {_default(kind, "format"): kind for kind in kinds}
     if header.format not in formats:
         allowed = " or ".join(repr(known) for known in formats)
@@ -128,30 +152,6 @@ def read_bytes(path: Path) -> bytes:
         raise FileError(f"{path}: {error.strerror}") from error
 
 
-def load_problem(path: Path) -> Problem:
-    """Read a scene file."""
-    return decode_document(read_bytes(path), str(path), SceneFile).problem
-
-
-def save_problem(path: Path, problem: Problem) -> None:
-    """Write a scene file; reading it gives the same problem, bit for bit."""
-    write_atomically(path, encode(SceneFile(problem=problem)))
-
-
-def save_document(path: Path, content: Document) -> None:
-    """Write a document, whole or not at all.
-
-    Raises
-    ------
-    FileError
-        If it cannot be written; one line with its name.
-    """
-    try:
-        write_atomically(path, encode(content))
-    except OSError as error:
-        raise FileError(f"{path}: {error.strerror}") from error
-
-
 def problem_digest(problem: Problem) -> str:
     """Digest of everything in a problem but its name."""
     content = msgspec.json.encode(problem.replace(name=""), enc_hook=_encode_array)
@@ -159,13 +159,3 @@ def problem_digest(problem: Problem) -> str:
     again = msgspec.json.decode(content, type=Problem, dec_hook=_decode_array)
     content = msgspec.json.encode(again, enc_hook=_encode_array)
     return hashlib.sha256(content).hexdigest()
-
-
-def load_plan(path: Path) -> PlanFile:
-    """Read a plan file."""
-    return decode_document(read_bytes(path), str(path), PlanFile)
-
-
-def save_plan(path: Path, content: PlanFile) -> None:
-    """Write a plan file."""
-    write_atomically(path, encode(content))

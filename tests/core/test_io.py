@@ -14,18 +14,7 @@ from hypothesis import strategies as st
 from strategies import examples, problems, tiny
 
 from cocap_opt.data import FOCAL, LARGEST, MOST_WEIGHT, SMALLEST
-from cocap_opt.files.documents import (
-    FileError,
-    PlanFile,
-    SceneFile,
-    decode,
-    encode,
-    load_plan,
-    load_problem,
-    problem_digest,
-    save_plan,
-    save_problem,
-)
+from cocap_opt.files.documents import FileError, PlanFile, SceneFile, decode, encode, problem_digest
 from cocap_opt.problem import (
     Actor,
     Camera,
@@ -125,12 +114,12 @@ def test_scene_file_keeps_problems_of_all_kinds(problem: Problem) -> None:
 def test_files_on_disk(tmp_path: Path) -> None:
     """Saving and loading goes through real files."""
     problem, path = tiny(), tmp_path / "scene.json"
-    save_problem(path, problem)
-    assert exact(load_problem(path)) == exact(problem)
+    SceneFile(problem=problem).save(path)
+    assert exact(SceneFile.read(path).problem) == exact(problem)
     plan = Plan(paths=tuple((robot.start,) * 3 for robot in problem.robots))
     content = PlanFile(scene="tiny", digest="d", planner="none", reward=0.1 + 0.2, plan=plan)
-    save_plan(tmp_path / "plan.json", content)
-    again = load_plan(tmp_path / "plan.json")
+    content.save(tmp_path / "plan.json")
+    again = PlanFile.read(tmp_path / "plan.json")
     assert again == content
     assert all(isinstance(state, State) for path in again.plan.paths for state in path)
 
@@ -260,7 +249,7 @@ def refused(path: Path, content: bytes) -> str:
     """Message of the one-line FileError that reading the content as a scene raises."""
     path.write_bytes(content)
     with pytest.raises(FileError) as caught:
-        load_problem(path)
+        SceneFile.read(path)
     message = str(caught.value)
     assert message.startswith(f"{path}: ")
     assert "\n" not in message
@@ -330,7 +319,7 @@ def test_missing_file_and_folder_are_refused(tmp_path: Path) -> None:
     """A path that is not there, or is a folder, is a FileError that names it."""
     for path in (tmp_path / "nowhere.json", tmp_path):
         with pytest.raises(FileError, match=r": \w") as caught:
-            load_problem(path)
+            SceneFile.read(path)
         assert str(caught.value).startswith(f"{path}: ")
 
 
@@ -338,9 +327,9 @@ def test_a_plan_file_is_no_scene_file(tmp_path: Path) -> None:
     """Each kind of file is refused as the other one."""
     plan = PlanFile(scene="s", digest="d", planner="p", reward=1.0, plan=Plan(paths=()))
     refused(tmp_path / "plan.json", encode(plan))
-    save_problem(tmp_path / "scene.json", tiny())
+    SceneFile(problem=tiny()).save(tmp_path / "scene.json")
     with pytest.raises(FileError, match="format"):
-        load_plan(tmp_path / "scene.json")
+        PlanFile.read(tmp_path / "scene.json")
 
 
 @pytest.mark.parametrize(
@@ -362,7 +351,7 @@ def test_wrong_plan_file_is_refused(field: str, value: object, tmp_path: Path) -
     path = tmp_path / "plan.json"
     path.write_text(json.dumps(content))
     with pytest.raises(FileError, match=field) as caught:
-        load_plan(path)
+        PlanFile.read(path)
     assert str(caught.value).startswith(f"{path}: ")
 
 
@@ -371,7 +360,7 @@ def test_a_killed_write_leaves_the_old_file(
 ) -> None:
     """A write that dies before its end leaves the old file whole and nothing beside it."""
     path = tmp_path / "scene.json"
-    save_problem(path, tiny())
+    SceneFile(problem=tiny()).save(path)
     before = path.read_bytes()
 
     def killed(*_: object) -> None:
@@ -379,7 +368,7 @@ def test_a_killed_write_leaves_the_old_file(
 
     monkeypatch.setattr(os, "replace", killed)
     with pytest.raises(KeyboardInterrupt):
-        save_problem(path, tiny().replace(horizon=1))
+        SceneFile(problem=tiny().replace(horizon=1)).save(path)
     assert path.read_bytes() == before
     assert list(tmp_path.iterdir()) == [path]
 
@@ -387,6 +376,6 @@ def test_a_killed_write_leaves_the_old_file(
 def test_files_are_as_readable_as_other_new_files(tmp_path: Path) -> None:
     """A written file has the mode that the user's umask gives any new file."""
     path, other = tmp_path / "scene.json", tmp_path / "other"
-    save_problem(path, tiny())
+    SceneFile(problem=tiny()).save(path)
     other.write_text("")
     assert path.stat().st_mode == other.stat().st_mode

@@ -22,7 +22,7 @@ from cocap_opt.experiments.results.gap_table import print_gap_table
 from cocap_opt.experiments.results.judging import run_planner
 from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.sweeps.scenes import Scenes
-from cocap_opt.files.documents import save_problem
+from cocap_opt.files.documents import SceneFile
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.model import compiled
 from cocap_opt.planners import PLANNERS
@@ -147,7 +147,7 @@ def test_gap_never_writes_two_scenes_into_one_file(
     names = ["a b", "a/b", "a_b", "A_b", "x" * 300, "x" * 301, "..", "\udcff", "b.json"]
     scenes = [tmp_path / name for name in ("a.json", "b.json", *map("{}.json".format, range(8)))]
     for scene, name in zip(scenes, ["a_b", *names], strict=True):
-        save_problem(scene, SCENES["tiny-share"](0).replace(name=name))
+        SceneFile(problem=SCENES["tiny-share"](0).replace(name=name)).save(scene)
     out = tmp_path / "out"
     run = Run(capsys, "gap", *scenes, "--planner", "greedy", "--out", out, "--json")
     assert run.code == 0
@@ -208,7 +208,7 @@ def test_a_scene_without_rules_is_bounded_once(
 ) -> None:
     """Its one certificate is that of the problem without rules."""
     scene = tmp_path / "scene.json"
-    save_problem(scene, SCENES["tiny-queue"](0).replace(rules=NO_RULES))
+    SceneFile(problem=SCENES["tiny-queue"](0).replace(rules=NO_RULES)).save(scene)
     run = Run(capsys, "gap", scene, "--planner", "cocap", "--out", tmp_path / "o", "--json")
     (row,) = run.json["rows"]
     assert (row["gap"], row["certificate"]) == (row["gap_free"], row["certificate_free"])

@@ -19,7 +19,7 @@ from cocap_opt.experiments.report import player_scene
 from cocap_opt.experiments.report.figures import blocked_cells, robot_colour
 from cocap_opt.experiments.report.player import Player, player_data, player_page, seen_pixels
 from cocap_opt.experiments.studies.pictures import go_to, has_browser, opened, resize
-from cocap_opt.files.documents import load_plan
+from cocap_opt.files.documents import PlanFile
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import Actor, Camera, Cone, Motion, Plan, Prism, Problem, Robot, State
 from cocap_opt.referee import check
@@ -282,7 +282,7 @@ def test_show_takes_one_plan_or_more(plans: Path, tmp_path: Path) -> None:
         assert run("show", "bottleneck", *files, "-o", page) == 0
         shown = told(page.read_text(encoding="utf-8"))["plans"]
         assert [plan["title"] for plan in shown] == titles
-        assert shown[-1]["reward"] == load_plan(files[-1]).reward
+        assert shown[-1]["reward"] == PlanFile.read(files[-1]).reward
 
 
 @pytest.mark.parametrize(
@@ -387,7 +387,9 @@ def test_two_plans_stand_side_by_side(player: Any) -> None:
 def test_the_slider_sets_the_step(player: Any, plans: Path) -> None:
     """The reward shown is the referee's for that step, and so are the conflicts."""
     problem = load_scene("bottleneck", 0)
-    verdicts = [check(problem, load_plan(plans / f"{n}.json").plan) for n in ("greedy", "cocap")]
+    verdicts = [
+        check(problem, PlanFile.read(plans / f"{n}.json").plan) for n in ("greedy", "cocap")
+    ]
     for step in (1, 6, problem.horizon):
         go_to(player, step)
         assert step_of(player) == step

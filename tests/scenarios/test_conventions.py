@@ -12,7 +12,7 @@ from scene_files import SEQUENCE, STARTS
 
 from cocap_opt.data import ProblemError
 from cocap_opt.experiments.cli.main import main
-from cocap_opt.files.documents import FileError, load_problem, problem_digest
+from cocap_opt.files.documents import FileError, SceneFile, problem_digest
 from cocap_opt.graph.move_rewards import bonuses_of
 from cocap_opt.graph.value_iteration import backward_sweep
 from cocap_opt.model import compiled
@@ -155,7 +155,7 @@ def test_export_writes_the_scene_as_the_options_say(sequence: Path) -> None:
         main(["export", str(sequence), *words, "-o", str(file)])
     assert caught.value.code == 0
     expected = greedy_perspectives.read(sequence, 0, {"conventions": "ours", "start-set": "yaml"})
-    assert problem_digest(load_problem(file)) == problem_digest(expected)
+    assert problem_digest(SceneFile.read(file).problem) == problem_digest(expected)
 
 
 @pytest.mark.parametrize(

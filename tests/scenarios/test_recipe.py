@@ -448,13 +448,13 @@ def test_the_bridge_changes_the_plan() -> None:
 
 def test_a_mesh_survives_a_file(tmp_path: Path) -> None:
     """Scene files keep meshes and datum, bit for bit."""
-    from cocap_opt.files.documents import load_problem, problem_digest, save_problem
+    from cocap_opt.files.documents import SceneFile, problem_digest
 
     problem = load_scene("bridge", 2)
     heights = problem.height_map
     problem = problem.replace(height_map=heights.replace(datum=heights.heights / 3))
-    save_problem(tmp_path / "scene.json", problem)
-    again = load_problem(tmp_path / "scene.json")
+    SceneFile(problem=problem).save(tmp_path / "scene.json")
+    again = SceneFile.read(tmp_path / "scene.json").problem
     assert problem_digest(again) == problem_digest(problem)
     assert isinstance(again.meshes[0], Mesh)
     np.testing.assert_array_equal(again.meshes[0].vertices, problem.meshes[0].vertices)

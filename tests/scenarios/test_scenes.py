@@ -17,7 +17,7 @@ from brute_force import optimum
 from scene_files import SMALL_SEQUENCE
 
 from cocap_opt.data import FloatArray, ProblemError
-from cocap_opt.files.documents import FileError, problem_digest, save_problem
+from cocap_opt.files.documents import FileError, SceneFile, problem_digest
 from cocap_opt.formulations import BOUNDS
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import (
@@ -442,7 +442,7 @@ def files(tmp_path: Path) -> Path:
     (tmp_path / "seq.yaml").write_text(SMALL_SEQUENCE)
     (tmp_path / "tiny.map").write_text(MAP)
     (tmp_path / "tiny.scen").write_text(SCENARIO.format(0, 1, 0, 1))
-    save_problem(tmp_path / "own.json", SCENES["tiny-share"](0))
+    SceneFile(problem=SCENES["tiny-share"](0)).save(tmp_path / "own.json")
     return tmp_path
 
 
