@@ -3,7 +3,8 @@
 Files of results and of coverage name the code that made them. A comment that is mended, or a line
 that is broken elsewhere, changes no result; so the digest is not of the files' bytes but of their
 syntax trees, without comments, layout and docstrings. Any other change counts, even one that
-computes the same in the end, such as another name of a variable.
+computes the same in the end, such as another name of a variable. Versions of Python may write a
+tree in different ways, so digests are the same under one version, and need not be under two.
 """
 
 import ast

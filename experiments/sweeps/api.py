@@ -75,7 +75,9 @@ def gap(
     if work_limit is not None and work_limit < 0:
         raise ValueError(f"work_limit: must be at least 0, not {work_limit}")
     given = [scenes] if isinstance(scenes, str | Path | Problem) else list(scenes)
-    named = Scenes([str(scene) for scene in given if not isinstance(scene, Problem)], seeds)
+    named = Scenes(
+        [str(scene) for scene in given if not isinstance(scene, Problem)], seeds, tell=_nobody
+    )
     problems = [(problem, seed) for (_, seed), problem in named.problems.items()]
     problems += [(scene, 0) for scene in given if isinstance(scene, Problem)]
     names = [(problem.name, seed) for problem, seed in problems]
@@ -87,3 +89,7 @@ def gap(
     folder = None if out is None else Path(out)
     rows = sweep(instances, folder, hired, is_same=named.is_same, quiet=True)
     return DataFrame(Row.records(rows))
+
+
+def _nobody(message: str) -> None:
+    """Says nothing: the table says it."""

@@ -18,6 +18,10 @@ class Scenes:
     Seeds that make the same scene are one sample, not many; it is that of the first of them, or
     of seed 0 if that makes it.
 
+    Parameters
+    ----------
+    tell : is told which seeds make the same scene
+
     Attributes
     ----------
     problems : by scene as typed and seed, told apart by their names
@@ -28,11 +32,12 @@ class Scenes:
         names: Sequence[str],
         seeds: Sequence[int],
         load: Callable[[str, int], Problem] = load_scene,
+        tell: Callable[[str], None] = say,
     ) -> None:
         self.problems = self.told_apart({
             (name, seed): problem
             for name in dict.fromkeys(names)
-            for seed, problem in _seeded(name, seeds, load).items()
+            for seed, problem in _seeded(name, seeds, load, tell).items()
         })  # fmt: skip
         self._words = {problem.name: name for (name, _), problem in self.problems.items()}
 
@@ -61,7 +66,10 @@ class Scenes:
 
 
 def _seeded(
-    scene: str, seeds: Sequence[int], load: Callable[[str, int], Problem]
+    scene: str,
+    seeds: Sequence[int],
+    load: Callable[[str, int], Problem],
+    tell: Callable[[str], None],
 ) -> dict[int, Problem]:
     first = {_digest(scene, 0): 0} if any(seeds) else {}
     found: dict[int, Problem] = {}
@@ -74,7 +82,7 @@ def _seeded(
             again.append(f"{seed} makes the scene of seed {known}")
     if again:
         more = f", and {len(again) - 1} more likewise" if again[1:] else ""
-        say(f"{scene}: seed {again[0]}{more}; each scene is taken once")
+        tell(f"{scene}: seed {again[0]}{more}; each scene is taken once")
     return found
 
 

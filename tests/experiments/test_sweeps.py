@@ -356,6 +356,8 @@ def test_the_gap_table_is_a_function(capsys: pytest.CaptureFixture[str], tmp_pat
     assert list(frame.scene) == ["tiny-queue", "tiny-queue", "field-2", "field-2"]
     rows = load_results(tmp_path)
     assert list(frame.reward) == [row.reward for row in rows]
+    assert len(gap_frame("tiny-queue", ["greedy"], seeds=range(3), time_limit=0.0)) == 1
+    assert capsys.readouterr() == ("", "")
     assert gap_frame("tiny-queue", ["cocap"], work_limit=0).bound_limit[0] == "work"
     for wrong in ({"planners": ["best"]}, {"time_limit": -1.0}, {"work_limit": -1}):
         with pytest.raises(ValueError, match="must be"):
