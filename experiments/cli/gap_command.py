@@ -38,7 +38,7 @@ def _gap(
         list[str] | None,
         Parameter(negative="", help=f"may be repeated; one of {', '.join(SOLVERS)}"),
     ] = None,
-    seeds: Annotated[str, Parameter(help="e.g. 0-9 or 0,3,7")] = "0",
+    seeds: Annotated[str, Parameter(help="such as 0-9 or 0,3,7")] = "0",
     time_limit: Seconds = DEFAULT_SECONDS,
     work_limit: Work = None,
     bound_limit: Annotated[
@@ -62,7 +62,7 @@ def _gap(
     ] = None,
     cell_limit: Annotated[
         float | None,
-        Parameter(help="of workers: seconds after which one gives a planner or a bound up"),
+        Parameter(help="seconds after which a worker gives up a planner or a bound"),
     ] = None,
     retry: Annotated[
         bool, Parameter(negative="", help="try again what has failed in the folder of --out")
@@ -118,7 +118,7 @@ def _settings(
 def _hired(
     workers: int | None, scheduler: str | None, cell_limit: float | None, settings: Settings
 ) -> Hired:
-    """Returns who computes, as the options have it."""
+    """Returns the workers that the options name."""
     if workers is not None and scheduler is not None:
         raise UsageError("--workers: a scheduler has its own; leave one of the two options out")
     check_workers("--workers", workers)

@@ -18,7 +18,7 @@ SECONDS_BETWEEN_LINES = 10.0  # where standard error is no terminal
 
 
 class Watch:
-    """Is told how far a command is, and shows it; as it is made here, it shows nothing.
+    """Shows how far a command is, as it is told; without `watching` nothing is shown.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Who computes cells: this process, or the workers of a dask cluster."""
+"""The crew that computes cells: this process, or the workers of a dask cluster."""
 
 from typing import Protocol
 

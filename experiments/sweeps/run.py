@@ -1,4 +1,4 @@
-"""A run: which cells are missing, and who computes them.
+"""Runs the missing cells of a sweep on a crew.
 
 The planners' cells of an instance come first, then its bound, which begins with the best of their
 plans.

@@ -20,7 +20,7 @@ from cocap_opt.stop import Stop, catch_interrupt
 
 
 class Hired(NamedTuple):
-    """Who computes: this process, so many workers of its own, or those of a scheduler."""
+    """The workers of a sweep: this process, several of its own, or those of a scheduler."""
 
     workers: int | None = None
     scheduler: str | None = None
@@ -28,7 +28,7 @@ class Hired(NamedTuple):
 
     @property
     def words(self) -> str:
-        """Who computes, in words."""
+        """The workers in words."""
         if self.scheduler is not None:
             return self.scheduler
         return "this process" if self.workers is None else f"{self.workers} processes"
