@@ -33,52 +33,77 @@ class TopView(NamedTuple):
     walks: Sequence[FloatArray]  # per person [T+1, 2] m
     flights: Sequence[FloatArray]  # per drone [T+1, 3] x, y (m) and yaw (rad); or its start [1, 3]
 
+    def draw(self, ax: Axes | None = None) -> Axes:
+        """Draw the map, the walks of people from a cross to a disc, and the drones' flights.
 
-def draw(view: TopView, ax: Axes | None = None) -> Axes:
-    """Draw the map, the walks of people from a cross to a disc, and the drones' flights.
+        A ring marks where each drone starts; the line at each of its places shows its heading.
+        """
+        if ax is None:
+            from matplotlib.figure import Figure
 
-    A ring marks where each drone starts; the line at each of its places shows its heading.
-    """
-    if ax is None:
-        from matplotlib.figure import Figure
+            width, depth = self.kinds.shape
+            size = min(max(5.0 * depth / width, 1.2), 9.0)  # inches, of the map
+            whole = size + 0.9
+            figure = Figure(figsize=(5.6, whole), dpi=100)
+            ax = figure.add_axes((0.12, 0.6 / whole, 0.84, size / whole))
+        self.draw_map(ax)
+        for number, walk in enumerate(self.walks):
+            ax.plot(*walk.T, color=PERSON, lw=1, ls=":", zorder=3)
+            ax.plot(*walk[0], marker="x", color=PERSON, ms=4, zorder=3)
+            _draw_numbered_disc(ax, walk[-1], PERSON, number)
+        for number, flight in enumerate(self.flights):
+            _draw_flight(ax, flight, DRONE_COLOURS[number % len(DRONE_COLOURS)], number, self.cell)
+        self._draw_legend(ax)
+        return ax
 
-        width, depth = view.kinds.shape
-        size = min(max(5.0 * depth / width, 1.2), 9.0)  # inches, of the map
-        whole = size + 0.9
-        figure = Figure(figsize=(5.6, whole), dpi=100)
-        ax = figure.add_axes((0.12, 0.6 / whole, 0.84, size / whole))
-    draw_map(ax, view)
-    for number, walk in enumerate(view.walks):
-        ax.plot(*walk.T, color=PERSON, lw=1, ls=":", zorder=3)
-        ax.plot(*walk[0], marker="x", color=PERSON, ms=4, zorder=3)
-        _draw_numbered_disc(ax, walk[-1], PERSON, number)
-    for number, flight in enumerate(view.flights):
-        _draw_flight(ax, flight, DRONE_COLOURS[number % len(DRONE_COLOURS)], number, view.cell)
-    _draw_legend(ax, view)
-    return ax
+    def draw_map(self, ax: Axes) -> None:
+        """Draw the cells of a scene, in axes of world coordinates."""
+        from matplotlib.colors import ListedColormap
+        from matplotlib.ticker import MaxNLocator, ScalarFormatter
 
+        (x, y), (width, depth) = self.corner, self.kinds.shape
+        extent = (x, x + width * self.cell, y, y + depth * self.cell)
+        ax.imshow(
+            self.kinds.T, origin="lower", extent=extent, vmin=0, vmax=2, interpolation="nearest",
+            cmap=ListedColormap([GROUND, COVERED, WALL]), zorder=0,
+        )  # fmt: skip
+        ax.set_aspect("equal")
+        ax.set_xlim(*extent[:2])  # what is drawn later must not move the frame
+        ax.set_ylim(*extent[2:])
+        for axis, corner in ((ax.xaxis, x), (ax.yaxis, y)):
+            axis.set_major_locator(MaxNLocator(6))
+            # Map coordinates have seven digits; the digits that all of them share are shown once.
+            shared = corner // 1000 * 1000 if abs(corner) >= 10_000 else 0.0
+            axis.set_major_formatter(ScalarFormatter(useOffset=shared))
+        ax.set_xlabel("x (m)")
+        ax.set_ylabel("y (m)")
 
-def draw_map(ax: Axes, view: TopView) -> None:
-    """Draw the cells of a scene, in axes of world coordinates."""
-    from matplotlib.colors import ListedColormap
-    from matplotlib.ticker import MaxNLocator, ScalarFormatter
+    def _draw_legend(self, ax: Axes) -> None:
+        from matplotlib.lines import Line2D
+        from matplotlib.patches import Patch
 
-    (x, y), (width, depth) = view.corner, view.kinds.shape
-    extent = (x, x + width * view.cell, y, y + depth * view.cell)
-    ax.imshow(
-        view.kinds.T, origin="lower", extent=extent, vmin=0, vmax=2, interpolation="nearest",
-        cmap=ListedColormap([GROUND, COVERED, WALL]), zorder=0,
-    )  # fmt: skip
-    ax.set_aspect("equal")
-    ax.set_xlim(*extent[:2])  # what is drawn later must not move the frame
-    ax.set_ylim(*extent[2:])
-    for axis, corner in ((ax.xaxis, x), (ax.yaxis, y)):
-        axis.set_major_locator(MaxNLocator(6))
-        # Map coordinates have seven digits; the digits that all of them share are shown once.
-        shared = corner // 1000 * 1000 if abs(corner) >= 10_000 else 0.0
-        axis.set_major_formatter(ScalarFormatter(useOffset=shared))
-    ax.set_xlabel("x (m)")
-    ax.set_ylabel("y (m)")
+        def disc(colour: str, label: str) -> Line2D:
+            return Line2D([], [], marker="o", ls="none", color=colour, mec="black", label=label)
+
+        handles: list[Patch | Line2D] = []
+        if self.flights:
+            flown = any(len(flight) > 1 for flight in self.flights)
+            handles.append(disc(DRONE_COLOURS[0], "drones" if flown else "drones' starts"))
+        if self.walks:
+            handles.append(disc(PERSON, "people"))
+        words = {1: (COVERED, "something above"), 2: (WALL, f"blocks flight at {self.height:g} m")}
+        for kind, (colour, label) in words.items():
+            if (self.kinds == kind).any():
+                handles.append(Patch(color=colour, label=label))
+        ax.legend(handles=handles, fontsize=6, loc="best", framealpha=0.85)
+
+    def image(self) -> str:
+        """Draw an HTML image that needs no file."""
+        content = io.BytesIO()
+        figure = self.draw().get_figure(root=True)
+        assert figure is not None
+        figure.savefig(content, format="png")
+        return f'<img src="data:image/png;base64,{base64.b64encode(content.getvalue()).decode()}">'
 
 
 def _draw_flight(ax: Axes, flight: FloatArray, colour: str, number: int, cell: float) -> None:
@@ -101,32 +126,3 @@ def _draw_numbered_disc(ax: Axes, at: FloatArray, colour: str, number: int) -> N
 def _write_number(ax: Axes, at: FloatArray, number: int, colour: str) -> None:
     x, y = at.tolist()
     ax.text(x, y, str(number), color=colour, fontsize=6, ha="center", va="center", zorder=9)
-
-
-def _draw_legend(ax: Axes, view: TopView) -> None:
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
-    def disc(colour: str, label: str) -> Line2D:
-        return Line2D([], [], marker="o", ls="none", color=colour, mec="black", label=label)
-
-    handles: list[Patch | Line2D] = []
-    if view.flights:
-        flown = any(len(flight) > 1 for flight in view.flights)
-        handles.append(disc(DRONE_COLOURS[0], "drones" if flown else "drones' starts"))
-    if view.walks:
-        handles.append(disc(PERSON, "people"))
-    words = {1: (COVERED, "something above"), 2: (WALL, f"blocks flight at {view.height:g} m")}
-    for kind, (colour, label) in words.items():
-        if (view.kinds == kind).any():
-            handles.append(Patch(color=colour, label=label))
-    ax.legend(handles=handles, fontsize=6, loc="best", framealpha=0.85)
-
-
-def inline_image(ax: Axes) -> str:
-    """HTML image of the axes' figure, which needs no file."""
-    content = io.BytesIO()
-    figure = ax.get_figure(root=True)
-    assert figure is not None
-    figure.savefig(content, format="png")
-    return f'<img src="data:image/png;base64,{base64.b64encode(content.getvalue()).decode()}">'

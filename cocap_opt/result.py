@@ -9,7 +9,6 @@ from enum import StrEnum
 from functools import wraps
 from typing import TYPE_CHECKING, ParamSpec, Self, TypeVar, cast
 
-from cocap_opt import drawing
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.stop import Clock, Limit
 
@@ -96,8 +95,9 @@ class Result:
     def _repr_html_(self) -> str:
         """Describe the result in a notebook, with a picture of its plan."""
         words = f"<pre>{html.escape(self.summary())}</pre>"
-        drawn = self.problem is not None and self.plan is not None
-        return words + (drawing.inline_image(self.plot()) if drawn else "")
+        if self.problem is None or self.plan is None:
+            return words
+        return words + self.problem.top_view(self.plan).image()
 
 
 def relative_gap(value: float, bound: float) -> float:

@@ -20,7 +20,6 @@ from typing import TYPE_CHECKING, Protocol
 import msgspec
 import numpy as np
 
-from cocap_opt import drawing
 from cocap_opt.data import (
     MOST_STEPS,
     Data,
@@ -32,6 +31,7 @@ from cocap_opt.data import (
     whole,
     within,
 )
+from cocap_opt.drawing import TopView
 from cocap_opt.problem.actor import Actor
 from cocap_opt.problem.motion import Cell, Motion, State
 from cocap_opt.problem.objective import Objective
@@ -156,7 +156,7 @@ class Problem(Data, frozen=True, eq=False, dict=True):
 
     def _repr_html_(self) -> str:
         """Describes the problem in a notebook, with a picture."""
-        return f"<p>{html.escape(repr(self))}</p>{drawing.inline_image(self.plot())}"
+        return f"<p>{html.escape(repr(self))}</p>{self.top_view().image()}"
 
     def plot(self, plan: "_Paths | None" = None, ax: "Axes | None" = None) -> "Axes":
         """Draws the scene from above, with the flights of a plan or the drones' starts.
@@ -166,9 +166,9 @@ class Problem(Data, frozen=True, eq=False, dict=True):
         plan : a plan, or any object with `paths`
         ax : matplotlib axes; a figure of its own if not given
         """
-        return drawing.draw(self.top_view(plan), ax)
+        return self.top_view(plan).draw(ax)
 
-    def top_view(self, plan: "_Paths | None" = None) -> drawing.TopView:
+    def top_view(self, plan: "_Paths | None" = None) -> TopView:
         """Returns the scene from above, with the flights of a plan or the drones' starts."""
         lowest = self.layers[0]
         clearance = max(
@@ -188,7 +188,7 @@ class Problem(Data, frozen=True, eq=False, dict=True):
             )
             for r, path in zip(self.robots, paths, strict=True)
         ]
-        return drawing.TopView(
+        return TopView(
             kinds=np.where(blocked, 2, np.where(covered, 1, 0)),
             corner=self.height_map.origin,
             cell=self.height_map.resolution,

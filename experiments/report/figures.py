@@ -60,7 +60,7 @@ def draw_terrain(ax: Axes, problem: Problem) -> Axes:
     above or below.
     """
     view = problem.top_view()
-    drawing.draw_map(ax, view)
+    view.draw_map(ax)
     words = {
         2: (drawing.WALL, f"blocks {view.height:g} m"),
         1: (drawing.COVERED, "something above or below"),
