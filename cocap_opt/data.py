@@ -1,4 +1,4 @@
-"""What all problem data is made of: immutable structs whose fields are checked once.
+"""Base of all problem data: immutable structs whose fields are checked once.
 
 Units: metres, radians, pixels. Every message of a `ProblemError` names the field.
 """

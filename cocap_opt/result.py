@@ -1,4 +1,4 @@
-"""What a planner or a solver returns, and why it stopped, in two words that do not mix."""
+"""Results of planners and solvers: a plan, a value, a bound, and why the method stopped."""
 
 import html
 import math
@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 
 
 class UnsupportedError(ValueError):
-    """This method does not take problems of this kind; the message says which it takes."""
+    """A method does not take problems of this kind; the message says which it takes."""
 
 
 class Reason(StrEnum):
-    """Why it stopped."""
+    """The reason for which a method stopped; the limit, if one stopped it, is another word."""
 
     OPTIMAL = "optimal"  # the value is proved to be the best
     FINISHED = "finished"  # the method ran to its end; it proves nothing

@@ -162,7 +162,7 @@ def solve(
 
 
 def check(problem: Problem, plan: Plan | Result) -> Verdict:
-    """Have the referee judge a plan: can it be flown, which rules does it break, what is its J?
+    """Ask the referee if a plan can be flown, which rules it breaks, and what its J is.
 
     The referee trusts no planner; it recomputes everything by slow, obvious loops.
 

@@ -173,7 +173,7 @@ def _looking_inwards(
 
 
 def _can_follow(problem: Problem, circle: Circle, places: Places, t: int) -> BoolArray:
-    """Whether all robots are fast enough from each turn [K] at step t to each at the next [K].
+    """Tell which turns [K] of the next step all robots can reach from each turn [K] of step t.
 
     Where the actors outrun a robot, it is enough that turning takes it no farther than not to.
     """
