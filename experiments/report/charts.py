@@ -15,7 +15,7 @@ from cocap_opt.data import FloatArray
 from cocap_opt.experiments.report.figures import draw_frame, robot_colour
 from cocap_opt.experiments.results.printing import counted
 from cocap_opt.experiments.results.rows import Row
-from cocap_opt.experiments.results.statistics import mean
+from cocap_opt.experiments.results.statistics import Mean
 from cocap_opt.experiments.results.tables import grouped, percent
 from cocap_opt.experiments.results.trace import Trace
 from cocap_opt.formulations.result import OPTIMALITY, Snapshot
@@ -84,7 +84,7 @@ def _draw_planner(ax: Axes, y: float, rows: Sequence[Row]) -> None:
     for some, face in ((proved, _BLUE), (~proved, "none")):
         ax.scatter(gaps[some], heights[some], s=14, facecolor=face, edgecolor=_BLUE, lw=0.8,
                    alpha=0.6)  # fmt: skip
-    found = mean(gaps.tolist())
+    found = Mean.of(gaps.tolist())
     if found.size > 1:
         ax.plot([max(found.low, 0), found.high], [y, y], color=_RED, lw=2.5, solid_capstyle="butt")
     ax.plot(found.value, y, "D", color=_RED, ms=5, mec="white", mew=0.7)

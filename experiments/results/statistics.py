@@ -19,18 +19,18 @@ class Mean(NamedTuple):
     spread: float  # standard deviation of the sample
     size: int
 
+    @classmethod
+    def of(cls, values: Sequence[float]) -> "Mean":
+        """Returns the mean of at least one value."""
+        from scipy.stats import t as student  # slow to import
 
-def mean(values: Sequence[float]) -> Mean:
-    """Returns the mean of at least one value."""
-    from scipy.stats import t as student  # slow to import
-
-    sample = np.asarray(values, dtype=float)
-    n, value = len(sample), float(sample.mean())
-    if n < 2:
-        return Mean(value, math.nan, math.nan, math.nan, n)
-    spread = float(sample.std(ddof=1))
-    reach = float(student.ppf((1 + CONFIDENCE) / 2, n - 1)) * spread / math.sqrt(n)
-    return Mean(value, value - reach, value + reach, spread, n)
+        sample = np.asarray(values, dtype=float)
+        n, value = len(sample), float(sample.mean())
+        if n < 2:
+            return cls(value, math.nan, math.nan, math.nan, n)
+        spread = float(sample.std(ddof=1))
+        reach = float(student.ppf((1 + CONFIDENCE) / 2, n - 1)) * spread / math.sqrt(n)
+        return cls(value, value - reach, value + reach, spread, n)
 
 
 def shifted_geometric_mean(values: Sequence[float], shift: float = SHIFT) -> float:

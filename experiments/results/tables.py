@@ -9,7 +9,7 @@ from statistics import median
 from typing import Any
 
 from cocap_opt.experiments.results.rows import Row
-from cocap_opt.experiments.results.statistics import mean, shifted_geometric_mean
+from cocap_opt.experiments.results.statistics import Mean, shifted_geometric_mean
 from cocap_opt.result import Reason
 
 Table = list[dict[str, str]]
@@ -199,7 +199,7 @@ def _spread(sample: Sequence[float]) -> str:
     """Returns mean and standard deviation."""
     if not sample:
         return NONE
-    found = mean(sample)
+    found = Mean.of(sample)
     digits = 0 if abs(found.value) >= _LARGE else 2
     spread = "" if math.isnan(found.spread) else f" ± {_number(found.spread, digits)}"
     return _number(found.value, digits) + spread
@@ -213,7 +213,7 @@ def interval(sample: Sequence[float], digits: int = 3) -> str:
     """Returns mean and confidence interval, if there are values."""
     if not sample:
         return NONE
-    found = mean(sample)
+    found = Mean.of(sample)
     if math.isnan(found.low):
         return _number(found.value, digits)
     low, high = _number(found.low, digits), _number(found.high, digits)

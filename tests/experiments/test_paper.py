@@ -8,7 +8,7 @@ from strategies import examples, problems
 from studies import study
 
 from cocap_opt.experiments.results.rows import Row
-from cocap_opt.experiments.results.statistics import Mean, mean
+from cocap_opt.experiments.results.statistics import Mean
 from cocap_opt.experiments.studies.paper import answers, reproduction
 from cocap_opt.experiments.studies.paper.giving_way import encounters, most_generous, own_reward
 from cocap_opt.planners import PLANNERS
@@ -31,7 +31,7 @@ def test_claims_are_judged_by_the_whole_interval() -> None:
     assert answers.verdict_above(interval(0.1, 0.9), 0.0) == answers.HOLDS
     assert answers.verdict_above(interval(-0.9, -0.1), 0.0) == answers.FAILS
     assert answers.verdict_above(interval(-0.1, 0.1), 0.0) == answers.OPEN
-    assert answers.verdict_below(mean([0.1]), 1.0) == answers.OPEN  # one seed settles nothing
+    assert answers.verdict_below(Mean.of([0.1]), 1.0) == answers.OPEN  # one seed settles nothing
 
 
 def closeness(rows: Sequence[Row]) -> str:

@@ -14,7 +14,7 @@ from cocap_opt.experiments.cli import commands
 from cocap_opt.experiments.cli.result_commands import DOCUMENT_STYLES
 from cocap_opt.experiments.results.columns import Column
 from cocap_opt.experiments.results.rows import COLUMNS, Row
-from cocap_opt.experiments.results.statistics import mean, shifted_geometric_mean
+from cocap_opt.experiments.results.statistics import Mean, shifted_geometric_mean
 from cocap_opt.experiments.results.tables import all_tables
 from cocap_opt.experiments.results.trace import Trace
 from cocap_opt.experiments.sweeps.results import load_results
@@ -27,7 +27,7 @@ SOME = st.lists(st.floats(0, 1e6), min_size=2, max_size=30)
 @given(SOME)
 def test_the_interval_is_students(values: list[float]) -> None:
     """Mean, spread and interval are SciPy's."""
-    found = mean(values)
+    found = Mean.of(values)
     low, high = stats.ttest_1samp(values, 0.0).confidence_interval() if np.ptp(values) else (
         values[0], values[0]
     )  # fmt: skip
@@ -39,8 +39,8 @@ def test_the_interval_is_students(values: list[float]) -> None:
 
 def test_one_value_has_no_interval() -> None:
     """Nothing is said of how sure the mean of one value is."""
-    assert mean([3.0]).value == 3.0
-    assert math.isnan(mean([3.0]).low) and math.isnan(mean([3.0]).spread)
+    assert Mean.of([3.0]).value == 3.0
+    assert math.isnan(Mean.of([3.0]).low) and math.isnan(Mean.of([3.0]).spread)
 
 
 @given(SOME, st.floats(0.1, 100))
@@ -85,7 +85,7 @@ def test_planners_are_judged_by_plans_that_obey_the_rules() -> None:
 def test_differences_are_paired() -> None:
     """Only seeds count on which both plans obey the rules."""
     (cocap,) = all_tables(ROWS)["Paired differences"]
-    percent = mean([25.0, 0.0])
+    percent = Mean.of([25.0, 0.0])
     expected = f"12.500 [{percent.low:.3f}, {percent.high:.3f}]"
     assert cocap["against sequential (%)"] == expected
     assert [cocap[key] for key in ("better", "equal", "worse", "seeds")] == ["1", "1", "0", "2"]

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from statistics import median
 
 from cocap_opt.experiments.results.rows import Row
-from cocap_opt.experiments.results.statistics import Mean, mean
+from cocap_opt.experiments.results.statistics import Mean
 from cocap_opt.experiments.results.tables import NONE, Table, grouped, interval, percent, values
 from cocap_opt.experiments.studies.paper.giving_way import Encounter
 from cocap_opt.result import relative_gap
@@ -59,8 +59,8 @@ class SceneAnswers:
         if not planned:
             words = "CoCap has no plan that obeys the rules; the claim cannot be tried."
             return f"{self.scene}: {words}"
-        found = mean(percent(planned, "gap_free"))
-        least = mean([
+        found = Mean.of(percent(planned, "gap_free"))
+        least = Mean.of([
             100 * relative_gap(row.reward, row.optimum_free)
             for row in planned
             if row.reward is not None and row.optimum_free is not None
@@ -81,7 +81,7 @@ class SceneAnswers:
         pairs = self._pairs("cocap", "sequential", lambda row: row.reward if row.valid else None)
         if not pairs:
             return f"{self.scene}: there is no seed on which both planners have a plan."
-        found = mean([100 * (a - b) / b for a, b in pairs])
+        found = Mean.of([100 * (a - b) / b for a, b in pairs])
         better, worse = sum(a > b for a, b in pairs), sum(a < b for a, b in pairs)
         return (
             f"{self.scene}: CoCap's reward is {_text(found)} above that of sequential planning on "
@@ -98,7 +98,7 @@ class SceneAnswers:
         for words, chosen in (("with", True), ("without", False)):
             some = [row for row in own if row.valid and (row.seed in collides) == chosen]
             gaps = percent(some, "gap")
-            said = _text(mean(gaps)) if gaps else NONE
+            said = _text(Mean.of(gaps)) if gaps else NONE
             parts.append(f"{said} on the {len(gaps)} seeds {words} collisions in the greedy plan")
         return (
             f"{self.scene}: below the best certified bound, sequential planning is "
@@ -119,7 +119,7 @@ class SceneAnswers:
         if not pairs:
             return f"{self.scene}: not both low levels were timed."
         ours = [median(times) for times in zip(*pairs, strict=True)]
-        log_ratio = mean([math.log((a + coverage) / b) for a, b in pairs if b > 0])
+        log_ratio = Mean.of([math.log((a + coverage) / b) for a, b in pairs if b > 0])
         ratio, low, high = (math.exp(log_ratio[k]) for k in range(3))
         theirs = _PUBLISHED["cocap"] / _PUBLISHED["cocap-vs"]
         reach = f" [{low:.2g}, {high:.2g}]" if log_ratio.size > 1 else ""
@@ -168,7 +168,7 @@ class SceneAnswers:
             gaps = percent([row for row in own if row.valid], "gap")
             stopped = sum(row.limit == Limit.TIME for row in own)
             words = f", stopped by the limit of {limit:g} s on {stopped}" if stopped else ""
-            gap = f"{_text(mean(gaps))} below the bound" if gaps else "without a plan"
+            gap = f"{_text(Mean.of(gaps))} below the bound" if gaps else "without a plan"
             parts.append(f"{planner} is {gap} on {len(gaps)} of {len(own)} seeds{words}")
         return f"{self.scene}: {'; '.join(parts)}."
 

@@ -8,7 +8,7 @@ from cocap_opt.experiments.report.figures import png
 from cocap_opt.experiments.results.documents import markdown
 from cocap_opt.experiments.results.files import save_bytes
 from cocap_opt.experiments.results.rows import Row
-from cocap_opt.experiments.results.statistics import mean
+from cocap_opt.experiments.results.statistics import Mean
 from cocap_opt.experiments.results.tables import Table, all_tables, values
 from cocap_opt.experiments.studies.paper.answers import SOURCE, answers_of, giving_row
 from cocap_opt.experiments.studies.paper.figures import (
@@ -153,7 +153,7 @@ def _points(rows: Sequence[Row], sizes: Sequence[int]) -> dict[str, list[tuple[i
             ]
             if own and len(shares) == len(own):
                 seconds = median(values(own, "seconds"))
-                points.setdefault(planner, []).append((n, seconds, mean(shares).value))
+                points.setdefault(planner, []).append((n, seconds, Mean.of(shares).value))
     return points
 
 
