@@ -79,13 +79,6 @@ class Model:
         other._divide(self._coverage, is_disaggregated=True)
         return other
 
-    apart = disaggregated  # TODO: goes once nobody uses it
-
-    @property
-    def is_apart(self) -> bool:
-        """Is to be replaced by is_disaggregated."""
-        return self.is_disaggregated
-
     def _divide(self, coverage: "_Coverage", is_disaggregated: bool) -> None:
         """Put the robots into classes."""
         self._coverage = coverage
@@ -281,6 +274,3 @@ def compiled(problem: Problem) -> Model:
 def compiled_disaggregated(problem: Problem) -> Model:
     """Return the same model with every robot as a class of its own."""
     return compiled(problem).disaggregated()
-
-
-compiled_apart = compiled_disaggregated  # TODO: goes once nobody uses it

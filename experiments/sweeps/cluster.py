@@ -24,7 +24,7 @@ from cocap_opt.experiments.console.streams import say
 from cocap_opt.experiments.sweeps.cells import CellFile, Status, cells_digest
 from cocap_opt.experiments.sweeps.crew import ClusterError
 from cocap_opt.experiments.sweeps.work import Task
-from cocap_opt.model import compiled, compiled_apart
+from cocap_opt.model import compiled, compiled_disaggregated
 from cocap_opt.stop import Stop
 
 POLL = 0.2  # s, between two looks at Ctrl-C and at the clock
@@ -192,7 +192,7 @@ def _run_task(task: Task) -> CellFile:
     try:
         return task.run()
     finally:
-        compiled_apart.cache_clear()
+        compiled_disaggregated.cache_clear()
         compiled.cache_clear()
 
 
