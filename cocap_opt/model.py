@@ -10,8 +10,8 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from cocap_opt.data import BoolArray, FloatArray
-from cocap_opt.graph.timegraph import TimeGraph, time_graph
+from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.graph.value_iteration import backward_sweep
 from cocap_opt.problem import AnyCamera, Cell, Motion, Plan, Problem, Robot
 from cocap_opt.stop import Stop, never
@@ -113,6 +113,40 @@ class Model:
         """Cell of every place of every class; border places lie outside the map."""
         return tuple(_cells(self.problem, robot_class) for robot_class in self.classes)
 
+    def place_of(self, robot_class: RobotClass, cell: Cell) -> int | None:
+        """Returns the number of a cell among a class's places; None where it never flies."""
+        layers, height = robot_class.spec.motion.layers, self.problem.layers[cell.layer]
+        if height not in layers or not self.problem.height_map.inside(cell.x, cell.y):
+            return None
+        place = robot_class.graph.place(layers.index(height), cell.x, cell.y)
+        return place if robot_class.graph.free[place] else None
+
+    def places_too_close(self, robot_class: RobotClass, cell: Cell) -> list[int]:
+        """Returns the places of a class that conflict with a robot in `cell` at the same step."""
+        near = self.problem.cells_too_close(cell)
+        places = (self.place_of(robot_class, other) for other in near)
+        return [place for place in places if place is not None]
+
+    def conflict_matrix(
+        self, classes: tuple[RobotClass, RobotClass], places: tuple[IntArray, IntArray]
+    ) -> BoolArray:
+        """Returns which places [n, m] of two robots' classes conflict at the same step.
+
+        Parameters
+        ----------
+        places : [n] and [m] place numbers
+        """
+        if self.problem.rules.none:
+            return np.zeros((len(places[0]), len(places[1])), dtype=np.bool_)
+        cells = self.cells[self.classes.index(classes[0])]
+        distinct, which = np.unique(places[0], return_inverse=True)
+        rows = np.zeros((len(distinct), len(places[1])), dtype=np.bool_)
+        for row, place in zip(rows, distinct.tolist(), strict=True):
+            is_near = np.zeros(classes[1].graph.n_places, dtype=np.bool_)
+            is_near[self.places_too_close(classes[1], cells[place])] = True
+            row[:] = is_near[places[1]]
+        return rows[which]
+
     def start(self, robot: int) -> int:
         """State number of a robot's start."""
         return self.class_of[robot].graph.index(self.problem.robots[robot].start)
@@ -147,6 +181,13 @@ class Model:
         """Compute the coverage of all classes; raises LimitReached as `prepare` does."""
         for robot_class in self.classes:
             self.prepare(robot_class, stop, progress)
+
+    def coverage_at(self, robot_class: RobotClass, t: int, states: IntArray) -> FloatArray:
+        """Returns the coverage [n, F] of a class's states [n] at step t in px/m2."""
+        table, coverage = self.coverage(robot_class), np.zeros((len(states), self.n_faces))
+        which, entries = table.entries(t * robot_class.graph.n_states + states)
+        coverage[which, table.view_sums[entries] - t * self.n_faces] = table.pixels[entries]
+        return coverage
 
     def robot_pixels(self, robot: int, path: Path) -> FloatArray:
         """View sums [Z] that one robot has alone, along its path of state numbers."""
@@ -250,7 +291,7 @@ def _to_goal(graph: TimeGraph, horizon: int, goal: tuple[int, int]) -> FloatArra
 
 
 def _graph(problem: Problem, spec: Robot) -> TimeGraph:
-    return time_graph(problem.workspace, spec.motion, len(spec.camera.tilts))
+    return TimeGraph.of(problem.workspace, spec.motion, len(spec.camera.tilts))
 
 
 def _cells(problem: Problem, robot_class: RobotClass) -> tuple[Cell, ...]:

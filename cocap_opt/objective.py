@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from cocap_opt.data import FloatArray
-from cocap_opt.graph.move_rewards import bonuses_of
+from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.model import Model, Path, RobotClass
 from cocap_opt.problem import Problem
 
@@ -42,7 +42,7 @@ def view_reward(problem: Problem, pixels: FloatArray) -> FloatArray:
 
 def move_reward(model: Model, robot: int, path: Path) -> float:
     """Reward of one robot for the moves along its path."""
-    bonuses = bonuses_of(model.problem.objective)
+    bonuses = Bonuses.of(model.problem.objective)
     return bonuses.of_path(model.class_of[robot].graph.shape, path)
 
 

@@ -10,7 +10,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from cocap_opt.graph.timegraph import time_graph
+from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.problem import Plan, Problem, Robot, State
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.views import make_views
@@ -103,7 +103,7 @@ def _view_rewards(problem: Problem, plan: Plan) -> list[list[float]]:
 def _coverage(
     problem: Problem, geometry: FaceGeometry, robot: Robot, t: int, state: State
 ) -> list[float]:
-    graph = time_graph(problem.workspace, robot.motion, len(robot.camera.tilts))
+    graph = TimeGraph.of(problem.workspace, robot.motion, len(robot.camera.tilts))
     views = make_views(geometry, problem, graph, robot.camera)
     coverage: list[float] = views.coverage(t, np.array([graph.index(state)]))[0].tolist()
     return coverage

@@ -2,7 +2,7 @@
 
 from cocap_opt.data import FloatArray
 from cocap_opt.graph.charges import NO_CHARGES, Charges
-from cocap_opt.graph.move_rewards import bonuses_of
+from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.value_iteration import backward_sweep, best_path
 from cocap_opt.model import Model, Path
 from cocap_opt.objective import marginal_reward
@@ -21,7 +21,7 @@ def best_response(
     pixels : [Z] px/m2 that the other robots have in every view sum
     charges : costs of places, moves and states; infinite where the robot must not go
     """
-    robot_class, bonuses = model.class_of[robot], bonuses_of(model.problem.objective)
+    robot_class, bonuses = model.class_of[robot], Bonuses.of(model.problem.objective)
     graph, reward = robot_class.graph, marginal_reward(model, robot_class, pixels)
     value = backward_sweep(graph, reward, bonuses, charges, robot_class.goal)
     path = best_path(graph, value, model.start(robot), bonuses, charges)

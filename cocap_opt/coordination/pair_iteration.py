@@ -3,7 +3,7 @@
 Two robots move independently of each other, so that the maximum over pairs of actions is taken
 one robot after the other: a step costs S^2 * 2 |A| instead of S^2 |A|^2. The planner `joint`
 does this over all places that two robots can reach, column generation over the arcs of a
-restricted master. The backward sweep, conflicts, coverage and reading off the paths stand here.
+restricted master. The backward sweep and reading off the paths stand here.
 A step back and the rewards of pairs do not: the planner has millions of pairs on a regular grid,
 where moves are shifts and the reward is put right face by face where both robots see one;
 column generation has some thousands of pairs with any arcs between them, all faces at once.
@@ -14,10 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cocap_opt.coordination.constraints import places_too_close
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.graph.timegraph import CLOSED
-from cocap_opt.model import Model, Path, RobotClass
+from cocap_opt.model import Path
 
 
 class Successors(NamedTuple):
@@ -94,32 +93,3 @@ class PairIteration(ABC):
             path_a.append(int(a.states[row]))
             path_b.append(int(b.states[column]))
         return tuple(path_a), tuple(path_b)
-
-
-def conflict_matrix(
-    model: Model, classes: tuple[RobotClass, RobotClass], places: tuple[IntArray, IntArray]
-) -> BoolArray:
-    """Returns which places [n, m] of two robots' classes conflict at the same step.
-
-    Parameters
-    ----------
-    places : [n] and [m] place numbers
-    """
-    if model.problem.rules.none:
-        return np.zeros((len(places[0]), len(places[1])), dtype=np.bool_)
-    cells = model.cells[model.classes.index(classes[0])]
-    distinct, which = np.unique(places[0], return_inverse=True)
-    rows = np.zeros((len(distinct), len(places[1])), dtype=np.bool_)
-    for row, place in zip(rows, distinct.tolist(), strict=True):
-        is_near = np.zeros(classes[1].graph.n_places, dtype=np.bool_)
-        is_near[places_too_close(model, classes[1], cells[place])] = True
-        row[:] = is_near[places[1]]
-    return rows[which]
-
-
-def coverage_of(model: Model, robot_class: RobotClass, t: int, states: IntArray) -> FloatArray:
-    """Returns the coverage [n, F] of a class's states [n] at step t in px/m2."""
-    table, coverage = model.coverage(robot_class), np.zeros((len(states), model.n_faces))
-    which, entries = table.entries(t * robot_class.graph.n_states + states)
-    coverage[which, table.view_sums[entries] - t * model.n_faces] = table.pixels[entries]
-    return coverage

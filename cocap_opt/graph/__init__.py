@@ -5,8 +5,8 @@ The modules are `motion` (the graphs by networkx), `timegraph` (their compiled f
 """
 
 from cocap_opt.graph.charges import NO_CHARGES, Charges
-from cocap_opt.graph.move_rewards import NO_BONUSES, Bonuses, bonuses_of
-from cocap_opt.graph.timegraph import CLOSED, TimeGraph, time_graph
+from cocap_opt.graph.move_rewards import NO_BONUSES, Bonuses
+from cocap_opt.graph.timegraph import CLOSED, TimeGraph
 from cocap_opt.graph.value_iteration import backward_sweep, best_path
 
 __all__ = [
@@ -18,6 +18,4 @@ __all__ = [
     "TimeGraph",
     "backward_sweep",
     "best_path",
-    "bonuses_of",
-    "time_graph",
 ]

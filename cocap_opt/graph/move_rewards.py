@@ -25,6 +25,13 @@ class Bonuses(NamedTuple):
     keep_heading: float = 0.0
     balanced: float = 0.0  # for dx + dy = 0
 
+    @classmethod
+    def of(cls, objective: Objective) -> "Bonuses":
+        """Returns the rewards per move of an objective."""
+        return cls(
+            objective.stationarity, objective.keep_cell, objective.keep_heading, objective.balanced
+        )
+
     @property
     def none(self) -> bool:
         """True if no step has a reward."""
@@ -68,10 +75,3 @@ class Bonuses(NamedTuple):
 
 
 NO_BONUSES = Bonuses()
-
-
-def bonuses_of(objective: Objective) -> Bonuses:
-    """Returns the rewards per move of an objective."""
-    return Bonuses(
-        objective.stationarity, objective.keep_cell, objective.keep_heading, objective.balanced
-    )

@@ -59,6 +59,11 @@ class TimeGraph:
         self.free: BoolArray = self.neighbours[0] >= 0  # every free place may be stayed in
         self.irregular = self._compile_irregular()
 
+    @classmethod
+    def of(cls, workspace: Workspace, motion: Motion, pitches: int) -> "TimeGraph":
+        """Returns the compiled graph of these motions in this workspace, made once and shared."""
+        return _shared(workspace, motion, pitches)
+
     def _compile(self, ahead: Mapping[Place, Collection[Place]]) -> IntArray:
         """Turns the edges of the networkx place graph into one row of targets per move."""
         neighbours = np.full((len(self.moves), self.n_places), -1, dtype=np.int64)
@@ -175,6 +180,5 @@ def _column(values: Iterable[int]) -> IntArray:
 
 
 @lru_cache(maxsize=16)
-def time_graph(workspace: Workspace, motion: Motion, pitches: int) -> TimeGraph:
-    """Returns the compiled graph of these motions in this workspace, made once and shared."""
+def _shared(workspace: Workspace, motion: Motion, pitches: int) -> TimeGraph:
     return TimeGraph(workspace, motion, pitches)

@@ -20,7 +20,7 @@ from dataclasses import replace
 import numpy as np
 
 from cocap_opt.data import FloatArray
-from cocap_opt.graph.move_rewards import bonuses_of
+from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.graph.value_iteration import backward_sweep, best_path
 from cocap_opt.model import Path, compiled
@@ -128,7 +128,7 @@ def _nearest(task: SingleRobotTask, places: FloatArray) -> Path | None:
 def _look(task: SingleRobotTask, way: Path, views: LazyCoverage) -> Path:
     """Path through the same places that looks where the marginal reward is greatest in all."""
     problem, robot_class = task.model.problem, task.model.class_of[task.robot]
-    graph, bonuses = robot_class.graph, bonuses_of(problem.objective)
+    graph, bonuses = robot_class.graph, Bonuses.of(problem.objective)
     everywhere = np.arange(graph.n_orientations) * graph.n_places
     reward = np.full((len(way), graph.n_states), CLOSED)
     for t, state in enumerate(way):

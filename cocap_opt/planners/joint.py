@@ -12,15 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.coordination.best_response import best_response
-from cocap_opt.coordination.constraints import place_of
-from cocap_opt.coordination.pair_iteration import (
-    PairIteration,
-    Successors,
-    conflict_matrix,
-    coverage_of,
-)
+from cocap_opt.coordination.pair_iteration import PairIteration, Successors
 from cocap_opt.data import BoolArray, FloatArray, IntArray
-from cocap_opt.graph.move_rewards import bonuses_of
+from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.model import Model, Path, RobotClass, compiled
 from cocap_opt.objective import objective
@@ -152,7 +146,7 @@ class _Pair(PairIteration):
         self.a, self.b = _Side.of(model, 0), _Side.of(model, 1)
         self.starts = self.a.start, self.b.start
         self.horizon = model.problem.horizon
-        self.bonuses = bonuses_of(model.problem.objective)
+        self.bonuses = Bonuses.of(model.problem.objective)
 
     @property
     def positions(self) -> tuple[int, int]:
@@ -191,7 +185,7 @@ class _Pair(PairIteration):
         """Returns the reward of being in each pair of states at step t, with goals at the end."""
         own = self._view_rewards(t).reshape(*self.a.sizes(t), *self.b.sizes(t))
         classes = self.a.robot_class, self.b.robot_class
-        conflicts = conflict_matrix(self.model, classes, (self.a.places[t], self.b.places[t]))
+        conflicts = self.model.conflict_matrix(classes, (self.a.places[t], self.b.places[t]))
         own.transpose(0, 2, 1, 3)[:, :, conflicts] = CLOSED
         if t == self.horizon:
             own[:, self._off_goal(self.a)] = CLOSED
@@ -201,8 +195,7 @@ class _Pair(PairIteration):
     def _view_rewards(self, t: int) -> FloatArray:
         """Returns the reward for views of each pair of states at step t."""
         coverage_a, coverage_b = (
-            coverage_of(self.model, side.robot_class, t, side.states(t))
-            for side in (self.a, self.b)
+            self.model.coverage_at(side.robot_class, t, side.states(t)) for side in (self.a, self.b)
         )
         n_faces = self.model.n_faces
         weights = self.model.problem.view_sum_weights[t * n_faces : (t + 1) * n_faces]
@@ -359,7 +352,7 @@ class _Pair(PairIteration):
         cells = self.model.cells[self.model.classes.index(self.a.robot_class)]
         twins = np.full(graph.n_places, NOWHERE)
         for place in np.flatnonzero(graph.free).tolist():
-            twin = place_of(self.model, self.b.robot_class, cells[place])
+            twin = self.model.place_of(self.b.robot_class, cells[place])
             twins[place] = NOWHERE if twin is None else twin
         return twins
 

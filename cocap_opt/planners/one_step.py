@@ -10,7 +10,7 @@ import numpy as np
 
 from cocap_opt.coordination.constraints import avoid_paths
 from cocap_opt.data import BoolArray, FloatArray, IntArray
-from cocap_opt.graph.move_rewards import bonuses_of
+from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.graph.value_iteration import best_path
 from cocap_opt.model import Model, RobotClass, compiled
@@ -138,6 +138,6 @@ def _move(model: Model, flights: list[_Flight], robot: int, t: int, heads: IntAr
     value = np.full((2, graph.n_states), CLOSED)
     value[0, flight.path[-1]] = 0.0
     value[1, heads] = gains.sum(axis=1)
-    _, head = best_path(graph, value, flight.path[-1], bonuses_of(problem.objective)) or []
+    _, head = best_path(graph, value, flight.path[-1], Bonuses.of(problem.objective)) or []
     flight.path.append(head)
     flight.pixels[view_sums] += coverage[np.flatnonzero(heads == head)[0]]

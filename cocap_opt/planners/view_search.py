@@ -19,7 +19,7 @@ from typing import Protocol
 import numpy as np
 
 from cocap_opt.data import IntArray
-from cocap_opt.graph.move_rewards import bonuses_of
+from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.timegraph import CLOSED, TimeGraph
 from cocap_opt.model import Model, Path
 from cocap_opt.objective import marginal_gain
@@ -170,7 +170,7 @@ def _rewarded_successors(
     view_sums = problem.view_sums_at(k)
     gains = marginal_gain(task.pixels[view_sums], coverage(k, heads))
     rewards = (gains * problem.view_sum_weights[view_sums]).sum(axis=1)
-    rewards += bonuses_of(problem.objective).of_edges(graph.shape, v, heads)
+    rewards += Bonuses.of(problem.objective).of_edges(graph.shape, v, heads)
     yield from zip(heads.tolist(), rewards.tolist(), _ways(problem, graph, k, heads), strict=True)
 
 

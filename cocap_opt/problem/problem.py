@@ -13,8 +13,9 @@ multi-actor scenes in outdoor environments", 2024 (arXiv 2412.20695), and Suresh
 
 import html
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import cached_property
+from itertools import product
 from typing import TYPE_CHECKING, Protocol
 
 import msgspec
@@ -236,6 +237,16 @@ class Problem(Data, frozen=True, eq=False, dict=True):
             return False
         ends = (a.x, a.y, self.layers[a.layer]), (b.x, b.y, self.layers[b.layer])
         return self.rules.too_near(self.height_map.way(*ends))
+
+    def cells_too_close(self, cell: Cell) -> Iterator[Cell]:
+        """Yields the cells that conflict with a robot in `cell` at the same step."""
+        reach = int(self.rules.separation / self.height_map.resolution) + 1
+        width, depth = self.height_map.shape
+        columns = range(max(0, cell.x - reach), min(width, cell.x + reach + 1))
+        rows = range(max(0, cell.y - reach), min(depth, cell.y + reach + 1))
+        around = (Cell(*at) for at in product(columns, rows, range(len(self.layers))))
+        near = around if self.rules.separation else [cell]
+        return (other for other in near if self.too_close(cell, other))
 
     @cached_property
     def step_weights(self) -> FloatArray:

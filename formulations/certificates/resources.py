@@ -15,7 +15,6 @@ from typing import NamedTuple
 
 import msgspec
 
-from cocap_opt.coordination.constraints import place_of
 from cocap_opt.graph.charges import Charges
 from cocap_opt.model import Model, Path
 from cocap_opt.problem import Cell, Problem, State
@@ -215,7 +214,7 @@ def charges_of(model: Model, number: int, costs: Iterable[tuple[Resource, float]
 
 def _places(model: Model, number: int, cells: Iterable[Cell]) -> tuple[int, ...]:
     """Returns the places of cells in the graph of class `number`, without those outside of it."""
-    found = [place_of(model, model.classes[number], cell) for cell in cells]
+    found = [model.place_of(model.classes[number], cell) for cell in cells]
     return tuple(place for place in found if place is not None)
 
 

@@ -1,6 +1,7 @@
 """Coefficients of arcs in the restricted master: rewards for moves, views, and use of resources."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -8,22 +9,65 @@ import numpy as np
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.certificates import Resource
 from cocap_opt.formulations.column_generation.columns import Arc
-from cocap_opt.graph.move_rewards import bonuses_of
+from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.model import Model
 
 
-def move_rewards(model: Model, arcs: Sequence[Arc]) -> FloatArray:
-    """Returns the rewards of arcs for the moves themselves [n]."""
-    bonuses = bonuses_of(model.problem.objective)
-    classes, _, tails, heads = np.array(arcs, dtype=np.int64).reshape(-1, 4).T
-    rewards = np.zeros(len(arcs))
-    for number in np.unique(classes).tolist():
-        own, shape = classes == number, model.classes[number].graph.shape
-        rewards[own] = bonuses.of_edges(shape, tails[own], heads[own])
-    return rewards
+@dataclass(frozen=True)
+class Coefficients:
+    """The coefficients of a list of arcs."""
+
+    model: Model
+    arcs: Sequence[Arc]
+
+    def move_rewards(self) -> FloatArray:
+        """Returns the rewards of the arcs for the moves themselves [n]."""
+        bonuses = Bonuses.of(self.model.problem.objective)
+        classes, _, tails, heads = np.array(self.arcs, dtype=np.int64).reshape(-1, 4).T
+        rewards = np.zeros(len(self.arcs))
+        for number in np.unique(classes).tolist():
+            own, shape = classes == number, self.model.classes[number].graph.shape
+            rewards[own] = bonuses.of_edges(shape, tails[own], heads[own])
+        return rewards
+
+    def views(self) -> "_Views":
+        """Returns the pixels that the arcs have of view sums."""
+        return _Views.of(self.model, self.arcs)
+
+    def users(self, resources: Sequence[Resource]) -> list[list[int]]:
+        """Returns the numbers of the arcs that use each resource.
+
+        A state is used by the arcs into it, a start by those out of it.
+        """
+        into: dict[tuple[int, int, int], list[int]] = {}
+        along: dict[tuple[int, int, int, int], list[int]] = {}
+        for k, arc in enumerate(self.arcs):
+            graph = self.model.classes[arc.class_number].graph
+            tail, head = arc.tail % graph.n_places, arc.head % graph.n_places
+            into.setdefault((arc.class_number, arc.t + 1, head), []).append(k)
+            if arc.t == 0:
+                into.setdefault((arc.class_number, 0, tail), []).append(k)
+            if tail != head:
+                along.setdefault((arc.class_number, arc.t, tail, head), []).append(k)
+        users = []
+        for resource in resources:
+            t, found = resource.t, list[int]()
+            for number, robot_class in enumerate(self.model.classes):
+                used = resource.footprint(self.model, number)
+                for place in used.places:
+                    found += into.get((number, t, place), [])
+                for one, other in used.moves:
+                    found += along.get((number, t, one, other), [])
+                for state in used.states:
+                    near = into.get((number, t, state % robot_class.graph.n_places), [])
+                    found += [
+                        k for k in near if (self.arcs[k].head if t else self.arcs[k].tail) == state
+                    ]
+            users.append(found)
+        return users
 
 
-class ArcViews(NamedTuple):
+class _Views(NamedTuple):
     """Roots of the pixels that arcs have of view sums, entry by entry.
 
     An arc sees what the state sees that it enters; at step 0 also what its start sees.
@@ -36,7 +80,7 @@ class ArcViews(NamedTuple):
     scale: FloatArray  # [g] largest root of each, px^0.5/m
 
     @classmethod
-    def of(cls, model: Model, arcs: Sequence[Arc]) -> "ArcViews":
+    def of(cls, model: Model, arcs: Sequence[Arc]) -> "_Views":
         """Returns the views of arcs."""
         parts = [_entries_of_class(model, number, arcs) for number in range(len(model.classes))]
         of, view_sums, pixels = (np.concatenate(part) for part in zip(*parts, strict=True))
@@ -67,34 +111,3 @@ def _entries_of_class(model: Model, number: int, arcs: Sequence[Arc]) -> _Entrie
     which, entries = table.entries(np.array(nodes, dtype=np.int64))
     numbers = np.array([k for k, _ in (*own, *first)], dtype=np.int64)
     return _Entries(numbers[which], table.view_sums[entries], table.pixels[entries])
-
-
-def users_of(model: Model, resources: Sequence[Resource], arcs: Sequence[Arc]) -> list[list[int]]:
-    """Returns the numbers of the arcs that use each resource.
-
-    A state is used by the arcs into it, a start by those out of it.
-    """
-    into: dict[tuple[int, int, int], list[int]] = {}
-    along: dict[tuple[int, int, int, int], list[int]] = {}
-    for k, arc in enumerate(arcs):
-        graph = model.classes[arc.class_number].graph
-        tail, head = arc.tail % graph.n_places, arc.head % graph.n_places
-        into.setdefault((arc.class_number, arc.t + 1, head), []).append(k)
-        if arc.t == 0:
-            into.setdefault((arc.class_number, 0, tail), []).append(k)
-        if tail != head:
-            along.setdefault((arc.class_number, arc.t, tail, head), []).append(k)
-    users = []
-    for resource in resources:
-        t, found = resource.t, list[int]()
-        for number, robot_class in enumerate(model.classes):
-            used = resource.footprint(model, number)
-            for place in used.places:
-                found += into.get((number, t, place), [])
-            for one, other in used.moves:
-                found += along.get((number, t, one, other), [])
-            for state in used.states:
-                near = into.get((number, t, state % robot_class.graph.n_places), [])
-                found += [k for k in near if (arcs[k].head if t else arcs[k].tail) == state]
-        users.append(found)
-    return users

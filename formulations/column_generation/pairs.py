@@ -9,17 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cocap_opt.coordination.pair_iteration import (
-    PairIteration,
-    Successors,
-    conflict_matrix,
-    coverage_of,
-)
+from cocap_opt.coordination.pair_iteration import PairIteration, Successors
 from cocap_opt.data import FloatArray, IntArray
-from cocap_opt.formulations.column_generation.arc_pool import states_on_paths
-from cocap_opt.formulations.column_generation.columns import Arc, Column, avoid_columns
+from cocap_opt.formulations.column_generation.arc_pool import ArcPool
+from cocap_opt.formulations.column_generation.columns import Arc, Column
 from cocap_opt.graph.charges import Charges
-from cocap_opt.graph.move_rewards import bonuses_of
+from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.model import Model, RobotClass
 
@@ -76,14 +71,14 @@ class _ArcPair(PairIteration):
         model, (a, b) = self._model, self._sides
         faces = slice(t * model.n_faces, (t + 1) * model.n_faces)
         weights = model.problem.view_sum_weights[faces]
-        one, other = (coverage_of(model, s.robot_class, t, s.states[t]) for s in (a, b))
+        one, other = (model.coverage_at(s.robot_class, t, s.states[t]) for s in (a, b))
         used = np.flatnonzero((weights > 0) & (one.any(axis=0) | other.any(axis=0)))
         base = self._seen[faces][used]
         pixels = base + one[:, None, used] + other[None, :, used]
         reward: FloatArray = (np.sqrt(pixels) - np.sqrt(base)) @ weights[used]
         places = [s.states[t] % s.robot_class.graph.n_places for s in (a, b)]
         classes = a.robot_class, b.robot_class
-        reward[conflict_matrix(model, classes, (places[0], places[1]))] = CLOSED
+        reward[model.conflict_matrix(classes, (places[0], places[1]))] = CLOSED
         return reward
 
     def step_back(self, t: int, ahead: FloatArray) -> FloatArray:
@@ -111,10 +106,10 @@ def _side(model: Model, robot: int, arcs: Iterable[Arc], others: Sequence[Column
     """
     robot_class, horizon = model.class_of[robot], model.problem.horizon
     number, graph = model.classes.index(robot_class), robot_class.graph
-    closed = avoid_columns(model, robot_class, others)
+    closed = Column.avoid(model, robot_class, others)
     own = [arc for arc in arcs if arc.class_number == number]
     own = [arc for arc in own if not _is_closed(arc, closed, graph.n_places)]
-    on = states_on_paths(own, [(number, model.start(robot))], horizon)
+    on = ArcPool.states_on_paths(own, [(number, model.start(robot))], horizon)
     if not on[0]:
         return None
     states = [np.array(sorted(state for _, state in some), dtype=np.int64) for some in on]
@@ -122,7 +117,7 @@ def _side(model: Model, robot: int, arcs: Iterable[Arc], others: Sequence[Column
     for arc in own:
         if (number, arc.tail) in on[arc.t] and (number, arc.head) in on[arc.t + 1]:
             ends[arc.t].append((arc.tail, arc.head))
-    bonuses = bonuses_of(model.problem.objective)
+    bonuses = Bonuses.of(model.problem.objective)
     side = _Side(robot_class, states, [], [], [])
     for t, some in enumerate(ends):
         tails, heads = np.array(sorted(some), dtype=np.int64).reshape(-1, 2).T

@@ -15,7 +15,7 @@ from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.certificates import Decision, Resource, charges_of
 from cocap_opt.formulations.column_generation.columns import Column
 from cocap_opt.formulations.relaxations.duals import Duals
-from cocap_opt.graph.move_rewards import bonuses_of
+from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.graph.value_iteration import backward_sweep, best_path
 from cocap_opt.model import Model
@@ -46,7 +46,7 @@ class Pricer:
 
     def __call__(self, duals: Duals, decisions: Sequence[Decision] = ()) -> Priced:
         """Returns the bound of multipliers for plans that obey the decisions, and new columns."""
-        model, bonuses = self.model, bonuses_of(self.model.problem.objective)
+        model, bonuses = self.model, Bonuses.of(self.model.problem.objective)
         bound, costs = self._constant(duals, decisions), _costs(duals, decisions)
         base = {at: entries.base(duals) for at, entries in self._shared.items()}
         columns = []

@@ -24,7 +24,7 @@ from scipy import sparse
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.formulations.certificates import Cut
 from cocap_opt.formulations.relaxations.flow_paths import assigned_heads
-from cocap_opt.graph.move_rewards import bonuses_of
+from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.timegraph import CLOSED, TimeGraph
 from cocap_opt.graph.value_iteration import backward_sweep
 from cocap_opt.model import Model, Path, RobotClass
@@ -102,7 +102,7 @@ class Flow:
     @cached_property
     def bonus(self) -> FloatArray:
         """Rewards of the edges for the moves themselves [E]."""
-        bonuses = bonuses_of(self.model.problem.objective)
+        bonuses = Bonuses.of(self.model.problem.objective)
         rewards, owner = np.zeros(self.n_edges), self.owner[self.tails]
         tails, heads = self.states[self.tails], self.states[self.heads]
         for k, robot_class in enumerate(self.model.classes):

@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 from strategies import examples, meetings, number_of_plans, problems
 
 from cocap_opt.coordination.best_response import best_response
-from cocap_opt.coordination.pair_iteration import conflict_matrix, coverage_of
 from cocap_opt.model import Model
 from cocap_opt.objective import objective
 from cocap_opt.problem import Problem
@@ -25,7 +24,7 @@ def test_places_conflict_where_their_cells_are_too_close(problem: Problem, seed:
         for c, own in zip(classes, places, strict=True)
     ]
     expected = [[problem.too_close(p, q) for q in cells[1]] for p in cells[0]]
-    assert conflict_matrix(model, classes, (places[0], places[1])).tolist() == expected
+    assert model.conflict_matrix(classes, (places[0], places[1])).tolist() == expected
 
 
 @examples(15)
@@ -36,7 +35,7 @@ def test_coverage_of_states_is_that_of_the_table(problem: Problem, seed: int) ->
     robot_class, t = model.class_of[0], int(rng.integers(problem.horizon + 1))
     reached = np.flatnonzero(model.reachable(robot_class)[t])
     states = rng.choice(reached, 8)
-    coverage = coverage_of(model, robot_class, t, states)
+    coverage = model.coverage_at(robot_class, t, states)
     table = model.coverage(robot_class)
     for row, state in zip(coverage, states.tolist(), strict=True):
         view_sums, pixels = table.row(t * robot_class.graph.n_states + state)

@@ -16,7 +16,7 @@ from strategies import WALL, Calls, examples, problems, shapes
 
 from cocap_opt.data import FOCAL as FOCAL_RANGE
 from cocap_opt.data import LARGEST, MOST_PIXELS, MOST_WEIGHT, SMALLEST, FloatArray
-from cocap_opt.graph.timegraph import time_graph
+from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.model import Model
 from cocap_opt.planners.joint import joint
 from cocap_opt.problem import (
@@ -79,7 +79,7 @@ def make_scene(
 def seen_from(problem: Problem, *states: State, t: int = 1) -> FloatArray:
     """Coverage [n, F] of the first robot's states at step t."""
     robot = problem.robots[0]
-    graph = time_graph(problem.workspace, robot.motion, len(robot.camera.tilts))
+    graph = TimeGraph.of(problem.workspace, robot.motion, len(robot.camera.tilts))
     views = make_views(FaceGeometry(problem), problem, graph, robot.camera)
     return views.coverage(t, np.array([graph.index(state) for state in states], dtype=np.int64))
 

@@ -10,7 +10,7 @@ from strategies import WALL, examples, problems, shapes
 
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.experiments.studies.coverage.town import town
-from cocap_opt.graph.timegraph import TimeGraph, time_graph
+from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.model import Model
 from cocap_opt.problem import (
     Actor,
@@ -40,7 +40,7 @@ from cocap_opt.world.workspace import HeightMap
 def graph_of(problem: Problem) -> TimeGraph:
     """Graph of the first robot."""
     robot = problem.robots[0]
-    return time_graph(problem.workspace, robot.motion, len(robot.camera.tilts))
+    return TimeGraph.of(problem.workspace, robot.motion, len(robot.camera.tilts))
 
 
 def all_states(problem: Problem) -> IntArray:

@@ -15,7 +15,7 @@ from cocap_opt.experiments.results.rendered import (
     error_row,
     rendered_reward,
 )
-from cocap_opt.graph.timegraph import time_graph
+from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.model import Model
 from cocap_opt.problem import Actor, Camera, Cuboid, Motion, Problem, Robot, State
 from cocap_opt.scenarios import load_scene
@@ -80,7 +80,7 @@ def test_planned_pixels_are_rendered_pixels(problem: Problem) -> None:
     model, renderer = Model(problem, use_cache=False), Renderer(problem)
     rng = np.random.default_rng(0)
     for i, robot in enumerate(problem.robots):
-        graph = time_graph(problem.workspace, robot.motion, len(robot.camera.tilts))
+        graph = TimeGraph.of(problem.workspace, robot.motion, len(robot.camera.tilts))
         reached = model.reachable(model.class_of[i])
         for t in range(1, problem.horizon + 1):
             state = graph.state(int(rng.choice(np.flatnonzero(reached[t]))))

@@ -16,7 +16,7 @@ from cocap_opt.data import FloatArray
 from cocap_opt.graph.charges import NO_CHARGES, Charges
 from cocap_opt.graph.motion import motion_graph, time_expanded_graph
 from cocap_opt.graph.move_rewards import Bonuses
-from cocap_opt.graph.timegraph import CLOSED, TimeGraph, time_graph
+from cocap_opt.graph.timegraph import CLOSED, TimeGraph
 from cocap_opt.graph.value_iteration import backward_sweep, best_path
 from cocap_opt.problem import Camera, Motion, Problem, Robot, State
 from cocap_opt.world.workspace import HeightMap, Workspace
@@ -360,7 +360,7 @@ def test_graphs_are_made_once() -> None:
     """The same map and motion give the same compiled graph; another map never does."""
     workspace, motion = Workspace(HeightMap(heights=np.zeros((3, 3)))), Motion(headings=4)
     again = Workspace(workspace.height_map)
-    assert time_graph(workspace, motion, 1) is time_graph(again, Motion(headings=4), 1)
+    assert TimeGraph.of(workspace, motion, 1) is TimeGraph.of(again, Motion(headings=4), 1)
     other = Workspace(HeightMap(heights=np.zeros((3, 3))))
-    assert time_graph(other, motion, 1) is not time_graph(workspace, motion, 1)
-    assert time_graph(workspace, motion, 2) is not time_graph(workspace, motion, 1)
+    assert TimeGraph.of(other, motion, 1) is not TimeGraph.of(workspace, motion, 1)
+    assert TimeGraph.of(workspace, motion, 2) is not TimeGraph.of(workspace, motion, 1)

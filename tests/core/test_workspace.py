@@ -11,7 +11,7 @@ from strategies import examples, plate, problems
 
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.graph.motion import free_places, place_graph
-from cocap_opt.graph.timegraph import time_graph
+from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import (
     Actor,
@@ -255,7 +255,7 @@ def scene(height_map: HeightMap, meshes: tuple[Mesh, ...] = (), up: float = 0.0)
 def coverage_of_all(problem: Problem) -> FloatArray:
     """Coverage of all free states of the first robot at step 2."""
     robot = problem.robots[0]
-    graph = time_graph(problem.workspace, robot.motion, 1)
+    graph = TimeGraph.of(problem.workspace, robot.motion, 1)
     views = make_views(FaceGeometry(problem), problem, graph, robot.camera)
     states = np.flatnonzero(np.tile(graph.free, graph.n_orientations))
     return views.coverage(2, states)

@@ -13,7 +13,7 @@ from scene_files import SEQUENCE, STARTS
 from cocap_opt.data import ProblemError
 from cocap_opt.experiments.cli.main import main
 from cocap_opt.files.documents import FileError, SceneFile, problem_digest
-from cocap_opt.graph.move_rewards import bonuses_of
+from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.value_iteration import backward_sweep
 from cocap_opt.model import compiled
 from cocap_opt.planners import PLANNERS
@@ -210,7 +210,7 @@ def test_their_first_path_is_an_optimum_of_their_pixels(name: str) -> None:
     reward = graph.no_reward(problem.horizon)
     for (t, state), pixels in seen.items():
         reward[t, graph.index(state)] = np.sqrt(pixels).sum()
-    bonuses = bonuses_of(problem.objective)
+    bonuses = Bonuses.of(problem.objective)
     best = backward_sweep(graph, reward, bonuses)[0, path[0]]
     theirs = sum(reward[t, state] for t, state in enumerate(path))
     assert theirs + bonuses.of_path(graph.shape, path) == pytest.approx(best, rel=1e-12)

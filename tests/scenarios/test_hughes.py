@@ -14,8 +14,8 @@ from strategies import tiny
 from cocap_opt.data import ProblemError
 from cocap_opt.files.documents import FileError
 from cocap_opt.formulations import EXACT
-from cocap_opt.graph.move_rewards import NO_BONUSES, bonuses_of
-from cocap_opt.graph.timegraph import time_graph
+from cocap_opt.graph.move_rewards import NO_BONUSES, Bonuses
+from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.graph.value_iteration import backward_sweep
 from cocap_opt.model import compiled
 from cocap_opt.objective import marginal_reward
@@ -179,7 +179,7 @@ def test_an_actor_on_the_edge_of_the_cone_is_detected() -> None:
     for off in (0.0, 1e-6, -1e-6):
         poses = np.array([[x + 5, y + 5 + off, 0.0, 0.0]] * 3)
         scene = problem.replace(robots=(robot,), actors=(problem.actors[0].replace(poses=poses),))
-        graph = time_graph(scene.workspace, robot.motion, 1)
+        graph = TimeGraph.of(scene.workspace, robot.motion, 1)
         views = make_views(FaceGeometry(scene), scene, graph, robot.camera)
         seen.append(views.coverage(1, np.array([graph.index(State(0, 0))])).sum() > 0)
     assert seen == [True, False, True]
@@ -223,7 +223,7 @@ def test_their_greedy_paths_are_optima_of_their_planning_reward(name: str) -> No
         robot_class = model.class_of[robot]
         reward = marginal_reward(model, robot_class, seen)
         views = sum(float(reward[t, state]) for t, state in enumerate(path))
-        for bonuses, exact in ((bonuses_of(problem.objective), True), (NO_BONUSES, False)):
+        for bonuses, exact in ((Bonuses.of(problem.objective), True), (NO_BONUSES, False)):
             best = backward_sweep(robot_class.graph, reward, bonuses)[0, path[0]]
             theirs = views + bonuses.of_path(robot_class.graph.shape, path)
             assert (theirs == pytest.approx(best, rel=1e-12)) == exact

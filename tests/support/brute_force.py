@@ -13,7 +13,7 @@ import numpy as np
 
 from cocap_opt.data import FloatArray
 from cocap_opt.graph.motion import time_expanded_graph
-from cocap_opt.graph.timegraph import time_graph
+from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.problem import Plan, Problem, State
 from cocap_opt.referee import broken_motions, broken_rules
 from cocap_opt.vision.faces import FaceGeometry
@@ -42,7 +42,7 @@ def all_paths(problem: Problem, robot: int) -> list[StatePath]:
 def pixels_of(problem: Problem, robot: int, paths: list[StatePath]) -> FloatArray:
     """Pixels [n, T+1, F] that a robot has along each of the paths [n]; 0 where none count."""
     spec = problem.robots[robot]
-    graph = time_graph(problem.workspace, spec.motion, len(spec.camera.tilts))
+    graph = TimeGraph.of(problem.workspace, spec.motion, len(spec.camera.tilts))
     views = make_views(FaceGeometry(problem), problem, graph, spec.camera)
     seen: dict[tuple[int, State], FloatArray] = {}
     pixels = np.zeros((len(paths), problem.horizon + 1, len(problem.face_weights)))
