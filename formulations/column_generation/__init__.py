@@ -19,6 +19,7 @@ __all__ = [
     "local_search",
     "master",
     "master_program",
+    "mixture",
     "pairs",
     "pricing",
     "relaxation",

@@ -5,32 +5,10 @@ from collections.abc import Collection, Iterable
 import numpy as np
 
 from cocap_opt.data import FloatArray
-from cocap_opt.formulations.column_generation.columns import Arc
+from cocap_opt.formulations.column_generation.columns import Arc, ClassState
 from cocap_opt.model import Model
 
 LEAST_USE = 1e-7  # flow on an arc that counts as use
-
-ClassState = tuple[int, int]  # class number, state number
-
-
-def states_on_paths(
-    arcs: Iterable[Arc], starts: Collection[ClassState], horizon: int
-) -> list[set[ClassState]]:
-    """Returns the states of each step [T+1] that lie on a path of arcs from a start to step T."""
-    by_step: list[list[Arc]] = [[] for _ in range(horizon)]
-    for arc in arcs:
-        by_step[arc.t].append(arc)
-    reached = [set(starts)]
-    for t in range(horizon):
-        tails = reached[t]
-        heads = ((a.class_number, a.head) for a in by_step[t] if (a.class_number, a.tail) in tails)
-        reached.append(set(heads))
-    leading = [reached[-1]]
-    for t in range(horizon - 1, -1, -1):
-        ahead = leading[-1]
-        tails = {(a.class_number, a.tail) for a in by_step[t] if (a.class_number, a.head) in ahead}
-        leading.append(tails & reached[t])
-    return leading[::-1]
 
 
 class ArcPool:
@@ -66,6 +44,23 @@ class ArcPool:
         """Returns True if all these arcs are in the pool."""
         return all(arc in self._numbers for arc in arcs)
 
+    @staticmethod
+    def states_on_paths(
+        arcs: Iterable[Arc], starts: Collection[ClassState], horizon: int
+    ) -> list[set[ClassState]]:
+        """Returns the states [T+1] of each step on a path of arcs from a start to step T."""
+        by_step: list[list[Arc]] = [[] for _ in range(horizon)]
+        for arc in arcs:
+            by_step[arc.t].append(arc)
+        reached = [set(starts)]
+        for some in by_step:
+            reached.append({arc.enters for arc in some if arc.leaves in reached[-1]})
+        leading = [reached[-1]]
+        for t in range(horizon - 1, -1, -1):
+            tails = {arc.leaves for arc in by_step[t] if arc.enters in leading[-1]}
+            leading.append(tails & reached[t])
+        return leading[::-1]
+
     def drop_idle(self, model: Model, most_idle: int) -> bool:
         """Drops arcs idle for more than `most_idle` solves, and those that lead nowhere then.
 
@@ -82,13 +77,8 @@ class ArcPool:
             for number, robot_class in enumerate(model.classes)
             for start in robot_class.starts
         }
-        on = states_on_paths(fresh, starts, model.problem.horizon)
-        arcs = [
-            arc
-            for arc in fresh
-            if (arc.class_number, arc.tail) in on[arc.t]
-            and (arc.class_number, arc.head) in on[arc.t + 1]
-        ]
+        on = self.states_on_paths(fresh, starts, model.problem.horizon)
+        arcs = [arc for arc in fresh if arc.leaves in on[arc.t] and arc.enters in on[arc.t + 1]]
         self._numbers = {arc: n for n, arc in enumerate(arcs)}
         self._idle = np.array([idle[arc] for arc in arcs], dtype=np.int64)
         return True

@@ -10,12 +10,10 @@ from collections import defaultdict
 from typing import NamedTuple
 
 from cocap_opt.formulations.certificates import Cells, Move, Resource, Visit
-from cocap_opt.formulations.column_generation.columns import Mixture
-from cocap_opt.formulations.relaxations.flow_paths import assigned_heads
-from cocap_opt.model import Model, Path, RobotClass
+from cocap_opt.formulations.column_generation.mixture import Mixture
+from cocap_opt.model import Model
 
 INTEGRAL = 1e-4  # amounts nearer than this to an integer count as integral
-NO_MOVE = -1e3  # less than any flow along a move
 
 Amounts = dict[Resource, float]
 
@@ -48,6 +46,11 @@ class ResourceUse(NamedTuple):
                     moves[Move(t - 1, (flight.cells[t - 1], cell), flight.class_number)] += amount
         return cls(dict(cells), dict(own), dict(states), dict(moves))
 
+    @property
+    def has_integral_states(self) -> bool:
+        """True where an integral number of robots is in every state, be it on fractional paths."""
+        return not any(_is_fractional(amount) for amount in self.states.values())
+
     def fractional(self, tolerance: float = INTEGRAL) -> Amounts:
         """Returns the fractionally used resources of the first kind that has any.
 
@@ -73,46 +76,3 @@ class ResourceUse(NamedTuple):
 
 def _is_fractional(amount: float, tolerance: float = INTEGRAL) -> bool:
     return abs(amount - round(amount)) > tolerance
-
-
-def integral_paths(model: Model, mixture: Mixture) -> list[Path] | None:
-    """Returns the paths of all robots if the mixture is integral; None if it is fractional.
-
-    It is integral if integral numbers of robots use every state, be it along fractional paths.
-    From step to step the robots in the states of t go where most of the mixture goes from there.
-    """
-    states = ResourceUse.of(model, mixture).states
-    if any(_is_fractional(amount) for amount in states.values()):
-        return None
-    paths: list[list[int]] = [[model.start(i)] for i in range(len(model.problem.robots))]
-    for number, robot_class in enumerate(model.classes):
-        for t in range(model.problem.horizon):
-            heads = _heads(robot_class, number, t + 1, states)
-            tails = [paths[robot][-1] for robot in robot_class.robots]
-            flow = _flow(mixture, number, t)
-            ahead = [{b: flow[a, b] for b in heads if (a, b) in flow} for a in tails]
-            chosen = assigned_heads(ahead, heads, NO_MOVE)
-            if chosen is None:
-                return None
-            for robot, head in zip(robot_class.robots, chosen, strict=True):
-                paths[robot].append(head)
-    return [tuple(path) for path in paths]
-
-
-def _heads(robot_class: RobotClass, number: int, t: int, states: Amounts) -> list[int]:
-    """Returns the states at t of a class's robots, each as often as robots use it."""
-    heads: list[int] = []
-    for resource, amount in states.items():
-        assert isinstance(resource, Visit)
-        if (resource.t, resource.class_number) == (t, number):
-            heads += [robot_class.graph.index(resource.state)] * round(amount)
-    return heads
-
-
-def _flow(mixture: Mixture, number: int, t: int) -> dict[tuple[int, int], float]:
-    """Returns the flow of a class from each state at t to each at t+1."""
-    flow: defaultdict[tuple[int, int], float] = defaultdict(float)
-    for column, amount in mixture.used():
-        if column.flight.class_number == number:
-            flow[column.path[t], column.path[t + 1]] += amount
-    return flow

@@ -39,16 +39,7 @@ class Coefficients:
 
         A state is used by the arcs into it, a start by those out of it.
         """
-        into: dict[tuple[int, int, int], list[int]] = {}
-        along: dict[tuple[int, int, int, int], list[int]] = {}
-        for k, arc in enumerate(self.arcs):
-            graph = self.model.classes[arc.class_number].graph
-            tail, head = arc.tail % graph.n_places, arc.head % graph.n_places
-            into.setdefault((arc.class_number, arc.t + 1, head), []).append(k)
-            if arc.t == 0:
-                into.setdefault((arc.class_number, 0, tail), []).append(k)
-            if tail != head:
-                along.setdefault((arc.class_number, arc.t, tail, head), []).append(k)
+        into, along = self._into_places(), self._along_moves()
         users = []
         for resource in resources:
             t, found = resource.t, list[int]()
@@ -60,11 +51,33 @@ class Coefficients:
                     found += along.get((number, t, one, other), [])
                 for state in used.states:
                     near = into.get((number, t, state % robot_class.graph.n_places), [])
-                    found += [
-                        k for k in near if (self.arcs[k].head if t else self.arcs[k].tail) == state
-                    ]
+                    found += [k for k in near if self._state(k, t) == state]
             users.append(found)
         return users
+
+    def _state(self, k: int, t: int) -> int:
+        """Returns the state that arc k leads to at step t; its start where that is step 0."""
+        return self.arcs[k].head if t else self.arcs[k].tail
+
+    def _into_places(self) -> dict[tuple[int, int, int], list[int]]:
+        """Returns the arcs by the class, step and place that they lead to, or start from."""
+        into: dict[tuple[int, int, int], list[int]] = {}
+        for k, arc in enumerate(self.arcs):
+            n_places = self.model.classes[arc.class_number].graph.n_places
+            into.setdefault((arc.class_number, arc.t + 1, arc.head % n_places), []).append(k)
+            if arc.t == 0:
+                into.setdefault((arc.class_number, 0, arc.tail % n_places), []).append(k)
+        return into
+
+    def _along_moves(self) -> dict[tuple[int, int, int, int], list[int]]:
+        """Returns the arcs by class, step and the two different places that they join."""
+        along: dict[tuple[int, int, int, int], list[int]] = {}
+        for k, arc in enumerate(self.arcs):
+            n_places = self.model.classes[arc.class_number].graph.n_places
+            tail, head = arc.tail % n_places, arc.head % n_places
+            if tail != head:
+                along.setdefault((arc.class_number, arc.t, tail, head), []).append(k)
+        return along
 
 
 class _Views(NamedTuple):

@@ -15,7 +15,7 @@ from cocap_opt.stop import Stop
 _SOLVED = ("Solved", "AlmostSolved")
 
 
-class Cone(Enum):
+class _Cone(Enum):
     """The cone in which b - A x lies for the rows of a block."""
 
     ZERO = "zero"  # the rows are equations
@@ -66,11 +66,27 @@ class ConicProgram:
             self._n += size
         self._rows: dict[str, slice] = {}
         self._rhs: list[FloatArray] = []
-        self._cones: list[tuple[Cone, int]] = []
+        self._cones: list[tuple[_Cone, int]] = []
         self._entries: list[_Entries] = []
 
-    def add_rows(self, name: str, cone: Cone, rhs: FloatArray) -> None:
-        """Begins a block of rows with the right sides b [m]; its matrix is 0 at first."""
+    def add_equations(self, name: str, rhs: FloatArray) -> None:
+        """Begins a block of rows A x = b with the right sides b [m]; A is 0 at first."""
+        self._add_rows(name, _Cone.ZERO, rhs)
+
+    def add_inequalities(self, name: str, rhs: FloatArray) -> None:
+        """Begins a block of rows A x <= b with the right sides b [m]; A is 0 at first."""
+        self._add_rows(name, _Cone.NONNEGATIVE, rhs)
+
+    def add_cones(self, name: str, rhs: FloatArray) -> None:
+        """Begins a block of cones: each three rows (r, x, y) of b - A x have r >= |(x, y)|.
+
+        Parameters
+        ----------
+        rhs : [3 m] right sides b; A is 0 at first
+        """
+        self._add_rows(name, _Cone.SECOND_ORDER, rhs)
+
+    def _add_rows(self, name: str, cone: _Cone, rhs: FloatArray) -> None:
         first = sum(map(len, self._rhs))
         self._rows[name] = slice(first, first + len(rhs))
         self._rhs.append(rhs)
@@ -117,9 +133,9 @@ class ConicProgram:
     def _clarabel_cones(self) -> list[object]:
         cones: list[object] = []
         for cone, size in self._cones:
-            if cone is Cone.SECOND_ORDER:
+            if cone is _Cone.SECOND_ORDER:
                 cones += [clarabel.SecondOrderConeT(3) for _ in range(size // 3)]
             else:
-                make = clarabel.ZeroConeT if cone is Cone.ZERO else clarabel.NonnegativeConeT
+                make = clarabel.ZeroConeT if cone is _Cone.ZERO else clarabel.NonnegativeConeT
                 cones.append(make(size))
         return cones

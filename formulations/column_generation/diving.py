@@ -8,10 +8,10 @@ or nothing more is to be decided. It is then rounded and improved (`local_search
 import math
 
 from cocap_opt.formulations.certificates import Decision, Resource
-from cocap_opt.formulations.column_generation.branching import ResourceUse, integral_paths
-from cocap_opt.formulations.column_generation.columns import Mixture
+from cocap_opt.formulations.column_generation.branching import ResourceUse
 from cocap_opt.formulations.column_generation.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.master import Master, Solution
+from cocap_opt.formulations.column_generation.mixture import Mixture
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.stop import LimitReached
 
@@ -28,17 +28,10 @@ def dive(search: Search, master: Master, solution: Solution) -> Incumbent | None
         master, solution = _dived(search, master, solution)
     except LimitReached:
         return None
-    found = integral_plan(search, solution.mixture)
+    found = search.local_search.from_integral(solution.mixture)
     if found is not None:
         return found
     return search.local_search.from_mixture(solution.mixture, master.arcs)
-
-
-def integral_plan(search: Search, mixture: Mixture) -> Incumbent | None:
-    """Returns the plan of an integral mixture after best responses; None if it is fractional."""
-    paths = integral_paths(search.model, mixture)
-    plan = None if paths is None else Incumbent.along(search.model, paths)
-    return None if plan is None else search.local_search.with_best_responses(plan.columns)
 
 
 def _dived(search: Search, master: Master, solution: Solution) -> tuple[Master, Solution]:

@@ -1,14 +1,20 @@
 """The incumbent: a plan that obeys all rules, as one column per robot."""
 
+from collections import defaultdict
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from cocap_opt.formulations.certificates import Visit
+from cocap_opt.formulations.column_generation.branching import ResourceUse
 from cocap_opt.formulations.column_generation.columns import Column
-from cocap_opt.model import Model, Path
+from cocap_opt.formulations.column_generation.mixture import Mixture
+from cocap_opt.formulations.relaxations.flow_paths import assigned_heads
+from cocap_opt.model import Model, Path, RobotClass
 from cocap_opt.objective import objective
 from cocap_opt.problem import Plan, conflicts
 
 _LEAST_GAIN = 1e-12  # relative, so that rounding is no gain
+_NO_MOVE = -1e3  # less than any flow along a move
 
 
 class Incumbent(NamedTuple):
@@ -35,6 +41,12 @@ class Incumbent(NamedTuple):
         """Returns a plan as an incumbent; None without one and if it breaks a rule."""
         return None if plan is None else cls.along(model, model.paths(plan))
 
+    @classmethod
+    def of_integral(cls, model: Model, mixture: Mixture) -> "Incumbent | None":
+        """Returns the plan of an integral mixture; None if it is fractional or breaks a rule."""
+        paths = _integral_paths(model, mixture)
+        return None if paths is None else cls.along(model, paths)
+
     @property
     def paths(self) -> tuple[Path, ...]:
         """Paths of all robots."""
@@ -58,3 +70,46 @@ class Incumbent(NamedTuple):
     def clearly_better_than(self, other: "Incumbent") -> bool:
         """Returns True if the gain is more than rounding."""
         return self.value > other.value * (1 + _LEAST_GAIN)
+
+
+def _integral_paths(model: Model, mixture: Mixture) -> list[Path] | None:
+    """Returns the paths of all robots if the mixture is integral; None if it is fractional.
+
+    It is integral if integral numbers of robots use every state, be it along fractional paths.
+    From step to step the robots in the states of t go where most of the mixture goes from there.
+    """
+    use = ResourceUse.of(model, mixture)
+    if not use.has_integral_states:
+        return None
+    paths: list[list[int]] = [[model.start(i)] for i in range(len(model.problem.robots))]
+    for number, robot_class in enumerate(model.classes):
+        for t in range(model.problem.horizon):
+            heads = _heads(robot_class, number, t + 1, use)
+            tails = [paths[robot][-1] for robot in robot_class.robots]
+            flow = _flow(mixture, number, t)
+            ahead = [{b: flow[a, b] for b in heads if (a, b) in flow} for a in tails]
+            chosen = assigned_heads(ahead, heads, _NO_MOVE)
+            if chosen is None:
+                return None
+            for robot, head in zip(robot_class.robots, chosen, strict=True):
+                paths[robot].append(head)
+    return [tuple(path) for path in paths]
+
+
+def _heads(robot_class: RobotClass, number: int, t: int, use: ResourceUse) -> list[int]:
+    """Returns the states at t of a class's robots, each as often as robots use it."""
+    heads: list[int] = []
+    for resource, amount in use.states.items():
+        assert isinstance(resource, Visit)
+        if (resource.t, resource.class_number) == (t, number):
+            heads += [robot_class.graph.index(resource.state)] * round(amount)
+    return heads
+
+
+def _flow(mixture: Mixture, number: int, t: int) -> dict[tuple[int, int], float]:
+    """Returns the flow of a class from each state at t to each at t+1."""
+    flow: defaultdict[tuple[int, int], float] = defaultdict(float)
+    for column, amount in mixture.used():
+        if column.flight.class_number == number:
+            flow[column.path[t], column.path[t + 1]] += amount
+    return flow

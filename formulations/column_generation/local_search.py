@@ -14,8 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from cocap_opt.coordination.best_response import best_response
-from cocap_opt.formulations.column_generation.columns import Arc, Column, Mixture, avoid_columns
+from cocap_opt.formulations.column_generation.columns import Arc, Column
 from cocap_opt.formulations.column_generation.incumbent import Incumbent
+from cocap_opt.formulations.column_generation.mixture import Mixture
 from cocap_opt.formulations.column_generation.pairs import best_pair
 from cocap_opt.model import Model
 from cocap_opt.stop import LimitReached, Stop, never
@@ -46,6 +47,11 @@ class LocalSearch:
         plan = None if rounded is None else self.with_best_responses(rounded)
         return None if plan is None else self._with_best_pairs(plan, arcs)
 
+    def from_integral(self, mixture: Mixture) -> Incumbent | None:
+        """Returns the plan of an integral mixture after best responses; None if fractional."""
+        plan = Incumbent.of_integral(self.model, mixture)
+        return None if plan is None else self.with_best_responses(plan.columns)
+
     def perturbed(
         self, plan: Incumbent, arcs: Collection[Arc], rng: np.random.Generator
     ) -> Incumbent | None:
@@ -74,7 +80,7 @@ class LocalSearch:
         model, pixels = self.model, self.model.problem.no_pixels()
         for column in others:
             pixels[column.view_sums] += column.pixels
-        charges = avoid_columns(model, model.class_of[robot], others)
+        charges = Column.avoid(model, model.class_of[robot], others)
         path = best_response(model, robot, pixels, charges)
         return None if path is None else Column.of(model, robot, path)
 

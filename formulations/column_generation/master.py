@@ -17,8 +17,9 @@ import numpy as np
 from cocap_opt.data import FloatArray
 from cocap_opt.formulations.certificates import Cut, Decision, Resource
 from cocap_opt.formulations.column_generation.arc_pool import LEAST_USE, ArcPool
-from cocap_opt.formulations.column_generation.columns import Arc, Column, Mixture
+from cocap_opt.formulations.column_generation.columns import Arc, Column
 from cocap_opt.formulations.column_generation.master_program import MasterProgram
+from cocap_opt.formulations.column_generation.mixture import Mixture
 from cocap_opt.formulations.relaxations.duals import Duals
 from cocap_opt.model import Model, Path
 from cocap_opt.stop import Stop, never

@@ -19,23 +19,15 @@ import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.formulations.certificates import Cut, Decision, Resource
-from cocap_opt.formulations.column_generation.coefficients import (
-    ArcViews,
-    move_rewards,
-    users_of,
-)
+from cocap_opt.formulations.column_generation.coefficients import Coefficients
 from cocap_opt.formulations.column_generation.columns import Arc
-from cocap_opt.formulations.column_generation.conic_program import (
-    Cone,
-    ConicProgram,
-    ConicSolution,
-)
+from cocap_opt.formulations.column_generation.conic_program import ConicProgram, ConicSolution
 from cocap_opt.formulations.relaxations.duals import Duals, RootRows
 from cocap_opt.model import Model
 from cocap_opt.stop import Stop
 
 
-class ProgramSolution(NamedTuple):
+class _ProgramSolution(NamedTuple):
     """A solution of a restricted master problem."""
 
     value: float
@@ -65,15 +57,16 @@ class MasterProgram:
 
     def __post_init__(self) -> None:
         """Computes the coefficients of the arcs."""
-        self._views = views = ArcViews.of(self.model, self.arcs)
-        self._bonus = move_rewards(self.model, self.arcs)
+        self._coefficients = Coefficients(self.model, self.arcs)
+        self._views = views = self._coefficients.views()
+        self._bonus = self._coefficients.move_rewards()
         weights = self.model.problem.view_sum_weights[views.view_sums] * views.scale
         # The solver's costs are in units of the largest one.
         largest = max(float(weights.max(initial=0.0)), float(self._bonus.max()))
         self._unit = largest or 1.0
         self._weights = weights
 
-    def solve(self, stop: Stop, accuracy: float) -> ProgramSolution:
+    def solve(self, stop: Stop, accuracy: float) -> _ProgramSolution:
         """Solves to a relative accuracy of the value, or to what a stop leaves time for."""
         sizes = {
             "flow": len(self.arcs),
@@ -107,7 +100,7 @@ class MasterProgram:
             for start in robot_class.starts:
                 units[nodes[number, 0, start]] += 1
         name, each = "conservation", np.arange(len(self.arcs))
-        program.add_rows(name, Cone.ZERO, units)
+        program.add_equations(name, units)
         program.put(name, "flow", np.array(leaving), each, np.ones(len(each)))
         arcs = np.array(inner, dtype=np.int64)
         program.put(name, "flow", entering, arcs, -np.ones(len(inner)))
@@ -115,7 +108,7 @@ class MasterProgram:
     def _add_resources(self, program: ConicProgram) -> None:
         """Adds the rows by which at most one robot, or as many as decided, use a resource."""
         decided = [decision.resource for decision in self.decisions]
-        users = users_of(self.model, [*self.rows, *decided], self.arcs)
+        users = self._coefficients.users([*self.rows, *decided])
         of_rows, of_decisions = users[: len(self.rows)], users[len(self.rows) :]
         ones = np.ones(len(self.rows))
         signs = np.array([float(decision.sign) for decision in self.decisions])
@@ -128,7 +121,7 @@ class MasterProgram:
         signs: FloatArray, limits: FloatArray, first_slack: int,
     ) -> None:  # fmt: skip
         """Adds rows sign * (flow on the users' arcs) - slack <= limit."""
-        program.add_rows(name, Cone.NONNEGATIVE, limits)
+        program.add_inequalities(name, limits)
         row = np.repeat(np.arange(len(users)), [len(arcs) for arcs in users])
         arcs = np.array([k for some in users for k in some], dtype=np.int64)
         program.put(name, "flow", row, arcs, signs[row] if len(users) else np.zeros(0))
@@ -138,22 +131,22 @@ class MasterProgram:
     def _add_bounds(self, program: ConicProgram, n_flow: int, n_slack: int) -> None:
         """Adds the rows by which neither flow nor slack is negative."""
         for name, size in (("flow", n_flow), ("slack", n_slack)):
-            program.add_rows(f"{name} >= 0", Cone.NONNEGATIVE, np.zeros(size))
+            program.add_inequalities(f"{name} >= 0", np.zeros(size))
             program.put_diagonal(f"{name} >= 0", name, -1.0)
 
     def _add_roots(self, program: ConicProgram) -> None:
         """Adds the rows that bound the roots; see the module's docstring."""
         views, n = self._views, len(self._weights)
-        program.add_rows("single view", Cone.NONNEGATIVE, np.zeros(n))
+        program.add_inequalities("single view", np.zeros(n))
         program.put("single view", "flow", views.at, views.arcs, -views.roots)
         program.put_diagonal("single view", "roots", 1.0)
         self._add_cuts(program)
         # z <= pixels; a variable of its own keeps the cones small.
-        program.add_rows("pixels", Cone.NONNEGATIVE, np.zeros(n))
+        program.add_inequalities("pixels", np.zeros(n))
         program.put("pixels", "flow", views.at, views.arcs, -(views.roots**2))
         program.put_diagonal("pixels", "pixels", 1.0)
         # Per view sum the cone (1 + z, 2 u, z - 1): u^2 <= z.
-        program.add_rows("cones", Cone.SECOND_ORDER, np.tile([1.0, 0.0, -1.0], n))
+        program.add_cones("cones", np.tile([1.0, 0.0, -1.0], n))
         each = 3 * np.arange(n)
         program.put("cones", "pixels", each, each // 3, -np.ones(n))
         program.put("cones", "pixels", each + 2, each // 3, -np.ones(n))
@@ -165,7 +158,7 @@ class MasterProgram:
         constants = np.zeros(len(self.cuts))
         for k in np.flatnonzero(self._is_seen).tolist():
             constants[k] = self.cuts[k].constant / views.scale[self._cut_at[k]]
-        program.add_rows("cuts", Cone.NONNEGATIVE, constants)
+        program.add_inequalities("cuts", constants)
         order = np.argsort(views.at, kind="stable")
         bounds = np.searchsorted(views.at[order], np.arange(len(self._weights) + 1))
         classes = np.array([arc.class_number for arc in self.arcs])
@@ -194,9 +187,9 @@ class MasterProgram:
 
     # -- the solution --------------------------------------------------------------------
 
-    def _read(self, solution: ConicSolution) -> ProgramSolution:
+    def _read(self, solution: ConicSolution) -> _ProgramSolution:
         """Returns a solution in the units of J."""
-        return ProgramSolution(
+        return _ProgramSolution(
             value=-solution.value * self._unit,
             flow=solution.values("flow"),
             slack=float(np.maximum(solution.values("slack"), 0.0).sum()),

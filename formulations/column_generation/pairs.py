@@ -115,7 +115,7 @@ def _side(model: Model, robot: int, arcs: Iterable[Arc], others: Sequence[Column
     states = [np.array(sorted(state for _, state in some), dtype=np.int64) for some in on]
     ends: list[list[tuple[int, int]]] = [[] for _ in range(horizon)]
     for arc in own:
-        if (number, arc.tail) in on[arc.t] and (number, arc.head) in on[arc.t + 1]:
+        if arc.leaves in on[arc.t] and arc.enters in on[arc.t + 1]:
             ends[arc.t].append((arc.tail, arc.head))
     bonuses = Bonuses.of(model.problem.objective)
     side = _Side(robot_class, states, [], [], [])

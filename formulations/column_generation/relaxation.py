@@ -12,12 +12,12 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.formulations.certificates import Cut, Decision
-from cocap_opt.formulations.column_generation.columns import Column, Mixture
+from cocap_opt.formulations.column_generation.columns import Column
 from cocap_opt.formulations.column_generation.master import BEST_ACCURACY, Master, Solution
+from cocap_opt.formulations.column_generation.mixture import Mixture
 from cocap_opt.formulations.column_generation.pricing import Priced
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.relaxations.separation import Seen
-from cocap_opt.formulations.relaxations.violated_rows import violated_rows
 
 ACCURACY = 2e-7  # of the bound: where bound and master agree to this, they have converged
 WORST_ACCURACY = 1e-5  # of the master
@@ -157,8 +157,7 @@ class Relaxation:
 
     def _add_rows(self, mixture: Mixture) -> int:
         """Adds the conflict rows that the mixture breaks, and returns how many."""
-        flights = [(column.flight, amount) for column, amount in mixture.used()]
-        broken = violated_rows(self.search.model, flights, BROKEN)
+        broken = mixture.violated_rows(self.search.model, BROKEN)
         return sum(self.master.add_row(resource) for resource in broken)
 
     def _add_columns(self, columns: Sequence[Column]) -> int:

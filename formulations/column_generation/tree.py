@@ -20,7 +20,7 @@ from cocap_opt.formulations.certificates import (
 )
 from cocap_opt.formulations.column_generation.branching import INTEGRAL, ResourceUse
 from cocap_opt.formulations.column_generation.columns import Column
-from cocap_opt.formulations.column_generation.diving import dive, integral_plan
+from cocap_opt.formulations.column_generation.diving import dive
 from cocap_opt.formulations.column_generation.master import Master
 from cocap_opt.formulations.column_generation.pricing import Priced
 from cocap_opt.formulations.column_generation.relaxation import Relaxation
@@ -146,7 +146,7 @@ class Tree:
         search, solution = self.search, relaxation.solution
         if solution is None:
             return
-        search.offer(integral_plan(search, solution.mixture))
+        search.offer(search.local_search.from_integral(solution.mixture))
         relaxation.look_for_plans()
         if self._solved & (self._solved - 1) == 0:
             search.offer(dive(search, relaxation.master, solution))

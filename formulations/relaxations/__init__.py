@@ -1,7 +1,7 @@
 """Relaxations over the aggregated flow, and the parts that all formulations share.
 
 A flow (`flow`) holds robots in fractions; rows for conflicts (`collision_rows`), cones for roots
-(`cone_program`) and cuts (`separation`, `violated_rows`) bound J; `duals` makes a certificate of
+(`cone_program`) and cuts (`separation`) bound J; `duals` makes a certificate of
 a solver's multipliers.
 """
 
@@ -13,5 +13,4 @@ __all__ = [
     "flow",
     "flow_paths",
     "separation",
-    "violated_rows",
 ]

@@ -18,17 +18,18 @@ from cocap_opt.formulations.certificates import (
     price,
     verify,
 )
-from cocap_opt.formulations.column_generation.arc_pool import states_on_paths
+from cocap_opt.formulations.column_generation.arc_pool import ArcPool
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
-from cocap_opt.formulations.column_generation.branching import ResourceUse, integral_paths
-from cocap_opt.formulations.column_generation.coefficients import users_of
+from cocap_opt.formulations.column_generation.branching import ResourceUse
+from cocap_opt.formulations.column_generation.coefficients import Coefficients
 from cocap_opt.formulations.column_generation.column_generation import column_generation
-from cocap_opt.formulations.column_generation.columns import Arc, Column, Mixture
-from cocap_opt.formulations.column_generation.conic_program import Cone, ConicProgram
+from cocap_opt.formulations.column_generation.columns import Arc, Column
+from cocap_opt.formulations.column_generation.conic_program import ConicProgram
 from cocap_opt.formulations.column_generation.diving import dive
 from cocap_opt.formulations.column_generation.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.local_search import LocalSearch
 from cocap_opt.formulations.column_generation.master import Master
+from cocap_opt.formulations.column_generation.mixture import Mixture
 from cocap_opt.formulations.column_generation.pairs import best_pair
 from cocap_opt.formulations.column_generation.pricing import Pricer
 from cocap_opt.formulations.column_generation.root import Root
@@ -198,11 +199,12 @@ def test_integral_mixtures_become_paths_with_the_same_reward() -> None:
     problem = load_scene("corridor", 0)
     model = compiled(problem)
     columns = Search(model).first_columns()[:2]
-    paths = integral_paths(model, Mixture(columns, np.ones(2)))
-    assert paths is not None
-    assert objective(model, paths) == pytest.approx(objective(model, [c.path for c in columns]))
+    plan = Incumbent.of_integral(model, Mixture(columns, np.ones(2)))
+    assert plan is not None
+    assert plan.value == pytest.approx(objective(model, [c.path for c in columns]))
     half = Mixture([*columns, *columns], np.full(4, 0.5))
-    assert integral_paths(model, half) == paths
+    split = Incumbent.of_integral(model, half)
+    assert split is not None and split.paths == plan.paths
     assert not ResourceUse.of(model, half).fractional()
 
 
@@ -225,7 +227,7 @@ def test_masters_and_paths_agree_on_what_uses_a_resource(problem: Problem, seed:
         ]
         if moved[0] != moved[1]:
             resources += [Move(t, moved, number), Swap(t, moved), Swap(t, moved[::-1])]
-        rows = users_of(model, resources, Column.of(model, robot, flight.path).arcs)
+        rows = Coefficients(model, Column.of(model, robot, flight.path).arcs).users(resources)
         assert [len(row) for row in rows] == [r.used_by(model, flight) for r in resources]
 
 
@@ -365,9 +367,9 @@ def test_local_search_that_is_stopped_returns_its_best_plan() -> None:
 def test_multipliers_are_read_by_the_names_of_rows() -> None:
     """max x + 2 y, x <= 3, y <= 4, written in any order: the prices are 1 and 2."""
     program = ConicProgram({"x": 1, "y": 1})
-    program.add_rows("y is small", Cone.NONNEGATIVE, np.array([4.0]))
+    program.add_inequalities("y is small", np.array([4.0]))
     program.put_diagonal("y is small", "y", 1.0)
-    program.add_rows("x is small", Cone.NONNEGATIVE, np.array([3.0]))
+    program.add_inequalities("x is small", np.array([3.0]))
     program.put_diagonal("x is small", "x", 1.0)
     solution = program.solve({"y": np.array([-2.0]), "x": np.array([-1.0])}, never, 1e-9)
     assert solution.is_solved
@@ -380,4 +382,4 @@ def test_multipliers_are_read_by_the_names_of_rows() -> None:
 def test_states_on_paths_lead_from_a_start_to_the_end() -> None:
     """Arcs that no start reaches, and arcs that lead nowhere, have states on no path."""
     arcs = [Arc(0, 0, 1, 2), Arc(0, 1, 2, 3), Arc(0, 0, 1, 7), Arc(0, 1, 8, 3), Arc(1, 1, 2, 9)]
-    assert states_on_paths(arcs, [(0, 1)], 2) == [{(0, 1)}, {(0, 2)}, {(0, 3)}]
+    assert ArcPool.states_on_paths(arcs, [(0, 1)], 2) == [{(0, 1)}, {(0, 2)}, {(0, 3)}]
