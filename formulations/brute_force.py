@@ -17,7 +17,7 @@ from cocap_opt.formulations.result import (
 )
 from cocap_opt.model import Model, Path, compiled
 from cocap_opt.objective import move_reward, view_reward
-from cocap_opt.problem import Plan, Problem, conflicts
+from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import Reason, UnsupportedError, timed
 from cocap_opt.stop import LimitReached, Stop, never
 
@@ -97,7 +97,7 @@ class _Enumeration:
             value += sum(choice.moves for choice in chosen)
             if value > self.value:
                 plan = model.plan([choice.path for choice in chosen])
-                if next(conflicts(model.problem, plan), None) is None:
+                if next(plan.conflicts(model.problem), None) is None:
                     self.value, self.plan = value, plan
 
     def _choices(self, robot: int, stop: Stop) -> list[_Choice]:

@@ -17,28 +17,15 @@ from numpy.typing import NDArray
 
 from cocap_opt.data import BoolArray
 from cocap_opt.problem import AnyCamera, Motion, Problem, State
+from cocap_opt.problem.motion import Move
 from cocap_opt.world.columns import Columns
 from cocap_opt.world.workspace import Workspace
 
 T = TypeVar("T", bound=np.generic)
-Move = tuple[int, int, int]  # (layers, cells along x, cells along y)
 Place = tuple[int, int, int]  # (layer, x, y)
 Orientation = tuple[int, int]  # (heading, pitch)
 if TYPE_CHECKING:
     Graph = nx.DiGraph[Any]
-
-
-def free_places(workspace: Workspace, motion: Motion) -> BoolArray:
-    """Returns an array [layer, X, Y], true where no solid matter is within a robot's clearance."""
-    altitudes = workspace.height_map.altitudes(motion.layers)
-    return ~workspace.columns.solid(altitudes - motion.clearance, altitudes + motion.clearance)
-
-
-def moves(motion: Motion) -> list[Move]:
-    """Returns all cell moves of one step; the first is to stay."""
-    climb = min(motion.climb, len(motion.layers) - 1)
-    reach, climbs = range(-motion.radius, motion.radius + 1), range(-climb, climb + 1)
-    return sorted(product(climbs, reach, reach), key=lambda move: (move != (0, 0, 0), move))
 
 
 def swept_cells(dx: int, dy: int) -> list[tuple[int, int]]:
@@ -63,20 +50,20 @@ def _allowed_starts(workspace: Workspace, free: BoolArray, motion: Motion, move:
     the higher, nor within the clearance of these. With corner cutting only the two ends count.
     """
     if motion.corner_cutting:
-        return free & shifted(free, move, False)
+        return free & _shifted(free, move, False)
     _, dx, dy = move
     columns, here = workspace.columns, workspace.height_map.altitudes(motion.layers)
-    there = shifted(here, move, np.nan)
+    there = _shifted(here, move, np.nan)
     low, high = np.minimum(here, there) - motion.clearance, np.maximum(here, there)
     high += motion.clearance
     allowed: BoolArray = ~np.isnan(there)  # it does not lead out of the map
     for i, j in swept_cells(dx, dy):
-        below, above = (shifted(part, (0, i, j), np.nan) for part in columns)
+        below, above = (_shifted(part, (0, i, j), np.nan) for part in columns)
         allowed &= ~Columns(below, above).solid(low, high)
     return allowed
 
 
-def shifted(values: NDArray[T], move: Move, outside: float) -> NDArray[T]:
+def _shifted(values: NDArray[T], move: Move, outside: float) -> NDArray[T]:
     """Returns `values` [layer, X, Y] at every place + `move`, and `outside` beyond the map."""
     result = np.full_like(values, outside)
     source, target = [], []
@@ -89,10 +76,10 @@ def shifted(values: NDArray[T], move: Move, outside: float) -> NDArray[T]:
 
 def place_graph(workspace: Workspace, motion: Motion) -> Graph:
     """Returns the directed graph of places (layer, x, y) and moves, self-loops included."""
-    free = free_places(workspace, motion)
+    free = motion.free_places(workspace)
     _, width, depth = free.shape
     tails, heads = [], []
-    for climb, dx, dy in moves(motion):
+    for climb, dx, dy in motion.moves:
         tails.append(np.flatnonzero(_allowed_starts(workspace, free, motion, (climb, dx, dy))))
         heads.append(tails[-1] + (climb * width + dx) * depth + dy)
     tail, head = np.concatenate(tails), np.concatenate(heads)
@@ -109,15 +96,7 @@ def place_graph(workspace: Workspace, motion: Motion) -> Graph:
     return graph
 
 
-def turned(index: int, most: int, size: int, cyclic: bool) -> set[int]:
-    """Returns the indices within `most` steps of `index` on a ring or a line of `size`."""
-    if cyclic:
-        most = min(most, size // 2)
-        return {i % size for i in range(index - most, index + most + 1)}
-    return set(range(max(0, index - most), min(size, index + most + 1)))
-
-
-def orientation_graph(motion: Motion, camera: AnyCamera) -> Graph:
+def _orientation_graph(motion: Motion, camera: AnyCamera) -> Graph:
     """Returns the directed graph of orientations (heading, pitch), self-loops included.
 
     Headings are a ring, pitches a line.
@@ -126,8 +105,8 @@ def orientation_graph(motion: Motion, camera: AnyCamera) -> Graph:
     for heading, pitch in product(range(motion.headings), range(len(camera.tilts))):
         graph.add_edges_from(
             ((heading, pitch), (next_heading, next_pitch))
-            for next_heading in turned(heading, motion.turn, motion.headings, cyclic=True)
-            for next_pitch in turned(pitch, motion.pitch_turn, len(camera.tilts), cyclic=False)
+            for next_heading in motion.headings_after(heading)
+            for next_pitch in motion.pitches_after(pitch, len(camera.tilts))
         )
     return graph
 
@@ -136,7 +115,7 @@ def motion_graph(problem: Problem, robot: int) -> Graph:
     """Returns the motion graph of one robot; nodes are `State`, an edge is one step."""
     motion, camera = problem.robots[robot].motion, problem.robots[robot].camera
     graph = nx.tensor_product(
-        place_graph(problem.workspace, motion), orientation_graph(motion, camera)
+        place_graph(problem.workspace, motion), _orientation_graph(motion, camera)
     )
     # The stubs of both functions say Graph where they return the type they are given.
     return cast("Graph", nx.relabel_nodes(graph, {node: _state(*node) for node in graph}))

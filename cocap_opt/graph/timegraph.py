@@ -15,8 +15,9 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
-from cocap_opt.graph.motion import Move, Place, moves, place_graph, turned
+from cocap_opt.graph.motion import Place, place_graph
 from cocap_opt.problem import Motion, State
+from cocap_opt.problem.motion import Move
 from cocap_opt.world.workspace import Workspace
 
 CLOSED = -np.inf  # value of a state that must not or cannot be entered
@@ -54,7 +55,7 @@ class TimeGraph:
         self.n_places = int(np.prod(padded))
         self.n_states = self.n_orientations * self.n_places
         self.strides = (padded[1] * padded[2], padded[2], 1)
-        self.moves: list[Move] = moves(motion)
+        self.moves: list[Move] = motion.moves
         self.neighbours = self._compile(place_graph(workspace, motion).adj)
         self.free: BoolArray = self.neighbours[0] >= 0  # every free place may be stayed in
         self.irregular = self._compile_irregular()
@@ -133,8 +134,8 @@ class TimeGraph:
         return [
             sorted(
                 h * pitches + p
-                for h in turned(heading, self.motion.turn, headings, cyclic=True)
-                for p in turned(pitch, self.motion.pitch_turn, pitches, cyclic=False)
+                for h in self.motion.headings_after(heading)
+                for p in self.motion.pitches_after(pitch, pitches)
             )
             for heading in range(headings)
             for pitch in range(pitches)

@@ -10,7 +10,7 @@ from cocap_opt.model import Model
 from cocap_opt.planners.low_level import LowLevel, SingleRobotPath, SingleRobotTask
 from cocap_opt.planners.sequential import sequential
 from cocap_opt.planners.team import Team
-from cocap_opt.problem import Conflict, conflicts
+from cocap_opt.problem import Conflict
 from cocap_opt.result import Reason, Result
 from cocap_opt.stop import Limit, Stop
 
@@ -81,7 +81,7 @@ class ConstraintTree:
     def first_conflict(self, node: Node) -> Conflict | None:
         """Earliest conflict of a node's plan, of the first robots."""
         plan = self._model.plan(node.team.paths)
-        return next(conflicts(self._model.problem, plan), None)
+        return next(plan.conflicts(self._model.problem), None)
 
     def child(self, node: Node, conflict: Conflict, robot: int) -> Node | None:
         """Node in which a robot of the conflict gives way; None where that leaves it no path.

@@ -9,7 +9,6 @@ from cocap_opt.data import FloatArray
 from cocap_opt.model import Model, Path
 from cocap_opt.objective import objective
 from cocap_opt.planners.low_level import SingleRobotPath
-from cocap_opt.problem import conflicts
 from cocap_opt.result import Reason, Result
 from cocap_opt.stop import Limit
 
@@ -48,7 +47,7 @@ class Team:
     def collides(self) -> bool:
         """True where two of the paths conflict."""
         plan = self.model.plan(self.paths)
-        return next(conflicts(self.model.problem, plan), None) is not None
+        return next(plan.conflicts(self.model.problem), None) is not None
 
     def with_path(self, robot: int, single: SingleRobotPath) -> "Team":
         """Return the team with another path for one robot, or with the next robot's first one."""

@@ -1,8 +1,12 @@
 """Motion of a robot: its states, and the steps that it can take."""
 
+from itertools import product
 from typing import NamedTuple
 
-from cocap_opt.data import LARGEST, MOST_TURN, Data, require, whole, within
+from cocap_opt.data import LARGEST, MOST_TURN, BoolArray, Data, require, whole, within
+from cocap_opt.world.workspace import Workspace
+
+Move = tuple[int, int, int]  # (layers, cells along x, cells along y)
 
 
 class State(NamedTuple):
@@ -56,3 +60,25 @@ class Motion(Data, frozen=True):
             within(height, -LARGEST, LARGEST, "layers", "m")
         increasing = all(a < b for a, b in zip(self.layers, self.layers[1:], strict=False))
         require(increasing, "layers", "flight heights must increase")
+
+    @property
+    def moves(self) -> list[Move]:
+        """All cell moves of one step; the first is to stay."""
+        climb = min(self.climb, len(self.layers) - 1)
+        reach, climbs = range(-self.radius, self.radius + 1), range(-climb, climb + 1)
+        return sorted(product(climbs, reach, reach), key=lambda move: (move != (0, 0, 0), move))
+
+    def headings_after(self, heading: int) -> set[int]:
+        """Returns the headings, a ring, that one step can turn `heading` to."""
+        most = min(self.turn, self.headings // 2)
+        return {k % self.headings for k in range(heading - most, heading + most + 1)}
+
+    def pitches_after(self, pitch: int, pitches: int) -> set[int]:
+        """Returns the pitches, a line of `pitches`, that one step can tilt `pitch` to."""
+        most = self.pitch_turn
+        return set(range(max(0, pitch - most), min(pitches, pitch + most + 1)))
+
+    def free_places(self, workspace: Workspace) -> BoolArray:
+        """Returns an array [layer, X, Y], true where no solid matter is within the clearance."""
+        altitudes = workspace.height_map.altitudes(self.layers)
+        return ~workspace.columns.solid(altitudes - self.clearance, altitudes + self.clearance)

@@ -19,7 +19,7 @@ from cocap_opt.experiments.results.statistics import Mean
 from cocap_opt.experiments.results.tables import grouped, percent
 from cocap_opt.experiments.results.trace import Trace
 from cocap_opt.formulations.result import OPTIMALITY, Snapshot
-from cocap_opt.problem import Conflict, Plan, Problem, SwapConflict, conflicts
+from cocap_opt.problem import Conflict, Plan, Problem, SwapConflict
 
 _DPI = 130
 _BLUE, _AMBER, _RED, _GREY = "#30638e", "#edae49", "#d1495b", "#8d99ae"
@@ -44,12 +44,12 @@ def gaps_figure(rows: Sequence[Row]) -> Figure:
     figure = Figure(figsize=(7.2, sum(heights)), layout="constrained", dpi=_DPI)
     panels = figure.subplots(len(scenes), 1, height_ratios=heights, squeeze=False)[:, 0]
     for ax, ((scene,), some) in zip(panels, scenes.items(), strict=True):
-        draw_gaps(ax, some)
+        _draw_gaps(ax, some)
         ax.set_title(scene, fontsize=10, loc="left")
     return figure
 
 
-def draw_gaps(ax: Axes, rows: Sequence[Row]) -> Axes:
+def _draw_gaps(ax: Axes, rows: Sequence[Row]) -> Axes:
     """Draws each planner's gap to the best certified bound: a point per seed, mean, 95 % interval.
 
     The bound of a hollow point is not proved to be the optimum, so that the gap may be smaller
@@ -125,11 +125,11 @@ def progress_figure(traces: Mapping[str, Trace]) -> Figure:
     if rows == 2:
         _draw_bounds(panels[0], *traces.values())
         panels[0].set_xlabel("")
-    draw_progress(panels[-1], traces)
+    _draw_progress(panels[-1], traces)
     return figure
 
 
-def draw_progress(ax: Axes, traces: Mapping[str, Trace]) -> Axes:
+def _draw_progress(ax: Axes, traces: Mapping[str, Trace]) -> Axes:
     """Draws gaps over time, both axes logarithmic; a ring marks a proved optimum.
 
     Parameters
@@ -198,21 +198,21 @@ def conflicts_figure(problem: Problem, plans: Mapping[str, Plan]) -> Figure:
     figure = Figure(figsize=(6.4, 0.4 + height * len(plans)), layout="constrained", dpi=_DPI)
     panels = figure.subplots(len(plans), 1, sharex=True, squeeze=False)[:, 0]
     for ax, (name, plan) in zip(panels, plans.items(), strict=True):
-        draw_conflicts(ax, problem, plan)
-        count = sum(1 for _ in conflicts(problem, plan))
+        _draw_conflicts(ax, problem, plan)
+        count = sum(1 for _ in plan.conflicts(problem))
         ax.set_title(f"{name}: {counted(count, 'conflict')}", fontsize=9, loc="left")
         ax.label_outer()
     return figure
 
 
-def draw_conflicts(ax: Axes, problem: Problem, plan: Plan) -> Axes:
+def _draw_conflicts(ax: Axes, problem: Problem, plan: Plan) -> Axes:
     """Draws a line per drone, and at each step a bar between two drones that collide.
 
     Drones that exchange cells collide between two steps, and are joined there by a dashed bar.
     """
     for robot in range(len(problem.robots)):
         ax.axhline(robot, color=robot_colour(robot), lw=1.2, alpha=0.45, zorder=1)
-    for x, conflict in _placed(conflicts(problem, plan)):
+    for x, conflict in _placed(plan.conflicts(problem)):
         style = "--" if isinstance(conflict, SwapConflict) else "-"
         ax.plot([x, x], conflict.robots, color=_RED, lw=1.6, ls=style, zorder=2)
         for robot in conflict.robots:

@@ -18,7 +18,6 @@ from PIL import Image
 
 from cocap_opt import drawing
 from cocap_opt.data import BoolArray
-from cocap_opt.graph.motion import free_places
 from cocap_opt.problem import Plan, Problem, State
 from cocap_opt.referee import Verdict
 from cocap_opt.world.workspace import Workspace
@@ -48,7 +47,7 @@ def blocked_cells(problem: Problem, workspace: Workspace) -> BoolArray:
     """Returns the cells [X, Y] of a workspace in which no robot may be at the lowest layer."""
     lowest = problem.layers[:1]
     low = (robot.motion for robot in problem.robots if robot.motion.layers[:1] == lowest)
-    free = [free_places(workspace, motion.replace(layers=lowest))[0] for motion in set(low)]
+    free = [motion.replace(layers=lowest).free_places(workspace)[0] for motion in set(low)]
     blocked: BoolArray = ~np.any(free, axis=0)
     return blocked
 

@@ -16,7 +16,7 @@ from cocap_opt.experiments.report.pages import filled, part
 from cocap_opt.experiments.report.player_scene import SceneData
 from cocap_opt.experiments.results.files import save_bytes
 from cocap_opt.model import compiled
-from cocap_opt.problem import Cone, Conflict, Plan, Problem, SwapConflict, conflicts
+from cocap_opt.problem import Cone, Conflict, Plan, Problem, SwapConflict
 from cocap_opt.referee import check
 
 _SCRIPTS = ("raster.js", "world.js", "bodies.js", "view.js", "chart.js", "player.js")
@@ -158,7 +158,7 @@ def _plan_data(scene: SceneData, titled: Titled, seen: FloatArray) -> Data:
             [f"{robot.motion.layers[state.layer]:g}" for state in path]
             for robot, path in zip(robots, plan.paths, strict=True)
         ],
-        "conflicts": [_conflict(problem, conflict) for conflict in conflicts(problem, plan)],
+        "conflicts": [_conflict(problem, conflict) for conflict in plan.conflicts(problem)],
     }
 
 

@@ -8,7 +8,7 @@ from cocap_opt.files.documents import PlanFile, problem_digest
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Report, silent
 from cocap_opt.planners import PLANNERS
-from cocap_opt.problem import NO_RULES, Plan, Problem, conflicts
+from cocap_opt.problem import NO_RULES, Plan, Problem
 from cocap_opt.referee import Verdict, check
 from cocap_opt.result import Reason, Result, UnsupportedError, relative_gap
 from cocap_opt.stop import FirstOf, Stop, TimeLimit, WorkLimit, never
@@ -91,7 +91,7 @@ class Judged(NamedTuple, Generic[R_co]):
         """Returns the number of robots that take part in a conflict; None without a plan."""
         if self.result.plan is None:
             return None
-        found = conflicts(problem, self.result.plan)
+        found = self.result.plan.conflicts(problem)
         return len({robot for conflict in found for robot in conflict.robots})
 
     @property

@@ -11,7 +11,7 @@ from cocap_opt.formulations.column_generation.mixture import Mixture
 from cocap_opt.formulations.relaxations.flow_paths import assigned_heads
 from cocap_opt.model import Model, Path, RobotClass
 from cocap_opt.objective import objective
-from cocap_opt.problem import Plan, conflicts
+from cocap_opt.problem import Plan
 
 _LEAST_GAIN = 1e-12  # relative, so that rounding is no gain
 _NO_MOVE = -1e3  # less than any flow along a move
@@ -27,7 +27,7 @@ class Incumbent(NamedTuple):
     def of(cls, model: Model, columns: Sequence[Column]) -> "Incumbent | None":
         """Returns the plan made of one column per robot; None if it breaks a rule."""
         paths = [column.path for column in columns]
-        if next(conflicts(model.problem, model.plan(paths)), None) is not None:
+        if next(model.plan(paths).conflicts(model.problem), None) is not None:
             return None
         return cls(objective(model, paths), tuple(columns))
 

@@ -32,7 +32,7 @@ from cocap_opt.formulations.result import (
 )
 from cocap_opt.model import Model, Path, compiled
 from cocap_opt.objective import objective
-from cocap_opt.problem import Plan, Problem, conflicts
+from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.result import Reason, relative_gap, timed
 from cocap_opt.stop import Clock, FirstOf, Limit, LimitReached, Stop, TimeLimit
@@ -229,7 +229,7 @@ class _Rounds:
             paths = flow.paths(solution.y, solution.x)
         except ValueError:
             return  # not integral: a solver's tolerance
-        if next(conflicts(self.problem, self.model.plan(paths)), None) is None:
+        if next(self.model.plan(paths).conflicts(self.problem), None) is None:
             self._keep(paths)
 
     def _keep(self, paths: tuple[Path, ...]) -> None:

@@ -7,7 +7,6 @@ import numpy as np
 from msgspec import Meta
 
 from cocap_opt.data import FloatArray, IntArray, ProblemError
-from cocap_opt.graph.motion import free_places
 from cocap_opt.problem import Actor, Camera, CollisionRules, Motion, Robot, State
 from cocap_opt.scenarios.cameras import CAMERAS
 from cocap_opt.scenarios.recipe.tables import Coordinate, Count, Length, Table
@@ -82,7 +81,7 @@ class DronesTable(Table):
 
     def _room(self, workspace: Workspace) -> str:
         """Says how much room there is for drones."""
-        free = free_places(workspace, self.motion)[0]
+        free = self.motion.free_places(workspace)[0]
         near = "" if self.near is None else f", and only some within {self.near:g} m of someone"
         return (
             f"{free.sum()} of {free.size} cells are free at their lowest layer, "
@@ -93,7 +92,7 @@ class DronesTable(Table):
         self, workspace: Workspace, actors: tuple[Actor, ...], rng: np.random.Generator
     ) -> list[State]:
         """Returns free cells near someone in random order, with headings to the nearest actor."""
-        free = np.argwhere(free_places(workspace, self.motion)[0])
+        free = np.argwhere(self.motion.free_places(workspace)[0])
         ways = _ways(workspace.height_map, free, actors)
         far = np.hypot(ways[:, 0], ways[:, 1])
         if self.near is not None and actors:

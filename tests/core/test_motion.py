@@ -10,16 +10,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from strategies import WALL, cameras, examples, height_maps, motions, problems, tiny
 
-from cocap_opt.graph.motion import (
-    free_places,
-    motion_graph,
-    moves,
-    orientation_graph,
-    place_graph,
-    swept_cells,
-    time_expanded_graph,
-    turned,
-)
+from cocap_opt.data import MOST_TURN
+from cocap_opt.graph.motion import motion_graph, place_graph, swept_cells, time_expanded_graph
 from cocap_opt.problem import Camera, Motion, Plan, Problem, Robot, State
 from cocap_opt.referee import broken_motions
 from cocap_opt.world.workspace import HeightMap, Workspace
@@ -61,11 +53,11 @@ def test_default_actions() -> None:
 def test_the_first_move_is_to_stay() -> None:
     """Moves come without repetition, to stay first; climbing is limited to what exists."""
     for motion in (Motion(), Motion(radius=0), Motion(layers=(1.0, 2.0), climb=9, radius=2)):
-        listed = moves(motion)
+        listed = motion.moves
         assert listed[0] == (0, 0, 0)
         assert len(set(listed)) == len(listed)
-    assert len(moves(Motion(layers=(1.0, 2.0), climb=9, radius=2))) == 3 * 25
-    assert moves(Motion(radius=0)) == [(0, 0, 0)]
+    assert len(Motion(layers=(1.0, 2.0), climb=9, radius=2).moves) == 3 * 25
+    assert Motion(radius=0).moves == [(0, 0, 0)]
 
 
 @example(PILLAR, Motion(layers=(3.0, 5.0), headings=1, corner_cutting=True), Camera())
@@ -168,7 +160,7 @@ def test_swept_cells_are_those_the_line_touches(dx: int, dy: int) -> None:
 def test_place_graph_is_sound(height_map: HeightMap, motion: Motion) -> None:
     """Nodes are the free places, each may be stayed in, and no edge leaves map or radius."""
     graph = place_graph(Workspace(height_map), motion)
-    free = free_places(Workspace(height_map), motion)
+    free = motion.free_places(Workspace(height_map))
     assert set(graph) == set(map(tuple, np.argwhere(free).tolist()))
     for node in graph:
         assert graph.has_edge(node, node)
@@ -193,20 +185,21 @@ def test_edges_share_their_nodes() -> None:
 
 def test_headings_are_a_ring_and_pitches_a_line() -> None:
     """A robot turns from the last heading to the first, but no gimbal wraps around."""
-    assert turned(0, 1, 8, cyclic=True) == {7, 0, 1}
-    assert turned(0, 1, 3, cyclic=False) == {0, 1}
-    assert turned(2, 1, 3, cyclic=False) == {1, 2}
-    graph = orientation_graph(Motion(), Camera(tilts=(0.1, 0.2, 0.3)))
-    assert graph.has_edge((0, 0), (7, 1))
-    assert not graph.has_edge((0, 0), (0, 2))
-    assert not graph.has_edge((0, 0), (2, 0))
+    assert Motion().headings_after(0) == {7, 0, 1}
+    assert Motion().pitches_after(0, 3) == {0, 1}
+    assert Motion().pitches_after(2, 3) == {1, 2}
+    problem = one_robot(PILLAR, State(0, 0), Motion(), tilts=(0.1, 0.2, 0.3))
+    heads = motion_graph(problem, 0)[State(0, 0)]
+    assert State(0, 0, heading=7, pitch=1) in heads
+    assert State(0, 0, pitch=2) not in heads
+    assert State(0, 0, heading=2) not in heads
 
 
 @pytest.mark.parametrize("headings", [1, 2, 3])
 def test_few_headings(headings: int) -> None:
     """With one, two or three headings a single turn reaches all of them, each once."""
     for heading in range(headings):
-        assert turned(heading, 1, headings, cyclic=True) == set(range(headings))
+        assert Motion(headings=headings).headings_after(heading) == set(range(headings))
 
 
 def test_a_robot_that_turns_freely() -> None:
@@ -218,8 +211,10 @@ def test_a_robot_that_turns_freely() -> None:
     before = signal.signal(signal.SIGALRM, too_long)
     signal.setitimer(signal.ITIMER_REAL, 0.5)
     try:
-        assert turned(3, 10**12, 8, cyclic=True) == set(range(8))
-        assert turned(3, 10**12, 8, cyclic=False) == set(range(8))
+        motion = Motion(turn=MOST_TURN, pitch_turn=MOST_TURN)
+        for _ in range(10_000):
+            assert motion.headings_after(3) == set(range(8))
+            assert motion.pitches_after(3, 8) == set(range(8))
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, before)

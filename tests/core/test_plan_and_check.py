@@ -23,7 +23,6 @@ from cocap_opt.problem import (
     State,
     SwapConflict,
     VertexConflict,
-    conflicts,
 )
 from cocap_opt.referee import Verdict, broken_motions, broken_rules, check
 from cocap_opt.world.workspace import HeightMap
@@ -152,7 +151,7 @@ def judged(
     plan = Plan(paths=paths)
     verdict = check(problem, plan)
     assert verdict.violations == ()
-    return verdict, list(conflicts(problem, plan))
+    return verdict, list(plan.conflicts(problem))
 
 
 MEETING = (path_of((0, 0), (1, 0), (1, 0)), path_of((2, 0), (1, 0), (2, 0)))
@@ -242,7 +241,7 @@ def test_planners_and_referee_measure_distance_alike(resolution: float, separati
     cells = round(separation / resolution)
     for x in range(1, 29 - cells):
         plan = Plan(paths=(path_of((0, 0), (x, 0)), path_of((29, 0), (x + cells, 0))))
-        planners = len(list(conflicts(problem, plan)))
+        planners = len(list(plan.conflicts(problem)))
         assert planners == len(broken_rules(problem, plan)), f"cells {x} and {x + cells}"
 
 
@@ -307,7 +306,7 @@ def test_planners_and_referee_agree_on_conflicts(case: tuple[Problem, Plan]) -> 
     problem, plan = case
     assert broken_motions(problem, plan) == []
     named = []
-    for conflict in conflicts(problem, plan):
+    for conflict in plan.conflicts(problem):
         i, k = conflict.robots
         assert i < k
         swap = isinstance(conflict, SwapConflict)
@@ -318,7 +317,7 @@ def test_planners_and_referee_agree_on_conflicts(case: tuple[Problem, Plan]) -> 
         for text in broken_rules(problem, plan)
     ]
     assert sorted(named) == sorted(found)
-    steps = [conflict.t for conflict in conflicts(problem, plan)]
+    steps = [conflict.t for conflict in plan.conflicts(problem)]
     assert steps == sorted(steps)
 
 

@@ -51,7 +51,6 @@ from cocap_opt.problem import (
     Robot,
     State,
     SwapConflict,
-    conflicts,
 )
 from cocap_opt.referee import broken_motions, check
 from cocap_opt.result import Reason, Result, UnsupportedError, relative_gap
@@ -526,7 +525,7 @@ def plain_cocap(problem: Problem) -> tuple[Plan | None, int]:
         leaf = max(leaves, key=lambda leaf: leaf.value)  # the first of the greatest
         leaves.remove(leaf)
         plan = model.plan(leaf.paths)
-        conflict = next(conflicts(problem, plan), None)
+        conflict = next(plan.conflicts(problem), None)
         if conflict is None:
             return plan, nodes
         for which, robot in enumerate(conflict.robots):

@@ -10,7 +10,7 @@ from scipy.optimize import linprog
 from strategies import examples, plate, problems
 
 from cocap_opt.data import FloatArray, ProblemError
-from cocap_opt.graph.motion import free_places, place_graph
+from cocap_opt.graph.motion import place_graph
 from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import (
@@ -120,13 +120,13 @@ def test_a_wall_that_ends_at_a_cell_leaves_the_cell_free() -> None:
     """Solids that only touch a cell do not block it; thin plates block on both sides."""
     flying = Motion(layers=(3.0,))
     wall = Mesh.box((2.0, 0.0, 0.0), (3.0, 5.0, 8.0))
-    free = free_places(Workspace(FLAT, (wall,)), flying)[0]
+    free = flying.free_places(Workspace(FLAT, (wall,)))[0]
     assert [bool(row.all()) for row in free] == [True, True, False, True, True, True]
     sheet = Mesh(
         vertices=np.array([[2.0, 0, 0], [2, 5, 0], [2, 5, 8], [2, 0, 8]]),
         triangles=np.array([[0, 1, 2], [0, 2, 3]]),
     )
-    free = free_places(Workspace(FLAT, (sheet,)), flying)[0]
+    free = flying.free_places(Workspace(FLAT, (sheet,)))[0]
     assert [bool(row.all()) for row in free] == [True, False, False, True, True, True]
 
 
@@ -138,7 +138,7 @@ def test_a_closed_wall_without_thickness_blocks_both_sides(half: float, axis: in
     low[axis], high[axis] = 2.0 - half, 2.0 + half
     wall = Mesh.box((low[0], low[1], low[2]), (high[0], high[1], high[2]))
     assert wall.is_solid
-    free = free_places(Workspace(FLAT, (wall,)), Motion(layers=(3.0,)))[0]
+    free = Motion(layers=(3.0,)).free_places(Workspace(FLAT, (wall,)))[0]
     lines = free[:5, :5] if axis == 0 else free[:5, :5].T
     assert [bool(line.all()) for line in lines] == [True, False, False, True, True]
 
@@ -163,9 +163,9 @@ def test_a_doorway_is_free_below_its_lintel() -> None:
     )
     workspace = Workspace(FLAT, (joined(lintel, roof),))
     assert workspace.columns.at(1, 1) == [(-math.inf, 0.0), (4.0, 5.0), (9.0, 9.5)]
-    free = free_places(workspace, Motion(layers=(2.0, 4.5, 7.0), clearance=0.5))
+    free = Motion(layers=(2.0, 4.5, 7.0), clearance=0.5).free_places(workspace)
     assert free[:, 1, 1].tolist() == [True, False, True]
-    free = free_places(workspace, Motion(layers=(2.0, 3.6, 8.6), clearance=0.5))
+    free = Motion(layers=(2.0, 3.6, 8.6), clearance=0.5).free_places(workspace)
     assert free[:, 1, 1].tolist() == [True, False, False]
 
 
@@ -306,7 +306,7 @@ def test_drones_follow_the_terrain_above_its_datum() -> None:
     hill[2:4] = 2.0
     follows = scene(HeightMap(heights=hill, datum=hill))
     level = scene(HeightMap(heights=hill))
-    assert free_places(follows.workspace, follows.robots[0].motion).all()
+    assert follows.robots[0].motion.free_places(follows.workspace).all()
     plan = PLANNERS["greedy"](follows, never).plan
     assert plan is not None
     assert check(follows, plan).violations == ()
@@ -388,4 +388,4 @@ def test_copies_of_problems_have_the_same_j(problem: Problem, quarters: int, mir
 def test_a_solid_that_touches_the_map_from_outside_leaves_its_cells_free() -> None:
     """What only touches a cell does not block it, at the edge of the map as elsewhere."""
     around = Mesh.box((-1.0, 0.0, 0.0), (0.0, 5.0, 8.0)), Mesh.box((0.0, 5.0, 0.0), (6.0, 6.0, 8.0))
-    assert free_places(Workspace(FLAT, around), Motion(layers=(3.0,))).all()
+    assert Motion(layers=(3.0,)).free_places(Workspace(FLAT, around)).all()

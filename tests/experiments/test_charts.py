@@ -11,9 +11,9 @@ from result_rows import row
 
 from cocap_opt.experiments.cli import commands
 from cocap_opt.experiments.report.charts import (
-    draw_conflicts,
-    draw_gaps,
-    draw_progress,
+    _draw_conflicts,
+    _draw_gaps,
+    _draw_progress,
     gaps_figure,
     progress_figure,
 )
@@ -21,7 +21,7 @@ from cocap_opt.experiments.report.figures import picture
 from cocap_opt.experiments.results.trace import Trace
 from cocap_opt.formulations.result import CertifiedResult, Snapshot
 from cocap_opt.planners import PLANNERS
-from cocap_opt.problem import SwapConflict, conflicts
+from cocap_opt.problem import SwapConflict
 from cocap_opt.result import Reason
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import Limit
@@ -95,14 +95,14 @@ def test_conflicts_are_drawn_where_they_are() -> None:
     problem = load_scene("bottleneck", 0)
     plan = PLANNERS["greedy"](problem).plan
     assert plan is not None
-    ax = draw_conflicts(Figure().subplots(), problem, plan)
+    ax = _draw_conflicts(Figure().subplots(), problem, plan)
     bars = sorted(
         (tuple(np.ravel(line.get_ydata())), float(np.ravel(line.get_xdata())[0]))
         for line in ax.lines
         if len(np.ravel(line.get_xdata())) == 2 and line.get_xdata()[0] == line.get_xdata()[1]
     )
     wanted = sorted(
-        (c.robots, c.t + 0.5 * isinstance(c, SwapConflict)) for c in conflicts(problem, plan)
+        (c.robots, c.t + 0.5 * isinstance(c, SwapConflict)) for c in plan.conflicts(problem)
     )
     assert [robots for robots, _ in bars] == [robots for robots, _ in wanted]
     assert [x for _, x in bars] == pytest.approx([t for _, t in wanted], abs=0.25)
@@ -113,7 +113,7 @@ def test_gaps_are_drawn_for_plans_that_obey_the_rules() -> None:
     rows = [row("greedy", 0, 120.0, conflicts=3, gap=None)]
     rows += [row("cocap", seed, 100 - seed) for seed in range(3)]
     rows += [row("cocap", 3, 90.0, bound_reason="stopped")]
-    ax = draw_gaps(Figure().subplots(), rows)
+    ax = _draw_gaps(Figure().subplots(), rows)
     points = [p.get_offsets() for p in ax.collections]
     assert sorted(float(x) for some in points for x, _ in some) == pytest.approx([0, 1, 2, 10])
     assert [text.get_text() for text in ax.get_yticklabels()] == [
@@ -125,7 +125,7 @@ def test_gaps_are_drawn_for_plans_that_obey_the_rules() -> None:
 
 def test_runs_without_a_gap_are_not_drawn() -> None:
     """A bound without a plan has no gap to draw, and is no error."""
-    ax = draw_progress(Figure().subplots(), {"bound": Trace([Snapshot(-math.inf, 5.0, 1.0)])})
+    ax = _draw_progress(Figure().subplots(), {"bound": Trace([Snapshot(-math.inf, 5.0, 1.0)])})
     assert len(ax.lines) == 1  # where optima lie
 
 

@@ -12,7 +12,7 @@ from cocap_opt.experiments.results.statistics import Mean
 from cocap_opt.experiments.studies.paper import answers, reproduction
 from cocap_opt.experiments.studies.paper.giving_way import encounters, most_generous, own_reward
 from cocap_opt.planners import PLANNERS
-from cocap_opt.problem import Plan, Problem, conflicts
+from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import never
@@ -81,7 +81,7 @@ def test_who_collides_with_a_third_is_no_encounter() -> None:
     problem = load_scene("bottleneck", 0)
     free, plan = (PLANNERS[name](problem, never).plan for name in ("greedy", "cocap"))
     assert free is not None and plan is not None
-    pairs = {conflict.robots for conflict in conflicts(problem, free)}
+    pairs = {conflict.robots for conflict in free.conflicts(problem)}
     assert pairs == {(1, 3), (0, 2)}  # two encounters, as they share no drone
     assert {e.robots for e in encounters(problem, 0, free, plan)} == pairs
     three = free.paths[:1] * 3 + free.paths[3:]

@@ -12,10 +12,10 @@ from cocap_opt.formulations.certificates import (
     Decision,
     Flight,
     Move,
+    Pricing,
     Swap,
     Visit,
     charges_of,
-    price,
     verify,
 )
 from cocap_opt.formulations.column_generation.arc_pool import ArcPool
@@ -39,7 +39,7 @@ from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.graph.value_iteration import backward_sweep
 from cocap_opt.model import Model, compiled
 from cocap_opt.objective import objective
-from cocap_opt.problem import NO_RULES, CollisionRules, Problem, conflicts
+from cocap_opt.problem import NO_RULES, CollisionRules, Problem
 from cocap_opt.referee import check
 from cocap_opt.result import Reason
 from cocap_opt.scenarios import load_scene
@@ -94,7 +94,7 @@ def test_columns_in_conflict_are_those_that_make_a_conflict(problem: Problem, se
     model, rng = compiled(problem), np.random.default_rng(seed)
     robots = range(len(problem.robots))
     columns = [Column.of(model, i, random_path(model, i, rng)) for i in robots]
-    found = next(conflicts(problem, model.plan([c.path for c in columns])), None) is not None
+    found = next(model.plan([c.path for c in columns]).conflicts(problem), None) is not None
     pairs = [a.conflicts_with(b, problem) for a in columns for b in columns if a.robot < b.robot]
     assert any(pairs) == found
 
@@ -139,7 +139,7 @@ def test_pricing_and_certificate_agree(problem: Problem) -> None:
     solution = root.master.solve()
     for duals in (solution.duals, solution.duals.blended(root.best.duals, 0.3)):
         bound = Pricer(model)(duals).bound
-        assert price(model, duals.certificate(model)).bound == pytest.approx(
+        assert Pricing.of(model, duals.certificate(model)).bound == pytest.approx(
             bound, rel=1e-9, abs=1e-6
         )
         assert bound >= solution.value - 1e-6 * abs(solution.value) - 1e-6 or solution.slack > 1e-6

@@ -20,17 +20,7 @@ from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.files.documents import FileError, SceneFile, problem_digest
 from cocap_opt.formulations import BOUNDS
 from cocap_opt.planners import PLANNERS
-from cocap_opt.problem import (
-    NO_RULES,
-    Actor,
-    Camera,
-    CollisionRules,
-    Cuboid,
-    Motion,
-    Plan,
-    Problem,
-    conflicts,
-)
+from cocap_opt.problem import NO_RULES, Actor, Camera, CollisionRules, Cuboid, Motion, Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.scenarios import FORMATS, SCENES, load_scene, read_foreign_plan, scene_of_plan
 from cocap_opt.scenarios.built_in.field import field
@@ -216,7 +206,7 @@ def test_unconstrained_plans_collide(name: str, least: float) -> None:
         problem = scene(name, seed)
         plan = PLANNERS["greedy"](problem, never).plan
         assert plan is not None
-        collisions += next(conflicts(problem, plan), None) is not None
+        collisions += next(plan.conflicts(problem), None) is not None
         if seed < 5:
             late = check(problem, plan).reward_per_step[problem.horizon // 2 :]
             assert min(late) > 0
@@ -267,7 +257,7 @@ def test_planning_one_by_one_loses_in_the_passage() -> None:
     problem = scene("passage", 8)
     greedy = PLANNERS["greedy"](problem, never).plan
     assert greedy is not None
-    assert len(list(conflicts(problem, greedy))) > len(problem.robots)
+    assert len(list(greedy.conflicts(problem))) > len(problem.robots)
     assert value("sequential", problem) < 0.9 * value("cocap", problem)
 
 

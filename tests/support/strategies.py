@@ -9,7 +9,7 @@ from hypothesis import assume, settings
 from hypothesis import strategies as st
 
 from cocap_opt.data import ProblemError
-from cocap_opt.graph.motion import free_places, time_expanded_graph
+from cocap_opt.graph.motion import time_expanded_graph
 from cocap_opt.problem import (
     NO_RULES,
     PAPER_RULES,
@@ -260,7 +260,7 @@ def teams(
     flown = [draw(st.sampled_from(kinds)) for _ in range(size)]
     starts = []
     for motion, camera in flown:
-        free = np.argwhere(free_places(workspace, motion)).tolist()
+        free = np.argwhere(motion.free_places(workspace)).tolist()
         taken = [(s.x, s.y) for s in starts]
         rest = [place for place in free if (place[1], place[2]) not in taken] or free
         assume(rest)

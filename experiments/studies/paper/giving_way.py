@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from cocap_opt.problem import Plan, Problem, conflicts
+from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
 
 _GIVES = 1e-6  # share of its own reward from which on a drone counts as giving some up
@@ -73,7 +73,7 @@ def most_generous(some: Sequence[Encounter]) -> Encounter | None:
 def _first_conflicts(problem: Problem, plan: Plan) -> dict[tuple[int, int], int]:
     """Returns the step of each pair's first conflict."""
     steps: dict[tuple[int, int], int] = {}
-    for conflict in conflicts(problem, plan):
+    for conflict in plan.conflicts(problem):
         steps.setdefault(conflict.robots, conflict.t)
     return steps
 
