@@ -57,6 +57,9 @@ class Stop:
         """Seconds until the time limit, for solvers that take one; infinite without one."""
         return math.inf
 
+    def __repr__(self) -> str:
+        return "never" if type(self) is Stop else f"{type(self).__name__}(..)"
+
 
 never = Stop()
 
