@@ -7,8 +7,8 @@ from typing import NamedTuple
 import msgspec
 
 from cocap_opt.experiments.sweeps.cells import OWN, CellFile
-from cocap_opt.files.documents import encode
-from cocap_opt.formulations.certificates import CertificateFile, ProofFile, decode_certificate
+from cocap_opt.files.documents import decode_document, encode
+from cocap_opt.formulations.certificates import CertificateFile, ProofFile
 from cocap_opt.problem import Plan
 
 
@@ -30,15 +30,19 @@ class Start(NamedTuple):
     @property
     def proof(self) -> CertificateFile | ProofFile | None:
         """The certificate or the proof of the lowest bound, if there is one."""
-        return (
-            decode_certificate(self.certificate, "a planner's proof") if self.certificate else None
-        )
+        return _decoded(self.certificate, "a planner's proof") if self.certificate else None
 
     @property
     def digest(self) -> str:
         """Digest of all of it that a bound depends on."""
         content = msgspec.json.encode((self.plan, self.valid)) + self.certificate
         return hashlib.sha256(content).hexdigest()
+
+
+def _decoded(content: bytes, name: str) -> CertificateFile | ProofFile:
+    """Returns the certificate or the proof in a file's content."""
+    kinds: tuple[type[CertificateFile | ProofFile], ...] = (CertificateFile, ProofFile)
+    return decode_document(content, name, *kinds)
 
 
 def _best(contents: Sequence[CellFile]) -> Plan | None:
@@ -57,7 +61,7 @@ def _lowest_bound(contents: Sequence[CellFile]) -> tuple[bytes, float]:
             own = content.certificate(OWN)
             ranked.append(
                 (
-                    decode_certificate(own, content.cell.words).proved,
+                    _decoded(own, content.cell.words).proved,
                     own,
                     content.row.seconds or 0.0,
                 )

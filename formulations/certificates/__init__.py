@@ -5,26 +5,25 @@ bound that no plan's J exceeds; it does not matter which solver found them, nor 
 converged. This room imports no solver and nothing that searches. A sceptic reads, in this
 order (lines with docstrings in brackets):
 
-1. `pricing` (270): three inequalities in its docstring bound J by a constant and one best path
-   per robot, for any non-negative numbers. `price` adds these up, and a bound on its own
-   rounding errors.
+1. `pricing` (340): three inequalities in its docstring bound J by a constant and one best path
+   per robot, for any non-negative numbers. `Pricing.of` adds these up, and a bound on its own
+   rounding errors. The leaves of a tree of decisions cover all plans, so that the largest of
+   their bounds holds for all: `Pricing.of_proof`.
 2. `sweep` (105): the best path, by value iteration that shares no code with planners. Too
    small a value here would be a false bound, so it is written to be read.
 3. `resources` (240): which rows every plan obeys. `why_shared` refuses all others, as two
    robots may break them.
-4. `envelope` (240) and `cuts` (70): a cut's constant is the largest excess at finitely many
+4. `envelope` (240): a cut's constant is the largest excess at finitely many
    corners, and convexity proves that it is no larger between and beyond them. The functions
    themselves may be any.
-5. `proof` (50): the leaves of a tree of decisions cover all plans, so that the largest of
-   their bounds holds for all. `format` (200) says which nodes are a tree.
-6. `checking` (75): the file's digest belongs to the scene, and it claims no more than it proves.
+5. `format` (240): which nodes are a tree, and which cuts of a file have a constant.
+6. `checking` (70): the file's digest belongs to the scene, and it claims no more than it proves.
 
 Below it, the trusted core: `cocap_opt.problem`, `world` and `graph` (which moves there are),
 `vision` (what a view sees) and `objective` (weights and J).
 """
 
 from cocap_opt.formulations.certificates.checking import certify, verify
-from cocap_opt.formulations.certificates.cuts import usable_cuts
 from cocap_opt.formulations.certificates.envelope import Curve, Cut
 from cocap_opt.formulations.certificates.format import (
     Branch,
@@ -39,11 +38,8 @@ from cocap_opt.formulations.certificates.format import (
     ProofFile,
     ReferencePixels,
     Row,
-    decode_certificate,
-    read_certificate,
 )
-from cocap_opt.formulations.certificates.pricing import Pricing, price
-from cocap_opt.formulations.certificates.proof import price_proof
+from cocap_opt.formulations.certificates.pricing import Pricing
 from cocap_opt.formulations.certificates.resources import (
     Cells,
     Flight,
@@ -78,10 +74,5 @@ __all__ = [
     "Visit",
     "certify",
     "charges_of",
-    "decode_certificate",
-    "price",
-    "price_proof",
-    "read_certificate",
-    "usable_cuts",
     "verify",
 ]

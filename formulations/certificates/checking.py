@@ -10,8 +10,7 @@ from cocap_opt.formulations.certificates.format import (
     CertificateFile,
     ProofFile,
 )
-from cocap_opt.formulations.certificates.pricing import Pricing, price
-from cocap_opt.formulations.certificates.proof import price_proof
+from cocap_opt.formulations.certificates.pricing import Pricing
 from cocap_opt.model import Model
 from cocap_opt.problem import Problem
 
@@ -25,7 +24,7 @@ def certify(
     ----------
     method : name of the method that found the numbers
     """
-    bound = price(model, certificate).bound
+    bound = Pricing.of(model, certificate).bound
     return CertificateFile(
         scene=problem.name,
         digest=problem_digest(problem),
@@ -62,9 +61,9 @@ def verify(
     model = Model(problem, use_cache=False)
     model = model.disaggregated() if file.classes == "single" else model
     if isinstance(file, ProofFile):
-        pricing = price_proof(model, file, progress)
+        pricing = Pricing.of_proof(model, file, progress)
     else:
-        pricing = price(model, file.certificate)
+        pricing = Pricing.of(model, file.certificate)
     if not pricing.bound <= file.proved:
         numbers = "leaves" if proof else "multipliers"
         raise CertificateError(

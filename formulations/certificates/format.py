@@ -1,4 +1,4 @@
-"""The format of certificate and proof files.
+"""The format of certificate and proof files, and the checks of cuts and trees.
 
 Both are documents (`cocap_opt.files.documents`): JSON with a `format` and a `version`, read
 strictly. A certificate holds one set of numbers that bounds J. A proof holds a tree of
@@ -12,15 +12,21 @@ What may come has its place, and raises the version: how coverage was computed i
 
 import math
 from collections.abc import Iterator
-from pathlib import Path
+from functools import lru_cache
+from itertools import pairwise
 from typing import Literal
 
 import msgspec
+import numpy as np
 
-from cocap_opt.files.documents import Document, decode_document, read_bytes
+from cocap_opt.files.documents import Document
+from cocap_opt.formulations.certificates.envelope import Curve, Cut
 from cocap_opt.formulations.certificates.resources import Resource
+from cocap_opt.model import Model
 
 MOST_NODES = 1_000_000
+MOST_WORK = 256  # breakpoints of all classes, each counted once per robot of its class
+LARGEST_ROOT = 1e50  # of a curve, far beyond any camera's, and its square is finite
 
 # The numbers of classes in a file count the classes of robots that differ only in their start
 # ("alike"), or robots, each of which is a class of its own ("single").
@@ -68,6 +74,20 @@ class ClassCurve(_Part, frozen=True):
     roots: tuple[float, ...]  # [K] breakpoints > 0, increasing, px^0.5/m
     values: tuple[float, ...]  # [K] phi at them, >= 0
 
+    def check(self, field: str) -> None:
+        """Raises CertificateError, which names the field, if the curve is no function."""
+        points = (0.0, *self.roots)
+        if len(points) < 2 or not all(a < b <= LARGEST_ROOT for a, b in pairwise(points)):
+            raise CertificateError(
+                f"{field}.roots: must be > 0, <= {LARGEST_ROOT:g} and increasing"
+            )
+        if len(self.values) != len(self.roots) or not all(
+            0 <= value <= LARGEST_ROOT for value in self.values
+        ):
+            raise CertificateError(
+                f"{field}.values: must hold a number 0..{LARGEST_ROOT:g} per root"
+            )
+
 
 class EnvelopeCut(_Part, frozen=True):
     """Functions phi that bound the root of view sum (t, face); the constant is recomputed."""
@@ -76,6 +96,33 @@ class EnvelopeCut(_Part, frozen=True):
     face: int
     curves: tuple[ClassCurve, ...]  # of classes in increasing order; the others have phi(s) = s
     share: float  # theta, the share of the root that this cut bounds, 0..1
+
+    def check(self, model: Model, field: str) -> None:
+        """Raises CertificateError if it has no view sum or class, or its constant takes too long.
+
+        Parameters
+        ----------
+        field : name of the cut in its file, for the message
+        """
+        sizes = model.class_sizes
+        if not (0 <= self.t <= model.problem.horizon and 0 <= self.face < model.n_faces):
+            raise CertificateError(f"{field}: there is no view sum ({self.t}, {self.face})")
+        if not 0 <= self.share <= 1:
+            raise CertificateError(f"{field}.share: must be 0..1, not {self.share}")
+        numbers = (-1, *(curve.class_number for curve in self.curves), len(sizes))
+        if not all(a < b for a, b in pairwise(numbers)):
+            raise CertificateError(
+                f"{field}.curves: robot_class must be increasing, 0..{len(sizes) - 1}"
+            )
+        for k, curve in enumerate(self.curves):
+            curve.check(f"{field}.curves[{k}]")
+        if sum(sizes[curve.class_number] * len(curve.roots) for curve in self.curves) > MOST_WORK:
+            raise CertificateError(f"{field}.curves: too many roots for so many robots")
+
+    def valid(self, model: Model) -> Cut:
+        """Returns the cut with the constant that makes it valid."""
+        view_sum = self.t * model.n_faces + self.face
+        return _valid(view_sum, self.curves, model.class_sizes)
 
 
 class Multipliers(_Part, frozen=True, tag="multipliers", omit_defaults=True):
@@ -86,6 +133,22 @@ class Multipliers(_Part, frozen=True, tag="multipliers", omit_defaults=True):
     rows: tuple[Row, ...] = ()
     cuts: tuple[EnvelopeCut, ...] = ()
     decisions: tuple[float, ...] = ()  # nu >= 0, one per decision on the way to the leaf
+
+    def usable_cuts(self, model: Model) -> list[tuple[Cut, float]]:
+        """Returns the cuts with the constants that make them valid, and their shares.
+
+        Raises
+        ------
+        CertificateError
+            If a cut belongs to no view sum, is no function, or its constant takes too long.
+        """
+        if self.cuts and model.problem.objective.over_time:
+            raise CertificateError("certificate.cuts: none hold where pixels add up over time")
+        found = []
+        for n, cut in enumerate(self.cuts):
+            cut.check(model, f"certificate.cuts[{n}]")
+            found.append((cut.valid(model), cut.share))
+        return found
 
 
 class ReferencePixels(_Part, frozen=True, tag="reference"):
@@ -186,24 +249,10 @@ def _way(parents: list[tuple[int, Decision] | None], n: int) -> tuple[Decision, 
     return tuple(reversed(decisions))
 
 
-def read_certificate(path: Path) -> CertificateFile | ProofFile:
-    """Reads a certificate or a proof, by the format that the file names.
-
-    Raises
-    ------
-    FileError
-        One line with the file's name, the field and what is allowed.
-    """
-    return decode_certificate(read_bytes(path), str(path))
-
-
-def decode_certificate(content: bytes, name: str) -> CertificateFile | ProofFile:
-    """Returns a certificate or a proof from the content of the file of that name.
-
-    Raises
-    ------
-    FileError
-        One line with the file's name, the field and what is allowed.
-    """
-    kinds: tuple[type[CertificateFile | ProofFile], ...] = (CertificateFile, ProofFile)
-    return decode_document(content, name, *kinds)
+@lru_cache(maxsize=4096)  # the leaves of a proof share most of their cuts
+def _valid(view_sum: int, curves: tuple[ClassCurve, ...], sizes: tuple[int, ...]) -> Cut:
+    """Returns a cut with the constant that makes it valid."""
+    functions = {
+        curve.class_number: Curve(np.array(curve.roots), np.array(curve.values)) for curve in curves
+    }
+    return Cut.valid(view_sum, functions, sizes)

@@ -1,4 +1,4 @@
-"""The bound that multipliers prove.
+"""The bound that multipliers prove, and the bound of a tree of decisions.
 
 Multipliers. For alpha, beta >= 0 and any non-negative c_1..c_N,
 
@@ -23,6 +23,11 @@ Reference pixels z. By concavity of the root,
 
     sqrt(sum c_i) <= sqrt(z) + sum_i (sqrt(z + c_i) - sqrt(z)).
 
+A proof is a tree. A branch says of some resource: at most k robots use it, or at least k + 1 do.
+Any plan goes one of the two ways, so that the leaves below cover all plans. A leaf's multipliers
+bound the plans that obey the decisions on the way to it, and the largest bound of all leaves
+holds for all plans.
+
 Any non-negative numbers give a valid bound, whatever solver they came from. Pricing needs
 one plain sweep over the time-expanded graph and no solver.
 """
@@ -34,13 +39,15 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray
-from cocap_opt.formulations.certificates.cuts import usable_cuts
 from cocap_opt.formulations.certificates.envelope import Cut
 from cocap_opt.formulations.certificates.format import (
+    Branch,
     Certificate,
     CertificateError,
     Decision,
+    Leaf,
     Multipliers,
+    ProofFile,
     ReferencePixels,
     Row,
     Table,
@@ -59,46 +66,79 @@ class Pricing(NamedTuple):
     bound: float  # rigorous upper bound on J, rounding included
     rounding: float  # the part of it that covers rounding errors
 
+    @classmethod
+    def of(
+        cls, model: Model, certificate: Certificate, decisions: Sequence[Decision] = ()
+    ) -> "Pricing":
+        """Returns the upper bound on J that a certificate proves.
 
-def price(model: Model, certificate: Certificate, decisions: Sequence[Decision] = ()) -> Pricing:
-    """Returns the upper bound on J that a certificate proves.
+        Parameters
+        ----------
+        decisions : the bound is for plans that obey these as well
 
-    Parameters
-    ----------
-    decisions : the bound is for plans that obey these as well
+        Raises
+        ------
+        CertificateError
+            If a number is negative or not finite, an array has the wrong shape, or a row is not
+            one that every plan obeys.
+        """
+        if isinstance(certificate, Multipliers):
+            payment = _payment_of_multipliers(model, certificate)
+            charge = _charge_of(model, certificate, decisions)
+        else:
+            payment, charge = _payment_of_reference(model, certificate), _Charge(0.0, 0.0, [])
+        total = payment.constant + charge.constant
+        magnitude = payment.magnitude + charge.magnitude
+        if not math.isfinite(magnitude):
+            raise CertificateError("certificate: multipliers too large, the bound is infinite")
+        # The same with all numbers counted as positive: the sum of absolute values along a path.
+        sizes = [(r, -abs(c) if math.isfinite(c) else c) for r, c in charge.costs]
+        for number, robot_class in enumerate(model.classes):
+            reward = _node_rewards(model, number, payment)
+            values, made_of = (
+                plain_sweep(model.problem, robot_class, reward, charges_of(model, number, costs))
+                for costs in (charge.costs, sizes)
+            )
+            best = [float(values[start]) for start in robot_class.starts]
+            if -math.inf in best:  # a robot without any path: there is no plan
+                return cls(-math.inf, 0.0)
+            total += sum(best)
+            magnitude += sum(float(made_of[start]) for start in robot_class.starts)
+        if not (math.isfinite(total) and math.isfinite(magnitude)):
+            raise CertificateError("certificate: too large, the bound is infinite")
+        rounding = _rounding_factor(model, len(charge.costs), payment.cuts) * magnitude
+        return cls(math.nextafter(total + rounding, math.inf), rounding)
 
-    Raises
-    ------
-    CertificateError
-        If a number is negative or not finite, an array has the wrong shape, or a row is not
-        one that every plan obeys.
-    """
-    if isinstance(certificate, Multipliers):
-        payment = _payment_of_multipliers(model, certificate)
-        charge = _charge_of(model, certificate, decisions)
-    else:
-        payment, charge = _payment_of_reference(model, certificate), _Charge(0.0, 0.0, [])
-    total = payment.constant + charge.constant
-    magnitude = payment.magnitude + charge.magnitude
-    if not math.isfinite(magnitude):
-        raise CertificateError("certificate: multipliers too large, the bound is infinite")
-    # The same with all numbers counted as positive: the sum of absolute values along a path.
-    sizes = [(r, -abs(c) if math.isfinite(c) else c) for r, c in charge.costs]
-    for number, robot_class in enumerate(model.classes):
-        reward = _node_rewards(model, number, payment)
-        values, made_of = (
-            plain_sweep(model.problem, robot_class, reward, charges_of(model, number, costs))
-            for costs in (charge.costs, sizes)
-        )
-        best = [float(values[start]) for start in robot_class.starts]
-        if -math.inf in best:  # a robot without any path: there is no plan
-            return Pricing(-math.inf, 0.0)
-        total += sum(best)
-        magnitude += sum(float(made_of[start]) for start in robot_class.starts)
-    if not (math.isfinite(total) and math.isfinite(magnitude)):
-        raise CertificateError("certificate: too large, the bound is infinite")
-    rounding = _rounding_factor(model, len(charge.costs), payment.cuts) * magnitude
-    return Pricing(math.nextafter(total + rounding, math.inf), rounding)
+    @classmethod
+    def of_proof(
+        cls,
+        model: Model,
+        proof: ProofFile,
+        progress: Callable[[int, int], None] = lambda done, total: None,
+    ) -> "Pricing":
+        """Returns the upper bound on J that a proof proves: the largest bound of its leaves.
+
+        Parameters
+        ----------
+        progress : told how many leaves are done, and of how many
+
+        Raises
+        ------
+        CertificateError
+            If the nodes are no tree, a resource does not exist, or a leaf is not valid.
+        """
+        _check_branches(model, proof)
+        worst = cls(-math.inf, 0.0)
+        total = sum(isinstance(node, Leaf) for node in proof.nodes)
+        for done, (n, leaf, decisions) in enumerate(proof.leaves()):
+            try:
+                pricing = cls.of(model, leaf.certificate, decisions)
+            except CertificateError as error:
+                raise CertificateError(f"nodes[{n}].{error}") from error
+            if not pricing.bound <= worst.bound:
+                worst = pricing
+            progress(done + 1, total)
+        return worst
 
 
 def _rounding_factor(model: Model, n_costs: int, n_cuts: int) -> float:
@@ -133,7 +173,7 @@ def _payment_of_multipliers(model: Model, certificate: Multipliers) -> _Payment:
     alpha = _array(model, certificate.alpha, "certificate.alpha")
     beta = _array(model, certificate.beta, "certificate.beta")
     weights = model.problem.view_sum_weights
-    cuts = usable_cuts(model, certificate.cuts)
+    cuts = certificate.usable_cuts(model)
     rest = _left_by(cuts, len(alpha))
     needed = np.flatnonzero((_visible_view_sums(model) > 0) & (alpha < rest))
     if (beta[needed] == 0).any():
@@ -271,3 +311,17 @@ def _check_rows(model: Model, rows: tuple[Row, ...]) -> None:
         wrong = row.resource.why_absent(model) or row.resource.why_shared(model.problem)
         if wrong:
             raise CertificateError(f"{field}.{wrong}")
+
+
+# -- the tree of a proof ------------------------------------------------------------------------
+
+
+def _check_branches(model: Model, proof: ProofFile) -> None:
+    """Refuses branches on what does not exist."""
+    for n, node in enumerate(proof.nodes):
+        if isinstance(node, Branch):
+            if wrong := node.resource.why_absent(model):
+                raise CertificateError(f"nodes[{n}].resource.{wrong}")
+            most = len(model.problem.robots)
+            if not 0 <= node.robots <= most:
+                raise CertificateError(f"nodes[{n}].robots: must be 0..{most}")

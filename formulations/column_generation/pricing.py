@@ -2,7 +2,7 @@
 
 One backward sweep prices all robots of a class at once: it finds the path of the largest reduced
 cost of each. The value is the bound that the multipliers' certificate proves, but for rounding;
-`certificates.price` computes it again by other means before anything is called proved.
+`certificates.Pricing` computes it again by other means before anything is called proved.
 """
 
 import math

@@ -14,9 +14,9 @@ from cocap_opt.formulations.certificates import (
     Cut,
     Decision,
     Leaf,
+    Pricing,
     ProofFile,
     Resource,
-    price_proof,
 )
 from cocap_opt.formulations.column_generation.branching import INTEGRAL, ResourceUse
 from cocap_opt.formulations.column_generation.columns import Column
@@ -207,7 +207,7 @@ class Tree:
             bound=None,
             nodes=tuple(self._written()),
         )
-        bound = price_proof(model, unpriced).bound
+        bound = Pricing.of_proof(model, unpriced).bound
         return msgspec.structs.replace(unpriced, bound=None if bound == -np.inf else bound)
 
     def _written(self) -> list[Branch | Leaf]:

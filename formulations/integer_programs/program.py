@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray
-from cocap_opt.formulations.certificates import Cut, Multipliers, usable_cuts
+from cocap_opt.formulations.certificates import Cut, Multipliers
 from cocap_opt.formulations.relaxations.collision_rows import ConflictRows
 from cocap_opt.formulations.relaxations.flow import Amounts, CutRows, Flow, Roots
 from cocap_opt.stop import Limit, Stop
@@ -123,7 +123,7 @@ class Program:
             for part in (root.alpha, root.beta)
         )
         rest = np.ones(len(alpha))
-        for cut, share in usable_cuts(model, root.cuts):
+        for cut, share in root.usable_cuts(model):
             at = int(np.searchsorted(self.roots.used, cut.view_sum))
             if at < len(self.roots.used) and self.roots.used[at] == cut.view_sum:
                 self.cuts.append(cut)

@@ -47,8 +47,8 @@ from cocap_opt.experiments.sweeps.run_file import RunFile
 from cocap_opt.experiments.sweeps.start import Start
 from cocap_opt.experiments.sweeps.sweep import Hired, sweep
 from cocap_opt.experiments.sweeps.work import Task
-from cocap_opt.files.documents import PlanFile, SceneFile, decode, problem_digest
-from cocap_opt.formulations.certificates import decode_certificate
+from cocap_opt.files.documents import PlanFile, SceneFile, decode, decode_document, problem_digest
+from cocap_opt.formulations.certificates import CertificateFile, ProofFile
 from cocap_opt.formulations.result import hovering
 from cocap_opt.model import compiled
 from cocap_opt.problem import NO_RULES, Plan, Problem
@@ -246,7 +246,7 @@ def test_the_files_that_rows_name_prove_them(tmp_path: Path) -> None:
                 proof = tmp_path / Paths(row).certificate(free)
                 assert proof.is_file() is (bound is not None)
                 if proof.is_file():
-                    content = decode_certificate(proof.read_bytes(), "")
+                    content = decode_document(proof.read_bytes(), "", CertificateFile, ProofFile)
                     assert content.proved == bound
         found.append(untimed(rows))
     assert found[0] == found[2] != found[1]

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog
 from strategies import examples, problems, tiny
 
-from cocap_opt.files.documents import FileError, encode
+from cocap_opt.files.documents import FileError, decode_document, encode, read_bytes
 from cocap_opt.formulations import BOUNDS
 from cocap_opt.formulations.certificates import (
     Branch,
@@ -28,6 +28,7 @@ from cocap_opt.formulations.certificates import (
     Leaf,
     Move,
     Multipliers,
+    Pricing,
     ProofFile,
     ReferencePixels,
     Resource,
@@ -36,9 +37,6 @@ from cocap_opt.formulations.certificates import (
     Visit,
     certify,
     envelope,
-    price,
-    price_proof,
-    read_certificate,
     verify,
 )
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
@@ -170,10 +168,10 @@ def test_any_multipliers_give_a_bound(problem: Problem, seed: int) -> None:
     """However badly a solver converged: non-negative multipliers are a valid certificate."""
     rng = np.random.default_rng(seed)
     best, model = optimum(problem).value, some_model(problem, rng)
-    assert price(model, random_multipliers(model, rng)).bound >= best
+    assert Pricing.of(model, random_multipliers(model, rng)).bound >= best
     shape = (problem.view_sum_steps, len(problem.face_weights))
     reference = ReferencePixels(as_rows(rng.choice([0.0, 10.0, 1e4], size=shape)))
-    assert price(compiled(problem), reference).bound >= best
+    assert Pricing.of(compiled(problem), reference).bound >= best
 
 
 @examples(40)
@@ -190,7 +188,7 @@ def test_any_multipliers_bound_the_plans_of_their_leaf(problem: Problem, seed: i
         )
         for _ in range(int(rng.integers(1, 4)))
     )
-    bound = price(model, random_multipliers(model, rng, len(decisions)), decisions).bound
+    bound = Pricing.of(model, random_multipliers(model, rng, len(decisions)), decisions).bound
     assert bound >= optimum_under(model, decisions)
 
 
@@ -434,7 +432,7 @@ def test_rounding_is_bounded_against_exact_arithmetic(problem: Problem, seed: in
     """The rounded bound is above the exact value of the same multipliers, and barely."""
     rng = np.random.default_rng(seed)
     certificate = msgspec.structs.replace(random_multipliers(compiled(problem), rng), cuts=())
-    rounded, exact = price(compiled(problem), certificate), exact_price(problem, certificate)
+    rounded, exact = Pricing.of(compiled(problem), certificate), exact_price(problem, certificate)
     slack = Fraction(2) ** (-BITS + 20)
     assert Fraction(rounded.bound) >= exact - slack
     assert Fraction(rounded.bound) - exact <= 3 * Fraction(rounded.rounding) + slack
@@ -490,7 +488,7 @@ def small_proof() -> tuple[Problem, ProofFile]:
     proof = ProofFile(
         scene="tiny", digest=result.certificate.digest, method="test", bound=0.0, nodes=nodes
     )
-    return problem, msgspec.structs.replace(proof, bound=price_proof(model, proof).bound)
+    return problem, msgspec.structs.replace(proof, bound=Pricing.of_proof(model, proof).bound)
 
 
 def numbers(content: object, path: tuple = ()) -> list[tuple]:
@@ -613,7 +611,7 @@ def test_numbers_that_overflow_prove_nothing(size: float) -> None:
             root.certificate, alpha=as_rows(np.array(huge)), decisions=()
         )
         try:
-            assert price(compiled(goal), alone).bound >= optimum(goal).value
+            assert Pricing.of(compiled(goal), alone).bound >= optimum(goal).value
         except CertificateError as error:
             assert "infinite" in str(error)
 
@@ -670,9 +668,13 @@ def test_one_reader_takes_certificates_and_proofs(tmp_path: Path) -> None:
     """A file names what it is; any other kind, version or field is refused in one line."""
     _, file = small_certificate()
     _, proof = small_proof()
+
+    def read(path: Path) -> CertificateFile | ProofFile:
+        return decode_document(read_bytes(path), str(path), CertificateFile, ProofFile)
+
     for content in (file, proof):
         (tmp_path / "file.json").write_bytes(encode(content))
-        assert read_certificate(tmp_path / "file.json") == content
+        assert read(tmp_path / "file.json") == content
     plain = json.loads(encode(file))
     for change, words in (
         ({"format": "cocap-opt plan"}, "format: must be 'cocap-opt certificate' or"),
@@ -683,7 +685,7 @@ def test_one_reader_takes_certificates_and_proofs(tmp_path: Path) -> None:
     ):
         (tmp_path / "file.json").write_text(json.dumps(plain | change))
         with pytest.raises(FileError, match=r"^\S*file\.json: ") as error:
-            read_certificate(tmp_path / "file.json")
+            read(tmp_path / "file.json")
         assert words in str(error.value) and "\n" not in str(error.value)
 
 
@@ -712,7 +714,7 @@ def test_rows_that_a_plan_may_break_are_refused(row: Row, words: str) -> None:
     assert isinstance(file.certificate, Multipliers)
     certificate = msgspec.structs.replace(file.certificate, rows=(row,))
     with pytest.raises(CertificateError, match=words):
-        price(compiled(problem), certificate)
+        Pricing.of(compiled(problem), certificate)
 
 
 def cut_of(
@@ -754,7 +756,7 @@ def test_cuts_that_are_none_are_refused(cut: EnvelopeCut, words: str) -> None:
     assert isinstance(file.certificate, Multipliers)
     certificate = msgspec.structs.replace(file.certificate, cuts=(cut,))
     with pytest.raises(CertificateError, match=words):
-        price(compiled(problem), certificate)
+        Pricing.of(compiled(problem), certificate)
 
 
 def test_many_tiny_shares_do_not_get_lost_in_rounding() -> None:
@@ -771,7 +773,7 @@ def test_many_tiny_shares_do_not_get_lost_in_rounding() -> None:
     )
     certificate = Multipliers(as_rows(np.ones(shape)), as_rows(np.zeros(shape)), cuts=cuts)
     try:
-        assert price(compiled(problem), certificate).bound >= best
+        assert Pricing.of(compiled(problem), certificate).bound >= best
     except CertificateError as error:
         assert "beta" in str(error)
 
@@ -784,7 +786,7 @@ def test_over_time_no_cut_holds() -> None:
     one_step = {"alpha": file.certificate.alpha[:1], "beta": file.certificate.beta[:1]}
     certificate = msgspec.structs.replace(file.certificate, **one_step)
     with pytest.raises(CertificateError, match="over time"):
-        price(compiled(other), certificate)
+        Pricing.of(compiled(other), certificate)
 
 
 def test_rows_need_their_rule() -> None:
@@ -792,7 +794,7 @@ def test_rows_need_their_rule() -> None:
     problem, file = small_certificate()
     free = problem.replace(rules=NO_RULES)
     with pytest.raises(CertificateError, match="rows"):
-        price(compiled(free), file.certificate)
+        Pricing.of(compiled(free), file.certificate)
 
 
 def test_reference_pixels_of_nobody_are_the_bound_alone() -> None:
@@ -800,4 +802,4 @@ def test_reference_pixels_of_nobody_are_the_bound_alone() -> None:
     problem = tiny()
     none = as_rows(problem.no_pixels().reshape(problem.horizon + 1, -1))
     alone = BOUNDS["alone"](problem).bound
-    assert price(compiled(problem), ReferencePixels(none)).bound == alone
+    assert Pricing.of(compiled(problem), ReferencePixels(none)).bound == alone
