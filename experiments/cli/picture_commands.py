@@ -19,7 +19,6 @@ from cocap_opt.experiments.results.files import (
 )
 from cocap_opt.experiments.results.printing import path_text, print_result, titles
 from cocap_opt.problem import Plan, Problem
-from cocap_opt.referee import check
 from cocap_opt.result import UnsupportedError
 
 SHOWN = (".html", ".png", ".pdf", ".svg", ".gif")
@@ -31,14 +30,14 @@ def _show(
     """Play plans side by side in an HTML file, or draw one from above.
 
     The HTML file needs no network and no other file. PNG, PDF and SVG show the last step, a GIF
-    all steps.
+    all steps. Without a plan the drones are shown at their starts.
 
     Example: cocap-opt show corridor greedy.json cocap.json -o plans.html
     """
     suffix = file_type(output, SHOWN)
     assert output is not None
-    if not plan:
-        raise UsageError("PLAN: name a plan, such as plan.json")
+    if not plan and suffix == ".gif":
+        raise UsageError("PLAN: name a plan, such as plan.json; nothing moves without one")
     if suffix != ".html" and len(plan) > 1:
         raise UsageError(f"PLAN: a {suffix} file shows one plan, not {len(plan)}; .html takes more")
     check_output(output)
@@ -88,20 +87,13 @@ def _render(
 
 
 def _shown(problem: Problem, plans: Sequence[Plan], names: Sequence[str], suffix: str) -> bytes:
-    """Returns the file that shows plans: a player, or a picture of the only one."""
-    from cocap_opt.experiments.report.figures import (  # matplotlib is slow to import
-        gif,
-        picture,
-        plan_figure,
-    )
-    from cocap_opt.experiments.report.player import player_page
+    """Returns the file that shows plans: a player, or a picture of the only one or the starts."""
+    from cocap_opt.experiments.report.figures import plan_picture  # matplotlib is slow to import
+    from cocap_opt.experiments.report.player import Player
 
     if suffix == ".html":
-        return player_page(problem, list(zip(names, plans, strict=True))).encode()
-    verdict, steps = check(problem, plans[0]), range(problem.horizon + 1)
-    if suffix == ".gif":
-        return gif([plan_figure(problem, plans[0], verdict, t) for t in steps])
-    return picture(plan_figure(problem, plans[0], verdict, problem.horizon), suffix)
+        return Player(problem, list(zip(names, plans, strict=True))).page().encode()
+    return plan_picture(problem, plans[0] if plans else None, suffix)
 
 
 COMMANDS = {"show": _show, "render": _render}

@@ -17,10 +17,8 @@ from matplotlib.text import Text
 from PIL import Image
 
 from cocap_opt import drawing
-from cocap_opt.data import BoolArray
-from cocap_opt.problem import Plan, Problem, State
-from cocap_opt.referee import Verdict
-from cocap_opt.world.workspace import Workspace
+from cocap_opt.problem import Plan, Problem
+from cocap_opt.referee import Verdict, check
 
 VIEW_LENGTH = 0.2  # of the map, length of view cones as they are drawn; cameras see farther
 _FRAME_MILLISECONDS = 500
@@ -32,27 +30,14 @@ def robot_colour(robot: int) -> tuple[float, float, float, float]:
     return to_rgba(drawing.DRONE_COLOURS[robot % len(drawing.DRONE_COLOURS)])
 
 
-def actor_colour(actor: int) -> tuple[float, float, float]:
-    """Returns the colour of an actor in pictures in which each has its own."""
-    red, green, blue, _ = mpl.colormaps["tab10"](actor % 10)
-    return red, green, blue
+def draw_plan(ax: Axes, problem: Problem, plan: Plan, t: int) -> Axes:
+    """Draws the terrain from above, and drones and people at step t with their ways so far."""
+    _draw_terrain(ax, problem)
+    _draw_robots(ax, problem, plan, t)
+    return _draw_actors(ax, problem, t)
 
 
-def position(problem: Problem, state: State) -> tuple[float, float]:
-    """Returns the world coordinates (m) of a state."""
-    return problem.height_map.centre(state.x, state.y)
-
-
-def blocked_cells(problem: Problem, workspace: Workspace) -> BoolArray:
-    """Returns the cells [X, Y] of a workspace in which no robot may be at the lowest layer."""
-    lowest = problem.layers[:1]
-    low = (robot.motion for robot in problem.robots if robot.motion.layers[:1] == lowest)
-    free = [motion.replace(layers=lowest).free_places(workspace)[0] for motion in set(low)]
-    blocked: BoolArray = ~np.any(free, axis=0)
-    return blocked
-
-
-def draw_terrain(ax: Axes, problem: Problem) -> Axes:
+def _draw_terrain(ax: Axes, problem: Problem) -> Axes:
     """Draws the terrain from above.
 
     Cells that block the lowest flight height are dark; lighter cells are free there, with a mesh
@@ -71,7 +56,7 @@ def draw_terrain(ax: Axes, problem: Problem) -> Axes:
     return ax
 
 
-def draw_actors(ax: Axes, problem: Problem, t: int) -> Axes:
+def _draw_actors(ax: Axes, problem: Problem, t: int) -> Axes:
     """Draws people at step t as filled outlines with their walk so far."""
     for j, actor in enumerate(problem.actors):
         x, y, _, yaw = actor.poses[t]
@@ -93,12 +78,12 @@ def draw_actors(ax: Axes, problem: Problem, t: int) -> Axes:
     return ax
 
 
-def draw_robots(ax: Axes, problem: Problem, plan: Plan, t: int) -> Axes:
+def _draw_robots(ax: Axes, problem: Problem, plan: Plan, t: int) -> Axes:
     """Draws drones at step t with their view cones and paths; a ring marks each start."""
     length = VIEW_LENGTH * min(problem.height_map.shape) * problem.height_map.resolution
     for i, (robot, path) in enumerate(zip(problem.robots, plan.paths, strict=True)):
         colour = robot_colour(i)
-        track = np.array([position(problem, state) for state in path])
+        track = np.array([problem.height_map.centre(state.x, state.y) for state in path])
         ax.plot(*track.T, color=colour, lw=0.8, alpha=0.35, zorder=2)
         ax.plot(*track[: t + 1].T, color=colour, lw=1.8, zorder=4)
         ax.plot(*track[0], marker="o", mfc="none", mec=colour, ms=8, zorder=4)
@@ -142,20 +127,36 @@ def draw_frame(ax: Axes) -> Axes:
     return ax
 
 
-def plan_figure(problem: Problem, plan: Plan, verdict: Verdict, t: int) -> Figure:
+def _plan_figure(problem: Problem, plan: Plan, verdict: Verdict, t: int) -> Figure:
     """Draws the top view at step t above the reward per step."""
     width, depth = problem.height_map.shape
     height = min(max(5.0 * depth / width, 2.5), 9.0)
     figure = Figure(figsize=(5.6, height + 1.7), layout="constrained", dpi=110)
     top, bottom = figure.subplots(2, 1, height_ratios=[height, 1.1])
-    draw_terrain(top, problem)
-    draw_robots(top, problem, plan, t)
-    draw_actors(top, problem, t)
+    draw_plan(top, problem, plan, t)
     conflicts = f", {len(verdict.conflicts)} conflicts" if verdict.conflicts else ""
     words = f"step {t} of {problem.horizon} (whole plan: J = {verdict.reward:,.0f}{conflicts})"
     top.set_title(f"{problem.name}, {words}", fontsize=10)
     _draw_reward(bottom, verdict, t)
     return figure
+
+
+def plan_picture(problem: Problem, plan: Plan | None, suffix: str) -> bytes:
+    """Returns a file that shows a plan: its last step, or in a GIF file all steps.
+
+    Parameters
+    ----------
+    plan : without it, the drones are shown at their starts
+    suffix : one of PICTURES, or of a plan ``".gif"``
+    """
+    if plan is None:
+        starts = problem.plot().get_figure(root=True)
+        assert starts is not None
+        return picture(starts, suffix)
+    verdict = check(problem, plan)
+    if suffix != ".gif":
+        return picture(_plan_figure(problem, plan, verdict, problem.horizon), suffix)
+    return _gif([_plan_figure(problem, plan, verdict, t) for t in range(problem.horizon + 1)])
 
 
 def picture(figure: Figure, suffix: str) -> bytes:
@@ -174,14 +175,9 @@ def picture(figure: Figure, suffix: str) -> bytes:
     return content.getvalue()
 
 
-def png(figure: Figure) -> bytes:
-    """Returns a figure as a PNG file."""
-    return picture(figure, ".png")
-
-
-def gif(figures: Sequence[Figure]) -> bytes:
+def _gif(figures: Sequence[Figure]) -> bytes:
     """Returns figures as the frames of a GIF file that repeats."""
-    frames = [Image.open(io.BytesIO(png(figure))).convert("RGB") for figure in figures]
+    frames = [Image.open(io.BytesIO(picture(figure, ".png"))).convert("RGB") for figure in figures]
     content = io.BytesIO()
     frames[0].save(
         content, format="GIF", save_all=True, append_images=frames[1:], loop=0,

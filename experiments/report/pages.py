@@ -4,14 +4,16 @@ from collections.abc import Mapping
 from importlib.resources import files
 
 
-def part(name: str) -> str:
-    """Returns the text of a file."""
-    return (files("cocap_opt.experiments.report") / "page" / name).read_text(encoding="utf-8")
+class PageFile:
+    """A file of the folder `page`: a page with places for parts, a style or a script."""
 
+    def __init__(self, name: str) -> None:
+        folder = files("cocap_opt.experiments.report") / "page"
+        self.text = (folder / name).read_text(encoding="utf-8")
 
-def filled(name: str, parts: Mapping[str, str]) -> str:
-    """Returns the text of a file in which parts have taken the places of their @names@.
+    def filled(self, parts: Mapping[str, str]) -> str:
+        """Returns the text in which parts have taken the places of their @names@.
 
-    A part may hold anything, @ included.
-    """
-    return "".join(parts.get(piece, piece) for piece in part(name).split("@"))
+        A part may hold anything, @ included.
+        """
+        return "".join(parts.get(piece, piece) for piece in self.text.split("@"))

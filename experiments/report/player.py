@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from cocap_opt.data import FloatArray
-from cocap_opt.experiments.report.pages import filled, part
+from cocap_opt.experiments.report.pages import PageFile
 from cocap_opt.experiments.report.player_scene import SceneData
 from cocap_opt.experiments.results.files import save_bytes
 from cocap_opt.model import compiled
@@ -46,7 +46,43 @@ class Player:
 
     def page(self) -> str:
         """Returns the text of the HTML file."""
-        return player_page(self._problem, self._plans)
+        parts = {
+            "style": PageFile("player.css").text,
+            "script": "\n".join(PageFile(name).text for name in _SCRIPTS),
+            "data": _inert(self.data()),
+        }
+        return PageFile("player.html").filled(parts)
+
+    def data(self) -> Data:
+        """Returns all data that the player draws, as one JSON object.
+
+        Lengths are in m, angles in rad, positions those of `SceneData`. Of each plan, `seen[t][f]`
+        is the coverage that all drones together have of face f at step t (px/m2; 1/m2 for cones),
+        and `rewards[t]` the referee's view reward of step t, 0 if the step does not count.
+        """
+        problem, plans = self._problem, [plan for _, plan in self._plans]
+        scene = SceneData(problem)
+        seen = [_seen_pixels(problem, plan) for plan in plans]
+        shown = [
+            _plan_data(scene, titled, pixels)
+            for titled, pixels in zip(self._plans, seen, strict=True)
+        ]
+        return {
+            "name": problem.name,
+            "about": _about(problem),
+            "steps": problem.horizon,
+            "first": problem.first_step,
+            "layers": len(problem.layers),
+            "unit": _unit(problem),
+            "most": _digits(max(float(pixels.max(initial=0.0)) for pixels in seen)) or 1.0,
+            "mostReward": max(max(plan["rewards"]) for plan in shown),
+            **scene.scope(plans),
+            "terrain": scene.terrain(),
+            **scene.meshes(),
+            "people": [scene.person(actor) for actor in problem.actors],
+            "drones": [scene.drone(number) for number in range(len(problem.robots))],
+            "plans": shown,
+        }
 
     def save(self, path: Path | str) -> None:
         """Writes the HTML file.
@@ -80,56 +116,13 @@ def _without_goals(problem: Problem) -> Problem:
     return problem.replace(robots=tuple(robot.replace(goal=None) for robot in problem.robots))
 
 
-def player_page(problem: Problem, plans: Sequence[Titled]) -> str:
-    """Returns the text of an HTML file that plays plans side by side.
-
-    Parameters
-    ----------
-    plans : at least one, none with violations by `check`
-    """
-    parts = {
-        "style": part("player.css"),
-        "script": "\n".join(map(part, _SCRIPTS)),
-        "data": _inert(player_data(problem, plans)),
-    }
-    return filled("player.html", parts)
-
-
 def _inert(data: Data) -> str:
     """Returns JSON that neither ends nor begins an HTML element, whatever names are in it."""
     text = json.dumps(data, separators=(",", ":"), allow_nan=False)
     return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
 
 
-def player_data(problem: Problem, plans: Sequence[Titled]) -> Data:
-    """Returns all data that the player draws, as one JSON object.
-
-    Lengths are in m, angles in rad, positions those of `SceneData`. Of each plan, `seen[t][f]` is
-    the coverage that all drones together have of face f at step t (px/m2; 1/m2 for cones), and
-    `rewards[t]` the referee's view reward of step t, 0 if the step does not count.
-    """
-    scene = SceneData(problem)
-    seen = [seen_pixels(problem, plan) for _, plan in plans]
-    shown = [_plan_data(scene, titled, pixels) for titled, pixels in zip(plans, seen, strict=True)]
-    return {
-        "name": problem.name,
-        "about": _about(problem),
-        "steps": problem.horizon,
-        "first": problem.first_step,
-        "layers": len(problem.layers),
-        "unit": _unit(problem),
-        "most": _digits(max(float(pixels.max(initial=0.0)) for pixels in seen)) or 1.0,
-        "mostReward": max(max(plan["rewards"]) for plan in shown),
-        **scene.scope([plan for _, plan in plans]),
-        "terrain": scene.terrain(),
-        **scene.meshes(),
-        "people": [scene.person(actor) for actor in problem.actors],
-        "drones": [scene.drone(number) for number in range(len(problem.robots))],
-        "plans": shown,
-    }
-
-
-def seen_pixels(problem: Problem, plan: Plan) -> FloatArray:
+def _seen_pixels(problem: Problem, plan: Plan) -> FloatArray:
     """Returns the coverage [T+1, F] (px/m2) that all drones together have of faces at steps."""
     model = compiled(problem)
     seen = np.zeros((problem.horizon + 1, model.n_faces))

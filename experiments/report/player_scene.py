@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from cocap_opt.data import FloatArray
-from cocap_opt.experiments.report.figures import VIEW_LENGTH, blocked_cells, robot_colour
+from cocap_opt.data import BoolArray, FloatArray
+from cocap_opt.experiments.report.figures import VIEW_LENGTH, robot_colour
 from cocap_opt.problem import (
     Actor,
     Camera,
@@ -120,7 +120,7 @@ class SceneData:
     def _kinds(self) -> FloatArray:
         """Kind of every cell [X, Y] of the height map."""
         height_map = self.problem.height_map
-        blocked = blocked_cells(self.problem, Workspace(height_map))  # meshes are drawn themselves
+        blocked = _blocked_cells(self.problem, Workspace(height_map))  # meshes are drawn themselves
         stands = height_map.heights > self._ground + _OBSTACLE
         kinds = np.where(stands, np.where(blocked, _BLOCKS, _LOW), _GROUND)
         return kinds.astype(np.float64)
@@ -191,6 +191,15 @@ class SceneData:
             "half": camera.half_angle,
             "rise": rise,
         }
+
+
+def _blocked_cells(problem: Problem, workspace: Workspace) -> BoolArray:
+    """Returns the cells [X, Y] of a workspace in which no robot may be at the lowest layer."""
+    lowest = problem.layers[:1]
+    low = (robot.motion for robot in problem.robots if robot.motion.layers[:1] == lowest)
+    free = [motion.replace(layers=lowest).free_places(workspace)[0] for motion in set(low)]
+    blocked: BoolArray = ~np.any(free, axis=0)
+    return blocked
 
 
 def _face_names(shape: Shape) -> list[str]:

@@ -4,11 +4,11 @@ import io
 from collections.abc import Callable
 from pathlib import Path
 
+import matplotlib as mpl
 import numpy as np
 from PIL import Image
 
 from cocap_opt.data import FloatArray
-from cocap_opt.experiments.report.figures import actor_colour
 from cocap_opt.experiments.results.files import save_bytes, save_csv
 from cocap_opt.experiments.results.printing import Record
 from cocap_opt.experiments.results.rendered import (
@@ -20,7 +20,7 @@ from cocap_opt.experiments.results.rendered import (
 from cocap_opt.model import compiled
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
-from cocap_opt.vision.render import TERRAIN, Picture, Renderer, pinhole
+from cocap_opt.vision.render import TERRAIN, Picture, Renderer
 
 _SKY_COLOUR, _GROUND_COLOUR = (0.80, 0.88, 0.95), (0.62, 0.60, 0.55)
 
@@ -41,7 +41,7 @@ def write_views(
     pixel_step : of the renderer that counts pixels
     """
     verdict = check(problem, plan)
-    steps = [max(round(pinhole(robot).width / width), 1) for robot in problem.robots]
+    steps = [max(round(Renderer.camera_of(robot).width / width), 1) for robot in problem.robots]
     painters = {step: Renderer(problem, step) for step in set(steps)}
     for pose in Pose.all_of(plan):
         painter = painters[steps[pose.robot]]
@@ -99,5 +99,11 @@ def _face_colours(problem: Problem) -> FloatArray:
     for f, owner in enumerate(owners):
         first = owners.index(owner)
         share = (f - first) / max(owners.count(owner) - 1, 1)
-        colours.append((1 - 0.5 * share) * np.array(actor_colour(owner)) + 0.25 * share)
+        colours.append((1 - 0.5 * share) * np.array(_actor_colour(owner)) + 0.25 * share)
     return np.array(colours).reshape(-1, 3)
+
+
+def _actor_colour(actor: int) -> tuple[float, float, float]:
+    """Returns the colour of an actor."""
+    red, green, blue, _ = mpl.colormaps["tab10"](actor % 10)
+    return red, green, blue

@@ -15,8 +15,8 @@ from matplotlib.figure import Figure
 from cocap_opt.experiments.report.charts import conflicts_figure, gaps_figure, progress_figure
 from cocap_opt.experiments.report.figures import picture
 from cocap_opt.experiments.report.limitations import limitations
-from cocap_opt.experiments.report.pages import filled, part
-from cocap_opt.experiments.report.player import player_page
+from cocap_opt.experiments.report.pages import PageFile
+from cocap_opt.experiments.report.player import Player
 from cocap_opt.experiments.results.documents import html
 from cocap_opt.experiments.results.files import read_plan
 from cocap_opt.experiments.results.layout import Paths
@@ -57,7 +57,7 @@ def report_page(folder: Path, rows: Sequence[Row], run: RunFile, against: str, p
     }
     shown = {title: text for title, text in sections.items() if text}
     parts = {
-        "style": part("report.css"),
+        "style": PageFile("report.css").text,
         "about": escape(_about(rows)),
         "contents": "\n".join(
             f'<a href="#{_anchor(title)}">{title}</a>' for title in shown
@@ -67,7 +67,7 @@ def report_page(folder: Path, rows: Sequence[Row], run: RunFile, against: str, p
             for title, text in shown.items()
         ),
     }  # fmt: skip
-    return filled("report.html", parts)
+    return PageFile("report.html").filled(parts)
 
 
 def _anchor(title: str) -> str:
@@ -135,13 +135,13 @@ def _plans(folder: Path, rows: Sequence[Row], most: int) -> str:
 
 
 def _scene_plans(folder: Path, rows: Sequence[Row]) -> str:
-    seed, some = telling_seed(rows)
+    seed, some = _telling_seed(rows)
     problem = load_scene(str(folder / Paths(some[0]).scene), 0)
-    shown = telling_pair(some)
+    shown = _telling_pair(some)
     if not shown:
         return ""
     plans = {row.planner or "": _plan(folder, row, problem) for row in shown}
-    player = escape(player_page(problem, list(plans.items())))
+    player = escape(Player(problem, list(plans.items())).page())
     name = escape(problem.name if seed is None else f"{problem.name}, seed {seed}")
     charts = _image(conflicts_figure(problem, plans), f"{name}: who collides with whom, and when.")
     return (
@@ -151,7 +151,7 @@ def _scene_plans(folder: Path, rows: Sequence[Row]) -> str:
     )
 
 
-def telling_seed(rows: Sequence[Row]) -> tuple[int | None, list[Row]]:
+def _telling_seed(rows: Sequence[Row]) -> tuple[int | None, list[Row]]:
     """Returns the seed of a scene that shows most, with its rows.
 
     It has two plans if any seed has, then the most conflicts to avoid, then the plans whose
@@ -168,7 +168,7 @@ def telling_seed(rows: Sequence[Row]) -> tuple[int | None, list[Row]]:
     return max(seeds.items(), key=lambda item: told(item[1]))
 
 
-def telling_pair(rows: Sequence[Row]) -> list[Row]:
+def _telling_pair(rows: Sequence[Row]) -> list[Row]:
     """Returns up to two plans of a seed: the best, after one with most conflicts or the worst."""
     good = sorted((row for row in rows if row.valid), key=lambda row: row.reward or 0.0)
     colliding = [row for row in rows if row.conflicts]

@@ -14,7 +14,7 @@ from selenium import webdriver
 from selenium.webdriver.chrome.service import Service
 from selenium.webdriver.support.wait import WebDriverWait
 
-from cocap_opt.experiments.report.player import player_page
+from cocap_opt.experiments.report.player import Player
 from cocap_opt.planners import PLANNERS
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import never
@@ -49,7 +49,7 @@ def write_pictures(folder: Path) -> None:
     plans = {f"{name}.json": PLANNERS[name](problem, never).plan for name in _PLANNERS}
     page = folder / "player.html"
     shown = [(name, plan) for name, plan in plans.items() if plan is not None]
-    page.write_text(player_page(problem, shown), encoding="utf-8")
+    Player(problem, shown).save(page)
     with opened(page) as driver:
         go_to(driver, _STEP)
         driver.save_screenshot(str(folder / "player.png"))

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from cocap_opt.data import FloatArray
 from cocap_opt.experiments.console.streams import say
-from cocap_opt.experiments.report.figures import draw_frame, png
+from cocap_opt.experiments.report.figures import draw_frame, picture
 from cocap_opt.experiments.results.files import make_folder, save_bytes, save_csv
 from cocap_opt.experiments.results.printing import Record, print_table
 from cocap_opt.experiments.results.rendered import FaceView, Pose, error_row
@@ -76,7 +76,7 @@ def views(
     shown = [{name: row[key] for name, key in _SHOWN.items()} for row in rows]
     print_table(f"errors (%) of planned pixels, {poses} random poses a scene", shown)
     if out is not None:
-        save_bytes(out / "views.png", png(_figure(rows)))
+        save_bytes(out / "views.png", picture(_figure(rows), ".png"))
 
 
 def _random_poses(problem: Problem, count: int) -> list[Pose]:

@@ -16,8 +16,8 @@ from strategies import examples, plate, tiny
 
 from cocap_opt.experiments.cli.main import main
 from cocap_opt.experiments.report import player_scene
-from cocap_opt.experiments.report.figures import blocked_cells, robot_colour
-from cocap_opt.experiments.report.player import Player, player_data, player_page, seen_pixels
+from cocap_opt.experiments.report.figures import robot_colour
+from cocap_opt.experiments.report.player import Player, _seen_pixels
 from cocap_opt.experiments.studies.pictures import go_to, has_browser, opened, resize
 from cocap_opt.files.documents import PlanFile
 from cocap_opt.planners import PLANNERS
@@ -56,7 +56,7 @@ def test_rewards_are_the_referees(scene: str) -> None:
     """J, the reward of each step and the number of conflicts are those of `check`."""
     problem = load_scene(scene, 0)
     plans = planned(problem, "greedy", "cocap")
-    for (title, plan), shown in zip(plans, player_data(problem, plans)["plans"], strict=True):
+    for (title, plan), shown in zip(plans, Player(problem, plans).data()["plans"], strict=True):
         verdict = check(problem, plan)
         assert shown["title"] == title
         assert shown["rewards"] == [verdict.reward_at_start, *verdict.reward_per_step]
@@ -70,10 +70,10 @@ def test_what_is_seen_makes_the_reward(scene: str) -> None:
     """The weighted roots of the px/m2 that faces are coloured by sum up to each step's reward."""
     problem = load_scene(scene, 0)
     ((title, plan),) = planned(problem, "greedy")
-    (shown,) = player_data(problem, [(title, plan)])["plans"]
+    (shown,) = Player(problem, [(title, plan)]).data()["plans"]
     sums = (problem.step_weights * np.sqrt(shown["seen"])).sum(axis=1)
     assert sums[1:] == pytest.approx(shown["rewards"][1:], rel=1e-4)
-    exact = (problem.step_weights * np.sqrt(seen_pixels(problem, plan))).sum(axis=1)
+    exact = (problem.step_weights * np.sqrt(_seen_pixels(problem, plan))).sum(axis=1)
     assert exact[1:] == pytest.approx(shown["rewards"][1:], rel=1e-9)
 
 
@@ -87,7 +87,7 @@ def test_cones_are_no_pixels() -> None:
         ((problem.robots[0], cones[1]), "px/m² or 1/m²"),
     ):
         varied = problem.replace(robots=robots)
-        data = player_data(varied, planned(varied, "greedy"))
+        data = Player(varied, planned(varied, "greedy")).data()
         assert data["unit"] == unit
         assert [drone["rise"] is None for drone in data["drones"]] == [
             isinstance(robot.camera, Cone) for robot in robots
@@ -122,7 +122,7 @@ def test_drones_fly_at_their_altitude() -> None:
     """Places are from the map's corner and lowest height: ground plus flight height."""
     problem = hills()
     ((title, plan),) = planned(problem, "greedy")
-    (shown,) = player_data(problem, [(title, plan)])["plans"]
+    (shown,) = Player(problem, [(title, plan)]).data()["plans"]
     height_map, tilts = problem.height_map, problem.robots[0].camera.tilts
     for path, states in zip(shown["paths"], plan.paths, strict=True):
         for pose, s in zip(path, states, strict=True):
@@ -136,7 +136,7 @@ def test_drones_fly_at_their_altitude() -> None:
 
 def test_terrain_tells_ground_from_what_stands_on_it() -> None:
     """Kinds: 0 ground, 1 something low, 2 what blocks the lowest flight height."""
-    data = player_data(hills(), planned(hills(), "greedy"))
+    data = Player(hills(), planned(hills(), "greedy")).data()
     terrain = data["terrain"]
     kinds = np.reshape([int(kind) for kind in terrain["kinds"]], (6, 5))
     assert kinds[2, 2] == 2 and kinds[3, 1] == 1 and np.count_nonzero(kinds) == 2
@@ -161,7 +161,7 @@ def test_what_only_the_clearance_forbids_blocks() -> None:
     for robots, kind in ((wide, "2"), ((wide[0], near.robots[1]), "1")):
         problem = near.replace(robots=tuple(robots))
         assert player_scene.SceneData(problem).terrain()["kinds"][3 * 5 + 1] == kind
-        blocked = blocked_cells(problem, problem.workspace)
+        blocked = player_scene._blocked_cells(problem, problem.workspace)
         assert (blocked[3, 1], blocked[2, 2], blocked[5, 4]) == (kind == "2", True, False)
 
 
@@ -169,7 +169,7 @@ def test_fine_meshes_and_large_maps_are_drawn_by_cells(monkeypatch: pytest.Monke
     """Where there is too much to draw: what a mesh fills, the highest of some cells."""
     monkeypatch.setattr(player_scene, "MOST_TRIANGLES", 1)
     monkeypatch.setattr(player_scene, "MOST_CELLS", 3)
-    data = player_data(hills(), planned(hills(), "greedy"))
+    data = Player(hills(), planned(hills(), "greedy")).data()
     assert data["meshes"] == []
     assert {tuple(box) for box in data["boxes"]} == {
         (0, 0, 6.5, 6.5), (0, 1, 6.5, 6.5)
@@ -184,7 +184,7 @@ def test_nothing_to_see_is_no_error() -> None:
     empty = tiny().replace(actors=())
     hidden = load_scene("tiny-hidden", 0)
     for problem in (empty, hidden):
-        data = player_data(problem, planned(problem, "greedy"))
+        data = Player(problem, planned(problem, "greedy")).data()
         assert data["most"] > 0 and data["mostReward"] == 0
 
 
@@ -204,7 +204,7 @@ def test_people_off_the_map_are_in_the_picture() -> None:
 def test_the_page_asks_nobody() -> None:
     """There is no address in it, nothing is loaded, and the browser is told to refuse to."""
     problem = load_scene("tiny-share", 0)
-    page = player_page(problem, planned(problem, "greedy"))
+    page = Player(problem, planned(problem, "greedy")).page()
     assert not re.search(r"https?:|\bsrc\s*=|url\(|@import|\bimport\b|fetch\(|XMLHttp|WebSocket",
                          page)  # fmt: skip
     assert re.findall(r'href="([^"]*)"', page) == ["data:,"]
@@ -219,9 +219,9 @@ def test_names_stay_names(name: str) -> None:
     """No name of a scene or a plan ends the data, begins an element or is lost."""
     problem = tiny().replace(name=name)
     stay = Plan(paths=tuple((robot.start,) * 3 for robot in problem.robots))
-    plain = player_page(tiny().replace(name=""), [("", stay)])
+    plain = Player(tiny().replace(name=""), [("", stay)]).page()
     title = problem.name  # what is no text is escaped there
-    page = player_page(problem, [(title, stay)])
+    page = Player(problem, [(title, stay)]).page()
     data = told(page)
     assert (data["name"], data["plans"][0]["title"]) == (title, title)
     assert page.count("<") == plain.count("<")
@@ -288,7 +288,7 @@ def test_show_takes_one_plan_or_more(plans: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("files", "output", "words"),
     [
-        ([], "x.html", "PLAN: name a plan"),
+        ([], "x.gif", "PLAN: name a plan"),
         (["greedy.json", "cocap.json"], "x.png", "a .png file shows one plan, not 2"),
         (["greedy.json", "cocap.json"], "x.gif", "a .gif file shows one plan, not 2"),
         (["greedy.json"], "x.jpg", "-o: name a file that ends in .html, .png, .pdf, .svg or .gif"),
@@ -306,6 +306,16 @@ def test_what_show_does_not_take_is_said(
     out, err = capsys.readouterr()
     assert out == "" and words in err and len(err.splitlines()) == 1
     assert not (tmp_path / output).exists()
+
+
+def test_show_without_a_plan_shows_the_starts(tmp_path: Path) -> None:
+    """The page has the drones where they begin, at every step; a picture has them, too."""
+    page, drawn = tmp_path / "starts.html", tmp_path / "starts.png"
+    for path in (page, drawn):
+        assert run("show", "tiny-give-way", "-o", path) == 0
+    (plan,) = told(page.read_text(encoding="utf-8"))["plans"]
+    assert all(path == path[:1] * len(path) for path in plan["paths"])
+    assert drawn.read_bytes().startswith(b"\x89PNG")
 
 
 def test_plans_of_other_starts_are_not_shown_together(
@@ -561,8 +571,8 @@ def test_no_name_is_run_and_nothing_is_asked_for(player: Any, tmp_path: Path) ->
     """
     problem, page = hills().replace(name=EVIL), tmp_path / "page.html"
     stay = Plan(paths=tuple((robot.start,) * 3 for robot in problem.robots))
-    assert not seen_pixels(problem, stay).any()
-    page.write_text(player_page(problem, [(EVIL, stay)]), "utf-8")
+    assert not _seen_pixels(problem, stay).any()
+    page.write_text(Player(problem, [(EVIL, stay)]).page(), "utf-8")
     before = player.current_url
     player.get(page.as_uri())
     go_to(player, 1)

@@ -9,7 +9,7 @@ from selenium.webdriver.support.wait import WebDriverWait
 
 from cocap_opt.experiments.cli import commands
 from cocap_opt.experiments.report.limitations import limitations
-from cocap_opt.experiments.report.report import telling_pair, telling_seed
+from cocap_opt.experiments.report.report import _telling_pair, _telling_seed
 from cocap_opt.experiments.studies.pictures import PLAYER_IS_READY, has_browser, opened
 from cocap_opt.experiments.sweeps.run_file import Run, RunFile
 
@@ -128,14 +128,14 @@ def test_the_seed_with_most_to_avoid_is_shown() -> None:
         row("greedy", 1, 120.0, conflicts=2), row("cocap", 1, 99.0), row("best", 1, 100.0),
         row("greedy", 2, 120.0, conflicts=2), row("cocap", 2, 98.0), row("best", 2, 100.0),
     ]  # fmt: skip
-    seed, some = telling_seed(rows)
-    assert seed == 2 and [r.planner for r in telling_pair(some)] == ["greedy", "best"]
+    seed, some = _telling_seed(rows)
+    assert seed == 2 and [r.planner for r in _telling_pair(some)] == ["greedy", "best"]
     alone = row("greedy", 3, 120.0, conflicts=9)
-    assert telling_seed([*rows, alone])[0] == 2  # nothing to compare it with
-    assert telling_seed([alone])[0] == 3
-    seed, some = telling_seed(rows[:3])
-    assert seed == 0 and [r.planner for r in telling_pair(some)] == ["cocap", "best"]
-    assert telling_pair([row("cocap", 0, None)]) == []
+    assert _telling_seed([*rows, alone])[0] == 2  # nothing to compare it with
+    assert _telling_seed([alone])[0] == 3
+    seed, some = _telling_seed(rows[:3])
+    assert seed == 0 and [r.planner for r in _telling_pair(some)] == ["cocap", "best"]
+    assert _telling_pair([row("cocap", 0, None)]) == []
 
 
 def test_limitations_are_those_of_the_results() -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 from statistics import median
 
 from cocap_opt.experiments.console.streams import say
-from cocap_opt.experiments.report.figures import png
+from cocap_opt.experiments.report.figures import picture
 from cocap_opt.experiments.results.files import make_folder, save_bytes, save_csv
 from cocap_opt.experiments.results.printing import Record, print_table
 from cocap_opt.experiments.studies.growth.figure import growth_figure
@@ -60,7 +60,7 @@ def growth(
     finally:
         _print(points, limit)
     if out is not None and points:
-        save_bytes(out / "growth.png", png(growth_figure(points, limit)))
+        save_bytes(out / "growth.png", picture(growth_figure(points, limit), ".png"))
     return all(r is not None for r in known.values())
 
 

@@ -9,11 +9,8 @@ from matplotlib.ticker import MaxNLocator
 
 from cocap_opt.data import FloatArray
 from cocap_opt.experiments.report.figures import (
-    draw_actors,
     draw_frame,
-    draw_robots,
-    draw_terrain,
-    position,
+    draw_plan,
 )
 from cocap_opt.experiments.studies.paper.giving_way import Encounter
 from cocap_opt.problem import Plan, Problem
@@ -78,9 +75,7 @@ def encounter_figure(problem: Problem, encounter: Encounter, plans: Mapping[str,
     figure = Figure(figsize=(4.6 * len(plans), height), layout="constrained", dpi=130)
     for ax, (name, plan) in zip(np.ravel(figure.subplots(1, len(plans))), plans.items(),
                                 strict=True):  # fmt: skip
-        draw_terrain(ax, problem)
-        draw_robots(ax, problem, plan, encounter.step)
-        draw_actors(ax, problem, encounter.step)
+        draw_plan(ax, problem, plan, encounter.step)
         ax.set_xlim(low[0], high[0])
         ax.set_ylim(low[1], high[1])
         verdict = check(problem, plan)
@@ -96,7 +91,8 @@ def encounter_figure(problem: Problem, encounter: Encounter, plans: Mapping[str,
 
 def _extent(problem: Problem, plans: Iterable[Plan]) -> tuple[FloatArray, FloatArray]:
     """Returns the corners (m) of the part of the map where drones fly and people walk."""
-    places = [position(problem, state) for plan in plans for path in plan.paths for state in path]
+    centre = problem.height_map.centre
+    places = [centre(s.x, s.y) for plan in plans for path in plan.paths for s in path]
     places += [(float(x), float(y)) for actor in problem.actors for x, y in actor.poses[:, :2]]
     origin = np.array(problem.height_map.origin)
     end = origin + np.array(problem.height_map.shape) * problem.height_map.resolution

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from statistics import median
 
-from cocap_opt.experiments.report.figures import png
+from cocap_opt.experiments.report.figures import picture
 from cocap_opt.experiments.results.documents import markdown
 from cocap_opt.experiments.results.files import save_bytes
 from cocap_opt.experiments.results.rows import Row
@@ -89,11 +89,11 @@ def _write(
     """Writes the page and its figures from the instances that are whole."""
     giving, found = _giving_way(instances)
     example = most_generous(found["cocap"])
-    figures = {"curves.png": png(curves_figure(_curves(instances)))}
+    figures = {"curves.png": picture(curves_figure(_curves(instances)), ".png")}
     if example is not None:
         figures["giving-way.png"] = _example(instances, example)
     if team_rows:
-        figures["scaling.png"] = png(scaling_figure(_points(team_rows, sizes)))
+        figures["scaling.png"] = picture(scaling_figure(_points(team_rows, sizes)), ".png")
     for name, content in figures.items():
         save_bytes(out / name, content)
     page = _page(rows, team_rows, giving, example, limit, missing)
@@ -133,7 +133,7 @@ def _example(instances: Sequence[Instance], example: Encounter) -> bytes:
     instance = next(one for one in instances if one.key == where)
     plans = {name: instance.plan(name) for name in ("greedy", "sequential", "cocap")}
     shown = {name: plan for name, plan in plans.items() if plan is not None}
-    return png(encounter_figure(instance.problem, example, shown))
+    return picture(encounter_figure(instance.problem, example, shown), ".png")
 
 
 def _points(rows: Sequence[Row], sizes: Sequence[int]) -> dict[str, list[tuple[int, float, float]]]:
