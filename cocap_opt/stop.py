@@ -6,6 +6,7 @@ something to give catches it. A time limit starts to count when it is made.
 
 import math
 import signal
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -134,8 +135,14 @@ class Interrupt(Stop):
 
 @contextmanager
 def catch_interrupt() -> Iterator[Interrupt]:
-    """Turn the first Ctrl-C into a stop; a second one interrupts as usual."""
+    """Turn the first Ctrl-C into a stop; a second one interrupts as usual.
+
+    Ctrl-C goes to the main thread alone: in another one the stop is never reached.
+    """
     interrupt = Interrupt()
+    if threading.current_thread() is not threading.main_thread():
+        yield interrupt
+        return
 
     def press(number: int, frame: FrameType | None) -> None:
         interrupt.pressed = True

@@ -15,12 +15,15 @@ from io import TextIOWrapper
 from types import FrameType
 
 from cocap_opt.experiments.console.streams import discard, say
+from cocap_opt.experiments.console.threads import ONE_THREAD
 
 _INTERRUPTED = 130
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the command line and exits."""
+    for name, count in ONE_THREAD.items():  # before NumPy loads
+        os.environ.setdefault(name, count)
     _open_streams()
     try:
         with _leave_at_once():

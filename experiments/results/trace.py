@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cocap_opt.experiments.results.files import read_text
-from cocap_opt.experiments.results.judging import ROUNDING
 from cocap_opt.files.documents import FileError
 from cocap_opt.formulations.result import CertifiedResult, Report, Snapshot
 
@@ -98,14 +97,15 @@ def _snapshot(row: dict[str, str], where: str) -> Snapshot:
         if None in row.values() or None in row:  # too few, or too many
             raise ValueError
         value = float(row["value"] or -math.inf)
-        bound = float(row["bound"] or math.inf)
+        # Earlier versions kept the bound of what was not searched yet, which may be lower.
+        bound = max(float(row["bound"] or math.inf), value)
         found = Snapshot(
             value, bound, float(row["seconds"]), int(row["columns"]), int(row["nodes"])
         )
     except (TypeError, ValueError) as error:
         raise FileError(f"{where}: must be five numbers") from error
-    if not (0 <= found.seconds < math.inf and value <= bound + ROUNDING * abs(value)):
-        raise FileError(f"{where}: must be five numbers, seconds >= 0, no value above its bound")
+    if not (0 <= found.seconds < math.inf and value <= bound):  # nor is nan a number
+        raise FileError(f"{where}: must be five numbers, seconds >= 0")
     if any(row[key] and abs(float(row[key])) > _MOST for key in ("value", "bound")):
         raise FileError(f"{where}: value and bound must be at most {_MOST:g}, or empty")
     return found

@@ -17,6 +17,7 @@ from multiprocessing.connection import Connection, wait
 from threading import Thread
 from typing import NamedTuple
 
+from cocap_opt.experiments.console.threads import ONE_THREAD
 from cocap_opt.experiments.results.judging import Judged
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.formulations.result import BoundMethod, Snapshot
@@ -29,7 +30,7 @@ from cocap_opt.stop import Limit, TimeLimit, never
 _WARM_UP_SECONDS = 5.0
 _MOST_MORE_SECONDS = 900.0  # for coverage, and for a method that is slow to notice its limit
 BYTES = 1 if sys.platform == "darwin" else 1024  # unit of ru_maxrss
-_THREADS = ("OMP_NUM__THREADS", "OPENBLAS_NUM__THREADS", "MKL_NUM__THREADS", "RAYON_NUM__THREADS")
+_ONE_THREAD = {**ONE_THREAD, "RAYON_NUM_THREADS": "1"}
 
 Build = Callable[[], Problem]  # made so that it can be pickled: it goes to another process
 
@@ -200,8 +201,8 @@ def _prepared(build: Build) -> Problem:
 @contextmanager
 def one_thread() -> Iterator[None]:
     """Limits the libraries of processes that are started meanwhile to one thread."""
-    before = {name: os.environ.get(name) for name in _THREADS}
-    os.environ.update(dict.fromkeys(_THREADS, "1"))
+    before = {name: os.environ.get(name) for name in _ONE_THREAD}
+    os.environ.update(_ONE_THREAD)
     try:
         yield
     finally:

@@ -21,6 +21,7 @@ from distributed import Client, Future, KilledWorker, LocalCluster, Worker, Work
 from distributed.client import ClosedClientError
 
 from cocap_opt.experiments.console.streams import say
+from cocap_opt.experiments.console.threads import ONE_THREAD
 from cocap_opt.experiments.sweeps.cells import CellFile, Status, cells_digest
 from cocap_opt.experiments.sweeps.crew import ClusterError
 from cocap_opt.experiments.sweeps.work import Task
@@ -36,6 +37,8 @@ _OTHER_CODE = "has other code, or other versions of libraries, than this process
 _LOCAL = {
     "distributed.scheduler.allowed-failures": 0,  # whom a cell kills it would kill again
     "distributed.scheduler.worker-saturation": 1.0,  # nothing waits at a worker for another cell
+    # Of workers alone, whatever this process has.
+    **{f"distributed.nanny.pre-spawn-environ.{name}": n for name, n in ONE_THREAD.items()},
 }
 
 

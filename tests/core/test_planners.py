@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -643,6 +644,20 @@ def test_ctrl_c_is_a_stop_and_twice_an_interrupt() -> None:
         with pytest.raises(KeyboardInterrupt):
             signal.raise_signal(signal.SIGINT)
     assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_in_other_threads_ctrl_c_is_never_pressed() -> None:
+    """Only the main thread may handle signals: elsewhere the stop is there, and nothing changes."""
+    handlers = []
+
+    def wait() -> Limit | None:
+        with catch_interrupt() as interrupt:
+            handlers.append(signal.getsignal(signal.SIGINT))
+            return interrupt.reached()
+
+    with ThreadPoolExecutor(1) as thread:
+        assert thread.submit(wait).result() is None
+    assert handlers == [signal.getsignal(signal.SIGINT)]
 
 
 @pytest.mark.parametrize(

@@ -19,6 +19,7 @@ from cocap_opt.experiments.report.charts import (
 )
 from cocap_opt.experiments.report.figures import picture
 from cocap_opt.experiments.results.trace import Trace
+from cocap_opt.files.documents import FileError
 from cocap_opt.formulations.result import CertifiedResult, Snapshot
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import SwapConflict
@@ -88,6 +89,17 @@ def test_solve_writes_the_trace_that_figure_draws(tmp_path: Path) -> None:
     assert commands.run(["figure", "progress", str(trace), "-o", str(chart)]) == 0
     assert b"<svg" in chart.read_bytes()
     assert commands.run([*solve, "-o", str(trace)]) == 2
+
+
+def test_traces_of_earlier_versions_are_read(tmp_path: Path) -> None:
+    """Their bound was that of what was not searched yet: where it is lower, the value is one."""
+    path = tmp_path / "trace.csv"
+    path.write_text("value,bound,seconds,columns,nodes\n5.0,4.5,1.0,3,1\n5.0,6.0,2.0,3,1\n")
+    assert [s.bound for s in Trace.load(path).snapshots] == [5.0, 6.0]
+    for damaged in ("nan,6.0,1.0,3,1", "5.0,nan,1.0,3,1", "5.0,6.0,-1.0,3,1", "5.0,6.0,nan,3,1"):
+        path.write_text(f"value,bound,seconds,columns,nodes\n{damaged}\n")
+        with pytest.raises(FileError, match="line 2: must be five numbers"):
+            Trace.load(path)
 
 
 def test_conflicts_are_drawn_where_they_are() -> None:

@@ -7,11 +7,13 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+import dask
 import msgspec
 import pytest
 from distributed import Client, LocalCluster
@@ -19,6 +21,7 @@ from sources import reached
 
 from cocap_opt.experiments.cli import commands
 from cocap_opt.experiments.console.progress import Watch
+from cocap_opt.experiments.console.threads import ONE_THREAD
 from cocap_opt.experiments.results.judging import SOLVERS, RefereeError
 from cocap_opt.experiments.results.layout import FOLDERS, Paths
 from cocap_opt.experiments.results.rows import Row
@@ -49,7 +52,7 @@ from cocap_opt.experiments.sweeps.sweep import Hired, sweep
 from cocap_opt.experiments.sweeps.work import Task
 from cocap_opt.files.documents import PlanFile, SceneFile, decode, decode_document, problem_digest
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile
-from cocap_opt.formulations.result import hovering
+from cocap_opt.formulations.result import Start
 from cocap_opt.model import compiled
 from cocap_opt.problem import NO_RULES, Plan, Problem
 from cocap_opt.referee import check
@@ -128,7 +131,7 @@ def untimed(rows: Sequence[Row]) -> list[Row]:
 
 def staying(problem: Problem, stop: Stop) -> Result:
     """A planner that moves nobody."""
-    plan = hovering(problem)
+    plan = Start.hovering(problem)
     assert plan is not None
     return Result(plan, check(problem, plan).reward, Reason.FINISHED)
 
@@ -870,6 +873,46 @@ def test_the_table_is_written_as_parquet(undisturbed: Path) -> None:
         assert {key: "" if row[key] is None else str(row[key]) for key in row} == text
     assert {type(row["reward"]) for row in rows} == {float}
     assert {type(row["seed"]) for row in rows} == {int}
+
+
+def test_the_face_changes_nothing_in_its_process() -> None:
+    """Neither its import nor a function sets variables; the command line has one thread."""
+    code = """
+import os
+before = dict(os.environ)
+import cocap_opt as co
+co.gap, co.load("tiny-queue")
+assert os.environ == before
+from cocap_opt.experiments.cli.main import main
+try:
+    main(["scenes", "--json"])
+finally:
+    names = "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"
+    assert [os.environ.get(name) for name in names] == ["1"] * 3
+"""
+    clean = {key: text for key, text in os.environ.items() if key not in ONE_THREAD}
+    subprocess.run([sys.executable, "-c", code], env=clean, check=True, capture_output=True)
+
+
+@pytest.mark.slow
+def test_workers_have_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever dask is set to; and before they load NumPy."""
+    for name in ONE_THREAD:
+        monkeypatch.delenv(name, raising=False)
+    threads = dict.fromkeys(ONE_THREAD, 7)
+    with (
+        dask.config.set({"distributed.nanny.pre-spawn-environ": threads}),
+        Cluster.local(1, never, 60.0) as cluster,
+    ):
+        (found,) = cluster.client.run(lambda: dict(os.environ)).values()
+    assert ONE_THREAD.items() <= found.items()
+
+
+def test_the_gap_table_is_made_in_any_thread() -> None:
+    """As in a server or a notebook's worker, where Ctrl-C goes to another thread."""
+    with ThreadPoolExecutor(1) as thread:
+        frame = thread.submit(gap_frame, "tiny-queue", ["greedy"], time_limit=10.0).result()
+    assert list(frame["planner"]) == ["greedy"]
 
 
 def test_leftovers_of_killed_processes_are_cleared(tmp_path: Path) -> None:
