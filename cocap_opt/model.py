@@ -15,8 +15,8 @@ from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.graph.value_iteration import backward_sweep
 from cocap_opt.problem import AnyCamera, Cell, Motion, Plan, Problem, Robot
 from cocap_opt.stop import Stop, never
-from cocap_opt.vision.cache import cached_table, content_key
-from cocap_opt.vision.coverage import CoverageTable, coverage_table
+from cocap_opt.vision.cache import TableCache
+from cocap_opt.vision.coverage import CoverageTable
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.views import Views, make_views
 
@@ -265,7 +265,7 @@ class _Coverage:
 
         def make() -> CoverageTable:
             n_places = _graph(problem, spec).n_places
-            return coverage_table(
+            return CoverageTable.of_views(
                 self.views(spec), n_places, self.reachable(spec), problem.first_step,
                 stop, progress,
             )  # fmt: skip
@@ -273,11 +273,11 @@ class _Coverage:
         if self._use_cache:
             poses = [actor.poses[: problem.horizon + 1] for actor in problem.actors]
             shapes = [actor.shape for actor in problem.actors]
-            key = content_key(
+            key = TableCache.key(
                 problem.workspace, spec.motion, spec.camera, self._starts(spec), problem.horizon,
                 problem.face_samples, problem.first_step, poses, shapes,
             )  # fmt: skip
-            table = cached_table(key, make)
+            table = TableCache.of_user().table(key, make)
         else:
             table = make()
         if problem.objective.over_time:

@@ -11,19 +11,10 @@ from pathlib import Path
 UNFINISHED = ".cocap-opt-"  # what names of temporary files begin with
 
 
-def write_atomically(path: Path, content: bytes) -> None:
-    """Write a file whole or not at all: to a temporary file beside it, then renamed.
+def write_atomically(contents: Mapping[Path, bytes]) -> None:
+    """Writes files whole or not at all; none takes its name before all are written.
 
-    Raises
-    ------
-    OSError
-        If it cannot be written, or there is something else, such as a folder or a device.
-    """
-    write_together({path: content})
-
-
-def write_together(contents: Mapping[Path, bytes]) -> None:
-    """Write files whole or not at all; none takes its name before all are written.
+    Each is written to a temporary file beside it, which is then renamed.
 
     Raises
     ------

@@ -45,7 +45,7 @@ class Document(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
             If it cannot be written; one line with its name.
         """
         try:
-            write_atomically(path, encode(self))
+            write_atomically({path: encode(self)})
         except OSError as error:
             raise FileError(f"{path}: {error.strerror}") from error
 

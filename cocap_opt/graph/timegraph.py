@@ -18,7 +18,7 @@ from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.graph.motion import Place, place_graph
 from cocap_opt.problem import Motion, State
 from cocap_opt.problem.motion import Move
-from cocap_opt.world.workspace import Workspace
+from cocap_opt.world.workspace import HeightMap, Workspace
 
 CLOSED = -np.inf  # value of a state that must not or cannot be entered
 
@@ -124,6 +124,18 @@ class TimeGraph:
     def coordinates(self, places: IntArray) -> IntArray:
         """Returns layer, x and y [3, n] of numbered places [n]."""
         return np.array(np.unravel_index(places, self.shape[2:])) - _column(self.border)
+
+    def positions(self, height_map: HeightMap, places: IntArray) -> FloatArray:
+        """Returns the positions [n, 3] (m) of places: middles of cells, at flight height."""
+        layer, x, y = self.coordinates(places)
+        ox, oy = height_map.origin
+        return np.column_stack(
+            [
+                ox + (x + 0.5) * height_map.resolution,
+                oy + (y + 0.5) * height_map.resolution,
+                height_map.altitudes(self.motion.layers)[layer, x, y],
+            ]
+        )
 
     # -- edges ---------------------------------------------------------------------------
 

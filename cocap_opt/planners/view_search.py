@@ -26,7 +26,6 @@ from cocap_opt.objective import marginal_gain
 from cocap_opt.planners.lazy_coverage import LazyCoverage
 from cocap_opt.planners.low_level import SingleRobotPath, SingleRobotTask
 from cocap_opt.problem import Problem
-from cocap_opt.vision.views import eyes_at
 
 # Measured by `cocap-opt study gamma`: on corridor and bottleneck 0.95 gets 94 % of the J that CoCap
 # has with value iteration from 32 % of the views; 0.8 gets 98 % from 64 %, 0.99 gets 91 % from 9 %.
@@ -193,7 +192,7 @@ def _ways(problem: Problem, graph: TimeGraph, t: int, states: IntArray) -> list[
     if not problem.actors:
         return [(0.0, 0.0)] * len(states)
     orientation, place = np.divmod(states, graph.n_places)
-    eyes = eyes_at(problem.height_map, graph, place)[:, None, :2]
+    eyes = graph.positions(problem.height_map, place)[:, None, :2]
     ways = np.array([actor.poses[t, :2] for actor in problem.actors]) - eyes  # [n, A, 2]
     far = np.hypot(ways[..., 0], ways[..., 1])
     nearest = far.argmin(axis=1)[:, None]

@@ -13,6 +13,7 @@ from contextlib import suppress
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
@@ -28,11 +29,40 @@ CODE = tuple(f"cocap_opt.{room}" for room in ("data", "world", "problem", "graph
 _DIGEST_BYTES = hashlib.sha256().digest_size
 
 
-def cache_folder() -> Path | None:
-    """Returns the folder of the cache: COCAP_OPT_CACHE, or cocap-opt in the user's cache folder.
+class TableCache(NamedTuple):
+    """A folder of coverage tables; None keeps nothing."""
 
-    None if the user has no home and therefore no such folder.
-    """
+    folder: Path | None
+
+    @classmethod
+    def of_user(cls) -> "TableCache":
+        """Returns the cache in COCAP_OPT_CACHE, or in cocap-opt in the user's cache folder.
+
+        It has no folder if the user has no home.
+        """
+        return cls(_users_folder())
+
+    @staticmethod
+    def key(*parts: object) -> str:
+        """Returns the digest of plain data, arrays and this package's data classes."""
+        digest = hashlib.sha256(_code())
+        digest.update(msgspec.msgpack.encode(parts, enc_hook=_plain))
+        return digest.hexdigest()
+
+    def table(self, key: str, make: Callable[[], CoverageTable]) -> CoverageTable:
+        """Reads the table with this content key from disk, or makes it and writes it there."""
+        if self.folder is None:
+            return make()
+        path = self.folder / f"{key}.coverage"
+        table = _read(path)
+        if table is None:
+            table = make()
+            _write(path, table)
+        return table
+
+
+def _users_folder() -> Path | None:
+    """Returns the folder of the user's cache; None if the user has no home."""
     if folder := os.environ.get("COCAP_OPT_CACHE"):
         return Path(folder)
     if caches := os.environ.get("XDG_CACHE_HOME"):
@@ -49,30 +79,10 @@ def _code() -> bytes:
     return (version("embreex") + code_digest(*CODE)).encode()
 
 
-def content_key(*parts: object) -> str:
-    """Returns the digest of plain data, arrays and this package's data classes."""
-    digest = hashlib.sha256(_code())
-    digest.update(msgspec.msgpack.encode(parts, enc_hook=_plain))
-    return digest.hexdigest()
-
-
 def _plain(value: object) -> object:
     if isinstance(value, np.ndarray):
         return [str(value.dtype), list(value.shape), np.ascontiguousarray(value).tobytes()]
     raise TypeError(f"no digest for {type(value).__name__}")
-
-
-def cached_table(key: str, make: Callable[[], CoverageTable]) -> CoverageTable:
-    """Reads the table with this content key from disk, or make it and write it there."""
-    folder = cache_folder()
-    if folder is None:
-        return make()
-    path = folder / f"{key}.coverage"
-    table = _read(path)
-    if table is None:
-        table = make()
-        _write(path, table)
-    return table
 
 
 def _read(path: Path) -> CoverageTable | None:
@@ -97,6 +107,6 @@ def _write(path: Path, table: CoverageTable) -> None:
     content = hashlib.sha256(body.getvalue()).digest() + body.getvalue()
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_atomically(path, content)
+        write_atomically({path: content})
     except OSError as error:  # a full or read-only disk costs speed, not the run
         log.warning("cannot write cache file %s: %s", path, error)

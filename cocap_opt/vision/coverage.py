@@ -28,6 +28,56 @@ class CoverageTable(NamedTuple):
     view_sums: IntArray  # [nnz]
     pixels: FloatArray  # [nnz] px/m2, > 0
 
+    @classmethod
+    def of_views(
+        cls,
+        views: Views,
+        n_places: int,
+        reachable: BoolArray,
+        first_step: int,
+        stop: Stop = never,
+        progress: Callable[[int, int], None] = lambda done, total: None,
+        threads: int | None = None,
+    ) -> "CoverageTable":
+        """Computes the coverage of all reachable states from `first_step` on.
+
+        Parameters
+        ----------
+        views : the source of coverage
+        n_places : number of places, each of which has all orientations
+        reachable : [T+1, S] true where a state can be reached
+        first_step : first step whose views count
+        stop : stopping criterion, checked after every batch
+        progress : told after each step how many steps of how many are done
+        threads : number of threads, all usable cores if not given; the table does not depend on it
+
+        Raises
+        ------
+        LimitReached
+            If a limit is reached before the table is whole.
+        """
+        n_steps, n_states = reachable.shape
+        parts = [_NO_ROWS]
+        pool = ThreadPoolExecutor(threads or usable_cores())
+        try:
+            for t in range(first_step, n_steps):
+                stop.check()
+                states, size = np.flatnonzero(reachable[t]), views.batch(t)
+                # States at one place share rays.
+                states = states[np.argsort(states % n_places, kind="stable")]
+                batches = [states[start : start + size] for start in range(0, len(states), size)]
+                found = [_NO_ROWS]
+                for rows in pool.map(partial(_seen_by, views, t, n_states), batches):
+                    found.append(rows)
+                    stop.check()
+                parts.append(_in_order(_joined(found)))
+                progress(t + 1, n_steps)
+        finally:
+            pool.shutdown(cancel_futures=True)
+        nodes, counts, view_sums, pixels = _joined(parts)
+        indptr = np.concatenate([[0], np.cumsum(counts)])
+        return cls(nodes=nodes, indptr=indptr, view_sums=view_sums, pixels=pixels)
+
     def row(self, node: int) -> tuple[IntArray, FloatArray]:
         """Returns the view sums that a node sees and their coverage; empty if it sees nothing."""
         at = int(np.searchsorted(self.nodes, node))
@@ -54,55 +104,6 @@ class CoverageTable(NamedTuple):
         if not len(self.nodes):
             return np.zeros(0)
         return np.add.reduceat(values, self.indptr[:-1])
-
-
-def coverage_table(
-    views: Views,
-    n_places: int,
-    reachable: BoolArray,
-    first_step: int,
-    stop: Stop = never,
-    progress: Callable[[int, int], None] = lambda done, total: None,
-    threads: int | None = None,
-) -> CoverageTable:
-    """Evaluates all reachable states from `first_step` on.
-
-    Parameters
-    ----------
-    views : the source of coverage
-    n_places : number of places, each of which has all orientations
-    reachable : [T+1, S] true where a state can be reached
-    first_step : first step whose views count
-    stop : stopping criterion, checked after every batch
-    progress : told after each step how many steps of how many are done
-    threads : number of threads, all usable cores if not given; the table does not depend on it
-
-    Raises
-    ------
-    LimitReached
-        If a limit is reached before the table is whole.
-    """
-    n_steps, n_states = reachable.shape
-    parts = [_NO_ROWS]
-    pool = ThreadPoolExecutor(threads or usable_cores())
-    try:
-        for t in range(first_step, n_steps):
-            stop.check()
-            states, size = np.flatnonzero(reachable[t]), views.batch(t)
-            # States at one place share rays.
-            states = states[np.argsort(states % n_places, kind="stable")]
-            batches = [states[start : start + size] for start in range(0, len(states), size)]
-            found = [_NO_ROWS]
-            for rows in pool.map(partial(_seen_by, views, t, n_states), batches):
-                found.append(rows)
-                stop.check()
-            parts.append(_in_order(_joined(found)))
-            progress(t + 1, n_steps)
-    finally:
-        pool.shutdown(cancel_futures=True)
-    nodes, counts, view_sums, pixels = _joined(parts)
-    indptr = np.concatenate([[0], np.cumsum(counts)])
-    return CoverageTable(nodes=nodes, indptr=indptr, view_sums=view_sums, pixels=pixels)
 
 
 def usable_cores() -> int:

@@ -9,13 +9,7 @@ import numpy as np
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.problem import Problem, Shape
 from cocap_opt.vision.projection import dot
-from cocap_opt.vision.visibility import (
-    Occluders,
-    Samples,
-    fan_triangles,
-    sample_points,
-    terrain_triangles,
-)
+from cocap_opt.vision.visibility import Occluders, Samples
 
 _DECIMALS = 9  # of metres; points that agree in them are one
 _DRAWN_IN = 0.01  # of the way to the middle, so that no ray grazes the ground
@@ -69,7 +63,7 @@ class FaceGeometry:
         # The local origin for the float32 rays: the middle of the map.
         x, y = problem.height_map.centre(width // 2, depth // 2)
         self.origin = np.array([x, y, float(np.median(problem.height_map.heights))])
-        solid = [terrain_triangles(problem.height_map), *(mesh.corners for mesh in problem.meshes)]
+        solid = [problem.height_map.corners, *(mesh.corners for mesh in problem.meshes)]
         self._terrain = Occluders(np.concatenate(solid), self.origin)
         self.at = lru_cache(maxsize=None)(self._at)
 
@@ -84,8 +78,8 @@ class FaceGeometry:
         size = max(map(len, polygons), default=3)
         doubled = [_doubled_area(polygon) for polygon in polygons]
         lengths = [float(np.sqrt(dot(vector, vector))) for vector in doubled]
-        samples = [sample_points(polygon, self._problem.face_samples) for polygon in polygons]
-        fans = [fan_triangles(polygon) for polygon in polygons]
+        samples = [Samples.of_polygon(polygon, self._problem.face_samples) for polygon in polygons]
+        fans = [_fan(polygon) for polygon in polygons]
         triangle_faces = np.repeat(np.arange(len(fans)), [len(fan) for fan in fans])
         owners = self._problem.face_owner[triangle_faces]
         triangles = np.concatenate([np.empty((0, 3, 3)), *fans])
@@ -98,8 +92,8 @@ class FaceGeometry:
                 [vector / length for vector, length in zip(doubled, lengths, strict=True)]
             ).reshape(-1, 3),
             areas=np.array(lengths) / 2,
-            centres=np.array([shares @ points for points, shares in samples]).reshape(-1, 3),
-            samples=_joined(samples),
+            centres=np.array([part.shares @ part.points for part in samples]).reshape(-1, 3),
+            samples=Samples.joined(samples),
             bodies=Bodies(*_spheres(padded, self._problem), _evenly(wholes)),
             terrain=self._terrain,
             actors=Occluders(triangles, self.origin, owners),
@@ -123,17 +117,17 @@ def _placed(points: FloatArray, pose: FloatArray) -> FloatArray:
     return result
 
 
+def _fan(polygon: FloatArray) -> FloatArray:
+    """Returns the triangles [V-2, 3, 3] of a convex polygon [V, 3]."""
+    return np.stack([polygon[[0, k, k + 1]] for k in range(1, len(polygon) - 1)])
+
+
 def _evenly(parts: list[FloatArray]) -> Samples:
     """Returns samples of the points [n, 3] of several actors; those of one actor count equally."""
-    return _joined([(points, np.full(len(points), 1 / len(points))) for points in parts])
-
-
-def _joined(parts: list[tuple[FloatArray, FloatArray]]) -> Samples:
-    """Joins parts, each of points [n, 3] and their shares [n]."""
-    return Samples(
-        points=np.concatenate([np.empty((0, 3)), *(points for points, _ in parts)]),
-        shares=np.concatenate([np.empty(0), *(shares for _, shares in parts)]),
-        counts=np.array([len(points) for points, _ in parts], dtype=np.int64),
+    counts = [len(points) for points in parts]
+    return Samples.joined(
+        Samples(points, np.full(count, 1 / count), np.array([count]))
+        for points, count in zip(parts, counts, strict=True)
     )
 
 

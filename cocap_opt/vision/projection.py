@@ -5,6 +5,7 @@ many views are computed together, to the last bit.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,104 +16,108 @@ from cocap_opt.world.polygons import clip
 _SMALLEST_DEPTH = 1e-9  # m
 
 
-def camera_axes(headings: int, camera: Camera) -> FloatArray:
-    """Returns right, up and forward unit vectors of all orientations [headings * pitches, 3, 3].
+class Projection(NamedTuple):
+    """The pinhole projection of a camera.
 
-    Heading k looks at yaw 2 pi k / headings from +x, counter-clockwise; the tilt is the angle
-    below the horizon.
+    All points are in camera coordinates (right, up, forward; m).
     """
-    axes = []
-    for heading in range(headings):
-        c, s = _cos_sin(2 * math.pi * heading / headings)
-        for tilt in camera.tilts:
-            ct, st = _cos_sin(tilt)
-            axes.append([[s, -c, 0.0], [c * st, s * st, ct], [c * ct, s * ct, -st]])
-    return np.array(axes)
 
+    camera: Camera
 
-def _cos_sin(angle: float) -> tuple[float, float]:
-    """Returns cosine and sine, without rounding noise at multiples of a right angle."""
-    c, s = math.cos(angle), math.sin(angle)
-    return (0.0 if abs(c) < 1e-15 else c), (0.0 if abs(s) < 1e-15 else s)
+    def axes(self, headings: int) -> FloatArray:
+        """Returns right, up and forward unit vectors [n, 3, 3] of the n orientations.
+
+        These are all headings with all pitches, which run fastest. Heading k looks at yaw
+        2 pi k / headings from +x, counter-clockwise; the tilt is the angle below the horizon.
+        """
+        found = []
+        for heading in range(headings):
+            c, s = _cos_sin(2 * math.pi * heading / headings)
+            for tilt in self.camera.tilts:
+                ct, st = _cos_sin(tilt)
+                found.append([[s, -c, 0.0], [c * st, s * st, ct], [c * ct, s * ct, -st]])
+        return np.array(found)
+
+    def frustum_distances(self, points: FloatArray) -> FloatArray:
+        """Returns signed distances, up to scale, from the four sides of the view frustum [..., 4].
+
+        They are positive inside. A point [..., 3] behind the camera lies outside at least one
+        side, so that no near plane is needed.
+        """
+        return np.stack([self._side_distance(points, side) for side in range(4)], axis=-1)
+
+    def area(self, polygons: FloatArray) -> FloatArray:
+        """Returns the areas [n] in px of the images of convex polygons [n, V, 3].
+
+        They are clipped to the image before the division by depth, so that a polygon that reaches
+        behind the camera is cut, not mirrored.
+        """
+        area = np.zeros(len(polygons))
+        distances = self.frustum_distances(polygons)
+        seen = np.flatnonzero((distances > 0).any(axis=1).all(axis=-1))
+        whole = (distances[seen] >= 0).all(axis=(1, 2))
+        area[seen[whole]] = self._projected_area(polygons[seen[whole]])
+        cut = seen[~whole]  # few, mostly
+        if len(cut):
+            area[cut] = self._projected_area(self._clipped(polygons[cut]))
+        return area
+
+    def samples(self, polygons: FloatArray, samples: int) -> tuple[FloatArray, FloatArray]:
+        """Returns points spread evenly over the images of convex polygons [n, V, 3], clipped.
+
+        Each triangle between an edge of an image and its centroid is cut into `samples` squared
+        equal triangles; a point is the one of the polygon whose image is a triangle's centroid.
+
+        Returns
+        -------
+        points : [n, M, 3] m, in camera coordinates
+        weights : [n, M] share of the image that each stands for; 0 if its triangle has no area
+        """
+        cut = self._clipped(polygons)
+        inverse = 1 / np.maximum(cut[..., 2:], _SMALLEST_DEPTH)
+        image = np.concatenate([cut[..., :2] * inverse, inverse], axis=-1)  # linear in the image
+        a, b = (weight[:, None] for weight in centroids(samples))
+        middle = _middles(image)[:, None]
+        first = (image - middle)[:, :, None]
+        second = np.roll(first, -1, axis=1)
+        at = middle[:, None] + a * first + b * second
+        at = at.reshape(len(cut), image.shape[1] * len(a), 3)
+        area = np.abs(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])
+        weights = np.repeat(area[..., 0], len(a), axis=1)
+        total = weights.sum(axis=1, keepdims=True)
+        points = np.concatenate([at[..., :2], np.ones_like(at[..., :1])], axis=-1) / at[..., 2:]
+        return points, weights / np.where(total > 0, total, 1.0)
+
+    def _side_distance(self, points: FloatArray, side: int) -> FloatArray:
+        """Returns the distances from one side: 0 right, 1 left, 2 upper, 3 lower."""
+        size, off = (self.camera.width, self.camera.height)[side // 2], points[..., side // 2]
+        half = size / 2 / self.camera.focal * points[..., 2]
+        result: FloatArray = half + off if side % 2 else half - off
+        return result
+
+    def _clipped(self, polygons: FloatArray) -> FloatArray:
+        """Returns the parts of polygons [n, V, 3] that are in the image [n, V+4, 3]."""
+        for side in range(4):
+            polygons = clip(polygons, self._side_distance(polygons, side))
+        return polygons
+
+    def _projected_area(self, polygons: FloatArray) -> FloatArray:
+        """Returns the areas [n] in px of the images of polygons [n, V, 3] inside the frustum."""
+        depth = polygons[..., 2]
+        # Depth is 0 only if nothing is left of a polygon: all its vertices are the origin.
+        scale = self.camera.focal / np.where(depth > 0, depth, 1.0)
+        u, v = polygons[..., 0] * scale, polygons[..., 1] * scale
+        # The shoelace formula relative to the first vertex keeps the terms small.
+        u, v = u - u[:, :1], v - v[:, :1]
+        area = np.zeros(len(polygons))
+        for k in range(1, polygons.shape[1] - 1):
+            area = area + (u[:, k] * v[:, k + 1] - u[:, k + 1] * v[:, k])
+        return np.abs(area) / 2
 
 
 def dot(a: FloatArray, b: FloatArray) -> FloatArray:
     """Returns the inner product over the last axis, of length three, in a fixed order."""
     result: FloatArray = a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
-    return result
-
-
-def frustum_distances(points: FloatArray, camera: Camera) -> FloatArray:
-    """Returns signed distances, up to scale, from the four sides of the view frustum [..., 4].
-
-    They are positive inside. `points` [..., 3] are right, up, forward coordinates. A point behind
-    the camera lies outside at least one side, so that no near plane is needed.
-    """
-    return np.stack([_side_distance(points, camera, side) for side in range(4)], axis=-1)
-
-
-def _side_distance(points: FloatArray, camera: Camera, side: int) -> FloatArray:
-    """Returns the distances from one side: 0 right, 1 left, 2 upper, 3 lower."""
-    size, off = (camera.width, camera.height)[side // 2], points[..., side // 2]
-    half = size / 2 / camera.focal * points[..., 2]
-    result: FloatArray = half + off if side % 2 else half - off
-    return result
-
-
-def image_area(polygons: FloatArray, camera: Camera) -> FloatArray:
-    """Returns the areas [n] in px of the images of convex polygons [n, V, 3].
-
-    Points are in camera coordinates (right, up, forward; m). Polygons are clipped to the image
-    before the division by depth, so that a polygon that reaches behind the camera is cut, not
-    mirrored.
-    """
-    area = np.zeros(len(polygons))
-    distances = frustum_distances(polygons, camera)
-    seen = np.flatnonzero((distances > 0).any(axis=1).all(axis=-1))
-    whole = (distances[seen] >= 0).all(axis=(1, 2))
-    area[seen[whole]] = _projected_area(polygons[seen[whole]], camera)
-    cut = seen[~whole]  # few, mostly
-    if len(cut):
-        area[cut] = _projected_area(_clipped(polygons[cut], camera), camera)
-    return area
-
-
-def image_samples(
-    polygons: FloatArray, camera: Camera, samples: int
-) -> tuple[FloatArray, FloatArray]:
-    """Returns points spread evenly over the images of convex polygons [n, V, 3], clipped.
-
-    Each triangle between an edge of an image and its centroid is cut into `samples` squared
-    equal triangles; a point is the one of the polygon whose image is the centroid of a triangle.
-
-    Returns
-    -------
-    points : [n, M, 3] m, in camera coordinates
-    weights : [n, M] share of the image that each stands for; 0 if its triangle has no area
-    """
-    cut = _clipped(polygons, camera)
-    inverse = 1 / np.maximum(cut[..., 2:], _SMALLEST_DEPTH)
-    image = np.concatenate([cut[..., :2] * inverse, inverse], axis=-1)  # linear in the image
-    a, b = (weight[:, None] for weight in centroids(samples))
-    middle = _centroids(image)[:, None]
-    first = (image - middle)[:, :, None]
-    second = np.roll(first, -1, axis=1)
-    at = (middle[:, None] + a * first + b * second).reshape(len(cut), image.shape[1] * len(a), 3)
-    area = np.abs(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])
-    weights = np.repeat(area[..., 0], len(a), axis=1)
-    total = weights.sum(axis=1, keepdims=True)
-    points = np.concatenate([at[..., :2], np.ones_like(at[..., :1])], axis=-1) / at[..., 2:]
-    return points, weights / np.where(total > 0, total, 1.0)
-
-
-def _centroids(image: FloatArray) -> FloatArray:
-    """Returns the centroids [n, 3] of convex polygons [n, V, 3], by area in the first two axes."""
-    off = image - image[:, :1]
-    first, second = off[:, 1:-1], off[:, 2:]
-    area = np.abs(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])[..., None]
-    total = area.sum(axis=1)
-    middle = ((first + second) * area).sum(axis=1) / (3 * np.where(total > 0, total, 1.0))
-    result: FloatArray = image[:, 0] + middle
     return result
 
 
@@ -131,22 +136,18 @@ def centroids(samples: int) -> tuple[FloatArray, FloatArray]:
     return a, b
 
 
-def _clipped(polygons: FloatArray, camera: Camera) -> FloatArray:
-    """Returns the parts of polygons [n, V, 3] that are in the image [n, V+4, 3]."""
-    for side in range(4):
-        polygons = clip(polygons, _side_distance(polygons, camera, side))
-    return polygons
+def _cos_sin(angle: float) -> tuple[float, float]:
+    """Returns cosine and sine, without rounding noise at multiples of a right angle."""
+    c, s = math.cos(angle), math.sin(angle)
+    return (0.0 if abs(c) < 1e-15 else c), (0.0 if abs(s) < 1e-15 else s)
 
 
-def _projected_area(polygons: FloatArray, camera: Camera) -> FloatArray:
-    """Returns the areas [n] in px of the images of polygons [n, V, 3] inside the frustum."""
-    depth = polygons[..., 2]
-    # Depth is 0 only if nothing is left of a polygon: all its vertices are the origin.
-    scale = camera.focal / np.where(depth > 0, depth, 1.0)
-    u, v = polygons[..., 0] * scale, polygons[..., 1] * scale
-    # The shoelace formula relative to the first vertex keeps the terms small.
-    u, v = u - u[:, :1], v - v[:, :1]
-    area = np.zeros(len(polygons))
-    for k in range(1, polygons.shape[1] - 1):
-        area = area + (u[:, k] * v[:, k + 1] - u[:, k + 1] * v[:, k])
-    return np.abs(area) / 2
+def _middles(image: FloatArray) -> FloatArray:
+    """Returns the centroids [n, 3] of convex polygons [n, V, 3], by area in the first two axes."""
+    off = image - image[:, :1]
+    first, second = off[:, 1:-1], off[:, 2:]
+    area = np.abs(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])[..., None]
+    total = area.sum(axis=1)
+    middle = ((first + second) * area).sum(axis=1) / (3 * np.where(total > 0, total, 1.0))
+    result: FloatArray = image[:, 0] + middle
+    return result

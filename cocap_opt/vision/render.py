@@ -53,10 +53,23 @@ class Renderer:
 
     def __init__(self, problem: Problem, step: int = 1) -> None:
         for robot in problem.robots:
-            pinhole(robot)
+            self.camera_of(robot)
         self._problem, self._step = problem, step
         self._geometry = FaceGeometry(problem)
         self._alone = lru_cache(maxsize=256)(self._only)
+
+    @staticmethod
+    def camera_of(robot: Robot) -> Camera:
+        """Returns a robot's camera, which must make pictures.
+
+        Raises
+        ------
+        UnsupportedError
+            If it makes none.
+        """
+        if not isinstance(robot.camera, Camera):
+            raise UnsupportedError("only pinhole cameras make pictures")
+        return robot.camera
 
     def areas(self, t: int) -> FloatArray:
         """Returns the areas of all faces [F] at step t, in m2."""
@@ -97,7 +110,7 @@ class Renderer:
         """Returns the whole image, one pixel for each block."""
         faces = self._geometry.at(t)
         surfaces = (faces.actors, faces.terrain)
-        camera = pinhole(robot)
+        camera = self.camera_of(robot)
         width, height = (-(-size // self._step) for size in (camera.width, camera.height))
         shown, shade = np.full(width * height, SKY), np.zeros(width * height)
         box = (0, 0, camera.width, camera.height)
@@ -116,14 +129,20 @@ class Renderer:
         alone = Occluders(faces.actors.triangles[own], self._geometry.origin)
         return alone, faces.triangle_faces[own]
 
+    def _eye(self, robot: Robot, state: State) -> FloatArray:
+        """Returns the place of a robot's camera [3] in a state, in m."""
+        x, y, terrain = state.x, state.y, self._problem.height_map
+        altitude = terrain.altitude(x, y, robot.motion.layers[state.layer])
+        return np.array([*terrain.centre(x, y), altitude])
+
     def _boxes(
         self, faces: Faces, robot: Robot, state: State
     ) -> Iterator[tuple[int, tuple[int, int, int, int]]]:
         """Yields actors, and the box (left, top, right, bottom) in px in which each may be."""
-        camera, axes = pinhole(robot), _axes(robot, state)
+        camera, axes = self.camera_of(robot), _axes(robot, state)
         for actor in range(len(self._problem.actors)):
             corners = faces.polygons[self._problem.face_owner == actor].reshape(-1, 3)
-            right, up, depth = axes @ (corners - eye(self._problem, robot, state)).T
+            right, up, depth = axes @ (corners - self._eye(robot, state)).T
             wide, high = (size / 2 / camera.focal * depth for size in (camera.width, camera.height))
             sides = np.stack([wide - right, wide + right, high - up, high + up])
             if (sides < 0).all(axis=1).any():  # wholly beyond one side of the image
@@ -148,7 +167,7 @@ class Renderer:
         surfaces: Sequence[Occluders],
     ) -> Iterator[tuple[IntArray, FloatArray, _Hits]]:
         """Yields rays of a box of pixels, some at a time: their pixels, ways [n, 3], and hits."""
-        camera, step, axes = pinhole(robot), self._step, _axes(robot, state)
+        camera, step, axes = self.camera_of(robot), self._step, _axes(robot, state)
         columns = np.arange(box[0] // step, -(-box[2] // step))
         width = -(-camera.width // step)
         rows_at_once = max(RAYS // max(len(columns), 1), 1)
@@ -164,28 +183,8 @@ class Renderer:
             )
             ways = local @ axes
             ways /= np.linalg.norm(ways, axis=1)[:, None]
-            eyes = np.tile(eye(self._problem, robot, state), (len(ways), 1))
+            eyes = np.tile(self._eye(robot, state), (len(ways), 1))
             yield row * width + column, ways, _nearest(surfaces, eyes, ways)
-
-
-def pinhole(robot: Robot) -> Camera:
-    """Returns a robot's camera, which must make pictures.
-
-    Raises
-    ------
-    UnsupportedError
-        If it makes none.
-    """
-    if not isinstance(robot.camera, Camera):
-        raise UnsupportedError("only pinhole cameras make pictures")
-    return robot.camera
-
-
-def eye(problem: Problem, robot: Robot, state: State) -> FloatArray:
-    """Returns the place of a robot's camera [3] in a state, in m."""
-    x, y, terrain = state.x, state.y, problem.height_map
-    altitude = terrain.altitude(x, y, robot.motion.layers[state.layer])
-    return np.array([*terrain.centre(x, y), altitude])
 
 
 def _axes(robot: Robot, state: State) -> FloatArray:

@@ -12,22 +12,8 @@ from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.problem import AnyCamera, Camera, Cone, Problem
 from cocap_opt.vision.faces import FaceGeometry, Faces
-from cocap_opt.vision.projection import (
-    camera_axes,
-    dot,
-    frustum_distances,
-    image_area,
-    image_samples,
-)
-from cocap_opt.vision.visibility import (
-    Occluders,
-    Samples,
-    rays_arrive,
-    seen_samples,
-    seen_share,
-    spans,
-)
-from cocap_opt.world.workspace import HeightMap
+from cocap_opt.vision.projection import Projection, dot
+from cocap_opt.vision.visibility import Occluders, Samples, rays_arrive, spans
 
 # Most states and rays at once, so that limits are checked every 0.3 s or more often.
 _BATCH_STATES = 1024
@@ -55,19 +41,6 @@ def make_views(
     return _PinholeViews(geometry, problem, graph, camera)
 
 
-def eyes_at(height_map: HeightMap, graph: TimeGraph, places: IntArray) -> FloatArray:
-    """Returns camera positions [n, 3] in m: the middles of cells, at flight height."""
-    layer, x, y = graph.coordinates(places)
-    ox, oy = height_map.origin
-    return np.column_stack(
-        [
-            ox + (x + 0.5) * height_map.resolution,
-            oy + (y + 0.5) * height_map.resolution,
-            height_map.altitudes(graph.motion.layers)[layer, x, y],
-        ]
-    )
-
-
 class _PinholeViews:
     """Coverage by a pinhole camera.
 
@@ -84,8 +57,9 @@ class _PinholeViews:
         self._map = problem.height_map
         self._graph = graph
         self._camera = camera
+        self._projection = Projection(camera)
         self._image = float(camera.width * camera.height)  # px
-        self._axes = camera_axes(graph.motion.headings, camera)
+        self._axes = self._projection.axes(graph.motion.headings)
         self._n_faces = len(problem.face_weights)
         self._owners = problem.face_owner
         self._samples = problem.face_samples
@@ -98,7 +72,7 @@ class _PinholeViews:
         faces = self._geometry.at(t)
         orientation, place = np.divmod(states, self._graph.n_places)
         places, which = np.unique(place, return_inverse=True)
-        eyes = eyes_at(self._map, self._graph, places)
+        eyes = self._graph.positions(self._map, places)
         in_view = self._in_view(faces, eyes[which], orientation)
         open_to = self._share_of_actors(faces, eyes, which, in_view)
         in_view &= open_to[which] > 0
@@ -111,7 +85,7 @@ class _PinholeViews:
         in_camera = np.stack(self._in_camera(relative, orientation[state]), axis=-1)
         # The area of a face that nearly touches the camera may be rounded beyond the image, or nan.
         with np.errstate(over="ignore", invalid="ignore"):
-            area = np.minimum(image_area(in_camera, self._camera), self._image)
+            area = np.minimum(self._projection.area(in_camera), self._image)
         seen = np.flatnonzero(area > 0)
         state, face, area, in_camera = state[seen], face[seen], area[seen], in_camera[seen]
         eye, share = which[state], np.ones(len(seen))
@@ -165,8 +139,8 @@ class _PinholeViews:
         self, occluder: Occluders, samples: Samples, eyes: FloatArray, actors: IntArray
     ) -> FloatArray:
         """Returns the share [n] of actors' points that are seen past occluders from eyes [n, 3]."""
-        seen = seen_samples([occluder], eyes, samples, actors, np.arange(len(samples.counts)))
-        return seen_share(samples, actors, seen)
+        seen = samples.seen([occluder], eyes, actors, np.arange(len(samples.counts)))
+        return samples.seen_share(actors, seen)
 
     def _in_camera(self, points: FloatArray, orientation: IntArray) -> list[FloatArray]:
         """Returns the coordinates [n, k] right, up and forward of points [n, k, 3] from cameras."""
@@ -193,9 +167,9 @@ class _PinholeViews:
         # Views from one place share their rays.
         pair, which = np.unique(eye * self._n_faces + face, return_inverse=True)
         one, target = np.divmod(pair, self._n_faces)
-        seen = seen_samples(faces.occluders, eyes[one], faces.samples, target, self._owners)
-        share = seen_share(faces.samples, target, seen)[which]
-        inside = (frustum_distances(polygons, self._camera) >= 0).all(axis=(1, 2))
+        seen = faces.samples.seen(faces.occluders, eyes[one], target, self._owners)
+        share = faces.samples.seen_share(target, seen)[which]
+        inside = (self._projection.frustum_distances(polygons) >= 0).all(axis=(1, 2))
         axes = self._axes[orientation]
         some = np.flatnonzero((share > 0) & (share < 1) & inside)
         if len(some):
@@ -226,7 +200,7 @@ class _PinholeViews:
         eyes, axes : [n, 3] m and [n, 3, 3], of the camera
         of : [n] numbers of the faces
         """
-        points, weights = image_samples(polygons, self._camera, self._samples)
+        points, weights = self._projection.samples(polygons, self._samples)
         which, sample = np.nonzero(weights)
         local = points[which, sample]
         at = eyes[which]
@@ -257,7 +231,7 @@ class _ConeViews:
         if not len(owners):
             return np.zeros((len(states), 0))
         orientation, place = np.divmod(states, self._graph.n_places)
-        eyes = eyes_at(self._problem.height_map, self._graph, place)
+        eyes = self._graph.positions(self._problem.height_map, place)
         yaw = 2 * np.pi * orientation / self._graph.motion.headings
         feet = np.array([actor.poses[t, :3] for actor in self._problem.actors])
         ways = feet[None] - eyes[:, None]  # [n, A, 3]

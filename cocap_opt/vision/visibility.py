@@ -4,6 +4,7 @@ Embree casts the rays. It computes in float32, so everything is shifted to a loc
 first: at map coordinates of 5e5 m it would otherwise lose several per cent of the pixels.
 """
 
+from collections.abc import Iterable
 from functools import cache
 from typing import NamedTuple
 
@@ -14,83 +15,10 @@ from embreex.rtcore_scene import EmbreeScene
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.vision.projection import centroids, dot
-from cocap_opt.world.workspace import HeightMap
 
 RAYS = 100_000  # rays cast at once, to bound the memory
 _NOTHING = 1e-9  # share of a face; a smaller hidden part is no part at all
 _TOUCH = 1e-3  # m; a hit this near to the sample point is the sampled face itself
-
-
-def terrain_triangles(height_map: HeightMap) -> FloatArray:
-    """Returns the surface of a height map's columns as triangles [n, 3, 3] in m.
-
-    Every cell has a flat top; if two cells (or a cell and the outside) differ in height, a vertical
-    wall joins them. The outside is as low as the lowest cell.
-    """
-    heights, resolution = height_map.heights, height_map.resolution
-    ox, oy = height_map.origin
-    width, depth = heights.shape
-    x = ox + resolution * np.arange(width + 1)
-    y = oy + resolution * np.arange(depth + 1)
-    i, j = (index.ravel() for index in np.indices(heights.shape))
-    quads = [_quads((x[i], y[j]), (x[i + 1], y[j]), (x[i + 1], y[j + 1]), (x[i], y[j + 1]),
-                    heights.ravel(), heights.ravel())]  # fmt: skip
-    outside = float(heights.min())
-    framed = np.pad(heights, 1, constant_values=outside)
-    step_x = framed[:-1, 1:-1], framed[1:, 1:-1]
-    i, j = np.nonzero(step_x[0] != step_x[1])
-    low, high = np.minimum(*step_x)[i, j], np.maximum(*step_x)[i, j]
-    quads.append(_quads((x[i], y[j]), (x[i], y[j + 1]), (x[i], y[j + 1]), (x[i], y[j]), low, high))
-    step_y = framed[1:-1, :-1], framed[1:-1, 1:]
-    i, j = np.nonzero(step_y[0] != step_y[1])
-    low, high = np.minimum(*step_y)[i, j], np.maximum(*step_y)[i, j]
-    quads.append(_quads((x[i], y[j]), (x[i + 1], y[j]), (x[i + 1], y[j]), (x[i], y[j]), low, high))
-    corners = np.concatenate(quads)
-    return corners[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3, 3)
-
-
-def _quads(
-    a: tuple[FloatArray, FloatArray],
-    b: tuple[FloatArray, FloatArray],
-    c: tuple[FloatArray, FloatArray],
-    d: tuple[FloatArray, FloatArray],
-    first: FloatArray,
-    second: FloatArray,
-) -> FloatArray:
-    """Returns quads [n, 4, 3] over four corners (x, y), the last two at the second height."""
-    corners = [
-        np.column_stack([*corner, z])
-        for corner, z in zip((a, b, c, d), (first, first, second, second), strict=True)
-    ]
-    return np.stack(corners, axis=1)
-
-
-def fan_triangles(polygon: FloatArray) -> FloatArray:
-    """Returns the triangles [V-2, 3, 3] of a convex polygon [V, 3]."""
-    return np.stack([polygon[[0, k, k + 1]] for k in range(1, len(polygon) - 1)])
-
-
-def sample_points(polygon: FloatArray, samples: int) -> tuple[FloatArray, FloatArray]:
-    """Returns points [n, 3] spread over a convex polygon [V, 3], and the share of area of each [n].
-
-    Each triangle between an edge and the middle is cut into `samples` squared equal triangles,
-    whose centroids are the points, so that a mirrored polygon has mirrored points.
-    """
-    a, b = centroids(samples)
-    points, areas = [], []
-    for triangle in _around_middle(polygon):
-        first, second = triangle[1] - triangle[0], triangle[2] - triangle[0]
-        points.append(triangle[0] + a[:, None] * first + b[:, None] * second)
-        areas.append(np.full(len(a), np.linalg.norm(np.cross(first, second)) / len(a)))
-    share = np.concatenate(areas)
-    return np.concatenate(points), share / share.sum()
-
-
-def _around_middle(polygon: FloatArray) -> list[FloatArray]:
-    """Returns the triangles [3, 3] between the edges of a convex polygon [V, 3] and its middle."""
-    middle = polygon.mean(axis=0)
-    ends = zip(polygon, np.roll(polygon, -1, axis=0), strict=True)
-    return [np.stack([middle, a, b]) for a, b in ends]
 
 
 @cache
@@ -171,10 +99,71 @@ class Samples(NamedTuple):
     shares: FloatArray  # [M] share of its face's area that each point stands for
     counts: IntArray  # [F] number of points of each face
 
+    @classmethod
+    def of_polygon(cls, polygon: FloatArray, samples: int) -> "Samples":
+        """Returns points spread over a convex polygon [V, 3].
+
+        Each triangle between an edge and the middle is cut into `samples` squared equal triangles,
+        whose centroids are the points, so that a mirrored polygon has mirrored points.
+        """
+        a, b = centroids(samples)
+        points, areas = [], []
+        for triangle in _around_middle(polygon):
+            first, second = triangle[1] - triangle[0], triangle[2] - triangle[0]
+            points.append(triangle[0] + a[:, None] * first + b[:, None] * second)
+            areas.append(np.full(len(a), np.linalg.norm(np.cross(first, second)) / len(a)))
+        share = np.concatenate(areas)
+        return cls(np.concatenate(points), share / share.sum(), np.array([len(share)]))
+
+    @classmethod
+    def joined(cls, parts: Iterable["Samples"]) -> "Samples":
+        """Returns the samples of several parts, one after the other."""
+        return cls(*(np.concatenate(columns) for columns in zip(_NO_SAMPLES, *parts, strict=True)))
+
     def of(self, faces: IntArray) -> tuple[IntArray, IntArray]:
         """Returns for all points of faces [n] the position of the face, and the point's number."""
         counts, first = self.counts[faces], np.cumsum(self.counts) - self.counts
         return np.repeat(np.arange(len(faces)), counts), spans(first[faces], counts)
+
+    def seen(
+        self, occluders: list[Occluders], eyes: FloatArray, faces: IntArray, owners: IntArray
+    ) -> BoolArray:
+        """Returns an array that is true for each sample point of faces [n] that is seen.
+
+        Points are one after the other, as `of` has them.
+
+        Parameters
+        ----------
+        occluders : all matter that hides faces
+        eyes : [n, 3] m, camera positions, one per pair of camera and face
+        faces : [n] number of the face that is looked at
+        owners : [F] actor of each face
+        """
+        parts = np.cumsum(self.counts[faces]) // RAYS
+        cuts = np.flatnonzero(np.diff(parts)) + 1
+        arrives = [np.zeros(0, dtype=bool)]
+        for at in np.split(np.arange(len(faces)), cuts):
+            pair, point = self.of(faces[at])
+            eye, owner = eyes[at][pair], owners[faces[at]][pair]
+            arrives.append(rays_arrive(occluders, eye, self.points[point], owner))
+        return np.concatenate(arrives)
+
+    def seen_share(self, faces: IntArray, seen: BoolArray) -> FloatArray:
+        """Returns the share [n] of the area of faces that is seen, from the points that are."""
+        pair, point = self.of(faces)
+        # Shares are added in this order, so that the result does not depend on n.
+        share = np.bincount(pair, weights=seen * self.shares[point], minlength=len(faces))
+        return np.where(share < 1 - _NOTHING, share, 1.0)
+
+
+_NO_SAMPLES = Samples(np.empty((0, 3)), np.empty(0), np.zeros(0, dtype=np.int64))
+
+
+def _around_middle(polygon: FloatArray) -> list[FloatArray]:
+    """Returns the triangles [3, 3] between the edges of a convex polygon [V, 3] and its middle."""
+    middle = polygon.mean(axis=0)
+    ends = zip(polygon, np.roll(polygon, -1, axis=0), strict=True)
+    return [np.stack([middle, a, b]) for a, b in ends]
 
 
 def spans(first: IntArray, counts: IntArray) -> IntArray:
@@ -182,43 +171,6 @@ def spans(first: IntArray, counts: IntArray) -> IntArray:
     ends = np.cumsum(counts)
     result: IntArray = np.arange(int(counts.sum())) + np.repeat(first + counts - ends, counts)
     return result
-
-
-def seen_samples(
-    occluders: list[Occluders],
-    eyes: FloatArray,
-    samples: Samples,
-    faces: IntArray,
-    owners: IntArray,
-) -> BoolArray:
-    """Returns an array that is true for each sample point of faces [n] that is seen.
-
-    Points are one after the other, as `Samples.of` has them.
-
-    Parameters
-    ----------
-    occluders : all matter that hides faces
-    eyes : [n, 3] m, camera positions, one per pair of camera and face
-    samples : of all faces
-    faces : [n] number of the face that is looked at
-    owners : [F] actor of each face
-    """
-    parts = np.cumsum(samples.counts[faces]) // RAYS
-    cuts = np.flatnonzero(np.diff(parts)) + 1
-    seen = [np.zeros(0, dtype=bool)]
-    for at in np.split(np.arange(len(faces)), cuts):
-        pair, point = samples.of(faces[at])
-        eye, owner = eyes[at][pair], owners[faces[at]][pair]
-        seen.append(rays_arrive(occluders, eye, samples.points[point], owner))
-    return np.concatenate(seen)
-
-
-def seen_share(samples: Samples, faces: IntArray, seen: BoolArray) -> FloatArray:
-    """Returns the share [n] of the area of faces that is seen, from their points that are seen."""
-    pair, point = samples.of(faces)
-    # Shares are added in this order, so that the result does not depend on n.
-    share = np.bincount(pair, weights=seen * samples.shares[point], minlength=len(faces))
-    return np.where(share < 1 - _NOTHING, share, 1.0)
 
 
 def rays_arrive(

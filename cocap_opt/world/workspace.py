@@ -90,6 +90,11 @@ class HeightMap(Data, frozen=True, eq=False, dict=True):
         result: FloatArray = np.array(heights)[:, None, None] + datum
         return result
 
+    @property
+    def corners(self) -> FloatArray:
+        """Corners of the triangles [n, 3, 3] (m) of the surface of its columns."""
+        return _surface(self)
+
 
 class Mesh(Data, frozen=True, eq=False, dict=True):
     """A solid or a surface made of triangles, for shapes that a height map cannot hold.
@@ -172,3 +177,47 @@ def _spans(mesh: Mesh, height_map: HeightMap) -> Spans:
     scale = np.array([height_map.resolution, height_map.resolution, 1.0])
     vertices = (mesh.vertices - corner) / scale
     return Spans.of_mesh(vertices, mesh.triangles, height_map.shape, mesh.is_solid)
+
+
+def _surface(height_map: HeightMap) -> FloatArray:
+    """Returns the surface of a height map's columns as triangles [n, 3, 3] in m.
+
+    Every cell has a flat top; if two cells (or a cell and the outside) differ in height, a vertical
+    wall joins them. The outside is as low as the lowest cell.
+    """
+    heights, resolution = height_map.heights, height_map.resolution
+    ox, oy = height_map.origin
+    width, depth = heights.shape
+    x = ox + resolution * np.arange(width + 1)
+    y = oy + resolution * np.arange(depth + 1)
+    i, j = (index.ravel() for index in np.indices(heights.shape))
+    quads = [_quads((x[i], y[j]), (x[i + 1], y[j]), (x[i + 1], y[j + 1]), (x[i], y[j + 1]),
+                    heights.ravel(), heights.ravel())]  # fmt: skip
+    outside = float(heights.min())
+    framed = np.pad(heights, 1, constant_values=outside)
+    step_x = framed[:-1, 1:-1], framed[1:, 1:-1]
+    i, j = np.nonzero(step_x[0] != step_x[1])
+    low, high = np.minimum(*step_x)[i, j], np.maximum(*step_x)[i, j]
+    quads.append(_quads((x[i], y[j]), (x[i], y[j + 1]), (x[i], y[j + 1]), (x[i], y[j]), low, high))
+    step_y = framed[1:-1, :-1], framed[1:-1, 1:]
+    i, j = np.nonzero(step_y[0] != step_y[1])
+    low, high = np.minimum(*step_y)[i, j], np.maximum(*step_y)[i, j]
+    quads.append(_quads((x[i], y[j]), (x[i + 1], y[j]), (x[i + 1], y[j]), (x[i], y[j]), low, high))
+    corners = np.concatenate(quads)
+    return corners[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3, 3)
+
+
+def _quads(
+    a: tuple[FloatArray, FloatArray],
+    b: tuple[FloatArray, FloatArray],
+    c: tuple[FloatArray, FloatArray],
+    d: tuple[FloatArray, FloatArray],
+    first: FloatArray,
+    second: FloatArray,
+) -> FloatArray:
+    """Returns quads [n, 4, 3] over four corners (x, y), the last two at the second height."""
+    corners = [
+        np.column_stack([*corner, z])
+        for corner, z in zip((a, b, c, d), (first, first, second, second), strict=True)
+    ]
+    return np.stack(corners, axis=1)

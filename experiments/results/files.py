@@ -9,7 +9,7 @@ from typing import Any
 
 import msgspec
 
-from cocap_opt.files.atomic_write import file_to_write, write_together
+from cocap_opt.files.atomic_write import file_to_write, write_atomically
 from cocap_opt.files.documents import (
     FileError,
     PlanFile,
@@ -29,12 +29,12 @@ from cocap_opt.scenarios import read_foreign_plan, scene_of_plan
 def save_together(contents: Mapping[Path, msgspec.Struct]) -> None:
     """Writes documents that belong together: all new files appear, or the old ones are left."""
     encoded = {path: encode(content) for path, content in contents.items()}
-    _write(" and ".join(map(str, contents)), lambda: write_together(encoded))
+    _write(" and ".join(map(str, contents)), lambda: write_atomically(encoded))
 
 
 def save_bytes(path: Path, content: bytes) -> None:
     """Writes a file whole or not at all."""
-    _write(path, lambda: write_together({path: content}))
+    _write(path, lambda: write_atomically({path: content}))
 
 
 def save_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:

@@ -84,7 +84,7 @@ class Notebook:
         notebook.metadata = nbformat.from_dict({**_METADATA, "ran": self.digest(notebook)})
         for cell in notebook.cells:
             cell.metadata = nbformat.from_dict({})
-        write_atomically(self.path, (nbformat.writes(notebook) + "\n").encode())
+        write_atomically({self.path: (nbformat.writes(notebook) + "\n").encode()})
 
     @staticmethod
     def digest(content: NotebookNode) -> str:

@@ -5,16 +5,16 @@ from pathlib import Path
 
 import pytest
 
-from cocap_opt.files.atomic_write import write_atomically, write_together
+from cocap_opt.files.atomic_write import write_atomically
 
 
 @pytest.mark.parametrize("name", ["x" * 255, "\N{LATIN SMALL LETTER SHARP S}" * 127])
 def test_a_name_may_be_as_long_as_names_can_be(name: str, tmp_path: Path) -> None:
     """The temporary file's name is not longer than the one asked for, of 255 bytes at most."""
-    write_atomically(tmp_path / name, b"content")
+    write_atomically({tmp_path / name: b"content"})
     assert [(path.name, path.read_bytes()) for path in tmp_path.iterdir()] == [(name, b"content")]
     with pytest.raises(OSError, match="too long"):
-        write_atomically(tmp_path / (name + "xx"), b"content")
+        write_atomically({tmp_path / (name + "xx"): b"content"})
     assert len(list(tmp_path.iterdir())) == 1
 
 
@@ -25,7 +25,7 @@ def test_links_are_followed(tmp_path: Path) -> None:
     first.symlink_to("b")
     second.symlink_to(Path("elsewhere") / "file")
     for content in (b"new", b"newer"):
-        write_atomically(first, content)
+        write_atomically({first: content})
         assert first.is_symlink() and second.is_symlink()
         assert target.read_bytes() == content
     assert list(target.parent.iterdir()) == [target]
@@ -40,21 +40,21 @@ def test_nothing_but_files_is_replaced(tmp_path: Path) -> None:
     before = {path.name: path.lstat().st_mode for path in tmp_path.iterdir()}
     for name in before:
         with pytest.raises(OSError, match=r"regular file|symbolic links"):
-            write_atomically(tmp_path / name, b"content")
+            write_atomically({tmp_path / name: b"content"})
     assert {path.name: path.lstat().st_mode for path in tmp_path.iterdir()} == before
 
 
 def test_a_failed_write_leaves_no_trace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A write that fails before the end keeps the old content and removes its temporary file."""
     path = tmp_path / "file"
-    write_atomically(path, b"old")
+    write_atomically({path: b"old"})
 
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "replace", full)
     with pytest.raises(OSError, match="No space"):
-        write_atomically(path, b"new")
+        write_atomically({path: b"new"})
     assert path.read_bytes() == b"old"
     assert list(tmp_path.iterdir()) == [path]
 
@@ -62,12 +62,12 @@ def test_a_failed_write_leaves_no_trace(tmp_path: Path, monkeypatch: pytest.Monk
 def test_files_that_belong_together_are_all_new_or_all_old(tmp_path: Path) -> None:
     """Where the second of two cannot be written, the first keeps what it had."""
     path, folder = tmp_path / "plan", tmp_path / "proof"
-    write_atomically(path, b"old")
+    write_atomically({path: b"old"})
     folder.mkdir()
     with pytest.raises(OSError, match="regular file"):
-        write_together({path: b"new", folder: b"new"})
+        write_atomically({path: b"new", folder: b"new"})
     assert path.read_bytes() == b"old"
     assert sorted(tmp_path.iterdir()) == [path, folder]
     folder.rmdir()
-    write_together({path: b"new", folder: b"newer"})
+    write_atomically({path: b"new", folder: b"newer"})
     assert (path.read_bytes(), folder.read_bytes()) == (b"new", b"newer")

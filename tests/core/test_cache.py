@@ -27,7 +27,7 @@ from cocap_opt.problem import (
     State,
 )
 from cocap_opt.vision import cache
-from cocap_opt.vision.cache import CODE, cache_folder, cached_table, content_key
+from cocap_opt.vision.cache import CODE, TableCache
 from cocap_opt.vision.coverage import CoverageTable
 from cocap_opt.world.workspace import HeightMap
 
@@ -128,7 +128,7 @@ SAME_CONTENT: dict[str, Callable[[], Problem]] = {
 def test_same_content_is_found(what: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What coverage does not depend on finds the table that is there, and it fits."""
     tables(tiny())
-    monkeypatch.setattr("cocap_opt.model.coverage_table", None)  # nothing may be computed
+    monkeypatch.setattr("cocap_opt.model.CoverageTable.of_views", None)  # nothing may be computed
     found = tables(SAME_CONTENT[what]())
     monkeypatch.undo()
     fresh = Model(SAME_CONTENT[what](), use_cache=False)
@@ -156,10 +156,10 @@ def test_key_depends_on_every_part() -> None:
         (None,),
         (HeightMap(heights=np.zeros((1, 1))), Motion()),
     ]
-    assert len({content_key(*part) for part in parts}) == len(parts)
-    assert content_key(array) == content_key(np.arange(12.0)[::2] / 2)  # strides do not count
+    assert len({TableCache.key(*part) for part in parts}) == len(parts)
+    assert TableCache.key(array) == TableCache.key(np.arange(12.0)[::2] / 2)  # strides do not count
     with pytest.raises(TypeError):
-        content_key(object())
+        TableCache.key(object())
 
 
 def test_key_depends_on_all_code_that_makes_a_table() -> None:
@@ -324,20 +324,20 @@ def test_no_pickle_is_ever_loaded(folder: Path) -> None:
     cache._write(folder / "key.coverage", good._replace(nodes=trap))
     for path in folder.glob("sprung"):
         path.rmdir()
-    assert same([cached_table("key", lambda: good)], [good])
+    assert same([TableCache.of_user().table("key", lambda: good)], [good])
     assert not (folder / "sprung").exists()
 
 
 def test_where_the_cache_is(monkeypatch: pytest.MonkeyPatch) -> None:
     """COCAP_OPT_CACHE names the folder; else it is in XDG_CACHE_HOME, else in ~/.cache."""
     monkeypatch.setenv("COCAP_OPT_CACHE", "/a/b")
-    assert cache_folder() == Path("/a/b")
+    assert TableCache.of_user().folder == Path("/a/b")
     monkeypatch.setenv("COCAP_OPT_CACHE", "")
     monkeypatch.setenv("XDG_CACHE_HOME", "/c")
-    assert cache_folder() == Path("/c/cocap-opt")
+    assert TableCache.of_user().folder == Path("/c/cocap-opt")
     monkeypatch.delenv("XDG_CACHE_HOME")
     monkeypatch.setenv("HOME", "/home/somebody")
-    assert cache_folder() == Path("/home/somebody/.cache/cocap-opt")
+    assert TableCache.of_user().folder == Path("/home/somebody/.cache/cocap-opt")
 
 
 def test_without_a_home_there_is_no_cache(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -345,10 +345,10 @@ def test_without_a_home_there_is_no_cache(monkeypatch: pytest.MonkeyPatch) -> No
     for variable in ("COCAP_OPT_CACHE", "XDG_CACHE_HOME", "HOME"):
         monkeypatch.delenv(variable, raising=False)
     monkeypatch.setattr("pwd.getpwuid", lambda _: {}["no such user"])  # a KeyError, as there
-    assert cache_folder() is None
+    assert TableCache.of_user().folder is None
     assert len(tables(tiny())) == 1
     monkeypatch.setenv("XDG_CACHE_HOME", "/c")
-    assert cache_folder() == Path("/c/cocap-opt")
+    assert TableCache.of_user().folder == Path("/c/cocap-opt")
 
 
 def test_classes_that_see_alike_share_a_table(folder: Path) -> None:
@@ -363,5 +363,5 @@ def test_classes_that_see_alike_share_a_table(folder: Path) -> None:
 
 def test_cache_of_the_session_is_not_the_users() -> None:
     """No test reads or fills the user's own cache."""
-    assert cache_folder() != Path.home() / ".cache" / "cocap-opt"
-    assert "pytest" in str(cache_folder())
+    assert TableCache.of_user().folder != Path.home() / ".cache" / "cocap-opt"
+    assert "pytest" in str(TableCache.of_user().folder)

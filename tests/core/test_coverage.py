@@ -34,11 +34,11 @@ from cocap_opt.problem import (
     TriangulatedCuboid,
 )
 from cocap_opt.referee import check
-from cocap_opt.vision.coverage import coverage_table
+from cocap_opt.vision.coverage import CoverageTable
 from cocap_opt.vision.faces import FaceGeometry
-from cocap_opt.vision.projection import camera_axes, image_area
+from cocap_opt.vision.projection import Projection
 from cocap_opt.vision.views import make_views
-from cocap_opt.vision.visibility import sample_points
+from cocap_opt.vision.visibility import Samples
 from cocap_opt.world.workspace import HeightMap
 
 FRONT, LEFT, BACK, RIGHT, TOP = range(5)  # faces of a cuboid; the front looks along its heading
@@ -313,7 +313,7 @@ def test_a_face_at_the_camera_fills_the_image_at_most(shape: Shape, tilt: float)
     """
     camera = Camera(width=80, height=60, focal=50.0, tilts=(tilt,))
     for face, yaw, offset in product(shape.faces()[::4], (0.0, 0.7, 1e9), (0.0, -1e-310)):
-        for point in (face[0], face.mean(axis=0), sample_points(face, 1)[0][0]):
+        for point in (face[0], face.mean(axis=0), Samples.of_polygon(face, 1).points[0]):
             actor = touching(shape, point.tolist(), yaw, offset)
             # Cell (0, 4) has its middle at (0, 0, 0).
             scene = make_scene(
@@ -577,7 +577,7 @@ def test_clipping_agrees_with_a_scalar_algorithm(polygon: list[Point], camera: C
     assume(np.linalg.norm(normal) > 1e-6)
     assume(abs(normal @ points[0]) > 1e-6 * np.linalg.norm(normal))
     expected = scalar_area(polygon, camera)
-    area = image_area(np.array([polygon]), camera)[0]
+    area = Projection(camera).area(np.array([polygon]))[0]
     assert area == pytest.approx(expected, rel=1e-6, abs=1e-6)
     assert 0.0 <= area <= camera.width * camera.height * (1 + 1e-9)
 
@@ -586,8 +586,8 @@ def test_clipping_agrees_with_a_scalar_algorithm(polygon: list[Point], camera: C
 @given(st.lists(polygons(4, 4), min_size=1, max_size=6))
 def test_clipping_is_independent_of_the_batch(batch: list[list[Point]]) -> None:
     """Each polygon of a batch has the area it has alone, to the last bit."""
-    together = image_area(np.array(batch), LEVEL)
-    alone = [image_area(np.array([polygon]), LEVEL)[0] for polygon in batch]
+    together = Projection(LEVEL).area(np.array(batch))
+    alone = [Projection(LEVEL).area(np.array([polygon]))[0] for polygon in batch]
     assert together.tolist() == alone
 
 
@@ -614,14 +614,14 @@ def test_area_is_the_number_of_pixels(seed: int) -> None:
     first, second = rng.normal(size=(2, 3)) * 2
     middle = np.array([*rng.uniform(-2, 2, 2), rng.uniform(0.5, 6)])
     polygon = middle + np.array([-first - second, first - second, first + second, second - first])
-    area = image_area(polygon[None], camera)[0]
+    area = Projection(camera).area(polygon[None])[0]
     border = 2 * (camera.width + camera.height)
     assert counted_pixels(polygon, camera) == pytest.approx(area, rel=0.01, abs=border / 4)
 
 
 def test_axes_are_right_handed_and_exact_at_right_angles() -> None:
     """Camera axes are orthonormal; right, up, forward of multiples of 90 degrees are exact."""
-    axes = camera_axes(8, LEVEL.replace(tilts=(0.0, 0.3, math.pi / 2)))
+    axes = Projection(LEVEL.replace(tilts=(0.0, 0.3, math.pi / 2))).axes(8)
     assert axes.shape == (24, 3, 3)
     for right, up, forward in axes:
         np.testing.assert_allclose(np.cross(up, forward), -right, atol=1e-15)
@@ -638,8 +638,8 @@ def test_axes_are_right_handed_and_exact_at_right_angles() -> None:
 def test_sample_points_share_the_face(shape: Shape, samples: int) -> None:
     """Sample points stand for equal parts: shares sum to 1 and balance at the face's middle."""
     for polygon in shape.faces():
-        points, shares = sample_points(polygon, samples)
-        assert len(points) == samples**2 * len(polygon)
+        points, shares, counts = Samples.of_polygon(polygon, samples)
+        assert len(points) == counts.sum() == samples**2 * len(polygon)
         assert shares.sum() == pytest.approx(1.0, abs=1e-12)
         assert (shares > 0).all()
         # A centroid by area: the fan's triangles, each at the mean of its corners.
@@ -707,7 +707,7 @@ def test_limits_are_asked_for_often(actors: int, samples: int, most: int) -> Non
     states, most_at_once = int(reachable[1].sum()), model.views(model.classes[0]).batch(1)
     stop = Calls()
     views, graph = model.views(model.classes[0]), model.classes[0].graph
-    coverage_table(views, graph.n_places, reachable, 1, stop)
+    CoverageTable.of_views(views, graph.n_places, reachable, 1, stop)
     assert most_at_once <= most
     assert stop.asked >= states / most_at_once
 

@@ -23,17 +23,11 @@ from cocap_opt.problem import (
     Shape,
     State,
 )
-from cocap_opt.vision.coverage import coverage_table
+from cocap_opt.vision.coverage import CoverageTable
 from cocap_opt.vision.faces import FaceGeometry, Faces
-from cocap_opt.vision.projection import (
-    camera_axes,
-    dot,
-    frustum_distances,
-    image_area,
-    image_samples,
-)
-from cocap_opt.vision.views import eyes_at, make_views
-from cocap_opt.vision.visibility import Occluders, Samples, rays_arrive, seen_samples, seen_share
+from cocap_opt.vision.projection import Projection, dot
+from cocap_opt.vision.views import make_views
+from cocap_opt.vision.visibility import Occluders, Samples, rays_arrive
 from cocap_opt.world.workspace import HeightMap
 
 
@@ -70,16 +64,17 @@ def slow_view(
     """Coverage of one face from one state, straight from its definition."""
     camera, faces = problem.robots[0].camera, geometry.at(t)
     assert isinstance(camera, Camera)
+    projection = Projection(camera)
     owners, which = problem.face_owner, np.array([face])
     orientation, place = divmod(state, graph.n_places)
-    eye = eyes_at(problem.height_map, graph, np.array([place]))
+    eye = graph.positions(problem.height_map, np.array([place]))
     if dot(eye[0] - faces.polygons[face, 0], faces.normals[face]) <= 0:
         return 0.0
-    axes = camera_axes(graph.motion.headings, camera)[orientation]
+    axes = projection.axes(graph.motion.headings)[orientation]
     relative = faces.polygons[face] - eye[0]
     polygon = np.stack([dot(relative, axis) for axis in axes], axis=-1)[None]
     with np.errstate(over="ignore", invalid="ignore"):
-        area = min(image_area(polygon, camera)[0], float(camera.width * camera.height))
+        area = min(projection.area(polygon)[0], float(camera.width * camera.height))
     if not area > 0:
         return 0.0
     owner = owners[which]
@@ -90,11 +85,11 @@ def slow_view(
     if past_terrain == 1 and seen_of([faces.actors], points, eye, owner, actors) == 1:
         return float(area / faces.areas[face])
     share = seen_of(faces.occluders, faces.samples, eye, which, owners)
-    inside = (frustum_distances(polygon, camera) >= 0).all()
+    inside = (projection.frustum_distances(polygon) >= 0).all()
     if 0 < share < 1 and inside:
         share = seen_in_image(faces, eye, axes[2], which, owners)
     elif share < 1 and not inside:
-        points, weights = image_samples(polygon, camera, problem.face_samples)
+        points, weights = projection.samples(polygon, problem.face_samples)
         share = 0.0
         for local, weight in zip(points[0], weights[0], strict=True):
             if weight:
@@ -110,8 +105,8 @@ def seen_of(
     occluders: list[Occluders], samples: Samples, eye: FloatArray, which: IntArray, owners: IntArray
 ) -> float:
     """Visible share of a face or of a body past some things, by its points."""
-    seen = seen_samples(occluders, eye, samples, which, owners)
-    return float(seen_share(samples, which, seen)[0])
+    seen = samples.seen(occluders, eye, which, owners)
+    return float(samples.seen_share(which, seen)[0])
 
 
 def seen_in_image(
@@ -119,7 +114,7 @@ def seen_in_image(
 ) -> float:
     """Visible share of the image of a face, by the points of the face."""
     _, points = faces.samples.of(which)
-    seen = seen_samples(faces.occluders, eye, faces.samples, which, owners)
+    seen = faces.samples.seen(faces.occluders, eye, which, owners)
     all_of_it = some_of_it = 0.0
     for point, arrives in zip(points, seen, strict=True):
         depth = dot(faces.samples.points[point] - eye[0], forward)
@@ -260,12 +255,12 @@ def shares(problem: Problem, t: int = 1) -> tuple[FloatArray, FloatArray]:
     """Visible share of bodies [P, A] and of faces [P, F] from all places; nan if turned away."""
     geometry, graph = FaceGeometry(problem), graph_of(problem)
     faces, places = geometry.at(t), np.unique(all_states(problem) % graph.n_places)
-    eyes, result = eyes_at(problem.height_map, graph, places), []
+    eyes, result = graph.positions(problem.height_map, places), []
     actors = np.arange(len(problem.actors))
     for samples, owners in ((faces.bodies.samples, actors), (faces.samples, problem.face_owner)):
         eye, which = (part.ravel() for part in np.indices((len(places), len(owners))))
-        seen = seen_samples(faces.occluders, eyes[eye], samples, which, owners)
-        result.append(seen_share(samples, which, seen).reshape(len(places), -1))
+        seen = samples.seen(faces.occluders, eyes[eye], which, owners)
+        result.append(samples.seen_share(which, seen).reshape(len(places), -1))
     turned = dot(eyes[:, None] - faces.polygons[None, :, 0], faces.normals[None]) <= 0
     return result[0], np.where(turned, np.nan, result[1])
 
@@ -315,7 +310,7 @@ def test_nobody_stands_unseen_before_somebody(
     )
     faces, graph = FaceGeometry(problem).at(1), graph_of(problem)
     here = np.array([graph.index(State(0, 20)) % graph.n_places])
-    eye, one = eyes_at(problem.height_map, graph, here), np.zeros(1, dtype=np.int64)
+    eye, one = graph.positions(problem.height_map, here), np.zeros(1, dtype=np.int64)
     assert seen_of([faces.actors], faces.bodies.samples, eye, one, np.arange(2)) < 1
 
 
@@ -401,7 +396,7 @@ def test_a_table_does_not_depend_on_the_number_of_threads(threads: int) -> None:
     model = Model(problem, use_cache=False)
     (robot_class,) = model.classes
     tables = [
-        coverage_table(
+        CoverageTable.of_views(
             model.views(robot_class),
             robot_class.graph.n_places,
             model.reachable(robot_class),
