@@ -12,10 +12,9 @@ from cocap_opt.experiments.cli.options import (
     Output,
     Seed,
     chosen,
-    file_type,
     load,
 )
-from cocap_opt.experiments.console.options import UsageError
+from cocap_opt.experiments.console.options import Option, UsageError
 from cocap_opt.experiments.report.charts import conflicts_figure, gaps_figure, progress_figure
 from cocap_opt.experiments.report.figures import PICTURES, picture
 from cocap_opt.experiments.results.files import check_output, read_plans, save_bytes
@@ -89,7 +88,7 @@ def _conflicts(
 
 
 def _check(output: Path | None) -> None:
-    file_type(output, PICTURES)
+    Option("-o").ending(output, PICTURES)
     check_output(output)
 
 

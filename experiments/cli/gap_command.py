@@ -14,13 +14,7 @@ from cocap_opt.experiments.cli.options import (
     allowed,
     load,
 )
-from cocap_opt.experiments.console.options import (
-    UsageError,
-    check_seconds,
-    check_workers,
-    choose,
-    numbers,
-)
+from cocap_opt.experiments.console.options import Option, UsageError
 from cocap_opt.experiments.results.files import read_plans
 from cocap_opt.experiments.results.gap_table import print_gap_table
 from cocap_opt.experiments.results.judging import SOLVERS
@@ -81,12 +75,12 @@ def _gap(
     Example: cocap-opt gap corridor bottleneck --seeds 0-99 --workers 2 --out results
     """
     for name in planner or []:
-        choose("--planner", name, SOLVERS)
+        Option("--planner").require_one_of(name, SOLVERS)
     settings = _settings(time_limit, work_limit, bound_limit, rendered)
     if retry and out is None:
         raise UsageError("--retry: name the folder with --out; without one nothing is kept")
     hired = _hired(workers, scheduler, cell_limit, settings)
-    scenes = _scenes(scene, numbers("--seeds", seeds), plan or [])
+    scenes = _scenes(scene, Option("--seeds").numbers(seeds), plan or [])
     others = _Others.read(plan or [], scenes.problems)
     instances = [
         Instance(
@@ -108,7 +102,7 @@ def _settings(
 ) -> Settings:
     bound_limit = time_limit if bound_limit is None else bound_limit
     allowance = allowed(time_limit, work_limit)
-    check_seconds("--bound-limit", bound_limit)
+    Option("--bound-limit").require_seconds(bound_limit)
     return Settings(
         time_limit=allowance.seconds, bound_time_limit=bound_limit, work_limit=allowance.work,
         rendered=rendered,
@@ -121,7 +115,7 @@ def _hired(
     """Returns the workers that the options name."""
     if workers is not None and scheduler is not None:
         raise UsageError("--workers: a scheduler has its own; leave one of the two options out")
-    check_workers("--workers", workers)
+    Option("--workers").require_cores(workers)
     if cell_limit is not None and not cell_limit > 0:
         raise UsageError(f"--cell-limit: must be a number of seconds > 0, not {cell_limit}")
     if cell_limit is not None and workers is None and scheduler is None:

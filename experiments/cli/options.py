@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from cocap_opt.experiments.console.options import LARGEST, UsageError, check_seconds, choose
+from cocap_opt.experiments.console.options import LARGEST, Option, UsageError
 from cocap_opt.experiments.results.judging import Allowance
 from cocap_opt.experiments.results.rows import Row
 from cocap_opt.problem import Problem
@@ -53,7 +53,7 @@ def load(scene: str, seed: int, options: Mapping[str, str] = NOTHING) -> Problem
 
 def allowed(seconds: float, work: int | None) -> Allowance:
     """Returns what --time-limit and --work-limit allow, if that is possible."""
-    check_seconds("--time-limit", seconds)
+    Option("--time-limit").require_seconds(seconds)
     if work is not None and not 0 <= work <= LARGEST:
         raise UsageError(f"--work-limit: must be 0..{LARGEST}, not {work}")
     return Allowance(seconds, work)
@@ -64,9 +64,9 @@ def chosen(
 ) -> list[Row]:
     """Returns results of some scenes and planners, of all if none is named; at least one."""
     for name in scenes or []:
-        choose("--scene", name, dict.fromkeys(row.scene for row in rows))
+        Option("--scene").require_one_of(name, dict.fromkeys(row.scene for row in rows))
     for name in planners or []:
-        choose("--planner", name, dict.fromkeys(row.planner or "" for row in rows))
+        Option("--planner").require_one_of(name, dict.fromkeys(row.planner or "" for row in rows))
     kept = [
         row
         for row in rows
@@ -75,12 +75,3 @@ def chosen(
     if not kept:
         raise UsageError("--planner: has no results on the scenes of --scene")
     return kept
-
-
-def file_type(path: Path | None, endings: tuple[str, ...]) -> str:
-    """Returns the ending of a file to be written, which says of what kind it is."""
-    suffix = "" if path is None else path.suffix.lower()
-    if suffix not in endings:
-        words = " or ".join(filter(None, (", ".join(endings[:-1]), endings[-1])))
-        raise UsageError(f"-o: name a file that ends in {words}")
-    return suffix

@@ -7,9 +7,9 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from cocap_opt.data import MOST_PIXELS
-from cocap_opt.experiments.cli.options import Json, Output, Seed, file_type, load
-from cocap_opt.experiments.console.options import UsageError
-from cocap_opt.experiments.console.progress import watching
+from cocap_opt.experiments.cli.options import Json, Output, Seed, load
+from cocap_opt.experiments.console.options import Option, UsageError
+from cocap_opt.experiments.console.progress import Watch
 from cocap_opt.experiments.results.files import (
     check_output,
     make_folder,
@@ -34,7 +34,7 @@ def _show(
 
     Example: cocap-opt show corridor greedy.json cocap.json -o plans.html
     """
-    suffix = file_type(output, SHOWN)
+    suffix = Option("-o").ending(output, SHOWN)
     assert output is not None
     if not plan and suffix == ".gif":
         raise UsageError("PLAN: name a plan, such as plan.json; nothing moves without one")
@@ -76,7 +76,7 @@ def _render(
             raise UsageError(f"{option}: must be 1..{most}, not {value}")
     problem, shown = read_plan(plan, scene, load(scene, seed))
     make_folder(output)
-    with watching(f"{problem.name} seed {seed}") as watch:
+    with Watch.on_terminal(f"{problem.name} seed {seed}") as watch:
         try:
             row = write_views(output, problem, shown, width, pixel_step,
                               watch.counter("view"))  # fmt: skip

@@ -13,9 +13,8 @@ from cocap_opt.experiments.cli.options import (
     OfScenes,
     Output,
     chosen,
-    file_type,
 )
-from cocap_opt.experiments.console.options import UsageError, choose
+from cocap_opt.experiments.console.options import Option, UsageError
 from cocap_opt.experiments.results.files import check_output, save_bytes
 from cocap_opt.experiments.results.printing import path_text, print_result, print_table
 from cocap_opt.experiments.results.rows import COLUMNS, Row
@@ -51,7 +50,7 @@ def _table(
     """
     from cocap_opt.experiments.results.documents import DOCUMENTS  # pandas is slow to import
 
-    choose("--format", style, DOCUMENTS)
+    Option("--format").require_one_of(style, DOCUMENTS)
     check_output(output)
     rows = chosen(load_results(folder), scene, planner)
     tables = all_tables(rows, _against(against, rows))
@@ -85,7 +84,7 @@ def _report(
         report_page,  # matplotlib and pandas are slow to import
     )
 
-    file_type(output, (".html",))
+    Option("-o").ending(output, (".html",))
     assert output is not None
     if players < 0:
         raise UsageError(f"--players: must be at least 0, not {players}")
@@ -101,7 +100,7 @@ def _against(planner: str | None, rows: Sequence[Row]) -> str:
     """Returns the planner that others are compared with, which must be in the results."""
     if planner is None:
         return AGAINST
-    choose("--against", planner, dict.fromkeys(row.planner or "" for row in rows))
+    Option("--against").require_one_of(planner, dict.fromkeys(row.planner or "" for row in rows))
     return planner
 
 

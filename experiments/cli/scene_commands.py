@@ -7,7 +7,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from cocap_opt.experiments.cli.options import Json, Output, Seed, load
-from cocap_opt.experiments.console.options import UsageError, values
+from cocap_opt.experiments.console.options import Option, UsageError
 from cocap_opt.experiments.results.files import check_output, save_together
 from cocap_opt.experiments.results.printing import path_text, print_result, print_table
 from cocap_opt.files.documents import SceneFile
@@ -95,7 +95,7 @@ def _export(
     if output is None:
         raise UsageError("-o: name the file to write")
     check_output(output)
-    problem = load(scene, seed, values("--option", option or []))
+    problem = load(scene, seed, Option("--option").values(option or []))
     if over_time:
         objective = problem.objective.replace(over_time=True)
         problem = problem.replace(name=f"{problem.name}-over-time", objective=objective)

@@ -20,8 +20,8 @@ from cocap_opt.experiments.cli.options import (
     allowed,
     load,
 )
-from cocap_opt.experiments.console.options import UsageError, choose
-from cocap_opt.experiments.console.progress import Watch, watching
+from cocap_opt.experiments.console.options import Option, UsageError
+from cocap_opt.experiments.console.progress import Watch
 from cocap_opt.experiments.results.files import (
     check_output,
     read_plan,
@@ -79,12 +79,12 @@ def _plan(
 
     Example: cocap-opt plan corridor --planner cocap --seed 0 -o plan.json
     """
-    choose("--planner", planner, SOLVERS)
+    Option("--planner").require_one_of(planner, SOLVERS)
     allowance = allowed(time_limit, work_limit)
     check_output(output)
     task = _Task.read(scene, seed, free, None)
     problem = task.problem
-    with catch_interrupt() as interrupt, watching(f"{problem.name} seed {seed}") as watch:
+    with catch_interrupt() as interrupt, Watch.on_terminal(f"{problem.name} seed {seed}") as watch:
         judged = _planned(problem, planner, allowance, interrupt, watch)
         if judged.result.reason is Reason.UNSUPPORTED:
             raise UsageError(f"--planner: {judged.result.message}")
@@ -116,7 +116,7 @@ def _bound(
 
     Example: cocap-opt bound corridor --seed 0 -o certificate.json
     """
-    choose("--method", method, BOUNDS)
+    Option("--method").require_one_of(method, BOUNDS)
     allowance = allowed(time_limit, work_limit)
     _check_outputs(**{"-o": output, "--trace": trace})
     task = _Task.read(scene, seed, free, start)
@@ -157,7 +157,7 @@ def _solve(
 
     Example: cocap-opt solve corridor --seed 0 -o plan.json --certificate proof.json
     """
-    choose("--method", method, _SOLVE_METHODS)
+    Option("--method").require_one_of(method, _SOLVE_METHODS)
     if not 0 <= gap < 1:
         raise UsageError(f"--gap: must be at least 0 and less than 1, such as 0.01, not {gap}")
     if gap and method not in EXACT:
@@ -213,7 +213,7 @@ class _Task(NamedTuple):
     ) -> Judged[CertifiedResult]:
         """Runs a bound or an exact method, shows progress, and writes a trace if asked to."""
         problem, trace = self.problem, Trace()
-        with watching(f"{problem.name} seed {seed}") as watch:
+        with Watch.on_terminal(f"{problem.name} seed {seed}") as watch:
             report = trace.beside(watch.report())
             cover(problem, stop, watch)
             try:

@@ -8,7 +8,7 @@ from cyclopts import Parameter
 
 from cocap_opt.experiments.cli.options import Json, Seed, load
 from cocap_opt.experiments.console.options import UsageError
-from cocap_opt.experiments.console.progress import watching
+from cocap_opt.experiments.console.progress import Watch
 from cocap_opt.experiments.results.claims import Verification
 from cocap_opt.experiments.results.files import read_claim
 from cocap_opt.experiments.results.judging import without_rules
@@ -44,7 +44,7 @@ def _verify(
     if claims.plan is not None:
         verification.verify_plan(claims.plan)
     for path, content in claims.bounds.items():
-        with watching(path_text(path)) as watch:
+        with Watch.on_terminal(path_text(path)) as watch:
             verification.verify_bound(content, path_text(path), watch.counter("leaf"))
     verification.conclude()
     print_result(verification.answer, json)

@@ -1,7 +1,9 @@
-"""Options of commands: lists of numbers, values by name, and words for what is not allowed."""
+"""Options of commands: what is allowed, and words for what is not."""
 
 import math
 from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import NamedTuple
 
 from cocap_opt.vision.coverage import usable_cores
 
@@ -13,64 +15,72 @@ class UsageError(ValueError):
     """An option has a value that is not allowed; the message names it."""
 
 
-def choose(option: str, value: str, allowed: Iterable[str]) -> None:
-    """Refuses a value that is not among the allowed ones."""
-    words = list(allowed)
-    if value not in words:
-        raise UsageError(f"{option}: must be one of {', '.join(words)}, not {value!r}")
+class Option(NamedTuple):
+    """An option of a command, or a parameter of a function; all methods may raise UsageError.
 
-
-def check_seconds(option: str, value: float) -> None:
-    """Refuses what is no number of seconds; 0 is one, in which everything but a search is done."""
-    if not (value >= 0 and math.isfinite(value)):
-        raise UsageError(f"{option}: must be a finite number of seconds >= 0, not {value}")
-
-
-def check_workers(option: str, count: int | None) -> None:
-    """Refuses a number of processes unless there is at least one, and a core for each."""
-    if count is not None and not 1 <= count <= usable_cores():
-        raise UsageError(f"{option}: must be 1..{usable_cores()}, a core each, not {count}")
-
-
-def numbers(option: str, text: str) -> tuple[int, ...]:
-    """Returns the numbers of a list of numbers and ranges such as "0-9,12", each once.
-
-    Raises
-    ------
-    UsageError
-        If it is no such list; the message names the option.
+    Attributes
+    ----------
+    name : as people write it, such as "--seeds"; messages begin with it
     """
-    found: list[int] = []
-    for part in text.split(","):
+
+    name: str
+
+    def require_one_of(self, value: str, allowed: Iterable[str]) -> None:
+        """Refuses a value that is not among the allowed ones."""
+        words = list(allowed)
+        if value not in words:
+            raise UsageError(f"{self.name}: must be one of {', '.join(words)}, not {value!r}")
+
+    def require_seconds(self, value: float) -> None:
+        """Refuses what is no number of seconds; in 0 everything but a search is done."""
+        if not (value >= 0 and math.isfinite(value)):
+            raise UsageError(f"{self.name}: must be a finite number of seconds >= 0, not {value}")
+
+    def require_cores(self, count: int | None) -> None:
+        """Refuses a number of processes unless there is at least one, and a core for each."""
+        if count is not None and not 1 <= count <= usable_cores():
+            raise UsageError(f"{self.name}: must be 1..{usable_cores()}, a core each, not {count}")
+
+    def numbers(self, text: str) -> tuple[int, ...]:
+        """Returns the numbers of a list of numbers and ranges such as "0-9,12", each once."""
+        found: list[int] = []
+        for part in text.split(","):
+            wanted = self._range(part, text)
+            if len(found) + len(wanted) > _MOST:
+                raise UsageError(f"{self.name}: must be at most {_MOST} numbers")
+            found += wanted
+        return tuple(dict.fromkeys(found))
+
+    def _range(self, part: str, text: str) -> range:
         first, dash, last = part.partition("-")
         ends = (first, last) if dash else (first,)
         if not all(end.isdecimal() for end in ends):
-            raise UsageError(f"{option}: must be numbers and ranges such as 0-9,12, not {text!r}")
+            raise UsageError(
+                f"{self.name}: must be numbers and ranges such as 0-9,12, not {text!r}"
+            )
         if max(map(len, ends)) >= len(str(LARGEST)):
-            raise UsageError(f"{option}: must be 0..{LARGEST}")
+            raise UsageError(f"{self.name}: must be 0..{LARGEST}")
         wanted = range(int(first), int(last or first) + 1)
         if not wanted:
-            raise UsageError(f"{option}: ranges must go up, not {part!r}")
-        if len(found) + len(wanted) > _MOST:
-            raise UsageError(f"{option}: must be at most {_MOST} numbers")
-        found += wanted
-    return tuple(dict.fromkeys(found))
+            raise UsageError(f"{self.name}: ranges must go up, not {part!r}")
+        return wanted
 
+    def values(self, words: Sequence[str]) -> dict[str, str]:
+        """Returns values by name, from words NAME=VALUE, each name once."""
+        found: dict[str, str] = {}
+        for word in words:
+            name, equals, value = word.partition("=")
+            if not equals:
+                raise UsageError(f"{self.name}: must be NAME=VALUE, not {word!r}")
+            if name in found:
+                raise UsageError(f"{self.name}: {name!r} must be given only once")
+            found[name] = value
+        return found
 
-def values(option: str, words: Sequence[str]) -> dict[str, str]:
-    """Returns values by name, from words NAME=VALUE.
-
-    Raises
-    ------
-    UsageError
-        If one is no such pair, or a name is there twice; the message names the option.
-    """
-    found: dict[str, str] = {}
-    for word in words:
-        name, equals, value = word.partition("=")
-        if not equals:
-            raise UsageError(f"{option}: must be NAME=VALUE, not {word!r}")
-        if name in found:
-            raise UsageError(f"{option}: {name!r} must be given only once")
-        found[name] = value
-    return found
+    def ending(self, path: Path | None, allowed: tuple[str, ...]) -> str:
+        """Returns the ending of a file to be written, which says of what kind it is."""
+        suffix = "" if path is None else path.suffix.lower()
+        if suffix not in allowed:
+            words = " or ".join(filter(None, (", ".join(allowed[:-1]), allowed[-1])))
+            raise UsageError(f"{self.name}: name a file that ends in {words}")
+        return suffix

@@ -18,7 +18,7 @@ SECONDS_BETWEEN_LINES = 10.0  # where standard error is no terminal
 
 
 class Watch:
-    """Shows how far a command is, as it is told; without `watching` nothing is shown.
+    """Shows how far a command is, as it is told; nothing is shown but in `on_terminal`.
 
     Parameters
     ----------
@@ -35,6 +35,20 @@ class Watch:
         self._status = ""
         self._clock = Clock()
         self._said = 0.0  # when the last line was said, on that clock
+
+    @classmethod
+    @contextmanager
+    def on_terminal(cls, task: str, parts: int | None = None) -> "Iterator[Watch]":
+        """Yields a watch that is shown on standard error.
+
+        On a terminal its lines change and are gone at the end; otherwise they are plain lines
+        that stay, at most one in ten seconds.
+        """
+        console = Console(stderr=True)
+        watch = cls(task, parts, plain=not console.is_terminal)
+        live = Live(console=console, get_renderable=watch.lines, transient=True)
+        with live if console.is_terminal else nullcontext():
+            yield watch
 
     def begin(self, task: str) -> None:
         """Names the part that begins."""
@@ -90,17 +104,3 @@ def _words(snapshot: Snapshot) -> str:
     return (
         f"value {value} bound {bound} gap {gap} columns {snapshot.columns} nodes {snapshot.nodes}"
     )
-
-
-@contextmanager
-def watching(task: str, parts: int | None = None) -> Iterator[Watch]:
-    """Yields a watch that shows how far a command is.
-
-    On a terminal it shows lines that change and are gone at the end; otherwise it writes plain
-    lines, at most one in ten seconds.
-    """
-    console = Console(stderr=True)
-    watch = Watch(task, parts, plain=not console.is_terminal)
-    live = Live(console=console, get_renderable=watch.lines, transient=True)
-    with live if console.is_terminal else nullcontext():
-        yield watch

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
-from cocap_opt.experiments.console.options import numbers, values
+from cocap_opt.experiments.console.options import Option
 from cocap_opt.files.documents import FileError
 
 app = App(
@@ -43,12 +43,12 @@ def _paper(
 
     _require_positive("--time-limit", time_limit)
     _require_cores("--workers", workers)
-    sizes = numbers("--robots", robots)
+    sizes = Option("--robots").numbers(robots)
     if min(sizes) < 1:
         raise FileError(f"--robots: must be at least 1, not {min(sizes)}")
     fine = reproduce(
-        out, numbers("--seeds", seeds), sizes, numbers("--scaling-seeds", scaling_seeds),
-        time_limit, workers,
+        out, Option("--seeds").numbers(seeds), sizes,
+        Option("--scaling-seeds").numbers(scaling_seeds), time_limit, workers,
     )  # fmt: skip
     return 0 if fine else 1
 
@@ -76,8 +76,8 @@ def _start_sets(
     if not scene:
         raise FileError("SCENE: name at least one, such as a seq.yaml")
     _require_positive("--limit", limit)
-    options = values("--option", option or [])
-    whole = start_sets(scene, numbers("--sets", sets), limit, options, out)
+    options = Option("--option").values(option or [])
+    whole = start_sets(scene, Option("--sets").numbers(sets), limit, options, out)
     return 0 if whole else _INTERRUPTED
 
 
@@ -99,11 +99,11 @@ def _growth(
 
     _require_positive("--limit", limit)
     sizes = {
-        "robots": numbers("--robots", robots),
-        "steps": numbers("--steps", steps),
-        "cells": numbers("--cells", cells),
+        "robots": Option("--robots").numbers(robots),
+        "steps": Option("--steps").numbers(steps),
+        "cells": Option("--cells").numbers(cells),
     }
-    return 0 if growth(sizes, numbers("--seeds", seeds), limit, out) else 1
+    return 0 if growth(sizes, Option("--seeds").numbers(seeds), limit, out) else 1
 
 
 @app.command(name="views")
@@ -122,7 +122,12 @@ def _views(
     """
     from cocap_opt.experiments.studies.views import views
 
-    views(scene or ["corridor", "bottleneck", "passage"], poses, numbers("--samples", samples), out)
+    views(
+        scene or ["corridor", "bottleneck", "passage"],
+        poses,
+        Option("--samples").numbers(samples),
+        out,
+    )
     return 0
 
 
@@ -155,7 +160,7 @@ def _solvers(
     from cocap_opt.experiments.studies.solvers.rows import Options
     from cocap_opt.experiments.studies.solvers.table import solvers
 
-    wanted = None if seeds is None else numbers("--seeds", seeds)
+    wanted = None if seeds is None else Option("--seeds").numbers(seeds)
     if limit is not None:
         _require_positive("--limit", limit)
     return 0 if solvers(rows or [], Options(wanted, limit, large), out) else 1
@@ -174,7 +179,7 @@ def _coverage(
     """
     from cocap_opt.experiments.studies.coverage.coverage import coverage
 
-    coverage(numbers("--robots", robots), steps, out)
+    coverage(Option("--robots").numbers(robots), steps, out)
     return 0
 
 
@@ -195,7 +200,7 @@ def _gamma(
     from cocap_opt.experiments.studies.gamma import gamma
 
     _require_positive("--limit", limit)
-    gamma(scene or ["corridor", "bottleneck"], numbers("--seeds", seeds), limit, out)
+    gamma(scene or ["corridor", "bottleneck"], Option("--seeds").numbers(seeds), limit, out)
     return 0
 
 
@@ -260,11 +265,11 @@ def _notebooks(
     Example: cocap-opt study notebooks first_tour
     """
     try:
-        from cocap_opt.experiments.studies.notebooks import store_notebooks
+        from cocap_opt.experiments.studies.notebooks import Notebook
     except ModuleNotFoundError as error:
         raise FileError(f"{error.name} is not installed: pip install -e '.[notebooks]'") from error
 
-    store_notebooks(names)
+    Notebook.store_all(names)
     return 0
 
 

@@ -61,7 +61,7 @@ def gap(
     """
     from pandas import DataFrame
 
-    from cocap_opt.experiments.console.options import check_seconds, check_workers, choose
+    from cocap_opt.experiments.console.options import Option
     from cocap_opt.experiments.results.judging import SOLVERS
     from cocap_opt.experiments.results.rows import Row
     from cocap_opt.experiments.sweeps.instances import Instance, Settings
@@ -69,9 +69,9 @@ def gap(
     from cocap_opt.experiments.sweeps.sweep import Hired, sweep
 
     for name in planners or ():
-        choose("planners", name, SOLVERS)
-    check_seconds("time_limit", time_limit)
-    check_workers("workers", workers)
+        Option("planners").require_one_of(name, SOLVERS)
+    Option("time_limit").require_seconds(time_limit)
+    Option("workers").require_cores(workers)
     if work_limit is not None and work_limit < 0:
         raise ValueError(f"work_limit: must be at least 0, not {work_limit}")
     given = [scenes] if isinstance(scenes, str | Path | Problem) else list(scenes)

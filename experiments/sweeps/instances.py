@@ -15,7 +15,7 @@ from cocap_opt.experiments.results.judging import (
 )
 from cocap_opt.experiments.results.rows import OWN_STARTS, BoundColumns, PlannedRow, Row
 from cocap_opt.experiments.sweeps.cells import BOUND, Cell, CellFile, Status, Store, cells_digest
-from cocap_opt.experiments.sweeps.start import Start
+from cocap_opt.experiments.sweeps.start import BoundStart
 from cocap_opt.experiments.sweeps.work import Task
 from cocap_opt.files.documents import problem_digest
 from cocap_opt.problem import Plan, Problem
@@ -134,7 +134,7 @@ class Instance:
         return [Task(cell, self.problem) for cell in cells]
 
     def _bound_task(self) -> Task:
-        start = Start.of([self.found[cell] for cell in self.cells.values()])
+        start = BoundStart.of([self.found[cell] for cell in self.cells.values()])
         settings = self._settings
         cell = self._cell(
             BOUND, settings.bound_time_limit, settings.work_limit, start=start.digest

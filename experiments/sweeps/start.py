@@ -12,7 +12,7 @@ from cocap_opt.formulations.certificates import CertificateFile, ProofFile
 from cocap_opt.problem import Plan
 
 
-class Start(NamedTuple):
+class BoundStart(NamedTuple):
     """The best plans, and the lowest bound that a planner has proved itself."""
 
     plan: Plan | None = None  # the best of all
@@ -21,11 +21,11 @@ class Start(NamedTuple):
     seconds: float = 0.0  # in which that was proved
 
     @classmethod
-    def of(cls, contents: Sequence[CellFile]) -> "Start":
+    def of(cls, contents: Sequence[CellFile]) -> "BoundStart":
         """Returns the start that planners' cells give; their names and order do not matter."""
         certificate, seconds = _lowest_bound(contents)
         valid = [content for content in contents if content.row and content.row.valid]
-        return Start(_best(contents), _best(valid), certificate, seconds)
+        return BoundStart(_best(contents), _best(valid), certificate, seconds)
 
     @property
     def proof(self) -> CertificateFile | ProofFile | None:

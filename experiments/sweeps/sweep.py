@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-from cocap_opt.experiments.console.progress import Watch, watching
+from cocap_opt.experiments.console.progress import Watch
 from cocap_opt.experiments.console.streams import say
 from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.sweeps.cells import CellFile, Store
@@ -97,7 +97,7 @@ def _sweep(
         for content in instance.contents:
             _tell_failure(content, store, tell)
     output.update()
-    progress = watching("gap", parts=missing) if tell is say else nullcontext(Watch())
+    progress = Watch.on_terminal("gap", parts=missing) if tell is say else nullcontext(Watch())
     with catch_interrupt() as interrupt, progress as watch:
 
         def told(content: CellFile) -> None:

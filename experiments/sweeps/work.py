@@ -14,7 +14,7 @@ from cocap_opt.experiments.results.rows import BoundColumns, PlannedRow
 from cocap_opt.experiments.results.trace import Trace
 from cocap_opt.experiments.sweeps.bounds import WITH_RULES, WITHOUT_RULES, Bounds, cover
 from cocap_opt.experiments.sweeps.cells import BOUND, FREE, OWN, RULES, Cell, CellFile, Status
-from cocap_opt.experiments.sweeps.start import Start
+from cocap_opt.experiments.sweeps.start import BoundStart
 from cocap_opt.files.documents import encode
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile
 from cocap_opt.formulations.result import CertifiedResult
@@ -23,7 +23,7 @@ from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import Reason
 from cocap_opt.stop import Clock, Stop, never
 
-_NO_START = Start()
+_NO_START = BoundStart()
 
 
 class Task(NamedTuple):
@@ -31,7 +31,7 @@ class Task(NamedTuple):
 
     cell: Cell
     problem: Problem
-    start: Start = _NO_START  # of BOUND
+    start: BoundStart = _NO_START  # of BOUND
 
     def run(self, stop: Stop = never, watch: Watch | None = None) -> CellFile:
         """Computes the cell. An error is a result, too: it costs this cell only.
@@ -131,7 +131,7 @@ def _encoded(
     return {name: msgspec.Raw(encode(c)) for name, c in certificates.items() if c is not None}
 
 
-def _start_plans(problem: Problem, start: Start) -> list[Judged[Any]]:
+def _start_plans(problem: Problem, start: BoundStart) -> list[Judged[Any]]:
     """Returns the start as judged plans."""
     plans = [
         Judged.of_plan(problem, plan) for plan in (start.plan, start.valid) if plan is not None

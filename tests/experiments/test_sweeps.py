@@ -47,12 +47,12 @@ from cocap_opt.experiments.sweeps.instances import Instance, Settings
 from cocap_opt.experiments.sweeps.results import load_results
 from cocap_opt.experiments.sweeps.run import run
 from cocap_opt.experiments.sweeps.run_file import RunFile
-from cocap_opt.experiments.sweeps.start import Start
+from cocap_opt.experiments.sweeps.start import BoundStart
 from cocap_opt.experiments.sweeps.sweep import Hired, sweep
 from cocap_opt.experiments.sweeps.work import Task
 from cocap_opt.files.documents import PlanFile, SceneFile, decode, decode_document, problem_digest
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile
-from cocap_opt.formulations.result import Start
+from cocap_opt.formulations.result import StartPlan
 from cocap_opt.model import compiled
 from cocap_opt.problem import NO_RULES, Plan, Problem
 from cocap_opt.referee import check
@@ -131,7 +131,7 @@ def untimed(rows: Sequence[Row]) -> list[Row]:
 
 def staying(problem: Problem, stop: Stop) -> Result:
     """A planner that moves nobody."""
-    plan = Start.hovering(problem)
+    plan = StartPlan.hovering(problem)
     assert plan is not None
     return Result(plan, check(problem, plan).reward, Reason.FINISHED)
 
@@ -183,10 +183,10 @@ def test_a_bound_begins_with_the_best_of_all_whoever_found_it(
     found = planned(problem, ("cocap", "twin"))
     one, other = (content.plan.plan for content in found if content.plan)
     assert one != other and found[0].row.reward == found[1].row.reward
-    assert Start.of(found) == Start.of(found[::-1])
+    assert BoundStart.of(found) == BoundStart.of(found[::-1])
     found = planned(load_scene("tiny-queue", 0), ("cocap", "branch-and-price", "greedy"))
-    start = Start.of(found)
-    assert start == Start.of(found[::-1])
+    start = BoundStart.of(found)
+    assert start == BoundStart.of(found[::-1])
     assert start.plan == found[2].plan.plan and found[2].row.conflicts  # type: ignore[union-attr]
     assert start.valid in [content.plan.plan for content in found[:2] if content.plan]
     assert start.certificate == found[1].certificate(OWN)
