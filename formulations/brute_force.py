@@ -12,8 +12,8 @@ from cocap_opt.formulations.result import (
     OPTIMALITY,
     CertifiedResult,
     Report,
+    StartPlan,
     silent,
-    usable_start,
 )
 from cocap_opt.model import Model, Path, compiled
 from cocap_opt.objective import move_reward, view_reward
@@ -60,7 +60,7 @@ def brute_force(
     else:
         reason = Reason.INFEASIBLE if search.plan is None else Reason.OPTIMAL
         result = CertifiedResult(search.plan, search.value, reason, bound=search.value)
-    message = usable_start(problem, start).message
+    message = StartPlan.checked(problem, start).message
     return replace(result, message=message, statistics={"plans": plans})
 
 

@@ -18,9 +18,8 @@ __all__ = [
     "ExactMethod",
     "Report",
     "Snapshot",
-    "hovering",
+    "StartPlan",
     "silent",
-    "usable_start",
 ]
 
 OPTIMALITY = 1e-6  # relative gap at which a plan is called optimal
@@ -60,8 +59,8 @@ class CertifiedResult(Result):
 
         Its plan is the start, or else that nobody moves.
         """
-        plan, message = usable_start(problem, start)
-        plan = hovering(problem) if plan is None else plan
+        plan, message = StartPlan.checked(problem, start)
+        plan = StartPlan.hovering(problem) if plan is None else plan
         value = -math.inf if plan is None else check(problem, plan).reward
         return cls(plan, value, Reason.STOPPED, limit, message=message)
 
@@ -73,6 +72,33 @@ class CertifiedResult(Result):
         if self.reason is Reason.INFEASIBLE:
             return self
         return replace(self, reason=Reason.STOPPED, limit=limit)
+
+
+class StartPlan(NamedTuple):
+    """A plan to begin with, if there is one."""
+
+    plan: Plan | None
+    message: str  # why the plan that was given is rejected; empty where it is not
+
+    @classmethod
+    def checked(cls, problem: Problem, plan: Plan | None) -> "StartPlan":
+        """Returns the plan if it can be flown and breaks no rule; otherwise the reason in words."""
+        if plan is None:
+            return cls(None, "")
+        verdict = check(problem, plan)
+        if verdict.valid:
+            return cls(plan, "")
+        return cls(None, f"start rejected: {(*verdict.violations, *verdict.conflicts)[0]}")
+
+    @staticmethod
+    def hovering(problem: Problem) -> Plan | None:
+        """Returns the plan in which nobody moves, as starts obey all rules.
+
+        None where goals differ.
+        """
+        if any(r.goal not in (None, (r.start.x, r.start.y)) for r in problem.robots):
+            return None
+        return Plan(paths=tuple((r.start,) * (problem.horizon + 1) for r in problem.robots))
 
 
 class Snapshot(NamedTuple):
@@ -122,27 +148,3 @@ class ExactMethod(Protocol):
         gap: float = OPTIMALITY,
     ) -> CertifiedResult:
         """Solves a problem, beginning with the plan `start`."""
-
-
-class _Start(NamedTuple):
-    """A plan to begin with, if there is one."""
-
-    plan: Plan | None
-    message: str  # why the plan that was given is rejected; empty where it is not
-
-
-def usable_start(problem: Problem, start: Plan | None) -> _Start:
-    """Returns the plan if it can be flown and breaks no rule; otherwise the reason in words."""
-    if start is None:
-        return _Start(None, "")
-    verdict = check(problem, start)
-    if verdict.valid:
-        return _Start(start, "")
-    return _Start(None, f"start rejected: {(*verdict.violations, *verdict.conflicts)[0]}")
-
-
-def hovering(problem: Problem) -> Plan | None:
-    """Returns the plan in which nobody moves, as starts obey all rules; None where goals differ."""
-    if any(r.goal not in (None, (r.start.x, r.start.y)) for r in problem.robots):
-        return None
-    return Plan(paths=tuple((r.start,) * (problem.horizon + 1) for r in problem.robots))

@@ -13,8 +13,8 @@ from cocap_opt.formulations.certificates import CertificateFile, ReferencePixels
 from cocap_opt.formulations.result import (
     CertifiedResult,
     Report,
+    StartPlan,
     silent,
-    usable_start,
 )
 from cocap_opt.model import Model, compiled
 from cocap_opt.problem import Plan, Problem
@@ -46,7 +46,7 @@ def online(
     Where the bound `alone` is lower, or without a plan, it is that. (The rewards for
     moves in J(P) are bounded by the paths' own, so they are not counted twice.)
     """
-    plan, message = usable_start(problem, start)
+    plan, message = StartPlan.checked(problem, start)
     if plan is None:
         message = f"{message or 'no plan to start from'}; the bound is that of `alone`"
     model = compiled(problem)

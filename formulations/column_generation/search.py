@@ -17,9 +17,8 @@ from cocap_opt.formulations.result import (
     CertifiedResult,
     Report,
     Snapshot,
-    hovering,
+    StartPlan,
     silent,
-    usable_start,
 )
 from cocap_opt.model import Model
 from cocap_opt.problem import Plan
@@ -85,7 +84,7 @@ class Search:
 
     def use_start(self, start: Plan | None) -> str:
         """Offers a plan to begin with; returns why it is rejected, if it is."""
-        plan, message = usable_start(self.model.problem, start)
+        plan, message = StartPlan.checked(self.model.problem, start)
         self.offer(Incumbent.of_plan(self.model, plan))
         return message
 
@@ -104,7 +103,7 @@ class Search:
         incumbent's columns come after them.
         """
         robots = range(len(self.model.problem.robots))
-        self.offer(Incumbent.of_plan(self.model, hovering(self.model.problem)))
+        self.offer(Incumbent.of_plan(self.model, StartPlan.hovering(self.model.problem)))
         obeying: list[Column] = []
         with suppress(LimitReached):
             for robot in robots:

@@ -5,11 +5,9 @@ matrices. `mathopt` (HiGHS, SCIP), `cp_sat` and `scip_nonlinear` translate it fo
 """
 
 __all__ = [
-    "attending",
     "cp_sat",
     "linear_program",
     "mathopt",
-    "mathopt_process",
     "outer_approximation",
     "program",
     "scip_nonlinear",

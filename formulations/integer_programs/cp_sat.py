@@ -12,7 +12,6 @@ import numpy as np
 from scipy import sparse
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
-from cocap_opt.formulations.integer_programs.attending import attend
 from cocap_opt.formulations.integer_programs.outer_approximation import (
     Root,
     certified_root,
@@ -90,7 +89,9 @@ def _solve(program: Program, call: Call) -> Answer:
         call.tick()
 
     collect = Collect()
-    attend(lambda: solver.solve(translated.model, collect), call.stop, tick, solver.stop_search)
+    call._replace(tick=tick).attend(
+        lambda: solver.solve(translated.model, collect), solver.stop_search
+    )
     return _answer(solver, translated)
 
 
@@ -177,7 +178,7 @@ class _Translated:
             slope = self.worth[g] / (2 * math.sqrt(z0))
             constant = self.worth[g] * math.sqrt(z0) / 2
             self._bound_root(g, roots.pixels, g, slope, constant)
-        cuts = program.cut_rows()
+        cuts = roots.cut_rows(program.cuts)
         for k, (g, constant) in enumerate(
             zip(cuts.at.tolist(), cuts.constants.tolist(), strict=True)
         ):

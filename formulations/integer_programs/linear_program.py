@@ -65,7 +65,7 @@ def _rows(program: Program) -> _Rows:
     inside, one = sparse.eye_array(flow.n_nodes, format="csr"), sparse.eye_array(g, format="csr")
     at, z0 = program.tangents
     slopes = _at(at, 1 / (2 * np.sqrt(z0)), g)
-    cuts = program.cut_rows()
+    cuts = roots.cut_rows(program.cuts)
     widths = [flow.n_nodes, flow.n_edges, g, g, g]
     blocks: list[list[Any]] = [
         [inside[later], -flow.entering[later], None, None, None],

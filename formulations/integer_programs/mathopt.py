@@ -4,13 +4,16 @@ HiGHS takes no interrupter there (and drops callbacks without a word), so that o
 its process stops it at once; and its library cannot clash with the HiGHS that cvxpy brings.
 """
 
+import contextlib
 import math
-from typing import Any
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any, Self
 
 import numpy as np
 
 from cocap_opt.formulations.integer_programs.linear_program import LinearProgram
-from cocap_opt.formulations.integer_programs.mathopt_process import SolverProcess
 from cocap_opt.formulations.integer_programs.outer_approximation import (
     Root,
     certified_root,
@@ -20,9 +23,11 @@ from cocap_opt.formulations.integer_programs.program import Answer, Call, Progra
 from cocap_opt.formulations.relaxations.flow import Amounts
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Report, silent
 from cocap_opt.problem import Plan, Problem
-from cocap_opt.stop import Limit, Stop, never
+from cocap_opt.stop import Clock, Limit, Stop, never
 
 __all__ = ["MathOptSolver", "highs", "scip"]
+
+GRACE = 1.0  # s for a solver to come to an end after its limit, or after it was told to
 
 
 def highs(
@@ -46,8 +51,7 @@ def highs(
     UnsupportedError
         If the scene is too large for a flow model (see `cocap_opt.formulations.relaxations.flow`).
     """
-    with SolverProcess() as process:
-        solver = MathOptSolver("HIGHS", process)
+    with MathOptSolver("HIGHS") as solver:
         return outer_approximation(problem, stop, start, report, gap, solver, root)
 
 
@@ -70,26 +74,35 @@ def scip(
     UnsupportedError
         If the scene is too large for a flow model (see `cocap_opt.formulations.relaxations.flow`).
     """
-    with SolverProcess() as process:
-        solver = MathOptSolver("GSCIP", process)
+    with MathOptSolver("GSCIP") as solver:
         return outer_approximation(problem, stop, start, report, gap, solver, root)
 
 
 class MathOptSolver:
-    """A solver that MathOpt has, in a process.
+    """A solver that MathOpt has, in a process that ends with the `with` statement.
 
     Parameters
     ----------
     name : MathOpt's name for it
     """
 
-    def __init__(self, name: str, process: SolverProcess) -> None:
-        self.name, self._process = name, process
+    def __init__(self, name: str) -> None:
+        self.name, self._process = name, _SolverProcess()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._process.end()
 
     def __call__(self, program: Program, call: Call) -> Answer:
         """Solves a program."""
-        response = self._process.solve(self.request(program, call), call.stop, call.tick)
+        response = self.respond(self.request(program, call), call)
         return self.answer(program, response, late=bool(call.stop.reached()))
+
+    def respond(self, request: bytes, call: Call) -> bytes | None:
+        """Returns the process's response to a request; None where it ended without one."""
+        return self._process.solve(request, call)
 
     def request(self, program: Program, call: Call) -> bytes:
         """Returns the message that asks for a solution of a program."""
@@ -191,3 +204,71 @@ def _solution(program: Program, result: Any) -> Amounts | None:
     values = np.zeros(n + e + 3 * len(program.roots.used))
     values[np.array(given.ids, dtype=np.int64)] = np.array(given.values)
     return Amounts(values[:n], values[n : n + e])
+
+
+# -- the process ------------------------------------------------------------------------------
+
+
+class _SolverProcess:
+    """A process that solves MathOpt's requests; started when it is first asked."""
+
+    def __init__(self) -> None:
+        self._process: subprocess.Popen[bytes] | None = None
+
+    def solve(self, request: bytes, call: Call) -> bytes | None:
+        """Returns the response to a request; None where the process ended without one."""
+        process = self._started()
+        told: Clock | None = None
+
+        def interrupt() -> None:
+            nonlocal told
+            if told is None:
+                told = Clock()
+                _tell(process, b"S")
+            elif told.seconds > GRACE:
+                process.kill()
+
+        response = call.attend(lambda: _exchange(process, request), interrupt)
+        if response is None:
+            self.end()
+        return response
+
+    def _started(self) -> "subprocess.Popen[bytes]":
+        if self._process is None:
+            script = Path(__file__).with_name("mathopt_worker.py")
+            self._process = subprocess.Popen(
+                [sys.executable, "-P", str(script)],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL,
+                start_new_session=True,  # Ctrl-C in a terminal is for us to handle
+            )
+        return self._process
+
+    def end(self) -> None:
+        """Ends the process, if there is one."""
+        if self._process is not None:
+            self._process.kill()
+            self._process.wait()
+            for stream in (self._process.stdin, self._process.stdout):
+                # What was not yet written goes nowhere.
+                with contextlib.suppress(OSError):
+                    if stream is not None:
+                        stream.close()
+            self._process = None
+
+
+def _tell(process: "subprocess.Popen[bytes]", message: bytes) -> None:
+    assert process.stdin is not None
+    with contextlib.suppress(OSError):  # it is gone; the reader sees that
+        process.stdin.write(message)
+        process.stdin.flush()
+
+
+def _exchange(process: "subprocess.Popen[bytes]", request: bytes) -> bytes | None:
+    """Sends a request and waits for the whole response; None if the process ends."""
+    assert process.stdout is not None
+    _tell(process, b"R" + len(request).to_bytes(8, "big") + request)
+    size = int.from_bytes(head := process.stdout.read(8), "big")
+    body = process.stdout.read(size)
+    return body if len(head) == 8 and len(body) == size else None

@@ -1,6 +1,6 @@
 """A process that solves MathOpt's requests, one after the other, until its input ends.
 
-It is started by `mathopt_process` and imports nothing of this project. Messages on
+It is started by `mathopt` and imports nothing of this project. Messages on
 standard input: R, length (8 bytes), a SolveRequest; or S, which interrupts the solve. Answers
 on standard output: length (8 bytes), a SolveResponse.
 """

@@ -27,8 +27,7 @@ from cocap_opt.formulations.result import (
     CertifiedResult,
     Report,
     Snapshot,
-    hovering,
-    usable_start,
+    StartPlan,
 )
 from cocap_opt.model import Model, Path, compiled
 from cocap_opt.objective import objective
@@ -113,9 +112,9 @@ class _Rounds:
         self.clock = Clock()
         self.problem, self.stop, self.report, self.gap = problem, stop, report, gap
         self.model = model
-        self.plan, self.message = usable_start(problem, start)
+        self.plan, self.message = StartPlan.checked(problem, start)
         if self.plan is None:
-            self.plan = hovering(problem)
+            self.plan = StartPlan.hovering(problem)
         self.paths: tuple[Path, ...] | None = None
         self.value = self.known = -math.inf
         self.file: CertificateFile | None = None

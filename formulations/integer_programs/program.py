@@ -8,18 +8,22 @@ The root u of a view sum is concave in its pixels z, so every tangent lies above
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from concurrent.futures import ThreadPoolExecutor, wait
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.certificates import Cut, Multipliers
 from cocap_opt.formulations.relaxations.collision_rows import ConflictRows
-from cocap_opt.formulations.relaxations.flow import Amounts, CutRows, Flow, Roots
+from cocap_opt.formulations.relaxations.flow import Amounts, Flow, Roots
 from cocap_opt.stop import Limit, Stop
 
 TANGENTS = 5  # per view sum at the beginning, each at a quarter of the pixels of the one before
 SLACK = 1e-9  # relative, by which a root may be overestimated at a plan
+POLL = 0.05  # s between two questions whether a limit is reached
+
+T = TypeVar("T")
 
 
 class Answer(NamedTuple):
@@ -40,6 +44,29 @@ class Call(NamedTuple):
     stop: Stop
     tick: Callable[[], None]  # to be called every now and then
     found: Callable[[Amounts], None]  # to be called with each new solution
+
+    def attend(self, work: Callable[[], T], interrupt: Callable[[], None]) -> T:
+        """Does work in another thread, while this one asks for limits and hears of Ctrl-C.
+
+        Parameters
+        ----------
+        interrupt : called again and again from when a limit is reached until the work ends
+
+        Returns
+        -------
+        The outcome of the work, also where it was interrupted.
+        """
+        with ThreadPoolExecutor(1) as pool:
+            future = pool.submit(work)
+            try:
+                while not wait([future], POLL).done:
+                    self.tick()
+                    if self.stop.reached():
+                        interrupt()
+            finally:
+                while not wait([future], POLL).done:  # an exception is on its way out
+                    interrupt()
+        return future.result()
 
 
 Solver = Callable[["Program", Call], Answer]  # takes programs of one problem, one after another
@@ -89,7 +116,7 @@ class Program:
         allowed: FloatArray = seen.copy()
         at, z0 = self.tangents
         np.minimum.at(allowed, at, pixels[at] / (2 * np.sqrt(z0)) + np.sqrt(z0) / 2)
-        cuts = self.cut_rows()
+        cuts = self.roots.cut_rows(self.cuts)
         np.minimum.at(allowed, cuts.at, cuts.constants + cuts.phi @ x)
         return allowed
 
@@ -107,10 +134,6 @@ class Program:
         )
         self._add(wrong, pixels[wrong])
         return len(wrong)
-
-    def cut_rows(self) -> CutRows:
-        """Returns the envelope cuts as rows."""
-        return self.roots.cut_rows(self.cuts)
 
     def _add(self, view_sums: IntArray, z0: FloatArray) -> None:
         self._tangents += zip(view_sums.tolist(), z0.tolist(), strict=True)

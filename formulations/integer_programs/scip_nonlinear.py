@@ -12,7 +12,6 @@ import numpy as np
 from scipy import sparse
 
 from cocap_opt.data import FloatArray
-from cocap_opt.formulations.integer_programs.attending import attend
 from cocap_opt.formulations.integer_programs.linear_program import LinearProgram
 from cocap_opt.formulations.integer_programs.outer_approximation import (
     Root,
@@ -68,7 +67,7 @@ def _solve(program: Program, call: Call) -> Answer:
     model.setParam("limits/time", min(call.stop.seconds_left, NO_TIME_LIMIT))
     if call.hint is not None:
         translated.hint(program.point(call.hint))
-    attend(model.optimizeNogil, call.stop, call.tick, model.interruptSolve)
+    call.attend(model.optimizeNogil, model.interruptSolve)
     return translated.answer()
 
 

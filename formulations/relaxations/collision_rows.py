@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.formulations.certificates import Cells, Resource, Swap
-from cocap_opt.formulations.relaxations.flow import Flow, incidence
+from cocap_opt.formulations.relaxations.flow import Flow
 from cocap_opt.problem import Cell, Problem
 from cocap_opt.result import UnsupportedError
 
@@ -57,7 +57,7 @@ class ConflictRows:
         return cls(
             flow=flow,
             slots=slots,
-            occupied=incidence(at, later, (len(slots), flow.n_nodes)),
+            occupied=_incidence(at, later, (len(slots), flow.n_nodes)),
             cliques=cliques[shared],
             swaps=swaps.moves,
             crossing=swaps.crossing,
@@ -159,7 +159,7 @@ def _reach(flow: Flow, slots: _Slots) -> sparse.csr_array:
             rows.append(at)
             columns.append(np.full(len(at), robot))
     shape = (len(slots), len(problem.robots))
-    return incidence(np.concatenate(rows), np.concatenate(columns), shape)
+    return _incidence(np.concatenate(rows), np.concatenate(columns), shape)
 
 
 def _cliques(problem: Problem, slots: _Slots) -> sparse.csr_array:
@@ -187,7 +187,7 @@ def _laid(shape: "_Shape", slots: _Slots) -> sparse.csr_array:
     found = [slots.find(t, k, u + i, v + j) for k, i, j in shape]
     rows = np.concatenate([part.which for part in found])
     columns = np.concatenate([part.slots for part in found])
-    return incidence(rows, columns, (len(origins), len(slots)))
+    return _incidence(rows, columns, (len(origins), len(slots)))
 
 
 def _pairs_too_close(problem: Problem, slots: _Slots) -> sparse.csr_array:
@@ -208,7 +208,7 @@ def _pairs_too_close(problem: Problem, slots: _Slots) -> sparse.csr_array:
     rows, columns = np.concatenate([number, number]), np.concatenate([one, other])
     alone = sparse.eye_array(len(slots), format="csr")
     return sparse.csr_array(
-        sparse.vstack([alone, incidence(rows, columns, (len(pairs), len(slots)))])
+        sparse.vstack([alone, _incidence(rows, columns, (len(pairs), len(slots)))])
     )
 
 
@@ -314,7 +314,7 @@ def _swaps(flow: Flow, slots: _Slots, reach: sparse.csr_array) -> _Swaps:
     pairs, at = np.unique(keys, axis=0, return_inverse=True)
     both = np.zeros((len(pairs), 2), dtype=bool)
     both[at, (one < other).astype(np.int64)] = True
-    crossing = incidence(at, moving, (len(pairs), flow.n_edges))
+    crossing = _incidence(at, moving, (len(pairs), flow.n_edges))
     kept = np.flatnonzero(both.all(axis=1))
     t, *ends = pairs[kept].T
     one, other = (
@@ -322,3 +322,8 @@ def _swaps(flow: Flow, slots: _Slots, reach: sparse.csr_array) -> _Swaps:
     )
     kept = kept[np.asarray((one + other > 0).sum(axis=1)).ravel() > 1]
     return _Swaps(pairs[kept], sparse.csr_array(crossing[kept]))
+
+
+def _incidence(rows: IntArray, columns: IntArray, shape: tuple[int, int]) -> sparse.csr_array:
+    """Returns a matrix with ones at these rows [n] and columns [n]."""
+    return sparse.csr_array((np.ones(len(rows)), (rows, columns)), shape=shape)

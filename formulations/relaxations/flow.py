@@ -92,12 +92,17 @@ class Flow:
     @cached_property
     def entering(self) -> sparse.csr_array:
         """1 where an edge enters a node [N, E]."""
-        return incidence(self.heads, np.arange(self.n_edges), (self.n_nodes, self.n_edges))
+        return self._ends(self.heads)
 
     @cached_property
     def leaving(self) -> sparse.csr_array:
         """1 where an edge leaves a node [N, E]."""
-        return incidence(self.tails, np.arange(self.n_edges), (self.n_nodes, self.n_edges))
+        return self._ends(self.tails)
+
+    def _ends(self, nodes: IntArray) -> sparse.csr_array:
+        """Returns 1 where an edge has its end in a node [N, E], given that node of each [E]."""
+        at = (nodes, np.arange(self.n_edges))
+        return sparse.csr_array((np.ones(self.n_edges), at), shape=(self.n_nodes, self.n_edges))
 
     @cached_property
     def bonus(self) -> FloatArray:
@@ -313,11 +318,6 @@ def _joined(parts: Sequence[IntArray]) -> IntArray:
     return np.concatenate([np.zeros(0, dtype=np.int64), *parts])
 
 
-def incidence(rows: IntArray, columns: IntArray, shape: tuple[int, int]) -> sparse.csr_array:
-    """Returns a matrix with ones at these rows [n] and columns [n]."""
-    return sparse.csr_array((np.ones(len(rows)), (rows, columns)), shape=shape)
-
-
 # -- roots -------------------------------------------------------------------------------------
 
 
@@ -351,7 +351,7 @@ class Roots:
         nodes: IntArray = self.seen.indices[part].astype(np.int64)
         return nodes, self.seen.data[part] * self.scale[g]
 
-    def cut_rows(self, cuts: Sequence[Cut]) -> "CutRows":
+    def cut_rows(self, cuts: Sequence[Cut]) -> "_CutRows":
         """Returns envelope cuts as rows u <= constants + phi x, in units of the roots."""
         at = np.searchsorted(self.used, [cut.view_sum for cut in cuts]).astype(np.int64)
         entries = [self.entries(g) for g in at.tolist()]
@@ -366,10 +366,10 @@ class Roots:
             np.cumsum([0, *(len(nodes) for nodes, _ in entries)]),
         )
         phi = sparse.csr_array(parts, shape=(len(cuts), len(self.owner)))
-        return CutRows(phi, np.array([cut.constant for cut in cuts]) / scales, at)
+        return _CutRows(phi, np.array([cut.constant for cut in cuts]) / scales, at)
 
 
-class CutRows(NamedTuple):
+class _CutRows(NamedTuple):
     """Envelope cuts as rows of a program, in units of the roots."""
 
     phi: sparse.csr_array  # [k, N] of a robot in each node

@@ -4,6 +4,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 from itertools import product
 from typing import Any
 
@@ -16,10 +17,8 @@ from strategies import Calls, examples, meetings, problems, tiny
 
 from cocap_opt.formulations.certificates import verify
 from cocap_opt.formulations.column_generation.column_generation import column_generation
-from cocap_opt.formulations.integer_programs.attending import attend
 from cocap_opt.formulations.integer_programs.cp_sat import cp_sat
 from cocap_opt.formulations.integer_programs.mathopt import MathOptSolver, highs, scip
-from cocap_opt.formulations.integer_programs.mathopt_process import SolverProcess
 from cocap_opt.formulations.integer_programs.outer_approximation import (
     certified_root,
     outer_approximation,
@@ -148,6 +147,11 @@ class After(Stop):
         return Limit.INTERRUPT if late else None
 
 
+def call_of(stop: Stop, tick: Callable[[], None] = lambda: None) -> Call:
+    """A request without a hint, whose solutions go nowhere."""
+    return Call(None, 0.0, stop, tick, lambda found: None)
+
+
 def test_work_that_is_attended_hears_of_a_limit() -> None:
     """Work goes on until a limit is reached, then it is told to end, and its outcome counts."""
     told, ticks = threading.Event(), list[float]()
@@ -156,9 +160,9 @@ def test_work_that_is_attended_hears_of_a_limit() -> None:
         assert told.wait(10.0)
         return "so far"
 
-    outcome = attend(work, Calls(2), lambda: ticks.append(0.0), told.set)
+    outcome = call_of(Calls(2), lambda: ticks.append(0.0)).attend(work, told.set)
     assert outcome == "so far" and len(ticks) >= 3
-    assert attend(lambda: "at once", never, lambda: None, told.clear) == "at once"
+    assert call_of(never).attend(lambda: "at once", told.clear) == "at once"
     assert told.is_set()
 
 
@@ -297,9 +301,9 @@ def test_what_goes_wrong_in_the_solvers_process_is_told() -> None:
         solver_type=parameters_pb2.SolverTypeProto.Value("SOLVER_TYPE_GUROBI")
     )
     problem = load_scene("tiny-trap")
-    with SolverProcess() as process:
+    with MathOptSolver("HIGHS") as solver:
         for _ in range(2):
-            data = process.solve(unknown.SerializeToString(), never, lambda: None)
+            data = solver.respond(unknown.SerializeToString(), call_of(never))
 
             def told(program: Program, call: Call, data: bytes | None = data) -> Answer:
                 return MathOptSolver.answer(program, data, late=False)
@@ -307,17 +311,17 @@ def test_what_goes_wrong_in_the_solvers_process_is_told() -> None:
             result = solved_by(told, problem)
             assert result.limit is Limit.NUMERICS and "the solver failed" in result.message
         # And one that ends the process.
-        assert process.solve(b"\xff", never, lambda: None) is None
+        assert solver.respond(b"\xff", call_of(never)) is None
 
 
 def test_a_proof_at_the_time_limit_is_not_believed() -> None:
     """HiGHS calls its start optimal, with no bound, where its time ends in the root node."""
     problem, answers = load_scene("tiny-trap"), list[Answer]()
-    with SolverProcess() as process:
-        highs_solver = MathOptSolver("HIGHS", process)
+    with MathOptSolver("HIGHS") as highs_solver:
 
         def solver(program: Program, call: Call) -> Answer:
-            data = process.solve(highs_solver.request(program, call), never, call.tick)
+            request = highs_solver.request(program, call)
+            data = highs_solver.respond(request, call._replace(stop=never))
             late = highs_solver.answer(program, data, late=True)
             answers.append(late)
             return late
