@@ -40,148 +40,177 @@ class Verdict:
 
 def check(problem: Problem, plan: Plan) -> Verdict:
     """Returns the verdict on a plan; its rewards are nan if it cannot be flown."""
-    violations = broken_motions(problem, plan)
-    if violations:
-        return Verdict(tuple(violations), (), math.nan, math.nan, (), math.nan, ())
-    rewards = _view_rewards(problem, plan)
-    per_step = [math.fsum(row) for row in rewards]
-    moves = _move_rewards(problem, plan)
-    return Verdict(
-        violations=(),
-        conflicts=tuple(broken_rules(problem, plan)),
-        reward=math.fsum([*per_step, moves]),
-        reward_at_start=per_step[0],
-        reward_per_step=tuple(per_step[1:]),
-        reward_moves=moves,
-        face_reward=tuple(math.fsum(column) for column in zip(*rewards, strict=True)),
-    )
+    return Referee(problem).verdict(plan)
 
 
-def _move_rewards(problem: Problem, plan: Plan) -> float:
-    """Returns the rewards per move of all robots together."""
-    objective, rewards = problem.objective, []
-    for path in plan.paths:
-        for t in range(problem.horizon):
-            a, b = path[t], path[t + 1]
-            if a == b:
-                rewards.append(objective.stationarity)
-            if (a.x, a.y, a.layer) == (b.x, b.y, b.layer):
-                rewards.append(objective.keep_cell)
-            if a.heading == b.heading:
-                rewards.append(objective.keep_heading)
-            if (b.x - a.x) + (b.y - a.y) == 0:
-                rewards.append(objective.balanced)
-    return math.fsum(rewards)
+@dataclass(frozen=True)
+class Referee:
+    """The judge of all plans of one problem."""
 
+    problem: Problem
 
-def _view_rewards(problem: Problem, plan: Plan) -> list[list[float]]:
-    """Returns the view reward of every step and face [T+1][F].
+    def verdict(self, plan: Plan) -> Verdict:
+        """Returns the verdict on a plan; its rewards are nan if it cannot be flown."""
+        violations = self.violations(plan)
+        if violations:
+            return Verdict(tuple(violations), (), math.nan, math.nan, (), math.nan, ())
+        rewards = self._view_rewards(plan)
+        per_step = [math.fsum(row) for row in rewards]
+        moves = self._move_rewards(plan)
+        return Verdict(
+            violations=(),
+            conflicts=tuple(self.conflicts(plan)),
+            reward=math.fsum([*per_step, moves]),
+            reward_at_start=per_step[0],
+            reward_per_step=tuple(per_step[1:]),
+            reward_moves=moves,
+            face_reward=tuple(math.fsum(column) for column in zip(*rewards, strict=True)),
+        )
 
-    If pixels add up over time, a step's reward is its gain over the steps before.
-    """
-    geometry = FaceGeometry(problem)
-    rewards = []
-    before = [0.0 for _ in problem.face_weights]
-    for t in range(problem.horizon + 1):
-        pixels = [0.0 for _ in problem.face_weights]
-        for i, robot in enumerate(problem.robots):
-            if t >= problem.first_step:
-                coverage = _coverage(problem, geometry, robot, t, plan.paths[i][t])
-                pixels = [a + b for a, b in zip(pixels, coverage, strict=True)]
-        weights = problem.step_weights[t].tolist()
-        if problem.objective.over_time:
-            pixels = [a + b for a, b in zip(before, pixels, strict=True)]
-        gained = [w * math.sqrt(z) for w, z in zip(weights, pixels, strict=True)]
-        if problem.objective.over_time:
-            so_far = [w * math.sqrt(z) for w, z in zip(weights, before, strict=True)]
-            gained = [a - b for a, b in zip(gained, so_far, strict=True)]
-            before = pixels
-        rewards.append(gained)
-    return rewards
+    def violations(self, plan: Plan) -> list[str]:
+        """Says in words what makes the plan impossible to fly, robot by robot."""
+        if len(plan.paths) != len(self.problem.robots):
+            return [f"paths: {len(plan.paths)} paths for {len(self.problem.robots)} drones"]
+        found = []
+        for i, (robot, path) in enumerate(zip(self.problem.robots, plan.paths, strict=True)):
+            where = f"paths[{i}]"
+            if len(path) != self.problem.horizon + 1:
+                found.append(f"{where}: {len(path)} states for the steps 0..{self.problem.horizon}")
+                continue
+            if path[0] != robot.start:
+                found.append(f"{where}: starts at {tuple(path[0])}, not {tuple(robot.start)}")
+            outside = [t for t, state in enumerate(path) if not self._stands_free(robot, state)]
+            if outside:
+                found += [f"{where}: step {t} is blocked or outside the map" for t in outside]
+                continue
+            for t in range(self.problem.horizon):
+                if fault := self._broken_move(robot, path[t], path[t + 1]):
+                    found.append(f"{where}: step {t} to {t + 1} {fault}")
+            if robot.goal is not None and (path[-1].x, path[-1].y) != robot.goal:
+                found.append(
+                    f"{where}: ends in cell ({path[-1].x}, {path[-1].y}), not {robot.goal}"
+                )
+        return found
 
+    def conflicts(self, plan: Plan) -> list[str]:
+        """Says in words which collision rules are broken, step by step."""
+        rules, found = self.problem.rules, []
 
-def _coverage(
-    problem: Problem, geometry: FaceGeometry, robot: Robot, t: int, state: State
-) -> list[float]:
-    graph = TimeGraph.of(problem.workspace, robot.motion, len(robot.camera.tilts))
-    views = make_views(geometry, problem, graph, robot.camera)
-    coverage: list[float] = views.coverage(t, np.array([graph.index(state)]))[0].tolist()
-    return coverage
+        def position(robot: int, t: int) -> tuple[int, int, float]:
+            state = plan.paths[robot][t]
+            return state.x, state.y, self._altitude(self.problem.robots[robot], state)
 
+        def distance(a: tuple[int, int, float], b: tuple[int, int, float]) -> float:
+            size = self.problem.height_map.resolution
+            return math.hypot((a[0] - b[0]) * size, (a[1] - b[1]) * size, a[2] - b[2])
 
-def broken_motions(problem: Problem, plan: Plan) -> list[str]:
-    """Says in words what makes the plan impossible to fly, robot by robot."""
-    if len(plan.paths) != len(problem.robots):
-        return [f"paths: {len(plan.paths)} paths for {len(problem.robots)} drones"]
-    found = []
-    for i, (robot, path) in enumerate(zip(problem.robots, plan.paths, strict=True)):
-        where = f"paths[{i}]"
-        if len(path) != problem.horizon + 1:
-            found.append(f"{where}: {len(path)} states for the steps 0..{problem.horizon}")
-            continue
-        if path[0] != robot.start:
-            found.append(f"{where}: starts at {tuple(path[0])}, not {tuple(robot.start)}")
-        outside = [t for t, state in enumerate(path) if not _stands_free(problem, robot, state)]
-        if outside:
-            found += [f"{where}: step {t} is blocked or outside the map" for t in outside]
-            continue
-        for t in range(problem.horizon):
-            if fault := _broken_move(problem, robot, path[t], path[t + 1]):
-                found.append(f"{where}: step {t} to {t + 1} {fault}")
-        if robot.goal is not None and (path[-1].x, path[-1].y) != robot.goal:
-            found.append(f"{where}: ends in cell ({path[-1].x}, {path[-1].y}), not {robot.goal}")
-    return found
+        for t in range(self.problem.horizon + 1):
+            for i in range(len(plan.paths)):
+                for k in range(i + 1, len(plan.paths)):
+                    a, b = position(i, t), position(k, t)
+                    if rules.vertex and a == b:
+                        found.append(f"step {t}: drones {i} and {k} are in one cell")
+                    elif rules.vertex and distance(a, b) < rules.separation:
+                        found.append(
+                            f"step {t}: drones {i} and {k} are {distance(a, b):g} m apart, "
+                            f"less than {rules.separation:g} m"
+                        )
+                    ahead = t < self.problem.horizon and (position(i, t + 1), position(k, t + 1))
+                    if rules.swap and a != b and ahead == (b, a):
+                        found.append(f"step {t} to {t + 1}: drones {i} and {k} swap cells")
+        return found
 
+    def _move_rewards(self, plan: Plan) -> float:
+        """Returns the rewards per move of all robots together."""
+        objective, rewards = self.problem.objective, []
+        for path in plan.paths:
+            for t in range(self.problem.horizon):
+                a, b = path[t], path[t + 1]
+                if a == b:
+                    rewards.append(objective.stationarity)
+                if (a.x, a.y, a.layer) == (b.x, b.y, b.layer):
+                    rewards.append(objective.keep_cell)
+                if a.heading == b.heading:
+                    rewards.append(objective.keep_heading)
+                if (b.x - a.x) + (b.y - a.y) == 0:
+                    rewards.append(objective.balanced)
+        return math.fsum(rewards)
 
-def _stands_free(problem: Problem, robot: Robot, state: State) -> bool:
-    width, depth = problem.height_map.shape
-    if not (0 <= state.x < width and 0 <= state.y < depth):
-        return False
-    if not 0 <= state.layer < len(robot.motion.layers):
-        return False
-    if not 0 <= state.heading < robot.motion.headings:
-        return False
-    if not 0 <= state.pitch < len(robot.camera.tilts):
-        return False
-    altitude = _altitude(problem, robot, state)
-    return _is_free(problem, robot, state.x, state.y, (altitude, altitude))
+    def _view_rewards(self, plan: Plan) -> list[list[float]]:
+        """Returns the view reward of every step and face [T+1][F].
 
+        If pixels add up over time, a step's reward is its gain over the steps before.
+        """
+        geometry = FaceGeometry(self.problem)
+        rewards = []
+        before = [0.0 for _ in self.problem.face_weights]
+        for t in range(self.problem.horizon + 1):
+            pixels = [0.0 for _ in self.problem.face_weights]
+            for i, robot in enumerate(self.problem.robots):
+                if t >= self.problem.first_step:
+                    coverage = self._coverage(geometry, robot, t, plan.paths[i][t])
+                    pixels = [a + b for a, b in zip(pixels, coverage, strict=True)]
+            weights = self.problem.step_weights[t].tolist()
+            if self.problem.objective.over_time:
+                pixels = [a + b for a, b in zip(before, pixels, strict=True)]
+            gained = [w * math.sqrt(z) for w, z in zip(weights, pixels, strict=True)]
+            if self.problem.objective.over_time:
+                so_far = [w * math.sqrt(z) for w, z in zip(weights, before, strict=True)]
+                gained = [a - b for a, b in zip(gained, so_far, strict=True)]
+                before = pixels
+            rewards.append(gained)
+        return rewards
 
-def _altitude(problem: Problem, robot: Robot, state: State) -> float:
-    return problem.height_map.altitude(state.x, state.y, robot.motion.layers[state.layer])
+    def _coverage(self, geometry: FaceGeometry, robot: Robot, t: int, state: State) -> list[float]:
+        graph = TimeGraph.of(self.problem.workspace, robot.motion, len(robot.camera.tilts))
+        views = make_views(geometry, self.problem, graph, robot.camera)
+        coverage: list[float] = views.coverage(t, np.array([graph.index(state)]))[0].tolist()
+        return coverage
 
-
-def _is_free(
-    problem: Problem, robot: Robot, x: int, y: int, altitudes: tuple[float, float]
-) -> bool:
-    """Returns True if a cell has no matter between two altitudes or within the clearance."""
-    for bottom, top in problem.workspace.columns.at(x, y):
-        above = bottom > max(altitudes) + robot.motion.clearance
-        below = top < min(altitudes) - robot.motion.clearance
-        if not above and not below:
+    def _stands_free(self, robot: Robot, state: State) -> bool:
+        width, depth = self.problem.height_map.shape
+        if not (0 <= state.x < width and 0 <= state.y < depth):
             return False
-    return True
+        if not 0 <= state.layer < len(robot.motion.layers):
+            return False
+        if not 0 <= state.heading < robot.motion.headings:
+            return False
+        if not 0 <= state.pitch < len(robot.camera.tilts):
+            return False
+        altitude = self._altitude(robot, state)
+        return self._is_free(robot, state.x, state.y, (altitude, altitude))
 
+    def _altitude(self, robot: Robot, state: State) -> float:
+        return self.problem.height_map.altitude(state.x, state.y, robot.motion.layers[state.layer])
 
-def _broken_move(problem: Problem, robot: Robot, a: State, b: State) -> str:
-    motion = robot.motion
-    if max(abs(b.x - a.x), abs(b.y - a.y)) > motion.radius:
-        return f"moves more than {motion.radius} cells"
-    if abs(b.layer - a.layer) > motion.climb:
-        return f"climbs more than {motion.climb} layers"
-    turn = abs(b.heading - a.heading)
-    if min(turn, motion.headings - turn) > motion.turn:
-        return f"turns more than {motion.turn} headings"
-    if abs(b.pitch - a.pitch) > motion.pitch_turn:
-        return f"pitches more than {motion.pitch_turn} steps"
-    if not motion.corner_cutting:
-        altitudes = _altitude(problem, robot, a), _altitude(problem, robot, b)
-        for x in range(min(a.x, b.x), max(a.x, b.x) + 1):
-            for y in range(min(a.y, b.y), max(a.y, b.y) + 1):
-                blocked = not _is_free(problem, robot, x, y, altitudes)
-                if blocked and _line_touches(a, b, x, y):
-                    return f"passes the blocked cell ({x}, {y})"
-    return ""
+    def _is_free(self, robot: Robot, x: int, y: int, altitudes: tuple[float, float]) -> bool:
+        """Returns True if a cell has no matter between two altitudes or within the clearance."""
+        for bottom, top in self.problem.workspace.columns.at(x, y):
+            above = bottom > max(altitudes) + robot.motion.clearance
+            below = top < min(altitudes) - robot.motion.clearance
+            if not above and not below:
+                return False
+        return True
+
+    def _broken_move(self, robot: Robot, a: State, b: State) -> str:
+        motion = robot.motion
+        if max(abs(b.x - a.x), abs(b.y - a.y)) > motion.radius:
+            return f"moves more than {motion.radius} cells"
+        if abs(b.layer - a.layer) > motion.climb:
+            return f"climbs more than {motion.climb} layers"
+        turn = abs(b.heading - a.heading)
+        if min(turn, motion.headings - turn) > motion.turn:
+            return f"turns more than {motion.turn} headings"
+        if abs(b.pitch - a.pitch) > motion.pitch_turn:
+            return f"pitches more than {motion.pitch_turn} steps"
+        if not motion.corner_cutting:
+            altitudes = self._altitude(robot, a), self._altitude(robot, b)
+            for x in range(min(a.x, b.x), max(a.x, b.x) + 1):
+                for y in range(min(a.y, b.y), max(a.y, b.y) + 1):
+                    blocked = not self._is_free(robot, x, y, altitudes)
+                    if blocked and _line_touches(a, b, x, y):
+                        return f"passes the blocked cell ({x}, {y})"
+        return ""
 
 
 def _line_touches(a: State, b: State, x: int, y: int) -> bool:
@@ -196,32 +225,3 @@ def _line_touches(a: State, b: State, x: int, y: int) -> bool:
             first, second = (low - start) / (end - start), (high - start) / (end - start)
             enter, leave = max(enter, min(first, second)), min(leave, max(first, second))
     return enter <= leave
-
-
-def broken_rules(problem: Problem, plan: Plan) -> list[str]:
-    """Says in words which collision rules are broken, step by step."""
-    rules, found = problem.rules, []
-
-    def position(robot: int, t: int) -> tuple[int, int, float]:
-        state = plan.paths[robot][t]
-        return state.x, state.y, _altitude(problem, problem.robots[robot], state)
-
-    def distance(a: tuple[int, int, float], b: tuple[int, int, float]) -> float:
-        size = problem.height_map.resolution
-        return math.hypot((a[0] - b[0]) * size, (a[1] - b[1]) * size, a[2] - b[2])
-
-    for t in range(problem.horizon + 1):
-        for i in range(len(plan.paths)):
-            for k in range(i + 1, len(plan.paths)):
-                a, b = position(i, t), position(k, t)
-                if rules.vertex and a == b:
-                    found.append(f"step {t}: drones {i} and {k} are in one cell")
-                elif rules.vertex and distance(a, b) < rules.separation:
-                    found.append(
-                        f"step {t}: drones {i} and {k} are {distance(a, b):g} m apart, "
-                        f"less than {rules.separation:g} m"
-                    )
-                ahead = t < problem.horizon and (position(i, t + 1), position(k, t + 1))
-                if rules.swap and a != b and ahead == (b, a):
-                    found.append(f"step {t} to {t + 1}: drones {i} and {k} swap cells")
-    return found

@@ -13,7 +13,7 @@ from strategies import WALL, cameras, examples, height_maps, motions, problems, 
 from cocap_opt.data import MOST_TURN
 from cocap_opt.graph.motion import motion_graph, place_graph, swept_cells, time_expanded_graph
 from cocap_opt.problem import Camera, Motion, Plan, Problem, Robot, State
-from cocap_opt.referee import broken_motions
+from cocap_opt.referee import Referee
 from cocap_opt.world.workspace import HeightMap, Workspace
 
 PILLAR = HeightMap(heights=np.array([[0.0, 0.0], [0.0, 4.0]]))  # 4 m high in one corner of four
@@ -83,7 +83,7 @@ def test_graph_and_referee_agree_on_every_move(
         team = (problem.robots[0].replace(start=tail),)
         started = problem.replace(robots=team)
         for head in states:
-            broken = broken_motions(started, Plan(paths=((tail, head),)))
+            broken = Referee(started).violations(Plan(paths=((tail, head),)))
             assert (not broken) == graph.has_edge(tail, head), (tail, head, broken)
 
 

@@ -53,7 +53,7 @@ from cocap_opt.problem import (
     State,
     SwapConflict,
 )
-from cocap_opt.referee import broken_motions, check
+from cocap_opt.referee import Referee, check
 from cocap_opt.result import Reason, Result, UnsupportedError, relative_gap
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import (
@@ -412,7 +412,7 @@ def test_view_search_is_lazy() -> None:
     found = search(SingleRobotTask(model, 0, problem.no_pixels()))
     assert found.path is not None
     assert 0 < found.evaluated < reachable / 4
-    assert broken_motions(problem, model.plan([found.path])) == []
+    assert Referee(problem).violations(model.plan([found.path])) == []
     assert found.pixels.sum() > 0
     again = search(SingleRobotTask(model, 0, problem.no_pixels()))
     assert (again.path, again.evaluated) == (found.path, 0)  # remembered
@@ -739,6 +739,7 @@ def in_another_process(seed: str) -> str:
     return done.stdout
 
 
+@pytest.mark.slow
 def test_plans_do_not_depend_on_the_process() -> None:
     """The same problem has the same plan in every process, byte for byte."""
     here = "".join(

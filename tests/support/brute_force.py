@@ -15,7 +15,7 @@ from cocap_opt.data import FloatArray
 from cocap_opt.graph.motion import time_expanded_graph
 from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.problem import Plan, Problem, State
-from cocap_opt.referee import broken_motions, broken_rules
+from cocap_opt.referee import Referee
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.views import make_views
 
@@ -119,8 +119,8 @@ def optimum(problem: Problem) -> Optimum:
     for best in np.argsort(-values, kind="stable"):
         which = np.unravel_index(best, shape)
         plan = Plan(paths=tuple(own[int(i)] for own, i in zip(paths, which, strict=True)))
-        if not broken_rules(problem, plan):
-            if found := broken_motions(problem, plan):
+        if not Referee(problem).conflicts(plan):
+            if found := Referee(problem).violations(plan):
                 raise AssertionError(f"the referee does not follow the graph: {found}")
             return Optimum(plan, float(values[best]))
     return Optimum(None, -math.inf)
