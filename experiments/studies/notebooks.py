@@ -4,6 +4,7 @@ import hashlib
 from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Self
 
 import nbformat
 from nbclient import NotebookClient
@@ -24,35 +25,40 @@ _METADATA = {
 }
 
 
-def store_notebooks(names: Sequence[str]) -> None:
-    """Runs notebooks and stores them; a notebook of which a cell fails is left as it is.
-
-    Parameters
-    ----------
-    names : as of `first_tour`; all notebooks if there is none
-
-    Raises
-    ------
-    FileError
-        If there is no such notebook, or one of its cells fails.
-    """
-    found = {notebook.path.stem: notebook for notebook in notebooks()}
-    if unknown := [name for name in names if name not in found]:
-        raise FileError(f"{unknown[0]}: must be one of {', '.join(found)}")
-    for name in names or found:
-        say(name)
-        try:
-            found[name].store()
-        except CellExecutionError as error:
-            words = f"a cell fails with {error.ename}: {error.evalue}"
-            raise FileError(f"{found[name].path.name}: {words}") from error
-
-
 class Notebook:
     """A notebook and its file."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
+
+    @classmethod
+    def all(cls) -> list[Self]:
+        """Returns all notebooks of the project."""
+        return [cls(path) for path in sorted(_FOLDER.glob("*.ipynb"))]
+
+    @classmethod
+    def store_all(cls, names: Sequence[str]) -> None:
+        """Runs notebooks and stores them; a notebook of which a cell fails is left as it is.
+
+        Parameters
+        ----------
+        names : as of `first_tour`; all notebooks if there is none
+
+        Raises
+        ------
+        FileError
+            If there is no such notebook, or one of its cells fails.
+        """
+        found = {notebook.path.stem: notebook for notebook in cls.all()}
+        if unknown := [name for name in names if name not in found]:
+            raise FileError(f"{unknown[0]}: must be one of {', '.join(found)}")
+        for name in names or found:
+            say(name)
+            try:
+                found[name].store()
+            except CellExecutionError as error:
+                words = f"a cell fails with {error.ename}: {error.evalue}"
+                raise FileError(f"{found[name].path.name}: {words}") from error
 
     def content(self) -> NotebookNode:
         """Reads the notebook."""
@@ -91,8 +97,3 @@ class Notebook:
         """Returns a digest of the code that outputs come from."""
         code = [cell.source for cell in content.cells if cell.cell_type == "code"]
         return hashlib.sha256("\0".join(code).encode()).hexdigest()[:12]
-
-
-def notebooks() -> list[Notebook]:
-    """Returns all notebooks."""
-    return [Notebook(path) for path in sorted(_FOLDER.glob("*.ipynb"))]

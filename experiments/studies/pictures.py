@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 from selenium import webdriver
 from selenium.webdriver.chrome.service import Service
@@ -50,68 +50,72 @@ def write_pictures(folder: Path) -> None:
     page = folder / "player.html"
     shown = [(name, plan) for name, plan in plans.items() if plan is not None]
     Player(problem, shown).save(page)
-    with opened(page) as driver:
-        go_to(driver, _STEP)
-        driver.save_screenshot(str(folder / "player.png"))
+    with Browser.opened(page) as browser:
+        browser.go_to(_STEP)
+        browser.save_screenshot(str(folder / "player.png"))
 
 
-def has_browser() -> bool:
-    """Returns True if the browser and its driver are installed."""
-    return _programs() is not None
+class Browser(webdriver.Chrome):
+    """Chromium without a window, which cannot reach any network."""
+
+    @staticmethod
+    def is_installed() -> bool:
+        """Returns True if the browser and its driver are installed."""
+        return _programs() is not None
+
+    @classmethod
+    @contextmanager
+    def opened(
+        cls, page: Path, size: tuple[int, int] = _SIZE, ready: str = PLAYER_IS_READY
+    ) -> Iterator[Self]:
+        """Opens a page in a browser of its own.
+
+        Parameters
+        ----------
+        size : px
+        ready : an expression that is true in the page once it is loaded
+
+        Raises
+        ------
+        FileNotFoundError
+            If there is no browser, or no driver.
+        """
+        found = _programs()
+        if found is None:
+            raise FileNotFoundError("chromium and chromedriver must be installed")
+        options = webdriver.ChromeOptions()
+        options.binary_location = found.browser
+        options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+        with TemporaryDirectory(ignore_cleanup_errors=True) as profile:
+            for option in (*_OPTIONS, f"--user-data-dir={profile}"):
+                options.add_argument(option)
+            browser = cls(options=options, service=Service(found.driver))
+            try:
+                browser.resize(size)
+                browser.get(page.absolute().as_uri())
+                loaded = WebDriverWait(browser, _PATIENCE)
+                loaded.until(lambda driver: driver.execute_script(f"return {ready}"))
+                yield browser
+            finally:
+                browser.quit()
+
+    def resize(self, size: tuple[int, int]) -> None:
+        """Gives the page a size (px)."""
+        width, height = size
+        screen = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
+        self.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", screen)
+
+    def go_to(self, step: int) -> None:
+        """Puts the player's slider to a step, and waits until the page has drawn it."""
+        slide = (
+            "const [step, done] = arguments, slider = document.getElementById('slider');"
+            "slider.value = step; slider.dispatchEvent(new Event('input'));"
+            "const drawn = () => requestAnimationFrame(() => requestAnimationFrame(() => done()));"
+            "setTimeout(drawn, 300);"
+        )
+        self.execute_async_script(slide, step)
 
 
 def _programs() -> _Programs | None:
     browser, driver = shutil.which("chromium"), shutil.which("chromedriver")
     return _Programs(browser, driver) if browser and driver else None
-
-
-@contextmanager
-def opened(
-    page: Path, size: tuple[int, int] = _SIZE, ready: str = PLAYER_IS_READY
-) -> Iterator[webdriver.Chrome]:
-    """Opens a page in a browser of its own that cannot reach any network.
-
-    Parameters
-    ----------
-    size : px
-    ready : an expression that is true in the page once it is loaded
-
-    Raises
-    ------
-    FileNotFoundError
-        If there is no browser, or no driver.
-    """
-    found = _programs()
-    if found is None:
-        raise FileNotFoundError("chromium and chromedriver must be installed")
-    options = webdriver.ChromeOptions()
-    options.binary_location = found.browser
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    with TemporaryDirectory(ignore_cleanup_errors=True) as profile:
-        for option in (*_OPTIONS, f"--user-data-dir={profile}"):
-            options.add_argument(option)
-        driver = webdriver.Chrome(options=options, service=Service(found.driver))
-        try:
-            resize(driver, size)
-            driver.get(page.absolute().as_uri())
-            WebDriverWait(driver, _PATIENCE).until(lambda d: d.execute_script(f"return {ready}"))
-            yield driver
-        finally:
-            driver.quit()
-
-
-def resize(driver: webdriver.Chrome, size: tuple[int, int]) -> None:
-    """Gives the page a size (px)."""
-    width, height = size
-    screen = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
-    driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", screen)
-
-
-def go_to(driver: webdriver.Chrome, step: int) -> None:
-    """Puts the slider to a step, and waits until the page has drawn it."""
-    slide = (
-        "const [step, done] = arguments, slider = document.getElementById('slider');"
-        "slider.value = step; slider.dispatchEvent(new Event('input'));"
-        "setTimeout(() => requestAnimationFrame(() => requestAnimationFrame(() => done())), 300);"
-    )
-    driver.execute_async_script(slide, step)

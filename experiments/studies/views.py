@@ -13,7 +13,7 @@ from cocap_opt.experiments.console.streams import say
 from cocap_opt.experiments.report.figures import draw_frame, picture
 from cocap_opt.experiments.results.files import make_folder, save_bytes, save_csv
 from cocap_opt.experiments.results.printing import Record, print_table
-from cocap_opt.experiments.results.rendered import FaceView, Pose, error_row
+from cocap_opt.experiments.results.rendered import FaceView, Pose
 from cocap_opt.model import Model
 from cocap_opt.problem import Problem
 from cocap_opt.scenarios import load_scene
@@ -69,7 +69,7 @@ def views(
                 for view in rendered
             ]
             rows.append(
-                {"scene": problem.name, "samples": n, "seconds": seconds} | error_row(again)
+                {"scene": problem.name, "samples": n, "seconds": seconds} | FaceView.errors(again)
             )
             if out is not None:
                 save_csv(out / "views.csv", rows)

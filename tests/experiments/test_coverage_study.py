@@ -34,7 +34,7 @@ def test_a_town_is_what_it_says(resolution: float) -> None:
 def test_the_command_measures_coverage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each row is measured in its own process; the file has all of its columns."""
     build = partial(town, cells=24, resolution=2.5)
-    changes = {"above": coverage_module.above_roofs, "hills": coverage_module.on_hills}
+    changes = {"above": coverage_module._above_roofs, "hills": coverage_module._on_hills}
     small = {name: (build, change) for name, change in changes.items()}
     monkeypatch.setattr(coverage_module, "SCENES", small)
     monkeypatch.setattr(coverage_module, "ACTORS", 2)
@@ -50,7 +50,7 @@ def test_the_command_measures_coverage(tmp_path: Path, monkeypatch: pytest.Monke
 def test_on_hills_people_stand_on_the_ground() -> None:
     """Houses and flight heights rise with the ground, and so do people."""
     flat = town(0, robots=1, actors=2, cells=24, steps=3, resolution=2.5)
-    hilly = coverage_module.on_hills(flat)
+    hilly = coverage_module._on_hills(flat)
     ground = hilly.height_map.datum
     assert ground is not None and np.ptp(ground) > coverage_module.HILL
     assert hilly.height_map.heights - ground == pytest.approx(flat.height_map.heights)

@@ -6,9 +6,9 @@ from nbformat import NotebookNode
 from studies import study
 
 import cocap_opt as co
-from cocap_opt.experiments.studies.notebooks import Notebook, notebooks
+from cocap_opt.experiments.studies.notebooks import Notebook
 
-NOTEBOOKS = notebooks()
+NOTEBOOKS = Notebook.all()
 LARGEST = 300_000  # bytes of a stored notebook
 FACE = {"cocap_opt", "pandas", "matplotlib.pyplot"}  # all that a notebook may import
 LOGIC = (

@@ -10,7 +10,7 @@ from studies import study
 from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.results.statistics import Mean
 from cocap_opt.experiments.studies.paper import answers, reproduction
-from cocap_opt.experiments.studies.paper.giving_way import encounters, most_generous, own_reward
+from cocap_opt.experiments.studies.paper.giving_way import Encounter, _own_reward
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
@@ -25,13 +25,13 @@ def interval(low: float, high: float) -> Mean:
 
 def test_claims_are_judged_by_the_whole_interval() -> None:
     """Only where the whole interval is on one side of the line something is said."""
-    assert answers.verdict_below(interval(0.1, 0.9), 1.0) == answers.HOLDS
-    assert answers.verdict_below(interval(1.1, 1.9), 1.0) == answers.FAILS
-    assert answers.verdict_below(interval(0.5, 1.5), 1.0) == answers.OPEN
-    assert answers.verdict_above(interval(0.1, 0.9), 0.0) == answers.HOLDS
-    assert answers.verdict_above(interval(-0.9, -0.1), 0.0) == answers.FAILS
-    assert answers.verdict_above(interval(-0.1, 0.1), 0.0) == answers.OPEN
-    assert answers.verdict_below(Mean.of([0.1]), 1.0) == answers.OPEN  # one seed settles nothing
+    assert answers._verdict_below(interval(0.1, 0.9), 1.0) == answers.HOLDS
+    assert answers._verdict_below(interval(1.1, 1.9), 1.0) == answers.FAILS
+    assert answers._verdict_below(interval(0.5, 1.5), 1.0) == answers.OPEN
+    assert answers._verdict_above(interval(0.1, 0.9), 0.0) == answers.HOLDS
+    assert answers._verdict_above(interval(-0.9, -0.1), 0.0) == answers.FAILS
+    assert answers._verdict_above(interval(-0.1, 0.1), 0.0) == answers.OPEN
+    assert answers._verdict_below(Mean.of([0.1]), 1.0) == answers.OPEN  # one seed settles nothing
 
 
 def closeness(rows: Sequence[Row]) -> str:
@@ -83,9 +83,9 @@ def test_who_collides_with_a_third_is_no_encounter() -> None:
     assert free is not None and plan is not None
     pairs = {conflict.robots for conflict in free.conflicts(problem)}
     assert pairs == {(1, 3), (0, 2)}  # two encounters, as they share no drone
-    assert {e.robots for e in encounters(problem, 0, free, plan)} == pairs
+    assert {e.robots for e in Encounter.all_of(problem, 0, free, plan)} == pairs
     three = free.paths[:1] * 3 + free.paths[3:]
-    assert encounters(problem, 0, Plan(paths=three), plan) == []
+    assert Encounter.all_of(problem, 0, Plan(paths=three), plan) == []
 
 
 def test_every_seed_counts_in_the_scaling_figure() -> None:
@@ -102,7 +102,7 @@ def test_what_drones_have_alone_is_at_least_what_they_add(problem: Problem) -> N
     found = PLANNERS["greedy"](problem, never)
     if found.plan is None or problem.meshes:
         return
-    alone = [own_reward(problem, robot, found.plan) for robot in range(len(problem.robots))]
+    alone = [_own_reward(problem, robot, found.plan) for robot in range(len(problem.robots))]
     assert check(problem, found.plan).reward <= sum(alone) * (1 + 1e-9) + 1e-9
 
 
@@ -114,14 +114,14 @@ def test_the_earlier_drone_gives_way_where_that_is_better() -> None:
     }
     free, sequential, cocap = plans["greedy"], plans["sequential"], plans["cocap"]
     assert free is not None and sequential is not None and cocap is not None
-    (late,) = encounters(problem, 2, free, sequential)
-    (early,) = encounters(problem, 2, free, cocap)
+    (late,) = Encounter.all_of(problem, 2, free, sequential)
+    (early,) = Encounter.all_of(problem, 2, free, cocap)
     assert late.moved == (False, True) and not late.earlier_gives_way
     assert early.moved == (True, False) and early.earlier_gives_way
     assert early.given_up[0] > 0.05 and early.given_up[1] == 0.0
     assert early.team > late.team
-    assert most_generous([late, early]) is early
-    assert most_generous([late]) is None
+    assert Encounter.most_generous([late, early]) is early
+    assert Encounter.most_generous([late]) is None
 
 
 @pytest.mark.slow

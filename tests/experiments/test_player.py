@@ -18,7 +18,7 @@ from cocap_opt.experiments.cli.main import main
 from cocap_opt.experiments.report import player_scene
 from cocap_opt.experiments.report.figures import robot_colour
 from cocap_opt.experiments.report.player import Player, _seen_pixels
-from cocap_opt.experiments.studies.pictures import go_to, has_browser, opened, resize
+from cocap_opt.experiments.studies.pictures import Browser
 from cocap_opt.files.documents import PlanFile
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import Actor, Camera, Cone, Motion, Plan, Prism, Problem, Robot, State
@@ -348,12 +348,12 @@ def test_what_is_installed_has_the_page() -> None:
 @pytest.fixture(scope="module")
 def player(plans: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
     """A browser with two plans of the bottleneck."""
-    if not has_browser():
+    if not Browser.is_installed():
         pytest.skip("needs chromium and chromedriver")
     page = tmp_path_factory.mktemp("page") / "plans.html"
     files = plans / "greedy.json", plans / "cocap.json"
     assert run("show", "bottleneck", *files, "-o", page) == 0
-    with opened(page) as driver:
+    with Browser.opened(page) as driver:
         yield driver
 
 
@@ -383,7 +383,7 @@ INKED = """(() => {
 
 def test_two_plans_stand_side_by_side(player: Any) -> None:
     """Each has a panel with its name, a picture and a chart, at one height."""
-    go_to(player, 3)
+    player.go_to(3)
     titles = value(player, "[...document.querySelectorAll('h2')].map((h) => h.textContent)")
     assert titles == ["greedy.json", "cocap.json"]
     places = "[...document.querySelectorAll('.panel')].map((p) => [p.offsetLeft, p.offsetTop])"
@@ -401,7 +401,7 @@ def test_the_slider_sets_the_step(player: Any, plans: Path) -> None:
         check(problem, PlanFile.read(plans / f"{n}.json").plan) for n in ("greedy", "cocap")
     ]
     for step in (1, 6, problem.horizon):
-        go_to(player, step)
+        player.go_to(step)
         assert step_of(player) == step
         shown = value(player, "[...document.querySelectorAll('.now')].map((e) => e.dataset.value)")
         assert list(map(float, shown)) == [v.reward_per_step[step - 1] for v in verdicts]
@@ -423,7 +423,7 @@ def test_play_advances_and_stops_at_the_end(player: Any) -> None:
             speed,
         )
 
-    go_to(player, 0)
+    player.go_to(0)
     button = player.find_element(By.ID, "play")
     at_speed("1")
     button.click()
@@ -438,7 +438,7 @@ def test_play_advances_and_stops_at_the_end(player: Any) -> None:
     assert step_of(player) == 11
     button.click()
     wait_until(player, "Number(document.getElementById('slider').value) < 11")
-    go_to(player, 0)
+    player.go_to(0)
 
 
 def test_keys_and_chart_lead_to_steps(player: Any) -> None:
@@ -447,7 +447,7 @@ def test_keys_and_chart_lead_to_steps(player: Any) -> None:
     from selenium.webdriver.common.by import By
     from selenium.webdriver.common.keys import Keys
 
-    go_to(player, 4)
+    player.go_to(4)
     body = player.find_element(By.TAG_NAME, "body")
     for key, step in ((Keys.RIGHT, 5), (Keys.LEFT, 4), (Keys.END, 11), (Keys.HOME, 0), ("c", 1)):
         body.send_keys(key)
@@ -491,13 +491,13 @@ def test_the_camera_turns_zooms_and_looks_down(player: Any) -> None:
     from selenium.webdriver.common.action_chains import ActionChains
     from selenium.webdriver.common.by import By
 
-    go_to(player, 6)
+    player.go_to(6)
     view = player.find_elements(By.CLASS_NAME, "view")[0]
     picture = "[...document.querySelectorAll('canvas.view')].map((c) => c.toDataURL())"
     seen = [value(player, picture)]
 
     def changed() -> None:
-        go_to(player, 6)
+        player.go_to(6)
         seen.append(value(player, picture))
         assert all(a != b for a, b in zip(seen[-1], seen[-2], strict=True))
 
@@ -541,7 +541,7 @@ HINTS = """(() => {
 
 def test_a_face_says_how_well_it_is_seen(player: Any) -> None:
     """Under the pointer: whose face it is and its px/m2; of each person some faces are there."""
-    go_to(player, 6)
+    player.go_to(6)
     (seen,) = (plan["seen"][6] for plan in told(player.page_source)["plans"][:1])
     said = [re.fullmatch(r"person (\d), (\w+): (.*)", hint) for hint in value(player, HINTS)]
     assert {hint[1] for hint in said if hint} == {"0", "1", "2", "3"} and len(said) >= 8
@@ -554,13 +554,13 @@ def test_a_face_says_how_well_it_is_seen(player: Any) -> None:
 
 def test_a_phone_shows_one_plan_above_the_other(player: Any) -> None:
     """On a narrow screen nothing stands out at the side, and the picture is not empty."""
-    resize(player, (390, 844))
-    go_to(player, 2)
+    player.resize((390, 844))
+    player.go_to(2)
     assert value(player, "document.documentElement.scrollWidth") <= 390
     tops = value(player, "[...document.querySelectorAll('.panel')].map((p) => p.offsetTop)")
     assert tops[1] > tops[0] + 200
     assert value(player, INKED % ("view", 0)) > 0.1
-    resize(player, (1280, 800))
+    player.resize((1280, 800))
 
 
 def test_no_name_is_run_and_nothing_is_asked_for(player: Any, tmp_path: Path) -> None:
@@ -575,7 +575,7 @@ def test_no_name_is_run_and_nothing_is_asked_for(player: Any, tmp_path: Path) ->
     page.write_text(Player(problem, [(EVIL, stay)]).page(), "utf-8")
     before = player.current_url
     player.get(page.as_uri())
-    go_to(player, 1)
+    player.go_to(1)
     assert value(player, "document.getElementById('name').textContent") == problem.name
     assert value(player, "document.querySelector('h2').textContent") == EVIL
     assert value(player, "document.querySelectorAll('img').length") == 0

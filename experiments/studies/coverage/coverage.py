@@ -34,14 +34,14 @@ _ABOVE_ROOFS = 25.0  # m
 HILL, _WIDE, _ROUGH = 8.0, 90.0, 0.3  # m: height and width of hills, roughness of the ground
 
 
-def above_roofs(problem: Problem) -> Problem:
+def _above_roofs(problem: Problem) -> Problem:
     """Makes the same scene with all drones higher than everything."""
     flights = [robot.motion.replace(layers=(_ABOVE_ROOFS,)) for robot in problem.robots]
     robots = zip(problem.robots, flights, strict=True)
     return problem.replace(robots=tuple(r.replace(motion=motion) for r, motion in robots))
 
 
-def on_hills(problem: Problem) -> Problem:
+def _on_hills(problem: Problem) -> Problem:
     """Makes the same scene on hills: people stand on them, drones keep their height above them."""
     flat, rng = problem.height_map, np.random.default_rng(_SEED)
     x, y = np.indices(flat.shape) * (2 * np.pi * flat.resolution / _WIDE)
@@ -63,10 +63,10 @@ def _as_it_is(problem: Problem) -> Problem:
 SCENES: dict[str, tuple[Callable[..., Problem], Callable[[Problem], Problem]]] = {
     "town, 1 m": (partial(town, cells=_CELLS, resolution=1.0), _as_it_is),
     "town, 2.5 m": (partial(town, cells=_CELLS, resolution=2.5), _as_it_is),
-    "town, 1 m, from above": (partial(town, cells=_CELLS, resolution=1.0), above_roofs),
-    "town, 1 m, on hills": (partial(town, cells=_CELLS, resolution=1.0), on_hills),
+    "town, 1 m, from above": (partial(town, cells=_CELLS, resolution=1.0), _above_roofs),
+    "town, 1 m, on hills": (partial(town, cells=_CELLS, resolution=1.0), _on_hills),
     "field, 1 m": (partial(field, cells=_CELLS), _as_it_is),
-    "field, 1 m, from above": (partial(field, cells=_CELLS), above_roofs),
+    "field, 1 m, from above": (partial(field, cells=_CELLS), _above_roofs),
 }
 
 

@@ -8,11 +8,11 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from statistics import median
+from typing import Self
 
 from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.results.statistics import Mean
 from cocap_opt.experiments.results.tables import NONE, Table, grouped, interval, percent, values
-from cocap_opt.experiments.studies.paper.giving_way import Encounter
 from cocap_opt.result import relative_gap
 from cocap_opt.stop import Limit
 
@@ -20,20 +20,6 @@ SOURCE = "Rauniyar, Corah, Scherer 2024 (arXiv 2412.20695)"
 HOLDS, FAILS, OPEN = "holds", "does not hold", "is left open by so many seeds"
 _CLOSE = 1.0  # % below the bound without collisions that is called close to it
 _PUBLISHED = {"sequential": 482.0, "cocap": 3981.0, "cocap-vs": 2.7}  # s, their corridor, 8 steps
-
-
-def verdict_below(found: Mean, line: float) -> str:
-    """Returns HOLDS, FAILS or OPEN for the claim that a mean is below a line."""
-    if found.high < line:
-        return HOLDS
-    return FAILS if found.low > line else OPEN
-
-
-def verdict_above(found: Mean, line: float) -> str:
-    """Returns HOLDS, FAILS or OPEN for the claim that a mean is above a line."""
-    return verdict_below(
-        Mean(-found.value, -found.high, -found.low, found.spread, found.size), -line
-    )
 
 
 @dataclass(frozen=True)
@@ -47,6 +33,11 @@ class SceneAnswers:
 
     scene: str
     rows: Sequence[Row]
+
+    @classmethod
+    def all_of(cls, rows: Sequence[Row]) -> list[Self]:
+        """Makes the answers about each scene of some rows."""
+        return [cls(scene, some) for (scene,), some in grouped(rows, "scene").items()]
 
     def closeness(self) -> str:
         """Answers if CoCap comes close to unconstrained performance.
@@ -65,9 +56,9 @@ class SceneAnswers:
             for row in planned
             if row.reward is not None and row.optimum_free is not None
         ])  # fmt: skip
-        words = verdict_below(found, _CLOSE)
+        words = _verdict_below(found, _CLOSE)
         if words != HOLDS:
-            words = FAILS if verdict_below(least, _CLOSE) == FAILS else OPEN
+            words = FAILS if _verdict_below(least, _CLOSE) == FAILS else OPEN
         if len(planned) < len(own):
             words = f"{OPEN}, as it has no plan on {len(own) - len(planned)} of {len(own)}"
         return (
@@ -86,7 +77,7 @@ class SceneAnswers:
         return (
             f"{self.scene}: CoCap's reward is {_text(found)} above that of sequential planning on "
             f"the same seeds (better on {better}, worse on {worse} of {len(pairs)}). That it "
-            f"outperforms sequential planning {verdict_above(found, 0.0)}."
+            f"outperforms sequential planning {_verdict_above(found, 0.0)}."
         )
 
     def sequential_failures(self) -> str:
@@ -128,7 +119,7 @@ class SceneAnswers:
             f"{coverage:.3f} s for the coverage of all states, and {ours[1]:.3f} s with view "
             f"search (medians). The former takes {ratio:.2g}{reach} times as long as the latter "
             f"(geometric mean); published are {theirs:,.0f} times. That view search is the faster "
-            f"one {verdict_above(log_ratio, 0.0)} here."
+            f"one {_verdict_above(log_ratio, 0.0)} here."
         )
 
     def comparison(self) -> Table:
@@ -186,24 +177,18 @@ class SceneAnswers:
         return [(number, other[seed]) for seed, number in one.items() if seed in other]
 
 
-def answers_of(rows: Sequence[Row]) -> list[SceneAnswers]:
-    """Answers about each scene of some rows."""
-    return [SceneAnswers(scene, some) for (scene,), some in grouped(rows, "scene").items()]
+def _verdict_below(found: Mean, line: float) -> str:
+    """Returns HOLDS, FAILS or OPEN for the claim that a mean is below a line."""
+    if found.high < line:
+        return HOLDS
+    return FAILS if found.low > line else OPEN
 
 
-def giving_row(planner: str, some: Sequence[Encounter]) -> dict[str, str]:
-    """Returns the row that counts who gives way in encounters, and says at what cost."""
-    earlier = [100 * e.given_up[0] for e in some if e.earlier_gives_way]
-    return {
-        "planner": planner,
-        "encounters": str(len(some)),
-        "only the earlier flies elsewhere": str(sum(e.moved == (True, False) for e in some)),
-        "only the later": str(sum(e.moved == (False, True) for e in some)),
-        "both": str(sum(all(e.moved) for e in some)),
-        "earlier gives up own reward": str(len(earlier)),
-        "share given up (%)": interval(earlier, 2),
-        "most (%)": f"{max(earlier):.2f}" if earlier else NONE,
-    }
+def _verdict_above(found: Mean, line: float) -> str:
+    """Returns HOLDS, FAILS or OPEN for the claim that a mean is above a line."""
+    return _verdict_below(
+        Mean(-found.value, -found.high, -found.low, found.spread, found.size), -line
+    )
 
 
 def _text(found: Mean) -> str:

@@ -9,8 +9,9 @@ counts once. A drone's own reward is J of its path alone.
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
+from cocap_opt.experiments.results.tables import NONE, interval
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
 
@@ -40,34 +41,49 @@ class Encounter(NamedTuple):
         """True if the earlier drone flies elsewhere and loses own reward by it."""
         return self.moved[0] and self.given_up[0] > _GIVES
 
+    @classmethod
+    def all_of(cls, problem: Problem, seed: int, unconstrained: Plan, plan: Plan) -> list[Self]:
+        """Finds the pairs of drones that collide in the unconstrained plan, with no third."""
+        team = check(problem, plan).reward
+        found = []
+        for pair, step in _apart(_first_conflicts(problem, unconstrained)).items():
+            before = [_own_reward(problem, robot, unconstrained) for robot in pair]
+            after = [_own_reward(problem, robot, plan) for robot in pair]
+            moved = [unconstrained.paths[robot] != plan.paths[robot] for robot in pair]
+            found.append(
+                cls(
+                    problem.name, seed, pair, step, (before[0], before[1]), (after[0], after[1]),
+                    (moved[0], moved[1]), team,
+                )
+            )  # fmt: skip
+        return found
 
-def encounters(problem: Problem, seed: int, unconstrained: Plan, plan: Plan) -> list[Encounter]:
-    """Returns encounters of two drones that collide in the unconstrained plan, with no third."""
-    team = check(problem, plan).reward
-    found = []
-    for pair, step in _apart(_first_conflicts(problem, unconstrained)).items():
-        before = [own_reward(problem, robot, unconstrained) for robot in pair]
-        after = [own_reward(problem, robot, plan) for robot in pair]
-        moved = [unconstrained.paths[robot] != plan.paths[robot] for robot in pair]
-        found.append(
-            Encounter(
-                problem.name, seed, pair, step, (before[0], before[1]), (after[0], after[1]),
-                (moved[0], moved[1]), team,
-            )
-        )  # fmt: skip
-    return found
+    @staticmethod
+    def most_generous(some: Sequence["Encounter"]) -> "Encounter | None":
+        """Returns the encounter in which the earlier drone gives up most; None if none does."""
+        giving = [e for e in some if e.earlier_gives_way]
+        return max(giving, key=lambda e: e.given_up[0], default=None)
+
+    @staticmethod
+    def counted(planner: str, some: Sequence["Encounter"]) -> dict[str, str]:
+        """Returns a planner's row: how many drones give way in encounters, and at what cost."""
+        earlier = [100 * e.given_up[0] for e in some if e.earlier_gives_way]
+        return {
+            "planner": planner,
+            "encounters": str(len(some)),
+            "only the earlier flies elsewhere": str(sum(e.moved == (True, False) for e in some)),
+            "only the later": str(sum(e.moved == (False, True) for e in some)),
+            "both": str(sum(all(e.moved) for e in some)),
+            "earlier gives up own reward": str(len(earlier)),
+            "share given up (%)": interval(earlier, 2),
+            "most (%)": f"{max(earlier):.2f}" if earlier else NONE,
+        }
 
 
-def own_reward(problem: Problem, robot: int, plan: Plan) -> float:
+def _own_reward(problem: Problem, robot: int, plan: Plan) -> float:
     """Returns J of one robot's path, as if it were alone."""
     alone = problem.replace(robots=(problem.robots[robot],))
     return check(alone, Plan(paths=(plan.paths[robot],))).reward
-
-
-def most_generous(some: Sequence[Encounter]) -> Encounter | None:
-    """Returns the encounter in which the earlier drone gives up most; None if none does."""
-    giving = [e for e in some if e.earlier_gives_way]
-    return max(giving, key=lambda e: e.given_up[0], default=None)
 
 
 def _first_conflicts(problem: Problem, plan: Plan) -> dict[tuple[int, int], int]:

@@ -10,13 +10,13 @@ from cocap_opt.experiments.results.files import save_bytes
 from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.results.statistics import Mean
 from cocap_opt.experiments.results.tables import Table, all_tables, values
-from cocap_opt.experiments.studies.paper.answers import SOURCE, answers_of, giving_row
+from cocap_opt.experiments.studies.paper.answers import SOURCE, SceneAnswers
 from cocap_opt.experiments.studies.paper.figures import (
     curves_figure,
     encounter_figure,
     scaling_figure,
 )
-from cocap_opt.experiments.studies.paper.giving_way import Encounter, encounters, most_generous
+from cocap_opt.experiments.studies.paper.giving_way import Encounter
 from cocap_opt.experiments.sweeps.instances import Instance, Settings
 from cocap_opt.experiments.sweeps.sweep import Hired, sweep
 from cocap_opt.model import Model
@@ -88,7 +88,7 @@ def _write(
 ) -> None:
     """Writes the page and its figures from the instances that are whole."""
     giving, found = _giving_way(instances)
-    example = most_generous(found["cocap"])
+    example = Encounter.most_generous(found["cocap"])
     figures = {"curves.png": picture(curves_figure(_curves(instances)), ".png")}
     if example is not None:
         figures["giving-way.png"] = _example(instances, example)
@@ -123,8 +123,8 @@ def _giving_way(instances: Sequence[Instance]) -> tuple[Table, dict[str, list[En
         for planner, some in found.items():
             plan = instance.plan(planner)
             if unconstrained is not None and plan is not None:
-                some += encounters(instance.problem, instance.seed, unconstrained, plan)
-    return [giving_row(planner, some) for planner, some in found.items()], found
+                some += Encounter.all_of(instance.problem, instance.seed, unconstrained, plan)
+    return [Encounter.counted(planner, some) for planner, some in found.items()], found
 
 
 def _example(instances: Sequence[Instance], example: Encounter) -> bytes:
@@ -177,7 +177,7 @@ def _page(
     missing: int,
 ) -> str:
     """Returns the page in Markdown."""
-    scenes = answers_of(rows)
+    scenes = SceneAnswers.all_of(rows)
     comparison = [row for answers in scenes for row in answers.comparison()]
     questions: Mapping[str, list[str]] = {
         "Does CoCap come close to unconstrained performance?": [a.closeness() for a in scenes],
@@ -205,7 +205,7 @@ def _page(
     parts.append(markdown({title: tables[title] for title in shown if title in tables}))
     if team_rows:
         parts.append("## Scaling\n\n![Time and reward against team size](scaling.png)\n")
-        parts.append("".join(f"- {a.scaling(limit)}\n" for a in answers_of(team_rows)))
+        parts.append("".join(f"- {a.scaling(limit)}\n" for a in SceneAnswers.all_of(team_rows)))
         parts.append(markdown({"Team sizes": all_tables(team_rows)["Planners"]}))
     return "\n".join(parts)
 

@@ -7,7 +7,7 @@ their program planned, that plan is one more, from the starts in the scene's own
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 from cocap_opt.data import ProblemError
 from cocap_opt.experiments.console.streams import say
@@ -33,6 +33,33 @@ class Peer(NamedTuple):
     plan: Plan
     reported: Reported
 
+    @classmethod
+    def all_beside(cls, scenes: Sequence[str], options: Mapping[str, str]) -> Iterator[Self]:
+        """Reads the plans by their program, of the scenes that have one beside them."""
+        own = {**options, "start-set": "yaml"}
+        found = [scene for scene in dict.fromkeys(scenes) if _has_peer(scene)]
+        problems = Scenes.told_apart({(scene, 0): load_scene(scene, 0, own) for scene in found})
+        for (scene, _), problem in problems.items():
+            named = problem.replace(name=f"{problem.name}-own-starts")
+            try:
+                yield cls._beside(scene, named)
+            except (
+                FileError,
+                ProblemError,
+            ) as error:  # such as moves that other conventions forbid
+                say(f"{scene}: their plan is left out: {error}")
+
+    @classmethod
+    def _beside(cls, scene: str, problem: Problem) -> Self:
+        """Reads the plan that lies beside a scene, and the rewards that they reported."""
+        _, plan = read_plan(_folder(scene) / _PEER_PLAN, scene, problem)
+        steps = slice(problem.first_step, None)
+        rewards = read_reward(_folder(scene) / _PEER_REWARD, problem)
+        reported = Reported(
+            math.fsum(rewards.as_reported[steps]), math.fsum(rewards.own_tilt[steps])
+        )
+        return cls(problem, plan, reported)
+
 
 def start_sets(
     scenes: Sequence[str],
@@ -56,7 +83,7 @@ def start_sets(
         True if all is measured, False after Ctrl-C.
     """
     settings = Settings(time_limit=limit, bound_time_limit=limit)
-    peers = list(peers_of(scenes, options))
+    peers = list(Peer.all_beside(scenes, options))
     problems = _start_set_problems(scenes, sets, options)
     instances = [
         *(Instance(problem, k, PLANNERS, settings) for (_, k), problem in problems.items()),
@@ -111,19 +138,6 @@ def _counted_steps(problem: Problem) -> int:
 # -- their plans --------------------------------------------------------------------------
 
 
-def peers_of(scenes: Sequence[str], options: Mapping[str, str]) -> Iterator[Peer]:
-    """Plans by their program, of the scenes that have one beside them."""
-    own = {**options, "start-set": "yaml"}
-    found = [scene for scene in dict.fromkeys(scenes) if _has_peer(scene)]
-    problems = Scenes.told_apart({(scene, 0): load_scene(scene, 0, own) for scene in found})
-    for (scene, _), problem in problems.items():
-        named = problem.replace(name=f"{problem.name}-own-starts")
-        try:
-            yield _peer(scene, named)
-        except (FileError, ProblemError) as error:  # such as moves that other conventions forbid
-            say(f"{scene}: their plan is left out: {error}")
-
-
 def _folder(scene: str) -> Path:
     path = Path(scene)
     return path if path.is_dir() else path.parent
@@ -134,13 +148,3 @@ def _has_peer(scene: str) -> bool:
     is_theirs = Path(scene).is_dir() or Path(scene).suffix.lower() in (".yaml", ".yml")
     files = (_folder(scene) / name for name in (_PEER_PLAN, _PEER_REWARD))
     return scene not in SCENES and is_theirs and all(file.is_file() for file in files)
-
-
-def _peer(scene: str, problem: Problem) -> Peer:
-    _, plan = read_plan(_folder(scene) / _PEER_PLAN, scene, problem)
-    steps = slice(problem.first_step, None)
-    rewards = read_reward(_folder(scene) / _PEER_REWARD, problem)
-    reported = Reported(
-        math.fsum(rewards.as_reported[steps]), math.fsum(rewards.own_tilt[steps])
-    )  # fmt: skip
-    return Peer(problem, plan, reported)
