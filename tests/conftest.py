@@ -16,6 +16,12 @@ settings.register_profile("random", **COMMON)  # with COCAP_OPT_EXAMPLES=20: a h
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci"))
 
 
+def pytest_configure(config: pytest.Config) -> None:
+    """Let properties go through fewer examples where slow tests are left out."""
+    if "not slow" in config.option.markexpr:
+        os.environ["COCAP_OPT_QUICK"] = "1"
+
+
 @pytest.fixture(scope="session", autouse=True)
 def own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """Keep the tests out of the user's cache; processes started by a test inherit this."""

@@ -51,7 +51,8 @@ def test_methods_are_described(registry: str) -> None:
         first, *others = inspect.signature(method).parameters.values()
         assert first.name == "problem", name
         assert all(p.default is not inspect.Parameter.empty for p in others), name
-        assert len(inspect.getdoc(method) or "") > 30 and "partial(" not in inspect.getdoc(method)
+        words = inspect.getdoc(method) or ""
+        assert len(words) > 30 and "partial(" not in words, name
 
 
 def test_importing_loads_no_solver() -> None:
@@ -59,8 +60,8 @@ def test_importing_loads_no_solver() -> None:
     code = (
         "import sys, cocap_opt as co;"
         "assert not {'numpy', 'clarabel', 'cvxpy', 'ortools', 'highspy'} & set(sys.modules);"
-        "co.load('tiny-queue'); assert not {'clarabel', 'cvxpy', 'ortools', 'highspy', 'matplotlib'}"
-        "& set(sys.modules)"
+        "co.load('tiny-queue');"
+        "assert not {'clarabel', 'cvxpy', 'ortools', 'highspy', 'matplotlib'} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
 
@@ -156,8 +157,8 @@ def test_the_readme_lives_on_the_face(tmp_path: Path, monkeypatch: pytest.Monkey
         }
         assert imported <= {"cocap_opt", "numpy", "pandas", "matplotlib.pyplot"}
         done = subprocess.run(
-            [sys.executable, "-c", block], cwd=tmp_path, capture_output=True, text=True, timeout=120,
-            check=False,
+            [sys.executable, "-c", block], cwd=tmp_path, capture_output=True, text=True,
+            timeout=120, check=False,
         )  # fmt: skip
         assert done.returncode == 0, done.stderr
         assert "optimal" in done.stdout

@@ -117,6 +117,7 @@ def pair_on_a_meadow(size: int, horizon: int, motion: Motion) -> Problem:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("size", "horizon", "motion"),
     [

@@ -346,6 +346,7 @@ def test_long_horizons() -> None:
     assert graph.state(path[-1]) == State(2, 2, 0, 2)
 
 
+@pytest.mark.slow
 def test_long_moves_on_a_wide_map_are_compiled_in_seconds() -> None:
     """A million edges take a few seconds: once they took half a minute."""
     begin = time.perf_counter()

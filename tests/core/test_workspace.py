@@ -35,6 +35,9 @@ FLAT = HeightMap(heights=np.zeros((6, 5)))
 TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
 
 
+UNIT = Mesh.box((0, 0, 0), (1, 1, 1))
+
+
 def moved(mesh: Mesh, by: tuple[float, float, float]) -> Mesh:
     """The mesh at another place."""
     return mesh.replace(vertices=mesh.vertices + np.array(by))
@@ -210,8 +213,7 @@ def test_nobody_climbs_through_a_deck() -> None:
         (Mesh.box((0, 0, 0), (1, 1, 1)), True),
         (plate((0, 0), (1, 1), 2.0), False),
         (joined(Mesh.box((0, 0, 0), (1, 1, 1)), plate((0, 0), (1, 1), 2.0)), False),
-        (Mesh.box((0, 0, 0), (1, 1, 1)).replace(triangles=Mesh.box((0, 0, 0), (1, 1, 1)).triangles[1:]),
-         False),
+        (UNIT.replace(triangles=UNIT.triangles[1:]), False),
     ],
 )  # fmt: skip
 def test_a_mesh_is_solid_where_its_surface_closes(mesh: Mesh, solid: bool) -> None:
@@ -338,6 +340,7 @@ COPIES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("copy", COPIES, ids=str)
 @pytest.mark.parametrize("name", ["bridge", "corridor"])
 def test_copies_of_a_scene_have_the_same_j(copy: Copy, name: str) -> None:

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from strategies import Calls, examples, meetings, problems, tiny
 
-from cocap_opt.formulations import BOUNDS, EXACT, LazyMethod
+from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.certificates import verify
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Snapshot
@@ -171,7 +171,7 @@ def test_a_method_shows_its_own_help() -> None:
             if parameter.default is inspect.Parameter.empty
         ]
         assert required == ["problem"], name
-    assert "imported at first use" in inspect.getdoc(LazyMethod)
+    assert "imported at first use" in inspect.getdoc(type(BOUNDS["alone"]))
 
 
 def test_summaries_need_no_solver() -> None:
