@@ -15,8 +15,9 @@ from dataclasses import dataclass
 from functools import partial
 from multiprocessing.connection import Connection, wait
 from threading import Thread
-from typing import NamedTuple
+from typing import Self
 
+from cocap_opt.experiments.console.streams import say
 from cocap_opt.experiments.console.threads import ONE_THREAD
 from cocap_opt.experiments.results.judging import Judged
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
@@ -39,28 +40,20 @@ class RunError(RuntimeError):
     """A run failed; the message says why."""
 
 
-class Moment(NamedTuple):
-    """The best value and bound that a method had found by some time."""
-
-    seconds: float
-    value: float  # J, -inf without a plan
-    bound: float
-
-
 @dataclass(frozen=True)
 class Run:
     """Outcome of a run.
 
     Attributes
     ----------
-    moments : one each time that value or bound improved
+    moments : one each time that value or bound improved, with seconds by the method's own clock
     value : J by the referee; -inf without a plan
     seconds : until the method returned, by its own clock
     processor : seconds that a processor worked on it, processes that it started included
     gigabytes : peak memory of the process, imports and coverage included
     """
 
-    moments: tuple[Moment, ...]
+    moments: tuple[Snapshot, ...]
     value: float
     bound: float
     reason: Reason
@@ -69,6 +62,43 @@ class Run:
     processor: float = math.nan
     gigabytes: float = math.nan
     message: str = ""
+
+    @staticmethod
+    def of(build: Build, method: BoundMethod, seconds: float) -> "Run":
+        """Runs a method with a time limit in a process of its own.
+
+        Raises
+        ------
+        RunError
+            If the method fails, its process dies, or it runs on long after its limit.
+        """
+        context = multiprocessing.get_context("spawn")
+        receiver, sender = context.Pipe(duplex=False)
+        process = context.Process(target=_send, args=(sender, build, method, seconds))
+        with one_thread():
+            process.start()
+        sender.close()
+        try:
+            if not receiver.poll(2 * seconds + _MOST_MORE_SECONDS):
+                raise RunError(f"the method was killed: it ran on after its limit of {seconds:g} s")
+            outcome: Run | str = receiver.recv()
+        except EOFError:
+            process.join()
+            raise RunError(f"the process died (exit code {process.exitcode})") from None
+        finally:
+            process.kill()
+            process.join()
+            receiver.close()
+        if isinstance(outcome, str):
+            raise RunError(outcome)
+        return outcome
+
+    def told(self, name: str, seed: int) -> Self:
+        """Prints a line about the run on standard error, and returns the run."""
+        gap = f"gap {100 * self.gap:.4f} %" if math.isfinite(self.gap) else "no gap"
+        say(f"{name} seed {seed}: {self.reason} after {self.seconds:.2f} s "
+            f"({self.processor:.2f} s of processor), {gap}, {self.gigabytes:.2f} GB")  # fmt: skip
+        return self
 
     @property
     def finished(self) -> bool:
@@ -114,48 +144,18 @@ def scene(name_or_path: str, seed: int, horizon: int | None = None) -> Problem:
     return problem if horizon is None else problem.replace(horizon=horizon)
 
 
-def run(build: Build, method: BoundMethod, seconds: float) -> Run:
-    """Runs a method with a time limit in a process of its own.
-
-    Raises
-    ------
-    RunError
-        If the method fails, its process dies, or it runs on long after its limit.
-    """
-    context = multiprocessing.get_context("spawn")
-    receiver, sender = context.Pipe(duplex=False)
-    process = context.Process(target=_send, args=(sender, build, method, seconds))
-    with one_thread():
-        process.start()
-    sender.close()
-    try:
-        if not receiver.poll(2 * seconds + _MOST_MORE_SECONDS):
-            raise RunError(f"the method was killed: it ran on after its limit of {seconds:g} s")
-        outcome: Run | str = receiver.recv()
-    except EOFError:
-        process.join()
-        raise RunError(f"the process died (exit code {process.exitcode})") from None
-    finally:
-        process.kill()
-        process.join()
-        receiver.close()
-    if isinstance(outcome, str):
-        raise RunError(outcome)
-    return outcome
-
-
-def measured(build: Build, method: BoundMethod, seconds: float) -> Run:
+def _measured(build: Build, method: BoundMethod, seconds: float) -> Run:
     """Runs a method with a time limit in this process."""
     # Methods import some libraries only once they need them: that is not to be counted either.
     method(_prepared(partial(scene, "corridor", 0, 2)), TimeLimit(_WARM_UP_SECONDS))
     branch_and_price(_prepared(partial(scene, "bottleneck", 0, 4)), TimeLimit(_WARM_UP_SECONDS))
     problem = _prepared(build)
-    moments: list[Moment] = []
+    moments: list[Snapshot] = []
 
     def note(snapshot: Snapshot) -> None:
-        now = Moment(snapshot.seconds, snapshot.value, max(snapshot.bound, snapshot.value))
-        if not moments or now[1:] != moments[-1][1:]:
-            moments.append(now)
+        value, bound = snapshot.value, max(snapshot.bound, snapshot.value)
+        if not moments or (value, bound) != (moments[-1].value, moments[-1].bound):
+            moments.append(Snapshot(value, bound, snapshot.seconds))
 
     before = _processor_seconds()
     result = method(problem, TimeLimit(seconds), None, note)
@@ -178,7 +178,7 @@ def _processor_seconds() -> float:
 def _send(sender: Connection, build: Build, method: BoundMethod, seconds: float) -> None:
     Thread(target=_end_with_parent, daemon=True).start()
     try:
-        sender.send(measured(build, method, seconds))
+        sender.send(_measured(build, method, seconds))
     except Exception as error:  # whatever it is, the caller must be told
         sender.send(f"{type(error).__name__}: {error}")
 

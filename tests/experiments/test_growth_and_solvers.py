@@ -6,31 +6,26 @@ from pathlib import Path
 import pytest
 from studies import rows_of, study
 
-from cocap_opt.experiments.studies.growth import growth as growth_module
 from cocap_opt.experiments.studies.growth.points import MEASURES, Point
-from cocap_opt.experiments.studies.runs import (
-    Moment,
-    Run,
-    RunError,
-    measured,
-    run,
-    scene,
-)
+from cocap_opt.experiments.studies.runs import Run, RunError, _measured, scene
 from cocap_opt.experiments.studies.solvers import table as solvers_module
-from cocap_opt.experiments.studies.solvers.figures import Figure, at_least, below
+from cocap_opt.experiments.studies.solvers.figures import Figure, Target
 from cocap_opt.experiments.studies.solvers.rows import Options
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
-from cocap_opt.formulations.result import CertifiedResult
+from cocap_opt.formulations.result import CertifiedResult, Snapshot
 from cocap_opt.problem import Problem
 from cocap_opt.result import Reason
 from cocap_opt.stop import Limit, Stop
 
-MADE = [Figure("seconds", 1.5, "s", below(2), below(1), note="a, note"), Figure("more", 3.0, "x")]
+MADE = [
+    Figure("seconds", 1.5, "s", Target.below(2), Target.below(1), note="a, note"),
+    Figure("more", 3.0, "x"),
+]
 
 
 def finished(seconds: float, limit: Limit = Limit.NONE) -> Run:
     """A run that found its plan at once and lowered its bound twice."""
-    moments = (Moment(1.0, 90.0, 200.0), Moment(2.0, 90.0, 100.0), Moment(3.0, 99.5, 100.0))
+    moments = (Snapshot(90.0, 200.0, 1.0), Snapshot(90.0, 100.0, 2.0), Snapshot(99.5, 100.0, 3.0))
     return Run(moments, 99.5, 100.0, Reason.FINISHED, limit, seconds)
 
 
@@ -134,7 +129,7 @@ def test_growth_writes_table_and_figure(
         steps, robots = build.keywords["steps"], build.keywords["robots"]
         return finished(0.1 * steps * robots**2, Limit.TIME if steps == 64 else Limit.NONE)
 
-    monkeypatch.setattr(growth_module, "run", made)
+    monkeypatch.setattr(Run, "of", made)
     arguments = ["growth", "--robots", "2,4,8", "--steps", "8,16,32,64", "--cells", "15,30,48"]
     assert study(*arguments, "--seeds", "0-1", "--out", tmp_path) == 0
     rows = rows_of(tmp_path / "growth.csv")
@@ -154,7 +149,7 @@ def test_growth_outlives_a_failed_run(tmp_path: Path, monkeypatch: pytest.Monkey
             raise RunError("its process died")
         return finished(1.0)
 
-    monkeypatch.setattr(growth_module, "run", made)
+    monkeypatch.setattr(Run, "of", made)
     arguments = ["growth", "--robots", "2,4", "--steps", "8", "--cells", "15", "--seeds", "0"]
     assert study(*arguments, "--out", tmp_path) == 1
     sizes = [(row["axis"], row["size"]) for row in rows_of(tmp_path / "growth.csv")]
@@ -166,12 +161,12 @@ def test_growth_outlives_a_failed_run(tmp_path: Path, monkeypatch: pytest.Monkey
 def test_a_process_that_dies_is_an_error_in_words() -> None:
     """Also one that says nothing before it ends."""
     with pytest.raises(RunError, match="exit code 3"):
-        run(partial(scene, "corridor", 0, 2), dying, 1.0)
+        Run.of(partial(scene, "corridor", 0, 2), dying, 1.0)
 
 
 def test_a_run_is_judged_and_traced() -> None:
     """Truncated scenes are proved as a whole; each improvement is a moment before the end."""
-    result = measured(partial(scene, "corridor", 0, 3), branch_and_price, 10.0)
+    result = _measured(partial(scene, "corridor", 0, 3), branch_and_price, 10.0)
     assert result.reason is Reason.OPTIMAL
     assert result.value <= result.bound
     assert result.seconds_to_gap(0.5) <= result.moments[-1].seconds <= result.seconds
@@ -203,8 +198,8 @@ def test_exponents_are_those_of_power_laws() -> None:
 
 def test_targets() -> None:
     """The most that is met is named; a number that is missing meets nothing."""
-    assert Figure("", 0.1, "s", below(2), below(1)).met == "moonshot"
-    assert Figure("", 1.5, "s", below(2), below(1)).met == "must"
-    assert Figure("", math.inf, "s", below(2), below(1)).met == "missed"
-    assert Figure("", math.nan, "x", at_least(50)).met == "missed"
+    assert Figure("", 0.1, "s", Target.below(2), Target.below(1)).met == "moonshot"
+    assert Figure("", 1.5, "s", Target.below(2), Target.below(1)).met == "must"
+    assert Figure("", math.inf, "s", Target.below(2), Target.below(1)).met == "missed"
+    assert Figure("", math.nan, "x", Target.at_least(50)).met == "missed"
     assert Figure("", 3.0, "s").met == ""

@@ -11,10 +11,10 @@ from statistics import median
 from typing import NamedTuple
 
 from cocap_opt.experiments.console.streams import say
-from cocap_opt.experiments.studies.runs import Build, Run, RunError, run, scene
+from cocap_opt.experiments.studies.runs import Build, Run, RunError, scene
 from cocap_opt.experiments.studies.solvers.contenders import ALONE, WITH_OUR_ROOT
-from cocap_opt.experiments.studies.solvers.figures import Figure, at_least
-from cocap_opt.experiments.studies.solvers.rows import SEEDS, Options, told
+from cocap_opt.experiments.studies.solvers.figures import Figure, Target
+from cocap_opt.experiments.studies.solvers.rows import SEEDS, Options
 from cocap_opt.formulations import BOUNDS
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.formulations.column_generation.column_generation import column_generation
@@ -56,7 +56,7 @@ def _cone_program(options: Options) -> list[Figure]:
             say(f"bottleneck seed {seed}, {steps} steps: not within {limit:g} s, left out")
             continue
         bound = theirs.bound * (1 + _SAME)
-        ours = [told("bottleneck", seed, run(build, column_generation, limit))
+        ours = [Run.of(build, column_generation, limit).told("bottleneck", seed)
                 for _ in range(_REPEATS)]  # fmt: skip
         reached = median(r.seconds_to_bound(bound) for r in ours)
         duels.append(_Duel(reached, theirs.seconds, _busy(theirs, ours)))
@@ -93,7 +93,7 @@ def _relaxations(options: Options) -> list[Figure]:
         above: dict[str, list[float]] = {}
         for seed in options.seeds_or(SEEDS):
             build = partial(scene, name, seed, steps)
-            best = told(name, seed, run(build, branch_and_price, options.limit_or(_LIMIT)))
+            best = Run.of(build, branch_and_price, options.limit_or(_LIMIT)).told(name, seed)
             for method in _RELAXATIONS:
                 result = _try(build, BOUNDS[method], options.limit_or(_LIMIT), method, seed)
                 bound = math.nan if result is None else result.bound
@@ -133,7 +133,7 @@ def _against(
             if (found := _try(build, contenders[name], limit, f"{name}, {steps} steps", seed))
         }  # fmt: skip
         fastest = min(theirs, key=lambda name: theirs[name].seconds, default="none")
-        ours = [told("corridor", seed, run(build, branch_and_price, limit))
+        ours = [Run.of(build, branch_and_price, limit).told("corridor", seed)
                 for _ in range(_REPEATS)]  # fmt: skip
         for name, other in theirs.items():
             _require_same(name, other.value, ours[0].value)
@@ -178,7 +178,7 @@ def _largest_closed(
 def _try(build: Build, method: BoundMethod, limit: float, name: str, seed: int) -> Run | None:
     """Runs a method; returns None if it failed or did not come to its end within the limit."""
     try:
-        result = told(name, seed, run(build, method, limit))
+        result = Run.of(build, method, limit).told(name, seed)
     except RunError as error:
         say(f"{name} seed {seed}: {error}")
         return None
@@ -200,7 +200,7 @@ def _ratios(
 ) -> list[Figure]:
     if not duels:
         raise RunError("no seed could be compared")
-    must, more = (at_least(50), at_least(moonshot)) if asked else (None, None)
+    must, more = (Target.at_least(50), Target.at_least(moonshot)) if asked else (None, None)
     ratios = [duel.ratio for duel in duels if math.isfinite(duel.ours)]
     missed = [0.0] * (len(duels) - len(ratios))  # ours did not finish
     return [

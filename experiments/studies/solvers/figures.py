@@ -1,7 +1,7 @@
 """Figures of the table of solvers: a number beside the number that it must reach."""
 
 import math
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, Self
 
 
 class Target(NamedTuple):
@@ -9,6 +9,16 @@ class Target(NamedTuple):
 
     relation: Literal["<", ">="]
     number: float
+
+    @classmethod
+    def below(cls, number: float) -> Self:
+        """Makes the target of being less than a number."""
+        return cls("<", number)
+
+    @classmethod
+    def at_least(cls, number: float) -> Self:
+        """Makes the target of being at least a number."""
+        return cls(">=", number)
 
     def met(self, value: float) -> bool:
         """Returns True if a value reaches the target."""
@@ -54,13 +64,3 @@ class Figure(NamedTuple):
             name: "" if target is None else f"{target.relation} {target.number:g} {self.unit}"
             for name, target in named.items()
         }
-
-
-def below(number: float) -> Target:
-    """Returns the target of being less than a number."""
-    return Target("<", number)
-
-
-def at_least(number: float) -> Target:
-    """Returns the target of being at least a number."""
-    return Target(">=", number)

@@ -11,9 +11,8 @@ from functools import partial
 from pathlib import Path
 from statistics import median
 
-from cocap_opt.experiments.console.streams import say
-from cocap_opt.experiments.studies.runs import Run, run, scene
-from cocap_opt.experiments.studies.solvers.figures import Figure, Target, at_least, below
+from cocap_opt.experiments.studies.runs import Run, scene
+from cocap_opt.experiments.studies.solvers.figures import Figure, Target
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.formulations.column_generation.column_generation import column_generation
 from cocap_opt.formulations.result import BoundMethod
@@ -53,8 +52,8 @@ def _corridor(options: Options) -> list[Figure]:
     return [
         _proved(runs, must=1.0),
         Figure(
-            "median seconds to proof", median(r.seconds_to_proof for r in runs), "s", below(2),
-            below(0.3),
+            "median seconds to proof", median(r.seconds_to_proof for r in runs), "s",
+            Target.below(2), Target.below(0.3),
         ),
         _slowest(runs),
         _busy(runs),
@@ -76,15 +75,15 @@ def _bottleneck(options: Options) -> list[Figure]:
     return [
         Figure(
             f"gap < 0.02 % in {in_time:g} s", sum(s <= in_time for s in near), f"of {len(runs)}",
-            at_least(len(runs)),
+            Target.at_least(len(runs)),
         ),
         Figure("median seconds to a gap of 0.02 %", median(near), "s"),
         _proved(runs, must=0.7, moonshot=1.0),
         Figure("median seconds to proof", median(r.seconds_to_proof for r in runs), "s",
-               moonshot=below(5)),
+               moonshot=Target.below(5)),
         _slowest(runs),
         Figure(f"root bound above the best J after {min(_ROOT_SECONDS, seconds):g} s, worst seed",
-               max(off), "%", below(0.5)),
+               max(off), "%", Target.below(0.5)),
         _busy(runs),
     ]  # fmt: skip
 
@@ -94,7 +93,7 @@ def _passage(options: Options) -> list[Figure]:
     seconds = options.at_most(30.0)
     runs = _runs("passage", options.seeds_or(SEEDS), seconds)
     return [
-        *_gaps(runs, seconds, below(0.1)),
+        *_gaps(runs, seconds, Target.below(0.1)),
         _proved(runs, moonshot=1.0),
         Figure("median seconds to proof", median(r.seconds_to_proof for r in runs), "s"),
         _busy(runs),
@@ -108,8 +107,8 @@ def _large(options: Options) -> list[Figure]:
     seconds = options.at_most(120.0)
     runs = _runs(str(options.large), options.seeds_or(SEEDS), seconds)
     return [
-        *_gaps(runs, seconds, below(0.5)),
-        *_gaps(runs, seconds / 2, None, below(0.1)),
+        *_gaps(runs, seconds, Target.below(0.5)),
+        *_gaps(runs, seconds / 2, None, Target.below(0.1)),
         _busy(runs),
     ]
 
@@ -118,14 +117,22 @@ def _field_long(options: Options) -> list[Figure]:
     """Measures the long field: 6 drones, 6 people, 60 steps, 75 moves a step."""
     seconds = options.at_most(300.0)
     runs = _runs("field-long", options.seeds_or(SEEDS), seconds)
-    return [*_gaps(runs, seconds, below(1), below(0.2)), _memory(runs, 6), _busy(runs)]
+    return [
+        *_gaps(runs, seconds, Target.below(1), Target.below(0.2)),
+        _memory(runs, 6),
+        _busy(runs),
+    ]
 
 
 def _field_large(options: Options) -> list[Figure]:
     """Measures the large field: 64 drones, 32 people, 64 x 64 cells, 40 steps."""
     seconds = options.at_most(1200.0)
     runs = _runs("field-large", options.seeds_or(SEEDS), seconds)
-    return [*_gaps(runs, seconds, below(2), below(0.5)), _memory(runs, 12), _busy(runs)]
+    return [
+        *_gaps(runs, seconds, Target.below(2), Target.below(0.5)),
+        _memory(runs, 12),
+        _busy(runs),
+    ]
 
 
 def _runs(
@@ -135,15 +142,7 @@ def _runs(
     method: BoundMethod = branch_and_price,
 ) -> list[Run]:
     """Runs a method on each seed of a scene."""
-    return [told(name, seed, run(partial(scene, name, seed), method, seconds)) for seed in seeds]
-
-
-def told(name: str, seed: int, result: Run) -> Run:
-    """Prints a line about a run on standard error, and returns the run."""
-    gap = f"gap {100 * result.gap:.4f} %" if math.isfinite(result.gap) else "no gap"
-    say(f"{name} seed {seed}: {result.reason} after {result.seconds:.2f} s "
-        f"({result.processor:.2f} s of processor), {gap}, {result.gigabytes:.2f} GB")  # fmt: skip
-    return result
+    return [Run.of(partial(scene, name, seed), method, seconds).told(name, seed) for seed in seeds]
 
 
 def _proved(
@@ -152,7 +151,7 @@ def _proved(
     """Returns the number of optima that are proved; targets are shares of the runs."""
 
     def of_all(share: float | None) -> Target | None:
-        return None if share is None else at_least(math.ceil(share * len(runs)))
+        return None if share is None else Target.at_least(math.ceil(share * len(runs)))
 
     count = sum(math.isfinite(r.seconds_to_proof) for r in runs)
     return Figure("proved optima", count, f"of {len(runs)}", of_all(must), of_all(moonshot))
@@ -181,7 +180,7 @@ def _gaps(
 
 
 def _memory(runs: Sequence[Run], most: float) -> Figure:
-    return Figure("largest peak memory", max(r.gigabytes for r in runs), "GB", below(most))
+    return Figure("largest peak memory", max(r.gigabytes for r in runs), "GB", Target.below(most))
 
 
 SCENE_ROWS: Mapping[str, Callable[[Options], list[Figure]]] = {
