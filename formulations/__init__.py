@@ -14,7 +14,7 @@ from cocap_opt.formulations.result import (
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.stop import Stop, never
 
-__all__ = ["BOUNDS", "EXACT", "BoundMethod", "CertifiedResult", "ExactMethod", "LazyMethod"]
+__all__ = ["BOUNDS", "EXACT", "BoundMethod", "CertifiedResult", "ExactMethod"]
 
 
 class _OfTheFunction:
@@ -26,7 +26,7 @@ class _OfTheFunction:
     def __set_name__(self, owner: type, name: str) -> None:
         self._name = name
 
-    def __get__(self, method: "LazyMethod | None", owner: type) -> object:
+    def __get__(self, method: "_LazyMethod | None", owner: type) -> object:
         if method is None:
             return self._own
         function = method.load()
@@ -35,7 +35,7 @@ class _OfTheFunction:
         return getattr(function, self._name)
 
 
-class LazyMethod:
+class _LazyMethod:
     """A bound or exact method whose module is imported at first use: some solvers take seconds.
 
     Signature and docstring are the function's own, so that `help` shows them.
@@ -72,7 +72,7 @@ class LazyMethod:
         result: CertifiedResult = function(problem, stop, start, report, *arguments, **options)
         return result
 
-    def __get__(self, instance: object, owner: type) -> "LazyMethod":
+    def __get__(self, instance: object, owner: type) -> "_LazyMethod":
         """Returns the method itself; that it can be an attribute makes `help` see a function."""
         return self
 
@@ -81,45 +81,45 @@ class LazyMethod:
 
     def __reduce__(self) -> tuple[type, tuple[str, str, str]]:
         module = self._module.removeprefix("cocap_opt.formulations.")
-        return LazyMethod, (module, self.__name__, self.summary)
+        return _LazyMethod, (module, self.__name__, self.summary)
 
 
-BOUNDS: dict[str, LazyMethod] = {
-    "alone": LazyMethod("simple_bounds", "alone", "every drone as if it were alone"),
-    "online": LazyMethod("simple_bounds", "online", "J of a plan and what each drone could add"),
-    "concave": LazyMethod(
+BOUNDS: dict[str, _LazyMethod] = {
+    "alone": _LazyMethod("simple_bounds", "alone", "every drone as if it were alone"),
+    "online": _LazyMethod("simple_bounds", "online", "J of a plan and what each drone could add"),
+    "concave": _LazyMethod(
         "relaxations.cone_program", "concave", "concave relaxation over the aggregated flow"
     ),
-    "single-view": LazyMethod(
+    "single-view": _LazyMethod(
         "relaxations.cone_program", "single_view", "concave relaxation with single-view cuts"
     ),
-    "envelope": LazyMethod(
+    "envelope": _LazyMethod(
         "relaxations.cone_program", "envelope", "concave relaxation with envelope cuts"
     ),
-    "column-generation": LazyMethod(
+    "column-generation": _LazyMethod(
         "column_generation.column_generation",
         "column_generation",
         "relaxation over paths with all cuts, any size, and a plan",
     ),
 }
 
-EXACT: dict[str, LazyMethod] = {
-    "brute-force": LazyMethod("brute_force", "brute_force", "all plans, one by one"),
-    "branch-and-price": LazyMethod(
+EXACT: dict[str, _LazyMethod] = {
+    "brute-force": _LazyMethod("brute_force", "brute_force", "all plans, one by one"),
+    "branch-and-price": _LazyMethod(
         "column_generation.branch_and_price",
         "branch_and_price",
         "proved optima: a tree over column generation",
     ),
-    "highs": LazyMethod(
+    "highs": _LazyMethod(
         "integer_programs.mathopt", "highs", "integer program by outer approximation with HiGHS"
     ),
-    "scip": LazyMethod(
+    "scip": _LazyMethod(
         "integer_programs.mathopt", "scip", "integer program by outer approximation with SCIP"
     ),
-    "cp-sat": LazyMethod(
+    "cp-sat": _LazyMethod(
         "integer_programs.cp_sat", "cp_sat", "integer program by outer approximation with CP-SAT"
     ),
-    "scip-nonlinear": LazyMethod(
+    "scip-nonlinear": _LazyMethod(
         "integer_programs.scip_nonlinear",
         "scip_nonlinear",
         "nonlinear integer program with SCIP; needs PySCIPOpt",

@@ -7,7 +7,6 @@ and `diving` make plans of the mixtures that come up.
 """
 
 __all__ = [
-    "arc_pool",
     "branch_and_price",
     "branching",
     "coefficients",
@@ -20,7 +19,6 @@ __all__ = [
     "master",
     "master_program",
     "mixture",
-    "pairs",
     "pricing",
     "relaxation",
     "root",

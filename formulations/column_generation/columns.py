@@ -1,6 +1,6 @@
 """Columns: paths of single robots with what they see, and the arcs along them."""
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from operator import eq
 from typing import NamedTuple
 
@@ -33,6 +33,23 @@ class Arc(NamedTuple):
     def enters(self) -> ClassState:
         """Class and state of the head."""
         return self.class_number, self.head
+
+    @staticmethod
+    def states_on_paths(
+        arcs: "Iterable[Arc]", starts: Collection[ClassState], horizon: int
+    ) -> list[set[ClassState]]:
+        """Returns the states [T+1] of each step on a path of arcs from a start to step T."""
+        by_step: list[list[Arc]] = [[] for _ in range(horizon)]
+        for arc in arcs:
+            by_step[arc.t].append(arc)
+        reached = [set(starts)]
+        for some in by_step:
+            reached.append({arc.enters for arc in some if arc.leaves in reached[-1]})
+        leading = [reached[-1]]
+        for t in range(horizon - 1, -1, -1):
+            tails = {arc.leaves for arc in by_step[t] if arc.enters in leading[-1]}
+            leading.append(tails & reached[t])
+        return leading[::-1]
 
 
 class Column(NamedTuple):

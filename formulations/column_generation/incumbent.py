@@ -8,7 +8,7 @@ from cocap_opt.formulations.certificates import Visit
 from cocap_opt.formulations.column_generation.branching import ResourceUse
 from cocap_opt.formulations.column_generation.columns import Column
 from cocap_opt.formulations.column_generation.mixture import Mixture
-from cocap_opt.formulations.relaxations.flow_paths import assigned_heads
+from cocap_opt.formulations.relaxations.flow import Flow
 from cocap_opt.model import Model, Path, RobotClass
 from cocap_opt.objective import objective
 from cocap_opt.problem import Plan
@@ -88,7 +88,7 @@ def _integral_paths(model: Model, mixture: Mixture) -> list[Path] | None:
             tails = [paths[robot][-1] for robot in robot_class.robots]
             flow = _flow(mixture, number, t)
             ahead = [{b: flow[a, b] for b in heads if (a, b) in flow} for a in tails]
-            chosen = assigned_heads(ahead, heads, _NO_MOVE)
+            chosen = Flow.assigned_heads(ahead, heads, _NO_MOVE)
             if chosen is None:
                 return None
             for robot, head in zip(robot_class.robots, chosen, strict=True):

@@ -16,7 +16,6 @@ import numpy as np
 
 from cocap_opt.data import FloatArray
 from cocap_opt.formulations.certificates import Cut, Decision, Resource
-from cocap_opt.formulations.column_generation.arc_pool import LEAST_USE, ArcPool
 from cocap_opt.formulations.column_generation.columns import Arc, Column
 from cocap_opt.formulations.column_generation.master_program import MasterProgram
 from cocap_opt.formulations.column_generation.mixture import Mixture
@@ -25,6 +24,7 @@ from cocap_opt.model import Model, Path
 from cocap_opt.stop import Stop, never
 
 BEST_ACCURACY = 1e-8
+_LEAST_USE = 1e-7  # flow on an arc that counts as use
 _LEAST_SHARE = 1e-6  # of a cut in a solution, from which on it is kept
 
 
@@ -51,7 +51,7 @@ class Master:
         self.penalty = penalty
         self.decisions = decisions
         self._columns: dict[tuple[int, Path], Column] = {}
-        self._pool = ArcPool()
+        self._pool = _ArcPool()
         self._rows: list[Resource] = []
         self._cuts: list[Cut] = []
 
@@ -157,11 +157,67 @@ class Master:
         return Mixture(columns, np.array(amounts))
 
 
+class _ArcPool:
+    """The arcs of a master, numbered, and the number of solves for which each has been idle."""
+
+    def __init__(self) -> None:
+        self._numbers: dict[Arc, int] = {}
+        self._idle = np.zeros(0, dtype=np.int64)
+
+    @property
+    def arcs(self) -> Collection[Arc]:
+        """The arcs in the order of their numbers."""
+        return self._numbers.keys()
+
+    def add(self, arcs: Iterable[Arc]) -> int:
+        """Adds arcs, and returns how many of them are new."""
+        before = len(self._numbers)
+        for arc in arcs:
+            self._numbers.setdefault(arc, len(self._numbers))
+        new = len(self._numbers) - before
+        self._idle = np.append(self._idle, np.zeros(new, dtype=np.int64))
+        return new
+
+    def note_flow(self, flow: FloatArray) -> None:
+        """Counts one more solve in which the arcs had this flow [n]."""
+        self._idle = np.where(flow > _LEAST_USE, 0, self._idle + 1)
+
+    def has_fresh(self, arcs: Iterable[Arc], most_idle: int) -> bool:
+        """Returns True if each of the arcs was used in one of the last `most_idle` solves."""
+        return all(self._idle[self._numbers[arc]] <= most_idle for arc in arcs)
+
+    def has_all(self, arcs: Iterable[Arc]) -> bool:
+        """Returns True if all these arcs are in the pool."""
+        return all(arc in self._numbers for arc in arcs)
+
+    def drop_idle(self, model: Model, most_idle: int) -> bool:
+        """Drops arcs idle for more than `most_idle` solves, and those that lead nowhere then.
+
+        Returns
+        -------
+        False if nothing was idle for so long.
+        """
+        if (self._idle <= most_idle).all():
+            return False
+        idle = dict(zip(self._numbers, self._idle.tolist(), strict=True))
+        fresh = [arc for arc, n in idle.items() if n <= most_idle]
+        starts = {
+            (number, start)
+            for number, robot_class in enumerate(model.classes)
+            for start in robot_class.starts
+        }
+        on = Arc.states_on_paths(fresh, starts, model.problem.horizon)
+        arcs = [arc for arc in fresh if arc.leaves in on[arc.t] and arc.enters in on[arc.t + 1]]
+        self._numbers = {arc: n for n, arc in enumerate(arcs)}
+        self._idle = np.array([idle[arc] for arc in arcs], dtype=np.int64)
+        return True
+
+
 class _RestFlow:
     """The flow on arcs that no path has taken yet."""
 
     def __init__(self, arcs: list[Arc], flow: FloatArray, horizon: int) -> None:
-        self._left = {a: f for a, f in zip(arcs, flow.tolist(), strict=True) if f > LEAST_USE}
+        self._left = {a: f for a, f in zip(arcs, flow.tolist(), strict=True) if f > _LEAST_USE}
         self._leaving: dict[tuple[int, int, int], list[Arc]] = {}
         for arc in self._left:
             self._leaving.setdefault((arc.class_number, arc.t, arc.tail), []).append(arc)
@@ -189,7 +245,7 @@ class _RestFlow:
         for t in range(self._horizon):
             arcs = self._leaving.get((number, t, state), [])
             best = max(arcs, key=lambda arc: self._left[arc], default=None)
-            if best is None or self._left[best] <= LEAST_USE / 10:
+            if best is None or self._left[best] <= _LEAST_USE / 10:
                 return None
             path.append(best)
             state = best.head

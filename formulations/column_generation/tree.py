@@ -42,7 +42,7 @@ class _Inheritance(NamedTuple):
 
 
 @dataclass
-class Node:
+class _Node:
     """A node of the tree, solved or not yet.
 
     Attributes
@@ -76,10 +76,10 @@ class Tree:
         self._solved = 0
         self._iterations = 0
         self._root: Relaxation | None = None
-        self._nodes: list[Node] = []
+        self._nodes: list[_Node] = []
         self._queue: list[tuple[float, int]] = []  # (-bound, number) of open nodes
 
-    def is_pruned(self, node: Node) -> bool:
+    def is_pruned(self, node: _Node) -> bool:
         """Returns True if the node holds no plan that is better by more than the gap."""
         return node.best.bound <= self._cutoff()
 
@@ -94,21 +94,21 @@ class Tree:
         finally:
             self.search, self._root = root.search, root.relaxation
             self._solved, self._iterations = 1, root.relaxation.iterations
-            self._open(Node((), root.relaxation.best, is_solved=True))
+            self._open(_Node((), root.relaxation.best, is_solved=True))
 
-    def _open(self, node: Node) -> None:
+    def _open(self, node: _Node) -> None:
         """Adds a node to the tree and to the queue."""
         heapq.heappush(self._queue, (-node.best.bound, len(self._nodes)))
         self._nodes.append(node)
 
-    def select(self) -> Node | None:
+    def select(self) -> _Node | None:
         """Takes the open node of the largest bound; None where all of them are pruned."""
         if not self._queue:
             return None
         node = self._nodes[heapq.heappop(self._queue)[1]]
         return None if self.is_pruned(node) else node
 
-    def solve(self, node: Node) -> Relaxation:
+    def solve(self, node: _Node) -> Relaxation:
         """Solves the relaxation of a node (the root's is solved already); raises LimitReached."""
         if node.inherited is None and self._root is not None:
             relaxation, self._root = self._root, None
@@ -121,7 +121,7 @@ class Tree:
             self._iterations += relaxation.iterations
         return relaxation
 
-    def _converge(self, node: Node, relaxation: Relaxation, rough: float) -> None:
+    def _converge(self, node: _Node, relaxation: Relaxation, rough: float) -> None:
         """Solves a node's relaxation; its best bound is the node's also at a limit."""
         others = -self._queue[0][0] if self._queue else -np.inf
         try:
@@ -129,7 +129,7 @@ class Tree:
         finally:
             node.best = relaxation.best
 
-    def _relaxation(self, node: Node) -> Relaxation:
+    def _relaxation(self, node: _Node) -> Relaxation:
         """Returns the relaxation of a node, with what it inherits."""
         inherited = node.inherited
         assert inherited is not None
@@ -151,7 +151,7 @@ class Tree:
         if self._solved & (self._solved - 1) == 0:
             search.offer(dive(search, relaxation.master, solution))
 
-    def branch(self, node: Node, relaxation: Relaxation) -> None:
+    def branch(self, node: _Node, relaxation: Relaxation) -> None:
         """Makes the two children of a node, where a resource is used fractionally."""
         if not self._branch(node, relaxation, INTEGRAL):
             # Nothing is clearly fractional: the rest is a matter of accuracy.
@@ -159,7 +159,7 @@ class Tree:
             if not self.is_pruned(node) and not self._branch(node, relaxation, NEARLY_INTEGRAL):
                 self.has_stuck_leaf = True  # the node stays a leaf with the bound it has
 
-    def _branch(self, node: Node, relaxation: Relaxation, tolerance: float) -> bool:
+    def _branch(self, node: _Node, relaxation: Relaxation, tolerance: float) -> bool:
         """Makes the two children of a node; returns False if there is nothing to branch on."""
         solution, master = relaxation.solution, relaxation.master
         if solution is None:
@@ -179,7 +179,7 @@ class Tree:
         at_most = Decision(resource, "at most", robots)
         at_least = Decision(resource, "at least", robots + 1)
         for decision in (at_most, at_least):
-            self._open(Node((*node.decisions, decision), best, inherited))
+            self._open(_Node((*node.decisions, decision), best, inherited))
         return True
 
     def report(self) -> None:

@@ -11,6 +11,5 @@ __all__ = [
     "cone_solver",
     "duals",
     "flow",
-    "flow_paths",
     "separation",
 ]

@@ -12,7 +12,7 @@ Sources: Yu and LaValle 2013 (anonymous path finding as integer flow); Royset an
 (search models whose size does not grow with the number of searchers).
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
@@ -23,7 +23,6 @@ from scipy import sparse
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.formulations.certificates import Cut
-from cocap_opt.formulations.relaxations.flow_paths import assigned_heads
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.timegraph import CLOSED, TimeGraph
 from cocap_opt.graph.value_iteration import backward_sweep
@@ -224,10 +223,38 @@ class Flow:
         slots = [head for head in nodes for _ in range(counts[head])]
         # A forbidden edge costs more than all rewards together bring.
         worst = -2.0 * len(at) * (self.largest_bonus or 1.0)
-        chosen = assigned_heads(ahead, slots, worst)
+        chosen = self.assigned_heads(ahead, slots, worst)
         if chosen is None:
             raise ValueError("the flow is not integral")
         return chosen
+
+    @staticmethod
+    def assigned_heads(
+        gains: Sequence[Mapping[int, float]], heads: Sequence[int], forbidden: float
+    ) -> list[int] | None:
+        """Returns the head that each robot goes to, so that their gains together are largest.
+
+        Parameters
+        ----------
+        gains : for each robot, the gain of every head that it can go to
+        heads : each head as often as robots go there
+        forbidden : the gain of a head that a robot cannot go to, so low that no other outweighs it
+
+        Returns
+        -------
+        One head per robot; None where there are not as many heads as robots, or a robot would have
+        to go where it cannot.
+        """
+        from scipy.optimize import linear_sum_assignment  # half of the time that imports take
+
+        if len(heads) != len(gains):
+            return None
+        gain = np.array([[some.get(head, -np.inf) for head in heads] for some in gains])
+        weights = np.where(np.isinf(gain), forbidden, gain)
+        robots, chosen = linear_sum_assignment(weights, maximize=True)
+        if np.isinf(gain[robots, chosen]).any():
+            return None
+        return [heads[k] for k in chosen.tolist()]
 
 
 class Amounts(NamedTuple):

@@ -18,7 +18,6 @@ from cocap_opt.formulations.certificates import (
     charges_of,
     verify,
 )
-from cocap_opt.formulations.column_generation.arc_pool import ArcPool
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.formulations.column_generation.branching import ResourceUse
 from cocap_opt.formulations.column_generation.coefficients import Coefficients
@@ -30,7 +29,6 @@ from cocap_opt.formulations.column_generation.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.local_search import LocalSearch
 from cocap_opt.formulations.column_generation.master import Master
 from cocap_opt.formulations.column_generation.mixture import Mixture
-from cocap_opt.formulations.column_generation.pairs import best_pair
 from cocap_opt.formulations.column_generation.pricing import Pricer
 from cocap_opt.formulations.column_generation.root import Root
 from cocap_opt.formulations.column_generation.search import Search
@@ -76,7 +74,7 @@ def test_the_best_pair_over_all_arcs_is_the_joint_optimum(problem: Problem) -> N
     problem = problem.replace(rules=NO_RULES if problem.rules.none else rules)
     problem = problem.replace(robots=tuple(r.replace(goal=None) for r in problem.robots))
     model, best = compiled(problem), optimum(problem)
-    pair = best_pair(model, (0, 1), all_arcs(model), [])
+    pair = LocalSearch(model).best_pair((0, 1), all_arcs(model), [])
     if pair is None:
         assert best.plan is None
         return
@@ -382,4 +380,4 @@ def test_multipliers_are_read_by_the_names_of_rows() -> None:
 def test_states_on_paths_lead_from_a_start_to_the_end() -> None:
     """Arcs that no start reaches, and arcs that lead nowhere, have states on no path."""
     arcs = [Arc(0, 0, 1, 2), Arc(0, 1, 2, 3), Arc(0, 0, 1, 7), Arc(0, 1, 8, 3), Arc(1, 1, 2, 9)]
-    assert ArcPool.states_on_paths(arcs, [(0, 1)], 2) == [{(0, 1)}, {(0, 2)}, {(0, 3)}]
+    assert Arc.states_on_paths(arcs, [(0, 1)], 2) == [{(0, 1)}, {(0, 2)}, {(0, 3)}]
