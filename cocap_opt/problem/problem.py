@@ -37,7 +37,7 @@ from cocap_opt.problem.actor import Actor
 from cocap_opt.problem.motion import Cell, Motion, State
 from cocap_opt.problem.objective import Objective
 from cocap_opt.problem.robot import Robot
-from cocap_opt.problem.rules import CollisionRules
+from cocap_opt.problem.rules import NO_RULES, CollisionRules
 from cocap_opt.world.workspace import HeightMap, Mesh, Workspace
 
 if TYPE_CHECKING:
@@ -216,6 +216,10 @@ class Problem(Data, frozen=True, eq=False, dict=True):
             return f"height {height:g} m"
         spans = ", ".join(f"{low:g}..{high:g} m" for low, high in meshes)
         return f"height {height:g} m and meshes at {spans}"
+
+    def without_rules(self) -> "Problem":
+        """Returns the problem without inter-robot collisions; the same one if it has no rules."""
+        return self if self.rules.none else self.replace(rules=NO_RULES)
 
     @cached_property
     def layers(self) -> tuple[float, ...]:

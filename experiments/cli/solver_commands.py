@@ -32,9 +32,6 @@ from cocap_opt.experiments.results.judging import (
     SOLVERS,
     Allowance,
     Judged,
-    run_certified,
-    run_planner,
-    without_rules,
 )
 from cocap_opt.experiments.results.printing import Record, path_text, print_result
 from cocap_opt.experiments.results.rows import OWN_STARTS, PlanRow
@@ -188,7 +185,7 @@ def _planned(
         with suppress(LimitReached):
             compiled(problem).prepare_all(stop, watch.counter("coverage"))
             stop = allowance.begin(interrupt)
-    return run_planner(problem, planner, stop)
+    return Judged.planned(problem, planner, stop)
 
 
 class _Task(NamedTuple):
@@ -206,7 +203,7 @@ class _Task(NamedTuple):
             fitting, start = read_plan(path, scene, problem)
             about |= {"seed": None, "starts": OWN_STARTS} if fitting is not problem else {}
             problem = fitting
-        return cls(without_rules(problem) if free else problem, start, about)
+        return cls(problem.without_rules() if free else problem, start, about)
 
     def certified(
         self, seed: int, method: str, stop: Stop, gap: float, path: Path | None
@@ -217,7 +214,7 @@ class _Task(NamedTuple):
             report = trace.beside(watch.report())
             cover(problem, stop, watch)
             try:
-                judged = run_certified(problem, method, stop, self.start, report, gap)
+                judged = Judged.certified(problem, method, stop, self.start, report, gap)
             except UnsupportedError as error:
                 raise UsageError(f"--method {method}: {error}") from error
         if path is not None:

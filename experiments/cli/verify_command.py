@@ -11,7 +11,6 @@ from cocap_opt.experiments.console.options import UsageError
 from cocap_opt.experiments.console.progress import Watch
 from cocap_opt.experiments.results.claims import Verification
 from cocap_opt.experiments.results.files import read_claim
-from cocap_opt.experiments.results.judging import without_rules
 from cocap_opt.experiments.results.printing import Record, path_text, print_result
 from cocap_opt.experiments.results.rows import OWN_STARTS
 from cocap_opt.files.documents import FileError, PlanFile
@@ -79,7 +78,7 @@ class _Claims(NamedTuple):
             fitting = scene_of_plan(scene, problem, plan)
             about |= {"seed": None, "starts": OWN_STARTS} if fitting is not problem else {}
             problem = fitting
-        return cls(without_rules(problem) if free else problem, content, bounds, about)
+        return cls(problem.without_rules() if free else problem, content, bounds, about)
 
 
 COMMANDS = {"verify": _verify}

@@ -14,8 +14,6 @@ from cocap_opt.experiments.results.printing import Record
 from cocap_opt.experiments.results.rendered import (
     FaceView,
     Pose,
-    error_row,
-    rendered_reward,
 )
 from cocap_opt.model import compiled
 from cocap_opt.problem import Plan, Problem
@@ -56,8 +54,8 @@ def write_views(
     )
     return {
         "reward": verdict.reward,
-        "reward_rendered": rendered_reward(problem, views, verdict.reward_moves),
-        **error_row(views),
+        "reward_rendered": FaceView.reward(problem, views, verdict.reward_moves),
+        **FaceView.errors(views),
     }
 
 

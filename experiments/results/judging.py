@@ -8,7 +8,7 @@ from cocap_opt.files.documents import PlanFile, problem_digest
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Report, silent
 from cocap_opt.planners import PLANNERS
-from cocap_opt.problem import NO_RULES, Plan, Problem
+from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import Verdict, check
 from cocap_opt.result import Reason, Result, UnsupportedError, relative_gap
 from cocap_opt.stop import FirstOf, Stop, TimeLimit, WorkLimit, never
@@ -24,6 +24,17 @@ SOLVERS: Mapping[str, Callable[[Problem, Stop], Result]] = {**PLANNERS, **EXACT}
 
 class RefereeError(RuntimeError):
     """A method returned a plan or a bound that the referee refuses: a bug, never a result."""
+
+    @classmethod
+    def unless_bound(cls, name: str, reward: float, bound: float) -> None:
+        """Raises it if a bound is below the J of a plan that it covers, but for rounding.
+
+        Parameters
+        ----------
+        name : of what made the bound, for the message
+        """
+        if reward > bound + ROUNDING * abs(bound):
+            raise cls(f"{name}: bound {bound!r} is below J = {reward!r}")
 
 
 class Allowance(NamedTuple):
@@ -63,7 +74,7 @@ class Judged(NamedTuple, Generic[R_co]):
         if not math.isclose(verdict.reward, result.value, rel_tol=1e-9, abs_tol=1e-9):
             raise RefereeError(f"{name}: claims J = {result.value!r}, it is {verdict.reward!r}")
         if verdict.valid:
-            require_bound(name, verdict.reward, result.bound)
+            RefereeError.unless_bound(name, verdict.reward, result.bound)
         return Judged(result, verdict)
 
     @classmethod
@@ -71,6 +82,38 @@ class Judged(NamedTuple, Generic[R_co]):
         """Returns a plan of others, judged; its seconds are not known."""
         verdict = check(problem, plan)
         return Judged(Result(plan, verdict.reward, Reason.FINISHED, seconds=math.nan), verdict)
+
+    @classmethod
+    def planned(cls, problem: Problem, name: str, stop: Stop) -> "Judged[Result]":
+        """Runs a planner or an exact method, and has its plan judged."""
+        try:
+            result = SOLVERS[name](problem, stop)
+        except UnsupportedError as error:
+            return Judged(Result(None, -math.inf, Reason.UNSUPPORTED, message=str(error)), None)
+        return Judged.of(name, problem, result)
+
+    @classmethod
+    def certified(
+        cls,
+        problem: Problem,
+        name: str,
+        stop: Stop,
+        start: Plan | None = None,
+        report: Report = silent,
+        gap: float = OPTIMALITY,
+    ) -> "Judged[CertifiedResult]":
+        """Runs a bound or an exact method, and has its plan judged.
+
+        Raises
+        ------
+        UnsupportedError
+            If the method does not take such problems.
+        """
+        if name in EXACT:
+            result = EXACT[name](problem, stop, start, report, gap)
+        else:
+            result = BOUNDS[name](problem, stop, start, report)
+        return Judged.of(name, problem, result)
 
     @property
     def reward(self) -> float:
@@ -123,45 +166,3 @@ class Judged(NamedTuple, Generic[R_co]):
             reward=self.reward,
             plan=self.result.plan,
         )
-
-
-def require_bound(name: str, reward: float, bound: float) -> None:
-    """Raises RefereeError if a bound is below the J of a plan that it covers, but for rounding."""
-    if reward > bound + ROUNDING * abs(bound):
-        raise RefereeError(f"{name}: bound {bound!r} is below J = {reward!r}")
-
-
-def without_rules(problem: Problem) -> Problem:
-    """Returns the problem without inter-robot collisions; the same one if it has no rules."""
-    return problem if problem.rules.none else problem.replace(rules=NO_RULES)
-
-
-def run_planner(problem: Problem, name: str, stop: Stop) -> Judged[Result]:
-    """Runs a planner or an exact method, and has its plan judged."""
-    try:
-        result = SOLVERS[name](problem, stop)
-    except UnsupportedError as error:
-        return Judged(Result(None, -math.inf, Reason.UNSUPPORTED, message=str(error)), None)
-    return Judged.of(name, problem, result)
-
-
-def run_certified(
-    problem: Problem,
-    name: str,
-    stop: Stop,
-    start: Plan | None = None,
-    report: Report = silent,
-    gap: float = OPTIMALITY,
-) -> Judged[CertifiedResult]:
-    """Runs a bound or an exact method, and has its plan judged.
-
-    Raises
-    ------
-    UnsupportedError
-        If the method does not take such problems.
-    """
-    if name in EXACT:
-        result = EXACT[name](problem, stop, start, report, gap)
-    else:
-        result = BOUNDS[name](problem, stop, start, report)
-    return Judged.of(name, problem, result)

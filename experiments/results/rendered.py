@@ -12,6 +12,7 @@ from cocap_opt.problem import Plan, Problem, State
 from cocap_opt.vision.render import Renderer
 
 LEAST_PIXELS = 400  # of a face, for its error to say something
+_QUANTILES = {"median": 0.5, "90 %": 0.9, "99 %": 0.99, "largest": 1.0}
 
 
 class Pose(NamedTuple):
@@ -74,38 +75,38 @@ class FaceView(NamedTuple):
         """(planned - rendered) / rendered; infinite where it is not in the picture at all."""
         return (self.planned - self.rendered) / self.rendered if self.rendered else math.inf
 
+    @staticmethod
+    def reward(problem: Problem, views: "Iterable[FaceView]", reward_moves: float) -> float:
+        """Returns J of a plan with its rendered pixels in place of the planned ones.
 
-def rendered_reward(problem: Problem, views: Iterable[FaceView], reward_moves: float) -> float:
-    """Returns J of a plan with its rendered pixels in place of the planned ones.
+        Parameters
+        ----------
+        reward_moves : the plan's rewards for moves
+        """
+        seen: dict[tuple[int, int], float] = {}
+        for view in views:
+            if view.pose.t >= problem.first_step:
+                t = 0 if problem.objective.over_time else view.pose.t
+                seen[t, view.face] = seen.get((t, view.face), 0.0) + view.rendered / view.area
+        weights = problem.step_weights
+        return math.fsum([*(weights[key] * math.sqrt(z) for key, z in seen.items()), reward_moves])
 
-    Parameters
-    ----------
-    reward_moves : the plan's rewards for moves
-    """
-    seen: dict[tuple[int, int], float] = {}
-    for view in views:
-        if view.pose.t >= problem.first_step:
-            t = 0 if problem.objective.over_time else view.pose.t
-            seen[t, view.face] = seen.get((t, view.face), 0.0) + view.rendered / view.area
-    weights = problem.step_weights
-    return math.fsum([*(weights[key] * math.sqrt(z) for key, z in seen.items()), reward_moves])
+    @staticmethod
+    def errors(views: "Sequence[FaceView]") -> Record:
+        """Returns errors of planned pixels against rendered ones, in % of these.
 
-
-def error_row(views: Sequence[FaceView]) -> Record:
-    """Returns errors of planned pixels against rendered ones, in % of these.
-
-    Faces count that have LEAST_PIXELS or more by plan or in the picture. Of one that is planned
-    and not in the picture the error is infinite.
-    """
-    row: Record = {"faces": len(views)}
-    for name, hidden in (("clear", False), ("hidden", True)):
-        errors = [
-            100 * abs(v.error) for v in views
-            if v.hidden == hidden and max(v.planned, v.rendered) >= LEAST_PIXELS
-        ]  # fmt: skip
-        row[name] = len(errors)
-        for quantile, word in ((0.5, "median"), (0.9, "90 %"), (0.99, "99 %"), (1.0, "largest")):
-            # An error that is there: between a finite and an infinite one lies none.
-            value = float(np.quantile(errors, quantile, method="higher")) if errors else None
-            row[f"{name}, {word} error (%)"] = value
-    return row
+        Faces count that have LEAST_PIXELS or more by plan or in the picture. Of one that is planned
+        and not in the picture the error is infinite.
+        """
+        row: Record = {"faces": len(views)}
+        for name, hidden in (("clear", False), ("hidden", True)):
+            errors = [
+                100 * abs(v.error) for v in views
+                if v.hidden == hidden and max(v.planned, v.rendered) >= LEAST_PIXELS
+            ]  # fmt: skip
+            row[name] = len(errors)
+            for word, quantile in _QUANTILES.items():
+                # An error that is there: between a finite and an infinite one lies none.
+                value = float(np.quantile(errors, quantile, method="higher")) if errors else None
+                row[f"{name}, {word} error (%)"] = value
+        return row

@@ -13,9 +13,7 @@ from cocap_opt.experiments.results.judging import (
     BOUND_METHOD,
     Allowance,
     Judged,
-    require_bound,
-    run_certified,
-    without_rules,
+    RefereeError,
 )
 from cocap_opt.files.documents import problem_digest
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Report
@@ -64,7 +62,7 @@ class Bounds:
         What bounds all plans bounds those that obey the rules, and the best plan of all may obey
         them; so the problem without rules comes first, and sometimes settles both.
         """
-        free = self._run(without_rules(self._problem), _best(self._plans), WITHOUT_RULES)
+        free = self._run(self._problem.without_rules(), _best(self._plans), WITHOUT_RULES)
         if self._problem.rules.none:
             return free, free
         under = self._under_rules(free)
@@ -87,7 +85,9 @@ class Bounds:
 
     def _run(self, problem: Problem, start: Judged[Any], name: str) -> Judged[CertifiedResult]:
         stop = self._allowance.begin(self._stop)
-        return run_certified(problem, BOUND_METHOD, stop, start.result.plan, self._report_to(name))
+        return Judged.certified(
+            problem, BOUND_METHOD, stop, start.result.plan, self._report_to(name)
+        )
 
     def _of_all_plans(self, free: CertifiedResult) -> CertifiedResult:
         """Returns a bound on all plans as one on those that obey the problem's rules."""
@@ -108,7 +108,7 @@ def _best(plans: Sequence[Judged[Any]]) -> Judged[Any]:
 
 def _joined(best: Judged[Any], bound: CertifiedResult) -> Judged[CertifiedResult]:
     """Returns a plan and a bound that may come from different runs, and what both prove."""
-    require_bound(BOUND_METHOD, best.reward, bound.bound)
+    RefereeError.unless_bound(BOUND_METHOD, best.reward, bound.bound)
     result = replace(bound, plan=best.result.plan, value=best.result.value)
     if relative_gap(best.reward, bound.bound) <= OPTIMALITY:
         result = replace(result, reason=Reason.OPTIMAL, limit=Limit.NONE)

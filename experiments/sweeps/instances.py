@@ -11,7 +11,6 @@ from msgspec import UNSET
 from cocap_opt.experiments.results.judging import (
     Judged,
     RefereeError,
-    require_bound,
 )
 from cocap_opt.experiments.results.rows import OWN_STARTS, BoundColumns, PlannedRow, Row
 from cocap_opt.experiments.sweeps.cells import BOUND, Cell, CellFile, Status, Store, cells_digest
@@ -215,4 +214,4 @@ def _require_bounds(plan: PlannedRow, bound: BoundColumns) -> None:
         covering = {"bound": bound.bound, "optimum": bound.optimum, **covering}
     for name, value in covering.items():
         if value is not None:
-            require_bound(f"{plan.planner}, {name}", plan.reward, value)
+            RefereeError.unless_bound(f"{plan.planner}, {name}", plan.reward, value)

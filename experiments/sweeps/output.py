@@ -12,7 +12,6 @@ from pathlib import Path
 import msgspec
 
 from cocap_opt.experiments.results.files import remove, save_bytes
-from cocap_opt.experiments.results.judging import without_rules
 from cocap_opt.experiments.results.layout import Paths
 from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.sweeps.cells import FREE, RULES
@@ -118,7 +117,7 @@ def _certificates(instance: Instance, paths: Paths) -> tuple[dict[str, str], _Fi
         files[path] = bound.certificate(name) if known else None
         files[paths.trace(free=is_free)] = None if text is None else text.encode()
         named[name] = path.as_posix() if known else ""
-    if without_rules(instance.problem) is instance.problem:  # one bound is both
+    if instance.problem.without_rules() is instance.problem:  # one bound is both
         named[FREE] = named[RULES]
     return named, files
 

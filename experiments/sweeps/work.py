@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 from cocap_opt.experiments.console.progress import Watch
-from cocap_opt.experiments.results.judging import Judged, run_planner, without_rules
+from cocap_opt.experiments.results.judging import Judged
 from cocap_opt.experiments.results.rows import BoundColumns, PlannedRow
 from cocap_opt.experiments.results.trace import Trace
 from cocap_opt.experiments.sweeps.bounds import WITH_RULES, WITHOUT_RULES, Bounds, cover
@@ -61,7 +61,7 @@ def _plan(task: Task, stop: Stop, watch: Watch) -> CellFile:
     cell, problem = task.cell, task.problem
     cover(problem, stop, watch)
     watch.show(cell.planner)
-    judged = run_planner(problem, cell.planner, cell.allowance.begin(stop))
+    judged = Judged.planned(problem, cell.planner, cell.allowance.begin(stop))
     columns = {"time_limit": cell.time_limit, "work_limit": cell.work_limit}
     if judged.result.reason is Reason.UNSUPPORTED:  # nobody timed it
         columns["seconds"] = None
@@ -85,21 +85,21 @@ def _planned(
 
 def _rendered_reward(problem: Problem, judged: Judged[Any]) -> float | None:
     """Returns J of a plan's rendered pixels; None where there is no plan."""
-    from cocap_opt.experiments.results.rendered import FaceView, Pose, rendered_reward
+    from cocap_opt.experiments.results.rendered import FaceView, Pose
     from cocap_opt.vision.render import Renderer
 
     if judged.result.plan is None or judged.verdict is None:
         return None
     poses = Pose.all_of(judged.result.plan, problem.first_step)
     views = FaceView.all_from(compiled(problem), Renderer(problem), poses)
-    return rendered_reward(problem, views, judged.verdict.reward_moves)
+    return FaceView.reward(problem, views, judged.verdict.reward_moves)
 
 
 def _bound(task: Task, stop: Stop, watch: Watch) -> CellFile:
     """Bounds all plans of an instance, and those of the scene without rules."""
     cell, problem = task.cell, task.problem
     cover(problem, stop, watch)
-    cover(without_rules(problem), stop, watch)
+    cover(problem.without_rules(), stop, watch)
     traces = {WITH_RULES: Trace(), WITHOUT_RULES: Trace()}
     bounds = Bounds(
         problem, _start_plans(problem, task.start), cell.allowance, stop,

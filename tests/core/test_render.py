@@ -12,8 +12,6 @@ from cocap_opt.experiments.cli.commands import run
 from cocap_opt.experiments.results.rendered import (
     FaceView,
     Pose,
-    error_row,
-    rendered_reward,
 )
 from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.model import Model
@@ -120,9 +118,9 @@ def test_rendered_reward_is_near_the_planned_one() -> None:
     assert plan is not None
     views = list(FaceView.all_from(model, Renderer(problem), Pose.all_of(plan, problem.first_step)))
     verdict = check(problem, plan)
-    rendered = rendered_reward(problem, views, verdict.reward_moves)
+    rendered = FaceView.reward(problem, views, verdict.reward_moves)
     assert rendered == pytest.approx(verdict.reward, rel=0.02)
-    row = error_row(views)
+    row = FaceView.errors(views)
     assert row["faces"] == len(views) and row["clear"] + row["hidden"] <= len(views)
 
 
@@ -133,9 +131,9 @@ def test_errors_are_of_all_faces_that_are_large_by_plan_or_in_the_picture() -> N
         return FaceView(Pose(0, 1, State(0, 0)), 0, 1.0, planned, rendered, unhidden)
 
     views = [seen(500, 400, 1000), seen(399, 399, 1000), seen(0, 400, 900), seen(500, 500, 500)]
-    row = error_row(views)
+    row = FaceView.errors(views)
     assert (row["clear"], row["hidden"], row["hidden, largest error (%)"]) == (1, 2, 100.0)
-    row = error_row([*views, seen(5000, 0, 6000)])
+    row = FaceView.errors([*views, seen(5000, 0, 6000)])
     assert (row["hidden"], row["hidden, median error (%)"]) == (3, 100.0)
     assert row["hidden, largest error (%)"] == np.inf
 

@@ -19,7 +19,7 @@ from cocap_opt.experiments.cli.main import main
 from cocap_opt.experiments.cli.solver_commands import AT_THE_ROOT
 from cocap_opt.experiments.console import progress
 from cocap_opt.experiments.results.gap_table import print_gap_table
-from cocap_opt.experiments.results.judging import run_planner
+from cocap_opt.experiments.results.judging import Judged
 from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.sweeps.scenes import Scenes
 from cocap_opt.files.documents import SceneFile
@@ -85,15 +85,15 @@ def test_coverage_is_there_before_a_planner_begins(
 ) -> None:  # fmt: skip
     """So `seconds` are the planner's own; those that need no whole coverage never compute it."""
     monkeypatch.setenv("COCAP_OPT_CACHE", str(tmp_path))
-    seen = []
+    seen, planned = [], Judged.planned
 
     def spy(*arguments: Any) -> Any:
         seen.append(any(tmp_path.glob("*.coverage")))
-        judged = run_planner(*arguments)
+        judged = planned(*arguments)
         seen.append(any(tmp_path.glob("*.coverage")))
         return judged
 
-    monkeypatch.setattr(solver_commands, "run_planner", spy)
+    monkeypatch.setattr(Judged, "planned", spy)
     compiled.cache_clear()
     assert Run(capsys, "plan", "tiny-share", "--planner", planner).code == 0
     assert seen == 2 * [planner not in solver_commands.LAZY]
