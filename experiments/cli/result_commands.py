@@ -18,11 +18,10 @@ from cocap_opt.experiments.console.options import Option, UsageError
 from cocap_opt.experiments.results.files import check_output, save_bytes
 from cocap_opt.experiments.results.printing import path_text, print_result, print_table
 from cocap_opt.experiments.results.rows import COLUMNS, Row
-from cocap_opt.experiments.results.tables import AGAINST, all_tables
+from cocap_opt.experiments.results.tables import AGAINST, DOCUMENTS, Tables
 from cocap_opt.experiments.sweeps.results import load_results
 from cocap_opt.experiments.sweeps.run_file import RunFile
 
-DOCUMENT_STYLES = ("markdown", "latex", "html")
 Against = Annotated[
     str | None, Parameter(help=f"the planner that others are compared with, else {AGAINST}")
 ]
@@ -33,7 +32,7 @@ def _table(
     /,
     *,
     style: Annotated[
-        str, Parameter(name="--format", help=f"one of {', '.join(DOCUMENT_STYLES)}")
+        str, Parameter(name="--format", help=f"one of {', '.join(DOCUMENTS)}")
     ] = "markdown",
     scene: OfScenes = None,
     planner: OfPlanners = None,
@@ -48,12 +47,10 @@ def _table(
 
     Example: cocap-opt table results --format latex -o tables.tex
     """
-    from cocap_opt.experiments.results.documents import DOCUMENTS  # pandas is slow to import
-
     Option("--format").require_one_of(style, DOCUMENTS)
     check_output(output)
     rows = chosen(load_results(folder), scene, planner)
-    tables = all_tables(rows, _against(against, rows))
+    tables = Tables.of(rows, _against(against, rows))
     if json:
         print_result({"tables": tables}, json)
     elif output is None:

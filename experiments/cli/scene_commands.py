@@ -12,7 +12,7 @@ from cocap_opt.experiments.results.files import check_output, save_together
 from cocap_opt.experiments.results.printing import path_text, print_result, print_table
 from cocap_opt.files.documents import SceneFile
 from cocap_opt.scenarios import FORMATS, SCENES
-from cocap_opt.scenarios.cameras import CAMERAS, with_camera, with_tilts
+from cocap_opt.scenarios.cameras import CAMERAS, with_cameras
 
 
 def _scenes(*, json: Json = False) -> int:
@@ -99,10 +99,9 @@ def _export(
     if over_time:
         objective = problem.objective.replace(over_time=True)
         problem = problem.replace(name=f"{problem.name}-over-time", objective=objective)
-    if camera is not None:
-        problem = with_camera(problem, camera)
-    if tilts is not None:
-        problem = with_tilts(problem, _angles("--tilts", tilts))
+    if camera is not None or tilts is not None:
+        degrees = None if tilts is None else _angles("--tilts", tilts)
+        problem = with_cameras(problem, camera, degrees)
     save_together({output: SceneFile(problem=problem)})
     print_result({"scene": problem.name, "seed": seed, "file": path_text(output)}, json)
     return 0

@@ -16,7 +16,6 @@ from cocap_opt.experiments.report.figures import draw_frame, robot_colour
 from cocap_opt.experiments.results.printing import counted
 from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.results.statistics import Mean
-from cocap_opt.experiments.results.tables import grouped, percent
 from cocap_opt.experiments.results.trace import Trace
 from cocap_opt.formulations.result import OPTIMALITY, Snapshot
 from cocap_opt.problem import Conflict, Plan, Problem, SwapConflict
@@ -39,8 +38,8 @@ def gaps_figure(rows: Sequence[Row]) -> Figure:
     ----------
     rows : of the gap table
     """
-    scenes = grouped(rows, "scene")
-    heights = [1.1 + 0.42 * len(grouped(some, "planner")) for some in scenes.values()]
+    scenes = Row.grouped(rows, "scene")
+    heights = [1.1 + 0.42 * len(Row.grouped(some, "planner")) for some in scenes.values()]
     figure = Figure(figsize=(7.2, sum(heights)), layout="constrained", dpi=_DPI)
     panels = figure.subplots(len(scenes), 1, height_ratios=heights, squeeze=False)[:, 0]
     for ax, ((scene,), some) in zip(panels, scenes.items(), strict=True):
@@ -59,7 +58,7 @@ def _draw_gaps(ax: Axes, rows: Sequence[Row]) -> Axes:
     ----------
     rows : of the gap table, of one scene
     """
-    planners = grouped(rows, "planner")
+    planners = Row.grouped(rows, "planner")
     for y, some in enumerate(planners.values()):
         _draw_planner(ax, y, some)
     if not all(row.bound_is_proved for row in rows):
@@ -68,7 +67,7 @@ def _draw_gaps(ax: Axes, rows: Sequence[Row]) -> Axes:
     labels = [_label(planner, some) for (planner,), some in planners.items()]
     ax.set_yticks(range(len(planners)), labels)
     ax.set_ylim(len(planners) - 0.5, -0.5)
-    _gap_axis(ax, max(percent(rows, "gap"), default=0.0))
+    _gap_axis(ax, max(Row.percent(rows, "gap"), default=0.0))
     ax.grid(axis="x", alpha=0.25)
     draw_frame(ax)
     return ax
@@ -78,7 +77,7 @@ def _draw_planner(ax: Axes, y: float, rows: Sequence[Row]) -> None:
     bounded = [row for row in rows if row.gap is not None]
     if not bounded:
         return
-    gaps = np.array(percent(bounded, "gap"))
+    gaps = np.array(Row.percent(bounded, "gap"))
     proved = np.array([row.bound_is_proved for row in bounded])
     heights = y + _spread(len(gaps))
     for some, face in ((proved, _BLUE), (~proved, "none")):

@@ -3,7 +3,6 @@
 from collections.abc import Iterator, Sequence
 
 from cocap_opt.experiments.results.rows import Row
-from cocap_opt.experiments.results.tables import grouped
 from cocap_opt.experiments.sweeps.cells import FAILED
 from cocap_opt.experiments.sweeps.run_file import RunFile
 
@@ -25,7 +24,8 @@ def limitations(rows: Sequence[Row], run: RunFile) -> list[str]:
 
 def _of_seeds(rows: Sequence[Row]) -> Iterator[str]:
     seeds = {
-        scene: len({row.seed for row in some}) for (scene,), some in grouped(rows, "scene").items()
+        scene: len({row.seed for row in some})
+        for (scene,), some in Row.grouped(rows, "scene").items()
     }
     one = [scene for scene, count in seeds.items() if count == 1]
     few = [scene for scene, count in seeds.items() if 1 < count < _FEW]
@@ -55,7 +55,7 @@ def _of_bounds(rows: Sequence[Row]) -> Iterator[str]:
 
 
 def _of_plans(rows: Sequence[Row]) -> Iterator[str]:
-    for (planner,), some in grouped(rows, "planner").items():
+    for (planner,), some in Row.grouped(rows, "planner").items():
         lost = sum(not row.valid for row in some)
         if lost == len(some):
             yield f"No plan of {planner} obeys the rules; it has no gaps."

@@ -17,12 +17,11 @@ from cocap_opt.experiments.report.figures import picture
 from cocap_opt.experiments.report.limitations import limitations
 from cocap_opt.experiments.report.pages import PageFile
 from cocap_opt.experiments.report.player import Player
-from cocap_opt.experiments.results.documents import html
 from cocap_opt.experiments.results.files import read_plan
 from cocap_opt.experiments.results.layout import Paths
 from cocap_opt.experiments.results.printing import counted
 from cocap_opt.experiments.results.rows import Row
-from cocap_opt.experiments.results.tables import all_tables, grouped
+from cocap_opt.experiments.results.tables import Tables
 from cocap_opt.experiments.results.trace import Trace
 from cocap_opt.experiments.sweeps.cells import FAILED
 from cocap_opt.experiments.sweeps.run_file import RunFile
@@ -79,7 +78,7 @@ def _about(rows: Sequence[Row]) -> str:
     planners = dict.fromkeys(row.planner or "" for row in rows)
     scenes = ", ".join(
         f"{scene} ({counted(len({row.seed for row in some}), 'seed')})"
-        for (scene,), some in grouped(rows, "scene").items()
+        for (scene,), some in Row.grouped(rows, "scene").items()
     )
     return f"{scenes}; {', '.join(planners)}"
 
@@ -93,13 +92,13 @@ def _results(rows: Sequence[Row], against: str) -> str:
         "Gap of each plan to the best certified bound of its scene and seed: a point per seed, "
         "their mean and its 95 % interval. Plans that break a rule have no gap.",
     )
-    return gaps + html(all_tables(rows, against), level=3)
+    return gaps + Tables.of(rows, against).html(level=3)
 
 
 def _searches(folder: Path, rows: Sequence[Row]) -> str:
     """Returns figures of the bounds over time, one per scene."""
     parts = []
-    for (scene,), some in grouped(rows, "scene").items():
+    for (scene,), some in Row.grouped(rows, "scene").items():
         traces = {}
         for row in {row.seed: row for row in some}.values():
             if (trace := _trace(folder, row)) is not None:
@@ -128,7 +127,7 @@ def _plans(folder: Path, rows: Sequence[Row], most: int) -> str:
     """Returns players of the first scenes, each with the seed that shows most."""
     scenes = [
         some
-        for (_,), some in grouped(rows, "scene").items()
+        for (_,), some in Row.grouped(rows, "scene").items()
         if (folder / Paths(some[0]).scene).is_file()
     ]
     return "\n".join(_scene_plans(folder, some) for some in scenes[:most])
@@ -164,7 +163,7 @@ def _telling_seed(rows: Sequence[Row]) -> tuple[int | None, list[Row]]:
         plans = sum(row.reward is not None for row in some)
         return plans > 1, max((row.conflicts or 0) for row in some), apart
 
-    seeds = {seed: some for (seed,), some in grouped(rows, "seed").items()}
+    seeds = {seed: some for (seed,), some in Row.grouped(rows, "seed").items()}
     return max(seeds.items(), key=lambda item: told(item[1]))
 
 
@@ -220,7 +219,7 @@ def _failures(rows: Sequence[Row]) -> str:
         if reason in FAILED
     ]  # fmt: skip
     once = list({tuple(row.items()): row for row in failed}.values())
-    return html({"Cells": once}, level=3) if once else ""
+    return Tables({"Cells": once}).html(level=3) if once else ""
 
 
 def _absent(folder: Path, rows: Sequence[Row]) -> list[str]:

@@ -1,9 +1,7 @@
 """Results: rows, judging, tables, statistics, files, and what is printed of them."""
 
 __all__ = [
-    "claims",
     "columns",
-    "documents",
     "files",
     "gap_table",
     "judging",

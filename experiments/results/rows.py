@@ -8,7 +8,7 @@ every bound comes from a certificate; no number is a solver's word.
 
 import logging
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
@@ -251,6 +251,24 @@ class Row(BoundColumns, PlannedRow):
             if not column.is_extra or any(getattr(row, name) is not UNSET for row in rows)
         ]
         return [{name: row._plain(name) for name in names} for row in rows]
+
+    @staticmethod
+    def grouped(rows: "Iterable[Row]", *names: str) -> "dict[tuple[Any, ...], list[Row]]":
+        """Returns rows by the values of some columns, in the order in which these first occur."""
+        found: dict[tuple[Any, ...], list[Row]] = {}
+        for row in rows:
+            found.setdefault(tuple(getattr(row, name) for name in names), []).append(row)
+        return found
+
+    @staticmethod
+    def values(rows: "Sequence[Row]", name: str) -> list[float]:
+        """Returns the numbers that rows have in a column, where they have one."""
+        return [value for row in rows if (value := getattr(row, name)) is not None]
+
+    @staticmethod
+    def percent(rows: "Sequence[Row]", name: str) -> list[float]:
+        """Returns the shares that rows have in a column, in %."""
+        return [100 * value for value in Row.values(rows, name)]
 
     def _plain(self, name: str) -> object:
         value = getattr(self, name)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 CONFIDENCE = 0.95
+NONE = "-"  # in place of a number that does not exist
 SHIFT = 10.0  # s, of geometric means of times, as in qpbenchmark and Mittelmann's benchmarks
 
 
@@ -32,10 +33,27 @@ class Mean(NamedTuple):
         reach = float(student.ppf((1 + CONFIDENCE) / 2, n - 1)) * spread / math.sqrt(n)
         return cls(value, value - reach, value + reach, spread, n)
 
+    @staticmethod
+    def shifted_geometric(values: Sequence[float], shift: float = SHIFT) -> float:
+        """Returns exp(mean(log(value + shift))) - shift.
 
-def shifted_geometric_mean(values: Sequence[float], shift: float = SHIFT) -> float:
-    """Returns exp(mean(log(value + shift))) - shift.
+        Neither the easiest instances nor the hardest alone decide it.
+        """
+        logs = [math.log(value + shift) for value in values]
+        return math.exp(math.fsum(logs) / len(values)) - shift
 
-    Neither the easiest instances nor the hardest alone decide it.
-    """
-    return math.exp(math.fsum(math.log(value + shift) for value in values) / len(values)) - shift
+    @staticmethod
+    def interval(values: Sequence[float], digits: int = 3) -> str:
+        """Returns mean and confidence interval in words, if there are values."""
+        if not values:
+            return NONE
+        found = Mean.of(values)
+        mean, *ends = (Mean.rounded(number, digits) for number in found[:3])
+        return mean if math.isnan(found.low) else f"{mean} [{', '.join(ends)}]"
+
+    @staticmethod
+    def rounded(value: float | None, digits: int) -> str:
+        """Returns a number with so many digits, if there is one."""
+        if value is None or not math.isfinite(value):
+            return NONE
+        return f"{round(value, digits) + 0.0:,.{digits}f}"  # never -0

@@ -1,21 +1,92 @@
-"""Tables of a sweep: planners, differences between them, collision avoidance, and time.
+"""Tables of a sweep, as Markdown, LaTeX and HTML.
 
-Each is a list of rows whose values are already text, so that all formats show the same.
+They are of planners, differences between them, collision avoidance, and time. Each is a list of
+rows whose values are already text, so that all formats show the same.
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from statistics import median
-from typing import Any
+from typing import TYPE_CHECKING
 
 from cocap_opt.experiments.results.rows import Row
-from cocap_opt.experiments.results.statistics import Mean, shifted_geometric_mean
+from cocap_opt.experiments.results.statistics import NONE, Mean
 from cocap_opt.result import Reason
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 Table = list[dict[str, str]]
-NONE = "-"
 _LARGE = 1000  # rewards from which on no decimals are shown
 AGAINST = "sequential"  # what the paper compares itself with
+
+
+class Tables(dict[str, Table]):
+    """Tables by their titles."""
+
+    @classmethod
+    def of(cls, rows: Sequence[Row], against: str = AGAINST) -> "Tables":
+        """Returns all tables of a sweep; those that have no rows are left out.
+
+        Parameters
+        ----------
+        against : the planner that others are compared with
+        """
+        planners = {row.planner for row in rows}
+        tables = {
+            "Planners": _planner_table(rows),
+            "Paired differences": _difference_table(rows, against) if against in planners else [],
+            "Price of collision avoidance": _price_table(rows),
+            "Time": _time_table(rows),
+        }
+        return cls({title: table for title, table in tables.items() if table})
+
+    def markdown(self) -> str:
+        """Returns them in Markdown with their titles as headings; bars in names are escaped."""
+        texts = {
+            title: _frame(_escaped(table)).to_markdown(index=False, disable_numparse=True)
+            for title, table in self.items()
+        }
+        return "\n".join(f"## {title}\n\n{text}\n" for title, text in texts.items())
+
+    def latex(self) -> str:
+        """Returns them in LaTeX (package booktabs) with their titles as captions."""
+        return "% \\usepackage{booktabs}\n" + "\n".join(
+            _frame(table).to_latex(
+                index=False,
+                escape=True,
+                caption=title,
+                position="ht",
+                column_format="ll" + "r" * (len(table[0]) - 2),
+            )
+            for title, table in self.items()
+        )
+
+    def html(self, level: int = 2) -> str:
+        """Returns them for an HTML page with their titles as headings of some level."""
+        heading = f"h{level}"
+        return "\n".join(
+            f"<{heading}>{title}</{heading}>\n"
+            f"{_frame(table).to_html(index=False, escape=True, border=0)}\n"
+            for title, table in self.items()
+        )
+
+
+DOCUMENTS: Mapping[str, Callable[[Tables], str]] = {
+    "markdown": Tables.markdown,
+    "latex": Tables.latex,
+    "html": Tables.html,
+}
+
+
+def _frame(table: Table) -> "pd.DataFrame":
+    import pandas as pd  # slow to import
+
+    return pd.DataFrame(table)
+
+
+def _escaped(table: Table) -> Table:
+    return [{key: text.replace("|", "&#124;") for key, text in row.items()} for row in table]
 
 
 def _planner_table(rows: Sequence[Row]) -> Table:
@@ -25,22 +96,22 @@ def _planner_table(rows: Sequence[Row]) -> Table:
     the mean is over fewer seeds than others', and their number is said.
     """
     table = []
-    for (scene, planner), some in grouped(rows, "scene", "planner").items():
+    for (scene, planner), some in Row.grouped(rows, "scene", "planner").items():
         valid = [row for row in some if row.valid]
-        gaps = percent(valid, "gap")
+        gaps = Row.percent(valid, "gap")
         table.append(
             {
                 "scene": scene,
                 "planner": planner,
                 "seeds": str(len(some)),
                 "obeys the rules": _share(len(valid), len(some)),
-                "reward, all plans": _spread(values(some, "reward")),
-                "gap (%)": _of(interval(gaps), len(gaps), len(some)),
-                "largest gap (%)": _number(max(gaps, default=None), 3),
-                "gap to free (%)": interval(percent(valid, "gap_free")),
+                "reward, all plans": _spread(Row.values(some, "reward")),
+                "gap (%)": _of(Mean.interval(gaps), len(gaps), len(some)),
+                "largest gap (%)": Mean.rounded(max(gaps, default=None), 3),
+                "gap to free (%)": Mean.interval(Row.percent(valid, "gap_free")),
                 "proved optimal": _share(sum(row.is_optimal for row in valid), len(some)),
                 "stopped by a limit": str(sum(row.reason == Reason.STOPPED for row in some)),
-                "seconds, median": _median(values(some, "seconds")),
+                "seconds, median": _median(Row.values(some, "seconds")),
             }
         )
     return table
@@ -52,9 +123,9 @@ def _difference_table(rows: Sequence[Row], against: str = AGAINST) -> Table:
     Only seeds are compared on which both plans obey the rules.
     """
     table = []
-    for (scene,), some in grouped(rows, "scene").items():
+    for (scene,), some in Row.grouped(rows, "scene").items():
         reference = {row.seed: row.reward for row in some if row.planner == against and row.valid}
-        for (planner,), own in grouped(some, "planner").items():
+        for (planner,), own in Row.grouped(some, "planner").items():
             if planner == against:
                 continue
             pairs = [
@@ -68,7 +139,7 @@ def _difference_table(rows: Sequence[Row], against: str = AGAINST) -> Table:
                 {
                     "scene": scene,
                     "planner": planner,
-                    f"against {against} (%)": interval(shares),
+                    f"against {against} (%)": Mean.interval(shares),
                     "better": str(sum(a > b for a, b in pairs)),
                     "equal": str(sum(a == b for a, b in pairs)),
                     "worse": str(sum(a < b for a, b in pairs)),
@@ -85,15 +156,15 @@ def _price_table(rows: Sequence[Row]) -> Table:
     what the free bound has more than the best plan that obeys them, in % of the free optimum.
     """
     table = []
-    for (scene,), some in grouped(rows, "scene").items():
+    for (scene,), some in Row.grouped(rows, "scene").items():
         first = {row.seed: row for row in some}.values()
         ends = [end for row in first if (end := row.price) is not None]
         table.append(
             {
                 "scene": scene,
-                "at least (%)": interval([100 * low for low, _ in ends]),
-                "at most (%)": interval([100 * high for _, high in ends]),
-                "largest (%)": _number(max((100 * high for _, high in ends), default=None), 3),
+                "at least (%)": Mean.interval([100 * low for low, _ in ends]),
+                "at most (%)": Mean.interval([100 * high for _, high in ends]),
+                "largest (%)": Mean.rounded(max((100 * high for _, high in ends), default=None), 3),
                 "bound proved best": _share(sum(row.bound_is_proved for row in first), len(first)),
                 "seeds": str(len(ends)),
             }
@@ -108,14 +179,14 @@ def _time_table(rows: Sequence[Row]) -> Table:
     Over all scenes only planners are compared that were run on every scene and seed.
     """
     timed = [row for row in rows if _is_timed(row)]
-    scenes = grouped(timed, "scene")
+    scenes = Row.grouped(timed, "scene")
     table = [row for (scene,), some in scenes.items() for row in _times(scene, some)]
     if len(scenes) < 2:
         return table
     instances = {row.key for row in timed}
     everywhere = [
         row
-        for some in grouped(timed, "planner").values()
+        for some in Row.grouped(timed, "planner").values()
         if {row.key for row in some} == instances
         for row in some
     ]
@@ -130,7 +201,7 @@ def _is_timed(row: Row) -> bool:
 
 def _times(scene: str, rows: Sequence[Row]) -> Table:
     """Returns rows of a table of times; ratios are over what all of its planners were run on."""
-    planners = {planner: some for (planner,), some in grouped(rows, "planner").items()}
+    planners = {planner: some for (planner,), some in Row.grouped(rows, "planner").items()}
     instances = [{row.key for row in some} for some in planners.values()]
     common = set.intersection(*instances) if instances else set()
     means = {planner: _mean_seconds(some) for planner, some in planners.items()}
@@ -146,10 +217,10 @@ def _times(scene: str, rows: Sequence[Row]) -> Table:
             "planner": planner,
             "runs": str(len(some)),
             "no valid plan": str(sum(not row.valid for row in some)),
-            "shifted geometric mean (s)": _number(means[planner], 3),
-            "of the fastest": _number(alike[planner] / least if least > 0 else None, 1),
-            "median (s)": _median(values(some, "seconds")),
-            "longest (s)": _number(max(values(some, "seconds"), default=None), 3),
+            "shifted geometric mean (s)": Mean.rounded(means[planner], 3),
+            "of the fastest": Mean.rounded(alike[planner] / least if least > 0 else None, 1),
+            "median (s)": _median(Row.values(some, "seconds")),
+            "longest (s)": Mean.rounded(max(Row.values(some, "seconds"), default=None), 3),
         }
         for planner, some in planners.items()
     ]
@@ -157,37 +228,7 @@ def _times(scene: str, rows: Sequence[Row]) -> Table:
 
 def _mean_seconds(rows: Sequence[Row]) -> float:
     taken = (row.seconds if row.valid else row.time_limit for row in rows)
-    return shifted_geometric_mean([seconds or 0.0 for seconds in taken])
-
-
-def all_tables(rows: Sequence[Row], against: str = AGAINST) -> dict[str, Table]:
-    """Returns all tables by their titles; those that have no rows are left out."""
-    planners = {row.planner for row in rows}
-    tables = {
-        "Planners": _planner_table(rows),
-        "Paired differences": _difference_table(rows, against) if against in planners else [],
-        "Price of collision avoidance": _price_table(rows),
-        "Time": _time_table(rows),
-    }
-    return {title: table for title, table in tables.items() if table}
-
-
-def grouped(rows: Iterable[Row], *keys: str) -> dict[tuple[Any, ...], list[Row]]:
-    """Returns rows by the values of some columns, in the order in which these first occur."""
-    found: dict[tuple[Any, ...], list[Row]] = {}
-    for row in rows:
-        found.setdefault(tuple(getattr(row, key) for key in keys), []).append(row)
-    return found
-
-
-def values(rows: Sequence[Row], key: str) -> list[float]:
-    """Returns the numbers that rows have in a column, where they have one."""
-    return [value for row in rows if (value := getattr(row, key)) is not None]
-
-
-def percent(rows: Sequence[Row], key: str) -> list[float]:
-    """Returns the shares that rows have in a column, in %."""
-    return [100 * value for value in values(rows, key)]
+    return Mean.shifted_geometric([seconds or 0.0 for seconds in taken])
 
 
 def _of(text: str, part: int, whole: int) -> str:
@@ -201,30 +242,12 @@ def _spread(sample: Sequence[float]) -> str:
         return NONE
     found = Mean.of(sample)
     digits = 0 if abs(found.value) >= _LARGE else 2
-    spread = "" if math.isnan(found.spread) else f" ± {_number(found.spread, digits)}"
-    return _number(found.value, digits) + spread
+    spread = "" if math.isnan(found.spread) else f" ± {Mean.rounded(found.spread, digits)}"
+    return Mean.rounded(found.value, digits) + spread
 
 
 def _median(sample: Sequence[float]) -> str:
-    return _number(median(sample), 3) if sample else NONE
-
-
-def interval(sample: Sequence[float], digits: int = 3) -> str:
-    """Returns mean and confidence interval, if there are values."""
-    if not sample:
-        return NONE
-    found = Mean.of(sample)
-    if math.isnan(found.low):
-        return _number(found.value, digits)
-    low, high = _number(found.low, digits), _number(found.high, digits)
-    return f"{_number(found.value, digits)} [{low}, {high}]"
-
-
-def _number(value: float | None, digits: int) -> str:
-    """Returns a number with so many digits, if there is one."""
-    if value is None or not math.isfinite(value):
-        return NONE
-    return f"{round(value, digits) + 0.0:,.{digits}f}"  # never -0
+    return Mean.rounded(median(sample), 3) if sample else NONE
 
 
 def _share(part: int, whole: int) -> str:

@@ -65,7 +65,6 @@ def test_a_trace_is_read_as_it_was_written(tmp_path: Path) -> None:
     "text", ["value,bound\n", "value,bound,seconds,columns,nodes\n1,2\n",
              "value,bound,seconds,columns,nodes\n1,2,-3,0,0\n",
              "value,bound,seconds,columns,nodes\nnan,2,3,0,0\n",
-             "value,bound,seconds,columns,nodes\n3,2,3,0,0\n",
              "value,bound,seconds,columns,nodes\n1,1e308,3,0,0\n",
              "value,bound,seconds,columns,nodes\n1,2,3,4,5,6\n"],
 )  # fmt: skip

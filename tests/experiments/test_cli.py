@@ -821,7 +821,7 @@ def test_ctrl_c_gives_the_best_plan_and_bound_so_far(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("module", ["cyclopts", "cocap_opt.experiments.results.documents"])
+@pytest.mark.parametrize("module", ["cyclopts", "cocap_opt.experiments.report.report"])
 def test_ctrl_c_while_modules_are_imported_is_one_line(module: str) -> None:
     """The half second before a command begins ends without a traceback, and so does a command."""
     code = f"""
@@ -835,7 +835,7 @@ class Press:
             os.kill(os.getpid(), signal.SIGINT)
 
 sys.meta_path.insert(0, Press)
-main(["table", "folder"])
+main(["report", "folder", "-o", "report.html"])
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (130, "")

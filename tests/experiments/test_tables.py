@@ -11,11 +11,10 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from cocap_opt.experiments.cli import commands
-from cocap_opt.experiments.cli.result_commands import DOCUMENT_STYLES
 from cocap_opt.experiments.results.columns import Column
 from cocap_opt.experiments.results.rows import COLUMNS, Row
-from cocap_opt.experiments.results.statistics import Mean, shifted_geometric_mean
-from cocap_opt.experiments.results.tables import all_tables
+from cocap_opt.experiments.results.statistics import Mean
+from cocap_opt.experiments.results.tables import DOCUMENTS, Tables
 from cocap_opt.experiments.results.trace import Trace
 from cocap_opt.experiments.sweeps.results import load_results
 from cocap_opt.files.documents import FileError
@@ -46,7 +45,7 @@ def test_one_value_has_no_interval() -> None:
 @given(SOME, st.floats(0.1, 100))
 def test_the_shifted_geometric_mean_is_between(values: list[float], shift: float) -> None:
     """It is one of geometric means, between the least and the largest value."""
-    found = shifted_geometric_mean(values, shift)
+    found = Mean.shifted_geometric(values, shift)
     assert found == pytest.approx(stats.gmean(np.array(values) + shift) - shift, rel=1e-6, abs=1e-6)
     assert min(values) - 1e-6 <= found <= max(values) * (1 + 1e-9) + 1e-6
 
@@ -74,7 +73,7 @@ ROWS = [
 
 def test_planners_are_judged_by_plans_that_obey_the_rules() -> None:
     """A plan with conflicts has no gap and is not optimal; its reward is a reward."""
-    sequential, cocap = all_tables(ROWS)["Planners"]
+    sequential, cocap = Tables.of(ROWS)["Planners"]
     assert (sequential["obeys the rules"], cocap["obeys the rules"]) == ("2 of 3", "2 of 3")
     assert (sequential["proved optimal"], cocap["proved optimal"]) == ("0 of 3", "1 of 3")
     assert sequential["reward, all plans"] == "85.00 ± 7.07"
@@ -84,7 +83,7 @@ def test_planners_are_judged_by_plans_that_obey_the_rules() -> None:
 
 def test_differences_are_paired() -> None:
     """Only seeds count on which both plans obey the rules."""
-    (cocap,) = all_tables(ROWS)["Paired differences"]
+    (cocap,) = Tables.of(ROWS)["Paired differences"]
     percent = Mean.of([25.0, 0.0])
     expected = f"12.500 [{percent.low:.3f}, {percent.high:.3f}]"
     assert cocap["against sequential (%)"] == expected
@@ -93,17 +92,17 @@ def test_differences_are_paired() -> None:
 
 def test_the_price_has_two_certified_ends() -> None:
     """At least (109 - 100) / 110, at most (110 - 100) / 110, of each seed once."""
-    (only,) = all_tables(ROWS)["Price of collision avoidance"]
+    (only,) = Tables.of(ROWS)["Price of collision avoidance"]
     assert only["at least (%)"].startswith("8.182") and only["at most (%)"].startswith("9.091")
     assert (only["seeds"], only["bound proved best"]) == ("3", "3 of 3")
 
 
 def test_a_run_without_a_plan_counts_as_its_own_time_limit() -> None:
     """In the shifted geometric mean, but not in the median of what was measured."""
-    (only,) = all_tables([row("cocap", 0, None, seconds=1.0, time_limit=7.0)])["Time"]
+    (only,) = Tables.of([row("cocap", 0, None, seconds=1.0, time_limit=7.0)])["Time"]
     assert only["shifted geometric mean (s)"] == "7.000"
-    sequential, cocap = all_tables(ROWS)["Time"]
-    expected = shifted_geometric_mean([1.0, 1.0, 60.0])
+    sequential, cocap = Tables.of(ROWS)["Time"]
+    expected = Mean.shifted_geometric([1.0, 1.0, 60.0])
     assert sequential["shifted geometric mean (s)"] == f"{expected:.3f}"
     assert (sequential["median (s)"], cocap["longest (s)"]) == ("1.000", "3.000")
     assert (sequential["of the fastest"], sequential["no valid plan"]) == ("1.0", "1")
@@ -114,16 +113,16 @@ def test_times_are_compared_on_the_same_runs() -> None:
     hard = [row("cocap", seed, 90.0, scene="hard", seconds=100.0) for seed in range(3)]
     easy = [row("joint", seed, 100.0, scene="easy", seconds=4.0) for seed in range(3)]
     easy += [row("cocap", seed, 90.0, scene="easy", seconds=1.0) for seed in range(3)]
-    table = all_tables(hard + easy)["Time"]
+    table = Tables.of(hard + easy)["Time"]
     found = {(r["scene"], r["planner"]): r["of the fastest"] for r in table}
     assert found == {
         ("hard", "cocap"): "1.0", ("easy", "joint"): "4.0", ("easy", "cocap"): "1.0",
         ("all", "cocap"): "1.0",
     }  # fmt: skip
     ragged = [row("cocap", seed, 90.0, seconds=100.0 * seed + 1) for seed in range(3)]
-    cocap, joint = all_tables([*ragged, row("joint", 0, 90.0, seconds=2.0)])["Time"]
+    cocap, joint = Tables.of([*ragged, row("joint", 0, 90.0, seconds=2.0)])["Time"]
     assert (cocap["of the fastest"], joint["of the fastest"]) == ("1.0", "2.0")
-    cocap, joint = all_tables([*ragged, row("joint", 7, 90.0)])["Time"]
+    cocap, joint = Tables.of([*ragged, row("joint", 7, 90.0)])["Time"]
     assert (cocap["of the fastest"], joint["of the fastest"]) == ("-", "-")
 
 
@@ -134,15 +133,15 @@ def test_only_runs_are_timed() -> None:
         row("theirs", 0, 90.0, seconds=None), row("joint", 0, None, seconds=None,
                                                   reason="unsupported"),
     ]  # fmt: skip
-    (cocap,) = all_tables(rows)["Time"]
+    (cocap,) = Tables.of(rows)["Time"]
     assert (cocap["runs"], cocap["no valid plan"], cocap["longest (s)"]) == ("2", "1", "1.000")
-    expected = shifted_geometric_mean([1.0, 60.0])
+    expected = Mean.shifted_geometric([1.0, 60.0])
     assert cocap["shifted geometric mean (s)"] == f"{expected:.3f}"
 
 
 def test_a_table_of_differences_needs_its_planner() -> None:
     """Where nobody planned sequentially there is nothing to compare with, and no such table."""
-    titles = all_tables([row("cocap", 0, 90.0)])
+    titles = Tables.of([row("cocap", 0, 90.0)])
     assert "Paired differences" not in titles and "Planners" in titles
 
 
@@ -152,10 +151,7 @@ def test_a_table_of_differences_needs_its_planner() -> None:
 )
 def test_names_are_escaped(style: str, name: str) -> None:
     """A scene's name breaks no table."""
-    from cocap_opt.experiments.results.documents import DOCUMENTS
-
-    assert tuple(DOCUMENTS) == DOCUMENT_STYLES
-    text = DOCUMENTS[style](all_tables(ROWS))
+    text = DOCUMENTS[style](Tables.of(ROWS))
     assert name in text
     assert all(title in text for title in ("Planners", "Paired differences", "Price", "Time"))
 

@@ -11,8 +11,8 @@ from statistics import median
 from typing import Self
 
 from cocap_opt.experiments.results.rows import Row
-from cocap_opt.experiments.results.statistics import Mean
-from cocap_opt.experiments.results.tables import NONE, Table, grouped, interval, percent, values
+from cocap_opt.experiments.results.statistics import NONE, Mean
+from cocap_opt.experiments.results.tables import Table
 from cocap_opt.result import relative_gap
 from cocap_opt.stop import Limit
 
@@ -37,7 +37,7 @@ class SceneAnswers:
     @classmethod
     def all_of(cls, rows: Sequence[Row]) -> list[Self]:
         """Makes the answers about each scene of some rows."""
-        return [cls(scene, some) for (scene,), some in grouped(rows, "scene").items()]
+        return [cls(scene, some) for (scene,), some in Row.grouped(rows, "scene").items()]
 
     def closeness(self) -> str:
         """Answers if CoCap comes close to unconstrained performance.
@@ -50,7 +50,7 @@ class SceneAnswers:
         if not planned:
             words = "CoCap has no plan that obeys the rules; the claim cannot be tried."
             return f"{self.scene}: {words}"
-        found = Mean.of(percent(planned, "gap_free"))
+        found = Mean.of(Row.percent(planned, "gap_free"))
         least = Mean.of([
             100 * relative_gap(row.reward, row.optimum_free)
             for row in planned
@@ -63,8 +63,9 @@ class SceneAnswers:
             words = f"{OPEN}, as it has no plan on {len(own) - len(planned)} of {len(own)}"
         return (
             f"{self.scene}: CoCap is {_text(found)} below the certified bound of planning without "
-            f"collisions, at most {max(percent(planned, 'gap_free')):.2f} %. That it comes within "
-            f"{_CLOSE:g} % of unconstrained performance {words} (mean over {found.size} seeds)."
+            f"collisions, at most {max(Row.percent(planned, 'gap_free')):.2f} %. That it comes "
+            f"within {_CLOSE:g} % of unconstrained performance {words} (mean over {found.size} "
+            "seeds)."
         )
 
     def against_sequential(self) -> str:
@@ -88,7 +89,7 @@ class SceneAnswers:
         parts = []
         for words, chosen in (("with", True), ("without", False)):
             some = [row for row in own if row.valid and (row.seed in collides) == chosen]
-            gaps = percent(some, "gap")
+            gaps = Row.percent(some, "gap")
             said = _text(Mean.of(gaps)) if gaps else NONE
             parts.append(f"{said} on the {len(gaps)} seeds {words} collisions in the greedy plan")
         return (
@@ -134,11 +135,11 @@ class SceneAnswers:
                     "scene": self.scene,
                     "planner": planner,
                     "published (s)": published,
-                    "ours (s)": interval(values(own, "seconds"), 3),
+                    "ours (s)": Mean.interval(Row.values(own, "seconds"), 3),
                     "seeds": f"{len(planned)} of {len(own)}",
-                    "reward": interval(values(planned, "reward"), 0),
-                    "below the best bound (%)": interval(percent(planned, "gap"), 3),
-                    "below the free bound (%)": interval(percent(planned, "gap_free"), 3),
+                    "reward": Mean.interval(Row.values(planned, "reward"), 0),
+                    "below the best bound (%)": Mean.interval(Row.percent(planned, "gap"), 3),
+                    "below the free bound (%)": Mean.interval(Row.percent(planned, "gap_free"), 3),
                     "bound proved optimal": (
                         f"{sum(row.bound_is_proved for row in own)} of {len(own)}"
                     ),
@@ -156,7 +157,7 @@ class SceneAnswers:
         parts = []
         for planner in ("sequential", "cocap"):
             own = self._of(planner)
-            gaps = percent([row for row in own if row.valid], "gap")
+            gaps = Row.percent([row for row in own if row.valid], "gap")
             stopped = sum(row.limit == Limit.TIME for row in own)
             words = f", stopped by the limit of {limit:g} s on {stopped}" if stopped else ""
             gap = f"{_text(Mean.of(gaps))} below the bound" if gaps else "without a plan"

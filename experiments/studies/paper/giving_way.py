@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple, Self
 
-from cocap_opt.experiments.results.tables import NONE, interval
+from cocap_opt.experiments.results.statistics import NONE, Mean
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
 
@@ -75,7 +75,7 @@ class Encounter(NamedTuple):
             "only the later": str(sum(e.moved == (False, True) for e in some)),
             "both": str(sum(all(e.moved) for e in some)),
             "earlier gives up own reward": str(len(earlier)),
-            "share given up (%)": interval(earlier, 2),
+            "share given up (%)": Mean.interval(earlier, 2),
             "most (%)": f"{max(earlier):.2f}" if earlier else NONE,
         }
 

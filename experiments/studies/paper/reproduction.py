@@ -5,11 +5,10 @@ from pathlib import Path
 from statistics import median
 
 from cocap_opt.experiments.report.figures import picture
-from cocap_opt.experiments.results.documents import markdown
 from cocap_opt.experiments.results.files import save_bytes
 from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.results.statistics import Mean
-from cocap_opt.experiments.results.tables import Table, all_tables, values
+from cocap_opt.experiments.results.tables import Table, Tables
 from cocap_opt.experiments.studies.paper.answers import SOURCE, SceneAnswers
 from cocap_opt.experiments.studies.paper.figures import (
     curves_figure,
@@ -152,7 +151,7 @@ def _points(rows: Sequence[Row], sizes: Sequence[int]) -> dict[str, list[tuple[i
                 if r.reward is not None and r.bound_free is not None
             ]
             if own and len(shares) == len(own):
-                seconds = median(values(own, "seconds"))
+                seconds = median(Row.values(own, "seconds"))
                 points.setdefault(planner, []).append((n, seconds, Mean.of(shares).value))
     return points
 
@@ -192,21 +191,21 @@ def _page(
         parts.append(f"**Unfinished: {missing} of the scenes and seeds are not computed yet.**\n")
     for question, sentences in questions.items():
         parts.append(f"## {question}\n\n" + "".join(f"- {words}\n" for words in sentences))
-    parts.append(markdown({"Published and measured": comparison}))
+    parts.append(Tables({"Published and measured": comparison}).markdown())
     parts.append(
         f"Published seconds: {SOURCE}, its corridor of 8 steps on the authors' machine; "
         "its rewards are of scenes that were not published. Intervals: 95 %, Student's t.\n"
     )
     parts.append("## Reward per step\n\n![Reward per step](curves.png)\n")
-    parts.append(markdown({"Who gives way": giving}))
+    parts.append(Tables({"Who gives way": giving}).markdown())
     parts.append(_story(example))
-    tables = all_tables(rows)
+    tables = Tables.of(rows)
     shown = ("Planners", "Price of collision avoidance")
-    parts.append(markdown({title: tables[title] for title in shown if title in tables}))
+    parts.append(Tables({title: tables[title] for title in shown if title in tables}).markdown())
     if team_rows:
         parts.append("## Scaling\n\n![Time and reward against team size](scaling.png)\n")
         parts.append("".join(f"- {a.scaling(limit)}\n" for a in SceneAnswers.all_of(team_rows)))
-        parts.append(markdown({"Team sizes": all_tables(team_rows)["Planners"]}))
+        parts.append(Tables({"Team sizes": Tables.of(team_rows)["Planners"]}).markdown())
     return "\n".join(parts)
 
 
