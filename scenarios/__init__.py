@@ -17,7 +17,7 @@ from cocap_opt.scenarios.built_in import bottleneck, bridge, corridor, field, pa
 from cocap_opt.scenarios.formats import conventions, hughes
 from cocap_opt.scenarios.formats.options import NOTHING, Options
 
-__all__ = ["FORMATS", "NOTHING", "SCENES", "Format", "load_scene", "read_foreign_plan",
+__all__ = ["FORMATS", "NOTHING", "SCENES", "load_scene", "read_foreign_plan",
            "scene_of_plan"]  # fmt: skip
 
 SCENES: dict[str, Callable[[int], Problem]] = {
@@ -46,7 +46,7 @@ class _Files(NamedTuple):
             return False
 
 
-class Format(NamedTuple):
+class _Format(NamedTuple):
     """A kind of scene file, and its reader as `cocap_opt.scenarios.formats` describes it."""
 
     description: str
@@ -71,25 +71,25 @@ class Format(NamedTuple):
         return import_module(f"{__name__}.{self.reader}")
 
 
-FORMATS: dict[str, Format] = {
-    "recipe": Format(
+FORMATS: dict[str, _Format] = {
+    "recipe": _Format(
         "*.toml, a scene of maps, meshes, tracks and drones (the seed places the drones)",
         scenes=_Files((".toml",)),
         reader="recipe.recipe",
     ),
-    "hughes": Format(
+    "hughes": _Format(
         "scene.json, a scene of Hughes et al. with a solution_*.json beside it (no seed)",
         scenes=_Files((".json",), hughes.SCENE),
         reader="formats.hughes",
         plans=_Files((".json",), hughes.SOLUTION),
         options=hughes.OPTIONS,
     ),
-    "cocap-opt": Format(
+    "cocap-opt": _Format(
         "*.json, cocap-opt's own scene file (no seed)",
         scenes=_Files((".json",)),
         reader="formats.own",
     ),
-    "greedy-perspectives": Format(
+    "greedy-perspectives": _Format(
         "*.yaml, *.yml, a seq.yaml of Greedy Perspectives (the seed is the start set)",
         scenes=_Files((".yaml", ".yml")),
         reader="formats.greedy_perspectives",
@@ -97,7 +97,7 @@ FORMATS: dict[str, Format] = {
         options=conventions.OPTIONS,
         own_starts={"start-set": "yaml"},
     ),
-    "movingai": Format(
+    "movingai": _Format(
         "*.scen, a scenario of the MovingAI benchmark (the seed orders its rows)",
         scenes=_Files((".scen",)),
         reader="formats.movingai",
@@ -117,7 +117,7 @@ def load_scene(name_or_path: str, seed: int = 0, options: Mapping[str, str] = NO
     seed
         Chooses one of the scenes of this name; `FORMATS` says what it chooses in a file.
     options
-        Words by name that choose how the file is understood, of those in `Format.options`.
+        Words by name that choose how the file is understood, of those that its format has.
 
     Raises
     ------
@@ -191,7 +191,7 @@ def _starts(problem: Problem) -> list[State]:
     return [robot.start for robot in problem.robots]
 
 
-def _find_file(name_or_path: str) -> tuple[Path, Format]:
+def _find_file(name_or_path: str) -> tuple[Path, _Format]:
     """Returns the scene file of this name, or in the folder of this name, and its format."""
     path = Path(name_or_path)
     if os.path.isdir(path):

@@ -7,7 +7,7 @@ left out, and the principal point is put in the middle of the image.
 import math
 
 from cocap_opt.data import ProblemError
-from cocap_opt.problem import Camera, Problem
+from cocap_opt.problem import Camera, Problem, Robot
 
 CAMERAS: dict[str, Camera] = {
     # PX4-gazebo-models, mono_cam/model.sdf (BSD-3): horizontal angle of view 1.74 rad
@@ -32,44 +32,43 @@ CAMERAS: dict[str, Camera] = {
 }
 
 
-def with_camera(problem: Problem, name: str) -> Problem:
-    """Returns the problem with this camera on all robots; each robot keeps its tilts.
+def with_cameras(
+    problem: Problem, name: str | None = None, tilts: tuple[float, ...] | None = None
+) -> Problem:
+    """Returns the problem with other cameras, other tilts of the cameras, or both.
+
+    Parameters
+    ----------
+    problem : the problem, whose robots all have cameras that make pictures
+    name : one of `CAMERAS`, for all robots; None: each robot keeps its own
+    tilts : degrees below the horizon, for all robots; several make a gimbal, which begins at the
+        tilt nearest to the robot's old one. None: each robot keeps its own
 
     Raises
     ------
     ProblemError
-        If there is no camera of that name, or a robot has a sensor that makes no pictures.
+        If there is no camera of that name, a tilt is out of range, or a robot has a sensor that
+        makes no pictures.
     """
-    if name not in CAMERAS:
+    if name is not None and name not in CAMERAS:
         raise ProblemError(f"camera: must be one of {', '.join(CAMERAS)}, not {name!r}")
-    robots = []
-    for i, robot in enumerate(problem.robots):
-        if not isinstance(robot.camera, Camera):
-            raise ProblemError(f"robots[{i}].camera: must be a pinhole camera to be exchanged")
-        robots.append(robot.replace(camera=CAMERAS[name].replace(tilts=robot.camera.tilts)))
-    return problem.replace(robots=tuple(robots))
-
-
-def with_tilts(problem: Problem, degrees: tuple[float, ...]) -> Problem:
-    """Returns the problem with these tilts, in degrees below the horizon, on all robots' cameras.
-
-    Several tilts make a gimbal, which begins at the tilt nearest to the robot's old one.
-
-    Raises
-    ------
-    ProblemError
-        If a tilt is out of range, or a robot has a sensor that makes no pictures.
-    """
-    for angle in degrees:
+    for angle in tilts or ():
         if not abs(angle) <= 90:  # true for nan, too
             raise ProblemError(f"tilts: must be within +-90 degrees, not {angle:g}")
-    tilts = tuple(math.radians(angle) for angle in degrees)
     robots = []
     for i, robot in enumerate(problem.robots):
         if not isinstance(robot.camera, Camera):
-            raise ProblemError(f"robots[{i}].camera: must be a pinhole camera to be tilted")
-        old = robot.camera.tilts[robot.start.pitch]
-        first = min(range(len(tilts)), key=lambda k: abs(tilts[k] - old), default=0)
-        start = robot.start._replace(pitch=first)
-        robots.append(robot.replace(start=start, camera=robot.camera.replace(tilts=tilts)))
+            raise ProblemError(f"robots[{i}].camera: must be a pinhole camera to be changed")
+        if name is not None:
+            robot = robot.replace(camera=CAMERAS[name].replace(tilts=robot.camera.tilts))
+        robots.append(robot if tilts is None else _tilted(robot, tilts))
     return problem.replace(robots=tuple(robots))
+
+
+def _tilted(robot: Robot, degrees: tuple[float, ...]) -> Robot:
+    """Returns a robot with other tilts, at first with the one nearest to its old tilt."""
+    tilts = tuple(math.radians(angle) for angle in degrees)
+    old = robot.camera.tilts[robot.start.pitch]
+    first = min(range(len(tilts)), key=lambda k: abs(tilts[k] - old), default=0)
+    start = robot.start._replace(pitch=first)
+    return robot.replace(start=start, camera=robot.camera.replace(tilts=tilts))

@@ -218,65 +218,73 @@ class _Reported(NamedTuple):
     own_tilt: tuple[float, ...]  # [T+1], evaluated anew with each robot's own tilt
 
 
-def read_reward(path: Path, problem: Problem) -> _Reported:
-    """Reads the view reward at each step that their program gave the plan of `read_plan`.
-
-    The file has columns t, reported_view_reward, own_tilt_view_reward, one row per step.
-
-    Raises
-    ------
-    ProblemError
-        If a value is no number, or the rows are not those of the steps in order; one line,
-        naming the file.
-    """
-    columns = ("reported_view_reward", "own_tilt_view_reward")
-    with naming(path):
-        rows = _read_table(path, ("t", *columns))
-        steps = [integer(row["t"], f"line {line}, t") for line, row in rows]
-        if steps != list(range(problem.horizon + 1)):
-            raise ProblemError(f"t: must be the steps 0..{problem.horizon}, one row each, in order")
-        return _Reported(
-            *(tuple(number(row[c], f"line {line}, {c}") for line, row in rows) for c in columns)
-        )
-
-
 # The number that each face of a `TriangulatedCuboid` has there, in the order front (x = .5), left
 # (y = .5), back, right and top. Their 0 and 1 are the bottom.
 THEIR_FACES = (7, 6, 8, 9, 2, 3, 4, 5, 11, 10)
 
 
-def read_coverage(path: Path, problem: Problem) -> dict[tuple[int, State], FloatArray]:
-    """Reads the coverage that Greedy Perspectives' planner rendered for a problem made by `read`.
+class PeerResults(NamedTuple):
+    """Reader of what Greedy Perspectives' program computed for a problem made by `read`."""
 
-    The file has columns x, y, h, t, actor, face, ppa, one row per face that a state sees.
+    problem: Problem
 
-    Returns
-    -------
-    dict
-        Coverage [F] in px/m2 by step and state.
+    def view_rewards(self, path: Path) -> _Reported:
+        """Reads the view reward at each step that their program gave its plan.
 
-    Raises
-    ------
-    ProblemError
-        If a value is not a number or not part of the problem; one line, naming the file.
-    """
-    columns = ("x", "y", "h", "t", "actor", "face")
-    headings, per_actor = problem.robots[0].motion.headings, len(THEIR_FACES)
-    ours = {theirs: k for k, theirs in enumerate(THEIR_FACES)}
-    found: dict[tuple[int, State], FloatArray] = {}
-    with naming(path):
-        if len(problem.face_weights) != per_actor * len(problem.actors):
-            raise ProblemError("the scene must have been read with triangles")
-        for line, row in _read_table(path, (*columns, "ppa")):
-            x, y, heading, t, actor, face = (integer(row[c], f"line {line}, {c}") for c in columns)
-            _require_index(t, problem.horizon + 1, f"line {line}, t")
-            _require_index(actor, len(problem.actors), f"line {line}, actor")
-            _require_index(face, per_actor + 2, f"line {line}, face")
-            key = t, State(x, y, heading=_our_heading(heading, headings))
-            if face in ours:
-                values = found.setdefault(key, np.zeros(len(problem.face_weights)))
-                values[actor * per_actor + ours[face]] = number(row["ppa"], f"line {line}, ppa")
-    return found
+        The file has columns t, reported_view_reward, own_tilt_view_reward, one row per step.
+
+        Raises
+        ------
+        ProblemError
+            If a value is no number, or the rows are not those of the steps in order; one line,
+            naming the file.
+        """
+        columns = ("reported_view_reward", "own_tilt_view_reward")
+        with naming(path):
+            rows = _read_table(path, ("t", *columns))
+            steps = [integer(row["t"], f"line {line}, t") for line, row in rows]
+            if steps != list(range(self.problem.horizon + 1)):
+                raise ProblemError(
+                    f"t: must be the steps 0..{self.problem.horizon}, one row each, in order"
+                )
+            return _Reported(
+                *(tuple(number(row[c], f"line {line}, {c}") for line, row in rows) for c in columns)
+            )
+
+    def coverage(self, path: Path) -> dict[tuple[int, State], FloatArray]:
+        """Reads the coverage that their program rendered.
+
+        The file has columns x, y, h, t, actor, face, ppa, one row per face that a state sees.
+
+        Returns
+        -------
+        dict
+            Coverage [F] in px/m2 by step and state.
+
+        Raises
+        ------
+        ProblemError
+            If a value is not a number or not part of the problem; one line, naming the file.
+        """
+        columns = ("x", "y", "h", "t", "actor", "face")
+        headings, per_actor = self.problem.robots[0].motion.headings, len(THEIR_FACES)
+        ours = {theirs: k for k, theirs in enumerate(THEIR_FACES)}
+        found: dict[tuple[int, State], FloatArray] = {}
+        with naming(path):
+            if len(self.problem.face_weights) != per_actor * len(self.problem.actors):
+                raise ProblemError("the scene must have been read with triangles")
+            for line, row in _read_table(path, (*columns, "ppa")):
+                x, y, heading, t, actor, face = (
+                    integer(row[c], f"line {line}, {c}") for c in columns
+                )
+                _require_index(t, self.problem.horizon + 1, f"line {line}, t")
+                _require_index(actor, len(self.problem.actors), f"line {line}, actor")
+                _require_index(face, per_actor + 2, f"line {line}, face")
+                key = t, State(x, y, heading=_our_heading(heading, headings))
+                if face in ours:
+                    values = found.setdefault(key, np.zeros(len(self.problem.face_weights)))
+                    values[actor * per_actor + ours[face]] = number(row["ppa"], f"line {line}, ppa")
+        return found
 
 
 def _their_heading(theta: float, headings: int) -> int:

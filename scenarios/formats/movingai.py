@@ -92,7 +92,7 @@ def read(
             _require(value >= least, name, f"must be >= {least}, not {value}")
         _require(steps >= 1, "steps", f"must be >= 1, not {steps}")
         _require(math.isfinite(wall) and wall > 0, "wall", f"must be > 0 m, not {wall}")
-    free, trips = read_trips(path)
+    free, trips = _read_trips(path)
     order = iter(_shuffled(trips, seed))
     starts = list(islice(_distinct_starts(order, free), robots))
     walks = list(islice(_walks(order, walking_graph(free)), actors))
@@ -112,7 +112,7 @@ def read(
         )
 
 
-def read_trips(path: Path) -> tuple[BoolArray, list[_Trip]]:
+def _read_trips(path: Path) -> tuple[BoolArray, list[_Trip]]:
     """Returns the free cells [columns, rows] of a scenario's map, and its trips in file order.
 
     Raises

@@ -5,7 +5,6 @@
 
 __all__ = [
     "drones",
-    "esri_ascii",
     "geotiff",
     "meshes",
     "people",

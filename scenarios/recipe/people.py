@@ -10,7 +10,7 @@ from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.problem import Actor, Shape
 from cocap_opt.scenarios.recipe.tables import Count, Point, Size, Table
 from cocap_opt.scenarios.recipe.terrain import Terrain
-from cocap_opt.scenarios.recipe.tracks import BODY, STILL, Track, read_tracks
+from cocap_opt.scenarios.recipe.tracks import BODY, STILL, Track
 
 
 class TracksTable(Table):
@@ -43,7 +43,7 @@ class TracksTable(Table):
         ProblemError
             If the file cannot be read or has no such people; one line.
         """
-        tracks = read_tracks(
+        tracks = Track.read_all(
             folder / self.file, columns=self.columns, unit=self.unit, fps=self.fps,
             delimiter=self.delimiter,
         )  # fmt: skip

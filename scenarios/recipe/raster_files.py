@@ -1,15 +1,32 @@
-"""Height maps that surveys publish: ESRI ASCII grids and GeoTIFF files.
+"""Height maps that surveys publish: ESRI ASCII grids, and GeoTIFF files through `geotiff`.
 
 They become a `Raster`, with the file's own cells, and holes where the file has no data;
 `cocap_opt.scenarios.recipe.resample` brings it to the square cells of a planning problem.
+
+Source of the format of ESRI ASCII grids (`.asc`): ESRI, "Esri ASCII raster format", ArcGIS
+documentation: a header of keys and values, then `nrows` times `ncols` numbers, the northernmost
+row first. As GDAL does, `dx` and `dy` are taken for cells that are not square.
 """
 
+from collections.abc import Iterator
 from pathlib import Path
+from typing import BinaryIO
 
-from cocap_opt.data import ProblemError
-from cocap_opt.scenarios.recipe import esri_ascii, geotiff
-from cocap_opt.scenarios.recipe.raster import Raster, Window
-from cocap_opt.scenarios.text import naming
+import numpy as np
+
+from cocap_opt.data import FloatArray, ProblemError
+from cocap_opt.scenarios.recipe import geotiff
+from cocap_opt.scenarios.recipe.raster import Layout, Raster, Window
+from cocap_opt.scenarios.text import integer, naming, number
+
+KEYS = (
+    "ncols", "nrows", "xllcorner", "yllcorner", "xllcenter", "yllcenter", "cellsize", "dx", "dy",
+    "nodata_value",
+)  # fmt: skip
+CHUNK = 1 << 20  # bytes; a file is never held as text
+LONGEST = 200  # bytes, of a line of the header
+
+Header = dict[str, str]
 
 
 def read_raster(
@@ -56,7 +73,142 @@ def _read(path: Path, band: int | None, nodata: float | None, window: Window | N
         case ".asc":
             if band not in (None, 1):
                 raise ProblemError(f"band: must be 1 in an ESRI ASCII grid, not {band}")
-            return esri_ascii.read(path, nodata, window)
+            return _read_esri_ascii(path, nodata, window)
         case ".tif" | ".tiff":
             return geotiff.read(path, band, nodata, window)
     raise ProblemError("must be named .asc, .tif or .tiff")
+
+
+def _read_esri_ascii(path: Path, nodata: float | None, window: Window | None) -> Raster:
+    """Reads an ESRI ASCII grid."""
+    with path.open("rb") as file:
+        header = _read_header(file)
+        (x, dx, width), (y, dy, height) = _axis(header, "x"), _axis(header, "y")
+        layout = Layout((x, y), (dx, dy), (width, height))
+        columns, rows = layout.met(window)
+        values = _read_values(file, layout, columns, rows)
+    return layout.cut(columns, rows).raster(values, (_nodata(header), nodata))
+
+
+def _read_header(file: BinaryIO) -> Header:
+    """Reads the lines before the first one that starts with a number."""
+    header: Header = {}
+    line = 0
+    while True:
+        line += 1
+        start = file.tell()
+        text = file.readline(LONGEST)
+        fields = text.decode("utf-8-sig", errors="replace").split()
+        if not text or (fields and _is_number(fields[0])):
+            file.seek(start)
+            return header
+        if fields:
+            key, value = _entry(fields, line)
+            if key in header:
+                raise ProblemError(f"line {line}: {key} must be given once")
+            header[key] = value
+
+
+def _entry(fields: list[str], line: int) -> tuple[str, str]:
+    key = fields[0].lower()
+    if key not in KEYS or len(fields) != 2:
+        raise ProblemError(
+            f"line {line}: must be a value after one of {', '.join(KEYS)}, "
+            f"not {' '.join(fields)[:40]!r}"
+        )
+    return key, fields[1]
+
+
+def _is_number(text: str | bytes) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _axis(header: Header, name: str) -> tuple[float, float, int]:
+    """Returns the lower end (m), the length of a cell (m) and the number of cells of an axis."""
+    cell = _edge(header, f"d{name}")
+    key = {"x": "ncols", "y": "nrows"}[name]
+    cells = integer(_required(header, key), key)
+    if cells < 1:
+        raise ProblemError(f"{key}: must be >= 1, not {cells}")
+    return _lower(header, name, cell), cell, cells
+
+
+def _required(header: Header, key: str) -> str:
+    if key not in header:
+        raise ProblemError(f"header: must have {key}")
+    return header[key]
+
+
+def _edge(header: Header, key: str) -> float:
+    if ("cellsize" in header) == (key in header):
+        raise ProblemError("header: must have either cellsize or both dx and dy")
+    key = "cellsize" if "cellsize" in header else key
+    edge = number(header[key], key)
+    if edge <= 0:
+        raise ProblemError(f"{key}: must be > 0 m, not {edge:g}")
+    return edge
+
+
+def _lower(header: Header, name: str, cell: float) -> float:
+    corner, centre = f"{name}llcorner", f"{name}llcenter"
+    if (corner in header) == (centre in header):
+        raise ProblemError(f"header: must have either {corner} or {centre}")
+    if corner in header:
+        return number(header[corner], corner)
+    return number(header[centre], centre) - cell / 2
+
+
+def _nodata(header: Header) -> float | None:
+    if "nodata_value" not in header:
+        return None
+    try:
+        return float(header["nodata_value"])  # may be far beyond all heights, or nan
+    except ValueError as error:
+        text = header["nodata_value"][:40]
+        raise ProblemError(f"nodata_value: must be a number, not {text!r}") from error
+
+
+def _read_values(file: BinaryIO, layout: Layout, columns: range, rows: range) -> FloatArray:
+    """Reads all values and returns those of `columns` and `rows`, the northernmost row first."""
+    width, height = layout.cells
+    kept = np.empty((len(rows), len(columns)))
+    done = 0
+    for block in _blocks(file, width):
+        if done + len(block) > width * height:
+            raise ProblemError(f"values: must be {width} x {height}, but there are more")
+        row, column = np.divmod(np.arange(done, done + len(block)), width)
+        row -= height - rows.stop
+        column -= columns.start
+        met = (row >= 0) & (row < len(rows)) & (column >= 0) & (column < len(columns))
+        kept[row[met], column[met]] = block[met]
+        done += len(block)
+    if done < width * height:
+        raise ProblemError(f"values: must be {width} x {height} = {width * height}, not {done}")
+    return kept
+
+
+def _blocks(file: BinaryIO, width: int) -> Iterator[FloatArray]:
+    """Yields the numbers of the rest of a file in blocks; messages need the `width` of a row."""
+    done, tail = 0, b""
+    while chunk := file.read(CHUNK):
+        words = (tail + chunk).split()
+        tail = b"" if chunk[-1:].isspace() else words.pop()
+        yield _numbers(words, done, width)
+        done += len(words)
+    yield _numbers(tail.split(), done, width)
+
+
+def _numbers(words: list[bytes], done: int, width: int) -> FloatArray:
+    try:
+        return np.fromiter(map(float, words), np.float64, len(words))
+    except ValueError as error:
+        k = next(k for k, word in enumerate(words) if not _is_number(word))
+        row, column = divmod(done + k, width)
+        raise ProblemError(
+            f"row {row + 1}, column {column + 1} from the north-west: must be a number, "
+            f"not {words[k][:40].decode(errors='replace')!r}"
+        ) from error

@@ -87,7 +87,7 @@ class TrackTable(NamedTuple):
         fps: float | None,
         delimiter: str | None,
     ) -> "TrackTable":
-        """Reads the rows of a file; the parameters are those of `tracks.read_tracks`.
+        """Reads the rows of a file; the parameters are those of `Track.read_all`.
 
         Raises
         ------

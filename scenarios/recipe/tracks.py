@@ -4,7 +4,7 @@ Source of the formats: text files of PeTrack and JuPedSim (ped.fz-juelich.de), w
 id, frame, x, y, z with z the height of the head above the floor, and CSV files like them. A track
 is the way of one person:
 
-    tracks = read_tracks(Path("walk.txt"), unit="cm", fps=16)
+    tracks = Track.read_all(Path("walk.txt"), unit="cm", fps=16)
     there = [track for track in tracks if track.is_there(begin=5.0, step=0.5, steps=20)]
     actors = [track.actor(5.0, 0.5, 20) for track in there]
 
@@ -46,6 +46,49 @@ class Track(NamedTuple):
     times: FloatArray  # [n] s, increasing
     points: FloatArray  # [n, 2] m, x and y
     height: float | None  # m, of the head above the floor; None where the file has none
+
+    @classmethod
+    def read_all(
+        cls,
+        path: Path,
+        *,
+        columns: Sequence[str] | None = None,
+        unit: Literal["m", "cm", "mm"] | None = None,
+        fps: float | None = None,
+        delimiter: str | None = None,
+    ) -> list["Track"]:
+        """Reads the tracks of a file, in the order of their ids; rows may have any order.
+
+        Signs of a wrong unit or frame rate are logged as warnings. A track's height is the median
+        of its z, and None where that is not above 0, as in files which keep z at 0.
+
+        Parameters
+        ----------
+        path
+            A text file; `cocap_opt.scenarios.recipe.track_table` says how its lines look.
+        columns
+            Names of all its columns: id, frame or time (s), x, y and, if there, z; others are not
+            read. None: the names in its header or in a comment, or else id, frame, x, y, z.
+        unit
+            Unit of x, y and z. None: as the file states.
+        fps
+            Frames per second. None: as the file states; not needed where there are times.
+        delimiter
+            " " (any blanks), tabulator, "," or ";". None: as in the first row.
+
+        Raises
+        ------
+        ProblemError
+            If the file cannot be read or holds something not allowed, if unit or frame rate are
+            neither stated nor given or stated otherwise, or if a person has two rows for one
+            moment; one line, naming the file.
+        """
+        with naming(path):
+            table = TrackTable.read(path, columns, unit, fps, delimiter)
+            tracks = _tracks(table)
+        for doubt in _doubts(tracks, table.unit):
+            log.warning("%s: %s", path, doubt)
+        return tracks
 
     def is_there(self, begin: float, step: float, steps: int) -> bool:
         """Returns True if the person is there at all steps, so that `at_steps` works.
@@ -171,48 +214,6 @@ class Track(NamedTuple):
         lost = gap & (times > last + SLACK) & (times < following - SLACK)
         outside = (times < self.times[0] - SLACK) | (times > self.times[-1] + SLACK)
         return np.asarray(lost | outside)
-
-
-def read_tracks(
-    path: Path,
-    *,
-    columns: Sequence[str] | None = None,
-    unit: Literal["m", "cm", "mm"] | None = None,
-    fps: float | None = None,
-    delimiter: str | None = None,
-) -> list[Track]:
-    """Reads the tracks of a file, in the order of their ids; rows may have any order.
-
-    Signs of a wrong unit or frame rate are logged as warnings. A track's height is the median of
-    its z, and None where that is not above 0, as in files which keep z at 0.
-
-    Parameters
-    ----------
-    path
-        A text file; `cocap_opt.scenarios.recipe.track_table` says how its lines look.
-    columns
-        Names of all its columns: id, frame or time (s), x, y and, if there, z; others are not
-        read. None: the names in its header or in a comment, or else id, frame, x, y, z.
-    unit
-        Unit of x, y and z. None: as the file states.
-    fps
-        Frames per second. None: as the file states; not needed where there are times.
-    delimiter
-        " " (any blanks), tabulator, "," or ";". None: as in the first row.
-
-    Raises
-    ------
-    ProblemError
-        If the file cannot be read or holds something not allowed, if unit or frame rate are
-        neither stated nor given or stated otherwise, or if a person has two rows for one
-        moment; one line, naming the file.
-    """
-    with naming(path):
-        table = TrackTable.read(path, columns, unit, fps, delimiter)
-        tracks = _tracks(table)
-    for doubt in _doubts(tracks, table.unit):
-        log.warning("%s: %s", path, doubt)
-    return tracks
 
 
 def _tracks(table: TrackTable) -> list[Track]:

@@ -15,7 +15,7 @@ from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import Camera, Cone
 from cocap_opt.referee import check
 from cocap_opt.scenarios import load_scene
-from cocap_opt.scenarios.cameras import CAMERAS, with_camera, with_tilts
+from cocap_opt.scenarios.cameras import CAMERAS, with_cameras
 from cocap_opt.stop import never
 
 
@@ -40,7 +40,7 @@ def test_a_gimbal_sees_no_less() -> None:
     problem = load_scene("tiny-share")
     tilt = math.degrees(problem.robots[0].camera.tilts[0])
     fixed = EXACT["brute-force"](problem).value
-    gimbal = with_tilts(problem, (tilt - 10, tilt, tilt + 10))
+    gimbal = with_cameras(problem, tilts=(tilt - 10, tilt, tilt + 10))
     assert all(robot.start.pitch == 1 for robot in gimbal.robots)
     assert EXACT["branch-and-price"](gimbal).value >= fixed * (1 - 1e-6)
 
@@ -69,13 +69,13 @@ def test_what_cannot_be_exchanged_is_said() -> None:
     """Unknown names, and sensors that have no picture."""
     problem = tiny()
     with pytest.raises(ProblemError, match="must be one of"):
-        with_camera(problem, "kodak")
+        with_cameras(problem, "kodak")
     cones = problem.replace(robots=tuple(r.replace(camera=Cone()) for r in problem.robots))
-    for change in (lambda: with_camera(cones, "airsim"), lambda: with_tilts(cones, (10.0,))):
+    for name, tilts in (("airsim", None), (None, (10.0,))):
         with pytest.raises(ProblemError, match="pinhole"):
-            change()
+            with_cameras(cones, name, tilts)
     with pytest.raises(ProblemError, match="tilts"):
-        with_tilts(problem, (91.0,))
+        with_cameras(problem, tilts=(91.0,))
 
 
 def test_export_exchanges_cameras(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

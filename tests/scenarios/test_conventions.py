@@ -204,8 +204,8 @@ def test_their_first_path_is_an_optimum_of_their_pixels(name: str) -> None:
     problem, plan = their_case(name)
     model = compiled(problem)
     graph, path = model.class_of[0].graph, model.paths(plan)[0]
-    seen = greedy_perspectives.read_coverage(
-        data(f"greedy_perspectives/{name}/peer_coverage.csv"), problem
+    seen = greedy_perspectives.PeerResults(problem).coverage(
+        data(f"greedy_perspectives/{name}/peer_coverage.csv")
     )
     reward = graph.no_reward(problem.horizon)
     for (t, state), pixels in seen.items():

@@ -16,7 +16,7 @@ from others import data
 from strategies import examples
 
 from cocap_opt.data import ProblemError
-from cocap_opt.scenarios.recipe import esri_ascii, raster
+from cocap_opt.scenarios.recipe import raster, raster_files
 from cocap_opt.scenarios.recipe.raster import Raster
 from cocap_opt.scenarios.recipe.raster_files import read_raster
 from cocap_opt.scenarios.recipe.resample import Grid
@@ -147,7 +147,7 @@ def test_chunks_do_not_show(
     grid: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch, chunk: int
 ) -> None:
     """A number that lies across two chunks is one number, and messages count from the start."""
-    monkeypatch.setattr(esri_ascii, "CHUNK", chunk)
+    monkeypatch.setattr(raster_files, "CHUNK", chunk)
     path = grid(HEADER + " 1.000 2.00\n\n3.50000000000\t4 5 6")
     assert_array_equal(read_raster(path).values, VALUES)
     refused(grid(HEADER + NUMBERS[:-2] + "six"), "row 2, column 3 .* not 'six'")

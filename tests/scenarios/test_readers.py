@@ -472,7 +472,7 @@ def test_wrong_argument_is_one_line(scenario: Path, argument: str, value: Any) -
 )
 def test_walks_have_the_benchmark_lengths(name: str) -> None:
     """Walks are as long as the optimal lengths in the file (0 for a trip: not stated)."""
-    free, trips = movingai.read_trips(data(f"movingai/{name}.scen"))
+    free, trips = movingai._read_trips(data(f"movingai/{name}.scen"))
     graph = movingai.walking_graph(free)
     for trip in trips:
         walk = trip.walk(graph)
@@ -514,7 +514,7 @@ def test_rendered_pixels_are_those_of_their_renderer(name: str) -> None:
     """
     folder = data(f"greedy_perspectives/{name}/peer_coverage.csv").parent
     problem = greedy_perspectives.read(folder / "seq.yaml", options=OWN_STARTS)
-    theirs = greedy_perspectives.read_coverage(folder / "peer_coverage.csv", problem)
+    theirs = greedy_perspectives.PeerResults(problem).coverage(folder / "peer_coverage.csv")
     found, totals = _differences(problem, theirs, 60)
     assert len(found) > 100
     assert np.quantile([abs(d.rendered) for d in found], 0.95) <= 2.0
@@ -527,9 +527,9 @@ def test_coverage_of_greedy_perspectives_is_read_face_by_face(sequence: Path) ->
     problem = greedy_perspectives.read(sequence, options=OWN_STARTS)
     path = sequence.with_name("coverage.csv")
     path.write_text("x,y,h,t,actor,face,ppa\n1,2,0,1,0,7,80\n1,2,0,1,0,10,200\n1,2,0,1,0,0,5\n")
-    read = greedy_perspectives.read_coverage(path, problem)
+    read = greedy_perspectives.PeerResults(problem).coverage(path)
     assert list(read) == [(1, State(1, 2, heading=2))]
     assert read[1, State(1, 2, heading=2)].tolist() == [80, 0, 0, 0, 0, 0, 0, 0, 0, 200]
     path.write_text("x,y,h,t,actor,face,ppa\n1,2,0,1,0,12,80\n")
     with pytest.raises(ProblemError, match=r"line 2, face: must be 0\.\.11"):
-        greedy_perspectives.read_coverage(path, problem)
+        greedy_perspectives.PeerResults(problem).coverage(path)

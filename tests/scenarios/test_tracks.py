@@ -15,7 +15,7 @@ from strategies import examples
 
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.problem import Cuboid, Prism, TriangulatedCuboid
-from cocap_opt.scenarios.recipe.tracks import Track, read_tracks
+from cocap_opt.scenarios.recipe.tracks import Track
 
 ROWS = [(1, 0, 100.0, 250.0), (1, 1, 112.5, 250.0), (2, 1, -30.0, 0.5), (2, 2, -30.0, 1.5)]
 headings = Track.headings
@@ -37,7 +37,7 @@ def read(folder: Path, text: str, **options: Any) -> list[Track]:
     """Tracks of a file with this text, byte by byte."""
     path = folder / "walk.txt"
     path.write_bytes(text.encode())
-    return read_tracks(path, **options)
+    return Track.read_all(path, **options)
 
 
 def same(first: list[Track], second: list[Track]) -> bool:
@@ -187,7 +187,7 @@ def test_what_is_not_allowed_is_said(
     path = tmp_path / "walk.txt"
     path.write_bytes(text.encode("utf-8", "surrogatepass"))
     with pytest.raises(ProblemError) as caught:
-        read_tracks(path, **{"unit": "m", "fps": 1, **options})
+        Track.read_all(path, **{"unit": "m", "fps": 1, **options})
     assert str(caught.value).startswith(f"{path}: {words}")
     assert "\n" not in str(caught.value)
 
@@ -195,7 +195,7 @@ def test_what_is_not_allowed_is_said(
 def test_a_missing_file_is_said(tmp_path: Path) -> None:
     """It is wrong input, too."""
     with pytest.raises(ProblemError, match="cannot be read"):
-        read_tracks(tmp_path / "none.txt", unit="m", fps=1)
+        Track.read_all(tmp_path / "none.txt", unit="m", fps=1)
 
 
 numbers = st.floats(-1e6, 1e6, allow_nan=False).map(lambda value: round(value, 4))
@@ -503,7 +503,7 @@ def test_their_files(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     """People of human height walk at human speed through rooms of human size, without doubts."""
-    tracks = read_tracks(data(f"pedestrians/{name}"), **options)
+    tracks = Track.read_all(data(f"pedestrians/{name}"), **options)
     assert len(tracks) == people and not caplog.messages
     assert max(t.times[-1] for t in tracks) == pytest.approx(end)
     assert all(t.height is not None and 1.4 < t.height < 2.0 for t in tracks)
@@ -523,8 +523,8 @@ def test_their_units_are_held_against_ours(caplog: pytest.LogCaptureFixture) -> 
         data(f"pedestrians/{name}") for name in ("040_c_56_h-.txt", "uo-050-180-180.txt")
     )
     with pytest.raises(ProblemError, match="unit: must be m, as the file states, not cm"):
-        read_tracks(stated, unit="cm")
+        Track.read_all(stated, unit="cm")
     with pytest.raises(ProblemError, match=r"fps: must be 25\.0, as the file states, not 16"):
-        read_tracks(stated, fps=16)
-    read_tracks(silent, unit="m", fps=16)
+        Track.read_all(stated, fps=16)
+    Track.read_all(silent, unit="m", fps=16)
     assert "median speed 140 m/s: is the unit cm?" in caplog.text

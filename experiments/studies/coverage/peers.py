@@ -41,7 +41,7 @@ def peers(scene: Path, coverage: Path, states: int) -> None:
     states : at most so many random ones are compared
     """
     problem = greedy_perspectives.read(scene, options={"start-set": "yaml"})
-    theirs = greedy_perspectives.read_coverage(coverage, problem)
+    theirs = greedy_perspectives.PeerResults(problem).coverage(coverage)
     found, totals = _differences(problem, theirs, states)
     rows: list[Record] = []
     for what in ("planned", "rendered"):

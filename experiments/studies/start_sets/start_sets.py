@@ -20,7 +20,7 @@ from cocap_opt.experiments.sweeps.sweep import sweep
 from cocap_opt.files.documents import FileError, problem_digest
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.scenarios import SCENES, load_scene
-from cocap_opt.scenarios.formats.greedy_perspectives import read_reward
+from cocap_opt.scenarios.formats.greedy_perspectives import PeerResults
 
 PLANNERS = ("formation", "one-step", "greedy", "sequential", "cocap", "cocap-vs", BOUND_METHOD)
 _PEER_PLAN, _PEER_REWARD = "peer_paths.csv", "peer_reward.csv"
@@ -54,7 +54,7 @@ class Peer(NamedTuple):
         """Reads the plan that lies beside a scene, and the rewards that they reported."""
         _, plan = read_plan(_folder(scene) / _PEER_PLAN, scene, problem)
         steps = slice(problem.first_step, None)
-        rewards = read_reward(_folder(scene) / _PEER_REWARD, problem)
+        rewards = PeerResults(problem).view_rewards(_folder(scene) / _PEER_REWARD)
         reported = Reported(
             math.fsum(rewards.as_reported[steps]), math.fsum(rewards.own_tilt[steps])
         )
