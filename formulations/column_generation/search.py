@@ -89,7 +89,13 @@ class Search:
         return message
 
     def snapshot(self, bound: float, nodes: int = 0) -> Snapshot:
-        """Returns the state of the search for its report."""
+        """Returns the state of the search for its report.
+
+        Parameters
+        ----------
+        bound : largest of the nodes that are open; with the incumbent's J it bounds all plans
+        """
+        bound = max(bound, self.value)
         return Snapshot(self.value, bound, self.clock.seconds, self.columns, nodes)
 
     def alone(self) -> Priced:

@@ -32,7 +32,7 @@ from cocap_opt.formulations.column_generation.mixture import Mixture
 from cocap_opt.formulations.column_generation.pricing import Pricer
 from cocap_opt.formulations.column_generation.root import Root
 from cocap_opt.formulations.column_generation.search import Search
-from cocap_opt.formulations.result import OPTIMALITY, BoundMethod
+from cocap_opt.formulations.result import OPTIMALITY, BoundMethod, Snapshot
 from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.graph.value_iteration import backward_sweep
 from cocap_opt.model import Model, compiled
@@ -381,3 +381,11 @@ def test_states_on_paths_lead_from_a_start_to_the_end() -> None:
     """Arcs that no start reaches, and arcs that lead nowhere, have states on no path."""
     arcs = [Arc(0, 0, 1, 2), Arc(0, 1, 2, 3), Arc(0, 0, 1, 7), Arc(0, 1, 8, 3), Arc(1, 1, 2, 9)]
     assert Arc.states_on_paths(arcs, [(0, 1)], 2) == [{(0, 1)}, {(0, 2)}, {(0, 3)}]
+
+
+def test_no_report_has_a_bound_below_its_plan() -> None:
+    """While a tree is searched, its bound is that of all plans, the incumbent among them."""
+    seen: list[Snapshot] = []
+    branch_and_price(load_scene("corridor-tight", 0), report=seen.append)
+    assert len(seen) > 2
+    assert all(snapshot.bound >= snapshot.value for snapshot in seen)
