@@ -271,7 +271,8 @@ def show(problem: Problem, *plans: Plan | Result) -> "Player":
 
     Parameters
     ----------
-    plans : plans, or results that have one; without any the drones are shown at their starts
+    plans : plans, or results that have one, whose J is in their titles; without any the drones are
+        shown at their starts
 
     Returns
     -------
@@ -279,8 +280,8 @@ def show(problem: Problem, *plans: Plan | Result) -> "Player":
     """
     from cocap_opt.experiments.report.player import Player
 
-    known = [own for own in map(_plan_of, plans) if own is not None]
-    return Player(problem, [(f"plan {n}", own) for n, own in enumerate(known, start=1)])
+    known = [(given, own) for given in plans if (own := _plan_of(given)) is not None]
+    return Player(problem, [(_title(n, given), own) for n, (given, own) in enumerate(known, 1)])
 
 
 def save(
@@ -352,6 +353,10 @@ def _limits(seconds: float | None, stop: Stop) -> Stop:
 
 def _plan_of(given: Plan | Result | None) -> Plan | None:
     return given.plan if isinstance(given, Result) else given
+
+
+def _title(number: int, given: Plan | Result) -> str:
+    return f"{number}: J = {given.value:,.0f}" if isinstance(given, Result) else f"plan {number}"
 
 
 def _plan_in(claim: Plan | Result | Bound) -> Plan | None:

@@ -97,6 +97,15 @@ def test_a_scene_of_ones_own_in_fifteen_lines(tmp_path: Path) -> None:
     assert "<html" in (tmp_path / "plans.html").read_text()
 
 
+def test_played_plans_have_titles() -> None:
+    """A result is called by its J; a plan, whose J is not known before it is checked, is not."""
+    problem = co.load("bottleneck")
+    result = co.plan(problem, "cocap")
+    lost = co.Result.without_plan(co.Reason.FAILED, "none was found")
+    said = repr(co.show(problem, result, lost, result.plan))
+    assert ": 1: J = 54,642, plan 2;" in said
+
+
 def test_things_describe_themselves() -> None:
     """Problems, plans and results are said in at most five lines, and drawn in notebooks."""
     problem = co.load("tiny-queue")

@@ -1,14 +1,21 @@
+import inspect
 import re
 import subprocess
 import sys
 from pathlib import Path
+from statistics import fmean
 
 import pytest
+from cyclopts import CycloptsError
 from studies import rows_of, study
 
+from cocap_opt.experiments.studies import app as app_module
 from cocap_opt.experiments.studies.app import app
+from cocap_opt.experiments.studies.gamma import _measured
+from cocap_opt.planners import view_search
 
 ROOT = Path(__file__).parents[2]
+CALL = r"cocap-opt study ([a-z][^`\n]*)"
 SLOW = {"matplotlib", "pandas", "scipy", "cvxpy", "highspy", "ortools", "distributed"}
 
 
@@ -35,6 +42,67 @@ def test_every_study_that_is_named_exists() -> None:
     }
     assert "paper" in named
     assert named <= set(app)
+
+
+def test_the_readme_and_the_help_agree() -> None:
+    """Each study is in the README or CONTRIBUTING, and every call that is shown there is one."""
+    texts = [(ROOT / name).read_text(encoding="utf-8") for name in ("README.md", "CONTRIBUTING.md")]
+    described, shown = (
+        {call.split("[")[0].strip() for text in some for call in re.findall(CALL, text)}
+        for some in (texts, [inspect.getsource(app_module)])
+    )
+    commands = set(app) - {"--help", "-h"}
+    assert {call.split()[0] for call in described} == commands
+    assert {call.split()[0] for call in shown} >= commands  # as examples in their help
+    for call in described | shown:
+        app.parse_args(call, print_error=False, exit_on_error=False)
+    with pytest.raises(CycloptsError):
+        app.parse_args("gamma --no-such-option 1", print_error=False, exit_on_error=False)
+
+
+# -- the discount of view search ----------------------------------------------------------
+
+STORED = ROOT / "experiments" / "studies" / "stored" / "gamma.csv"
+ORDERS = ("cocap-vs", "cocap-vs-undiscounted")
+
+
+def stored_shares(planner: str, gamma: float) -> list[str]:
+    """J and views of the stored table, means in %, as texts quote them."""
+    rows = [r for r in rows_of(STORED) if (r["planner"], float(r["gamma"])) == (planner, gamma)]
+    assert len(rows) == 10
+    return [f"{100 * fmean(float(row[key]) for row in rows):.0f}" for key in ("reward", "views")]
+
+
+def test_the_readme_quotes_the_stored_table() -> None:
+    """Each line of its table of gammas is that of the stored runs."""
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    table = text.split("| gamma |")[1].split("\n\n")[0].splitlines()[2:]
+    assert len(table) >= 5
+    for line in table:
+        gamma, *shares = re.findall(r"[\d.]+", line)
+        assert shares == [share for name in ORDERS for share in stored_shares(name, float(gamma))]
+    assert f"`cocap-vs` takes {view_search.GAMMA:g}" in text
+
+
+def test_the_planner_quotes_the_stored_table() -> None:
+    """The comment that says why gamma is what it is has the numbers of the stored runs."""
+    code = inspect.getsource(view_search).split("\nGAMMA = ")[0].splitlines()
+    words = " ".join(line.lstrip("# ") for line in code[-2:])
+    quoted = re.findall(r"(0\.\d+) gets (\d+) %.*? from (\d+) %", words)
+    assert [float(gamma) for gamma, *_ in quoted] == [view_search.GAMMA, 0.8, 0.99]
+    for gamma, *shares in quoted:
+        assert shares == stored_shares("cocap-vs", float(gamma))
+
+
+def test_the_stored_table_is_what_planners_do() -> None:
+    """Some of its runs, made again, get the same J from the same views."""
+    rows = {(r["planner"], r["gamma"], r["scene"], r["seed"]): r for r in rows_of(STORED)}
+    for run in _measured(["corridor"], [0], [0.97], 60.0).to_dict("records"):
+        row = rows[run["planner"], "0.97", "corridor", "0"]
+        assert [float(row[key]) for key in ("reward", "views")] == pytest.approx(
+            [run["reward"], run["views"]], rel=1e-6
+        )
+        assert row["reason"] == "finished"
 
 
 def test_gamma_is_measured(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
