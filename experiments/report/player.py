@@ -95,7 +95,7 @@ class Player:
         save_bytes(Path(path), self.page().encode())
 
     def __repr__(self) -> str:
-        titles = ", ".join(title for title, _ in self._plans)
+        titles = " | ".join(title for title, _ in self._plans)
         return f"Player of {self._problem.name!r}: {titles}; .save(path) writes it as an HTML file"
 
     def _repr_html_(self) -> str:
