@@ -17,7 +17,7 @@ from cocap_opt.experiments.cli.options import (
 from cocap_opt.experiments.console.options import Option, UsageError
 from cocap_opt.experiments.report.charts import conflicts_figure, gaps_figure, progress_figure
 from cocap_opt.experiments.report.figures import PICTURES, picture
-from cocap_opt.experiments.results.files import check_output, read_plans, save_bytes
+from cocap_opt.experiments.results.files import PlanReader, check_output, save_bytes
 from cocap_opt.experiments.results.layout import TRACES
 from cocap_opt.experiments.results.printing import path_text, print_result, titles
 from cocap_opt.experiments.results.trace import Trace
@@ -81,7 +81,7 @@ def _conflicts(
     _check(output)
     if not plan:
         raise UsageError("PLAN: name a plan, such as plan.json")
-    problem, plans = read_plans(plan, scene, load(scene, seed))
+    problem, plans = PlanReader(scene, load(scene, seed)).plans(plan)
     return _save(
         output, conflicts_figure(problem, dict(zip(titles(plan), plans, strict=True))), json
     )

@@ -15,7 +15,7 @@ from cocap_opt.experiments.cli.options import (
     load,
 )
 from cocap_opt.experiments.console.options import Option, UsageError
-from cocap_opt.experiments.results.files import read_plans
+from cocap_opt.experiments.results.files import PlanReader
 from cocap_opt.experiments.results.gap_table import print_gap_table
 from cocap_opt.experiments.results.judging import SOLVERS
 from cocap_opt.experiments.results.printing import print_result, titles
@@ -147,7 +147,7 @@ class _Others(NamedTuple):
             if name in (*SOLVERS, BOUND):
                 raise UsageError(f"--plan: {name} is what a planner is called; rename the file")
         ((key, own),) = problems.items()
-        fitting, plans = read_plans(paths, key[0], own)
+        fitting, plans = PlanReader(key[0], own).plans(paths)
         return cls(dict(zip(names, plans, strict=True)), {key: fitting}, fitting is not own)
 
 

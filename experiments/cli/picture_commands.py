@@ -11,10 +11,9 @@ from cocap_opt.experiments.cli.options import Json, Output, Seed, load
 from cocap_opt.experiments.console.options import Option, UsageError
 from cocap_opt.experiments.console.progress import Watch
 from cocap_opt.experiments.results.files import (
+    PlanReader,
     check_output,
     make_folder,
-    read_plan,
-    read_plans,
     save_bytes,
 )
 from cocap_opt.experiments.results.printing import path_text, print_result, titles
@@ -41,7 +40,7 @@ def _show(
     if suffix != ".html" and len(plan) > 1:
         raise UsageError(f"PLAN: a {suffix} file shows one plan, not {len(plan)}; .html takes more")
     check_output(output)
-    problem, plans = read_plans(plan, scene, load(scene, seed))
+    problem, plans = PlanReader(scene, load(scene, seed)).plans(plan)
     save_bytes(output, _shown(problem, plans, titles(plan), suffix))
     print_result({"scene": problem.name, "seed": seed, "file": path_text(output)}, json)
     return 0
@@ -74,7 +73,7 @@ def _render(
     for option, value, most in (("--width", width, MOST_PIXELS), ("--pixel-step", pixel_step, 100)):
         if not 1 <= value <= most:
             raise UsageError(f"{option}: must be 1..{most}, not {value}")
-    problem, shown = read_plan(plan, scene, load(scene, seed))
+    problem, shown = PlanReader(scene, load(scene, seed)).plan(plan)
     make_folder(output)
     with Watch.on_terminal(f"{problem.name} seed {seed}") as watch:
         try:

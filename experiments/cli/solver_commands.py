@@ -23,10 +23,9 @@ from cocap_opt.experiments.cli.options import (
 from cocap_opt.experiments.console.options import Option, UsageError
 from cocap_opt.experiments.console.progress import Watch
 from cocap_opt.experiments.results.files import (
+    PlanReader,
     check_output,
-    read_plan,
     save_bytes,
-    save_together,
 )
 from cocap_opt.experiments.results.judging import (
     SOLVERS,
@@ -37,6 +36,8 @@ from cocap_opt.experiments.results.printing import Record, path_text, print_resu
 from cocap_opt.experiments.results.rows import OWN_STARTS, PlanRow
 from cocap_opt.experiments.results.trace import Trace
 from cocap_opt.experiments.sweeps.bounds import cover
+from cocap_opt.files.atomic_write import write_atomically
+from cocap_opt.files.documents import FileError, encode
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult
 from cocap_opt.model import compiled
@@ -200,7 +201,7 @@ class _Task(NamedTuple):
         problem, start = load(scene, seed), None
         about: Record = {"free": True} if free else {}
         if path is not None:
-            fitting, start = read_plan(path, scene, problem)
+            fitting, start = PlanReader(scene, problem).plan(path)
             about |= {"seed": None, "starts": OWN_STARTS} if fitting is not problem else {}
             problem = fitting
         return cls(problem.without_rules() if free else problem, start, about)
@@ -248,13 +249,17 @@ def _save(answer: Record, noun: str, files: Mapping[str, _Wanted]) -> None:
     for key, (path, content) in files.items():
         answer[key] = None
         if path is not None and content is not None:
-            contents[path] = content
+            contents[path] = encode(content)
             answer[key] = path_text(path)
         elif path is not None:
             kind = noun if key == "file" else key
             said = f"{path} was not written: there is no {kind}"
             answer["message"] = "; ".join(filter(None, (answer["message"], said)))
-    save_together(contents)
+    try:
+        write_atomically(contents)
+    except OSError as error:
+        names = " and ".join(map(str, contents))
+        raise FileError(f"{names}: cannot be written: {error.strerror}") from error
 
 
 COMMANDS = {"plan": _plan, "bound": _bound, "solve": _solve}

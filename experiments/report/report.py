@@ -17,7 +17,7 @@ from cocap_opt.experiments.report.figures import picture
 from cocap_opt.experiments.report.limitations import limitations
 from cocap_opt.experiments.report.pages import PageFile
 from cocap_opt.experiments.report.player import Player
-from cocap_opt.experiments.results.files import read_plan
+from cocap_opt.experiments.results.files import PlanReader
 from cocap_opt.experiments.results.layout import Paths
 from cocap_opt.experiments.results.printing import counted
 from cocap_opt.experiments.results.rows import Row
@@ -179,7 +179,7 @@ def _telling_pair(rows: Sequence[Row]) -> list[Row]:
 def _plan(folder: Path, row: Row, problem: Problem) -> Plan:
     """Returns the plan of a row; its reward must be the row's."""
     path = folder / Paths(row).plan
-    _, plan = read_plan(path, str(folder / Paths(row).scene), problem)
+    _, plan = PlanReader(str(folder / Paths(row).scene), problem).plan(path)
     reward = check(problem, plan).reward
     claimed = math.nan if row.reward is None else row.reward
     if not math.isclose(reward, claimed, rel_tol=1e-9, abs_tol=1e-9):

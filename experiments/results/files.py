@@ -3,18 +3,15 @@
 import csv
 import io
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
-
-import msgspec
+from typing import Any, NamedTuple
 
 from cocap_opt.files.atomic_write import file_to_write, write_atomically
 from cocap_opt.files.documents import (
     FileError,
     PlanFile,
     decode_document,
-    encode,
     problem_digest,
     read_bytes,
 )
@@ -26,15 +23,12 @@ from cocap_opt.scenarios import read_foreign_plan, scene_of_plan
 # -- writing ------------------------------------------------------------------------------
 
 
-def save_together(contents: Mapping[Path, msgspec.Struct]) -> None:
-    """Writes documents that belong together: all new files appear, or the old ones are left."""
-    encoded = {path: encode(content) for path, content in contents.items()}
-    _write(" and ".join(map(str, contents)), lambda: write_atomically(encoded))
-
-
 def save_bytes(path: Path, content: bytes) -> None:
     """Writes a file whole or not at all."""
-    _write(path, lambda: write_atomically({path: content}))
+    try:
+        write_atomically({path: content})
+    except OSError as error:
+        raise FileError(f"{path}: cannot be written: {error.strerror}") from error
 
 
 def save_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
@@ -44,11 +38,6 @@ def save_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
     writer.writeheader()
     writer.writerows(rows)
     save_bytes(path, text.getvalue().encode())
-
-
-def remove(path: Path) -> None:
-    """Removes a file, if it is there."""
-    _write(path, lambda: path.unlink(missing_ok=True))
 
 
 def check_output(path: Path | None) -> None:
@@ -75,14 +64,6 @@ def make_folder(path: Path | None, *parts: str) -> None:
             raise FileError(f"{path}: cannot be made a folder: {error.strerror}") from error
 
 
-def _write(name: Path | str, action: Callable[[], None]) -> None:
-    """Does what writes files; a failure names them."""
-    try:
-        action()
-    except OSError as error:
-        raise FileError(f"{name}: cannot be written: {error.strerror}") from error
-
-
 # -- reading ------------------------------------------------------------------------------
 
 
@@ -100,38 +81,48 @@ def read_text(path: Path) -> str:
         raise FileError(f"{path}: must be text in UTF-8") from error
 
 
-def read_claim(path: Path, problem: Problem) -> PlanFile | CertificateFile | ProofFile | Plan:
-    """Reads a plan, a certificate or a proof, or a plan in a foreign format."""
-    foreign = read_foreign_plan(path, problem)
-    if foreign is not None:
-        return foreign
-    content = read_bytes(path)
-    found = decode_document(content, str(path), PlanFile, CertificateFile, ProofFile)
-    assert isinstance(found, PlanFile | CertificateFile | ProofFile)
-    return found
+class PlanReader(NamedTuple):
+    """Reads plans and what proves them from files, for one scene.
 
+    Attributes
+    ----------
+    scene : its name or file, as typed
+    problem : what it is
+    """
 
-def read_plan(path: Path, scene: str, problem: Problem) -> tuple[Problem, Plan]:
-    """Reads a plan that can be flown, and finds the variant of the scene that it was made for."""
-    content = read_claim(path, problem)
-    if isinstance(content, CertificateFile | ProofFile):
-        raise FileError(f"{path}: must be a plan, not a certificate")
-    plan = content.plan if isinstance(content, PlanFile) else content
-    problem = scene_of_plan(scene, problem, plan)
-    verdict = check(problem, plan)
-    if verdict.violations:
-        raise FileError(f"{path}: {verdict.violations[0]}")
-    return problem, plan
+    scene: str
+    problem: Problem
 
+    def claim(self, path: Path) -> PlanFile | CertificateFile | ProofFile | Plan:
+        """Reads a plan, a certificate or a proof, or a plan in a foreign format."""
+        foreign = read_foreign_plan(path, self.problem)
+        if foreign is not None:
+            return foreign
+        content = read_bytes(path)
+        found = decode_document(content, str(path), PlanFile, CertificateFile, ProofFile)
+        assert isinstance(found, PlanFile | CertificateFile | ProofFile)
+        return found
 
-def read_plans(paths: Sequence[Path], scene: str, problem: Problem) -> tuple[Problem, list[Plan]]:
-    """Reads plans that can be flown, and finds the variant of the scene that all were made for."""
-    found = [read_plan(path, scene, problem) for path in paths]
-    variants = [problem_digest(fitting) for fitting, _ in found]
-    for path, variant in zip(paths, variants, strict=True):
-        if variant != variants[0]:
-            raise FileError(
-                f"{path}: is for other starts than {paths[0]}; `export` writes the scene with "
-                "either (--option start-set=yaml or seed) to plan on"
-            )
-    return found[0][0] if found else problem, [plan for _, plan in found]
+    def plan(self, path: Path) -> tuple[Problem, Plan]:
+        """Reads a plan that can be flown, and finds the variant of the scene that it is for."""
+        content = self.claim(path)
+        if isinstance(content, CertificateFile | ProofFile):
+            raise FileError(f"{path}: must be a plan, not a certificate")
+        plan = content.plan if isinstance(content, PlanFile) else content
+        problem = scene_of_plan(self.scene, self.problem, plan)
+        verdict = check(problem, plan)
+        if verdict.violations:
+            raise FileError(f"{path}: {verdict.violations[0]}")
+        return problem, plan
+
+    def plans(self, paths: Sequence[Path]) -> tuple[Problem, list[Plan]]:
+        """Reads plans that can be flown, and finds the variant of the scene that all are for."""
+        found = [self.plan(path) for path in paths]
+        variants = [problem_digest(fitting) for fitting, _ in found]
+        for path, variant in zip(paths, variants, strict=True):
+            if variant != variants[0]:
+                raise FileError(
+                    f"{path}: is for other starts than {paths[0]}; `export` writes the scene with "
+                    "either (--option start-set=yaml or seed) to plan on"
+                )
+        return found[0][0] if found else self.problem, [plan for _, plan in found]

@@ -1,26 +1,31 @@
 """The output of a run: run.json, results.csv, results.parquet, and the files that rows name.
 
+The Parquet file has the types of columns; a value that does not exist is null there.
+
 All of them tell only of instances that are whole, and of what earlier runs left. The files that
 rows name (scene, plans, certificates and traces) are written whenever a run takes their cells, be
 they computed or recalled, so they prove what its rows say, whatever ran in the folder before.
 """
 
+import io
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import msgspec
 
-from cocap_opt.experiments.results.files import remove, save_bytes
+from cocap_opt.experiments.results.files import save_bytes, save_csv
 from cocap_opt.experiments.results.layout import Paths
-from cocap_opt.experiments.results.rows import Row
+from cocap_opt.experiments.results.printing import Record
+from cocap_opt.experiments.results.rows import COLUMNS, Row
 from cocap_opt.experiments.sweeps.cells import FREE, RULES
 from cocap_opt.experiments.sweeps.folder import Earlier
 from cocap_opt.experiments.sweeps.instances import Instance
-from cocap_opt.experiments.sweeps.results import save_results
+from cocap_opt.experiments.sweeps.results import RESULTS
 from cocap_opt.experiments.sweeps.run_file import RUN, Run, RunFile
-from cocap_opt.files.documents import SceneFile, encode
+from cocap_opt.files.documents import FileError, SceneFile, encode
 
+_PARQUET = "results.parquet"
 _Files = dict[Path, bytes | None]  # None: there is to be none
 
 
@@ -53,12 +58,12 @@ class Output:
             return
         is_first = not self._kept
         if is_first and not self._before.runs:  # results of other code, for a moment
-            remove(self._folder / RUN)
+            _remove(self._folder / RUN)
         if is_first and self._before.runs:
             self._save_run(self._folder)
         for instance in new:
             self._kept[instance] = _published(self._folder, instance)
-        save_results(self._folder, self._all(), whole=len(self._kept) == len(self._instances))
+        _save_results(self._folder, self._all(), whole=len(self._kept) == len(self._instances))
         if is_first and not self._before.runs:
             self._save_run(self._folder)
 
@@ -125,6 +130,36 @@ def _certificates(instance: Instance, paths: Paths) -> tuple[dict[str, str], _Fi
 def _put(path: Path, content: bytes | None) -> None:
     """Makes a file have this content, or not be there."""
     if content is None:
-        remove(path)
+        _remove(path)
     elif not (path.is_file() and path.read_bytes() == content):
         save_bytes(path, content)
+
+
+def _remove(path: Path) -> None:
+    """Removes a file, if it is there."""
+    try:
+        path.unlink(missing_ok=True)
+    except OSError as error:
+        raise FileError(f"{path}: cannot be written: {error.strerror}") from error
+
+
+def _save_results(folder: Path, rows: Sequence[Row], whole: bool) -> None:
+    """Writes what there is of a table; as Parquet only once it is whole."""
+    table = Row.records(rows)
+    if not whole:
+        _remove(folder / _PARQUET)
+    save_csv(folder / RESULTS, table)
+    if whole:
+        save_bytes(folder / _PARQUET, _parquet(table))
+
+
+def _parquet(table: Sequence[Record]) -> bytes:
+    """Returns rows that all have the keys of the first as a Parquet file."""
+    import pyarrow as pa  # slow to import
+    from pyarrow.parquet import write_table
+
+    types = {int: pa.int64(), float: pa.float64(), str: pa.string()}
+    schema = pa.schema([(name, types[COLUMNS[name].kind]) for name in table[0]])
+    content = io.BytesIO()
+    write_table(pa.Table.from_pylist(list(table), schema=schema), content)
+    return content.getvalue()

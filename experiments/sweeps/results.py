@@ -1,7 +1,7 @@
-"""The table of a sweep as files: results.csv, and results.parquet with the types of columns.
+"""The table of a sweep, results.csv, as it is read.
 
 `COLUMNS` of `cocap_opt.experiments.results.rows` says what the columns mean. A value that does not
-exist (no plan, no bound, no gap) is an empty field, or null in Parquet.
+exist (no plan, no bound, no gap) is an empty field.
 """
 
 import csv
@@ -11,14 +11,12 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
-from cocap_opt.experiments.results.files import read_text, remove, save_bytes, save_csv
-from cocap_opt.experiments.results.printing import Record
+from cocap_opt.experiments.results.files import read_text
 from cocap_opt.experiments.results.rows import COLUMNS, Row
 from cocap_opt.experiments.sweeps.run_file import RunFile
 from cocap_opt.files.documents import FileError
 
 RESULTS = "results.csv"
-_PARQUET = "results.parquet"
 _LIMITS = ("time_limit", "work_limit", "bound_time_limit", "bound_work_limit")  # once in run.json
 
 
@@ -63,25 +61,3 @@ def _with_limits(rows: Sequence[Row], folder: Path) -> list[Row]:
                 replace(r, time_limit=old.limit, bound_time_limit=old.bound_limit) for r in rows
             ]
     return [*rows]
-
-
-def save_results(folder: Path, rows: Sequence[Row], whole: bool) -> None:
-    """Writes what there is of a table; as Parquet only once it is whole."""
-    table = Row.records(rows)
-    if not whole:
-        remove(folder / _PARQUET)
-    save_csv(folder / RESULTS, table)
-    if whole:
-        save_bytes(folder / _PARQUET, _parquet(table))
-
-
-def _parquet(table: Sequence[Record]) -> bytes:
-    """Returns rows that all have the keys of the first as a Parquet file."""
-    import pyarrow as pa  # slow to import
-    from pyarrow.parquet import write_table
-
-    types = {int: pa.int64(), float: pa.float64(), str: pa.string()}
-    schema = pa.schema([(name, types[COLUMNS[name].kind]) for name in table[0]])
-    content = io.BytesIO()
-    write_table(pa.Table.from_pylist(list(table), schema=schema), content)
-    return content.getvalue()

@@ -11,7 +11,7 @@ from typing import NamedTuple, Self
 
 from cocap_opt.data import ProblemError
 from cocap_opt.experiments.console.streams import say
-from cocap_opt.experiments.results.files import read_plan
+from cocap_opt.experiments.results.files import PlanReader
 from cocap_opt.experiments.results.judging import BOUND_METHOD
 from cocap_opt.experiments.studies.start_sets.tables import THEIRS, Reported, SetTables
 from cocap_opt.experiments.sweeps.instances import Instance, Key, Settings
@@ -52,7 +52,7 @@ class Peer(NamedTuple):
     @classmethod
     def _beside(cls, scene: str, problem: Problem) -> Self:
         """Reads the plan that lies beside a scene, and the rewards that they reported."""
-        _, plan = read_plan(_folder(scene) / _PEER_PLAN, scene, problem)
+        _, plan = PlanReader(scene, problem).plan(_folder(scene) / _PEER_PLAN)
         steps = slice(problem.first_step, None)
         rewards = PeerResults(problem).view_rewards(_folder(scene) / _PEER_REWARD)
         reported = Reported(
