@@ -42,7 +42,7 @@ def _paper(
     from cocap_opt.experiments.studies.paper.reproduction import reproduce
 
     _require_positive("--time-limit", time_limit)
-    _require_cores("--workers", workers)
+    Option("--workers").require_cores(workers)
     sizes = Option("--robots").numbers(robots)
     if min(sizes) < 1:
         raise FileError(f"--robots: must be at least 1, not {min(sizes)}")
@@ -276,10 +276,3 @@ def _notebooks(
 def _require_positive(option: str, seconds: float) -> None:
     if not (seconds > 0 and math.isfinite(seconds)):
         raise FileError(f"{option}: must be a positive number of seconds, not {seconds:g}")
-
-
-def _require_cores(option: str, count: int | None) -> None:
-    from cocap_opt.vision.coverage import usable_cores
-
-    if count is not None and not 1 <= count <= usable_cores():
-        raise FileError(f"{option}: must be 1..{usable_cores()}, a core each, not {count}")
