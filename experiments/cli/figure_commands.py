@@ -19,7 +19,7 @@ from cocap_opt.experiments.report.charts import conflicts_figure, gaps_figure, p
 from cocap_opt.experiments.report.figures import PICTURES, picture
 from cocap_opt.experiments.results.files import PlanReader, check_output, save_bytes
 from cocap_opt.experiments.results.layout import TRACES
-from cocap_opt.experiments.results.printing import path_text, print_result, titles
+from cocap_opt.experiments.results.printing import print_result, titles
 from cocap_opt.experiments.results.trace import Trace
 from cocap_opt.experiments.sweeps.results import load_results
 
@@ -95,5 +95,5 @@ def _check(output: Path | None) -> None:
 def _save(output: Path | None, figure: Figure, json: bool) -> int:
     assert output is not None
     save_bytes(output, picture(figure, output.suffix.lower()))
-    print_result({"file": path_text(output)}, json)
+    print_result({"file": output}, json)
     return 0

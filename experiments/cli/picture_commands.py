@@ -16,7 +16,7 @@ from cocap_opt.experiments.results.files import (
     make_folder,
     save_bytes,
 )
-from cocap_opt.experiments.results.printing import path_text, print_result, titles
+from cocap_opt.experiments.results.printing import print_result, titles
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import UnsupportedError
 
@@ -42,7 +42,7 @@ def _show(
     check_output(output)
     problem, plans = PlanReader(scene, load(scene, seed)).plans(plan)
     save_bytes(output, _shown(problem, plans, titles(plan), suffix))
-    print_result({"scene": problem.name, "seed": seed, "file": path_text(output)}, json)
+    print_result({"scene": problem.name, "seed": seed, "file": output}, json)
     return 0
 
 
@@ -81,7 +81,7 @@ def _render(
                               watch.counter("view"))  # fmt: skip
         except UnsupportedError as error:
             raise UsageError(f"{scene}: {error}") from error
-    print_result({"scene": problem.name, "seed": seed, "folder": path_text(output)} | row, json)
+    print_result({"scene": problem.name, "seed": seed, "folder": output} | row, json)
     return 0
 
 

@@ -16,7 +16,7 @@ from cocap_opt.experiments.cli.options import (
 )
 from cocap_opt.experiments.console.options import Option, UsageError
 from cocap_opt.experiments.results.files import check_output, save_bytes
-from cocap_opt.experiments.results.printing import path_text, print_result, print_table
+from cocap_opt.experiments.results.printing import print_result, print_table
 from cocap_opt.experiments.results.rows import COLUMNS, Row
 from cocap_opt.experiments.results.tables import AGAINST, DOCUMENTS, Tables
 from cocap_opt.experiments.sweeps.results import load_results
@@ -89,7 +89,7 @@ def _report(
     rows, run = chosen(load_results(folder), scene, planner), RunFile.load(folder)
     content = report_page(folder, rows, run, _against(against, rows), players)
     save_bytes(output, content.encode())
-    print_result({"file": path_text(output)}, json)
+    print_result({"file": output}, json)
     return 0
 
 

@@ -9,7 +9,7 @@ from cyclopts import Parameter
 from cocap_opt.experiments.cli.options import Json, Output, Seed, load
 from cocap_opt.experiments.console.options import Option, UsageError
 from cocap_opt.experiments.results.files import check_output, save_bytes
-from cocap_opt.experiments.results.printing import path_text, print_result, print_table
+from cocap_opt.experiments.results.printing import print_result, print_table
 from cocap_opt.files.documents import SceneFile, encode
 from cocap_opt.scenarios import FORMATS, SCENES
 from cocap_opt.scenarios.cameras import CAMERAS, with_cameras
@@ -103,7 +103,7 @@ def _export(
         degrees = None if tilts is None else _angles("--tilts", tilts)
         problem = with_cameras(problem, camera, degrees)
     save_bytes(output, encode(SceneFile(problem=problem)))
-    print_result({"scene": problem.name, "seed": seed, "file": path_text(output)}, json)
+    print_result({"scene": problem.name, "seed": seed, "file": output}, json)
     return 0
 
 

@@ -32,10 +32,10 @@ from cocap_opt.experiments.results.judging import (
     Allowance,
     Judged,
 )
-from cocap_opt.experiments.results.printing import Record, path_text, print_result
+from cocap_opt.experiments.results.printing import Record, print_result
 from cocap_opt.experiments.results.rows import OWN_STARTS, PlanRow
 from cocap_opt.experiments.results.trace import Trace
-from cocap_opt.experiments.sweeps.bounds import cover
+from cocap_opt.experiments.sweeps.work import cover
 from cocap_opt.files.atomic_write import write_atomically
 from cocap_opt.files.documents import FileError, encode
 from cocap_opt.formulations import BOUNDS, EXACT
@@ -250,7 +250,7 @@ def _save(answer: Record, noun: str, files: Mapping[str, _Wanted]) -> None:
         answer[key] = None
         if path is not None and content is not None:
             contents[path] = encode(content)
-            answer[key] = path_text(path)
+            answer[key] = path
         elif path is not None:
             kind = noun if key == "file" else key
             said = f"{path} was not written: there is no {kind}"

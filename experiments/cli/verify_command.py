@@ -7,12 +7,13 @@ from typing import Annotated, NamedTuple
 
 from cyclopts import Parameter
 
+from cocap_opt.data import printable
 from cocap_opt.experiments.cli.options import Json, Seed, load
 from cocap_opt.experiments.console.options import UsageError
 from cocap_opt.experiments.console.progress import Watch
 from cocap_opt.experiments.results.files import PlanReader
 from cocap_opt.experiments.results.judging import ROUNDING, Judged
-from cocap_opt.experiments.results.printing import Record, path_text, print_result
+from cocap_opt.experiments.results.printing import Record, print_result
 from cocap_opt.experiments.results.rows import OWN_STARTS
 from cocap_opt.files.documents import FileError, PlanFile, problem_digest
 from cocap_opt.formulations.certificates import (
@@ -54,8 +55,8 @@ def _verify(
     if claims.plan is not None:
         verification.verify_plan(claims.plan)
     for path, content in claims.bounds.items():
-        with Watch.on_terminal(path_text(path)) as watch:
-            verification.verify_bound(content, path_text(path), watch.counter("leaf"))
+        with Watch.on_terminal(printable(str(path))) as watch:
+            verification.verify_bound(content, printable(str(path)), watch.counter("leaf"))
     verification.conclude()
     print_result(verification.answer, json)
     return 0 if verification.answer["valid"] else 1

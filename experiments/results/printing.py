@@ -32,11 +32,6 @@ def _console(least: int = 0) -> Console:
     return console
 
 
-def path_text(path: Path) -> str:
-    """Returns a path as text, in which bytes that cannot be printed are escaped."""
-    return printable(str(path))
-
-
 def counted(number: int, noun: str) -> str:
     """Returns a number with its noun, as in "1 row" and "2 rows"."""
     return f"{number} {noun}{'' if number == 1 else 's'}"
@@ -45,16 +40,16 @@ def counted(number: int, noun: str) -> str:
 def titles(paths: Sequence[Path]) -> list[str]:
     """Returns names for plans: those of their files, with their folders where names are alike."""
     names = [path.name for path in paths]
-    return [path_text(path if names.count(path.name) > 1 else Path(path.name)) for path in paths]
+    return [printable(str(path) if names.count(path.name) > 1 else path.name) for path in paths]
 
 
 def print_result(row: Record, json: bool) -> None:
     """Prints the answer of a command: a line per key, or one JSON object on one line.
 
-    Infinite numbers are null in JSON.
+    Infinite numbers are null in JSON; bytes of paths that cannot be printed are escaped.
     """
     if json:
-        sys.stdout.write(msgspec.json.encode(row).decode() + "\n")
+        sys.stdout.write(msgspec.json.encode(row, enc_hook=_path_text).decode() + "\n")
         return
     table = Table(show_header=False, box=None)
     for key, value in row.items():
@@ -102,7 +97,14 @@ class Marked(NamedTuple):
     mark: str
 
 
+def _path_text(value: object) -> str:
+    assert isinstance(value, Path), f"{value!r} is nothing that can be printed"
+    return printable(str(value))
+
+
 def _text(key: str, value: Any) -> str:
+    if isinstance(value, Path):
+        return _path_text(value)
     if isinstance(value, Marked):
         return _text(key, value.value) + value.mark
     if value is None:

@@ -6,7 +6,6 @@ it was, and what it makes of its cells does not depend on who computed them.
 
 __all__ = [
     "api",
-    "bounds",
     "cells",
     "cluster",
     "crew",
@@ -14,7 +13,6 @@ __all__ = [
     "instances",
     "output",
     "results",
-    "run",
     "run_file",
     "start",
     "sweep",

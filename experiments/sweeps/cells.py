@@ -33,7 +33,6 @@ _MODULES = (
     "cocap_opt.experiments.results.rendered",
     "cocap_opt.experiments.results.rows",
     "cocap_opt.experiments.results.trace",
-    "cocap_opt.experiments.sweeps.bounds",
     "cocap_opt.experiments.sweeps.cells",
     "cocap_opt.experiments.sweeps.start",
     "cocap_opt.experiments.sweeps.work",
@@ -53,16 +52,6 @@ class Status(StrEnum):
 FAILED = (Status.ERROR, Status.EXCEEDED, Status.DIED)
 
 
-@cache
-def cells_digest() -> str:
-    """Returns the digest of the code and the libraries on which results of cells depend.
-
-    See `cocap_opt.files.code`: comments, layout and docstrings do not count.
-    """
-    parts = [*(version(name) for name in _LIBRARIES), code_digest(*_MODULES)]
-    return hashlib.sha256(" ".join(parts).encode()).hexdigest()
-
-
 class Cell(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """One computation, and all that its result depends on."""
 
@@ -75,6 +64,16 @@ class Cell(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
     rendered: bool = False  # J of the rendered pixels is wanted, too
     start: str = ""  # of BOUND: digest of the start
     code: str  # digest of the code
+
+    @staticmethod
+    @cache
+    def digest_of_code() -> str:
+        """Returns the digest of the code and the libraries on which results of cells depend.
+
+        See `cocap_opt.files.code`: comments, layout and docstrings do not count.
+        """
+        parts = [*(version(name) for name in _LIBRARIES), code_digest(*_MODULES)]
+        return hashlib.sha256(" ".join(parts).encode()).hexdigest()
 
     @property
     def key(self) -> str:

@@ -22,8 +22,8 @@ from distributed.client import ClosedClientError
 
 from cocap_opt.experiments.console.streams import say
 from cocap_opt.experiments.console.threads import ONE_THREAD
-from cocap_opt.experiments.sweeps.cells import CellFile, Status, cells_digest
-from cocap_opt.experiments.sweeps.crew import ClusterError
+from cocap_opt.experiments.sweeps.cells import Cell, CellFile, Status
+from cocap_opt.experiments.sweeps.crew import ClusterError, Crew
 from cocap_opt.experiments.sweeps.work import Task
 from cocap_opt.model import compiled, compiled_disaggregated
 from cocap_opt.stop import Stop
@@ -42,7 +42,7 @@ _LOCAL = {
 }
 
 
-class Cluster:
+class Cluster(Crew):
     """The workers of a cluster.
 
     Parameters
@@ -190,7 +190,7 @@ def _scheduler_there(client: Client) -> Iterator[None]:
 
 def _run_task(task: Task) -> CellFile:
     """Computes a cell on a worker, and lets go of models, which the next cell cannot use."""
-    if task.cell.code != cells_digest():  # it may have joined late
+    if task.cell.code != Cell.digest_of_code():  # it may have joined late
         raise ClusterError(f"the worker on {platform.node()} {_OTHER_CODE}")
     try:
         return task.run()
@@ -251,9 +251,9 @@ def _require_usable(client: Client) -> None:
 
 def _require_same_code(client: Client) -> None:
     try:
-        found = client.run(cells_digest)
+        found = client.run(Cell.digest_of_code)
     except Exception as error:  # whatever the worker raised
         raise ClusterError(f"--scheduler: a worker cannot run this: {error}") from error
     for worker, digest in found.items():
-        if digest != cells_digest():
+        if digest != Cell.digest_of_code():
             raise ClusterError(f"--scheduler: the worker {worker} {_OTHER_CODE}")

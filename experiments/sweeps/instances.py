@@ -13,7 +13,7 @@ from cocap_opt.experiments.results.judging import (
     RefereeError,
 )
 from cocap_opt.experiments.results.rows import OWN_STARTS, BoundColumns, PlannedRow, Row
-from cocap_opt.experiments.sweeps.cells import BOUND, Cell, CellFile, Status, Store, cells_digest
+from cocap_opt.experiments.sweeps.cells import BOUND, Cell, CellFile, Status, Store
 from cocap_opt.experiments.sweeps.start import BoundStart
 from cocap_opt.experiments.sweeps.work import Task
 from cocap_opt.files.documents import problem_digest
@@ -108,7 +108,7 @@ class Instance:
     def _cell(self, planner: str, seconds: float, work: int | None, **more: Any) -> Cell:
         return Cell(
             scene=self.problem.name, seed=self.seed, planner=planner, digest=self.digest,
-            time_limit=seconds, work_limit=work, code=cells_digest(), **more,
+            time_limit=seconds, work_limit=work, code=Cell.digest_of_code(), **more,
         )  # fmt: skip
 
     def take(self, content: CellFile) -> None:

@@ -14,7 +14,7 @@ from typing import Literal
 import msgspec
 
 from cocap_opt.experiments.results.files import save_bytes
-from cocap_opt.experiments.sweeps.cells import cells_digest
+from cocap_opt.experiments.sweeps.cells import Cell
 from cocap_opt.files.code import code_digest
 from cocap_opt.files.documents import Document, decode_document, encode, read_bytes
 from cocap_opt.vision.coverage import usable_cores
@@ -30,7 +30,7 @@ RUN = "run.json"
 @cache
 def _rows_digest() -> str:
     """Returns the digest of the code that rows depend on: that of cells, and of built-in scenes."""
-    parts = cells_digest() + code_digest("cocap_opt.scenarios")
+    parts = Cell.digest_of_code() + code_digest("cocap_opt.scenarios")
     return hashlib.sha256(parts.encode()).hexdigest()
 
 

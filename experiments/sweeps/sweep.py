@@ -14,7 +14,6 @@ from cocap_opt.experiments.sweeps.crew import Alone, Crew
 from cocap_opt.experiments.sweeps.folder import Earlier, IsSame, only_writer
 from cocap_opt.experiments.sweeps.instances import Instance, Key
 from cocap_opt.experiments.sweeps.output import Output
-from cocap_opt.experiments.sweeps.run import run
 from cocap_opt.experiments.sweeps.run_file import Run
 from cocap_opt.stop import Stop, catch_interrupt
 
@@ -107,7 +106,7 @@ def _sweep(
             output.update()
 
         with _crew(hired if missing else _NOBODY, interrupt, watch) as crew:
-            run(instances, crew, store, interrupt, told)
+            crew.run(instances, store, interrupt, told)
     rows = output.rows()
     if interrupt.pressed and not rows:  # there is nothing to give
         raise KeyboardInterrupt

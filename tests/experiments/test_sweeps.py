@@ -28,7 +28,6 @@ from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.results.trace import Trace
 from cocap_opt.experiments.sweeps import cells as cells_module
 from cocap_opt.experiments.sweeps import cluster as cluster_module
-from cocap_opt.experiments.sweeps import instances as instances_module
 from cocap_opt.experiments.sweeps import run_file as run_file_module
 from cocap_opt.experiments.sweeps.api import gap as gap_frame
 from cocap_opt.experiments.sweeps.cells import (
@@ -38,14 +37,12 @@ from cocap_opt.experiments.sweeps.cells import (
     CellFile,
     Status,
     Store,
-    cells_digest,
 )
 from cocap_opt.experiments.sweeps.cluster import Cluster
 from cocap_opt.experiments.sweeps.crew import Alone, ClusterError
 from cocap_opt.experiments.sweeps.folder import only_writer
 from cocap_opt.experiments.sweeps.instances import Instance, Settings
 from cocap_opt.experiments.sweeps.results import load_results
-from cocap_opt.experiments.sweeps.run import run
 from cocap_opt.experiments.sweeps.run_file import RunFile
 from cocap_opt.experiments.sweeps.start import BoundStart
 from cocap_opt.experiments.sweeps.sweep import Hired, sweep
@@ -103,7 +100,7 @@ def computed(some: list[Instance], folder: Path | None, retry: bool = False) -> 
     store, crew = Store(folder, retry), Listed()
     for instance in some:
         instance.recall(store)
-    run(some, crew, store, never, lambda content: None)
+    crew.run(some, store, never, lambda content: None)
     return [cell.planner for cell in crew.begun]
 
 
@@ -439,7 +436,7 @@ def test_a_cell_of_other_settings_is_another_cell(
     elif change == "seed":
         seed = 1
     else:
-        monkeypatch.setattr(instances_module, "cells_digest", lambda: "other")
+        monkeypatch.setattr(Cell, "digest_of_code", lambda: "other")
     other = Instance(problem, seed, [planner], settings).cells[planner]
     assert other.key != one.key
 
@@ -459,12 +456,12 @@ def test_the_code_is_all_that_cells_depend_on(monkeypatch: pytest.MonkeyPatch) -
     computing = {name.removeprefix(prefix) for name in own} - silent - fronts
     named = {name.removeprefix(prefix) for name in cells_module._MODULES if prefix in name}
     assert computing | {"sweeps.work"} == named
-    digests = {cells_digest()}
+    digests = {Cell.digest_of_code()}
     with monkeypatch.context() as patch:
         patch.setattr(cells_module, "version", lambda name: "0.0")
-        digests.add(cells_digest.__wrapped__())
+        digests.add(Cell.digest_of_code.__wrapped__())
     monkeypatch.setattr(cells_module, "_MODULES", ("cocap_opt.experiments.results.rows",))
-    digests.add(cells_digest.__wrapped__())
+    digests.add(Cell.digest_of_code.__wrapped__())
     assert len(digests) == 3
 
 
@@ -505,7 +502,7 @@ def test_a_bound_that_fails_leaves_the_plans(monkeypatch: pytest.MonkeyPatch) ->
     def broken(*_: object) -> object:
         raise MemoryError
 
-    monkeypatch.setattr(work, "Bounds", broken)
+    monkeypatch.setattr(work, "_Bounds", broken)
     some = instances()
     computed(some, None)
     for row in table(some):
@@ -794,7 +791,7 @@ def test_a_lost_scheduler_is_no_cells_fault(tmp_path: Path) -> None:
         crew.begin(Task(instances()[0].cells["cocap"], small_field(0)))
         cluster.close()
         with pytest.raises(ClusterError, match="--scheduler: it is lost"):
-            run(instances(), crew, Store(folder), never, lambda content: None)
+            crew.run(instances(), Store(folder), never, lambda content: None)
     assert not list((folder / "cells").iterdir())
 
 
@@ -850,7 +847,7 @@ def test_a_worker_that_dies_or_hangs_costs_its_own_cell(tmp_path: Path) -> None:
     with Cluster.local(1, never, cell_limit=8.0) as cluster:
         cluster.client.register_worker_callbacks(partial(exec, BAD_PLANNERS, {}))
         assert cluster.client.cluster.scheduler.http_server.port != 8787  # no dashboard
-        run(some, cluster, Store(folder), never, lambda content: None)
+        cluster.run(some, Store(folder), never, lambda content: None)
         masks = cluster.client.run(signal.pthread_sigmask, signal.SIG_BLOCK, [])
     assert all(signal.SIGINT in blocked for blocked in masks.values())  # Ctrl-C is for us
     assert all(instance.is_whole for instance in some)
@@ -938,7 +935,7 @@ def test_ctrl_c_with_nothing_to_give_is_no_success(tmp_path: Path) -> None:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("cocap_opt.experiments.sweeps.sweep.catch_interrupt", interrupted)
-        patch.setattr("cocap_opt.experiments.sweeps.sweep.run", lambda *_: None)
+        patch.setattr(Alone, "run", lambda *_: None)
         with pytest.raises(KeyboardInterrupt):
             sweep([instance], tmp_path)
 
