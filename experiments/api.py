@@ -231,39 +231,70 @@ def verify(problem: Problem, *claims: Plan | Result | Bound) -> Verified:
 
 
 def gap(
-    scenes: str | Problem | Sequence[str | Problem],
+    scenes: str | Path | Problem | Sequence[str | Path | Problem],
     planners: Sequence[str] | None = None,
     seeds: Iterable[int] = (0,),
     *,
     time_limit: float = 60.0,
+    work_limit: int | None = None,
     out: str | Path | None = None,
     workers: int | None = None,
 ) -> "pd.DataFrame":
-    """Measure planners against certified bounds: the gap table.
+    """Measure planners against certified bounds: the gap table, as `cocap-opt gap` makes it.
 
     Parameters
     ----------
-    scenes : names, files or problems
-    planners : names in `PLANNERS`; the paper's if not given
-    seeds : of the scenes
-    time_limit : seconds for each plan, and for each bound
+    scenes : names, files or problems; one, or several
+    planners : names in `PLANNERS` or `EXACT`; if not given greedy, sequential, cocap, cocap-vs,
+        and with one or two drones joint
+    seeds : of the scenes; a scene that is the same for several seeds is taken once, and so is a
+        problem, whose seed is 0
+    time_limit : seconds for each plan, and for each of the two bounds of a scene and seed
+    work_limit : units of work for each of them: pricing rounds, or nodes of CoCap's tree. With it
+        the table, but for its seconds, is the same on every machine that needs less than the time
+        limit
     out : folder that keeps plans, certificates and results; what is there is not computed again
     workers : processes, each on a core of its own; this process if not given
 
     Returns
     -------
     DataFrame
-        A row per scene, seed and planner, with the columns of `results.csv`.
+        A row per scene, seed and planner, with the columns of `results.csv`, which
+        `cocap-opt columns` explains. A value that does not exist is None or nan.
+
+    Raises
+    ------
+    ValueError
+        If there is no such scene or planner, a limit is negative, or there are not so many cores.
+    KeyboardInterrupt
+        After Ctrl-C, if there are no rows yet; else the rows so far are returned.
 
     Examples
     --------
     >>> co.gap(["corridor", "bottleneck"], ["sequential", "cocap"], seeds=range(3))
     """
-    from cocap_opt.experiments.sweeps.api import gap as sweep
+    from pandas import DataFrame
 
-    some = [scenes] if isinstance(scenes, str | Problem) else list(scenes)
+    from cocap_opt.experiments.results.rows import Row
+    from cocap_opt.experiments.sweeps.instances import Instance, Settings
+    from cocap_opt.experiments.sweeps.scenes import Scenes
+    from cocap_opt.experiments.sweeps.sweep import Hired, sweep
+
+    _require_sweep(planners or (), time_limit, work_limit, workers)
+    given = [scenes] if isinstance(scenes, str | Path | Problem) else list(scenes)
+    words = [str(scene) for scene in given if not isinstance(scene, Problem)]
+    named = Scenes(words, tuple(seeds), tell=_nobody)
+    problems = [(problem, seed) for (_, seed), problem in named.problems.items()]
+    problems += [(scene, 0) for scene in given if isinstance(scene, Problem)]
+    names = [(problem.name, seed) for problem, seed in problems]
+    if len(set(names)) < len(names):
+        raise ValueError("scenes: two are called the same; give them other names")
+    settings = Settings(time_limit=time_limit, bound_time_limit=time_limit, work_limit=work_limit)
+    instances = [Instance(problem, seed, planners, settings) for problem, seed in problems]
+    hired = Hired(workers, None, settings.cell_limit)
     folder = None if out is None else Path(out)
-    return sweep(some, planners, tuple(seeds), time_limit=time_limit, out=folder, workers=workers)
+    rows = sweep(instances, folder, hired, is_same=named.is_same, quiet=True)
+    return DataFrame(Row.records(rows))
 
 
 def show(problem: Problem, *plans: Plan | Result) -> "Player":
@@ -349,6 +380,23 @@ def _limits(seconds: float | None, stop: Stop) -> Stop:
     if not seconds >= 0:
         raise ValueError(f"time_limit: must be a number of seconds >= 0, not {seconds}")
     return FirstOf(stop, TimeLimit(seconds))
+
+
+def _require_sweep(
+    planners: Sequence[str], time_limit: float, work_limit: int | None, workers: int | None
+) -> None:
+    from cocap_opt.experiments.console.options import Option
+
+    for name in planners:
+        Option("planners").require_one_of(name, {**PLANNERS, **EXACT})
+    Option("time_limit").require_seconds(time_limit)
+    Option("workers").require_cores(workers)
+    if work_limit is not None and work_limit < 0:
+        raise ValueError(f"work_limit: must be at least 0, not {work_limit}")
+
+
+def _nobody(message: str) -> None:
+    """Says nothing: the table says it."""
 
 
 def _plan_of(given: Plan | Result | None) -> Plan | None:

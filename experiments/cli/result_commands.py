@@ -16,7 +16,7 @@ from cocap_opt.experiments.cli.options import (
 )
 from cocap_opt.experiments.console.options import Option, UsageError
 from cocap_opt.experiments.results.files import check_output, save_bytes
-from cocap_opt.experiments.results.printing import print_result, print_table
+from cocap_opt.experiments.results.printing import Listing, print_result
 from cocap_opt.experiments.results.rows import COLUMNS, Row
 from cocap_opt.experiments.results.tables import AGAINST, DOCUMENTS, Tables
 from cocap_opt.experiments.sweeps.results import load_results
@@ -113,7 +113,7 @@ def _columns(*, json: Json = False) -> int:
     if json:
         print_result({"columns": rows}, json)
     else:
-        print_table("columns of results.csv", rows)
+        Listing("columns of results.csv", rows).print()
     return 0
 
 

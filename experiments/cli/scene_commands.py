@@ -9,7 +9,7 @@ from cyclopts import Parameter
 from cocap_opt.experiments.cli.options import Json, Output, Seed, load
 from cocap_opt.experiments.console.options import Option, UsageError
 from cocap_opt.experiments.results.files import check_output, save_bytes
-from cocap_opt.experiments.results.printing import print_result, print_table
+from cocap_opt.experiments.results.printing import Listing, print_result
 from cocap_opt.files.documents import SceneFile, encode
 from cocap_opt.scenarios import FORMATS, SCENES
 from cocap_opt.scenarios.cameras import CAMERAS, with_cameras
@@ -42,10 +42,10 @@ def _scenes(*, json: Json = False) -> int:
             {"scenes": rows, "formats": formats, "cameras": cameras, "options": options}, json
         )
     else:
-        print_table("built-in scenes", rows)
-        print_table("files that can be read in place of a scene's name", formats)
-        print_table("options of `export`, as in --option triangles=no", options)
-        print_table("cameras that `export` can put on a scene's drones (px)", cameras)
+        Listing("built-in scenes", rows).print()
+        Listing("files that can be read in place of a scene's name", formats).print()
+        Listing("options of `export`, as in --option triangles=no", options).print()
+        Listing("cameras that `export` can put on a scene's drones (px)", cameras).print()
     return 0
 
 

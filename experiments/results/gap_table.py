@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 
 from msgspec import UNSET
 
-from cocap_opt.experiments.results.printing import Marked, Record, print_table
+from cocap_opt.experiments.results.printing import Listing, Marked, Record
 from cocap_opt.experiments.results.rows import Row
 
 _OPEN = "*"  # marks a bound that a limit stopped
@@ -25,7 +25,7 @@ def print_gap_table(rows: Sequence[Row]) -> None:
     _print_rows(rows)
     means = _means(rows)
     if len(rows) > len(means):
-        print_table("means over seeds", means)
+        Listing("means over seeds", means).print()
 
 
 def _print_rows(rows: Sequence[Row]) -> None:
@@ -36,7 +36,7 @@ def _print_rows(rows: Sequence[Row]) -> None:
         keys.append("limit")
     keys.append("seconds")
     table: list[Record] = [{key: _shown(row, key) for key in keys} for row in rows]
-    print_table(_title(rows), table, list(_notes(rows, table)))
+    Listing(_title(rows), table, list(_notes(rows, table))).print()
 
 
 def _notes(rows: Sequence[Row], table: Sequence[Record]) -> Iterator[str]:

@@ -58,36 +58,50 @@ def print_result(row: Record, json: bool) -> None:
     _console().print(table)
 
 
-def print_table(title: str, rows: Sequence[Record], notes: Sequence[str] = ()) -> None:
-    """Prints rows that all have the keys of the first, and sentences below them."""
-    widest = {
-        key: max(len(part) for row in rows for part in (key, *_text(key, row[key]).splitlines()))
-        for key in (rows[0] if rows else ())
-    }
-    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False,
-                  collapse_padding=True)  # fmt: skip
-    for key, value in rows[0].items() if rows else ():
-        wraps = key in ("scene", "about", "message")
-        table.add_column(key, justify="left" if isinstance(value, str) else "right",
-                         no_wrap=not wraps, overflow="fold",
-                         min_width=min(_FOLDED, widest[key]) if wraps else widest[key])  # fmt: skip
-    for row in rows:
-        table.add_row(*(escape(_text(key, value)) for key, value in row.items()))
-    console = _console()
-    _console(console.measure(table).minimum).print(table)
-    for words in notes:
-        console.print(words, markup=False)
+class Listing(NamedTuple):
+    """A small table to be printed; its rows all have the keys of the first.
 
+    Attributes
+    ----------
+    notes : sentences below it
+    """
 
-def markdown(rows: Sequence[Record]) -> str:
-    """Returns the table that `print_table` prints in Markdown."""
-    if not rows:
-        return ""
-    lines = [list(rows[0]), ["---" if isinstance(v, str) else "--:" for v in rows[0].values()]]
-    lines += [[_text(key, value) for key, value in row.items()] for row in rows]
-    return "".join(
-        f"| {' | '.join(cell.replace('|', '&#124;') for cell in line)} |\n" for line in lines
-    )
+    title: str
+    rows: Sequence[Record]
+    notes: Sequence[str] = ()
+
+    def print(self) -> None:
+        """Prints it on standard output."""
+        table = Table(title=self.title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False,
+                      collapse_padding=True)  # fmt: skip
+        for key, value in self.rows[0].items() if self.rows else ():
+            wraps, widest = key in ("scene", "about", "message"), self._widest(key)
+            table.add_column(key, justify="left" if isinstance(value, str) else "right",
+                             no_wrap=not wraps, overflow="fold",
+                             min_width=min(_FOLDED, widest) if wraps else widest)  # fmt: skip
+        for row in self.rows:
+            table.add_row(*(escape(_text(key, value)) for key, value in row.items()))
+        console = _console()
+        _console(console.measure(table).minimum).print(table)
+        for words in self.notes:
+            console.print(words, markup=False)
+
+    def _widest(self, key: str) -> int:
+        """Returns the number of characters that a column needs."""
+        texts = [key, *(_text(key, row[key]) for row in self.rows)]
+        return max(len(part) for text in texts for part in (text.splitlines() or [""]))
+
+    @property
+    def markdown(self) -> str:
+        """The same rows in Markdown."""
+        if not self.rows:
+            return ""
+        first = self.rows[0]
+        lines = [list(first), ["---" if isinstance(v, str) else "--:" for v in first.values()]]
+        lines += [[_text(key, value) for key, value in row.items()] for row in self.rows]
+        return "".join(
+            f"| {' | '.join(cell.replace('|', '&#124;') for cell in line)} |\n" for line in lines
+        )
 
 
 class Marked(NamedTuple):

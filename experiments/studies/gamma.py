@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cocap_opt.experiments.results.files import make_folder, save_csv
-from cocap_opt.experiments.results.printing import print_table
+from cocap_opt.experiments.results.printing import Listing
 from cocap_opt.model import compiled
 from cocap_opt.planners.cocap import cocap
 from cocap_opt.planners.view_search import Compounded, Discount, Undiscounted, ViewSearch
@@ -38,7 +38,9 @@ def gamma(
     make_folder(out)
     measured = _measured(scenes, seeds, _GAMMAS, seconds)
     means = _means(measured).to_dict("records")
-    print_table("view search by gamma: J and views, as shares of those of value iteration", means)
+    Listing(
+        "view search by gamma: J and views, as shares of those of value iteration", means
+    ).print()
     if out is not None:
         save_csv(out / "gamma.csv", measured.to_dict("records"))
 

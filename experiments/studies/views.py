@@ -12,7 +12,7 @@ from cocap_opt.data import FloatArray
 from cocap_opt.experiments.console.streams import say
 from cocap_opt.experiments.report.figures import draw_frame, picture
 from cocap_opt.experiments.results.files import make_folder, save_bytes, save_csv
-from cocap_opt.experiments.results.printing import Record, print_table
+from cocap_opt.experiments.results.printing import Listing, Record
 from cocap_opt.experiments.results.rendered import FaceView, Pose
 from cocap_opt.model import Model
 from cocap_opt.problem import Problem
@@ -74,7 +74,7 @@ def views(
             if out is not None:
                 save_csv(out / "views.csv", rows)
     shown = [{name: row[key] for name, key in _SHOWN.items()} for row in rows]
-    print_table(f"errors (%) of planned pixels, {poses} random poses a scene", shown)
+    Listing(f"errors (%) of planned pixels, {poses} random poses a scene", shown).print()
     if out is not None:
         save_bytes(out / "views.png", picture(_figure(rows), ".png"))
 

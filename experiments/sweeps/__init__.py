@@ -5,7 +5,6 @@ it was, and what it makes of its cells does not depend on who computed them.
 """
 
 __all__ = [
-    "api",
     "cells",
     "cluster",
     "crew",

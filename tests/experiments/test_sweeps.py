@@ -19,6 +19,7 @@ import pytest
 from distributed import Client, LocalCluster
 from sources import reached
 
+from cocap_opt.experiments.api import gap as gap_frame
 from cocap_opt.experiments.cli import commands
 from cocap_opt.experiments.console.progress import Watch
 from cocap_opt.experiments.console.threads import ONE_THREAD
@@ -29,7 +30,6 @@ from cocap_opt.experiments.results.trace import Trace
 from cocap_opt.experiments.sweeps import cells as cells_module
 from cocap_opt.experiments.sweeps import cluster as cluster_module
 from cocap_opt.experiments.sweeps import run_file as run_file_module
-from cocap_opt.experiments.sweeps.api import gap as gap_frame
 from cocap_opt.experiments.sweeps.cells import (
     BOUND,
     OWN,

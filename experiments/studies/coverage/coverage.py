@@ -19,7 +19,7 @@ import numpy as np
 from cocap_opt.data import BoolArray
 from cocap_opt.experiments.console.streams import say
 from cocap_opt.experiments.results.files import make_folder, save_csv
-from cocap_opt.experiments.results.printing import Record, print_table
+from cocap_opt.experiments.results.printing import Listing, Record
 from cocap_opt.experiments.studies.coverage.town import town
 from cocap_opt.experiments.studies.runs import BYTES, Build, one_thread
 from cocap_opt.model import Model, RobotClass
@@ -89,7 +89,7 @@ def coverage(robots: Sequence[int], steps: int = STEPS, out: Path | None = None)
             say(f"{scene}, {count} drones: {rows[-1]['seconds']:.1f} s")
             if out is not None:
                 save_csv(out / "coverage.csv", rows)
-    print_table(f"coverage, {ACTORS} people, {steps} steps (us: of one state)", rows)
+    Listing(f"coverage, {ACTORS} people, {steps} steps (us: of one state)", rows).print()
 
 
 def _row(build: Build, change: Callable[[Problem], Problem]) -> Record:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.data import FloatArray, ProblemError
-from cocap_opt.experiments.results.printing import Record, print_table
+from cocap_opt.experiments.results.printing import Listing, Record
 from cocap_opt.model import Model
 from cocap_opt.problem import Problem, State
 from cocap_opt.scenarios.formats import greedy_perspectives
@@ -52,12 +52,12 @@ def peers(scene: Path, coverage: Path, states: int) -> None:
                 for word, q in _QUANTILES.items()
             }
             rows.append({"coverage": what, "faces": part, "count": len(values), **quantiles})
-    print_table(f"{problem.name}: differences from theirs that so many faces are below, in quanta",
-                rows)  # fmt: skip
-    print_table("sums over all these faces, relative to theirs", [
+    Listing(f"{problem.name}: differences from theirs that so many faces are below, in quanta",
+            rows).print()  # fmt: skip
+    Listing("sums over all these faces, relative to theirs", [
         {"coverage": what, "difference (%)": 100 * (ours / totals["theirs"] - 1)}
         for what, ours in totals.items() if what != "theirs"
-    ])  # fmt: skip
+    ]).print()  # fmt: skip
 
 
 def _differences(

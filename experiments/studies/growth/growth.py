@@ -12,7 +12,7 @@ from statistics import median
 from cocap_opt.experiments.console.streams import say
 from cocap_opt.experiments.report.figures import picture
 from cocap_opt.experiments.results.files import make_folder, save_bytes, save_csv
-from cocap_opt.experiments.results.printing import Record, print_table
+from cocap_opt.experiments.results.printing import Listing, Record
 from cocap_opt.experiments.studies.growth.figure import growth_figure
 from cocap_opt.experiments.studies.growth.points import (
     BASES,
@@ -110,7 +110,7 @@ def _print(points: Sequence[Point], limit: float) -> None:
         }
         for point in points
     ]
-    print_table(f"growth of column generation (medians; * stopped at {limit:g} s)", rows)
+    Listing(f"growth of column generation (medians; * stopped at {limit:g} s)", rows).print()
     slopes = [
         {
             "axis": axis,
@@ -121,7 +121,7 @@ def _print(points: Sequence[Point], limit: float) -> None:
         for axis in SIZES
         if (some := _on_axis(points, axis))
     ]
-    print_table("fitted exponents (times: of sizes that got there; gap: of all sizes)", slopes)
+    Listing("fitted exponents (times: of sizes that got there; gap: of all sizes)", slopes).print()
 
 
 def _number(value: float) -> str:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from cocap_opt.experiments.console.streams import say
 from cocap_opt.experiments.results.files import make_folder, save_csv
-from cocap_opt.experiments.results.printing import Record, print_table
+from cocap_opt.experiments.results.printing import Listing, Record
 from cocap_opt.experiments.studies.solvers.comparisons import COMPARISONS
 from cocap_opt.experiments.studies.solvers.figures import Figure
 from cocap_opt.experiments.studies.solvers.rows import SCENE_ROWS, Options, SkippedError
@@ -55,7 +55,7 @@ def solvers(names: Sequence[str], options: Options, out: Path | None = None) -> 
                 save_csv(path, _in_order([*kept, *records]))
     finally:
         title = f"solvers (one thread; load {_load()}, {os.cpu_count()} cores)"
-        print_table(title, _names_once(shown))
+        Listing(title, _names_once(shown)).print()
     return not any(record["figure"] == "failed" for record in records)
 
 

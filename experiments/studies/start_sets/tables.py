@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from cocap_opt.experiments.results.files import save_bytes, save_csv
 from cocap_opt.experiments.results.gap_table import PROVED
-from cocap_opt.experiments.results.printing import Record, markdown, print_table
+from cocap_opt.experiments.results.printing import Listing, Record
 from cocap_opt.experiments.results.rows import Row
 from cocap_opt.result import relative_gap
 
@@ -66,15 +66,15 @@ class SetTables:
             "peers.csv": ("their plan and ours, from the starts of the scene's own file",
                           self.beside_theirs()),
         }  # fmt: skip
-        shown = {name: (f"{title} (limit {limit:g} s)", rows)
+        shown = {name: Listing(f"{title} (limit {limit:g} s)", rows)
                  for name, (title, rows) in tables.items() if rows}  # fmt: skip
-        for title, rows in shown.values():
-            print_table(title, rows)
+        for listing in shown.values():
+            listing.print()
         if out is None:
             return
-        for name, (_, rows) in shown.items():
-            save_csv(out / name, rows)
-        parts = [f"## {title}\n\n{markdown(rows)}" for title, rows in shown.values()]
+        for name, listing in shown.items():
+            save_csv(out / name, listing.rows)
+        parts = [f"## {listing.title}\n\n{listing.markdown}" for listing in shown.values()]
         save_bytes(out / "start_sets.md", "\n".join([*parts, NOTES]).encode())
 
     def over_sets(self) -> list[Record]:
