@@ -309,9 +309,3 @@ def compiled(problem: Problem) -> Model:
     but in the time it takes.
     """
     return Model(problem)
-
-
-@lru_cache(maxsize=8)
-def compiled_disaggregated(problem: Problem) -> Model:
-    """Return the same model with every robot as a class of its own."""
-    return compiled(problem).disaggregated()

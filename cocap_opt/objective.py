@@ -30,7 +30,7 @@ def objective(model: Model, paths: Sequence[Path], pixels: FloatArray | None = N
         pixels = model.problem.no_pixels()
         for robot, path in enumerate(paths):
             pixels = pixels + model.robot_pixels(robot, path)
-    moves = sum(move_reward(model, robot, path) for robot, path in enumerate(paths))
+    moves = sum(_move_reward(model, robot, path) for robot, path in enumerate(paths))
     return float(view_reward(model.problem, pixels).sum()) + moves
 
 
@@ -40,7 +40,7 @@ def view_reward(problem: Problem, pixels: FloatArray) -> FloatArray:
     return reward.reshape(problem.view_sum_steps, -1)
 
 
-def move_reward(model: Model, robot: int, path: Path) -> float:
+def _move_reward(model: Model, robot: int, path: Path) -> float:
     """Reward of one robot for the moves along its path."""
     bonuses = Bonuses.of(model.problem.objective)
     return bonuses.of_path(model.class_of[robot].graph.shape, path)

@@ -123,7 +123,7 @@ class FirstOf(Stop):
 
 
 class Interrupt(Stop):
-    """Reached after Ctrl-C inside `catch_interrupt`."""
+    """Reached after Ctrl-C inside `caught`."""
 
     def __init__(self) -> None:
         self.pressed = False
@@ -132,27 +132,27 @@ class Interrupt(Stop):
         """Return `Limit.INTERRUPT` once Ctrl-C was pressed."""
         return Limit.INTERRUPT if self.pressed else None
 
+    @classmethod
+    @contextmanager
+    def caught(cls) -> "Iterator[Interrupt]":
+        """Turn the first Ctrl-C into a stop; a second one interrupts as usual.
 
-@contextmanager
-def catch_interrupt() -> Iterator[Interrupt]:
-    """Turn the first Ctrl-C into a stop; a second one interrupts as usual.
+        Ctrl-C goes to the main thread alone: in another one the stop is never reached.
+        """
+        interrupt = cls()
+        if threading.current_thread() is not threading.main_thread():
+            yield interrupt
+            return
 
-    Ctrl-C goes to the main thread alone: in another one the stop is never reached.
-    """
-    interrupt = Interrupt()
-    if threading.current_thread() is not threading.main_thread():
-        yield interrupt
-        return
+        def press(number: int, frame: FrameType | None) -> None:
+            interrupt.pressed = True
+            signal.signal(signal.SIGINT, before)
 
-    def press(number: int, frame: FrameType | None) -> None:
-        interrupt.pressed = True
-        signal.signal(signal.SIGINT, before)
-
-    before = signal.signal(signal.SIGINT, press)
-    try:
-        yield interrupt
-    finally:
-        signal.signal(signal.SIGINT, before)
+        before = signal.signal(signal.SIGINT, press)
+        try:
+            yield interrupt
+        finally:
+            signal.signal(signal.SIGINT, before)
 
 
 class Clock:

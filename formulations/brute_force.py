@@ -15,8 +15,9 @@ from cocap_opt.formulations.result import (
     StartPlan,
     silent,
 )
+from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.model import Model, Path, compiled
-from cocap_opt.objective import move_reward, view_reward
+from cocap_opt.objective import view_reward
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import Reason, UnsupportedError, timed
 from cocap_opt.stop import LimitReached, Stop, never
@@ -103,10 +104,12 @@ class _Enumeration:
     def _choices(self, robot: int, stop: Stop) -> list[_Choice]:
         """Returns all paths of a robot that end in its goal."""
         model, found = self.model, []
+        bonuses = Bonuses.of(model.problem.objective)
+        shape = model.class_of[robot].graph.shape
         for path in _all_paths(model, robot):
             stop.check()
             pixels = model.robot_pixels(robot, path)
-            found.append(_Choice(path, pixels, move_reward(model, robot, path)))
+            found.append(_Choice(path, pixels, bonuses.of_path(shape, path)))
         return found
 
 

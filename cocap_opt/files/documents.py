@@ -103,7 +103,7 @@ def encode(content: msgspec.Struct) -> bytes:
     return msgspec.json.format(text, indent=1) + b"\n"
 
 
-def decode(content: bytes, kind: type[T], name: str) -> T:
+def _decode(content: bytes, kind: type[T], name: str) -> T:
     """Decode a file's content strictly.
 
     Raises
@@ -126,7 +126,7 @@ def decode_document(content: bytes, name: str, *kinds: type[D]) -> D:
         One line with the file's name, the field and what is allowed: another kind of file, a
         version that is not read, an unknown field, a value out of range.
     """
-    header = decode(content, _Header, name)
+    header = _decode(content, _Header, name)
     formats = {_default(kind, "format"): kind for kind in kinds}
     if header.format not in formats:
         allowed = " or ".join(repr(known) for known in formats)
@@ -137,7 +137,7 @@ def decode_document(content: bytes, name: str, *kinds: type[D]) -> D:
         known = ", ".join(map(str, sorted(versions)))
         newer = ": a newer cocap-opt wrote it" if header.version > max(versions) else ""
         raise FileError(f"{name}: version: must be {known}, not {header.version}{newer}")
-    return decode(content, kind, name)
+    return _decode(content, kind, name)
 
 
 def _default(kind: type[Document], field: str) -> object:

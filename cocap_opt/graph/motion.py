@@ -28,21 +28,6 @@ if TYPE_CHECKING:
     Graph = nx.DiGraph[Any]
 
 
-def swept_cells(dx: int, dy: int) -> list[tuple[int, int]]:
-    """Returns the cells, relative to the first, that the line between two cell centres touches.
-
-    A diagonal move touches the two cells at whose corner it passes.
-    """
-    # The line meets the closed unit square around (i, j) unless the square lies wholly on
-    # one side of it (separating axis). With integers the test is exact.
-    return [
-        (i, j)
-        for i in range(min(0, dx), max(0, dx) + 1)
-        for j in range(min(0, dy), max(0, dy) + 1)
-        if 2 * abs(dx * j - dy * i) <= abs(dx) + abs(dy)
-    ]
-
-
 def _allowed_starts(workspace: Workspace, free: BoolArray, motion: Motion, move: Move) -> BoolArray:
     """Returns an array [layer, X, Y], true for free places from which a move is allowed.
 
@@ -57,7 +42,7 @@ def _allowed_starts(workspace: Workspace, free: BoolArray, motion: Motion, move:
     low, high = np.minimum(here, there) - motion.clearance, np.maximum(here, there)
     high += motion.clearance
     allowed: BoolArray = ~np.isnan(there)  # it does not lead out of the map
-    for i, j in swept_cells(dx, dy):
+    for i, j in motion.swept_cells(dx, dy):
         below, above = (_shifted(part, (0, i, j), np.nan) for part in columns)
         allowed &= ~Columns(below, above).solid(low, high)
     return allowed

@@ -17,7 +17,7 @@ from cocap_opt.problem import Camera, Problem, Robot
 from cocap_opt.stop import Stop
 
 
-class Places(NamedTuple):
+class _Places(NamedTuple):
     """Where the n robots of a circle would be at every step, for K ways to turn it."""
 
     middle: FloatArray  # [T+1, 2] m, centroid of the actors
@@ -56,8 +56,10 @@ class Circle(NamedTuple):
             for some, inside in zip(parts, actors, strict=True)
         ]
 
-    def places(self, problem: Problem, standoff: float, height: float, orientations: int) -> Places:
-        """Evenly spaced places around a circle's actors, and outside of the outermost of them."""
+    def places(
+        self, problem: Problem, standoff: float, height: float, orientations: int
+    ) -> _Places:
+        """Evenly spaced places around the actors, outside of the outermost of them."""
         middle = _middle(problem, self.actors)
         actors = [problem.actors[j] for j in self.actors]
         ways = np.array([actor.poses[: problem.horizon + 1, :2] for actor in actors]) - middle
@@ -74,10 +76,10 @@ class Circle(NamedTuple):
             at.append(middle[:, None] + radius * way)
             flights.append(flight)
             above.append(over)
-        return Places(middle, np.array(at), tuple(flights), tuple(above))
+        return _Places(middle, np.array(at), tuple(flights), tuple(above))
 
     def rewards(
-        self, model: Model, places: Places, views: list[LazyCoverage], stop: Stop
+        self, model: Model, places: _Places, views: list[LazyCoverage], stop: Stop
     ) -> FloatArray:
         """View reward [T+1, K] of a circle's robots if all are in their places and look inwards.
 
@@ -103,7 +105,7 @@ class Circle(NamedTuple):
             rewards[t] = (np.sqrt(pixels) * weights).sum(axis=1)
         return rewards
 
-    def best_turns(self, problem: Problem, places: Places, rewards: FloatArray) -> IntArray:
+    def best_turns(self, problem: Problem, places: _Places, rewards: FloatArray) -> IntArray:
         """Find the turns [T+1] of greatest reward [T+1, K] in all, by value iteration.
 
         A circle turns only if all its robots are fast enough for it. Ties do not turn.
@@ -154,7 +156,7 @@ def _reachable(model: Model, robot: int) -> BoolArray:
 
 
 def _looking_inwards(
-    model: Model, robot: int, seat: int, places: Places, t: int
+    model: Model, robot: int, seat: int, places: _Places, t: int
 ) -> tuple[IntArray, IntArray]:
     """For which turns [m] of K a place is on the map, and the states [m] that look inwards."""
     problem, graph = model.problem, model.class_of[robot].graph
@@ -172,7 +174,7 @@ def _looking_inwards(
     return turns, (heading * len(tilts) + pitch) * graph.n_places + place
 
 
-def _can_follow(problem: Problem, circle: Circle, places: Places, t: int) -> BoolArray:
+def _can_follow(problem: Problem, circle: Circle, places: _Places, t: int) -> BoolArray:
     """Tell which turns [K] of the next step all robots can reach from each turn [K] of step t.
 
     Where the actors outrun a robot, it is enough that turning takes it no farther than not to.
@@ -186,7 +188,7 @@ def _can_follow(problem: Problem, circle: Circle, places: Places, t: int) -> Boo
     return result
 
 
-def _nearest_best(problem: Problem, circle: Circle, places: Places, value: FloatArray) -> int:
+def _nearest_best(problem: Problem, circle: Circle, places: _Places, value: FloatArray) -> int:
     """Turn of greatest value [K]; of several the one that is nearest to the starts."""
     starts = [problem.height_map.centre(*problem.robots[i].start[:2]) for i in circle.robots]
     way = places.at[:, 0] - np.array(starts)[:, None]

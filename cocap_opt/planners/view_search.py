@@ -39,7 +39,7 @@ TIE = 6  # digits; angles and distances that agree to these are equal
 Way = tuple[float, float]  # off the heading (rad), and far (m), the nearest actor is
 
 
-class Discount(Protocol):
+class _Discount(Protocol):
     """The order in which states are taken from the queue."""
 
     def collect(self, value: float, reward: float, k: int, horizon: int) -> float:
@@ -84,7 +84,7 @@ class Undiscounted:
         return value * gamma ** (k - 1)
 
 
-def algorithm_2(task: SingleRobotTask, coverage: LazyCoverage, discount: Discount) -> Path | None:
+def algorithm_2(task: SingleRobotTask, coverage: LazyCoverage, discount: _Discount) -> Path | None:
     """CoCap's Alg. 2: the path to the first state of the last step popped; None if there is none.
 
     States are (k, v): state number v as the k-th of a path, k = 1..T+1.
@@ -115,7 +115,7 @@ def algorithm_2(task: SingleRobotTask, coverage: LazyCoverage, discount: Discoun
 class ViewSearch:
     """View search as a low level. Each instance remembers the coverage it has evaluated."""
 
-    discount: Discount = Compounded()
+    discount: _Discount = Compounded()
     _sources: dict[tuple[Model, tuple[int, ...]], LazyCoverage] = field(default_factory=dict)
 
     def __call__(self, task: SingleRobotTask) -> SingleRobotPath:

@@ -82,3 +82,18 @@ class Motion(Data, frozen=True):
         """Returns an array [layer, X, Y], true where no solid matter is within the clearance."""
         altitudes = workspace.height_map.altitudes(self.layers)
         return ~workspace.columns.solid(altitudes - self.clearance, altitudes + self.clearance)
+
+    @staticmethod
+    def swept_cells(dx: int, dy: int) -> list[tuple[int, int]]:
+        """Returns the cells, relative to the first, that the line between two cell centres touches.
+
+        A diagonal move touches the two cells at whose corner it passes.
+        """
+        # The line meets the closed unit square around (i, j) unless the square lies wholly on
+        # one side of it (separating axis). With integers the test is exact.
+        return [
+            (i, j)
+            for i in range(min(0, dx), max(0, dx) + 1)
+            for j in range(min(0, dy), max(0, dy) + 1)
+            if 2 * abs(dx * j - dy * i) <= abs(dx) + abs(dy)
+        ]

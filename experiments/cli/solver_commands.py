@@ -43,7 +43,7 @@ from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult
 from cocap_opt.model import compiled
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import Reason, Result, UnsupportedError
-from cocap_opt.stop import LimitReached, Stop, catch_interrupt
+from cocap_opt.stop import Interrupt, LimitReached, Stop
 
 AT_THE_ROOT = "column-generation"  # a bound that comes with a plan
 LAZY = (
@@ -82,7 +82,7 @@ def _plan(
     check_output(output)
     task = _Task.read(scene, seed, free, None)
     problem = task.problem
-    with catch_interrupt() as interrupt, Watch.on_terminal(f"{problem.name} seed {seed}") as watch:
+    with Interrupt.caught() as interrupt, Watch.on_terminal(f"{problem.name} seed {seed}") as watch:
         judged = _planned(problem, planner, allowance, interrupt, watch)
         if judged.result.reason is Reason.UNSUPPORTED:
             raise UsageError(f"--planner: {judged.result.message}")
@@ -118,7 +118,7 @@ def _bound(
     allowance = allowed(time_limit, work_limit)
     _check_outputs(**{"-o": output, "--trace": trace})
     task = _Task.read(scene, seed, free, start)
-    with catch_interrupt() as interrupt:
+    with Interrupt.caught() as interrupt:
         judged = task.certified(seed, method, allowance.begin(interrupt), OPTIMALITY, trace)
         answer = task.answer(seed, method, judged)
         _save(answer, "certificate", {"file": (output, judged.result.certificate)})
@@ -163,7 +163,7 @@ def _solve(
     allowance = allowed(time_limit, work_limit)
     _check_outputs(**{"-o": output, "--certificate": certificate, "--trace": trace})
     task = _Task.read(scene, seed, free, start)
-    with catch_interrupt() as interrupt:
+    with Interrupt.caught() as interrupt:
         stop = allowance.begin(interrupt)
         judged = task.certified(seed, method, stop, max(gap, OPTIMALITY), trace)
         answer = task.answer(seed, method, judged)

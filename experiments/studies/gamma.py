@@ -10,7 +10,7 @@ from cocap_opt.experiments.results.files import make_folder, save_csv
 from cocap_opt.experiments.results.printing import Listing
 from cocap_opt.model import compiled
 from cocap_opt.planners.cocap import cocap
-from cocap_opt.planners.view_search import Compounded, Discount, Undiscounted, ViewSearch
+from cocap_opt.planners.view_search import Compounded, Undiscounted, ViewSearch
 from cocap_opt.problem import Problem
 from cocap_opt.result import Result
 from cocap_opt.scenarios import load_scene
@@ -92,7 +92,7 @@ def _means(measured: "pd.DataFrame") -> "pd.DataFrame":
     return table.reset_index()
 
 
-def _run(problem: Problem, discount: Discount, seconds: float) -> Result:
+def _run(problem: Problem, discount: Compounded | Undiscounted, seconds: float) -> Result:
     return cocap(problem, TimeLimit(seconds), low_level=ViewSearch(discount))
 
 

@@ -18,7 +18,7 @@ from cocap_opt.experiments.results.judging import Allowance
 from cocap_opt.experiments.results.layout import CELLS
 from cocap_opt.experiments.results.rows import ERROR, BoundColumns, PlannedRow
 from cocap_opt.files.code import code_digest
-from cocap_opt.files.documents import Document, FileError, PlanFile, decode, encode, read_bytes
+from cocap_opt.files.documents import Document, FileError, PlanFile, encode
 
 BOUND = "bound"  # in place of a planner's name
 OWN = "own"  # the certificate of a planner that proves a bound itself
@@ -145,7 +145,7 @@ class Store:
         if path is None:
             return None
         try:
-            found = decode(read_bytes(path), CellFile, str(path))
+            found = CellFile.read(path)
         except FileError:  # there is none, or it is damaged: either way it is computed
             return None
         if found.cell != cell or self._is_tried_again(found):

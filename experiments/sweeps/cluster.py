@@ -25,7 +25,7 @@ from cocap_opt.experiments.console.threads import ONE_THREAD
 from cocap_opt.experiments.sweeps.cells import Cell, CellFile, Status
 from cocap_opt.experiments.sweeps.crew import ClusterError, Crew
 from cocap_opt.experiments.sweeps.work import Task
-from cocap_opt.model import compiled, compiled_disaggregated
+from cocap_opt.model import compiled
 from cocap_opt.stop import Stop
 
 POLL = 0.2  # s, between two looks at Ctrl-C and at the clock
@@ -195,7 +195,6 @@ def _run_task(task: Task) -> CellFile:
     try:
         return task.run()
     finally:
-        compiled_disaggregated.cache_clear()
         compiled.cache_clear()
 
 

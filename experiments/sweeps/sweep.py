@@ -15,7 +15,7 @@ from cocap_opt.experiments.sweeps.folder import Earlier, IsSame, only_writer
 from cocap_opt.experiments.sweeps.instances import Instance, Key
 from cocap_opt.experiments.sweeps.output import Output
 from cocap_opt.experiments.sweeps.run_file import Run
-from cocap_opt.stop import Stop, catch_interrupt
+from cocap_opt.stop import Interrupt, Stop
 
 
 class Hired(NamedTuple):
@@ -97,7 +97,7 @@ def _sweep(
             _tell_failure(content, store, tell)
     output.update()
     progress = Watch.on_terminal("gap", parts=missing) if tell is say else nullcontext(Watch())
-    with catch_interrupt() as interrupt, progress as watch:
+    with Interrupt.caught() as interrupt, progress as watch:
 
         def told(content: CellFile) -> None:
             watch.finish()

@@ -25,7 +25,7 @@ from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Report, s
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.stop import Clock, Limit, Stop, never
 
-__all__ = ["MathOptSolver", "highs", "scip"]
+__all__ = ["highs", "scip"]
 
 GRACE = 1.0  # s for a solver to come to an end after its limit, or after it was told to
 
@@ -51,7 +51,7 @@ def highs(
     UnsupportedError
         If the scene is too large for a flow model (see `cocap_opt.formulations.relaxations.flow`).
     """
-    with MathOptSolver("HIGHS") as solver:
+    with _MathOptSolver("HIGHS") as solver:
         return outer_approximation(problem, stop, start, report, gap, solver, root)
 
 
@@ -74,11 +74,11 @@ def scip(
     UnsupportedError
         If the scene is too large for a flow model (see `cocap_opt.formulations.relaxations.flow`).
     """
-    with MathOptSolver("GSCIP") as solver:
+    with _MathOptSolver("GSCIP") as solver:
         return outer_approximation(problem, stop, start, report, gap, solver, root)
 
 
-class MathOptSolver:
+class _MathOptSolver:
     """A solver that MathOpt has, in a process that ends with the `with` statement.
 
     Parameters

@@ -26,7 +26,7 @@ from cocap_opt.formulations.relaxations.duals import Duals, RootRows
 from cocap_opt.formulations.relaxations.flow import Compile, Flow, Roots
 from cocap_opt.formulations.relaxations.separation import Seen
 from cocap_opt.formulations.result import CertifiedResult, Report, Snapshot, silent
-from cocap_opt.model import Model, compiled, compiled_disaggregated
+from cocap_opt.model import Model, compiled
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import timed
 from cocap_opt.stop import Clock, Limit, LimitReached, Stop, never
@@ -109,7 +109,7 @@ def envelope(
     """
     # Over time a robot sees a view sum more than once, and no cut for single views holds.
     separate = _no_cuts if problem.objective.over_time else _violated_cuts
-    return _Relaxation(problem, compiled_disaggregated, "envelope").run(stop, report, separate)
+    return _Relaxation(problem, _disaggregated, "envelope").run(stop, report, separate)
 
 
 class _Point(NamedTuple):
@@ -393,3 +393,8 @@ class _AsSolved:
         self.x, self.z = np.nan_to_num(solution.x), np.nan_to_num(solution.z)
         self.obj_val = float(np.nan_to_num(solution.obj_val))
         self.solve_time, self.iterations = solution.solve_time, solution.iterations
+
+
+def _disaggregated(problem: Problem) -> Model:
+    """Returns the model in which every robot is a class of its own."""
+    return compiled(problem).disaggregated()

@@ -25,7 +25,6 @@ import networkx as nx
 import numpy as np
 
 from cocap_opt.data import BoolArray, ProblemError
-from cocap_opt.graph.motion import swept_cells
 from cocap_opt.problem import Actor, Motion, Problem
 from cocap_opt.scenarios.built_in.parts import WALL, Point, drones, walker
 from cocap_opt.scenarios.formats.movingai import GridCell, walking_graph
@@ -227,7 +226,7 @@ def _straight(a: GridCell, b: GridCell, graph: Graph) -> bool:
     return all((a[0] + i, a[1] + j) in graph for i, j in _swept(b[0] - a[0], b[1] - a[1]))
 
 
-_swept = cache(swept_cells)
+_swept = cache(Motion.swept_cells)
 
 
 def _apart(person: Actor, other: Actor) -> bool:

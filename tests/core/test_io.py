@@ -14,7 +14,14 @@ from hypothesis import strategies as st
 from strategies import examples, problems, tiny
 
 from cocap_opt.data import FOCAL, LARGEST, MOST_WEIGHT, SMALLEST
-from cocap_opt.files.documents import FileError, PlanFile, SceneFile, decode, encode, problem_digest
+from cocap_opt.files.documents import (
+    FileError,
+    PlanFile,
+    SceneFile,
+    decode_document,
+    encode,
+    problem_digest,
+)
 from cocap_opt.problem import (
     Actor,
     Camera,
@@ -95,7 +102,7 @@ def wild_problems(draw: st.DrawFn) -> Problem:
 def test_scene_file_keeps_every_bit(problem: Problem) -> None:
     """A problem read back from its file is the same one, bit for bit."""
     content = encode(SceneFile(problem=problem))
-    again = decode(content, SceneFile, "scene").problem
+    again = decode_document(content, "scene", SceneFile).problem
     assert exact(again) == exact(problem)
     assert encode(SceneFile(problem=again)) == content
     assert problem_digest(again) == problem_digest(problem)
@@ -105,7 +112,7 @@ def test_scene_file_keeps_every_bit(problem: Problem) -> None:
 @given(problems())
 def test_scene_file_keeps_problems_of_all_kinds(problem: Problem) -> None:
     """Goals, gimbals, layers, shapes, weights and rules survive the file."""
-    again = decode(encode(SceneFile(problem=problem)), SceneFile, "scene").problem
+    again = decode_document(encode(SceneFile(problem=problem)), "scene", SceneFile).problem
     assert exact(again) == exact(problem)
     assert again.robots == problem.robots
     assert again.rules == problem.rules
@@ -157,7 +164,7 @@ def test_digest_survives_the_file_where_floats_were_given_as_integers() -> None:
         robots=robots,
         height_map=HeightMap(heights=problem.height_map.heights, resolution=4, origin=(0, 0)),
     )
-    again = decode(encode(SceneFile(problem=problem)), SceneFile, "scene").problem
+    again = decode_document(encode(SceneFile(problem=problem)), "scene", SceneFile).problem
     assert problem_digest(again) == problem_digest(problem)
 
 
@@ -310,7 +317,7 @@ def test_any_single_damage_is_survived(data: st.DataObject) -> None:
     place = data.draw(st.integers(0, len(content) - 1))
     content[place] = data.draw(st.integers(0, 255))
     try:
-        decode(bytes(content), SceneFile, "scene")
+        decode_document(bytes(content), "scene", SceneFile)
     except FileError as error:
         assert str(error).startswith("scene: ")
 

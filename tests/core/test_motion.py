@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from strategies import WALL, cameras, examples, height_maps, motions, problems, tiny
 
 from cocap_opt.data import MOST_TURN
-from cocap_opt.graph.motion import motion_graph, place_graph, swept_cells, time_expanded_graph
+from cocap_opt.graph.motion import motion_graph, place_graph, time_expanded_graph
 from cocap_opt.problem import Camera, Motion, Plan, Problem, Robot, State
 from cocap_opt.referee import Referee
 from cocap_opt.world.workspace import HeightMap, Workspace
@@ -148,10 +148,10 @@ def _dense_line(dx: int, dy: int) -> set[tuple[int, int]]:
 @pytest.mark.parametrize(("dx", "dy"), list(product(range(-3, 4), repeat=2)))
 def test_swept_cells_are_those_the_line_touches(dx: int, dy: int) -> None:
     """The cells of a move are exactly those that the line between the centres touches."""
-    cells = swept_cells(dx, dy)
+    cells = Motion.swept_cells(dx, dy)
     assert set(cells) == _dense_line(dx, dy)
     assert {(0, 0), (dx, dy)} <= set(cells)
-    assert {(-i, -j) for i, j in cells} == set(swept_cells(-dx, -dy))
+    assert {(-i, -j) for i, j in cells} == set(Motion.swept_cells(-dx, -dy))
     assert {(dx - i, dy - j) for i, j in cells} == set(cells)  # the way back
 
 

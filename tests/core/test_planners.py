@@ -58,12 +58,12 @@ from cocap_opt.result import Reason, Result, UnsupportedError, relative_gap
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import (
     FirstOf,
+    Interrupt,
     Limit,
     LimitReached,
     Stop,
     TimeLimit,
     WorkLimit,
-    catch_interrupt,
     never,
 )
 from cocap_opt.world.workspace import HeightMap
@@ -635,7 +635,7 @@ def test_seconds_left() -> None:
 def test_ctrl_c_is_a_stop_and_twice_an_interrupt() -> None:
     """The first Ctrl-C stops in good order, a second one at once; afterwards all is as before."""
     before = signal.getsignal(signal.SIGINT)
-    with catch_interrupt() as interrupt:
+    with Interrupt.caught() as interrupt:
         assert interrupt.reached() is None
         signal.raise_signal(signal.SIGINT)
         assert interrupt.reached() is Limit.INTERRUPT
@@ -651,7 +651,7 @@ def test_in_other_threads_ctrl_c_is_never_pressed() -> None:
     handlers = []
 
     def wait() -> Limit | None:
-        with catch_interrupt() as interrupt:
+        with Interrupt.caught() as interrupt:
             handlers.append(signal.getsignal(signal.SIGINT))
             return interrupt.reached()
 

@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 from strategies import examples, problems, tiny
 
 from cocap_opt.data import FloatArray
+from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.model import Model, Path
-from cocap_opt.objective import marginal_gain, marginal_reward, move_reward, objective, view_reward
+from cocap_opt.objective import marginal_gain, marginal_reward, objective, view_reward
 from cocap_opt.problem import Objective, Plan, Problem
 from cocap_opt.referee import check
 
@@ -44,7 +45,8 @@ class Flown(NamedTuple):
 
     def moves(self, robot: int) -> float:
         """What a robot is rewarded for its moves."""
-        return move_reward(self.model, robot, self.paths[robot])
+        shape = self.model.class_of[robot].graph.shape
+        return Bonuses.of(self.model.problem.objective).of_path(shape, self.paths[robot])
 
 
 @st.composite

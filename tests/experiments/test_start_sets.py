@@ -18,7 +18,7 @@ from cocap_opt.experiments.cli.main import main as cocap_opt
 from cocap_opt.experiments.results.judging import Judged
 from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.studies.start_sets.start_sets import PLANNERS as PLANNED
-from cocap_opt.experiments.studies.start_sets.start_sets import Peer
+from cocap_opt.experiments.studies.start_sets.start_sets import _Peer
 from cocap_opt.experiments.studies.start_sets.tables import SetTables
 from cocap_opt.experiments.sweeps import work
 from cocap_opt.files.documents import PlanFile
@@ -232,7 +232,7 @@ def test_a_plan_of_no_use_is_left_out(
 ) -> None:
     """Whatever is wrong with their files is one line that names the file, and no more."""
     with_peer.with_name(file).write_text(text)
-    assert not list(Peer.all_beside([str(with_peer)], {}))
+    assert not list(_Peer.all_beside([str(with_peer)], {}))
     (line,) = capsys.readouterr().err.splitlines()
     assert "left out" in line and words in line and file in line
 
@@ -308,7 +308,7 @@ def test_their_plans_are_read_from_their_folders(name: str) -> None:
     folder = DATA / "greedy_perspectives" / name
     if not (folder / "peer_reward.csv").exists():
         pytest.skip(f"needs {name} in the data folder (COCAP_OPT_DATA)")
-    (peer,) = Peer.all_beside([str(folder)], {})
+    (peer,) = _Peer.all_beside([str(folder)], {})
     verdict = check(peer.problem, peer.plan)
     assert verdict.valid
     assert verdict.reward == pytest.approx(peer.reported.own_tilt, rel=1e-3)

@@ -47,7 +47,7 @@ from cocap_opt.experiments.sweeps.run_file import RunFile
 from cocap_opt.experiments.sweeps.start import BoundStart
 from cocap_opt.experiments.sweeps.sweep import Hired, sweep
 from cocap_opt.experiments.sweeps.work import Task
-from cocap_opt.files.documents import PlanFile, SceneFile, decode, decode_document, problem_digest
+from cocap_opt.files.documents import PlanFile, SceneFile, decode_document, problem_digest
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile
 from cocap_opt.formulations.result import StartPlan
 from cocap_opt.model import compiled
@@ -547,7 +547,7 @@ def test_what_an_interrupt_cut_short_is_not_kept(
     assert {(row.certificate, row.certificate_free) for row in rows[3:]} == {("", "")}
     assert untimed(load_results(tmp_path)) == untimed(whole[:3])
     assert not (tmp_path / "results.parquet").exists()
-    kept = [decode(p.read_bytes(), CellFile, "").cell for p in (tmp_path / "cells").iterdir()]
+    kept = [CellFile.read(p).cell for p in (tmp_path / "cells").iterdir()]
     assert len(kept) == 5 and {cell.planner for cell in kept if cell.seed == 1} == {"greedy"}
     assert len(list((tmp_path / "scenes").iterdir())) == 1
 
@@ -748,7 +748,7 @@ def test_an_error_is_no_success(
         assert commands.run(words) == 1
         (line,) = (line for line in capsys.readouterr().err.splitlines() if "; traceback: " in line)
         path = Path(line.partition("; traceback: ")[2])
-        assert "raise RefereeError" in decode(path.read_bytes(), CellFile, "").traceback
+        assert "raise RefereeError" in CellFile.read(path).traceback
 
 
 def test_a_scheduler_that_is_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -934,7 +934,7 @@ def test_ctrl_c_with_nothing_to_give_is_no_success(tmp_path: Path) -> None:
         yield pressed
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("cocap_opt.experiments.sweeps.sweep.catch_interrupt", interrupted)
+        patch.setattr(Interrupt, "caught", interrupted)
         patch.setattr(Alone, "run", lambda *_: None)
         with pytest.raises(KeyboardInterrupt):
             sweep([instance], tmp_path)

@@ -42,7 +42,7 @@ from cocap_opt.formulations.certificates import (
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.formulations.relaxations.separation import Seen
 from cocap_opt.graph.motion import time_expanded_graph
-from cocap_opt.model import Model, compiled, compiled_disaggregated
+from cocap_opt.model import Model, compiled
 from cocap_opt.problem import NO_RULES, Cell, Objective, Plan, Problem, State
 from cocap_opt.referee import Referee
 
@@ -82,7 +82,7 @@ def random_rows(problem: Problem, rng: np.random.Generator) -> list[Row]:
 
 def some_model(problem: Problem, rng: np.random.Generator) -> Model:
     """A problem with its robots in classes, or each a class of its own."""
-    return compiled_disaggregated(problem) if rng.integers(2) else compiled(problem)
+    return compiled(problem).disaggregated() if rng.integers(2) else compiled(problem)
 
 
 def random_curve(number: int, top: float, rng: np.random.Generator) -> ClassCurve:

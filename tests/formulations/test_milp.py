@@ -18,7 +18,7 @@ from strategies import Calls, examples, meetings, problems, tiny
 from cocap_opt.formulations.certificates import verify
 from cocap_opt.formulations.column_generation.column_generation import column_generation
 from cocap_opt.formulations.integer_programs.cp_sat import cp_sat
-from cocap_opt.formulations.integer_programs.mathopt import MathOptSolver, highs, scip
+from cocap_opt.formulations.integer_programs.mathopt import _MathOptSolver, highs, scip
 from cocap_opt.formulations.integer_programs.outer_approximation import (
     certified_root,
     outer_approximation,
@@ -27,7 +27,7 @@ from cocap_opt.formulations.integer_programs.program import Answer, Call, Progra
 from cocap_opt.formulations.integer_programs.scip_nonlinear import scip_nonlinear
 from cocap_opt.formulations.relaxations.flow import Amounts
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Snapshot, silent
-from cocap_opt.model import compiled, compiled_disaggregated
+from cocap_opt.model import compiled
 from cocap_opt.problem import NO_RULES, Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.result import Reason, UnsupportedError
@@ -80,7 +80,7 @@ def test_one_flow_per_class_has_the_optimum_of_one_per_robot(problem: Problem) -
     """Aggregating the robots of a class changes no optimum; nor does the generic way."""
     results = [
         cp_sat(problem, root=None, compile_=compile_)
-        for compile_ in (compiled, compiled_disaggregated)
+        for compile_ in (compiled, lambda problem: compiled(problem).disaggregated())
     ]
     assert results[0].reason is results[1].reason
     assert results[0].value == pytest.approx(results[1].value, rel=2 * OPTIMALITY, abs=1e-8)
@@ -183,12 +183,12 @@ def test_an_interrupt_ends_a_long_solve(method: str) -> None:
 
 INTERRUPTED = """
 import os, signal, threading
-from cocap_opt.stop import catch_interrupt
+from cocap_opt.stop import Interrupt
 from cocap_opt.formulations import EXACT
 from cocap_opt.scenarios import load_scene
 
 problem = load_scene("bottleneck").replace(horizon=9)
-with catch_interrupt() as interrupt:
+with Interrupt.caught() as interrupt:
     threading.Timer(5.0, os.kill, (os.getpid(), signal.SIGINT)).start()
     result = EXACT[{method!r}](problem, interrupt, root=None)
 print(result.reason, result.limit, result.statistics["rounds"])
@@ -301,12 +301,12 @@ def test_what_goes_wrong_in_the_solvers_process_is_told() -> None:
         solver_type=parameters_pb2.SolverTypeProto.Value("SOLVER_TYPE_GUROBI")
     )
     problem = load_scene("tiny-trap")
-    with MathOptSolver("HIGHS") as solver:
+    with _MathOptSolver("HIGHS") as solver:
         for _ in range(2):
             data = solver.respond(unknown.SerializeToString(), call_of(never))
 
             def told(program: Program, call: Call, data: bytes | None = data) -> Answer:
-                return MathOptSolver.answer(program, data, late=False)
+                return _MathOptSolver.answer(program, data, late=False)
 
             result = solved_by(told, problem)
             assert result.limit is Limit.NUMERICS and "the solver failed" in result.message
@@ -317,7 +317,7 @@ def test_what_goes_wrong_in_the_solvers_process_is_told() -> None:
 def test_a_proof_at_the_time_limit_is_not_believed() -> None:
     """HiGHS calls its start optimal, with no bound, where its time ends in the root node."""
     problem, answers = load_scene("tiny-trap"), list[Answer]()
-    with MathOptSolver("HIGHS") as highs_solver:
+    with _MathOptSolver("HIGHS") as highs_solver:
 
         def solver(program: Program, call: Call) -> Answer:
             request = highs_solver.request(program, call)

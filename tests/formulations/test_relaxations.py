@@ -20,7 +20,7 @@ from cocap_opt.formulations.relaxations.cone_program import (
 from cocap_opt.formulations.relaxations.flow import Flow
 from cocap_opt.formulations.relaxations.separation import Seen
 from cocap_opt.formulations.result import Snapshot
-from cocap_opt.model import Model, Path, compiled, compiled_disaggregated
+from cocap_opt.model import Model, Path, compiled
 from cocap_opt.objective import objective
 from cocap_opt.problem import (
     NO_RULES,
@@ -85,7 +85,7 @@ def test_one_flow_per_class_is_as_tight_as_one_per_robot(problem: Problem) -> No
     for relaxation in (concave, single_view):
         results = [
             relaxation(problem, compile_=compile_)
-            for compile_ in (compiled, compiled_disaggregated)
+            for compile_ in (compiled, lambda problem: compiled(problem).disaggregated())
         ]
         assert results[0].reason is results[1].reason
         if results[0].bound > 0:

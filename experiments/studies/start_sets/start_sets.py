@@ -26,7 +26,7 @@ PLANNERS = ("formation", "one-step", "greedy", "sequential", "cocap", "cocap-vs"
 _PEER_PLAN, _PEER_REWARD = "peer_paths.csv", "peer_reward.csv"
 
 
-class Peer(NamedTuple):
+class _Peer(NamedTuple):
     """A plan by their program."""
 
     problem: Problem  # with the starts of the scene's own file
@@ -83,7 +83,7 @@ def start_sets(
         True if all is measured, False after Ctrl-C.
     """
     settings = Settings(time_limit=limit, bound_time_limit=limit)
-    peers = list(Peer.all_beside(scenes, options))
+    peers = list(_Peer.all_beside(scenes, options))
     problems = _start_set_problems(scenes, sets, options)
     instances = [
         *(Instance(problem, k, PLANNERS, settings) for (_, k), problem in problems.items()),
