@@ -15,12 +15,7 @@ def test_what_is_stored_has_every_method() -> None:
 
 @pytest.mark.parametrize(
     ("scene", "seed"),
-    [
-        ("corridor", 0),
-        ("corridor-tight", 1),
-        pytest.param("bottleneck", 1, marks=pytest.mark.slow),
-        pytest.param("bridge", 2, marks=pytest.mark.slow),
-    ],
+    [("corridor-tight", 2), pytest.param("corridor", 0, marks=pytest.mark.slow)],
 )
 def test_results_are_the_stored_ones(scene: str, seed: int) -> None:
     """Rewards, bounds, reasons, statistics, plans and certificates are the same, bit by bit.

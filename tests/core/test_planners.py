@@ -403,6 +403,7 @@ def meadow(horizon: int = 6) -> Problem:
     )
 
 
+@pytest.mark.slow
 def test_view_search_is_lazy() -> None:
     """View search evaluates far fewer states than can be reached, and says how many."""
     problem = meadow()

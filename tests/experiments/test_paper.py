@@ -76,6 +76,7 @@ def test_sequential_planning_is_judged_with_and_without_collisions() -> None:
     assert "no plan on 1 of 3 seeds" in words
 
 
+@pytest.mark.slow
 def test_who_collides_with_a_third_is_no_encounter() -> None:
     """Bottleneck, seed 0: of three that collide nobody can tell who makes way for whom."""
     problem = load_scene("bottleneck", 0)

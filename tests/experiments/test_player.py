@@ -381,6 +381,7 @@ INKED = """(() => {
 })()"""
 
 
+@pytest.mark.slow
 def test_two_plans_stand_side_by_side(player: Any) -> None:
     """Each has a panel with its name, a picture and a chart, at one height."""
     player.go_to(3)
@@ -394,6 +395,7 @@ def test_two_plans_stand_side_by_side(player: Any) -> None:
         assert value(player, INKED % ("chart", panel)) > 0.05
 
 
+@pytest.mark.slow
 def test_the_slider_sets_the_step(player: Any, plans: Path) -> None:
     """The reward shown is the referee's for that step, and so are the conflicts."""
     problem = load_scene("bottleneck", 0)
@@ -441,6 +443,7 @@ def test_play_advances_and_stops_at_the_end(player: Any) -> None:
     player.go_to(0)
 
 
+@pytest.mark.slow
 def test_keys_and_chart_lead_to_steps(player: Any) -> None:
     """Left, right, Home, End, C for the next conflict, and a press on a bar of the chart."""
     from selenium.webdriver.common.action_chains import ActionChains
@@ -460,6 +463,7 @@ def test_keys_and_chart_lead_to_steps(player: Any) -> None:
     assert step_of(player) in (5, 6)
 
 
+@pytest.mark.slow
 def test_a_focused_element_has_its_own_keys(player: Any) -> None:
     """Space works a focused check box or button and plays from the slider, which has arrows."""
     from selenium.webdriver.common.by import By
@@ -515,6 +519,7 @@ def test_the_camera_turns_zooms_and_looks_down(player: Any) -> None:
     assert seen[-1] == seen[0]
 
 
+@pytest.mark.slow
 def test_numbers_of_crowded_drones_stay_near_them(player: Any) -> None:
     """They are apart, at most so far from their drones, and where there is no room left out."""
     script = (ROOT / "experiments" / "report" / "page" / "view.js").read_text()
@@ -539,6 +544,7 @@ HINTS = """(() => {
 })()"""
 
 
+@pytest.mark.slow
 def test_a_face_says_how_well_it_is_seen(player: Any) -> None:
     """Under the pointer: whose face it is and its px/m2; of each person some faces are there."""
     player.go_to(6)
@@ -552,6 +558,7 @@ def test_a_face_says_how_well_it_is_seen(player: Any) -> None:
         assert hint[3] == (f"{pixels:,.0f} px/m²" if pixels else "not seen")
 
 
+@pytest.mark.slow
 def test_a_phone_shows_one_plan_above_the_other(player: Any) -> None:
     """On a narrow screen nothing stands out at the side, and the picture is not empty."""
     player.resize((390, 844))
@@ -563,6 +570,7 @@ def test_a_phone_shows_one_plan_above_the_other(player: Any) -> None:
     player.resize((1280, 800))
 
 
+@pytest.mark.slow
 def test_no_name_is_run_and_nothing_is_asked_for(player: Any, tmp_path: Path) -> None:
     """A scene and a plan with code for names are shown by them, and nothing is loaded.
 

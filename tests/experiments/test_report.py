@@ -60,6 +60,7 @@ def test_a_report_opens_and_plays_without_network(results: Path, tmp_path: Path)
         assert browser.get_log("browser") == []
 
 
+@pytest.mark.slow
 def test_players_are_as_many_as_asked_for(results: Path, tmp_path: Path) -> None:
     """None leaves the section out; everything else stays."""
     page = tmp_path / "report.html"
@@ -68,6 +69,7 @@ def test_players_are_as_many_as_asked_for(results: Path, tmp_path: Path) -> None
     assert "<iframe" not in text and ">Plans<" not in text and "Paired differences" in text
 
 
+@pytest.mark.slow
 def test_a_report_needs_only_its_folder(
     results: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -94,6 +96,7 @@ def _of_another_run(folder: Path) -> str:
     return "is of another run"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("spoil", [_without_results, _without_rows, _of_another_run])
 def test_a_folder_that_cannot_be_told_of_is_refused(
     spoil: Callable[[Path], str],
@@ -111,6 +114,7 @@ def test_a_folder_that_cannot_be_told_of_is_refused(
     assert not page.exists()
 
 
+@pytest.mark.slow
 def test_names_cannot_break_a_report(results: Path, tmp_path: Path) -> None:
     """A scene's name is text, whatever it looks like."""
     evil, copy = "</td><script>x</script>", shutil.copytree(results, tmp_path / "copy")
