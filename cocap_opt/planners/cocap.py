@@ -1,12 +1,24 @@
 """CoCap, Alg. 1: coordinated view planning in the manner of Conflict-Based Search.
 
-Source: Rauniyar, Corah, Scherer 2024 (arXiv 2412.20695). The comments `# 1` .. `# 14` number the
-lines of the algorithm as Conflict-Based Search has them (Sharon et al. 2015, Alg. 2), which the
-paper follows; it pops the node of greatest J, where its background section speaks of least cost.
-Limits, statistics and the plan for emergencies are in `constraint_tree`.
+     1  Root.constraints <- none
+     2  Root.team <- greedy paths, robot by robot, conflicts ignored
+     3  Root.value <- J of them
+     4  insert Root into OPEN
+     5  while OPEN is not empty
+     6      N <- the node of greatest J in OPEN
+     7      find the first conflict of N
+     8      if there is none
+     9          return N
+    10      for each robot of the conflict
+    11          A.constraints <- N.constraints, and that this robot keeps out of the conflict
+    12          A.team <- N.team, with this robot planned again
+    13          A.value <- J of it
+    14          if the robot has a path, insert A into OPEN
 
-Symbols: N a node of the constraint tree, with N.team (one path and its pixels per robot),
-N.constraints (per robot) and N.value (J); A a child of it.
+Source: Rauniyar, Corah, Scherer 2024 (arXiv 2412.20695), after the high level of Conflict-Based
+Search (Sharon et al. 2015); the numbers are this listing's. It takes the greatest J, where the
+paper's background section speaks of least cost. Limits, statistics and the plan for the case that
+time runs out are in `constraint_tree`.
 """
 
 from cocap_opt.model import compiled
@@ -20,17 +32,17 @@ from cocap_opt.stop import LimitReached, Stop, never
 
 def algorithm_1(tree: ConstraintTree, open_nodes: OpenNodes) -> Node | None:
     """CoCap's Alg. 1: the conflict-free node found first; None where the tree is exhausted."""
-    root = tree.root()  # 1-3  no constraints; greedy paths; J of them
+    root = tree.root()  # 1-3
     if root is not None:
         open_nodes.push(root)  # 4
     while open_nodes:  # 5
-        N = open_nodes.pop()  # 6  of greatest J
+        N = open_nodes.pop()  # 6
         conflict = tree.first_conflict(N)  # 7
         if conflict is None:  # 8
             return N  # 9
         for robot in conflict.robots:  # 10
-            A = tree.child(N, conflict, robot)  # 11-13  one more constraint; this robot again; J
-            if A is not None:  # 14  it has a path
+            A = tree.child(N, conflict, robot)  # 11-13
+            if A is not None:  # 14
                 open_nodes.push(A)
     return None
 

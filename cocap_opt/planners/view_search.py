@@ -1,14 +1,22 @@
 """CoCap, Alg. 2: single-robot planning by view search, a lazy best-first search.
 
-Source: Rauniyar, Corah, Scherer 2024 (arXiv 2412.20695), whose order is literal here: the key
+     1  Rbar(start) <- 0; insert the start, k = 1, into OPEN
+     2  while OPEN is not empty
+     3      v <- the state of greatest key in OPEN, the k-th of its path
+     4      if k is the last: return the path to v
+     5      if v has been processed: continue, else it is processed now
+     6      for each state w that may follow v, with its marginal reward R
+     7          value <- (R + Rbar(v)) gamma^(k-1)
+     8          if w has been processed, or value <= Rbar(w): w is dominated
+     9          else Rbar(w) <- value, w comes from v, insert w into OPEN with the key Rbar(w)
+    10  there is no path
 
-    Rbar_{k+1} = (R_{k+1} + Rbar_k) gamma^(k-1),    k from 1, Rbar_1 = 0
-
-compounds, since Rbar_k is discounted already. A state includes its step, dominance compares the
-compounded values, states that are processed or dominated are skipped, and a dead end backtracks
-to the best of what is left in the queue. The search asks for the coverage of a state only when
-it reaches it, which is its whole point: rendering views costs far more than searching. The paper
-names no gamma; `cocap-opt study gamma` measures some.
+Source: Rauniyar, Corah, Scherer 2024 (arXiv 2412.20695), to the letter: the discount of line 7,
+Rbar_{k+1} = (R_{k+1} + Rbar_k) gamma^(k-1) with k from 1, compounds, since Rbar_k is discounted
+already; a state includes its step; dominance compares the compounded values; a dead end goes back
+to the best of what is left in OPEN. The line numbers are this listing's. The search asks for the
+coverage of a state only when it reaches it, which is its whole point: rendering views costs far
+more than searching. The paper names no gamma; `cocap-opt study gamma` measures some.
 """
 
 import heapq
@@ -85,30 +93,30 @@ class Undiscounted:
 
 
 def algorithm_2(task: SingleRobotTask, coverage: LazyCoverage, discount: _Discount) -> Path | None:
-    """CoCap's Alg. 2: the path to the first state of the last step popped; None if there is none.
+    """CoCap's Alg. 2: the path to the first state of the last step taken; None if there is none.
 
     States are (k, v): state number v as the k-th of a path, k = 1..T+1.
     """
-    last = task.model.problem.horizon + 1
+    T = task.model.problem.horizon
     start = (1, task.model.start(task.robot))
     Rbar, parent, processed = {start: 0.0}, {start: start}, set[tuple[int, int]]()
     queue = _Queue()
-    queue.push(0.0, (0.0, 0.0), start)
-    while queue:
-        k, v = node = queue.pop()
-        if k == last:
+    queue.push(0.0, (0.0, 0.0), start)  # 1
+    while queue:  # 2
+        k, v = node = queue.pop()  # 3
+        if k == T + 1:  # 4
             return _trace(parent, node)
-        if node in processed:
+        if node in processed:  # 5
             continue
         processed.add(node)
         task.stop.check()
-        for w, R, way in _rewarded_successors(task, coverage, k, v):
+        for w, R, way in _rewarded_successors(task, coverage, k, v):  # 6
             child = (k + 1, w)
-            value = discount.collect(Rbar[node], R, k, last - 1)
-            if child not in processed and value > Rbar.get(child, CLOSED):  # not dominated
-                Rbar[child], parent[child] = value, node
-                queue.push(discount.key(value, k, last - 1), way, child)
-    return None
+            value = discount.collect(Rbar[node], R, k, T)  # 7
+            if child not in processed and value > Rbar.get(child, CLOSED):  # 8
+                Rbar[child], parent[child] = value, node  # 9
+                queue.push(discount.key(value, k, T), way, child)
+    return None  # 10
 
 
 @dataclass(frozen=True)
