@@ -171,3 +171,4 @@ def test_the_readme_lives_on_the_face(tmp_path: Path, monkeypatch: pytest.Monkey
         )  # fmt: skip
         assert done.returncode == 0, done.stderr
         assert "optimal" in done.stdout
+        assert len([line for line in block.splitlines() if line.strip()]) <= 15
