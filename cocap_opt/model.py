@@ -12,7 +12,6 @@ import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.graph.timegraph import TimeGraph
-from cocap_opt.graph.value_iteration import backward_sweep
 from cocap_opt.problem import AnyCamera, Cell, Motion, Plan, Problem, Robot
 from cocap_opt.stop import Stop, never
 from cocap_opt.vision.cache import TableCache
@@ -47,13 +46,6 @@ class RobotClass:
     def sight(self) -> Sight:
         """Motion and camera, on which the coverage of the class depends besides its starts."""
         return self.spec.motion, self.spec.camera
-
-    def reward_to_goal(self, horizon: int) -> FloatArray | None:
-        """Zero for states [T+1, S] from which the goal is in reach, CLOSED for others.
-
-        None where there is no goal.
-        """
-        return None if self.goal is None else _to_goal(self.graph, horizon, self.goal)
 
 
 class Model:
@@ -283,11 +275,6 @@ class _Coverage:
         if problem.objective.over_time:
             table = table._replace(view_sums=table.view_sums % max(len(problem.face_weights), 1))
         return table
-
-
-@lru_cache(maxsize=16)
-def _to_goal(graph: TimeGraph, horizon: int, goal: tuple[int, int]) -> FloatArray:
-    return backward_sweep(graph, graph.no_reward(horizon), goal=goal)
 
 
 def _graph(problem: Problem, spec: Robot) -> TimeGraph:

@@ -143,6 +143,8 @@ def test_certificates_use_nothing_that_searches() -> None:
     for module in within(frozenset(sources()), f"{CORE}.formulations.certificates"):
         used = [n for n in imports(module) if package_of(n) == "formulations"]
         assert all(room_of(n) == "certificates" for n in used if n.startswith(CORE)), module
+        for searching in ("graph.value_iteration", "coordination", "planners"):
+            assert not within(reached(module), f"{CORE}.{searching}"), module
 
 
 def test_nothing_imports_the_tests() -> None:

@@ -1,7 +1,11 @@
 """Charges on one robot's time-expanded graph, by which planners and prices steer its path."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
+
+import numpy as np
+
+from cocap_opt.data import BoolArray
 
 
 class Charges(NamedTuple):
@@ -15,6 +19,22 @@ class Charges(NamedTuple):
     places: Mapping[tuple[int, int], float] = {}
     moves: Mapping[tuple[int, int, int], float] = {}
     states: Mapping[tuple[int, int], float] = {}
+
+    def free_moves(self, t: int, tail: int, heads: Sequence[int], n_places: int) -> BoolArray:
+        """Returns which moves to states `heads` [n] at t+1, from state `tail` at t, cost nothing.
+
+        Parameters
+        ----------
+        n_places : number of places of the graph; a state's place is its remainder by it
+        """
+        here = tail % n_places
+        is_free = [
+            (t + 1, head % n_places) not in self.places
+            and (t + 1, head) not in self.states
+            and (head % n_places == here or (t, here, head % n_places) not in self.moves)
+            for head in heads
+        ]
+        return np.array(is_free, dtype=np.bool_)
 
 
 NO_CHARGES = Charges()

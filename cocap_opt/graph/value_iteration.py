@@ -5,11 +5,11 @@ A step's moves and turns are independent, so a sweep is a few shifted maxima ove
 """
 
 from collections.abc import Mapping
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
-from cocap_opt.data import FloatArray, IntArray
+from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.graph.charges import NO_CHARGES, Charges
 from cocap_opt.graph.move_rewards import NO_BONUSES, Bonuses
 from cocap_opt.graph.timegraph import CLOSED, TimeGraph
@@ -93,6 +93,19 @@ def best_path(
             )
         path.append(_calmest(graph, path[-1], heads[ahead == ahead.max()]))
     return path
+
+
+@lru_cache(maxsize=16)
+def leads_to_goal(graph: TimeGraph, horizon: int, goal: tuple[int, int] | None) -> BoolArray:
+    """Returns from which states [T+1, S] a robot that is alone can be in the goal cell at T.
+
+    Without a goal all do.
+    """
+    if goal is None:
+        return np.broadcast_to(np.True_, (horizon + 1, graph.n_states))
+    to_goal = backward_sweep(graph, graph.no_reward(horizon), goal=goal)
+    leads: BoolArray = to_goal > CLOSED
+    return leads
 
 
 class _Step:

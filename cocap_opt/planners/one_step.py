@@ -12,7 +12,7 @@ from cocap_opt.coordination.constraints import avoid_paths
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.timegraph import CLOSED
-from cocap_opt.graph.value_iteration import best_path
+from cocap_opt.graph.value_iteration import best_path, leads_to_goal
 from cocap_opt.model import Model, RobotClass, compiled
 from cocap_opt.objective import marginal_gain
 from cocap_opt.planners.lazy_coverage import LazyCoverage
@@ -29,7 +29,7 @@ class _Flight:
 
     robot_class: RobotClass
     coverage: LazyCoverage  # shared by its class
-    to_goal: FloatArray | None  # [T+1, S] CLOSED where the goal is out of reach; None: no goal
+    leads_to_goal: BoolArray  # [T+1, S] states from which the goal can be reached, if alone
     pixels: FloatArray  # [Z] px/m2 seen so far
     path: list[int]  # state numbers, one per step so far
     evaluated: int = 0
@@ -44,13 +44,6 @@ class _Flight:
         seen = self.coverage(t, states)
         self.evaluated += self.coverage.evaluated - before
         return seen
-
-    def may_be(self, t: int, states: IntArray) -> BoolArray:
-        """Mark the states [n] at step t from which the goal can still be reached, as if alone."""
-        if self.to_goal is None:
-            return np.ones(len(states), dtype=bool)
-        result: BoolArray = self.to_goal[t, states] > CLOSED
-        return result
 
 
 @timed
@@ -72,7 +65,7 @@ def one_step(problem: Problem, stop: Stop = never) -> Result:
     model, limit = compiled(problem), None
     flights = _at_starts(model)
     for robot, flight in enumerate(flights):
-        if not flight.may_be(0, np.array(flight.path)).all():
+        if not flight.leads_to_goal[0, flight.path[0]]:
             return Team.no_path(robot)
     for t in range(problem.horizon):
         for robot, flight in enumerate(flights):
@@ -84,7 +77,7 @@ def one_step(problem: Problem, stop: Stop = never) -> Result:
                 words = f"robot {robot} cannot reach its goal beside the others after step {t}"
                 return Result.without_plan(Reason.FAILED, words, {"failed_robot": robot})
             _move(model, flights, robot, t + 1, heads)
-    at_goals = all(flight.may_be(-1, np.array(flight.path[-1:])).all() for flight in flights)
+    at_goals = all(flight.leads_to_goal[-1, flight.path[-1]] for flight in flights)
     if limit is not None and not at_goals:
         return Result.out_of_time(limit)
     found = tuple(SingleRobotPath(tuple(f.path), f.pixels, f.evaluated) for f in flights)
@@ -96,8 +89,9 @@ def _at_starts(model: Model) -> list[_Flight]:
     problem = model.problem
     flights, sources = [], LazyCoverage.of_robots(model)
     for robot, robot_class in enumerate(model.class_of):
-        to_goal, path = robot_class.reward_to_goal(problem.horizon), [model.start(robot)]
-        flight = _Flight(robot_class, sources[robot], to_goal, problem.no_pixels(), path)
+        leads = leads_to_goal(robot_class.graph, problem.horizon, robot_class.goal)
+        path = [model.start(robot)]
+        flight = _Flight(robot_class, sources[robot], leads, problem.no_pixels(), path)
         if problem.first_step == 0:
             flight.pixels[problem.view_sums_at(0)] += flight.look(0, np.array(path))[0]
         flights.append(flight)
@@ -110,12 +104,10 @@ def _open_heads(model: Model, flights: list[_Flight], robot: int, t: int) -> Int
     others = _others(flights, robot, t)
     closed = avoid_paths(model, flight.robot_class, others)
     graph, tail = flight.robot_class.graph, flight.path[-1]
-    here, heads = tail % graph.n_places, graph.successors(tail)
-    is_open = [
-        (1, place) not in closed.places and (place == here or (0, here, place) not in closed.moves)
-        for place in (heads % graph.n_places).tolist()
-    ]
-    return heads[is_open & flight.may_be(t + 1, heads)]
+    heads = graph.successors(tail)
+    is_free = closed.free_moves(0, tail, heads.tolist(), graph.n_places)
+    is_open: BoolArray = flight.leads_to_goal[t + 1, heads] & is_free
+    return heads[is_open]
 
 
 def _others(

@@ -26,9 +26,10 @@ from typing import Protocol
 
 import numpy as np
 
-from cocap_opt.data import IntArray
+from cocap_opt.data import BoolArray, IntArray
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.timegraph import CLOSED, TimeGraph
+from cocap_opt.graph.value_iteration import leads_to_goal
 from cocap_opt.model import Model, Path
 from cocap_opt.objective import marginal_gain
 from cocap_opt.planners.lazy_coverage import LazyCoverage
@@ -188,7 +189,8 @@ def _open_heads(task: SingleRobotTask, t: int, tail: int, heads: IntArray) -> Bo
     graph = robot_class.graph
     leads = leads_to_goal(graph, task.model.problem.horizon, robot_class.goal)
     is_free = task.charges.free_moves(t, tail, heads.tolist(), graph.n_places)
-    return leads[t + 1, heads] & is_free
+    is_open: BoolArray = leads[t + 1, heads] & is_free
+    return is_open
 
 
 def _ways(problem: Problem, graph: TimeGraph, t: int, states: IntArray) -> list[Way]:

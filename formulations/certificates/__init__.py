@@ -19,8 +19,10 @@ order (lines with docstrings in brackets):
 5. `format` (240): which nodes are a tree, and which cuts of a file have a constant.
 6. `checking` (70): the file's digest belongs to the scene, and it claims no more than it proves.
 
-Below it, the trusted core: `cocap_opt.problem`, `world` and `graph` (which moves there are),
-`vision` (what a view sees) and `objective` (weights and J).
+Below it, the trusted core: `cocap_opt.problem`, `world` and `graph` without `value_iteration`
+(which moves there are), `vision` (what a view sees), `model` (which drones share a graph, and what
+its places and states are), `objective` (weights and J), `data` (array types and checks of fields)
+and `files.documents` (the digest that ties a file to its scene).
 """
 
 from cocap_opt.formulations.certificates.checking import certify, verify
