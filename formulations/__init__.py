@@ -1,24 +1,23 @@
-"""Bounds and exact optima. To add one: one file, and one line in a registry below."""
+"""Bounds and exact optima. To add one: one file, and one line in a registry below.
+
+This front imports nothing of its package: whoever imports the certificates loads no method.
+"""
 
 import inspect
 from importlib import import_module
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
-from cocap_opt.formulations.result import (
-    BoundMethod,
-    CertifiedResult,
-    ExactMethod,
-    Report,
-    silent,
-)
-from cocap_opt.problem import Plan, Problem
-from cocap_opt.stop import Stop, never
+if TYPE_CHECKING:
+    from cocap_opt.formulations.result import BoundMethod, CertifiedResult, ExactMethod
 
-__all__ = ["BOUNDS", "EXACT", "BoundMethod", "CertifiedResult", "ExactMethod"]
+__all__ = ["BOUNDS", "EXACT"]
 
 
 class _OfTheFunction:
-    """An attribute that a method has from its function; the class itself has a value of its own."""
+    """An attribute that a lazy method takes over from the function that it stands for.
+
+    Asked of the class itself it is the class's own, so that `help` can describe the class too.
+    """
 
     def __init__(self, own: str | None) -> None:
         self._own = own
@@ -54,22 +53,13 @@ class _LazyMethod:
         self.__module__ = self._module
         self.summary = summary
 
-    def load(self) -> BoundMethod:
+    def load(self) -> Any:
         """Imports the module, if it is not there yet, and returns the function."""
-        return cast(BoundMethod, getattr(import_module(self._module), self.__name__))
+        return getattr(import_module(self._module), self.__name__)
 
-    def __call__(
-        self,
-        problem: Problem,
-        stop: Stop = never,
-        start: Plan | None = None,
-        report: Report = silent,
-        *arguments: Any,
-        **options: Any,
-    ) -> CertifiedResult:
-        """Calls the function; exact methods take the relative `gap` to reach besides."""
-        function = cast(Any, self.load())
-        result: CertifiedResult = function(problem, stop, start, report, *arguments, **options)
+    def __call__(self, *arguments: Any, **options: Any) -> "CertifiedResult":
+        """Calls the function with the arguments that `BoundMethod` or `ExactMethod` names."""
+        result: CertifiedResult = self.load()(*arguments, **options)
         return result
 
     def __get__(self, instance: object, owner: type) -> "_LazyMethod":
@@ -84,7 +74,7 @@ class _LazyMethod:
         return _LazyMethod, (module, self.__name__, self.summary)
 
 
-BOUNDS: dict[str, _LazyMethod] = {
+BOUNDS: "dict[str, BoundMethod]" = {
     "alone": _LazyMethod("simple_bounds", "alone", "every drone as if it were alone"),
     "online": _LazyMethod("simple_bounds", "online", "J of a plan and what each drone could add"),
     "concave": _LazyMethod(
@@ -103,7 +93,7 @@ BOUNDS: dict[str, _LazyMethod] = {
     ),
 }
 
-EXACT: dict[str, _LazyMethod] = {
+EXACT: "dict[str, ExactMethod]" = {
     "brute-force": _LazyMethod("brute_force", "brute_force", "all plans, one by one"),
     "branch-and-price": _LazyMethod(
         "column_generation.branch_and_price",

@@ -143,8 +143,9 @@ def test_certificates_use_nothing_that_searches() -> None:
     for module in within(frozenset(sources()), f"{CORE}.formulations.certificates"):
         used = [n for n in imports(module) if package_of(n) == "formulations"]
         assert all(room_of(n) == "certificates" for n in used if n.startswith(CORE)), module
-        for searching in ("graph.value_iteration", "coordination", "planners"):
+        for searching in ("graph.value_iteration", "coordination", "planners", "referee"):
             assert not within(reached(module), f"{CORE}.{searching}"), module
+        assert f"{CORE}.formulations.result" not in reached(module), module
 
 
 def test_nothing_imports_the_tests() -> None:

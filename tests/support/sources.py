@@ -40,12 +40,23 @@ def room_of(module: str) -> str:
     return inner.split(".")[0]
 
 
-@cache
 def imports(module: str) -> frozenset[str]:
     """Everything a module imports, anywhere in it, by its full name."""
+    return _imports(module, of_types=True)
+
+
+@cache
+def _imports(module: str, of_types: bool) -> frozenset[str]:
+    """What a module imports, with or without what only type checkers import."""
     path = sources()[module]
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    left_out: set[ast.AST] = set()
+    for node in ast.walk(tree):
+        is_typing = isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
+        if is_typing and not of_types:
+            left_out |= {inner for line in node.body for inner in ast.walk(line)}
     found: set[str] = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in set(ast.walk(tree)) - left_out:
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -60,14 +71,14 @@ def imports(module: str) -> frozenset[str]:
 
 @cache
 def reached(module: str) -> frozenset[str]:
-    """All modules of the project that a module imports, directly or through others.
+    """All modules of the project that a module loads when it runs, directly or through others.
 
     A package is imported with each of its modules, so its `__init__` counts too.
     """
     seen: set[str] = set()
     todo = [module]
     while todo:
-        for name in imports(todo.pop()):
+        for name in _imports(todo.pop(), of_types=False):
             parts = name.split(".")
             for end in range(2, len(parts) + 1):
                 part = ".".join(parts[:end])
