@@ -3,7 +3,7 @@
 from graphlib import TopologicalSorter
 from pathlib import Path
 
-from sources import CORE, imports, package_of, reached, room_of, sources
+from sources import CORE, ROOT, imports, package_of, reached, room_of, sources
 
 # What each package may import of the project besides itself.
 ALLOWED = {
@@ -86,6 +86,14 @@ def test_rooms_are_in_order() -> None:
                 and order.index(room_of(name)) > own
             ]
     assert broken == []
+
+
+def test_contributing_tells_the_order() -> None:
+    """The order of rooms in CONTRIBUTING is the one that is tested."""
+    text = (ROOT.parent / "CONTRIBUTING.md").read_text().split("| you look for")[0]
+    words = " ".join(text.replace("->", " ").replace(";", " ").split())
+    for order in ORDER.values():
+        assert " ".join(order) in words
 
 
 def test_no_module_imports_itself_in_a_circle() -> None:
