@@ -28,10 +28,11 @@ if TYPE_CHECKING:
         solve,
         verify,
     )
+    from cocap_opt.experiments.report.player import Player
     from cocap_opt.files.documents import FileError
     from cocap_opt.formulations import BOUNDS, EXACT
     from cocap_opt.formulations.certificates.format import CertificateError
-    from cocap_opt.formulations.result import CertifiedResult
+    from cocap_opt.formulations.result import CertifiedResult, Snapshot
     from cocap_opt.planners import PLANNERS
     from cocap_opt.problem import (
         NO_RULES,
@@ -48,12 +49,14 @@ if TYPE_CHECKING:
         Problem,
         Robot,
         State,
+        SwapConflict,
         TriangulatedCuboid,
+        VertexConflict,
     )
     from cocap_opt.referee import Verdict
     from cocap_opt.result import Reason, Result, UnsupportedError
     from cocap_opt.scenarios import FORMATS, SCENES
-    from cocap_opt.stop import FirstOf, Limit, Stop, TimeLimit, WorkLimit
+    from cocap_opt.stop import FirstOf, Limit, Stop, TimeLimit, WorkLimit, never
     from cocap_opt.world.workspace import HeightMap, Mesh
 
 # The module of each name.
@@ -64,18 +67,20 @@ _MODULES = {
         "Verified", "bound", "check", "gap", "load", "plan", "read", "save", "show", "solve",
         "verify",
     ),
+    "cocap_opt.experiments.report.player": ("Player",),
     "cocap_opt.files.documents": ("FileError",),
     "cocap_opt.formulations": ("BOUNDS", "EXACT"),
     "cocap_opt.formulations.certificates.format": ("CertificateError",),
-    "cocap_opt.formulations.result": ("CertifiedResult",),
+    "cocap_opt.formulations.result": ("CertifiedResult", "Snapshot"),
     "cocap_opt.planners": ("PLANNERS",),
     "cocap_opt.problem": (
         "NO_RULES", "PAPER_RULES", "Actor", "Camera", "CollisionRules", "Cone", "Cuboid",
-        "Motion", "Objective", "Plan", "Prism", "Problem", "Robot", "State", "TriangulatedCuboid",
+        "Motion", "Objective", "Plan", "Prism", "Problem", "Robot", "State", "SwapConflict",
+        "TriangulatedCuboid", "VertexConflict",
     ),
     "cocap_opt.result": ("Reason", "Result", "UnsupportedError"),
     "cocap_opt.scenarios": ("FORMATS", "SCENES"),
-    "cocap_opt.stop": ("FirstOf", "Limit", "Stop", "TimeLimit", "WorkLimit"),
+    "cocap_opt.stop": ("FirstOf", "Limit", "Stop", "TimeLimit", "WorkLimit", "never"),
     "cocap_opt.world.workspace": ("HeightMap", "Mesh"),
 }  # fmt: skip
 _HOME = {name: module for module, names in _MODULES.items() for name in names}

@@ -44,6 +44,7 @@ class Result:
     message: str = ""  # why there is no plan, in words
     statistics: Mapping[str, float] = field(default_factory=dict)
     problem: Problem | None = field(default=None, compare=False)  # the problem it is a result of
+    method: str = field(default="", compare=False)  # name of what made it, where that is known
 
     @classmethod
     def without_plan(
@@ -86,10 +87,13 @@ class Result:
         Raises
         ------
         ValueError
-            If there is no plan.
+            If there is no plan, or the result does not know its problem.
         """
-        if self.problem is None or self.plan is None:
+        if self.plan is None:
             raise ValueError("this result has no plan to draw")
+        if self.problem is None:
+            words = "this result does not know its problem; use problem.plot(result.plan)"
+            raise ValueError(words)
         return self.problem.plot(self.plan, ax)
 
     def _repr_html_(self) -> str:

@@ -69,6 +69,7 @@ class TimeLimit(Stop):
     """Reached `seconds` after it was made."""
 
     def __init__(self, seconds: float) -> None:
+        self._seconds = seconds
         self._deadline = time.monotonic() + seconds
 
     def reached(self) -> Limit | None:
@@ -80,6 +81,9 @@ class TimeLimit(Stop):
         """Seconds until the limit, >= 0."""
         return max(0.0, self._deadline - time.monotonic())
 
+    def __repr__(self) -> str:
+        return f"TimeLimit({self._seconds})"
+
 
 class WorkLimit(Stop):
     """Reached when more than `units` units of work are begun: the same on every machine.
@@ -89,7 +93,7 @@ class WorkLimit(Stop):
     """
 
     def __init__(self, units: int) -> None:
-        self._left = units
+        self._units = self._left = units
 
     def reached(self) -> Limit | None:
         """Return `Limit.WORK` once more units than allowed have begun."""
@@ -98,6 +102,9 @@ class WorkLimit(Stop):
     def count_work(self) -> None:
         """Count one more unit of work."""
         self._left -= 1
+
+    def __repr__(self) -> str:
+        return f"WorkLimit({self._units})"
 
 
 class FirstOf(Stop):
@@ -120,6 +127,9 @@ class FirstOf(Stop):
     def seconds_left(self) -> float:
         """Seconds until the first time limit among the criteria."""
         return min((stop.seconds_left for stop in self._criteria), default=math.inf)
+
+    def __repr__(self) -> str:
+        return f"FirstOf({', '.join(map(repr, self._criteria))})"
 
 
 class Interrupt(Stop):

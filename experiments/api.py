@@ -1,7 +1,8 @@
 """The functions of the face, `import cocap_opt as co`: scenes, plans, bounds, checks, files."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
@@ -15,14 +16,21 @@ from cocap_opt.files.documents import (
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.certificates.checking import verify as verify_bound
 from cocap_opt.formulations.certificates.format import CertificateFile, ProofFile
-from cocap_opt.formulations.result import OPTIMALITY, BoundMethod, CertifiedResult, ExactMethod
+from cocap_opt.formulations.result import (
+    OPTIMALITY,
+    BoundMethod,
+    CertifiedResult,
+    ExactMethod,
+    Report,
+    silent,
+)
 from cocap_opt.planners import PLANNERS, Planner
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import Verdict
 from cocap_opt.referee import check as judge_plan
 from cocap_opt.result import Result, relative_gap
 from cocap_opt.scenarios import load_scene
-from cocap_opt.stop import FirstOf, Stop, TimeLimit, never
+from cocap_opt.stop import Clock, FirstOf, Stop, TimeLimit, never
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -30,6 +38,7 @@ if TYPE_CHECKING:
     from cocap_opt.experiments.report.player import Player
 
 M = TypeVar("M")
+R = TypeVar("R", bound=Result)
 Bound = CertificateFile | ProofFile
 
 
@@ -40,7 +49,8 @@ def load(scene: str | Path, seed: int = 0, **options: str) -> Problem:
     ----------
     scene : a name, such as "bottleneck" (`SCENES` has them all), or a file
     seed : chooses the drones' starts; files of some formats have none
-    options : conventions of the file's format, such as ``triangles="no"``
+    options : conventions of the file's format, such as ``triangles="no"``; a hyphen in the name of
+        an option is an underscore here, as in ``start_set="yaml"``
 
     Returns
     -------
@@ -49,13 +59,14 @@ def load(scene: str | Path, seed: int = 0, **options: str) -> Problem:
     Raises
     ------
     FileError
-        If there is no such scene, or the file cannot be used; one line says why.
+        If there is no such scene or option, or the file cannot be used; one line says why.
 
     Examples
     --------
     >>> problem = co.load("bottleneck", seed=3)
     """
-    return load_scene(str(scene), seed, options)
+    words = {name.replace("_", "-"): word for name, word in options.items()}
+    return load_scene(str(scene), seed, words)
 
 
 def plan(
@@ -69,26 +80,32 @@ def plan(
 
     Parameters
     ----------
+    problem : the drones, the people, and where they are
     planner : a name in `PLANNERS`, or any callable that takes a problem and a stop
-    time_limit : seconds
+    time_limit : seconds, the coverage included
     stop : a further stopping criterion, such as ``co.WorkLimit(100)``
 
     Returns
     -------
     Result
-        With the plan, its J in `value`, and why the planner stopped.
+        With the plan, its J in `value`, and why the planner stopped. Its `seconds` include the
+        coverage, unless that has been computed before in this process; those of `cocap-opt plan`
+        and of `gap` do not.
 
     Raises
     ------
     UnsupportedError
         If the planner takes no such problems.
+    ValueError
+        If there is no planner of this name, or the time limit is negative.
 
     Examples
     --------
     >>> result = co.plan(problem, "cocap", time_limit=10)
     >>> result.plot()
     """
-    return _named("planner", planner, PLANNERS)(problem, _limits(time_limit, stop))
+    call, clock = _named("planner", planner, PLANNERS), Clock()
+    return _whole(call(problem, _limits(time_limit, stop)), problem, planner, clock)
 
 
 def bound(
@@ -98,27 +115,38 @@ def bound(
     time_limit: float | None = None,
     stop: Stop = never,
     start: Plan | Result | None = None,
+    report: Report = silent,
 ) -> CertifiedResult:
     """Compute an upper bound on J, which no plan exceeds, with the certificate that proves it.
 
     Parameters
     ----------
-    method : a name in `BOUNDS`, or any callable of that kind
-    time_limit : seconds
+    problem : the drones, the people, and where they are
+    method : a name in `BOUNDS`, or any callable that takes what those take
+    time_limit : seconds, the coverage included
     stop : a further stopping criterion
     start : a plan that the method may begin with
+    report : called with a `Snapshot` of value and bound now and then
 
     Returns
     -------
     CertifiedResult
         With the bound and its `certificate`; `verify` checks it without any solver.
 
+    Raises
+    ------
+    UnsupportedError
+        If the method takes no such problems.
+    ValueError
+        If there is no method of this name, or the time limit is negative.
+
     Examples
     --------
     >>> co.bound(problem, time_limit=10).bound
     """
-    call = _named("method", method, BOUNDS)
-    return call(problem, _limits(time_limit, stop), _plan_of(start))
+    call, clock = _named("method", method, BOUNDS), Clock()
+    result = call(problem, _limits(time_limit, stop), _plan_of(start), report)
+    return _whole(result, problem, method, clock)
 
 
 def solve(
@@ -129,26 +157,32 @@ def solve(
     stop: Stop = never,
     gap: float = 0.0,
     start: Plan | Result | None = None,
+    report: Report = silent,
 ) -> CertifiedResult:
     """Find the best plan, and prove that no other is better.
 
     Parameters
     ----------
-    method : a name in `EXACT`, or any callable of that kind
-    time_limit : seconds; when they are over, the best plan and bound so far are returned
+    problem : the drones, the people, and where they are
+    method : a name in `EXACT`, or any callable that takes what those take
+    time_limit : seconds, the coverage included; when they are over, the best plan and bound so far
+        are returned
     stop : a further stopping criterion
     gap : (bound - J) / bound at which to stop; 0 means 1e-6, which is called optimal
     start : a plan to begin with
+    report : called with a `Snapshot` of value and bound now and then
 
     Returns
     -------
     CertifiedResult
-        With plan, value, bound, gap and `certificate`.
+        With plan, value, bound, gap and `certificate`, which is None for brute force.
 
     Raises
     ------
     UnsupportedError
         If the method takes no such problems, or a solver that it needs is not installed.
+    ValueError
+        If there is no method of this name, the time limit is negative, or `gap` is not in [0, 1).
 
     Examples
     --------
@@ -156,9 +190,10 @@ def solve(
     """
     if not 0 <= gap < 1:
         raise ValueError(f"gap: must be at least 0 and less than 1, not {gap}")
-    call = _named("method", method, EXACT)
+    call, clock = _named("method", method, EXACT), Clock()
     stop = _limits(time_limit, stop)
-    return call(problem, stop, _plan_of(start), gap=max(gap, OPTIMALITY))
+    result = call(problem, stop, _plan_of(start), report, gap=max(gap, OPTIMALITY))
+    return _whole(result, problem, method, clock)
 
 
 def check(problem: Problem, plan: Plan | Result) -> Verdict:
@@ -168,12 +203,18 @@ def check(problem: Problem, plan: Plan | Result) -> Verdict:
 
     Parameters
     ----------
+    problem : that the plan is for
     plan : a plan, or a result that has one
 
     Returns
     -------
     Verdict
         With `valid`, `violations` and `conflicts` in words, and J in `reward`.
+
+    Raises
+    ------
+    ValueError
+        If the result has no plan.
     """
     own = _plan_of(plan)
     if own is None:
@@ -200,6 +241,7 @@ def verify(problem: Problem, *claims: Plan | Result | Bound) -> Verified:
 
     Parameters
     ----------
+    problem : that the claims are about
     claims : a plan, certificates, proofs, or results, whose plan and certificate are checked
 
     Returns
@@ -211,7 +253,9 @@ def verify(problem: Problem, *claims: Plan | Result | Bound) -> Verified:
     CertificateError
         If a certificate belongs to another problem, is not valid, or claims less than it proves.
     ValueError
-        If a plan breaks a rule or cannot be flown, or there are two plans.
+        If a plan breaks a rule or cannot be flown, there are two plans, there is nothing to check,
+        or a result has a bound, such as that of brute force, and no certificate is among the
+        claims. Its plan alone, `result.plan`, can be checked.
 
     Examples
     --------
@@ -221,6 +265,8 @@ def verify(problem: Problem, *claims: Plan | Result | Bound) -> Verified:
     bounds = [b for b in map(_bound_in, claims) if b is not None]
     if len(plans) > 1:
         raise ValueError("claims: name at most one plan")
+    if not bounds:
+        _require_checkable(claims, plans)
     lowest = min((verify_bound(problem, b).bound for b in bounds), default=float("inf"))
     if not plans:
         return Verified(lowest, float("-inf"), None)
@@ -241,6 +287,10 @@ def gap(
     workers: int | None = None,
 ) -> "pd.DataFrame":
     """Measure planners against certified bounds: the gap table, as `cocap-opt gap` makes it.
+
+    Planners are named, not called: a result is kept under its planner's name and the digest of this
+    project's code, which says nothing of a function of one's own. `plan` and `bound` measure such
+    a function on one problem.
 
     Parameters
     ----------
@@ -265,7 +315,8 @@ def gap(
     Raises
     ------
     ValueError
-        If there is no such scene or planner, a limit is negative, or there are not so many cores.
+        If there is no such scene or planner, a limit is negative, there are not so many cores, or
+        `out` cannot be used.
     KeyboardInterrupt
         After Ctrl-C, if there are no rows yet; else the rows so far are returned.
 
@@ -302,6 +353,7 @@ def show(problem: Problem, *plans: Plan | Result) -> "Player":
 
     Parameters
     ----------
+    problem : that the plans are for
     plans : plans, or results that have one, whose J is in their titles; without any the drones are
         shown at their starts
 
@@ -322,6 +374,7 @@ def save(
 
     Parameters
     ----------
+    path : the file; what is there is replaced
     content : what to write; of a result, its plan
     problem : the problem that a plan is for; a result knows it
 
@@ -344,6 +397,15 @@ def save(
 
 def read(path: str | Path) -> Problem | Plan | Bound:
     """Read a file that this project has written: a scene, a plan, a certificate or a proof.
+
+    Parameters
+    ----------
+    path : the file; `load` reads scenes of other kinds
+
+    Returns
+    -------
+    Problem, Plan, CertificateFile or ProofFile
+        Whatever the file holds.
 
     Raises
     ------
@@ -374,6 +436,17 @@ def _named(kind: str, given: str | M, known: Mapping[str, M]) -> M:
     return known[given]
 
 
+def _whole(result: R, problem: Problem, method: object, clock: Clock) -> R:
+    """The result with its problem, seconds and method, where it does not know them itself."""
+    name = method if isinstance(method, str) else getattr(method, "__name__", "")
+    return replace(
+        result,
+        problem=problem if result.problem is None else result.problem,
+        seconds=result.seconds or clock.seconds,
+        method=result.method or name,
+    )
+
+
 def _limits(seconds: float | None, stop: Stop) -> Stop:
     if seconds is None:
         return stop
@@ -385,18 +458,23 @@ def _limits(seconds: float | None, stop: Stop) -> Stop:
 def _require_sweep(
     planners: Sequence[str], time_limit: float, work_limit: int | None, workers: int | None
 ) -> None:
-    from cocap_opt.experiments.console.options import Option
+    from cocap_opt.experiments.console.options import Option, UsageError
 
-    for name in planners:
-        Option("planners").require_one_of(name, {**PLANNERS, **EXACT})
-    Option("time_limit").require_seconds(time_limit)
-    Option("workers").require_cores(workers)
+    if not all(isinstance(name, str) for name in planners):
+        raise ValueError("planners: must be names; measure a function by co.plan and co.bound")
+    try:
+        for name in planners:
+            Option("planners").require_one_of(name, {**PLANNERS, **EXACT})
+        Option("time_limit").require_seconds(time_limit)
+        Option("workers").require_cores(workers)
+    except UsageError as error:  # of the command line
+        raise ValueError(str(error)) from None
     if work_limit is not None and work_limit < 0:
         raise ValueError(f"work_limit: must be at least 0, not {work_limit}")
 
 
 def _nobody(message: str) -> None:
-    """Says nothing: the table says it."""
+    """Says nothing, as the table shows the seeds that are left."""
 
 
 def _plan_of(given: Plan | Result | None) -> Plan | None:
@@ -417,13 +495,24 @@ def _bound_in(claim: Plan | Result | Bound) -> Bound | None:
     return None if isinstance(claim, Plan | Result) else claim
 
 
+def _require_checkable(claims: Sequence[Plan | Result | Bound], plans: Sequence[Plan]) -> None:
+    """Refuses claims without a certificate, of which nothing or too little could be checked."""
+    for claim in claims:
+        if isinstance(claim, Result) and isfinite(claim.bound):
+            whose = f"{claim.method}'s" if claim.method else "a result's"
+            raise ValueError(f"claims: {whose} bound has no certificate; name its plan alone")
+    if not plans:
+        raise ValueError("claims: must hold a plan, a certificate or a proof")
+
+
 def _plan_file(content: Plan | Result, problem: Problem | None) -> PlanFile:
     own = _plan_of(content)
     if own is None:
         raise ValueError("content: the result has no plan")
     if problem is None:
         raise ValueError("problem: a plan is written with the problem that it is for")
+    planner = content.method if isinstance(content, Result) else ""
     return PlanFile(
-        scene=problem.name, digest=problem_digest(problem), planner="",
+        scene=problem.name, digest=problem_digest(problem), planner=planner,
         reward=judge_plan(problem, own).reward, plan=own,
     )  # fmt: skip

@@ -9,8 +9,11 @@ from typing import get_type_hints
 
 import numpy as np
 import pytest
+from scene_files import SEQUENCE, STARTS
 
 import cocap_opt as co
+from cocap_opt.files.documents import PlanFile, problem_digest
+from cocap_opt.scenarios import load_scene
 
 ROOT = Path(__file__).parents[1]
 FUNCTIONS = ("load", "plan", "bound", "solve", "check", "verify", "gap", "show", "save", "read")
@@ -38,9 +41,9 @@ def test_help_is_useful(name: str) -> None:
     function = getattr(co, name)
     words = inspect.getdoc(function) or ""
     parameters = inspect.signature(function).parameters
-    assert "Parameters\n----" in words or name == "read"
-    documented = [p for p in parameters if p not in ("problem", "path")]
-    assert all(f"{p} :" in words for p in documented if name != "read"), name
+    assert "Parameters\n----" in words
+    assert all(f"\n{p} :" in words for p in parameters), name
+    assert ("Raises\n----" in words) == (name != "show")
     assert set(function.__annotations__) >= set(parameters)
 
 
@@ -95,6 +98,104 @@ def test_a_scene_of_ones_own_in_fifteen_lines(tmp_path: Path) -> None:
     assert (tmp_path / "plan.png").stat().st_size > 5_000
     co.show(problem, result, best).save(tmp_path / "plans.html")
     assert "<html" in (tmp_path / "plans.html").read_text()
+
+
+def test_options_of_files_are_names_in_python(tmp_path: Path) -> None:
+    """Each option of a format, such as start-set, can be given to `load` with underscores."""
+    np.save(tmp_path / "map.npy", np.zeros((6, 8)))
+    (tmp_path / "seq.yaml").write_text(SEQUENCE)
+    (tmp_path / "starts.csv").write_text(STARTS)
+    given, chosen = {}, co.FORMATS["greedy-perspectives"].options.allowed
+    for name, words in chosen.items():
+        for word in words:
+            option = {name.replace("-", "_"): word}
+            expected = load_scene(str(tmp_path), 0, {name: word})
+            assert problem_digest(co.load(tmp_path, **option)) == problem_digest(expected)
+        given[name.replace("-", "_")] = words[0]
+    assert "start_set" in given
+    assert problem_digest(co.load(tmp_path, **given)) == problem_digest(co.load(tmp_path))
+    with pytest.raises(co.FileError, match="option 'wings'"):
+        co.load(tmp_path, wings="two")
+
+
+def test_claims_that_cannot_be_verified_are_refused() -> None:
+    """Nothing is verified in silence: neither no claim at all, nor a bound that proves itself."""
+    problem = co.load("tiny-queue")
+    best = co.solve(problem, "brute-force")
+    with pytest.raises(ValueError, match="claims: must hold a plan, a certificate or a proof"):
+        co.verify(problem)
+    with pytest.raises(ValueError, match="claims: must hold"):
+        co.verify(problem, co.Result.without_plan(co.Reason.FAILED, "none was found"))
+    with pytest.raises(ValueError, match="claims: brute-force's bound has no certificate"):
+        co.verify(problem, best)
+    assert co.verify(problem, best.plan).bound == float("inf")
+    proof = co.bound(problem).certificate
+    assert co.verify(problem, best, proof).bound < float("inf")
+
+
+def test_methods_of_ones_own_give_whole_results() -> None:
+    """A result that knows neither its problem nor its seconds nor its method is told of them."""
+    problem = co.load("tiny-queue")
+    own = co.plan(problem, "greedy").plan
+    value = co.check(problem, own).reward
+
+    def hover(problem: co.Problem, stop: co.Stop = co.never) -> co.Result:
+        return co.Result(own, value, co.Reason.FINISHED)
+
+    result = co.plan(problem, hover)
+    assert result.problem is problem and result.seconds > 0 and result.method == "hover"
+    assert co.plan(problem, "greedy").method == "greedy"
+    result.plot()
+    with pytest.raises(ValueError, match="does not know its problem"):
+        hover(problem).plot()
+
+    def nothing(
+        problem: co.Problem, stop: co.Stop, start: object, report: object, gap: float = 0
+    ) -> co.CertifiedResult:
+        return co.CertifiedResult(own, value, co.Reason.FINISHED)
+
+    for found in (co.bound(problem, nothing), co.solve(problem, nothing)):
+        assert found.problem is problem and found.seconds > 0 and found.method == "nothing"
+
+
+def test_progress_is_reported() -> None:
+    """`bound` and `solve` tell of their values and bounds as they go on."""
+    problem = co.load("tiny-queue")
+    seen: list[co.Snapshot] = []
+    best = co.solve(problem, report=seen.append)
+    assert seen and all(s.value <= best.value and s.bound >= best.value for s in seen)
+    seen.clear()
+    co.bound(problem, report=seen.append)
+    assert seen
+
+
+def test_saved_plans_name_their_planner(tmp_path: Path) -> None:
+    """A result knows the method that made it; of a plan alone nobody is named."""
+    problem = co.load("tiny-queue")
+    result = co.plan(problem, "greedy")
+    for content, planner in ((result, "greedy"), (result.plan, "")):
+        co.save(tmp_path / "plan.json", content, problem)
+        assert PlanFile.read(tmp_path / "plan.json").planner == planner
+
+
+def test_stops_say_what_they_are() -> None:
+    """A criterion's repr has its limit, and that of several has all of them."""
+    both = co.FirstOf(co.never, co.TimeLimit(1.5), co.WorkLimit(100))
+    assert repr(both) == "FirstOf(never, TimeLimit(1.5), WorkLimit(100))"
+
+
+def test_the_gap_table_refuses_in_words() -> None:
+    """Wrong planners and limits are ValueErrors that name the parameter, as documented."""
+    for wrong, words in (
+        ({"planners": ["cocop"]}, "planners: must be one of greedy, .*, not 'cocop'"),
+        ({"planners": [co.PLANNERS["greedy"]]}, "planners: must be names"),
+        ({"time_limit": -1.0}, "time_limit: must be"),
+        ({"work_limit": -1}, "work_limit: must be"),
+        ({"workers": 10_000}, "workers: must be"),
+    ):
+        with pytest.raises(ValueError, match=words) as caught:
+            co.gap("tiny-queue", **wrong)
+        assert type(caught.value) is ValueError
 
 
 def test_played_plans_have_titles() -> None:
