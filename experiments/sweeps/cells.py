@@ -4,15 +4,18 @@ A cell is one planner, or the bound, on one instance. Its name in the folder is 
 that its result depends on, so cells of other limits or of other code do not match.
 """
 
+import ast
 import hashlib
+from contextlib import suppress
 from enum import StrEnum
 from functools import cache
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Literal
 
 import msgspec
 
+from cocap_opt.experiments.results import rows
 from cocap_opt.experiments.results.files import save_bytes
 from cocap_opt.experiments.results.judging import Allowance
 from cocap_opt.experiments.results.layout import CELLS
@@ -24,20 +27,36 @@ BOUND = "bound"  # in place of a planner's name
 OWN = "own"  # the certificate of a planner that proves a bound itself
 RULES, FREE = "rules", "free"  # certificates and traces of the bound with and without rules
 _KEY_DIGITS = 20
-# Code and libraries on which the result of a cell depends.
+# Code on which the result of a cell depends; `results.rows` besides, see `_code_of_rows`.
 _MODULES = (
-    "cocap_opt",
+    "cocap_opt.coordination",
+    "cocap_opt.data",
+    "cocap_opt.files",
     "cocap_opt.formulations",
+    "cocap_opt.graph",
+    "cocap_opt.model",
+    "cocap_opt.objective",
+    "cocap_opt.planners",
+    "cocap_opt.problem",
+    "cocap_opt.referee",
+    "cocap_opt.result",
+    "cocap_opt.stop",
+    "cocap_opt.vision",
+    "cocap_opt.world",
     "cocap_opt.experiments.results.files",
     "cocap_opt.experiments.results.judging",
     "cocap_opt.experiments.results.rendered",
-    "cocap_opt.experiments.results.rows",
     "cocap_opt.experiments.results.trace",
     "cocap_opt.experiments.sweeps.cells",
     "cocap_opt.experiments.sweeps.start",
     "cocap_opt.experiments.sweeps.work",
 )
-_LIBRARIES = ("clarabel", "embreex", "highspy", "numpy", "ortools", "scipy")
+# Libraries that compute something of a result; some are optional.
+_LIBRARIES = (
+    "clarabel", "cvxpy", "embreex", "highspy", "msgspec", "networkx", "numpy", "ortools",
+    "pyscipopt", "scipy", "shapely", "trimesh",
+)  # fmt: skip
+_EXPLAINED = ast.Module | ast.ClassDef | ast.FunctionDef
 
 
 class Status(StrEnum):
@@ -70,19 +89,33 @@ class Cell(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
     def digest_of_code() -> str:
         """Returns the digest of the code and the libraries on which results of cells depend.
 
-        See `cocap_opt.files.code`: comments, layout and docstrings do not count.
+        See `cocap_opt.files.code`: comments, layout and docstrings do not count, and neither do
+        meanings of columns.
         """
-        parts = [*(version(name) for name in _LIBRARIES), code_digest(*_MODULES)]
+        versions = [f"{name} {number}" for name, number in Cell.versions().items()]
+        parts = [*versions, code_digest(*_MODULES), _code_of_rows()]
         return hashlib.sha256(" ".join(parts).encode()).hexdigest()
+
+    @staticmethod
+    def versions(*more: str) -> dict[str, str]:
+        """Returns the versions of the libraries that results depend on, and of more packages.
+
+        Packages that are not installed are left out.
+        """
+        found = {}
+        for name in sorted({*_LIBRARIES, *more}):
+            with suppress(PackageNotFoundError):
+                found[name] = version(name)
+        return found
 
     @property
     def key(self) -> str:
-        """Digest of all of it."""
+        """Digest of all fields, by which the cell's file is named."""
         return hashlib.sha256(msgspec.json.encode(self)).hexdigest()[:_KEY_DIGITS]
 
     @property
     def words(self) -> str:
-        """Its name for people."""
+        """The scene, the seed and the planner, as messages name the cell."""
         return f"{self.scene} seed {self.seed}, {self.planner}"
 
     @property
@@ -164,3 +197,17 @@ class Store:
     def path(self, cell: Cell) -> Path | None:
         """Returns where a cell's file is, or would be; None where nothing is kept."""
         return None if self._folder is None else self._folder / f"{cell.key}.json"
+
+
+def _code_of_rows() -> str:
+    """Returns the code that makes rows, without docstrings and without what columns mean.
+
+    A `Column` explains a field, with its unit and its range, and computes nothing.
+    """
+    tree = ast.parse(Path(rows.__file__).read_text(encoding="utf-8"))
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call) and ast.unparse(node.func) == "Column":
+            node.args, node.keywords = [], []
+        if isinstance(node, _EXPLAINED) and ast.get_docstring(node) is not None:
+            node.body = node.body[1:] or [ast.Pass()]
+    return ast.unparse(tree)

@@ -7,7 +7,6 @@ import sys
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Literal
 
@@ -18,11 +17,6 @@ from cocap_opt.experiments.sweeps.cells import Cell
 from cocap_opt.files.code import code_digest
 from cocap_opt.files.documents import Document, decode_document, encode, read_bytes
 from cocap_opt.vision.coverage import usable_cores
-
-_PACKAGES = (
-    "cocap-opt", "clarabel", "cvxpy", "distributed", "embreex", "highspy", "networkx", "numpy",
-    "ortools", "pyscipopt", "scipy", "trimesh",
-)  # fmt: skip
 
 RUN = "run.json"
 
@@ -69,7 +63,7 @@ class Run(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True)
                 "memory": _memory(),
                 "python": platform.python_version(),
             },
-            packages={name: found for name in _PACKAGES if (found := _version(name))},
+            packages=Cell.versions("cocap-opt", "distributed"),
         )
 
 
@@ -113,13 +107,6 @@ def _program() -> list[str]:
     if spec is None:
         return ["cocap-opt"]
     return ["python", "-m", spec.name.removesuffix(".__main__")]
-
-
-def _version(package: str) -> str:
-    try:
-        return version(package)
-    except PackageNotFoundError:  # an optional one
-        return ""
 
 
 def _processor() -> str:

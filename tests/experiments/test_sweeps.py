@@ -23,6 +23,7 @@ from cocap_opt.experiments.api import gap as gap_frame
 from cocap_opt.experiments.cli import commands
 from cocap_opt.experiments.console.progress import Watch
 from cocap_opt.experiments.console.threads import ONE_THREAD
+from cocap_opt.experiments.results import rows as rows_module
 from cocap_opt.experiments.results.judging import SOLVERS, RefereeError
 from cocap_opt.experiments.results.layout import FOLDERS, Paths
 from cocap_opt.experiments.results.rows import Row
@@ -49,7 +50,6 @@ from cocap_opt.experiments.sweeps.sweep import Hired, sweep
 from cocap_opt.experiments.sweeps.work import Task
 from cocap_opt.files.documents import PlanFile, SceneFile, decode_document, problem_digest
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile
-from cocap_opt.formulations.result import StartPlan
 from cocap_opt.model import compiled
 from cocap_opt.problem import NO_RULES, Plan, Problem
 from cocap_opt.referee import check
@@ -128,7 +128,7 @@ def untimed(rows: Sequence[Row]) -> list[Row]:
 
 def staying(problem: Problem, stop: Stop) -> Result:
     """A planner that moves nobody."""
-    plan = StartPlan.hovering(problem)
+    plan = Plan.hovering(problem)
     assert plan is not None
     return Result(plan, check(problem, plan).reward, Reason.FINISHED)
 
@@ -455,14 +455,47 @@ def test_the_code_is_all_that_cells_depend_on(monkeypatch: pytest.MonkeyPatch) -
     fronts = {"console", "results", "sweeps"}
     computing = {name.removeprefix(prefix) for name in own} - silent - fronts
     named = {name.removeprefix(prefix) for name in cells_module._MODULES if prefix in name}
-    assert computing | {"sweeps.work"} == named
+    assert computing | {"sweeps.work"} == named | {"results.rows"}
     digests = {Cell.digest_of_code()}
     with monkeypatch.context() as patch:
         patch.setattr(cells_module, "version", lambda name: "0.0")
         digests.add(Cell.digest_of_code.__wrapped__())
-    monkeypatch.setattr(cells_module, "_MODULES", ("cocap_opt.experiments.results.rows",))
+    monkeypatch.setattr(cells_module, "_MODULES", ("cocap_opt.experiments.results.trace",))
     digests.add(Cell.digest_of_code.__wrapped__())
     assert len(digests) == 3
+
+
+def test_all_of_the_core_but_pictures_and_the_face_is_digested() -> None:
+    """A module that is added to the core counts; how plans are drawn changes no result."""
+    core = Path(__file__).parents[2] / "cocap_opt"
+    modules = {
+        f"cocap_opt.{path.stem}"
+        for path in core.iterdir()
+        if path.suffix == ".py" or (path / "__init__.py").is_file()
+    }
+    beside = {"__init__", "drawing", "experiments", "scenarios"}
+    named = {name for name in cells_module._MODULES if name.count(".") == 1}
+    assert named == modules - {f"cocap_opt.{name}" for name in beside}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "is_another"),
+    [
+        ("The scene's name.", "The name of the scene.", False),
+        ('"""Returns the row of a plan, without', '"""Returns a row of a plan, without', False),
+        ("> OPTIMALITY:", ">= OPTIMALITY:", True),
+        ("conflicts: Annotated[_Count,", "conflicts: Annotated[_Number,", True),
+    ],
+)
+def test_meanings_of_columns_change_no_result(
+    old: str, new: str, is_another: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Rows are digested but for what explains them; what computes them counts."""
+    digest, text = Cell.digest_of_code(), Path(rows_module.__file__).read_text()
+    assert text.count(old) == 1
+    (tmp_path / "rows.py").write_text(text.replace(old, new))
+    monkeypatch.setattr(rows_module, "__file__", str(tmp_path / "rows.py"))
+    assert (Cell.digest_of_code.__wrapped__() != digest) is is_another
 
 
 @pytest.mark.slow
