@@ -13,7 +13,7 @@ from cocap_opt.problem import Problem
 from cocap_opt.result import Result
 from cocap_opt.stop import Stop, never
 
-__all__ = ["PLANNERS", "Planner"]
+__all__ = ["LAZY", "PLANNERS", "Planner"]
 
 
 class Planner(Protocol):
@@ -35,3 +35,6 @@ PLANNERS: dict[str, Planner] = {
     "myopic": myopic,
     "one-step": one_step,
 }
+
+# Planners that evaluate only the views they touch, and so need no coverage of all states before.
+LAZY = frozenset({"cocap-vs", "cocap-vs-undiscounted", "formation", "one-step"})

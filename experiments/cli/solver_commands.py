@@ -41,20 +41,15 @@ from cocap_opt.files.documents import FileError, encode
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult
 from cocap_opt.model import compiled
+from cocap_opt.planners import LAZY
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import Reason, Result, UnsupportedError
 from cocap_opt.stop import Interrupt, LimitReached, Stop
 
 AT_THE_ROOT = "column-generation"  # a bound that comes with a plan
-LAZY = (
-    "cocap-vs",
-    "cocap-vs-undiscounted",
-    "formation",
-    "one-step",
-)  # planners that see only the views they touch
 _SOLVE_METHODS = (*EXACT, AT_THE_ROOT)
 
-_Free = Annotated[bool, Parameter(negative="", help="the scene without inter-robot collisions")]
+_Free = Annotated[bool, Parameter(negative="", help="the scene without collisions between drones")]
 _Start = Annotated[Path | None, Parameter(help="file of a plan to start from")]
 _TraceFile = Annotated[
     Path | None, Parameter(name="--trace", help="CSV to write value and bound over time to")

@@ -1,4 +1,4 @@
-"""The command `verify`: claims in files, held against a scene, trusting nobody."""
+"""The command `verify`, which checks what plans and certificates in files claim of a scene."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -37,7 +37,7 @@ def _verify(
     *file: Path,
     seed: Seed = 0,
     free: Annotated[
-        bool, Parameter(negative="", help="the scene without inter-robot collisions")
+        bool, Parameter(negative="", help="the scene without collisions between drones")
     ] = False,
     json: Json = False,
 ) -> int:
@@ -72,7 +72,7 @@ class _Claims(NamedTuple):
 
     @classmethod
     def read(cls, scene: str, seed: int, free: bool, files: Sequence[Path]) -> "_Claims":
-        """Reads all files, in an order of their own, before any is held against the scene."""
+        """Reads all files, in an order of their own, before any is checked."""
         problem = load(scene, seed)
         about: Record = {"free": True} if free else {}
         reader = PlanReader(scene, problem)
@@ -95,7 +95,7 @@ class _Claims(NamedTuple):
 
 
 class _Verification:
-    """Holds claims against a scene, and keeps what is found.
+    """Checks what files claim of a scene, and collects the answer.
 
     Attributes
     ----------

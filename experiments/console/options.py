@@ -32,7 +32,10 @@ class Option(NamedTuple):
             raise UsageError(f"{self.name}: must be one of {', '.join(words)}, not {value!r}")
 
     def require_seconds(self, value: float) -> None:
-        """Refuses what is no number of seconds; in 0 everything but a search is done."""
+        """Refuses a value that is negative, infinite or no number.
+
+        With 0 seconds everything is done but the search for better plans and bounds.
+        """
         if not (value >= 0 and math.isfinite(value)):
             raise UsageError(f"{self.name}: must be a finite number of seconds >= 0, not {value}")
 

@@ -144,7 +144,7 @@ def _of_same_code(folder: Path) -> Earlier:
 
 
 def _rejoin(instance: Instance, rows: Sequence[Row], folder: Path) -> None:
-    """Gives an instance the planners of its earlier rows, of which it is known what has become."""
+    """Adds the planners of earlier rows, with their results, to an instance that runs again."""
     store = Store(folder)
     lost = [row for row in rows if not _is_rejoined(instance, row, folder, store)]
     if lost:

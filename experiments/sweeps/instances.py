@@ -112,7 +112,7 @@ class Instance:
         )  # fmt: skip
 
     def take(self, content: CellFile) -> None:
-        """Takes a planner's cell, of which it is known what has become."""
+        """Adds a planner's cell that has ended, with its result."""
         self.cells[content.cell.planner] = content.cell
         self.found[content.cell] = content
 
@@ -141,7 +141,10 @@ class Instance:
         return Task(cell, self.problem, start)
 
     def recall(self, store: Store) -> None:
-        """Finds what is known already. A bound that a plan is better than is not known."""
+        """Looks up the cells that have been computed before.
+
+        A stored bound is not taken where a plan is better than it.
+        """
         for cell in self.cells.values():
             if cell not in self.found and (content := store.find(cell)) is not None:
                 self.found[cell] = content

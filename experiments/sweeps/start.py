@@ -34,7 +34,7 @@ class BoundStart(NamedTuple):
 
     @property
     def digest(self) -> str:
-        """Digest of all of it that a bound depends on."""
+        """Digest of the plans and the proof, on which a bound depends."""
         content = msgspec.json.encode((self.plan, self.valid)) + self.certificate
         return hashlib.sha256(content).hexdigest()
 

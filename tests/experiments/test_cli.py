@@ -14,7 +14,6 @@ import pytest
 import result_rows
 from scene_files import SMALL_SEQUENCE
 
-from cocap_opt.experiments.cli import solver_commands
 from cocap_opt.experiments.cli.main import main
 from cocap_opt.experiments.cli.solver_commands import AT_THE_ROOT
 from cocap_opt.experiments.console import progress
@@ -25,7 +24,7 @@ from cocap_opt.experiments.sweeps.scenes import Scenes
 from cocap_opt.files.documents import SceneFile
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.model import compiled
-from cocap_opt.planners import PLANNERS
+from cocap_opt.planners import LAZY, PLANNERS
 from cocap_opt.problem import NO_RULES
 from cocap_opt.scenarios import SCENES
 
@@ -96,7 +95,7 @@ def test_coverage_is_there_before_a_planner_begins(
     monkeypatch.setattr(Judged, "planned", spy)
     compiled.cache_clear()
     assert Run(capsys, "plan", "tiny-share", "--planner", planner).code == 0
-    assert seen == 2 * [planner not in solver_commands.LAZY]
+    assert seen == 2 * [planner not in LAZY]
 
 
 def test_a_path_that_is_no_text_is_shown_escaped(
@@ -412,7 +411,7 @@ def test_solve_at_the_root_and_to_a_gap(capsys: pytest.CaptureFixture[str]) -> N
 
 @pytest.mark.slow
 def test_solve_without_rules(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """--free plans, bounds and verifies the scene without inter-robot collisions."""
+    """--free plans, bounds and verifies the scene without collisions between drones."""
     plan, proof = tmp_path / "plan.json", tmp_path / "proof.json"
     scene = "corridor-tight"
     obeying = Run(capsys, "solve", scene, "--json").json
@@ -636,7 +635,7 @@ WRONG = [
     (["plan", "corridor", "-o", "x" * 300], "x" * 300 + ": cannot be written"),
     (["export", "corridor", "-o", "/dev/null"], "/dev/null: cannot be written"),
     (["bound", "corridor", "-o", "/"], "/: cannot be written"),
-    (["plan", "bottleneck", "--planner", "joint"], "one or two robots"),
+    (["plan", "bottleneck", "--planner", "joint"], "one or two drones"),
     (["plan"], "SCENE"),
     (["fly", "corridor"], "fly"),
     (["bound", "corridor", "--method", "guess"], "--method"),

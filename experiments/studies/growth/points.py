@@ -29,7 +29,7 @@ class Field(NamedTuple):
 
     @property
     def words(self) -> str:
-        """Its parameters in a line."""
+        """The parameters in one line, such as "8 robots, 8 actors, 30 cells, 16 steps"."""
         return ", ".join(f"{n} {what}" for what, n in self._asdict().items())
 
 
