@@ -54,7 +54,9 @@ class Result:
         return cls(None, -math.inf, reason, message=message, statistics=statistics or {})
 
     @classmethod
-    def out_of_time(cls, limit: Limit, statistics: Mapping[str, float] | None = None) -> Self:
+    def stopped_without_plan(
+        cls, limit: Limit, statistics: Mapping[str, float] | None = None
+    ) -> Self:
         """Make a result without a plan, since a limit was reached."""
         words = f"no plan was found before the {limit} limit"
         return replace(cls.without_plan(Reason.STOPPED, words, statistics), limit=limit)

@@ -60,7 +60,7 @@ class CertifiedResult(Result):
         Its plan is the start, or else that nobody moves.
         """
         plan, message = StartPlan.checked(problem, start)
-        plan = StartPlan.hovering(problem) if plan is None else plan
+        plan = Plan.hovering(problem) if plan is None else plan
         value = -math.inf if plan is None else check(problem, plan).reward
         return cls(plan, value, Reason.STOPPED, limit, message=message)
 
@@ -89,16 +89,6 @@ class StartPlan(NamedTuple):
         if verdict.valid:
             return cls(plan, "")
         return cls(None, f"start rejected: {(*verdict.violations, *verdict.conflicts)[0]}")
-
-    @staticmethod
-    def hovering(problem: Problem) -> Plan | None:
-        """Returns the plan in which nobody moves, as starts obey all rules.
-
-        None where goals differ.
-        """
-        if any(r.goal not in (None, (r.start.x, r.start.y)) for r in problem.robots):
-            return None
-        return Plan(paths=tuple((r.start,) * (problem.horizon + 1) for r in problem.robots))
 
 
 class Snapshot(NamedTuple):

@@ -53,7 +53,7 @@ def forbid(model: Model, conflict: Conflict, which: int, before: Charges) -> Cha
     here, there = (model.place_of(robot_class, conflict.cells[k]) for k in (which, 1 - which))
     is_swap = isinstance(conflict, SwapConflict)
     if here is None or (is_swap and there is None):
-        raise ValueError("the conflict does not belong to this robot")
+        raise ValueError("the conflict is not one of this drone")
     if is_swap and there is not None:
         return before._replace(moves={**before.moves, (conflict.t, here, there): _CLOSED_CHARGE})
     return before._replace(places={**before.places, (conflict.t, here): _CLOSED_CHARGE})

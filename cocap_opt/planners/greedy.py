@@ -47,7 +47,7 @@ def greedy(
     except LimitReached as reached:
         team, limit = team.hovering(), reached.limit
         if any(single.path is None for single in team.found):
-            return Result.out_of_time(limit)
+            return Result.stopped_without_plan(limit)
     return team.result(limit)
 
 

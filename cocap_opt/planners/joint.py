@@ -39,7 +39,7 @@ def joint(problem: Problem, stop: Stop = never) -> Result:
         For more than two robots, and where pixels add up over time.
     """
     if len(problem.robots) > 2:
-        raise UnsupportedError(f"joint planning takes one or two robots, not {len(problem.robots)}")
+        raise UnsupportedError(f"joint planning takes one or two drones, not {len(problem.robots)}")
     if problem.objective.over_time:
         raise UnsupportedError("joint planning takes no pixels that add up over time")
     model = compiled(problem)
@@ -47,7 +47,7 @@ def joint(problem: Problem, stop: Stop = never) -> Result:
         paths = _best_paths(model, stop)
     except LimitReached as reached:
         if reached.limit is Limit.MEMORY:
-            return Result.out_of_time(reached.limit)
+            return Result.stopped_without_plan(reached.limit)
         return Team(model).without_conflicts(reached.limit, {})
     if paths is None:
         return Result.without_plan(

@@ -74,12 +74,12 @@ def one_step(problem: Problem, stop: Stop = never) -> Result:
             if limit is None:
                 heads = _open_heads(model, flights, robot, t)
             if not heads.size:
-                words = f"robot {robot} cannot reach its goal beside the others after step {t}"
+                words = f"drone {robot} cannot reach its goal beside the others after step {t}"
                 return Result.without_plan(Reason.FAILED, words, {"failed_robot": robot})
             _move(model, flights, robot, t + 1, heads)
     at_goals = all(flight.leads_to_goal[-1, flight.path[-1]] for flight in flights)
     if limit is not None and not at_goals:
-        return Result.out_of_time(limit)
+        return Result.stopped_without_plan(limit)
     found = tuple(SingleRobotPath(tuple(f.path), f.pixels, f.evaluated) for f in flights)
     return Team(model, found).result(limit)
 

@@ -33,7 +33,7 @@ def sequential(
             charges = avoid_paths(model, model.class_of[robot], others.items())
             single = low_level(SingleRobotTask(model, robot, team.others(robot), charges, stop))
             if single.path is None:
-                words = f"robot {robot} has no path left beside the robots before it"
+                words = f"drone {robot} has no path left beside the drones before it"
                 return Result.without_plan(Reason.FAILED, words, {"failed_robot": robot})
             team = team.with_path(robot, single)
             others[robot] = tuple(map(model.class_of[robot].graph.state, single.path))
@@ -41,5 +41,5 @@ def sequential(
         first, team, limit = len(team.found), team.hovering(), reached.limit
         for robot in range(first, len(team.found)):
             if team.found[robot].path is None:
-                return Result.out_of_time(limit, {"failed_robot": robot})
+                return Result.stopped_without_plan(limit, {"failed_robot": robot})
     return team.result(limit)

@@ -64,8 +64,8 @@ class Team:
     def _hover(self, robot: int) -> SingleRobotPath:
         """The path that stays at the start, which needs no time to be found."""
         problem, robot_class = self.model.problem, self.model.class_of[robot]
-        start, pixels = problem.robots[robot].start, problem.no_pixels()
-        if robot_class.goal not in (None, (start.x, start.y)):
+        pixels = problem.no_pixels()
+        if not problem.robots[robot].may_hover:
             return SingleRobotPath(None, pixels, 0)
         views, state = self.model.views(robot_class), self.model.start(robot)
         steps = range(problem.first_step, problem.horizon + 1)
@@ -98,7 +98,7 @@ class Team:
         """
         team = Team(self.model).hovering()
         if any(single.path is None for single in team.found):
-            return Result.out_of_time(limit, statistics)
+            return Result.stopped_without_plan(limit, statistics)
         for robot, single in enumerate(self.found):
             changed = team.with_path(robot, single)
             if changed.value > team.value and not changed.collides:
@@ -108,5 +108,5 @@ class Team:
     @staticmethod
     def no_path(robot: int) -> Result:
         """Make the result of a team of which one robot alone has no path."""
-        words = f"robot {robot} has no path, even alone"
+        words = f"drone {robot} has no path, even alone"
         return Result.without_plan(Reason.INFEASIBLE, words)

@@ -38,6 +38,16 @@ class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
         steps = max(map(len, self.paths), default=1) - 1
         return f"Plan of {len(self.paths)} drones over {steps} steps"
 
+    @classmethod
+    def hovering(cls, problem: Problem) -> "Plan | None":
+        """Returns the plan in which nobody moves, which obeys all rules, as starts do.
+
+        None where a robot's goal is not its start.
+        """
+        if not all(robot.may_hover for robot in problem.robots):
+            return None
+        return cls(paths=tuple((r.start,) * (problem.horizon + 1) for r in problem.robots))
+
     def conflicts(self, problem: Problem) -> Iterator[Conflict]:
         """Yields all conflicts under the problem's rules, earliest step first, then by robots."""
         if problem.rules.none:

@@ -78,7 +78,7 @@ class Problem(Data, frozen=True, eq=False, dict=True):
         whole(self.horizon, "horizon")
         whole(self.face_samples, "face_samples")
         within(self.horizon, 1, MOST_STEPS, "horizon", "steps")
-        require(len(self.robots) > 0, "robots", "must hold at least one robot")
+        require(len(self.robots) > 0, "robots", "must hold at least one drone")
         within(self.face_samples, 1, 64, "face_samples")
         for j, actor in enumerate(self.actors):
             rows = len(actor.poses)

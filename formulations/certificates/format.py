@@ -117,7 +117,7 @@ class EnvelopeCut(_Part, frozen=True):
         for k, curve in enumerate(self.curves):
             curve.check(f"{field}.curves[{k}]")
         if sum(sizes[curve.class_number] * len(curve.roots) for curve in self.curves) > MOST_WORK:
-            raise CertificateError(f"{field}.curves: too many roots for so many robots")
+            raise CertificateError(f"{field}.curves: too many roots for so many drones")
 
     def valid(self, model: Model) -> Cut:
         """Returns the cut with the constant that makes it valid."""

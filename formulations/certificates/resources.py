@@ -63,7 +63,7 @@ class _Resource(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_de
 
     def why_shared(self, problem: Problem) -> str:
         """Returns why two robots may use the resource at once; empty where a rule forbids it."""
-        return "must be cells or a swap, of all robots"
+        return "must be cells or a swap, of all drones"
 
 
 class Cells(_Resource, frozen=True, tag="cells"):
@@ -94,9 +94,9 @@ class Cells(_Resource, frozen=True, tag="cells"):
     def why_shared(self, problem: Problem) -> str:
         """Returns why two robots may be in the cells at once; empty where a rule forbids it."""
         if self.class_number is not None:
-            return "must be cells or a swap, of all robots"
+            return "must be cells or a swap, of all drones"
         apart = not all(problem.too_close(a, b) for a in self.cells for b in self.cells)
-        return "cells: two robots may be in these cells at once" if apart else ""
+        return "cells: two drones may be in these cells at once" if apart else ""
 
 
 class Swap(_Resource, frozen=True, tag="swap"):

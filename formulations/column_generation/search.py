@@ -109,7 +109,7 @@ class Search:
         incumbent's columns come after them.
         """
         robots = range(len(self.model.problem.robots))
-        self.offer(Incumbent.of_plan(self.model, StartPlan.hovering(self.model.problem)))
+        self.offer(Incumbent.of_plan(self.model, Plan.hovering(self.model.problem)))
         obeying: list[Column] = []
         with suppress(LimitReached):
             for robot in robots:

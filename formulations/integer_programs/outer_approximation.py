@@ -114,7 +114,7 @@ class _Rounds:
         self.model = model
         self.plan, self.message = StartPlan.checked(problem, start)
         if self.plan is None:
-            self.plan = StartPlan.hovering(problem)
+            self.plan = Plan.hovering(problem)
         self.paths: tuple[Path, ...] | None = None
         self.value = self.known = -math.inf
         self.file: CertificateFile | None = None

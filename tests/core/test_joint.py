@@ -155,5 +155,5 @@ def test_joint_planning_looks_at_limits_within_a_step() -> None:
 def test_joint_planning_takes_two_robots() -> None:
     """Three robots are refused with a message that says how many are taken."""
     other = tiny().robots[0].replace(start=State(0, 2))
-    with pytest.raises(UnsupportedError, match="one or two robots, not 3"):
+    with pytest.raises(UnsupportedError, match="one or two drones, not 3"):
         joint(tiny().replace(robots=(*tiny().robots, other)))

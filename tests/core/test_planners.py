@@ -121,7 +121,7 @@ def test_contract(problem: Problem) -> None:
     free = optimum(problem.replace(rules=NO_RULES))
     for name, planner in PLANNERS.items():
         if name == "joint" and len(problem.robots) > 2:
-            with pytest.raises(UnsupportedError, match="two robots"):
+            with pytest.raises(UnsupportedError, match="two drones"):
                 planner(problem, never)
             continue
         result = planner(problem, Patience())

@@ -699,13 +699,13 @@ def test_one_reader_takes_certificates_and_proofs(tmp_path: Path) -> None:
         (Row(Cells(1, (Cell(0, 0), Cell(0, 0))), 1.0), "differ"),
         (Row(Cells(1, (Cell(0, 0),)), -1.0), "multiplier"),
         (Row(Cells(1, (Cell(0, 0),)), math.nan), "multiplier"),
-        (Row(Cells(1, (Cell(0, 0),), 0), 1.0), "of all robots"),
+        (Row(Cells(1, (Cell(0, 0),), 0), 1.0), "of all drones"),
         (Row(Swap(2, (Cell(0, 0), Cell(0, 1))), 1.0), "t: must be"),
         (Row(Swap(0, (Cell(0, 0), Cell(0, 0))), 1.0), "differ"),
-        (Row(Visit(1, State(0, 0), 0), 1.0), "of all robots"),
+        (Row(Visit(1, State(0, 0), 0), 1.0), "of all drones"),
         (Row(Visit(1, State(9, 0), 0), 1.0), "state"),
         (Row(Visit(1, State(0, 0), 5), 1.0), "robot_class: must be"),
-        (Row(Move(1, (Cell(0, 0), Cell(0, 1)), 0), 1.0), "of all robots"),
+        (Row(Move(1, (Cell(0, 0), Cell(0, 1)), 0), 1.0), "of all drones"),
     ],
 )
 def test_rows_that_a_plan_may_break_are_refused(row: Row, words: str) -> None:
