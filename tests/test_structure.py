@@ -1,8 +1,10 @@
 """Imports go one way, as the design says. Read from the source; holds for files added later."""
 
+import re
 from graphlib import TopologicalSorter
 from pathlib import Path
 
+import pytest
 from sources import CORE, ROOT, imports, package_of, reached, room_of, sources
 
 # What each package may import of the project besides itself.
@@ -154,6 +156,21 @@ def test_certificates_use_nothing_that_searches() -> None:
         for searching in ("graph.value_iteration", "coordination", "planners", "referee"):
             assert not within(reached(module), f"{CORE}.{searching}"), module
         assert f"{CORE}.formulations.result" not in reached(module), module
+
+
+@pytest.mark.parametrize("page", ["README.md", "CONTRIBUTING.md"])
+def test_files_that_are_named_exist(page: str) -> None:
+    """Links, and names in backquotes that begin with a folder of this repository, lead somewhere.
+
+    `file::name` and `folder -> other` name what stands before.
+    """
+    root = Path(__file__).parents[1]
+    text = (root / page).read_text(encoding="utf-8")
+    linked = re.findall(r"\]\(([^)#:\s]+)\)", text)
+    folders = "|".join(("cocap_opt", "formulations", "scenarios", "experiments", "tests"))
+    named = re.findall(rf"`((?:{folders})/[\w./-]*)", text)
+    assert len(named) > 3
+    assert [name for name in linked + named if not (root / name).exists()] == []
 
 
 def test_nothing_imports_the_tests() -> None:

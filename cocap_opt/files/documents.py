@@ -1,4 +1,7 @@
-"""Scene and plan files: JSON, versioned, read strictly, written whole or not at all."""
+"""Documents, the one scheme of all files of this project, and scene and plan files among them.
+
+They are JSON with a format and a version, read strictly, and written whole or not at all.
+"""
 
 import hashlib
 from pathlib import Path

@@ -16,7 +16,7 @@ corners: a norm is subadditive.
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -41,15 +41,15 @@ class Curve:
     roots: FloatArray
     values: FloatArray
 
-    def __post_init__(self) -> None:
-        """Puts the breakpoint 0 in front, once."""
-        object.__setattr__(self, "_at", np.append(0.0, self.roots))
-        object.__setattr__(self, "_heights", np.append(0.0, self.values))
+    @cached_property
+    def _with_zero(self) -> tuple[FloatArray, FloatArray]:
+        """The breakpoints [K+1] and phi at them, the breakpoint 0 in front."""
+        return np.append(0.0, self.roots), np.append(0.0, self.values)
 
     def __call__(self, roots: FloatArray) -> FloatArray:
         """Returns phi at any roots >= 0."""
-        at: FloatArray = self._at  # type: ignore[attr-defined]
-        result: FloatArray = np.interp(roots, at, self._heights)  # type: ignore[attr-defined]
+        at, heights = self._with_zero
+        result: FloatArray = np.interp(roots, at, heights)
         result += np.maximum(roots - at[-1], 0.0)
         return result
 

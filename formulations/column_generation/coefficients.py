@@ -89,8 +89,8 @@ class _Views(NamedTuple):
     arcs: IntArray  # [k] arc
     at: IntArray  # [k] position of the view sum in `view_sums`
     roots: FloatArray  # [k] in units of the view sum's scale, 0..1
-    view_sums: IntArray  # [g] view sums that any arc sees and that count, increasing
-    scale: FloatArray  # [g] largest root of each, px^0.5/m
+    view_sums: IntArray  # [z] view sums that any arc sees and that count, increasing
+    scale: FloatArray  # [z] largest root of each, px^0.5/m
 
     @classmethod
     def of(cls, model: Model, arcs: Sequence[Arc]) -> "_Views":

@@ -163,12 +163,12 @@ class MasterProgram:
         bounds = np.searchsorted(views.at[order], np.arange(len(self._weights) + 1))
         classes = np.array([arc.class_number for arc in self.arcs])
         for k in np.flatnonzero(self._is_seen).tolist():
-            g = int(self._cut_at[k])
-            entries = order[bounds[g] : bounds[g + 1]]
-            of, roots = views.arcs[entries], views.roots[entries] * views.scale[g]
-            values = self.cuts[k].phi_of(classes[of], roots) / views.scale[g]
+            z = int(self._cut_at[k])
+            entries = order[bounds[z] : bounds[z + 1]]
+            of, roots = views.arcs[entries], views.roots[entries] * views.scale[z]
+            values = self.cuts[k].phi_of(classes[of], roots) / views.scale[z]
             program.put("cuts", "flow", np.full(len(entries), k), of, -values)
-            program.put("cuts", "roots", np.array([k]), np.array([g]), np.ones(1))
+            program.put("cuts", "roots", np.array([k]), np.array([z]), np.ones(1))
 
     @cached_property
     def _cut_at(self) -> IntArray:

@@ -171,21 +171,21 @@ class _Translated:
 
     def _root_rows(self) -> None:
         program, roots = self.program, self.program.roots
-        for g in range(len(roots.used)):
-            self._bound_root(g, roots.seen, g, self.worth[g], 0.0)
+        for z in range(len(roots.used)):
+            self._bound_root(z, roots.seen, z, self.worth[z], 0.0)
         tangents = program.tangents
-        for g, z0 in zip(tangents.at.tolist(), tangents.z0.tolist(), strict=True):
-            slope = self.worth[g] / (2 * math.sqrt(z0))
-            constant = self.worth[g] * math.sqrt(z0) / 2
-            self._bound_root(g, roots.pixels, g, slope, constant)
+        for z, z0 in zip(tangents.at.tolist(), tangents.z0.tolist(), strict=True):
+            slope = self.worth[z] / (2 * math.sqrt(z0))
+            constant = self.worth[z] * math.sqrt(z0) / 2
+            self._bound_root(z, roots.pixels, z, slope, constant)
         cuts = roots.cut_rows(program.cuts)
-        for k, (g, constant) in enumerate(
+        for k, (z, constant) in enumerate(
             zip(cuts.at.tolist(), cuts.constants.tolist(), strict=True)
         ):
-            self._bound_root(g, cuts.phi, k, self.worth[g], self.worth[g] * constant)
+            self._bound_root(z, cuts.phi, k, self.worth[z], self.worth[z] * constant)
 
     def _bound_root(
-        self, g: int, matrix: sparse.csr_array, row: int, factor: float, constant: float
+        self, z: int, matrix: sparse.csr_array, row: int, factor: float, constant: float
     ) -> None:
         """Adds V <= sum ceil(factor * row) x + ceil(constant)."""
         from ortools.sat.python import cp_model
@@ -194,7 +194,7 @@ class _Translated:
         coefficients = _up(factor * matrix.data[part])
         nodes = [self.x[n] for n in matrix.indices[part].tolist()]
         paid = cp_model.LinearExpr.weighted_sum(nodes, coefficients.tolist())
-        self.model.add(self.v[g] <= paid + int(_up(np.array([constant]))[0]))
+        self.model.add(self.v[z] <= paid + int(_up(np.array([constant]))[0]))
 
     def hint(self, plan: Amounts) -> None:
         """Begins with a plan."""

@@ -1,8 +1,8 @@
 """The integer programs (`program`) as matrices, for solvers that take real numbers.
 
-Variables are x [N] robots in each node, y [E] robots along each edge, z [g] pixels, s [g] sums
-of roots and u [g] roots, in this order: rows on pixels then have two entries each instead of
-one per node that sees the face.
+Variables are x [N] robots in each node, y [E] robots along each edge, and for each view sum that
+counts its pixels z, its sum of roots s and its root u, in this order: rows on pixels then have two
+entries each instead of one per node that sees the face.
 """
 
 import math
@@ -31,16 +31,16 @@ class LinearProgram(NamedTuple):
     def of(cls, program: Program) -> "LinearProgram":
         """Returns the matrices of a program; their objective is J / program.unit."""
         flow, roots = program.flow, program.roots
-        n, e, g = flow.n_nodes, flow.n_edges, len(roots.used)
+        n, e, n_sums = flow.n_nodes, flow.n_edges, len(roots.used)
         first = flow.steps == 0
         rows = _rows(program)
-        gain = [np.zeros(n), flow.bonus, np.zeros(2 * g), roots.weights]
+        gain = [np.zeros(n), flow.bonus, np.zeros(2 * n_sums), roots.weights]
         high = [np.where(first, flow.supply, flow.capacity), flow.capacity[flow.tails]]
         return cls(
             gain=np.concatenate(gain) / program.unit,
-            low=np.concatenate([np.where(first, flow.supply, 0.0), np.zeros(e + 3 * g)]),
-            high=np.concatenate([*high, np.full(3 * g, math.inf)]),
-            integral=np.repeat([True, program.integral_edges, False], [n, e, 3 * g]),
+            low=np.concatenate([np.where(first, flow.supply, 0.0), np.zeros(e + 3 * n_sums)]),
+            high=np.concatenate([*high, np.full(3 * n_sums, math.inf)]),
+            integral=np.repeat([True, program.integral_edges, False], [n, e, 3 * n_sums]),
             rows=rows.matrix,
             row_low=rows.low,
             row_high=rows.high,
@@ -59,22 +59,25 @@ class _Rows(NamedTuple):
 def _rows(program: Program) -> _Rows:
     """Returns the rows over (x, y, z, s, u), the equations first."""
     flow, roots, conflicts = program.flow, program.roots, program.conflicts
-    g = len(roots.used)
+    n_sums = len(roots.used)
     later = np.flatnonzero(flow.steps > 0)
     before = np.flatnonzero(flow.steps < flow.model.problem.horizon)
-    inside, one = sparse.eye_array(flow.n_nodes, format="csr"), sparse.eye_array(g, format="csr")
+    inside, one = (
+        sparse.eye_array(flow.n_nodes, format="csr"),
+        sparse.eye_array(n_sums, format="csr"),
+    )
     at, z0 = program.tangents
-    slopes = _at(at, 1 / (2 * np.sqrt(z0)), g)
+    slopes = _at(at, 1 / (2 * np.sqrt(z0)), n_sums)
     cuts = roots.cut_rows(program.cuts)
-    widths = [flow.n_nodes, flow.n_edges, g, g, g]
+    widths = [flow.n_nodes, flow.n_edges, n_sums, n_sums, n_sums]
     blocks: list[list[Any]] = [
         [inside[later], -flow.entering[later], None, None, None],
         [inside[before], -flow.leaving[before], None, None, None],
         [-roots.pixels, None, one, None, None],
         [-roots.seen, None, None, one, None],
         [None, None, None, -one, one],
-        [None, None, -slopes, None, _at(at, np.ones(len(at)), g)],
-        [-cuts.phi, None, None, None, _at(cuts.at, np.ones(len(cuts.at)), g)],
+        [None, None, -slopes, None, _at(at, np.ones(len(at)), n_sums)],
+        [-cuts.phi, None, None, None, _at(cuts.at, np.ones(len(cuts.at)), n_sums)],
         [conflicts.at_nodes, None, None, None, None],
         [None, conflicts.crossing, None, None, None],
         [sparse.csr_array((0, width)) for width in widths],  # says how wide the columns are
@@ -82,7 +85,7 @@ def _rows(program: Program) -> _Rows:
     n_equal = len(later) + len(before)
     n_conflicts = conflicts.cliques.shape[0] + conflicts.crossing.shape[0]
     high = np.concatenate(
-        [np.zeros(n_equal + 3 * g), np.sqrt(z0) / 2, cuts.constants, np.ones(n_conflicts)]
+        [np.zeros(n_equal + 3 * n_sums), np.sqrt(z0) / 2, cuts.constants, np.ones(n_conflicts)]
     )
     low = np.full(len(high), -math.inf)
     low[:n_equal] = 0.0

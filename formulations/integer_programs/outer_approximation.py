@@ -255,7 +255,7 @@ class _Rounds:
         return relative_gap(self.value, bound) <= OPTIMALITY or bound - self.value <= least
 
     def _tick(self) -> None:
-        """Reports, if the last report is a while ago."""
+        """Reports value and bound, at most once in `SECONDS_BETWEEN_REPORTS`."""
         if self.clock.seconds - self._reported > SECONDS_BETWEEN_REPORTS:
             self._tell()
 

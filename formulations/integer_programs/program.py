@@ -111,7 +111,7 @@ class Program:
         return self.flow.n_nodes + self.integral_edges * self.flow.n_edges
 
     def roots_at(self, x: FloatArray) -> FloatArray:
-        """Returns the roots [g] that the program allows at robots in nodes [N]."""
+        """Returns the roots [z] that the program allows at robots in nodes [N]."""
         pixels, seen = self.roots.pixels @ x, self.roots.seen @ x
         allowed: FloatArray = seen.copy()
         at, z0 = self.tangents

@@ -92,8 +92,8 @@ class _Translated:
         self._add_rows(linear)
         n_view_sums = len(program.roots.used)
         pixels, roots = linear.first_pixels, len(self.variables) - n_view_sums
-        for g in range(n_view_sums):
-            u, z = self.variables[roots + g], self.variables[pixels + g]
+        for k in range(n_view_sums):
+            u, z = self.variables[roots + k], self.variables[pixels + k]
             self.model.addCons(u * u <= z)
 
     def _add_rows(self, linear: LinearProgram) -> None:

@@ -116,7 +116,7 @@ class _Point(NamedTuple):
     """Solution of a relaxation."""
 
     x: FloatArray  # [N] robots in each node
-    u: FloatArray  # [g] roots, in units of each view sum's best view
+    u: FloatArray  # [z] roots, in units of each view sum's best view
     duals: Duals
     value: float  # the solver's word
     solved: bool
@@ -133,8 +133,8 @@ def _no_cuts(flow: Flow, roots: Roots, point: _Point) -> list[Cut]:
 def _violated_cuts(flow: Flow, roots: Roots, point: _Point) -> list[Cut]:
     """Returns envelope cuts that a solution violates, the tightest one of each view sum."""
     found, sizes = [], flow.model.class_sizes
-    for g, view_sum in enumerate(roots.used.tolist()):
-        nodes, seen = roots.entries(g)
+    for z, view_sum in enumerate(roots.used.tolist()):
+        nodes, seen = roots.entries(z)
         amounts = point.x[nodes]
         used = amounts > 1e-7
         if used.sum() < 2:
@@ -142,8 +142,8 @@ def _violated_cuts(flow: Flow, roots: Roots, point: _Point) -> list[Cut]:
         mixture = Seen(flow.owner[nodes[used]], seen[used], amounts[used])
         if mixture.is_exact(sizes):
             continue
-        height = float(point.u[g]) * float(roots.scale[g])
-        largest = roots.largest[:, g]
+        height = float(point.u[z]) * float(roots.scale[z])
+        largest = roots.largest[:, z]
         cut = mixture.best_cut(view_sum, largest, sizes, height, VIOLATION * height)
         if cut is not None:
             found.append(cut)

@@ -98,11 +98,11 @@ class RootRows(NamedTuple):
     z the pixels in units of scale^2.
     """
 
-    view_sums: IntArray  # [g] numbers of the view sums that the program has
-    scale: FloatArray  # [g] px^0.5/m
-    weights: FloatArray  # [g]
-    single_view: FloatArray  # [g] multipliers of u <= sum of roots of pixels
-    pixels: FloatArray  # [g] multipliers of z <= sum of pixels
+    view_sums: IntArray  # [z] numbers of the view sums that the program has
+    scale: FloatArray  # [z] px^0.5/m
+    weights: FloatArray  # [z]
+    single_view: FloatArray  # [z] multipliers of u <= sum of roots of pixels
+    pixels: FloatArray  # [z] multipliers of z <= sum of pixels
     cut_at: IntArray  # [k] position of each cut's view sum among `view_sums`
     cuts: FloatArray  # [k] multipliers of the cuts
 

@@ -353,12 +353,12 @@ class Roots:
     """The view sums that count and that somebody can see, in units of each one's best view."""
 
     owner: IntArray  # [N] class of each node
-    used: IntArray  # [g] view sums
-    scale: FloatArray  # [g] px^0.5/m, root of the best single view
-    largest: FloatArray  # [C, g] px^0.5/m, of each class, views that lead nowhere as well
-    weights: FloatArray  # [g] of the root in these units
-    pixels: sparse.csr_array  # [g, N] in units of scale^2
-    seen: sparse.csr_array  # [g, N] roots of pixels
+    used: IntArray  # [z] view sums
+    scale: FloatArray  # [z] px^0.5/m, root of the best single view
+    largest: FloatArray  # [C, z] px^0.5/m, of each class, views that lead nowhere as well
+    weights: FloatArray  # [z] of the root in these units
+    pixels: sparse.csr_array  # [z, N] in units of scale^2
+    seen: sparse.csr_array  # [z, N] roots of pixels
 
     @classmethod
     def of(cls, flow: Flow) -> "Roots":
@@ -372,16 +372,16 @@ class Roots:
         largest = flow.model.largest_roots()[:, used]
         return cls(flow.owner, used, scale, largest, weights[used] * scale, pixels, pixels.sqrt())
 
-    def entries(self, g: int) -> tuple[IntArray, FloatArray]:
-        """Returns the nodes that see the view sum at position g, and their roots px^0.5/m."""
-        part = slice(self.seen.indptr[g], self.seen.indptr[g + 1])
+    def entries(self, z: int) -> tuple[IntArray, FloatArray]:
+        """Returns the nodes that see the view sum at position z, and their roots px^0.5/m."""
+        part = slice(self.seen.indptr[z], self.seen.indptr[z + 1])
         nodes: IntArray = self.seen.indices[part].astype(np.int64)
-        return nodes, self.seen.data[part] * self.scale[g]
+        return nodes, self.seen.data[part] * self.scale[z]
 
     def cut_rows(self, cuts: Sequence[Cut]) -> "_CutRows":
         """Returns envelope cuts as rows u <= constants + phi x, in units of the roots."""
         at = np.searchsorted(self.used, [cut.view_sum for cut in cuts]).astype(np.int64)
-        entries = [self.entries(g) for g in at.tolist()]
+        entries = [self.entries(z) for z in at.tolist()]
         scales = self.scale[at]
         data = [
             cut.phi_of(self.owner[nodes], seen) / scale
