@@ -5,6 +5,7 @@ What looking ahead is worth, measured by doing without.
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from cocap_opt.planners.low_level import SingleRobotPath
 from cocap_opt.planners.team import Team
 from cocap_opt.problem import Problem, State
 from cocap_opt.result import Reason, Result, timed
-from cocap_opt.stop import Stop, never
+from cocap_opt.stop import LimitReached, Stop, never
 
 
 @dataclass
@@ -67,16 +68,17 @@ def one_step(problem: Problem, stop: Stop = never) -> Result:
     for robot, flight in enumerate(flights):
         if not flight.leads_to_goal[0, flight.path[0]]:
             return Team.no_path(robot)
-    for t in range(problem.horizon):
-        for robot, flight in enumerate(flights):
-            limit = stop.reached()
-            heads = np.array(flight.path[-1:])
-            if limit is None:
-                heads = _open_heads(model, flights, robot, t)
+    try:
+        for t, robot in product(range(problem.horizon), range(len(flights))):
+            stop.check()
+            heads = _open_heads(model, flights, robot, t)
             if not heads.size:
                 words = f"drone {robot} cannot reach its goal beside the others after step {t}"
                 return Result.without_plan(Reason.FAILED, words, {"failed_robot": robot})
             _move(model, flights, robot, t + 1, heads)
+    except LimitReached as reached:
+        limit = reached.limit
+        _stay(model, flights)
     at_goals = all(flight.leads_to_goal[-1, flight.path[-1]] for flight in flights)
     if limit is not None and not at_goals:
         return Result.stopped_without_plan(limit)
@@ -117,6 +119,13 @@ def _others(
     for other, flight in enumerate(flights):
         if other != robot:
             yield other, (flight.state(t), flight.state(-1))
+
+
+def _stay(model: Model, flights: list[_Flight]) -> None:
+    """Leave all robots where they are, from each one's last step to the horizon."""
+    for robot, flight in enumerate(flights):
+        for t in range(len(flight.path), model.problem.horizon + 1):
+            _move(model, flights, robot, t, np.array(flight.path[-1:]))
 
 
 def _move(model: Model, flights: list[_Flight], robot: int, t: int, heads: IntArray) -> None:
