@@ -16,7 +16,7 @@ _DRAWN_IN = 0.01  # of the way to the middle, so that no ray grazes the ground
 ROUNDING = 1e-6  # m, much more than that of coordinates
 
 
-class Bodies(NamedTuple):
+class _Bodies(NamedTuple):
     """The actors as wholes at one step.
 
     In most views an actor is wholly visible or wholly hidden, which a few rays to points all over
@@ -36,7 +36,7 @@ class Faces(NamedTuple):
     areas: FloatArray  # [F] m2
     centres: FloatArray  # [F, 3] m
     samples: Samples  # targets of rays
-    bodies: Bodies
+    bodies: _Bodies
     terrain: Occluders
     actors: Occluders
     triangle_faces: IntArray  # [n] face of each triangle of `actors`
@@ -94,7 +94,7 @@ class FaceGeometry:
             areas=np.array(lengths) / 2,
             centres=np.array([part.shares @ part.points for part in samples]).reshape(-1, 3),
             samples=Samples.joined(samples),
-            bodies=Bodies(*_spheres(padded, self._problem), _evenly(wholes)),
+            bodies=_Bodies(*_spheres(padded, self._problem), _evenly(wholes)),
             terrain=self._terrain,
             actors=Occluders(triangles, self.origin, owners),
             triangle_faces=triangle_faces,
