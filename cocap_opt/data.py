@@ -37,9 +37,10 @@ def require(condition: bool, field: str, allowed: str) -> None:
 
 def within(value: float, low: float, high: float, field: str, unit: str = "") -> None:
     """Require low <= value <= high."""
-    # False for nan, too.
     allowed = f"must be {low:g}..{high:g} {unit}".rstrip()
-    require(low <= value <= high, field, f"{allowed}, not {value}")
+    is_number = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
+    # False for nan, too.
+    require(is_number and low <= value <= high, field, f"{allowed}, not {value!r}")
 
 
 def whole(value: object, field: str) -> None:

@@ -11,6 +11,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from enum import StrEnum
+from numbers import Real
 from types import FrameType
 
 
@@ -65,10 +66,16 @@ class Stop:
 never = Stop()
 
 
+def _require_number(name: str, value: float) -> None:
+    if not isinstance(value, Real) or math.isnan(value):
+        raise TypeError(f"{name}: must be a number, not {value!r}")
+
+
 class TimeLimit(Stop):
     """Reached `seconds` after it was made."""
 
     def __init__(self, seconds: float) -> None:
+        _require_number("seconds", seconds)
         self._seconds = seconds
         self._deadline = time.monotonic() + seconds
 
@@ -93,6 +100,7 @@ class WorkLimit(Stop):
     """
 
     def __init__(self, units: int) -> None:
+        _require_number("units", units)
         self._units = self._left = units
 
     def reached(self) -> Limit | None:
@@ -111,6 +119,8 @@ class FirstOf(Stop):
     """Reached when any of its criteria is; all are asked each time."""
 
     def __init__(self, *criteria: Stop) -> None:
+        if wrong := [stop for stop in criteria if not isinstance(stop, Stop)]:
+            raise TypeError(f"criteria: must be stopping criteria, not {wrong[0]!r}")
         self._criteria = criteria
 
     def reached(self) -> Limit | None:

@@ -6,6 +6,9 @@ from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
+import msgspec
+import numpy as np
+
 from cocap_opt.files.documents import (
     PlanFile,
     SceneFile,
@@ -66,7 +69,9 @@ def load(scene: str | Path, seed: int = 0, **options: str) -> Problem:
     >>> problem = co.load("bottleneck", seed=3)
     """
     words = {name.replace("_", "-"): word for name, word in options.items()}
-    return load_scene(str(scene), seed, words)
+    _require(scene, "scene", "a name or a file", str, Path)
+    _require(seed, "seed", "a whole number", int, np.integer)
+    return load_scene(str(scene), int(seed), words)
 
 
 def plan(
@@ -105,6 +110,7 @@ def plan(
     >>> result.plot()
     """
     call, clock = _named("planner", planner, PLANNERS), Clock()
+    _require_problem(problem)
     return _whole(call(problem, _limits(time_limit, stop)), problem, planner, clock)
 
 
@@ -145,6 +151,7 @@ def bound(
     >>> co.bound(problem, time_limit=10).bound
     """
     call, clock = _named("method", method, BOUNDS), Clock()
+    _require_problem(problem)
     result = call(problem, _limits(time_limit, stop), _plan_of(start), report)
     return _whole(result, problem, method, clock)
 
@@ -188,6 +195,8 @@ def solve(
     --------
     >>> co.solve(co.load("corridor"), time_limit=60).summary()
     """
+    _require_problem(problem)
+    _require(gap, "gap", "a number", int, float, np.number)
     if not 0 <= gap < 1:
         raise ValueError(f"gap: must be at least 0 and less than 1, not {gap}")
     call, clock = _named("method", method, EXACT), Clock()
@@ -216,9 +225,10 @@ def check(problem: Problem, plan: Plan | Result) -> Verdict:
     ValueError
         If the result has no plan.
     """
+    _require_problem(problem)
     own = _plan_of(plan)
     if own is None:
-        raise ValueError("plan: the result has none")
+        raise ValueError("plan: there is none")
     return judge_plan(problem, own)
 
 
@@ -261,6 +271,10 @@ def verify(problem: Problem, *claims: Plan | Result | Bound) -> Verified:
     --------
     >>> co.verify(problem, result.plan, result.certificate).gap
     """
+    _require_problem(problem)
+    for claim in claims:
+        words = "a plan, a result, a certificate or a proof; `read` reads files of them"
+        _require(claim, "claims", words, Plan, Result, CertificateFile, ProofFile)
     plans = [p for p in map(_plan_in, claims) if p is not None]
     bounds = [b for b in map(_bound_in, claims) if b is not None]
     if len(plans) > 1:
@@ -360,10 +374,18 @@ def show(problem: Problem, *plans: Plan | Result) -> "Player":
     Returns
     -------
     Player
+
+    Raises
+    ------
+    ValueError
+        If a plan cannot be flown in this problem; one that breaks collision rules is shown.
     """
     from cocap_opt.experiments.report.player import Player
 
+    _require_problem(problem)
     known = [(given, own) for given in plans if (own := _plan_of(given)) is not None]
+    for n, (_, own) in enumerate(known, 1):
+        _require_flown(f"plan {n}", judge_plan(problem, own))
     return Player(problem, [(_title(n, given), own) for n, (given, own) in enumerate(known, 1)])
 
 
@@ -383,8 +405,10 @@ def save(
     FileError
         If the file cannot be written.
     ValueError
-        If a plan comes without its problem, or a result has no plan.
+        If a plan comes without its problem or cannot be flown in it, or a result has no plan.
     """
+    words = "a problem, a plan, a result, a certificate or a proof"
+    _require(content, "content", words, Problem, Plan, Result, CertificateFile, ProofFile)
     if isinstance(content, Result):
         problem = content.problem if problem is None else problem
     document = (
@@ -427,11 +451,27 @@ def read(path: str | Path) -> Problem | Plan | Bound:
 # -- parts --------------------------------------------------------------------------------
 
 
+def _require(value: object, name: str, allowed: str, *kinds: type) -> None:
+    """Raises TypeError, in words, if a value is of none of these kinds."""
+    if not isinstance(value, kinds) or isinstance(value, bool):
+        raise TypeError(f"{name}: must be {allowed}, not {value!r}")
+
+
+def _require_problem(problem: object) -> None:
+    _require(problem, "problem", "a Problem; `load` makes one of a scene's name or file", Problem)
+
+
+def _require_flown(name: str, verdict: Verdict) -> None:
+    """Raises ValueError if a plan cannot be flown."""
+    if verdict.violations:
+        raise ValueError(f"{name}: {verdict.violations[0]}")
+
+
 def _named(kind: str, given: str | M, known: Mapping[str, M]) -> M:
     """The method itself, or the one of this name."""
-    if not isinstance(given, str):
+    if callable(given) and not isinstance(given, str):
         return given
-    if given not in known:
+    if not isinstance(given, str) or given not in known:
         raise ValueError(f"{kind}: must be one of {', '.join(known)}, not {given!r}")
     return known[given]
 
@@ -448,8 +488,10 @@ def _whole(result: R, problem: Problem, method: object, clock: Clock) -> R:
 
 
 def _limits(seconds: float | None, stop: Stop) -> Stop:
+    _require(stop, "stop", "a stopping criterion, such as WorkLimit(100)", Stop)
     if seconds is None:
         return stop
+    _require(seconds, "time_limit", "a number of seconds >= 0", int, float, np.number)
     if not seconds >= 0:
         raise ValueError(f"time_limit: must be a number of seconds >= 0, not {seconds}")
     return FirstOf(stop, TimeLimit(seconds))
@@ -478,7 +520,14 @@ def _nobody(message: str) -> None:
 
 
 def _plan_of(given: Plan | Result | None) -> Plan | None:
-    return given.plan if isinstance(given, Result) else given
+    """Returns the plan, of a result its plan; its states may be plain tuples."""
+    if given is None or isinstance(given, Result):
+        return None if given is None else given.plan
+    _require(given, "plan", "a Plan or a Result; `read` reads files of plans", Plan)
+    try:
+        return msgspec.convert(msgspec.to_builtins(given), Plan)
+    except msgspec.ValidationError as error:
+        raise ValueError(f"plan: {error}") from None
 
 
 def _title(number: int, given: Plan | Result) -> str:
@@ -511,8 +560,11 @@ def _plan_file(content: Plan | Result, problem: Problem | None) -> PlanFile:
         raise ValueError("content: the result has no plan")
     if problem is None:
         raise ValueError("problem: a plan is written with the problem that it is for")
+    _require_problem(problem)
+    verdict = judge_plan(problem, own)
+    _require_flown("plan", verdict)
     planner = content.method if isinstance(content, Result) else ""
     return PlanFile(
         scene=problem.name, digest=problem_digest(problem), planner=planner,
-        reward=judge_plan(problem, own).reward, plan=own,
+        reward=verdict.reward, plan=own,
     )  # fmt: skip
