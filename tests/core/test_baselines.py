@@ -139,7 +139,7 @@ def test_goals_are_reached_or_missed_in_words(planner: Planner) -> None:
     assert [path[-1].x for path in plan.paths] == [0, 5]
     failed = planner(line(3, 0, 2, goals=(2, 0), horizon=4), never)
     assert (failed.plan, failed.reason, failed.value) == (None, Reason.FAILED, -math.inf)
-    assert "robot" in failed.message and "failed_robot" in failed.statistics
+    assert "drone" in failed.message and "failed_robot" in failed.statistics
     stopped = planner(line(6, 1, 3, goals=(0, 5), horizon=2), Calls(0))
     assert (stopped.plan, stopped.reason, stopped.limit) == (None, Reason.STOPPED, Limit.TIME)
 
