@@ -340,23 +340,28 @@ def gap(
     """
     from pandas import DataFrame
 
+    from cocap_opt.experiments.console.options import Option
     from cocap_opt.experiments.results.rows import Row
     from cocap_opt.experiments.sweeps.instances import Instance, Settings
     from cocap_opt.experiments.sweeps.scenes import Scenes
     from cocap_opt.experiments.sweeps.sweep import Hired, sweep
 
-    _require_sweep(planners or (), time_limit, work_limit, workers)
+    # Before anything is computed; numbers of NumPy become plain ones.
+    settings = Settings(time_limit=time_limit, bound_time_limit=time_limit, work_limit=work_limit)
+    _require_sweep(planners or (), settings.time_limit, settings.work_limit, workers)
+    hired = Hired(Option("workers").require_cores(workers), None, settings.cell_limit)
+    if not isinstance(seeds, Iterable):
+        raise ValueError(f"seeds: must be several, such as range(3), not {seeds!r}")
+    whole = tuple(Option("seeds").require_whole(seed) for seed in seeds)
     given = [scenes] if isinstance(scenes, str | Path | Problem) else list(scenes)
     words = [str(scene) for scene in given if not isinstance(scene, Problem)]
-    named = Scenes(words, tuple(seeds), tell=_nobody)
+    named = Scenes(words, whole, tell=_nobody)
     problems = [(problem, seed) for (_, seed), problem in named.problems.items()]
     problems += [(scene, 0) for scene in given if isinstance(scene, Problem)]
     names = [(problem.name, seed) for problem, seed in problems]
     if len(set(names)) < len(names):
         raise ValueError("scenes: two are called the same; give them other names")
-    settings = Settings(time_limit=time_limit, bound_time_limit=time_limit, work_limit=work_limit)
     instances = [Instance(problem, seed, planners, settings) for problem, seed in problems]
-    hired = Hired(workers, None, settings.cell_limit)
     folder = None if out is None else Path(out)
     rows = sweep(instances, folder, hired, is_same=named.is_same, quiet=True)
     return DataFrame(Row.records(rows))

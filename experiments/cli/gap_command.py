@@ -11,6 +11,7 @@ from cocap_opt.experiments.cli.options import (
     Json,
     Seconds,
     Work,
+    Workers,
     allowed,
     load,
 )
@@ -48,9 +49,7 @@ def _gap(
         list[Path] | None,
         Parameter(negative="", help="may be repeated; a file whose plan gets a row, too"),
     ] = None,
-    workers: Annotated[
-        int | None, Parameter(help="processes, each on a core of its own; this one if not given")
-    ] = None,
+    workers: Workers = None,
     scheduler: Annotated[
         str | None, Parameter(help="address of a dask scheduler, whose workers are used")
     ] = None,

@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated
 
-from cyclopts import Parameter
+from cyclopts import Parameter, Token
 
-from cocap_opt.experiments.console.options import LARGEST, Option, UsageError
+from cocap_opt.experiments.console.options import Option, UsageError
 from cocap_opt.experiments.results.judging import Allowance
 from cocap_opt.experiments.results.rows import Row
 from cocap_opt.problem import Problem
@@ -17,15 +17,27 @@ from cocap_opt.scenarios import NOTHING, load_scene
 _log = logging.getLogger(__name__)
 
 DEFAULT_SECONDS = 60.0
-Seed = Annotated[int, Parameter(help="seed of the scene, >= 0")]
+
+
+def _whole(kind: object, tokens: Sequence[Token]) -> int:
+    """Returns the whole number that is given to an option; a fraction is refused, not rounded."""
+    return Option(tokens[0].keyword or "").whole(tokens[0].value)
+
+
+Seed = Annotated[int, Parameter(converter=_whole, help="seed of the scene, >= 0")]
 Seconds = Annotated[float, Parameter(name="--time-limit", help="seconds for each computation")]
 Work = Annotated[
     int | None,
     Parameter(
         name="--work-limit",
+        converter=_whole,
         help="units of work for each computation: pricing rounds, or nodes of CoCap's tree; "
         "results then are the same on every machine that needs no more seconds than allowed",
     ),
+]
+Workers = Annotated[
+    int | None,
+    Parameter(converter=_whole, help="processes, each on a core of its own; this one if not given"),
 ]
 Json = Annotated[bool, Parameter(name="--json", negative="", help="print one JSON object")]
 Output = Annotated[Path | None, Parameter(name=["-o", "--output"], help="file to write")]
@@ -43,8 +55,7 @@ OfPlanners = Annotated[
 
 def load(scene: str, seed: int, options: Mapping[str, str] = NOTHING) -> Problem:
     """Returns a scene by its name or file, and logs what is doubtful in it."""
-    if not 0 <= seed <= LARGEST:
-        raise UsageError(f"--seed: must be 0..{LARGEST}, not {seed}")
+    Option("--seed").require_whole(seed)
     problem = load_scene(scene, seed, options)
     for doubt in doubts(problem):
         _log.warning("%s: %s", scene, doubt)
@@ -53,10 +64,9 @@ def load(scene: str, seed: int, options: Mapping[str, str] = NOTHING) -> Problem
 
 def allowed(seconds: float, work: int | None) -> Allowance:
     """Returns what --time-limit and --work-limit allow, if that is possible."""
-    Option("--time-limit").require_seconds(seconds)
-    if work is not None and not 0 <= work <= LARGEST:
-        raise UsageError(f"--work-limit: must be 0..{LARGEST}, not {work}")
-    return Allowance(seconds, work)
+    if work is not None:
+        work = Option("--work-limit").require_whole(work)
+    return Allowance(Option("--time-limit").require_seconds(seconds), work)
 
 
 def chosen(

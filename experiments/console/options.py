@@ -2,12 +2,13 @@
 
 import math
 from collections.abc import Iterable, Sequence
+from numbers import Real
 from pathlib import Path
 from typing import NamedTuple
 
 from cocap_opt.vision.coverage import usable_cores
 
-LARGEST = 2**63 - 1  # what JSON readers can take
+LARGEST = 9 * 10**15  # below 2**53, up to which JSON readers tell whole numbers apart
 _MOST = 100_000  # numbers in a list
 
 
@@ -31,18 +32,45 @@ class Option(NamedTuple):
         if value not in words:
             raise UsageError(f"{self.name}: must be one of {', '.join(words)}, not {value!r}")
 
-    def require_seconds(self, value: float) -> None:
-        """Refuses a value that is negative, infinite or no number.
+    def require_seconds(self, value: object) -> float:
+        """Returns seconds as a plain float; refuses what is negative, too large or no number.
 
         With 0 seconds everything is done but the search for better plans and bounds.
         """
-        if not (value >= 0 and math.isfinite(value)):
-            raise UsageError(f"{self.name}: must be a finite number of seconds >= 0, not {value}")
+        seconds = _number(value)
+        if not 0 <= seconds <= LARGEST:
+            raise UsageError(
+                f"{self.name}: must be a finite number of seconds, 0..{LARGEST}, not {value!r}"
+            )
+        return seconds
 
-    def require_cores(self, count: int | None) -> None:
-        """Refuses a number of processes unless there is at least one, and a core for each."""
-        if count is not None and not 1 <= count <= usable_cores():
-            raise UsageError(f"{self.name}: must be 1..{usable_cores()}, a core each, not {count}")
+    def require_whole(self, value: object, words: str = f"0..{LARGEST}") -> int:
+        """Returns a whole number >= 0 as a plain int; refuses all else, also fractions.
+
+        Parameters
+        ----------
+        words : what is allowed, for the message
+        """
+        number = _number(value)
+        if not (0 <= number <= LARGEST and number.is_integer()):
+            raise UsageError(f"{self.name}: must be {words}, whole, not {value!r}")
+        return int(number)
+
+    def require_cores(self, count: object) -> int | None:
+        """Returns a number of processes; refuses it unless it is >= 1, with a core for each."""
+        if count is None:
+            return None
+        words = f"1..{usable_cores()}, a core each"
+        number = self.require_whole(count, words)
+        if not 1 <= number <= usable_cores():
+            raise UsageError(f"{self.name}: must be {words}, not {count}")
+        return number
+
+    def whole(self, text: str) -> int:
+        """Returns the whole number that a word is; one such as 1.5 is refused, not rounded."""
+        if not text.removeprefix("-").isdecimal() or len(text) > len(str(LARGEST)):
+            raise UsageError(f"{self.name}: must be 0..{LARGEST}, whole, not {text[:40]!r}")
+        return int(text)
 
     def numbers(self, text: str) -> tuple[int, ...]:
         """Returns the numbers of a list of numbers and ranges such as "0-9,12", each once."""
@@ -61,7 +89,8 @@ class Option(NamedTuple):
             raise UsageError(
                 f"{self.name}: must be numbers and ranges such as 0-9,12, not {text!r}"
             )
-        if max(map(len, ends)) >= len(str(LARGEST)):
+        longest = max(map(len, ends))
+        if longest > len(str(LARGEST)) or max(map(int, ends)) > LARGEST:
             raise UsageError(f"{self.name}: must be 0..{LARGEST}")
         wanted = range(int(first), int(last or first) + 1)
         if not wanted:
@@ -87,3 +116,13 @@ class Option(NamedTuple):
             words = " or ".join(filter(None, (", ".join(allowed[:-1]), allowed[-1])))
             raise UsageError(f"{self.name}: name a file that ends in {words}")
         return suffix
+
+
+def _number(value: object) -> float:
+    """Returns a number of Python or NumPy as a float; nan for all else, truth values included."""
+    if isinstance(value, bool) or not isinstance(value, Real):
+        return math.nan
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf

@@ -5,9 +5,11 @@ same scene. Limits are columns of the rows, so that commands with other limits a
 a scene, a seed and a planner there is one row, the newest, so that means and differences are over
 one row per seed. The cells of both stay, and the earlier command brings its row back at no cost.
 An instance that runs again takes its earlier planners along, so that one bound, by the limits of
-the newest command, holds for all of its rows.
+the newest command, holds for all of its rows. Only where an earlier command has proved a lower
+bound on the same scene, and its certificate is there still, is that one kept, with its limits.
 """
 
+import math
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -15,18 +17,28 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import NamedTuple
 
+import msgspec
+
 from cocap_opt.experiments.console.streams import say
 from cocap_opt.experiments.results.files import make_folder
-from cocap_opt.experiments.results.judging import SOLVERS
+from cocap_opt.experiments.results.judging import ROUNDING, SOLVERS
 from cocap_opt.experiments.results.layout import FOLDERS, Paths
 from cocap_opt.experiments.results.printing import counted
-from cocap_opt.experiments.results.rows import Row
-from cocap_opt.experiments.sweeps.cells import Store
+from cocap_opt.experiments.results.rows import BoundColumns, Row
+from cocap_opt.experiments.sweeps.cells import BOUND, FREE, RULES, CellFile, Status, Store
 from cocap_opt.experiments.sweeps.instances import Instance, Key
 from cocap_opt.experiments.sweeps.results import RESULTS, load_results
-from cocap_opt.experiments.sweeps.run_file import Run, RunFile
+from cocap_opt.experiments.sweeps.run_file import RUN, Run, RunFile
 from cocap_opt.files.atomic_write import UNFINISHED
-from cocap_opt.files.documents import FileError, PlanFile, decode_document, read_bytes
+from cocap_opt.files.documents import (
+    FileError,
+    PlanFile,
+    decode_document,
+    problem_digest,
+    read_bytes,
+)
+from cocap_opt.formulations.certificates import CertificateFile, ProofFile
+from cocap_opt.problem import Problem
 from cocap_opt.referee import check
 
 if sys.platform != "win32":
@@ -47,8 +59,11 @@ def only_writer(folder: Path | None) -> Iterator[None]:
     Raises
     ------
     FileError
-        If the folder cannot be made, or another command writes there.
+        If the folder cannot be made, or another command writes there, or its run.json cannot be
+        read, as that of a newer version; nothing is changed then.
     """
+    if folder is not None and (folder / RUN).exists():
+        RunFile.load(folder)
     make_folder(folder, *FOLDERS)
     if folder is None:
         yield
@@ -98,7 +113,9 @@ class Earlier(NamedTuple):
         assert len(by_key) == len(instances), "a scene and seed twice"
         found = _of_same_code(folder)._without_other_scenes(folder, by_key, is_same)
         for key, instance in by_key.items():
-            _rejoin(instance, found.rows.get(key, []), folder)
+            if rows := found.rows.get(key):
+                _rejoin(instance, rows, folder)
+                instance.earlier_bound = _earlier_bound(instance, rows[0], folder)
         return found
 
     def _without_other_scenes(
@@ -129,11 +146,10 @@ def _of_same_code(folder: Path) -> Earlier:
     if not (folder / RESULTS).exists():
         return nothing
     rows = load_results(folder)
-    try:
-        file = RunFile.load(folder)
-    except FileError as error:
-        _tell_leaving(folder, rows, f"unknown code ({error})")
+    if not (folder / RUN).exists():  # a command was killed before it wrote that
+        _tell_leaving(folder, rows, f"unknown code (there is no {RUN})")
         return nothing
+    file = RunFile.load(folder)
     if not file.is_of_this_code:
         _tell_leaving(folder, rows, "another version of the code")
         return nothing
@@ -179,6 +195,40 @@ def _is_given(instance: Instance, name: str, path: Path) -> bool:
         return False
     instance.give(name, found.plan)
     return True
+
+
+def _earlier_bound(instance: Instance, row: Row, folder: Path) -> CellFile | None:
+    """Returns the bound of an earlier row with its certificates; None if they do not prove it."""
+    problem, paths = instance.problem, Paths(row)
+    bounds = {RULES: (problem, row.bound), FREE: (problem.without_rules(), row.bound_free)}
+    certificates, traces = {}, {}
+    for name, (bounded, value) in bounds.items():
+        # One bound is both where there are no rules.
+        is_free = name == FREE and bounded is not problem
+        content = _proof(folder / paths.certificate(is_free), bounded, value)
+        if content is None:
+            return None
+        if is_free or name == RULES:
+            certificates[name] = msgspec.Raw(content)
+        with suppress(FileError):
+            traces[name] = read_bytes(folder / paths.trace(name == FREE)).decode()
+    return CellFile(
+        cell=instance.cell(BOUND), status=Status.FINISHED, certificates=certificates, traces=traces,
+        columns=BoundColumns(**{
+            field: getattr(row, field) for field in BoundColumns.__dataclass_fields__
+        } | {"certificate": "", "certificate_free": ""}),
+    )  # fmt: skip
+
+
+def _proof(path: Path, problem: Problem, bound: float | None) -> bytes | None:
+    """Returns the content of a certificate's file, if it claims this bound on this problem."""
+    try:
+        content = read_bytes(path)
+        found = decode_document(content, str(path), CertificateFile, ProofFile)
+    except FileError:
+        return None
+    is_of_it = bound is not None and math.isclose(found.proved, bound, rel_tol=ROUNDING)
+    return content if is_of_it and found.digest == problem_digest(problem) else None
 
 
 def _words(key: Key) -> str:

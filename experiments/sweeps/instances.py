@@ -3,23 +3,27 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 import msgspec
 from msgspec import UNSET
 
+from cocap_opt.experiments.console.options import Option
 from cocap_opt.experiments.results.judging import (
     Judged,
     RefereeError,
 )
 from cocap_opt.experiments.results.rows import OWN_STARTS, BoundColumns, PlannedRow, Row
-from cocap_opt.experiments.sweeps.cells import BOUND, Cell, CellFile, Status, Store
+from cocap_opt.experiments.sweeps.cells import BOUND, FREE, RULES, Cell, CellFile, Status, Store
 from cocap_opt.experiments.sweeps.start import BoundStart
 from cocap_opt.experiments.sweeps.work import Task
 from cocap_opt.files.documents import problem_digest
+from cocap_opt.formulations.result import OPTIMALITY
 from cocap_opt.problem import Plan, Problem
-from cocap_opt.result import Reason, Result
+from cocap_opt.result import Reason, Result, relative_gap
+from cocap_opt.stop import Limit
 
+_T = TypeVar("_T")
 Key = tuple[str, int | None]  # scene and seed; None where the starts are the scene file's own
 
 
@@ -30,6 +34,15 @@ class Settings(msgspec.Struct, frozen=True, kw_only=True):
     bound_time_limit: float  # s, for each of the two bounds
     work_limit: int | None = None  # units of work, for each planner and each bound
     rendered: bool = False  # J of the rendered pixels is wanted, too
+
+    def __post_init__(self) -> None:
+        """Makes plain numbers of NumPy's, and raises UsageError for what is no limit."""
+        for name in ("time_limit", "bound_time_limit"):
+            seconds = Option(name).require_seconds(getattr(self, name))
+            msgspec.structs.force_setattr(self, name, seconds)
+        if self.work_limit is not None:
+            units = Option("work_limit").require_whole(self.work_limit)
+            msgspec.structs.force_setattr(self, "work_limit", units)
 
     @property
     def cell_limit(self) -> float:
@@ -59,6 +72,7 @@ class Instance:
     cells : of the planners, by name; that of the bound is known once all of these are found
     found : the cells of planners that have ended, with their results
     bound : the cell of the bound, once it has ended
+    earlier_bound : what an earlier command has proved of the same scene, with its certificates
     is_cut : Ctrl-C has cut one of them short
     """
 
@@ -77,6 +91,7 @@ class Instance:
         self.cells: dict[str, Cell] = {}
         self.found: dict[Cell, CellFile] = {}
         self.bound: CellFile | None = None
+        self.earlier_bound: CellFile | None = None
         self.is_cut = False
         for name, plan in (given or {}).items():
             self.give(name, plan)
@@ -176,12 +191,25 @@ class Instance:
 
     def rows(self) -> list[Row]:
         """Returns a row per plan; a cell that failed has one, too."""
-        assert self.bound is not None
-        bound = _bound_columns(self.bound)
+        bound = _bound_columns(self.proved())
         rows = [Row.joined(planned, bound, self.digest) for planned in self._planned_rows()]
         if self._own_starts:
             rows = [replace(row, seed=None, starts=OWN_STARTS) for row in rows]
         return rows
+
+    def proved(self) -> CellFile:
+        """Returns the bound, as the lower of its own and the earlier one, with rules and without.
+
+        A bound that ended by an error stays one: it may be the earlier bound that is wrong.
+        """
+        assert self.bound is not None
+        earlier = self.earlier_bound
+        if earlier is None or self.bound.status is Status.ERROR:
+            return self.bound
+        try:
+            return self.held(_lower(self.bound, earlier))
+        except RefereeError as error:
+            return CellFile.failed(self.bound.cell, Status.ERROR, f"RefereeError: {error}")
 
     def _planned_rows(self) -> list[PlannedRow]:
         return [self._planned_row(self.found[cell]) for cell in self.cells.values()]
@@ -206,6 +234,58 @@ def _bound_columns(content: CellFile) -> BoundColumns:
         bound_reason=status, bound_free_reason=status, bound_time_limit=content.cell.time_limit,
         bound_work_limit=content.cell.work_limit,
     )  # fmt: skip
+
+
+# What belongs to each of the two bounds: its columns, after its value; the limits are columns of
+# both, and stay with the bound under the rules.
+_COLUMNS_OF = {
+    RULES: (
+        "bound", "bound_method", "bound_reason", "bound_limit", "bound_seconds",
+        "bound_time_limit", "bound_work_limit",
+    ),
+    FREE: ("bound_free", "bound_free_reason", "bound_free_limit", "bound_free_seconds"),
+}  # fmt: skip
+_OPTIMA = {RULES: "optimum", FREE: "optimum_free"}
+
+
+def _lower(new: CellFile, earlier: CellFile) -> CellFile:
+    """Returns a bound's cell with the lower of two bounds, and the larger of the best known J."""
+    assert earlier.columns is not None
+    columns, certificates, traces = _bound_columns(new), dict(new.certificates), dict(new.traces)
+    for name, (value, *others) in _COLUMNS_OF.items():
+        if _or(earlier.columns, value, math.inf) < _or(columns, value, math.inf):
+            taken = {field: getattr(earlier.columns, field) for field in (value, *others)}
+            columns = replace(columns, **taken)
+            _move(name, earlier.certificates, certificates)
+            _move(name, earlier.traces, traces)
+        best = max((columns, earlier.columns), key=lambda c: _or(c, _OPTIMA[name], -math.inf))
+        columns = replace(columns, **{_OPTIMA[name]: getattr(best, _OPTIMA[name])})
+        columns = replace(columns, **_met(columns, name))
+    return msgspec.structs.replace(
+        new, status=Status.FINISHED, columns=columns, certificates=certificates, traces=traces
+    )
+
+
+def _or(columns: BoundColumns, name: str, missing: float) -> float:
+    value: float | None = getattr(columns, name)
+    return missing if value is None else value
+
+
+def _move(name: str, source: Mapping[str, _T], target: dict[str, _T]) -> None:
+    """Replaces an entry by that of another mapping, which may have none."""
+    target.pop(name, None)
+    if name in source:
+        target[name] = source[name]
+
+
+def _met(columns: BoundColumns, name: str) -> dict[str, Any]:
+    """Returns the columns that say so, if the best known J meets the bound."""
+    bound = _COLUMNS_OF[name][0]
+    value, best = _or(columns, bound, math.inf), _or(columns, _OPTIMA[name], -math.inf)
+    RefereeError.unless_bound(f"{bound} of two commands", best, value)
+    if relative_gap(best, value) > OPTIMALITY:
+        return {}
+    return {f"{bound}_reason": str(Reason.OPTIMAL), f"{bound}_limit": str(Limit.NONE)}
 
 
 def _require_bounds(plan: PlannedRow, bound: BoundColumns) -> None:

@@ -18,12 +18,13 @@ from cocap_opt.experiments.results.files import save_bytes, save_csv
 from cocap_opt.experiments.results.layout import Paths
 from cocap_opt.experiments.results.printing import Record
 from cocap_opt.experiments.results.rows import COLUMNS, Row
-from cocap_opt.experiments.sweeps.cells import FREE, RULES
+from cocap_opt.experiments.sweeps.cells import FREE, RULES, CellFile
 from cocap_opt.experiments.sweeps.folder import Earlier
 from cocap_opt.experiments.sweeps.instances import Instance
 from cocap_opt.experiments.sweeps.results import RESULTS
 from cocap_opt.experiments.sweeps.run_file import RUN, Run, RunFile
 from cocap_opt.files.documents import FileError, SceneFile, encode
+from cocap_opt.problem import Problem
 
 _PARQUET = "results.parquet"
 _Files = dict[Path, bytes | None]  # None: there is to be none
@@ -94,26 +95,24 @@ class Output:
 
 def _published(folder: Path, instance: Instance) -> list[Row]:
     """Writes the files of an instance that is whole; returns its rows, which name them."""
-    assert instance.bound is not None
-    rows = instance.rows()
+    rows, bound = instance.rows(), instance.proved()
     files: _Files = {Paths(rows[0]).scene: encode(SceneFile(problem=instance.problem))}
     for row, cell in zip(rows, instance.cells.values(), strict=True):
         plan = instance.found[cell].plan
         files[Paths(row).plan] = None if plan is None else encode(plan)
-    named, files_of_bound = _certificates(instance, Paths(rows[0]))
+    named, files_of_bound = _certificates(instance.problem, bound, Paths(rows[0]))
     for path, content in (files | files_of_bound).items():
         _put(folder / path, content)
     # Proofs can be large, and are on disk now.
-    instance.bound = msgspec.structs.replace(instance.bound, certificates={}, traces={})
+    instance.bound = msgspec.structs.replace(bound, certificates={}, traces={})
+    instance.earlier_bound = None
     return [
         replace(row, certificate=named[RULES], certificate_free=named[FREE]) for row in rows
     ]  # fmt: skip
 
 
-def _certificates(instance: Instance, paths: Paths) -> tuple[dict[str, str], _Files]:
+def _certificates(problem: Problem, bound: CellFile, paths: Paths) -> tuple[dict[str, str], _Files]:
     """Returns the names of the certificates, and the files of the bound."""
-    bound = instance.bound
-    assert bound is not None
     files: _Files = {}
     named = {}
     for name in (RULES, FREE):
@@ -122,7 +121,7 @@ def _certificates(instance: Instance, paths: Paths) -> tuple[dict[str, str], _Fi
         files[path] = bound.certificate(name) if known else None
         files[paths.trace(free=is_free)] = None if text is None else text.encode()
         named[name] = path.as_posix() if known else ""
-    if instance.problem.without_rules() is instance.problem:  # one bound is both
+    if problem.without_rules() is problem:  # one bound is both
         named[FREE] = named[RULES]
     return named, files
 

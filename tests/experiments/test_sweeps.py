@@ -15,6 +15,7 @@ from pathlib import Path
 
 import dask
 import msgspec
+import numpy as np
 import pytest
 from distributed import Client, LocalCluster
 from sources import reached
@@ -53,7 +54,7 @@ from cocap_opt.formulations.certificates import CertificateFile, ProofFile
 from cocap_opt.model import compiled
 from cocap_opt.problem import NO_RULES, Plan, Problem
 from cocap_opt.referee import check
-from cocap_opt.result import Reason, Result
+from cocap_opt.result import Reason, Result, relative_gap
 from cocap_opt.scenarios import load_scene
 from cocap_opt.scenarios.built_in.field import field
 from cocap_opt.stop import Interrupt, Limit, Stop, never
@@ -1059,3 +1060,168 @@ def test_planners_that_are_not_named_are_not_tried_again(tmp_path: Path) -> None
     sweep([again], folder, retry=True)
     reasons = {row.planner: row.reason for row in load_results(folder)}
     assert reasons == {"sequential": "finished", "greedy": "finished", "cocap": "exceeded"}
+
+
+def rows_by_planner(folder: Path) -> dict[str, Row]:
+    """The table of one scene and seed, by planner."""
+    return {row.planner or "": row for row in load_results(folder)}
+
+
+PROVED = (
+    "bound", "bound_method", "bound_reason", "bound_limit", "bound_seconds", "bound_time_limit",
+    "bound_work_limit", "certificate", "bound_free", "bound_free_reason", "bound_free_limit",
+    "bound_free_seconds", "certificate_free",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("planner", ["greedy", "cocap"])
+def test_a_proved_bound_is_not_replaced_by_a_weaker_one(planner: str, tmp_path: Path) -> None:
+    """Any certificate holds for the scene: the lower one stays, with columns and files."""
+    words = ["tiny-queue", "--planner"]
+    assert commands.run(["gap", *words, "cocap", "--out", str(tmp_path)]) == 0
+    (first,) = load_results(tmp_path)
+    files = {
+        p: p.read_bytes() for d in ("certificates", "traces") for p in (tmp_path / d).iterdir()
+    }
+    fresh = tmp_path / "fresh"
+    assert gap(fresh, *words, planner) == 0
+    (weak,) = load_results(fresh)
+    assert first.bound and weak.bound and weak.bound > first.bound
+    assert gap(tmp_path, *words, planner) == 0
+    rows = rows_by_planner(tmp_path)
+    assert set(rows) == {"cocap", planner}
+    for row in rows.values():
+        assert [getattr(row, name) for name in PROVED] == [getattr(first, name) for name in PROVED]
+        assert row.optimum == first.optimum and row.optimum_free == first.optimum_free
+        assert row.conflicts or row.gap == relative_gap(row.reward or 0.0, first.bound)
+    assert {path: path.read_bytes() for path in files} == files
+
+
+def test_the_lower_of_two_bounds_is_kept_each_for_itself(tmp_path: Path) -> None:
+    """One run may have the lower bound with rules and the other that without."""
+    (instance,) = instances(range(1), ("cocap",))[:1]
+    swept([instance], tmp_path)
+    (row,) = rows_by_planner(tmp_path).values()
+    (again,) = instances(range(1), ("cocap",))[:1]
+    again.recall(Store(tmp_path))
+    assert again.bound is not None and again.bound.columns is not None and row.bound is not None
+    lower = replace(again.bound.columns, bound_free=9e9, bound_free_reason="stopped", optimum=None)
+    higher = replace(again.bound.columns, bound=8e9, bound_reason="stopped", bound_time_limit=7.0)
+    again.earlier_bound = msgspec.structs.replace(again.bound, columns=lower)
+    again.bound = msgspec.structs.replace(again.bound, columns=higher)
+    (joined,) = again.rows()
+    assert (joined.bound, joined.bound_reason) == (row.bound, row.bound_reason)
+    assert (joined.bound_free, joined.bound_free_reason) == (row.bound_free, row.bound_free_reason)
+    assert (joined.optimum, joined.bound_time_limit) == (row.optimum, 60.0)
+
+
+@pytest.mark.parametrize("what", ["gone", "damaged", "of another scene", "another bound"])
+def test_an_earlier_bound_counts_with_its_certificate_only(what: str, tmp_path: Path) -> None:
+    """A number in a table proves nothing."""
+    swept(instances(range(1), ("cocap",))[:1], tmp_path)
+    (row,) = rows_by_planner(tmp_path).values()
+    path = tmp_path / row.certificate
+    if what == "gone":
+        path.unlink()
+    elif what == "damaged":
+        path.write_bytes(path.read_bytes()[:-9])
+    elif what == "of another scene":
+        path.write_bytes(path.read_bytes().replace(row.digest.encode(), b"0" * len(row.digest)))
+    else:
+        table = tmp_path / "results.csv"
+        table.write_text(table.read_text().replace(str(row.bound), str((row.bound or 0) * 0.999)))
+    weak = Settings(time_limit=60.0, bound_time_limit=0.0)
+    swept(instances(range(1), ("greedy",), weak)[:1], tmp_path)
+    assert {row.bound_time_limit for row in load_results(tmp_path)} == {0.0}
+
+
+def test_a_bound_that_dies_leaves_the_earlier_one(tmp_path: Path) -> None:
+    """Its certificate still holds."""
+    (first,) = swept(instances(range(1), ("cocap",))[:1], tmp_path)
+    (again,) = instances(range(1), ("cocap", "greedy"))[:1]
+    again.recall(Store(tmp_path))
+    for task in again.missing():
+        again.take(task.run())
+    (task,) = again.missing()
+    Store(tmp_path).save(CellFile.failed(task.cell, Status.DIED, "it died", 1.0))
+    rows = swept([again], tmp_path)
+    assert {(row.bound, row.certificate) for row in rows} == {(first.bound, first.certificate)}
+
+
+def test_an_earlier_bound_below_a_plan_is_an_error(tmp_path: Path) -> None:
+    """One of the two is wrong, which nobody may miss."""
+    (instance,) = instances(range(1), ("cocap",))[:1]
+    swept([instance], tmp_path)
+    (again,) = instances(range(1), ("cocap",))[:1]
+    again.recall(Store(tmp_path))
+    assert again.bound is not None and again.bound.columns is not None
+    wrong = replace(again.bound.columns, bound=1e-3, optimum=None)
+    again.earlier_bound = msgspec.structs.replace(again.bound, columns=wrong)
+    assert {row.bound_reason for row in again.rows()} == {"error"}
+
+
+@pytest.mark.parametrize("has_results", [True, False])
+@pytest.mark.parametrize("what", ["newer", "damaged", "empty", "of somebody else"])
+def test_a_run_file_that_cannot_be_read_is_not_written_over(
+    what: str, has_results: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Nothing in the folder changes, and one line says why."""
+    assert gap(tmp_path / "made", "tiny-share", "--planner", "greedy") == 0
+    made = (tmp_path / "made" / "run.json").read_text()
+    contents = {"newer": made.replace('"version": 3', '"version": 4'), "damaged": made[:40]}
+    folder = tmp_path / "run"
+    folder.mkdir()
+    (folder / "run.json").write_text(contents.get(what, "" if what == "empty" else "[1, 2]"))
+    if has_results:
+        (folder / "results.csv").write_bytes((tmp_path / "made" / "results.csv").read_bytes())
+    before = {path: path.read_bytes() for path in folder.iterdir()}
+    capsys.readouterr()
+    assert gap(folder, "tiny-share", "--planner", "greedy") == 2
+    captured = capsys.readouterr()
+    assert len(captured.err.splitlines()) == 1 and "run.json" in captured.err
+    assert captured.out == ""
+    assert {path: path.read_bytes() for path in folder.iterdir()} == before
+    with pytest.raises(ValueError, match=r"run\.json"):
+        gap_frame("tiny-share", ["greedy"], out=folder)
+
+
+# -- numbers that are given ---------------------------------------------------------------
+
+NO_NUMBERS = (True, math.nan, math.inf, -1, 9.1e15, 10**400, "7", [])
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        ("time_limit", NO_NUMBERS),
+        ("work_limit", (*NO_NUMBERS, 1.5, np.float64(1.5))),
+        ("seeds", ([True], [math.nan], [-1], [1.9], [10**16], ["7"], 3, "0-9")),
+        ("workers", (*NO_NUMBERS, 1.5, 0)),
+    ],
+)
+def test_numbers_of_the_gap_table_are_checked_first(
+    name: str, values: Sequence[object], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is no such number is refused in words that name it, before a scene is loaded."""
+    monkeypatch.setattr("cocap_opt.experiments.sweeps.scenes.Scenes.__init__", None)
+    for value in values:
+        with pytest.raises(ValueError, match=f"^{name}: must be"):
+            gap_frame("tiny-queue", ["greedy"], **{name: value})  # type: ignore[arg-type]
+
+
+def test_limits_are_plain_numbers() -> None:
+    """Those of NumPy are taken; a bound's limit is checked, too."""
+    some = Settings(
+        time_limit=np.float64(5), bound_time_limit=np.int64(3), work_limit=np.int32(7)  # type: ignore[arg-type]
+    )  # fmt: skip
+    assert some == Settings(time_limit=5, bound_time_limit=3.0, work_limit=7)
+    assert [type(v) for v in (some.time_limit, some.bound_time_limit, some.work_limit)] == [
+        float, float, int
+    ]  # fmt: skip
+    for wrong in NO_NUMBERS:
+        with pytest.raises(ValueError, match=r"^bound_time_limit: must be"):
+            Settings(time_limit=1.0, bound_time_limit=wrong)  # type: ignore[arg-type]
+    frame = gap_frame(
+        "tiny-queue", ["cocap"], np.arange(2), time_limit=np.int64(9), work_limit=np.int64(0)  # type: ignore[arg-type]
+    )  # fmt: skip
+    assert list(frame.bound_limit) == ["work"]
