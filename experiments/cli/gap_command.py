@@ -68,8 +68,8 @@ def _gap(
     Planners, if none is named: greedy, sequential, cocap, cocap-vs, and with one or
     two drones joint.
     What is in the folder of --out already is not computed again; of a scene, seed
-    and planner its table has the newest row. The exit code is 1 if a planner or a
-    bound has ended by an error.
+    and planner its table has the newest row, with the lowest bound that was proved.
+    The exit code is 1 if a planner or a bound has ended by an error.
 
     Example: cocap-opt gap corridor bottleneck --seeds 0-99 --workers 2 --out results
     """

@@ -250,7 +250,11 @@ def test_the_files_that_rows_name_prove_them(tmp_path: Path) -> None:
                     content = decode_document(proof.read_bytes(), "", CertificateFile, ProofFile)
                     assert content.proved == bound
         found.append(untimed(rows))
-    assert found[0] == found[2] != found[1]
+    weak, proved, again = ({row.planner: row for row in rows} for rows in found)
+    assert weak != proved
+    for name, row in again.items():  # plans of its own limits, and the bound that was proved
+        assert (row.reward, row.time_limit) == (weak[name].reward, 0.0)
+        assert (row.bound, row.optimum) == (proved[name].bound, proved[name].optimum)
 
 
 @pytest.mark.parametrize("own_starts", [False, True])
