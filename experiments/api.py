@@ -348,7 +348,7 @@ def gap(
 
     # Before anything is computed; numbers of NumPy become plain ones.
     settings = Settings(time_limit=time_limit, bound_time_limit=time_limit, work_limit=work_limit)
-    _require_sweep(planners or (), settings.time_limit, settings.work_limit, workers)
+    _require_sweep(planners or ())
     hired = Hired(Option("workers").require_cores(workers), None, settings.cell_limit)
     if not isinstance(seeds, Iterable):
         raise ValueError(f"seeds: must be several, such as range(3), not {seeds!r}")
@@ -502,22 +502,13 @@ def _limits(seconds: float | None, stop: Stop) -> Stop:
     return FirstOf(stop, TimeLimit(seconds))
 
 
-def _require_sweep(
-    planners: Sequence[str], time_limit: float, work_limit: int | None, workers: int | None
-) -> None:
-    from cocap_opt.experiments.console.options import Option, UsageError
+def _require_sweep(planners: Sequence[str]) -> None:
+    from cocap_opt.experiments.console.options import Option
 
     if not all(isinstance(name, str) for name in planners):
         raise ValueError("planners: must be names; measure a function by co.plan and co.bound")
-    try:
-        for name in planners:
-            Option("planners").require_one_of(name, {**PLANNERS, **EXACT})
-        Option("time_limit").require_seconds(time_limit)
-        Option("workers").require_cores(workers)
-    except UsageError as error:  # of the command line
-        raise ValueError(str(error)) from None
-    if work_limit is not None and work_limit < 0:
-        raise ValueError(f"work_limit: must be at least 0, not {work_limit}")
+    for name in planners:
+        Option("planners").require_one_of(name, {**PLANNERS, **EXACT})
 
 
 def _nobody(message: str) -> None:

@@ -193,9 +193,8 @@ def test_the_gap_table_refuses_in_words() -> None:
         ({"work_limit": -1}, "work_limit: must be"),
         ({"workers": 10_000}, "workers: must be"),
     ):
-        with pytest.raises(ValueError, match=words) as caught:
+        with pytest.raises(ValueError, match=words):
             co.gap("tiny-queue", **wrong)
-        assert type(caught.value) is ValueError
 
 
 def test_played_plans_have_titles() -> None:
