@@ -93,9 +93,9 @@ def plan(
     Returns
     -------
     Result
-        With the plan, its J in `value`, and why the planner stopped. Its `seconds` include the
-        coverage, unless that has been computed before in this process; those of `cocap-opt plan`
-        and of `gap` do not.
+        With the plan, its J in `value` as the planner claims it (`verify` computes it anew), and
+        why the planner stopped. Its `seconds` include the coverage, unless that has been computed
+        before in this process; those of `cocap-opt plan` and of `gap` do not.
 
     Raises
     ------
@@ -261,7 +261,8 @@ def verify(problem: Problem, *claims: Plan | Result | Bound) -> Verified:
     Raises
     ------
     CertificateError
-        If a certificate belongs to another problem, is not valid, or claims less than it proves.
+        If a certificate belongs to another problem, is not valid, or claims a lower bound than its
+        numbers prove.
     ValueError
         If a plan breaks a rule or cannot be flown, there are two plans, there is nothing to check,
         or a result has a bound, such as that of brute force, and no certificate is among the

@@ -16,6 +16,7 @@ from cocap_opt.data import printable
 Record = dict[str, Any]  # a row of a small table, or the answer of a command
 
 _FOLDED = 16  # least width, in characters, of text that goes on in the next line
+_UNBOUNDED = 10_000  # characters of a line that is measured only
 _WIDE = 200  # characters of a line that goes to a file or a pipe
 _SHARES = ("gap", "gap_free", "largest gap", "largest gap_free")  # printed in %
 
@@ -82,7 +83,8 @@ class Listing(NamedTuple):
         for row in self.rows:
             table.add_row(*(escape(_text(key, value)) for key, value in row.items()))
         console = _console()
-        _console(console.measure(table).minimum).print(table)
+        unbounded = console.options.update(max_width=_UNBOUNDED)  # else clamped to the terminal
+        _console(console.measure(table, options=unbounded).minimum).print(table)
         for words in self.notes:
             console.print(words, markup=False)
 

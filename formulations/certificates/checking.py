@@ -51,7 +51,8 @@ def verify(
     Raises
     ------
     CertificateError
-        If it belongs to another scene, is no tree, is not valid, or claims less than it proves.
+        If it belongs to another scene, is no tree, is not valid, or claims a lower bound than its
+        numbers prove.
     """
     proof = isinstance(file, ProofFile)
     if file.digest != problem_digest(problem):
