@@ -12,6 +12,7 @@ from scipy import stats
 
 from cocap_opt.experiments.cli import commands
 from cocap_opt.experiments.results.columns import Column
+from cocap_opt.experiments.results.printing import Listing
 from cocap_opt.experiments.results.rows import COLUMNS, Row
 from cocap_opt.experiments.results.statistics import Mean
 from cocap_opt.experiments.results.tables import DOCUMENTS, Tables
@@ -285,3 +286,15 @@ def test_what_is_no_table_is_refused(
     with pytest.raises(FileError, match=words) as caught:
         load_results(tmp_path)
     assert "results.csv" in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_narrow_terminals_keep_all_columns(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A table wider than the terminal is printed whole, so that scenes can be told apart."""
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True, raising=False)
+    row = {"scene": "corridor", "seed": 0} | {f"column {k}": "x" * 12 for k in range(8)}
+    Listing("a wide table", [row]).print()
+    lines = capsys.readouterr().out.splitlines()
+    assert any("corridor" in line and line.count("x" * 12) == 8 for line in lines)
