@@ -485,6 +485,7 @@ def _named(kind: str, given: str | M, known: Mapping[str, M]) -> M:
 def _whole(result: R, problem: Problem, method: object, clock: Clock) -> R:
     """The result with its problem, seconds and method, where it does not know them itself."""
     name = method if isinstance(method, str) else getattr(method, "__name__", "")
+    _require(result, name or "method", "a callable that returns a Result", Result)
     return replace(
         result,
         problem=problem if result.problem is None else result.problem,

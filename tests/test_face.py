@@ -5,7 +5,7 @@ import inspect
 import subprocess
 import sys
 from pathlib import Path
-from typing import get_type_hints
+from typing import Any, get_type_hints
 
 import numpy as np
 import pytest
@@ -317,3 +317,24 @@ def test_a_plan_of_another_problem_is_not_shown_or_written(tmp_path: Path) -> No
     assert not any(tmp_path.iterdir())
     tuples = co.Plan(paths=[[tuple(state) for state in path] for path in result.plan.paths])
     assert co.check(co.load("tiny-queue"), tuples).reward == pytest.approx(result.value)
+
+
+def test_the_planner_of_contributing_is_one() -> None:
+    """The example of a planner in CONTRIBUTING works, obeys a stop and is as good as it says."""
+    block = (ROOT / "CONTRIBUTING.md").read_text().split("```python\n")[1].split("```")[0]
+    names: dict[str, Any] = {}
+    exec(block, names)
+    problem = co.load("tiny-queue")
+    result = co.plan(problem, names["alone"])
+    assert result.method == "alone" and co.check(problem, result).reward == result.value > 0
+    assert co.plan(problem, names["alone"], time_limit=0).reason == "stopped"
+
+
+def test_a_planner_that_returns_nothing_is_refused() -> None:
+    """The message names the function and says what it must return."""
+    with pytest.raises(TypeError, match="nothing: must be a callable that returns a Result"):
+        co.plan(co.load("tiny-queue"), nothing)  # type: ignore[arg-type]
+
+
+def nothing(problem: co.Problem, stop: co.Stop) -> None:
+    """A planner that forgets its result."""

@@ -12,6 +12,13 @@ from cocap_opt.problem.shapes import Cuboid, Shape
 class Actor(Data, frozen=True, eq=False, dict=True):
     """A moving person: a shape, its pose at every step, and a weight for each face.
 
+    Attributes
+    ----------
+    poses : [T+1, 4]: x, y, z of the foot point (m) and yaw (rad, from +x, ccw)
+    shape : `Cuboid`, `Prism` or `TriangulatedCuboid`
+    weights : one per face of the shape; None: all 1
+    importance : [>= T+1] factor of the weights; None: all 1
+
     Raises
     ------
     ProblemError
@@ -19,10 +26,10 @@ class Actor(Data, frozen=True, eq=False, dict=True):
         are out of range or not one per face.
     """
 
-    poses: FloatArray  # [T+1, 4]: x, y, z of the foot point (m) and yaw (rad, from +x, ccw)
+    poses: FloatArray
     shape: Shape = Cuboid()
-    weights: tuple[float, ...] | None = None  # one per face of the shape; None: all 1
-    importance: tuple[float, ...] | None = None  # [>= T+1] factor of the weights; None: all 1
+    weights: tuple[float, ...] | None = None
+    importance: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -9,12 +9,19 @@ class Camera(Data, frozen=True, tag="pinhole"):
     """A pinhole camera with square pixels and its principal point in the middle.
 
     More than one tilt makes a gimbal: the pitch index is then part of the motion state.
+
+    Attributes
+    ----------
+    width : px
+    height : px
+    focal : px
+    tilts : rad below the horizon, one per pitch
     """
 
-    width: int = 4000  # px
-    height: int = 3000  # px
-    focal: float = 2500.0  # px
-    tilts: tuple[float, ...] = (math.radians(10.0),)  # rad below the horizon, one per pitch
+    width: int = 4000
+    height: int = 3000
+    focal: float = 2500.0
+    tilts: tuple[float, ...] = (math.radians(10.0),)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -40,9 +47,13 @@ class Cone(Data, frozen=True, tag="cone"):
     It detects the actors whose foot point is ahead, within half of the opening to either side.
     Each of their faces then has |d.u| max(0, -d.n) / |d|^4 in place of px/m2, where n is the
     face's normal, d the way to its middle, dropped to the ground, and u the level look direction.
+
+    Attributes
+    ----------
+    opening : rad
     """
 
-    opening: float = math.pi / 2  # rad
+    opening: float = math.pi / 2
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -35,16 +35,27 @@ class Motion(Data, frozen=True):
     """The moves of a robot in one step: up to `radius` cells along each axis, and a turn.
 
     The default is Greedy Perspectives' action set: 3x3 cells times yaw -45, 0, +45 degrees.
+
+    Attributes
+    ----------
+    radius : cells along each axis per step
+    headings : number of headings in a full turn
+    turn : heading indices per step, either way
+    layers : m above the map's datum, flight heights, increasing
+    climb : layers per step, either way
+    pitch_turn : gimbal pitch indices per step, either way
+    clearance : m, to solid matter above and below; touching it is too near
+    corner_cutting : True: only the ends of a move must be free, as in the papers
     """
 
-    radius: int = 1  # cells along each axis per step
-    headings: int = 8  # number of headings in a full turn
-    turn: int = 1  # heading indices per step, either way
-    layers: tuple[float, ...] = (5.0,)  # m above the map's datum, flight heights, increasing
-    climb: int = 1  # layers per step, either way
-    pitch_turn: int = 1  # gimbal pitch indices per step, either way
-    clearance: float = 0.0  # m, to solid matter above and below; touching it is too near
-    corner_cutting: bool = False  # True: only the ends of a move must be free, as in the papers
+    radius: int = 1
+    headings: int = 8
+    turn: int = 1
+    layers: tuple[float, ...] = (5.0,)
+    climb: int = 1
+    pitch_turn: int = 1
+    clearance: float = 0.0
+    corner_cutting: bool = False
 
     def __post_init__(self) -> None:
         super().__post_init__()

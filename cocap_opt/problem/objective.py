@@ -20,14 +20,23 @@ class Objective(Data, frozen=True):
     other reading of CoCap's eq. 1: J = sum over actors, faces of w sqrt(pixels of all robots
     at all t) + the rewards for moves as before. Planning one robot is then no longer a dynamic
     program; bounds and exact methods hold.
+
+    Attributes
+    ----------
+    stationarity : reward per step in which the state does not change
+    keep_cell : reward per step in the same cell, layer included
+    keep_heading : reward per step with the same heading
+    balanced : reward per step with dx + dy = 0 cells, layers aside
+    count_start : True: the views at t = 0 count too (a constant)
+    over_time : True: pixels add up over time as well as over robots
     """
 
-    stationarity: float = 0.0  # reward per step in which the state does not change
-    keep_cell: float = 0.0  # reward per step in the same cell, layer included
-    keep_heading: float = 0.0  # reward per step with the same heading
-    balanced: float = 0.0  # reward per step with dx + dy = 0 cells, layers aside
-    count_start: bool = False  # True: the views at t = 0 count too (a constant)
-    over_time: bool = False  # True: pixels add up over time as well as over robots
+    stationarity: float = 0.0
+    keep_cell: float = 0.0
+    keep_heading: float = 0.0
+    balanced: float = 0.0
+    count_start: bool = False
+    over_time: bool = False
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -55,6 +55,18 @@ class _Paths(Protocol):
 class Problem(Data, frozen=True, eq=False, dict=True):
     """One view-planning problem: all that a planner, a bound or the referee needs to know.
 
+    Attributes
+    ----------
+    name : shown in tables and pictures
+    height_map : the terrain and buildings as columns
+    robots : the drones
+    actors : the people
+    horizon : T, number of moves
+    rules : the conflicts between drones that are forbidden
+    objective : the weights of J besides those of the faces
+    face_samples : each triangle of a face gets this number squared of sight rays
+    meshes : solid matter besides the height map
+
     Raises
     ------
     ProblemError
@@ -65,11 +77,11 @@ class Problem(Data, frozen=True, eq=False, dict=True):
     height_map: HeightMap
     robots: tuple[Robot, ...]
     actors: tuple[Actor, ...]
-    horizon: int  # T, number of moves
+    horizon: int
     rules: CollisionRules = CollisionRules()
     objective: Objective = Objective()
-    face_samples: int = 3  # each triangle of a face gets this number squared of sight rays
-    meshes: tuple[Mesh, ...] = ()  # solid matter besides the height map
+    face_samples: int = 3
+    meshes: tuple[Mesh, ...] = ()
 
     def __post_init__(self) -> None:
         super().__post_init__()

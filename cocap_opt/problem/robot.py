@@ -6,12 +6,20 @@ from cocap_opt.problem.motion import Motion, State
 
 
 class Robot(Data, frozen=True):
-    """One camera drone: its start, motion and camera, and perhaps a goal for step T."""
+    """One camera drone: its start, motion and camera, and perhaps a goal for step T.
+
+    Attributes
+    ----------
+    start : cell, layer, heading and pitch at step 0
+    motion : the moves that it can make in one step
+    camera : what it films with: a `Camera`, or the `Cone` of Hughes et al.
+    goal : cell (x, y), any layer and orientation
+    """
 
     start: State
     motion: Motion = Motion()
     camera: AnyCamera = Camera()
-    goal: tuple[int, int] | None = None  # cell (x, y), any layer and orientation
+    goal: tuple[int, int] | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()

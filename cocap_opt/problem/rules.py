@@ -12,11 +12,17 @@ class CollisionRules(Data, frozen=True):
     robots in one cell at one step (layers count, headings do not), the swap rule that two robots
     exchange cells in one step, and the separation rule that two robots' cell centres are nearer
     than this many metres at one step.
+
+    Attributes
+    ----------
+    vertex : True: no two robots in one cell at one step
+    swap : True: no two robots exchange cells in one step
+    separation : m, least distance of cell centres at each step; 0: no such rule
     """
 
     vertex: bool = True
     swap: bool = True
-    separation: float = 0.0  # m; 0: no such rule
+    separation: float = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()

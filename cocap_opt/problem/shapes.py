@@ -8,11 +8,18 @@ from cocap_opt.data import LARGEST, SMALLEST, Data, FloatArray, whole, within
 
 
 class Cuboid(Data, frozen=True, tag="cuboid"):
-    """A box with four sides and a top; its bottom stands on the ground and is never seen."""
+    """A box with four sides and a top; its bottom stands on the ground and is never seen.
 
-    length: float = 1.0  # m, along the actor's heading
-    width: float = 1.0  # m, across it
-    height: float = 1.8  # m
+    Attributes
+    ----------
+    length : m, along the actor's heading
+    width : m, across it
+    height : m
+    """
+
+    length: float = 1.0
+    width: float = 1.0
+    height: float = 1.8
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -29,11 +36,18 @@ class Cuboid(Data, frozen=True, tag="cuboid"):
 
 
 class Prism(Data, frozen=True, tag="prism"):
-    """An upright regular prism: `sides` side faces, the first facing the heading, and a top."""
+    """An upright regular prism: `sides` side faces, the first facing the heading, and a top.
+
+    Attributes
+    ----------
+    sides : number of side faces, 3..64
+    apothem : m, centre to the middle of a side
+    height : m
+    """
 
     sides: int = 6
-    apothem: float = 0.5  # m, centre to the middle of a side
-    height: float = 1.8  # m
+    apothem: float = 0.5
+    height: float = 1.8
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -60,11 +74,17 @@ class TriangulatedCuboid(Data, frozen=True, tag="triangulated-cuboid"):
     The actors of Greedy Perspectives are such boxes: the square roots of all triangles' coverage
     are summed. Triangles are ordered as the faces of `Cuboid`, two by two, and cut along the same
     diagonals as theirs.
+
+    Attributes
+    ----------
+    length : m
+    width : m
+    height : m
     """
 
-    length: float = 1.0  # m
-    width: float = 1.0  # m
-    height: float = 2.5  # m
+    length: float = 1.0
+    width: float = 1.0
+    height: float = 2.5
 
     def __post_init__(self) -> None:
         super().__post_init__()

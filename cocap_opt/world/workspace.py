@@ -30,16 +30,23 @@ class HeightMap(Data, frozen=True, eq=False, dict=True):
 
     Cell (i, j) covers `origin + resolution * ([i, i+1) x [j, j+1))`.
 
+    Attributes
+    ----------
+    heights : [X, Y] m
+    resolution : m, edge of a cell
+    origin : m, corner of cell (0, 0)
+    datum : [X, Y] m, zero of flight heights; None: 0 everywhere
+
     Raises
     ------
     ProblemError
         If an array is not 2-D, empty or not finite, or a number is out of range.
     """
 
-    heights: FloatArray  # [X, Y] m
-    resolution: float = 1.0  # m, edge of a cell
-    origin: tuple[float, float] = (0.0, 0.0)  # m, corner of cell (0, 0)
-    datum: FloatArray | None = None  # [X, Y] m, zero of flight heights; None: 0 everywhere
+    heights: FloatArray
+    resolution: float = 1.0
+    origin: tuple[float, float] = (0.0, 0.0)
+    datum: FloatArray | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -102,14 +109,19 @@ class Mesh(Data, frozen=True, eq=False, dict=True):
     It blocks motion and hides actors. If its triangles are a closed surface, its inside is solid,
     too; otherwise the triangles are thin plates.
 
+    Attributes
+    ----------
+    vertices : [V, 3] m
+    triangles : [M, 3] numbers of vertices, counter-clockwise seen from outside
+
     Raises
     ------
     ProblemError
         If vertices are not [V, 3] finite numbers, or triangles not [M, 3] numbers 0..V-1.
     """
 
-    vertices: FloatArray  # [V, 3] m
-    triangles: IntArray  # [M, 3] numbers of vertices, counter-clockwise seen from outside
+    vertices: FloatArray
+    triangles: IntArray
 
     def __post_init__(self) -> None:
         super().__post_init__()

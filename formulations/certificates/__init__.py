@@ -3,21 +3,21 @@
 A certificate is a set of non-negative numbers. Whoever has them and the scene can recompute a
 bound that no plan's J exceeds; it does not matter which solver found them, nor how badly it
 converged. This room imports no solver and nothing that searches. A sceptic reads, in this
-order (lines with docstrings in brackets):
+order:
 
-1. `pricing` (340): three inequalities in its docstring bound J by a constant and one best path
+1. `pricing`: three inequalities in its docstring bound J by a constant and one best path
    per robot, for any non-negative numbers. `Pricing.of` adds these up, and a bound on its own
    rounding errors. The leaves of a tree of decisions cover all plans, so that the largest of
    their bounds holds for all: `Pricing.of_proof`.
-2. `sweep` (105): the best path, by value iteration that shares no code with planners. Too
+2. `sweep`: the best path, by value iteration that shares no code with planners. Too
    small a value here would be a false bound, so it is written to be read.
-3. `resources` (240): which rows every plan obeys. `why_shared` refuses all others, as two
+3. `resources`: which rows every plan obeys. `why_shared` refuses all others, as two
    robots may break them.
-4. `envelope` (240): a cut's constant is the largest excess at finitely many
+4. `envelope`: a cut's constant is the largest excess at finitely many
    corners, and convexity proves that it is no larger between and beyond them. The functions
    themselves may be any.
-5. `format` (240): which nodes are a tree, and which cuts of a file have a constant.
-6. `checking` (70): the file's digest belongs to the scene, and it claims no more than it proves.
+5. `format`: which nodes are a tree, and which cuts of a file have a constant.
+6. `checking`: the file's digest belongs to the scene, and it claims no more than it proves.
 
 Below it, the trusted core: `cocap_opt.problem`, `world` and `graph` without `value_iteration`
 (which moves there are), `vision` (what a view sees), `model` (which drones share a graph, and what
