@@ -4,7 +4,7 @@ Most states see nothing.
 """
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import NamedTuple
@@ -13,8 +13,8 @@ import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.stop import Stop, never
+from cocap_opt.vision.spans import spans
 from cocap_opt.vision.views import Views
-from cocap_opt.vision.visibility import spans
 
 
 class CoverageTable(NamedTuple):
@@ -57,21 +57,23 @@ class CoverageTable(NamedTuple):
             If a limit is reached before the table is whole.
         """
         n_steps, n_states = reachable.shape
+        sizes = np.count_nonzero(reachable, axis=1)
         parts = [_NO_ROWS]
         pool = ThreadPoolExecutor(threads or usable_cores())
         try:
-            for t in range(first_step, n_steps):
+            for first, last in _groups(sizes, first_step, views.batch):
                 stop.check()
-                states, size = np.flatnonzero(reachable[t]), views.batch(t)
-                # States at one place share rays.
-                states = states[np.argsort(states % n_places, kind="stable")]
-                batches = [states[start : start + size] for start in range(0, len(states), size)]
+                step, state = np.nonzero(reachable[first:last])
+                # States at one place share what is visible from there.
+                order = np.lexsort([state % n_places, step])
+                nodes = ((first + step) * n_states + state)[order]
                 found = [_NO_ROWS]
-                for rows in pool.map(partial(_seen_by, views, t, n_states), batches):
+                batches = np.split(nodes, range(views.batch, len(nodes), views.batch))
+                for rows in pool.map(partial(_seen_by, views), batches):
                     found.append(rows)
                     stop.check()
                 parts.append(_in_order(_joined(found)))
-                progress(t + 1, n_steps)
+                progress(last, n_steps)
         finally:
             pool.shutdown(cancel_futures=True)
         nodes, counts, view_sums, pixels = _joined(parts)
@@ -126,14 +128,23 @@ _NONE = np.zeros(0, dtype=np.int64)
 _NO_ROWS = _Rows(_NONE, _NONE, _NONE, np.zeros(0))
 
 
-def _seen_by(views: Views, t: int, n_states: int, states: IntArray) -> _Rows:
-    """Returns the rows of those states [n] that see anything at step t."""
-    coverage = views.coverage(t, states)
-    row, face = np.nonzero(coverage)
-    counts = np.bincount(row, minlength=len(states))
-    seen = np.flatnonzero(counts)
-    view_sums = t * coverage.shape[1] + face
-    return _Rows(t * n_states + states[seen], counts[seen], view_sums, coverage[row, face])
+def _groups(sizes: IntArray, first_step: int, most: int) -> Iterator[tuple[int, int]]:
+    """Yields spans first..last - 1 of steps of which all but the last have about `most` nodes."""
+    first, n = first_step, 0
+    for t in range(first_step, len(sizes)):
+        n += int(sizes[t])
+        if n >= most or t == len(sizes) - 1:
+            yield first, t + 1
+            first, n = t + 1, 0
+
+
+def _seen_by(views: Views, nodes: IntArray) -> _Rows:
+    """Returns the rows of those nodes [n] that see anything."""
+    seen = views.seen(nodes)
+    counts = np.bincount(seen.rows, minlength=len(nodes))
+    some = np.flatnonzero(counts)
+    view_sums = nodes[seen.rows] // views.n_states * views.n_faces + seen.faces
+    return _Rows(nodes[some], counts[some], view_sums, seen.pixels)
 
 
 def _joined(parts: list[_Rows]) -> _Rows:

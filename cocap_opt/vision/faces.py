@@ -1,104 +1,197 @@
-"""Geometry of all actors' faces at every step, and of all matter that can hide them."""
+"""Geometry of all actors' faces at every step, and of the bodies that can hide them."""
 
-import math
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
-from cocap_opt.data import FloatArray, IntArray
-from cocap_opt.problem import Problem, Shape
+from cocap_opt.data import FloatArray
+from cocap_opt.problem import Problem
+from cocap_opt.vision.bodies import Bodies, Solid, convex_solid, solid_of_shape
+from cocap_opt.vision.candidates import Candidates, Circles
 from cocap_opt.vision.projection import dot
-from cocap_opt.vision.visibility import Occluders, Samples
+from cocap_opt.vision.surfaces import Surface
 
-_DECIMALS = 9  # of metres; points that agree in them are one
-_DRAWN_IN = 0.01  # of the way to the middle, so that no ray grazes the ground
 ROUNDING = 1e-6  # m, much more than that of coordinates
-
-
-class _Bodies(NamedTuple):
-    """The actors as wholes at one step.
-
-    In most views an actor is wholly visible or wholly hidden, which a few rays to points all over
-    it tell: `samples` are its corners and the middles of its faces, and more if it is large.
-    """
-
-    centres: FloatArray  # [A, 3] m
-    reaches: FloatArray  # [A] m, of spheres around them, rounding included
-    samples: Samples  # actor by actor
+_DRAWN_IN = 0.01  # of the way to the middle, so that no ray grazes the ground
+_KEPT = 64  # spans of steps whose geometry is kept
 
 
 class Faces(NamedTuple):
-    """Geometry of all faces at one step."""
+    """Geometry of all faces and actors at L steps; coordinates are relative to an origin."""
 
-    polygons: FloatArray  # [F, V, 3] m, shorter polygons repeat their last vertex
-    normals: FloatArray  # [F, 3] outward, unit length
+    first: int  # number of the first step
+    polygons: FloatArray  # [L, F, V, 3] m, shorter polygons repeat their last vertex
+    normals: FloatArray  # [L, F, 3] outward, unit length
     areas: FloatArray  # [F] m2
-    centres: FloatArray  # [F, 3] m
-    samples: Samples  # targets of rays
-    bodies: _Bodies
-    terrain: Occluders
-    actors: Occluders
-    triangle_faces: IntArray  # [n] face of each triangle of `actors`
-
-    @property
-    def occluders(self) -> list[Occluders]:
-        """Everything that hides faces."""
-        return [self.terrain, self.actors]
+    centres: FloatArray  # [L, F, 3] m, centroids
+    corners: FloatArray  # [L, A, C, 3] m of each actor, fewer repeat the last
+    middles: FloatArray  # [L, A, 3] m, of spheres around the actors
+    reaches: FloatArray  # [A] m, radii of these spheres, rounding included
+    points: FloatArray  # [L, A, N, 3] m, all over each actor, drawn in a little
+    bodies: Bodies  # L A bodies, those of one step one after the other
+    candidates: Candidates  # fixed bodies that can hide target l A + a
 
 
 class FaceGeometry:
-    """The faces of a problem's actors at every step, computed when first asked for.
+    """The faces of a problem's actors, computed when first asked for.
 
     Attributes
     ----------
-    origin : [3] m, of the coordinates in which rays are cast
+    origin : [3] m, near the middle of the map, which all coordinates are relative to
+    fixed : columns of the terrain and convex meshes
+    mesh : the other meshes, which only rays meet; None if there are none
     """
 
     def __init__(self, problem: Problem) -> None:
         self._problem = problem
-        shapes = [actor.shape for actor in problem.actors]
-        self._points = list(map(_points_all_over, shapes, _parts(problem)))
         width, depth = problem.height_map.shape
-        # The local origin for the float32 rays: the middle of the map.
         x, y = problem.height_map.centre(width // 2, depth // 2)
         self.origin = np.array([x, y, float(np.median(problem.height_map.heights))])
-        solid = [problem.height_map.corners, *(mesh.corners for mesh in problem.meshes)]
-        self._terrain = Occluders(np.concatenate(solid), self.origin)
-        self.at = lru_cache(maxsize=None)(self._at)
-
-    def _at(self, t: int) -> Faces:
-        poses = [actor.poses[t] for actor in self._problem.actors]
-        polygons = [
-            _placed(face, pose)
-            for actor, pose in zip(self._problem.actors, poses, strict=True)
-            for face in actor.shape.faces()
+        solids = [convex_solid(mesh, self.origin) for mesh in problem.meshes]
+        rough = [
+            m.corners - self.origin
+            for m, solid in zip(problem.meshes, solids, strict=True)
+            if not solid
         ]
-        wholes = [_placed(points, pose) for points, pose in zip(self._points, poses, strict=True)]
-        size = max(map(len, polygons), default=3)
-        doubled = [_doubled_area(polygon) for polygon in polygons]
-        lengths = [float(np.sqrt(dot(vector, vector))) for vector in doubled]
-        samples = [Samples.of_polygon(polygon, self._problem.face_samples) for polygon in polygons]
-        fans = [_fan(polygon) for polygon in polygons]
-        triangle_faces = np.repeat(np.arange(len(fans)), [len(fan) for fan in fans])
-        owners = self._problem.face_owner[triangle_faces]
-        triangles = np.concatenate([np.empty((0, 3, 3)), *fans])
-        padded = np.array(
-            [np.pad(p, ((0, size - len(p)), (0, 0)), mode="edge") for p in polygons]
-        ).reshape(-1, size, 3)
-        return Faces(
-            polygons=padded,
-            normals=np.array(
-                [vector / length for vector, length in zip(doubled, lengths, strict=True)]
-            ).reshape(-1, 3),
-            areas=np.array(lengths) / 2,
-            centres=np.array([part.shares @ part.points for part in samples]).reshape(-1, 3),
-            samples=Samples.joined(samples),
-            bodies=_Bodies(*_spheres(padded, self._problem), _evenly(wholes)),
-            terrain=self._terrain,
-            actors=Occluders(triangles, self.origin, owners),
-            triangle_faces=triangle_faces,
+        self.mesh = Surface(np.concatenate(rough)) if rough else None
+        convex = [solid for solid in solids if solid]
+        columns = Bodies.of_columns(problem.height_map, self.origin)
+        self.fixed = Bodies.joined([columns, Bodies.of(convex)]) if convex else columns
+        self._shapes = [_Local.of(actor.shape.faces(), solid_of_shape(actor.shape))
+                        for actor in problem.actors]  # fmt: skip
+        layers = sorted({height for robot in problem.robots for height in robot.motion.layers})
+        lowest = problem.height_map.altitudes((layers[0],)).min()
+        self._lowest_eye = float(lowest) - self.origin[2]
+        self.between = lru_cache(maxsize=_KEPT)(self._between)
+
+    def at(self, t: int) -> Faces:
+        """Returns the geometry at one step."""
+        return self.between(t, t)
+
+    def _between(self, first: int, last: int) -> Faces:
+        """Returns the geometry at the steps first..last."""
+        steps = last - first + 1
+        poses = [
+            actor.poses[first : last + 1] - [*self.origin, 0] for actor in self._problem.actors
+        ]
+        size = max((s.polygons.shape[1] for s in self._shapes), default=3)
+        spread = max((len(s.points) for s in self._shapes), default=1)
+        most = max((len(s.corners) for s in self._shapes), default=1)
+        polygons, normals, centres, corners = [], [], [], []
+        middles, points, bodies = [], [], []
+        for shape, pose in zip(self._shapes, poses, strict=True):
+            turned = _Turned(pose)
+            polygons.append(turned.points(_padded(shape.polygons, size)))
+            normals.append(turned.ways(shape.normals))
+            centres.append(turned.points(shape.centres))
+            corners.append(turned.points(_padded(shape.corners[None], most)[0]))
+            points.append(turned.points(_padded(shape.points[None], spread)[0]))
+            middles.append(turned.points(shape.middle))
+            bodies.append(turned.solid(shape.solid))
+        n = len(self._shapes)
+        middle = np.stack(middles, axis=1) if n else np.zeros((steps, 0, 3))
+        reaches = np.array([shape.reach for shape in self._shapes]) + ROUNDING
+        feet = np.stack([pose[:, 2] for pose in poses], axis=1) if n else np.zeros((steps, 0))
+        targets = Circles(
+            middle[..., :2].reshape(-1, 2),
+            np.tile(np.array([shape.radius for shape in self._shapes]) + ROUNDING, steps),
+            feet.ravel(),
         )
+        return Faces(
+            first,
+            np.concatenate(polygons, axis=1) if n else np.zeros((steps, 0, 3, 3)),
+            np.concatenate(normals, axis=1) if n else np.zeros((steps, 0, 3)),
+            np.concatenate([shape.areas for shape in self._shapes]) if n else np.zeros(0),
+            np.concatenate(centres, axis=1) if n else np.zeros((steps, 0, 3)),
+            np.stack(corners, axis=1) if n else np.zeros((steps, 0, 1, 3)),
+            middle,
+            reaches,
+            np.stack(points, axis=1) if n else np.zeros((steps, 0, 1, 3)),
+            _in_steps(bodies, steps),
+            Candidates(self.fixed, targets, self._lowest_eye),
+        )
+
+
+class _Local(NamedTuple):
+    """One actor's shape around its foot point."""
+
+    polygons: FloatArray  # [F, V, 3] m
+    normals: FloatArray  # [F, 3]
+    areas: FloatArray  # [F] m2
+    centres: FloatArray  # [F, 3] m
+    corners: FloatArray  # [C, 3] m
+    points: FloatArray  # [N, 3] m, corners and centroids of faces, drawn in a little
+    middle: FloatArray  # [3] m
+    reach: float  # m, of a sphere around the middle
+    radius: float  # m, of an upright cylinder around it
+    solid: Solid
+
+    @classmethod
+    def of(cls, faces: list[FloatArray], solid: Solid) -> "_Local":
+        """Returns a shape with these faces, polygons [V, 3]."""
+        doubled = np.array([_doubled_area(face) for face in faces])
+        lengths = np.sqrt(dot(doubled, doubled))
+        low, high = solid.corners.min(axis=0), solid.corners.max(axis=0)
+        middle = (low + high) / 2
+        ways = solid.corners - middle
+        centres = np.array([_centroid(face) for face in faces])
+        points = np.concatenate([solid.corners, centres])
+        size = max(map(len, faces))
+        return cls(
+            np.array([_padded(face[None], size)[0] for face in faces]),
+            doubled / lengths[:, None],
+            lengths / 2,
+            centres,
+            solid.corners,
+            points + _DRAWN_IN * (middle - points),
+            middle,
+            float(np.sqrt(dot(ways, ways)).max()),
+            float(np.hypot(ways[:, 0], ways[:, 1]).max()),
+            solid,
+        )
+
+
+class _Turned:
+    """Poses [L, 4] that points are brought to."""
+
+    def __init__(self, poses: FloatArray) -> None:
+        self._places = poses[:, :3]
+        self._cosines, self._sines = np.cos(poses[:, 3]), np.sin(poses[:, 3])
+
+    def ways(self, ways: FloatArray) -> FloatArray:
+        """Returns vectors [.., 3], turned [L, .., 3]."""
+        shape = (-1,) + (1,) * (ways.ndim - 1)
+        c, s = self._cosines.reshape(shape), self._sines.reshape(shape)
+        x, y, z = ways[..., 0], ways[..., 1], ways[..., 2]
+        return np.stack([x * c - y * s, x * s + y * c, np.broadcast_to(z, (c * x).shape)], axis=-1)
+
+    def points(self, points: FloatArray) -> FloatArray:
+        """Returns points [.., 3], turned and moved [L, .., 3]."""
+        moved = self._places.reshape((-1,) + (1,) * (points.ndim - 1) + (3,))
+        result: FloatArray = self.ways(points) + moved
+        return result
+
+    def solid(self, solid: Solid) -> Bodies:
+        """Returns one body [L] for each pose."""
+        steps = len(self._places)
+        normals, corners = self.ways(solid.normals), self.points(solid.corners)
+        return Bodies(
+            normals,
+            solid.offsets + dot(normals, self._places[:, None]),
+            np.broadcast_to(solid.neighbours, (steps, *solid.neighbours.shape)),
+            corners[..., :2].min(axis=1),
+            corners.max(axis=1),
+        )
+
+
+def _in_steps(actors: list[Bodies], steps: int) -> Bodies:
+    """Returns the bodies of actors, each [L], step by step."""
+    if not actors:
+        return Bodies.of([])
+    joined = Bodies.joined(actors)
+    order = np.arange(len(actors) * steps).reshape(len(actors), steps).T.ravel()
+    return joined.taken(order)
 
 
 def _doubled_area(polygon: FloatArray) -> FloatArray:
@@ -108,63 +201,17 @@ def _doubled_area(polygon: FloatArray) -> FloatArray:
     return result
 
 
-def _placed(points: FloatArray, pose: FloatArray) -> FloatArray:
-    """Returns points [n, 3] of an actor, moved to a pose [4]."""
-    x, y, z, yaw = pose.tolist()
-    c, s = np.cos(yaw), np.sin(yaw)
-    turned = [points[:, 0] * c - points[:, 1] * s, points[:, 0] * s + points[:, 1] * c]
-    result: FloatArray = np.column_stack([*turned, points[:, 2]]) + np.array([x, y, z])
+def _centroid(polygon: FloatArray) -> FloatArray:
+    """Returns the centroid [3] of a convex polygon [V, 3]."""
+    middle = polygon.mean(axis=0)
+    first = polygon - middle
+    second = np.roll(first, -1, axis=0)
+    areas = np.linalg.norm(np.cross(first, second), axis=1)
+    result: FloatArray = middle + areas @ (first + second) / (3 * areas.sum())
     return result
 
 
-def _fan(polygon: FloatArray) -> FloatArray:
-    """Returns the triangles [V-2, 3, 3] of a convex polygon [V, 3]."""
-    return np.stack([polygon[[0, k, k + 1]] for k in range(1, len(polygon) - 1)])
-
-
-def _evenly(parts: list[FloatArray]) -> Samples:
-    """Returns samples of the points [n, 3] of several actors; those of one actor count equally."""
-    counts = [len(points) for points in parts]
-    return Samples.joined(
-        Samples(points, np.full(count, 1 / count), np.array([count]))
-        for points, count in zip(parts, counts, strict=True)
-    )
-
-
-def _spheres(polygons: FloatArray, problem: Problem) -> tuple[FloatArray, FloatArray]:
-    """Returns the centres [A, 3] and radii [A] of spheres around each actor's faces [F, V, 3]."""
-    actors = range(len(problem.actors))
-    corners = [polygons[problem.face_owner == actor].reshape(-1, 3) for actor in actors]
-    centres = np.array([(c.min(axis=0) + c.max(axis=0)) / 2 for c in corners]).reshape(-1, 3)
-    ways = [c - centre for c, centre in zip(corners, centres, strict=True)]
-    return centres, np.array([np.sqrt(dot(way, way)).max() for way in ways]) + ROUNDING
-
-
-def _points_all_over(shape: Shape, parts: int) -> FloatArray:
-    """Returns points [n, 3] of a shape: corners, middles of faces, and points between these.
-
-    The lines between two corners and a middle are divided into `parts`. All points are drawn in
-    toward the middle of the shape a little.
-    """
-    first, second = np.array([(i, j) for i in range(parts + 1) for j in range(parts + 1 - i)]).T
-    points = []
-    for face in shape.faces():
-        middle = face.mean(axis=0)
-        for a, b in zip(face - middle, np.roll(face, -1, axis=0) - middle, strict=True):
-            points.append(middle + (first[:, None] * a + second[:, None] * b) / parts)
-    different = np.unique(np.concatenate(points).round(_DECIMALS), axis=0)
-    drawn_in: FloatArray = different + _DRAWN_IN * (different.mean(axis=0) - different)
-    return drawn_in
-
-
-def _parts(problem: Problem) -> list[int]:
-    """Returns for each actor the number of parts into which half a horizontal edge is divided.
-
-    If a part is no longer than a cell and than any other actor, no column and no actor fits in
-    between two points. An edge is not divided into more parts than a face has samples along it.
-    """
-    faces = [actor.shape.faces() for actor in problem.actors]
-    ends = [np.concatenate([np.diff(f, axis=0, append=f[:1]) for f in those]) for those in faces]
-    longest = np.array([np.hypot(edge[:, 0], edge[:, 1]).max() for edge in ends])
-    fits = min(problem.height_map.resolution, longest.min(initial=np.inf))
-    return [min(math.ceil(edge / 2 / fits), problem.face_samples) for edge in longest.tolist()]
+def _padded(polygons: FloatArray, size: int) -> FloatArray:
+    """Returns polygons [n, V, 3] with so many vertices, the last repeated."""
+    missing = size - polygons.shape[1]
+    return np.pad(polygons, ((0, 0), (0, missing), (0, 0)), mode="edge")

@@ -14,8 +14,8 @@ import numpy as np
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.problem import Camera, Problem, Robot, State
 from cocap_opt.result import UnsupportedError
-from cocap_opt.vision.faces import FaceGeometry, Faces
-from cocap_opt.vision.visibility import Occluders
+from cocap_opt.vision.faces import FaceGeometry
+from cocap_opt.vision.surfaces import Surface
 
 SKY, TERRAIN = -2, -1  # in place of a face
 RAYS = 500_000  # cast at once, to bound the memory
@@ -56,6 +56,9 @@ class Renderer:
             self.camera_of(robot)
         self._problem, self._step = problem, step
         self._geometry = FaceGeometry(problem)
+        solid = [problem.height_map.corners, *(mesh.corners for mesh in problem.meshes)]
+        self._terrain = Surface(np.concatenate(solid) - self._geometry.origin)
+        self._bodies = lru_cache(maxsize=256)(self._all)
         self._alone = lru_cache(maxsize=256)(self._only)
 
     @staticmethod
@@ -78,14 +81,14 @@ class Renderer:
     def pixels(self, robot: Robot, t: int, state: State) -> FloatArray:
         """Returns the pixels [F] of every face in a robot's image at step t."""
         counts = np.zeros(len(self._problem.face_weights))
-        faces = self._geometry.at(t)
-        for actor, box in self._boxes(faces, robot, state):
-            for _, ways, hits in self._cast(robot, state, box, (faces.actors, faces.terrain)):
+        actors, triangle_faces = self._bodies(t)
+        for actor, box in self._boxes(t, robot, state):
+            for _, ways, hits in self._cast(robot, state, box, (actors, self._terrain)):
                 of_actors = np.flatnonzero(hits.surface == 0)
                 triangle, ways = hits.triangle[of_actors], ways[of_actors]
                 # A face that is seen from behind, from inside of a body, does not count.
-                outside = (_normals(faces.actors.triangles[triangle]) * ways).sum(axis=1) < 0
-                seen = faces.triangle_faces[triangle[outside]]
+                outside = (_normals(actors.triangles[triangle]) * ways).sum(axis=1) < 0
+                seen = triangle_faces[triangle[outside]]
                 own = seen[self._problem.face_owner[seen] == actor]
                 counts += np.bincount(own, minlength=len(counts))
         return counts * self._step**2
@@ -93,8 +96,7 @@ class Renderer:
     def unhidden(self, robot: Robot, t: int, state: State) -> FloatArray:
         """Returns the pixels [F] that every face would have if its actor were alone."""
         counts = np.zeros(len(self._problem.face_weights))
-        faces = self._geometry.at(t)
-        for actor, box in self._boxes(faces, robot, state):
+        for actor, box in self._boxes(t, robot, state):
             alone, own = self._alone(t, actor)
             for _, _, hits in self._cast(robot, state, box, (alone,)):
                 seen = own[hits.triangle[hits.surface == 0]]
@@ -108,8 +110,8 @@ class Renderer:
 
     def picture(self, robot: Robot, t: int, state: State) -> Picture:
         """Returns the whole image, one pixel for each block."""
-        faces = self._geometry.at(t)
-        surfaces = (faces.actors, faces.terrain)
+        actors, triangle_faces = self._bodies(t)
+        surfaces = (actors, self._terrain)
         camera = self.camera_of(robot)
         width, height = (-(-size // self._step) for size in (camera.width, camera.height))
         shown, shade = np.full(width * height, SKY), np.zeros(width * height)
@@ -118,30 +120,41 @@ class Renderer:
             for k, surface in enumerate(surfaces):
                 own = np.flatnonzero(hits.surface == k)
                 triangle = hits.triangle[own]
-                shown[at[own]] = TERRAIN if k else faces.triangle_faces[triangle]
+                shown[at[own]] = TERRAIN if k else triangle_faces[triangle]
                 shade[at[own]] = np.abs((_normals(surface.triangles[triangle]) * ways[own]).sum(1))
         return Picture(shown.reshape(height, width), shade.reshape(height, width))
 
-    def _only(self, t: int, actor: int) -> tuple[Occluders, IntArray]:
+    def _all(self, t: int) -> tuple[Surface, IntArray]:
+        """Returns all actors at step t as one surface, and the face of each of its triangles."""
+        polygons = self._geometry.at(t).polygons[0]
+        fans = np.stack(
+            [polygons[:, [0, k, k + 1]] for k in range(1, polygons.shape[1] - 1)], axis=1
+        )
+        # Shorter polygons repeat their last vertex.
+        face, k = np.nonzero((fans[:, :, 1] != fans[:, :, 2]).any(axis=-1))
+        return Surface(fans[face, k]), face
+
+    def _only(self, t: int, actor: int) -> tuple[Surface, IntArray]:
         """Returns one actor alone, and the face of each of its triangles."""
-        faces = self._geometry.at(t)
-        own = np.flatnonzero(self._problem.face_owner[faces.triangle_faces] == actor)
-        alone = Occluders(faces.actors.triangles[own], self._geometry.origin)
-        return alone, faces.triangle_faces[own]
+        actors, triangle_faces = self._bodies(t)
+        own = np.flatnonzero(self._problem.face_owner[triangle_faces] == actor)
+        return Surface(actors.triangles[own]), triangle_faces[own]
 
     def _eye(self, robot: Robot, state: State) -> FloatArray:
-        """Returns the place of a robot's camera [3] in a state, in m."""
+        """Returns the place of a robot's camera [3] in a state, in m from the origin."""
         x, y, terrain = state.x, state.y, self._problem.height_map
         altitude = terrain.altitude(x, y, robot.motion.layers[state.layer])
-        return np.array([*terrain.centre(x, y), altitude])
+        place: FloatArray = np.array([*terrain.centre(x, y), altitude]) - self._geometry.origin
+        return place
 
     def _boxes(
-        self, faces: Faces, robot: Robot, state: State
+        self, t: int, robot: Robot, state: State
     ) -> Iterator[tuple[int, tuple[int, int, int, int]]]:
         """Yields actors, and the box (left, top, right, bottom) in px in which each may be."""
         camera, axes = self.camera_of(robot), _axes(robot, state)
+        polygons = self._geometry.at(t).polygons[0]
         for actor in range(len(self._problem.actors)):
-            corners = faces.polygons[self._problem.face_owner == actor].reshape(-1, 3)
+            corners = polygons[self._problem.face_owner == actor].reshape(-1, 3)
             right, up, depth = axes @ (corners - self._eye(robot, state)).T
             wide, high = (size / 2 / camera.focal * depth for size in (camera.width, camera.height))
             sides = np.stack([wide - right, wide + right, high - up, high + up])
@@ -164,7 +177,7 @@ class Renderer:
         robot: Robot,
         state: State,
         box: tuple[int, int, int, int],
-        surfaces: Sequence[Occluders],
+        surfaces: Sequence[Surface],
     ) -> Iterator[tuple[IntArray, FloatArray, _Hits]]:
         """Yields rays of a box of pixels, some at a time: their pixels, ways [n, 3], and hits."""
         camera, step, axes = self.camera_of(robot), self._step, _axes(robot, state)
@@ -197,7 +210,7 @@ def _axes(robot: Robot, state: State) -> FloatArray:
     return np.stack([right, np.cross(right, forward), forward])
 
 
-def _nearest(surfaces: Sequence[Occluders], eyes: FloatArray, ways: FloatArray) -> _Hits:
+def _nearest(surfaces: Sequence[Surface], eyes: FloatArray, ways: FloatArray) -> _Hits:
     """Returns the first hit of each ray on any of the surfaces."""
     distance = np.full(len(ways), np.inf)
     hits = _Hits(np.full(len(ways), -1), np.full(len(ways), -1))

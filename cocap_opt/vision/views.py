@@ -4,32 +4,47 @@ The value of a view depends on the kind of camera; `make_views` returns the view
 """
 
 import math
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.problem import AnyCamera, Camera, Cone, Problem
-from cocap_opt.vision.faces import FaceGeometry, Faces
+from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.projection import Projection, dot
-from cocap_opt.vision.visibility import Occluders, Samples, rays_arrive, spans
+from cocap_opt.vision.spans import spans
+from cocap_opt.vision.visibility import Sightings, Veil, Visibility
 
-# Most states and rays at once, so that limits are checked every 0.3 s or more often.
-_BATCH_STATES = 1024
-_BATCH_RAYS = 1_600_000  # if all faces of all states were in view
-_UNSURE = 0.5  # neither hidden nor in the open
+# Most states at once, and states times actors, so that limits are checked every 0.3 s or so.
+_BATCH, _BATCH_ACTORS = 8_192, 65_000
+_POINTS = 500_000  # behind meshes at once, to bound the memory
 _ON_THE_EDGE = 1e-9  # rad, by which an actor may be beyond the edge of a cone
+
+
+class Seen(NamedTuple):
+    """What some states see of some faces; the others see nothing."""
+
+    rows: IntArray  # [n] position of the state, increasing
+    faces: IntArray  # [n] increasing for each state
+    pixels: FloatArray  # [n] px/m2, > 0
 
 
 class Views(Protocol):
     """A source of coverage of single states, which several threads may use."""
 
+    n_states: int
+    n_faces: int
+
+    @property
+    def batch(self) -> int:
+        """Number of nodes that a fraction of a second suffices for."""
+
+    def seen(self, nodes: IntArray) -> Seen:
+        """Returns what nodes [n] see, increasing; node t S + s is state s at step t."""
+
     def coverage(self, t: int, states: IntArray) -> FloatArray:
         """Returns the coverage [n, F] in px/m2 of every face from the states [n] at step t."""
-
-    def batch(self, t: int) -> int:
-        """Returns the number of states that a fraction of a second suffices for at step t."""
 
 
 def make_views(
@@ -44,176 +59,143 @@ def make_views(
 class _PinholeViews:
     """Coverage by a pinhole camera.
 
-        coverage = projected area, clipped to the image / area of the face x visible share
+        coverage = area of the image of what is visible of the face, in px / area of the face
 
-    The visible share depends on the camera's place only, not on its orientation. A few points of
-    the whole actor tell first if all or nothing of it is visible (`faces.Bodies`). If they
-    differ, points spread over the face are used, or, if the image cuts the face, points spread
-    over its image.
+    What is visible depends on the camera's place only, not on its orientation (`visibility`): the
+    whole face, nothing, or some convex pieces of it.
     """
 
     def __init__(self, geometry: FaceGeometry, problem: Problem, graph: TimeGraph, camera: Camera):
         self._geometry = geometry
         self._map = problem.height_map
         self._graph = graph
+        self.n_states = graph.n_states
         self._camera = camera
         self._projection = Projection(camera)
         self._image = float(camera.width * camera.height)  # px
         self._axes = self._projection.axes(graph.motion.headings)
-        self._n_faces = len(problem.face_weights)
+        self.n_faces = len(problem.face_weights)
         self._owners = problem.face_owner
-        self._samples = problem.face_samples
+        self._visibility = Visibility(geometry, problem)
+
+    @property
+    def batch(self) -> int:
+        """Number of nodes that a fraction of a second suffices for."""
+        actors = int(self._owners[-1]) + 1 if len(self._owners) else 1
+        return max(min(_BATCH, _BATCH_ACTORS // actors), 1)
 
     def coverage(self, t: int, states: IntArray) -> FloatArray:
         """Returns the coverage [n, F] in px/m2 of every face from the states [n] at step t."""
-        result = np.zeros((len(states), self._n_faces))
-        if not self._n_faces:
-            return result
-        faces = self._geometry.at(t)
-        orientation, place = np.divmod(states, self._graph.n_places)
-        places, which = np.unique(place, return_inverse=True)
-        eyes = self._graph.positions(self._map, places)
-        in_view = self._in_view(faces, eyes[which], orientation)
-        open_to = self._share_of_actors(faces, eyes, which, in_view)
-        in_view &= open_to[which] > 0
-        if not in_view.any():
-            return result
-        # Only faces that are turned to the camera are seen.
-        ahead = dot(eyes[:, None, :] - faces.polygons[None, :, 0], faces.normals[None]) > 0
-        state, face = np.nonzero(ahead[which] & in_view[:, self._owners])
-        relative = faces.polygons[face] - eyes[which[state]][:, None, :]
-        in_camera = np.stack(self._in_camera(relative, orientation[state]), axis=-1)
-        # The area of a face that nearly touches the camera may be rounded beyond the image, or nan.
-        with np.errstate(over="ignore", invalid="ignore"):
-            area = np.minimum(self._projection.area(in_camera), self._image)
-        seen = np.flatnonzero(area > 0)
-        state, face, area, in_camera = state[seen], face[seen], area[seen], in_camera[seen]
-        eye, share = which[state], np.ones(len(seen))
-        unsure = np.flatnonzero(open_to[eye, self._owners[face]] < 1)
-        if len(unsure):
-            looks = orientation[state[unsure]]
-            share[unsure] = self._share_of_faces(
-                faces, in_camera[unsure], eyes, eye[unsure], looks, face[unsure]
-            )
-        result[state, face] = area * share / faces.areas[face]
+        result = np.zeros((len(states), self.n_faces))
+        seen = self.seen(t * self._graph.n_states + states)
+        result[seen.rows, seen.faces] = seen.pixels
         return result
 
-    def _in_view(self, faces: Faces, eyes: FloatArray, orientation: IntArray) -> BoolArray:
-        """Returns an array [n, A], true if an actor may be in the image of a camera at an eye."""
-        bodies = faces.bodies
-        u, v, depth = self._in_camera(bodies.centres - eyes[:, None], orientation)
+    def seen(self, nodes: IntArray) -> Seen:
+        """Returns what nodes [n] see; node t S + s is state s at step t."""
+        if not self.n_faces or not len(nodes):
+            return _NOTHING
+        t, state = np.divmod(nodes, self._graph.n_states)
+        orientation, place = np.divmod(state, self._graph.n_places)
+        viewpoints, which = np.unique(t * self._graph.n_places + place, return_inverse=True)
+        t, place = np.divmod(viewpoints, self._graph.n_places)
+        faces = self._geometry.between(int(t[0]), int(t[-1]))
+        steps = t - faces.first
+        eyes = self._graph.positions(self._map, place) - self._geometry.origin
+        in_view = self._in_view(
+            faces.middles[steps[which]] - eyes[which, None], faces.reaches, orientation
+        )
+        wanted = np.zeros((len(eyes), in_view.shape[1]), dtype=bool)
+        state, actor = np.nonzero(in_view)
+        wanted[which[state], actor] = True
+        sight = self._visibility.of(faces, steps, eyes, wanted)
+        # Only faces that are turned to the camera are seen.
+        row, face = np.nonzero(sight.whole[which] & in_view[:, self._owners])
+        eye = which[row]
+        polygons = faces.polygons[steps[eye], face] - eyes[eye, None]
+        area = self._areas(polygons, orientation[row])
+        parts = [(row, face, area)]
+        if len(sight.eyes):
+            parts.append(self._in_pieces(sight, which, orientation, in_view))
+        row, face, area = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+        kept = np.flatnonzero(area > 0)
+        kept = kept[np.argsort(row[kept] * self.n_faces + face[kept])]
+        face = face[kept]
+        return Seen(row[kept], face, area[kept] / faces.areas[face])
+
+    def _in_pieces(
+        self, sight: Sightings, which: IntArray, orientation: IntArray, in_view: BoolArray
+    ) -> tuple[IntArray, IntArray, FloatArray]:
+        """Returns states, faces and areas (px) of the images of all faces seen in part."""
+        # Sightings are in the order of their eyes: those of one eye are one span.
+        first = np.searchsorted(sight.eyes, np.arange(len(sight.whole)))
+        counts = np.bincount(sight.eyes, minlength=len(first))
+        row = np.repeat(np.arange(len(which)), counts[which])
+        at = spans(first[which], counts[which])
+        ours = in_view[row, self._owners[sight.faces[at]]]
+        row, at = row[ours], at[ours]
+        entry = np.repeat(np.arange(len(at)), sight.counts[at])
+        piece = spans(sight.first[at], sight.counts[at])
+        looks = orientation[row[entry]]
+        areas = self._areas(sight.pieces[piece], looks)
+        if sight.veil is not None:
+            behind = np.flatnonzero((sight.veil.number[piece] >= 0) & (areas > 0))
+            areas[behind] *= self._share_past_mesh(sight.veil, piece[behind], looks[behind])
+        area = np.bincount(entry, weights=areas, minlength=len(at))
+        return row, sight.faces[at], np.minimum(area, self._image)
+
+    def _share_past_mesh(self, veil: Veil, pieces: IntArray, orientation: IntArray) -> FloatArray:
+        """Returns the shares [n] of the images of pieces that are seen past the meshes."""
+        parts = [np.zeros(0)]
+        most = max(_POINTS // max(veil.points.shape[1], 1), 1)
+        for first in range(0, len(pieces), most):
+            row = veil.number[pieces[first : first + most]]
+            points = self._in_camera(veil.points[row], orientation[first : first + most])
+            inside = (self._projection.frustum_distances(points) > 0).all(axis=-1)
+            depth = np.where(inside, points[..., 2], 1.0)
+            # The image of a piece of a plane is proportional to the inverse cube of its depth.
+            weights = inside * veil.areas[row] / (depth * depth * depth)
+            # Added one by one, so that the result does not depend on the number of points.
+            which, point = np.nonzero(weights)
+            weight = weights[which, point]
+            whole = np.bincount(which, weights=weight, minlength=len(row))
+            arrived = weight * veil.seen[row[which], point]
+            seen = np.bincount(which, weights=arrived, minlength=len(row))
+            parts.append(np.where(whole > 0, seen / np.where(whole > 0, whole, 1.0), 0.0))
+        return np.concatenate(parts)
+
+    def _areas(self, polygons: FloatArray, orientation: IntArray) -> FloatArray:
+        """Returns the areas [n] in px of the images of polygons [n, V, 3], relative to the eye."""
+        # The area of a face that nearly touches the camera may be rounded beyond the image, or nan.
+        with np.errstate(over="ignore", invalid="ignore"):
+            area = self._projection.area(self._in_camera(polygons, orientation))
+            result: FloatArray = np.minimum(area, self._image)
+        return result
+
+    def _in_camera(self, points: FloatArray, orientation: IntArray) -> FloatArray:
+        """Returns points [n, k, 3], relative to cameras, right, up and forward of them."""
+        axes = self._axes[orientation][:, None]
+        return np.stack([dot(points, axes[:, :, k]) for k in range(3)], axis=-1)
+
+    def _in_view(
+        self, middles: FloatArray, reaches: FloatArray, orientation: IntArray
+    ) -> BoolArray:
+        """Returns an array [n, A], true if spheres may be in the image of each camera.
+
+        Parameters
+        ----------
+        middles : [n, A, 3] m, relative to the cameras
+        reaches : [A] m
+        """
+        u, v, depth = np.moveaxis(self._in_camera(middles, orientation), -1, 0)
         in_view = np.ones(u.shape, dtype=bool)
         for size, off in ((self._camera.width, u), (self._camera.height, v)):
             slope = size / 2 / self._camera.focal
-            in_view &= slope * depth - np.abs(off) >= -bodies.reaches * math.hypot(1.0, slope)
+            in_view &= slope * depth - np.abs(off) >= -reaches * math.hypot(1.0, slope)
         return in_view
 
-    def _share_of_actors(
-        self, faces: Faces, eyes: FloatArray, which: IntArray, in_view: BoolArray
-    ) -> FloatArray:
-        """Returns an array [m, A]: 0 if an actor is hidden from an eye [m, 3], 1 if in the open.
 
-        Between 0 and 1 neither is certain. Only terrain and meshes hide an actor for certain,
-        since between other actors gaps are many.
-
-        Parameters
-        ----------
-        eyes : [m, 3] m, places of cameras
-        which : [n] number of each state's eye
-        in_view : [n, A] of each state
-        """
-        bodies, share = faces.bodies, np.zeros((len(eyes), in_view.shape[1]))
-        state, actor = np.nonzero(in_view)
-        share[which[state], actor] = 1.0
-        eye, target = np.nonzero(share)
-        past_terrain = self._share_past(faces.terrain, bodies.samples, eyes[eye], target)
-        clear = np.flatnonzero(past_terrain == 1)
-        past_actors = self._share_past(
-            faces.actors, bodies.samples, eyes[eye[clear]], target[clear]
-        )  # fmt: skip
-        past_terrain[clear] = np.maximum(past_actors, _UNSURE)
-        share[eye, target] = past_terrain
-        return share
-
-    def _share_past(
-        self, occluder: Occluders, samples: Samples, eyes: FloatArray, actors: IntArray
-    ) -> FloatArray:
-        """Returns the share [n] of actors' points that are seen past occluders from eyes [n, 3]."""
-        seen = samples.seen([occluder], eyes, actors, np.arange(len(samples.counts)))
-        return samples.seen_share(actors, seen)
-
-    def _in_camera(self, points: FloatArray, orientation: IntArray) -> list[FloatArray]:
-        """Returns the coordinates [n, k] right, up and forward of points [n, k, 3] from cameras."""
-        axes = self._axes[orientation][:, None]
-        return [dot(points, axes[:, :, k]) for k in range(3)]
-
-    def _share_of_faces(
-        self,
-        faces: Faces,
-        polygons: FloatArray,
-        eyes: FloatArray,
-        eye: IntArray,
-        orientation: IntArray,
-        face: IntArray,
-    ) -> FloatArray:
-        """Returns the visible shares [n] of the images of faces.
-
-        Parameters
-        ----------
-        polygons : [n, V, 3] m, the faces in camera coordinates
-        eyes : [m, 3] m, places of cameras
-        eye, orientation, face : [n] number of each view's eye, orientation and face
-        """
-        # Views from one place share their rays.
-        pair, which = np.unique(eye * self._n_faces + face, return_inverse=True)
-        one, target = np.divmod(pair, self._n_faces)
-        seen = faces.samples.seen(faces.occluders, eyes[one], target, self._owners)
-        share = faces.samples.seen_share(target, seen)[which]
-        inside = (self._projection.frustum_distances(polygons) >= 0).all(axis=(1, 2))
-        axes = self._axes[orientation]
-        some = np.flatnonzero((share > 0) & (share < 1) & inside)
-        if len(some):
-            at, point = faces.samples.of(face[some])
-            ways = faces.samples.points[point] - eyes[eye[some]][at]
-            # The image of a piece of a plane is proportional to the inverse cube of its depth.
-            depth = dot(ways, axes[some][at, 2])
-            weight = faces.samples.shares[point] / (depth * depth * depth)
-            counts = faces.samples.counts[target]
-            ray = spans((np.cumsum(counts) - counts)[which[some]], counts[which[some]])
-            whole = np.bincount(at, weights=weight)
-            share[some] = np.bincount(at, weights=weight * seen[ray]) / whole
-        cut = np.flatnonzero((share < 1) & ~inside)
-        if len(cut):
-            share[cut] = self._share_in_image(
-                faces, polygons[cut], eyes[eye[cut]], axes[cut], face[cut]
-            )
-        return share
-
-    def _share_in_image(
-        self, faces: Faces, polygons: FloatArray, eyes: FloatArray, axes: FloatArray, of: IntArray
-    ) -> FloatArray:
-        """Returns the visible shares [n] of the images of faces, by rays spread over the images.
-
-        Parameters
-        ----------
-        polygons : [n, V, 3] m, the faces in camera coordinates
-        eyes, axes : [n, 3] m and [n, 3, 3], of the camera
-        of : [n] numbers of the faces
-        """
-        points, weights = self._projection.samples(polygons, self._samples)
-        which, sample = np.nonzero(weights)
-        local = points[which, sample]
-        at = eyes[which]
-        for k in range(3):
-            at = at + local[:, k, None] * axes[which, k]
-        seen = rays_arrive(faces.occluders, eyes[which], at, self._owners[of[which]])
-        share = np.bincount(which, weights=weights[which, sample] * seen, minlength=len(of))
-        return np.minimum(share, 1.0)
-
-    def batch(self, t: int) -> int:
-        """Returns the number of states that a fraction of a second suffices for at step t."""
-        rays = int(self._geometry.at(t).samples.counts.sum())
-        return min(max(_BATCH_RAYS // max(rays, 1), 1), _BATCH_STATES)
+_NOTHING = Seen(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))
 
 
 class _ConeViews:
@@ -224,30 +206,41 @@ class _ConeViews:
         self._problem = problem
         self._graph = graph
         self._cone = cone
+        self.n_states, self.n_faces = graph.n_states, len(problem.face_owner)
 
     def coverage(self, t: int, states: IntArray) -> FloatArray:
         """Returns the coverage [n, F] in 1/m2 of every face from the states [n] at step t."""
         faces, owners = self._geometry.at(t), self._problem.face_owner
+        origin = self._geometry.origin
         if not len(owners):
             return np.zeros((len(states), 0))
         orientation, place = np.divmod(states, self._graph.n_places)
-        eyes = self._graph.positions(self._problem.height_map, place)
+        eyes = self._graph.positions(self._problem.height_map, place) - origin
         yaw = 2 * np.pi * orientation / self._graph.motion.headings
-        feet = np.array([actor.poses[t, :3] for actor in self._problem.actors])
+        feet = np.array([actor.poses[t, :3] for actor in self._problem.actors]) - origin
         ways = feet[None] - eyes[:, None]  # [n, A, 3]
         off = np.arctan2(ways[..., 1], ways[..., 0]) - yaw[:, None]
         off = np.abs((off + np.pi) % (2 * np.pi) - np.pi)
         detected = off <= self._cone.opening / 2 + _ON_THE_EDGE
         # All faces count as if they were on the ground.
         d = np.empty((len(states), len(owners), 3))
-        d[..., :2] = faces.centres[None, :, :2] - eyes[:, None, :2]
+        d[..., :2] = faces.centres[:, :, :2] - eyes[:, None, :2]
         d[..., 2] = feet[owners, 2] - eyes[:, None, 2]
         ahead = np.abs(d[..., 0] * np.cos(yaw)[:, None] + d[..., 1] * np.sin(yaw)[:, None])
         square = dot(d, d)
-        turned = np.maximum(-dot(d, faces.normals[None]), 0.0)
+        turned = np.maximum(-dot(d, faces.normals), 0.0)
         result: FloatArray = detected[:, owners] * ahead * turned / square**2
         return result
 
-    def batch(self, t: int) -> int:
-        """Returns the number of states that a fraction of a second suffices for at step t."""
-        return _BATCH_STATES
+    @property
+    def batch(self) -> int:
+        """Number of nodes that a fraction of a second suffices for."""
+        return max(_BATCH_ACTORS // max(len(self._problem.face_owner), 1), 1)
+
+    def seen(self, nodes: IntArray) -> Seen:
+        """Returns what nodes [n] see, increasing; node t S + s is state s at step t."""
+        t, states = np.divmod(nodes, self._graph.n_states)
+        parts = [self.coverage(int(step), states[t == step]) for step in np.unique(t)]
+        coverage = np.concatenate([np.zeros((0, len(self._problem.face_owner))), *parts])
+        rows, faces = np.nonzero(coverage)
+        return Seen(rows, faces, coverage[rows, faces])

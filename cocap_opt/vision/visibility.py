@@ -1,187 +1,222 @@
-"""The share of a face that a camera sees past terrain and other actors, by ray casting.
+"""What of every face can be seen from an eye, past the terrain and the other actors.
 
-Embree casts the rays. It computes in float32, so everything is shifted to a local origin
-first: at map coordinates of 5e5 m it would otherwise lose several per cent of the pixels.
+Most actors are wholly visible or wholly hidden. Where the shadow of a convex body falls on a part
+of an actor, the pieces of its faces outside of all shadows are found, exactly. Behind meshes that
+are not convex, rays to points all over a piece tell how much of it is seen.
 """
 
-from collections.abc import Iterable
-from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from embreex.mesh_construction import TriangleMesh
-from embreex.rtcore import EmbreeDevice
-from embreex.rtcore_scene import EmbreeScene
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.problem import Problem
+from cocap_opt.vision.bodies import Bodies
+from cocap_opt.vision.faces import FaceGeometry, Faces
 from cocap_opt.vision.projection import centroids, dot
+from cocap_opt.vision.shadows import Pieces, Shadows, seen_pieces
+from cocap_opt.vision.spans import spans
+from cocap_opt.vision.surfaces import Surface
+from cocap_opt.world.polygons import centres
 
-RAYS = 100_000  # rays cast at once, to bound the memory
-_NOTHING = 1e-9  # share of a face; a smaller hidden part is no part at all
-_TOUCH = 1e-3  # m; a hit this near to the sample point is the sampled face itself
-
-
-@cache
-def _device() -> EmbreeDevice:
-    """Returns the one device of the process; each takes one of 1024 thread-local keys."""
-    return EmbreeDevice()
+_AT_ONCE = 200_000  # shadows, to bound the memory
+_LEAST = 1e-300  # m2, for an eye in the middle of an actor
 
 
-class Occluders:
-    """Matter that blocks views: the terrain, or the actors of one step.
+class Veil(NamedTuple):
+    """Points all over pieces of faces that meshes may hide, and which of them rays reach."""
+
+    number: IntArray  # [q] row of each piece, -1 if no mesh is before it
+    points: FloatArray  # [v, M, 3] m, relative to the eye
+    areas: FloatArray  # [v, M] m2 that each point stands for
+    seen: BoolArray  # [v, M]
+
+
+class Sightings(NamedTuple):
+    """What can be seen from E eyes: of some faces all, of n others pieces, of the rest nothing."""
+
+    whole: BoolArray  # [E, F] true where all of a face is seen, if it is in the image
+    eyes: IntArray  # [n] increasing
+    faces: IntArray  # [n] increasing for each eye
+    first: IntArray  # [n] number of the first piece
+    counts: IntArray  # [n] number of pieces
+    pieces: FloatArray  # [q, V, 3] m, relative to the eye
+    veil: Veil | None  # what rays tell about the pieces; None where there are no such meshes
+
+
+class _Shaded(NamedTuple):
+    """The shadows that fall on parts of actors, from one eye each."""
+
+    hidden: BoolArray  # [n] true where one body hides all of the actor
+    first: IntArray  # [n] number of the first shadow
+    counts: IntArray  # [n]
+    shadows: Shadows
+
+
+class Visibility:
+    """What of the faces of a problem is seen from any eye."""
+
+    def __init__(self, geometry: FaceGeometry, problem: Problem) -> None:
+        self._fixed, self._mesh = geometry.fixed, geometry.mesh
+        self._owners = problem.face_owner
+        self._samples = problem.face_samples
+
+    def of(self, faces: Faces, steps: IntArray, eyes: FloatArray, wanted: BoolArray) -> Sightings:
+        """Returns what is seen from eyes [E, 3], each at a step [E].
+
+        Parameters
+        ----------
+        steps : counted from the first step of `faces`
+        wanted : [E, A] true for actors that matter
+        """
+        eye, actor = np.nonzero(wanted)
+        shaded = self._shaded(faces, steps[eye], eyes[eye], actor)
+        veiled = np.zeros(len(eye), dtype=bool)
+        if self._mesh is not None:
+            share = self._share_past_mesh(self._mesh, faces, steps[eye], eyes[eye], actor)
+            shaded.hidden[share == 0] = True
+            veiled = share < 1
+        pair = np.full(wanted.shape, -1)
+        pair[eye, actor] = np.arange(len(eye))
+        open_to = np.zeros(wanted.shape, dtype=bool)
+        open_to[eye, actor] = ~shaded.hidden
+        in_part = np.zeros(wanted.shape, dtype=bool)
+        in_part[eye, actor] = ~shaded.hidden & ((shaded.counts > 0) | veiled)
+        # Only faces that are turned to the eye are seen.
+        eye, face = np.nonzero(open_to[:, self._owners])
+        to_eye = eyes[eye] - faces.polygons[steps[eye], face, 0]
+        ahead = dot(to_eye, faces.normals[steps[eye], face]) > 0
+        eye, face = eye[ahead], face[ahead]
+        cut = in_part[eye, self._owners[face]]
+        whole = np.zeros((len(eyes), len(self._owners)), dtype=bool)
+        whole[eye[~cut], face[~cut]] = True
+        eye, face = eye[cut], face[cut]
+        number = pair[eye, self._owners[face]]
+        polygons = faces.polygons[steps[eye], face] - eyes[eye, None]
+        pieces = seen_pieces(polygons, shaded.shadows, shaded.first[number], shaded.counts[number])
+        counts = np.bincount(pieces.owners, minlength=len(eye))
+        veil = None
+        if self._mesh is not None:
+            behind = np.flatnonzero(veiled[number][pieces.owners])
+            veil = self._veil(self._mesh, pieces, behind, eyes[eye])
+        first = np.cumsum(counts) - counts
+        return Sightings(whole, eye, face, first, counts, pieces.polygons, veil)
+
+    def _veil(self, mesh: Surface, pieces: Pieces, behind: IntArray, eyes: FloatArray) -> Veil:
+        """Casts rays to points all over some pieces.
+
+        Parameters
+        ----------
+        behind : [v] numbers of the pieces
+        eyes : [n, 3] m, of each polygon
+        """
+        number = np.full(len(pieces.owners), -1)
+        number[behind] = np.arange(len(behind))
+        polygons = pieces.polygons[behind]
+        a, b = centroids(self._samples)
+        middle = centres(polygons)[:, None]
+        one = polygons - middle
+        other = np.roll(one, -1, axis=1)
+        areas = np.linalg.norm(np.cross(one, other), axis=2) / 2
+        size = len(a) * polygons.shape[1]
+        points = (
+            middle[:, :, None] + a[:, None] * one[:, :, None] + b[:, None] * other[:, :, None]
+        ).reshape(len(behind), size, 3)
+        starts = np.repeat(eyes[pieces.owners[behind]], size, axis=0)
+        seen = mesh.lets_pass(starts, starts + points.reshape(-1, 3))
+        return Veil(
+            number,
+            points,
+            np.repeat(areas / len(a), len(a), axis=1),
+            seen.reshape(len(behind), size),
+        )
+
+    def _shaded(self, faces: Faces, steps: IntArray, eyes: FloatArray, actors: IntArray) -> _Shaded:
+        """Returns the shadows that fall on actors [n] from eyes [n, 3] at steps [n]."""
+        casting = _Casting(faces.corners[steps, actors] - eyes[:, None], eyes)
+        counts, bodies = faces.candidates.of(steps * faces.corners.shape[1] + actors, eyes)
+        first = np.cumsum(counts) - counts
+        done, size = 0, 1
+        # Ever more at once: the first bodies hide most of the actors that are hidden.
+        while len(rest := np.flatnonzero(~casting.hidden & (counts > done))):
+            take = np.minimum(counts[rest] - done, size)
+            at = spans(first[rest] + done, take)
+            casting.cast(self._fixed, np.repeat(rest, take), bodies[at])
+            done, size = done + size, 2 * size
+        rest = np.flatnonzero(~casting.hidden)
+        pair, body = _near_actors(faces, steps[rest], eyes[rest], actors[rest])
+        casting.cast(faces.bodies, rest[pair], body)
+        return casting.result()
+
+    def _share_past_mesh(
+        self, mesh: Surface, faces: Faces, steps: IntArray, eyes: FloatArray, actors: IntArray
+    ) -> FloatArray:
+        """Returns the share [n] of points all over actors that rays from eyes [n, 3] reach."""
+        targets = faces.points[steps, actors]
+        size = targets.shape[1]
+        seen = mesh.lets_pass(np.repeat(eyes, size, axis=0), targets.reshape(-1, 3))
+        share: FloatArray = seen.reshape(len(eyes), size).mean(axis=1)
+        return share
+
+
+class _Casting:
+    """Shadows that are cast on actors, a few at a time.
 
     Parameters
     ----------
-    triangles : [n, 3, 3] m
-    origin : [3] m, subtracted from all points
-    owners : [n] actor of each triangle; -1 for terrain
+    corners : [n, C, 3] m, of actors, relative to the eyes
+    eyes : [n, 3] m
 
     Attributes
     ----------
-    triangles : [n, 3, 3] m
+    hidden : [n] true where one shadow is known to hold all of the actor
     """
 
-    def __init__(
-        self, triangles: FloatArray, origin: FloatArray, owners: IntArray | None = None
-    ) -> None:
-        self._origin = origin
-        self._owners = np.full(len(triangles), -1) if owners is None else owners
-        self.triangles = triangles
-        self._scene: EmbreeScene | None = None
-        if len(triangles):
-            self._scene = EmbreeScene(_device(), robust=True)
-            TriangleMesh(self._scene, (triangles - origin).astype(np.float32))
-            # The first ray builds the scene; several threads must not do that at the same time.
-            self.first_hit(origin[None], np.array([[0.0, 0.0, 1.0]]))
+    def __init__(self, corners: FloatArray, eyes: FloatArray) -> None:
+        self.hidden = np.zeros(len(eyes), dtype=bool)
+        self._corners, self._eyes = corners, eyes
+        self._found: list[tuple[IntArray, Shadows]] = []
 
-    def first_hit(self, eyes: FloatArray, ways: FloatArray) -> tuple[FloatArray, IntArray]:
-        """Returns the distances (m) at which rays first meet a triangle, and the triangles.
+    def cast(self, bodies: Bodies, actors: IntArray, which: IntArray) -> None:
+        """Casts the shadows of bodies [m] on actors [m]."""
+        for first in range(0, len(actors), _AT_ONCE):
+            actor, body = (part[first : first + _AT_ONCE] for part in (actors, which))
+            shadows = Shadows.of(bodies, body, self._eyes[actor])
+            beside, inside = shadows.sides(self._corners[actor])
+            self.hidden[actor[inside]] = True
+            part = np.flatnonzero(~beside & ~inside)
+            if len(part):
+                self._found.append((actor[part], shadows.taken(part)))
 
-        Parameters
-        ----------
-        eyes : [n, 3] m, starts of the rays
-        ways : [n, 3] unit vectors
-
-        Returns
-        -------
-        distances, triangles : [n] each; inf and -1 where there is nothing
-        """
-        if self._scene is None or not len(eyes):
-            return np.full(len(eyes), np.inf), np.full(len(eyes), -1)
-        hit = self._scene.run(
-            (eyes - self._origin).astype(np.float32), ways.astype(np.float32), output=True
-        )
-        triangles = hit["primID"].astype(np.int64)
-        return np.where(triangles >= 0, hit["tfar"].astype(np.float64), np.inf), triangles
-
-    def free_share(
-        self, eyes: FloatArray, targets: FloatArray, target_owners: IntArray | None = None
-    ) -> FloatArray:
-        """Returns the share [n] of the way from eyes to targets, both [n, 3], that rays get.
-
-        It is 1 for a ray that arrives. A face that is turned to the camera cannot be hidden by
-        its own (convex) actor, `target_owners` [n].
-        """
-        ways = targets - eyes
-        length = np.maximum(np.sqrt(dot(ways, ways)), _TOUCH)  # a nearer one arrives
-        distance, triangle = self.first_hit(eyes, ways / length[:, None])
-        arrives = distance >= length - _TOUCH
-        if target_owners is not None:
-            hits = np.flatnonzero(triangle >= 0)
-            arrives[hits] |= self._owners[triangle[hits]] == target_owners[hits]
-        return np.where(arrives, 1.0, distance / length)
+    def result(self) -> _Shaded:
+        """Returns the shadows on parts of each actor, in the order in which they were cast."""
+        if not self._found:
+            none = np.zeros(len(self.hidden), dtype=np.int64)
+            return _Shaded(self.hidden, none, none, Shadows.joined([]))
+        actor = np.concatenate([part for part, _ in self._found])
+        order = np.argsort(actor, kind="stable")
+        order = order[~self.hidden[actor[order]]]
+        counts = np.bincount(actor[order], minlength=len(self.hidden))
+        shadows = Shadows.joined([part for _, part in self._found]).taken(order)
+        return _Shaded(self.hidden, np.cumsum(counts) - counts, counts, shadows)
 
 
-class Samples(NamedTuple):
-    """Sample points of all faces, or of all actors, one after the other."""
+def _near_actors(
+    faces: Faces, steps: IntArray, eyes: FloatArray, actors: IntArray
+) -> tuple[IntArray, IntArray]:
+    """Returns which actors stand between eyes [n, 3] and actors [n], or nearly so.
 
-    points: FloatArray  # [M, 3] m
-    shares: FloatArray  # [M] share of its face's area that each point stands for
-    counts: IntArray  # [F] number of points of each face
-
-    @classmethod
-    def of_polygon(cls, polygon: FloatArray, samples: int) -> "Samples":
-        """Returns points spread over a convex polygon [V, 3].
-
-        Each triangle between an edge and the middle is cut into `samples` squared equal triangles,
-        whose centroids are the points, so that a mirrored polygon has mirrored points.
-        """
-        a, b = centroids(samples)
-        points, areas = [], []
-        for triangle in _around_middle(polygon):
-            first, second = triangle[1] - triangle[0], triangle[2] - triangle[0]
-            points.append(triangle[0] + a[:, None] * first + b[:, None] * second)
-            areas.append(np.full(len(a), np.linalg.norm(np.cross(first, second)) / len(a)))
-        share = np.concatenate(areas)
-        return cls(np.concatenate(points), share / share.sum(), np.array([len(share)]))
-
-    @classmethod
-    def joined(cls, parts: Iterable["Samples"]) -> "Samples":
-        """Returns the samples of several parts, one after the other."""
-        return cls(*(np.concatenate(columns) for columns in zip(_NO_SAMPLES, *parts, strict=True)))
-
-    def of(self, faces: IntArray) -> tuple[IntArray, IntArray]:
-        """Returns for all points of faces [n] the position of the face, and the point's number."""
-        counts, first = self.counts[faces], np.cumsum(self.counts) - self.counts
-        return np.repeat(np.arange(len(faces)), counts), spans(first[faces], counts)
-
-    def seen(
-        self, occluders: list[Occluders], eyes: FloatArray, faces: IntArray, owners: IntArray
-    ) -> BoolArray:
-        """Returns an array that is true for each sample point of faces [n] that is seen.
-
-        Points are one after the other, as `of` has them.
-
-        Parameters
-        ----------
-        occluders : all matter that hides faces
-        eyes : [n, 3] m, camera positions, one per pair of camera and face
-        faces : [n] number of the face that is looked at
-        owners : [F] actor of each face
-        """
-        parts = np.cumsum(self.counts[faces]) // RAYS
-        cuts = np.flatnonzero(np.diff(parts)) + 1
-        arrives = [np.zeros(0, dtype=bool)]
-        for at in np.split(np.arange(len(faces)), cuts):
-            pair, point = self.of(faces[at])
-            eye, owner = eyes[at][pair], owners[faces[at]][pair]
-            arrives.append(rays_arrive(occluders, eye, self.points[point], owner))
-        return np.concatenate(arrives)
-
-    def seen_share(self, faces: IntArray, seen: BoolArray) -> FloatArray:
-        """Returns the share [n] of the area of faces that is seen, from the points that are."""
-        pair, point = self.of(faces)
-        # Shares are added in this order, so that the result does not depend on n.
-        share = np.bincount(pair, weights=seen * self.shares[point], minlength=len(faces))
-        return np.where(share < 1 - _NOTHING, share, 1.0)
-
-
-_NO_SAMPLES = Samples(np.empty((0, 3)), np.empty(0), np.zeros(0, dtype=np.int64))
-
-
-def _around_middle(polygon: FloatArray) -> list[FloatArray]:
-    """Returns the triangles [3, 3] between the edges of a convex polygon [V, 3] and its middle."""
-    middle = polygon.mean(axis=0)
-    ends = zip(polygon, np.roll(polygon, -1, axis=0), strict=True)
-    return [np.stack([middle, a, b]) for a, b in ends]
-
-
-def spans(first: IntArray, counts: IntArray) -> IntArray:
-    """Returns the numbers first, first + 1, .. of spans of `counts` [n], one after the other."""
-    ends = np.cumsum(counts)
-    result: IntArray = np.arange(int(counts.sum())) + np.repeat(first + counts - ends, counts)
-    return result
-
-
-def rays_arrive(
-    occluders: list[Occluders], eyes: FloatArray, targets: FloatArray, owners: IntArray
-) -> BoolArray:
-    """Returns an array [n], true if a ray gets from its eye to its target on an actor's face.
-
-    `owners` [n] are the actors.
+    Returns
+    -------
+    pairs, bodies : [m] each, the position among the n, and the number of the body
     """
-    arrives = np.ones(len(eyes), dtype=bool)
-    for occluder in occluders:
-        rest = np.flatnonzero(arrives)
-        arrives[rest] = occluder.free_share(eyes[rest], targets[rest], owners[rest]) >= 1.0
-    return arrives
+    own, n_actors = np.arange(len(eyes)), len(faces.reaches)
+    others = faces.middles[steps] - eyes[:, None]
+    target = others[own, actors][:, None]
+    square = np.maximum(dot(target, target), _LEAST)
+    along = np.clip(dot(others, target) / square, 0.0, 1.0)
+    off = others - along[..., None] * target
+    near = dot(off, off) <= (faces.reaches[actors, None] + faces.reaches) ** 2
+    near[own, actors] = False
+    pair, other = np.nonzero(near)
+    return pair, steps[pair] * n_actors + other

@@ -1,0 +1,186 @@
+"""Convex bodies that hide actors: columns of the terrain, convex meshes, and the other actors."""
+
+from collections.abc import Sequence
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+
+from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.problem import Shape
+from cocap_opt.problem.shapes import Cuboid, Prism
+from cocap_opt.world.workspace import HeightMap, Mesh
+
+_FLAT = 1e-9  # m; points that are nearer to a plane lie in it
+_MOST_PLANES = 64  # of a mesh that counts as one convex body
+
+
+class Solid(NamedTuple):
+    """One convex body: the intersection of half-spaces normal . x <= offset."""
+
+    normals: FloatArray  # [P, 3] unit vectors, outward
+    offsets: FloatArray  # [P] m
+    neighbours: IntArray  # [N, 2] planes that share an edge
+    corners: FloatArray  # [C, 3] m; a column that has no bottom has its upper ones
+
+
+class Bodies(NamedTuple):
+    """Convex bodies one after the other; missing planes hide nothing, missing pairs are (0, 0)."""
+
+    normals: FloatArray  # [B, P, 3] unit vectors, outward; 0 where missing
+    offsets: FloatArray  # [B, P] m; 1 where missing
+    neighbours: IntArray  # [B, N, 2] planes that share an edge
+    low: FloatArray  # [B, 2] m, least x and y
+    high: FloatArray  # [B, 3] m, greatest x, y and z
+
+    @classmethod
+    def of(cls, solids: Sequence[Solid]) -> "Bodies":
+        """Returns solids as arrays."""
+        planes = max((len(solid.offsets) for solid in solids), default=1)
+        pairs = max((len(solid.neighbours) for solid in solids), default=1)
+        result = cls(
+            np.zeros((len(solids), planes, 3)), np.ones((len(solids), planes)),
+            np.zeros((len(solids), pairs, 2), dtype=np.int64),
+            np.zeros((len(solids), 2)), np.zeros((len(solids), 3)),
+        )  # fmt: skip
+        for k, solid in enumerate(solids):
+            result.normals[k, : len(solid.normals)] = solid.normals
+            result.offsets[k, : len(solid.offsets)] = solid.offsets
+            result.neighbours[k, : len(solid.neighbours)] = solid.neighbours
+            result.low[k] = solid.corners[:, :2].min(axis=0)
+            result.high[k] = solid.corners.max(axis=0)
+        return result
+
+    @classmethod
+    def of_columns(cls, height_map: HeightMap, origin: FloatArray) -> "Bodies":
+        """Returns the columns of a map, those of one height merged to boxes without bottom.
+
+        Parameters
+        ----------
+        origin : [3] m, which becomes 0
+        """
+        first, last, heights = merged_cells(height_map.heights)
+        corner = np.array(height_map.origin) - origin[:2]
+        low = corner + height_map.resolution * first
+        high = corner + height_map.resolution * (last + 1)
+        top = heights - origin[2]
+        n = len(first)
+        offsets = np.column_stack([top, -low[:, 0], high[:, 0], -low[:, 1], high[:, 1]])
+        return cls(
+            np.broadcast_to(_COLUMN, (n, 5, 3)), offsets,
+            np.broadcast_to(_COLUMN_EDGES, (n, 8, 2)), low, np.column_stack([high, top]),
+        )  # fmt: skip
+
+    @classmethod
+    def joined(cls, parts: Sequence["Bodies"]) -> "Bodies":
+        """Returns the bodies of several parts, one after the other."""
+        planes = max(part.normals.shape[1] for part in parts)
+        pairs = max(part.neighbours.shape[1] for part in parts)
+
+        normals, offsets, neighbours = [], [], []
+        for part in parts:
+            more = (0, planes - part.offsets.shape[1])
+            normals.append(np.pad(part.normals, ((0, 0), more, (0, 0))))
+            offsets.append(np.pad(part.offsets, ((0, 0), more), constant_values=1.0))
+            more = (0, pairs - part.neighbours.shape[1])
+            neighbours.append(np.pad(part.neighbours, ((0, 0), more, (0, 0))))
+        return cls(
+            np.concatenate(normals), np.concatenate(offsets), np.concatenate(neighbours),
+            np.concatenate([part.low for part in parts]),
+            np.concatenate([part.high for part in parts]),
+        )  # fmt: skip
+
+    def taken(self, which: IntArray) -> "Bodies":
+        """Returns some of the bodies."""
+        return Bodies(
+            self.normals[which], self.offsets[which], self.neighbours[which],
+            self.low[which], self.high[which],
+        )  # fmt: skip
+
+
+# A column: its top, and the sides towards -x, +x, -y and +y.
+_COLUMN = np.array(
+    [[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 1.0, 0.0]]
+)
+_COLUMN_EDGES = np.array([[0, 1], [0, 2], [0, 3], [0, 4], [1, 3], [1, 4], [2, 3], [2, 4]])
+
+
+def merged_cells(heights: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
+    """Returns rectangles that together are the map [X, Y]: first and last cells [n, 2], heights.
+
+    All cells of a rectangle have one height; the lowest cells are one rectangle, the whole map,
+    as nothing is below them.
+    """
+    lowest = heights.min()
+    free = heights > lowest
+    rectangles = [(0, 0, heights.shape[0] - 1, heights.shape[1] - 1)]
+    for x, y in np.argwhere(free).tolist():
+        if not free[x, y]:
+            continue
+        same = free[x:, y:] & (heights[x:, y:] == heights[x, y])
+        depth = _run(same[0])
+        width = _run(same[:, :depth].all(axis=1))
+        free[x : x + width, y : y + depth] = False
+        rectangles.append((x, y, x + width - 1, y + depth - 1))
+    cells = np.array(rectangles)
+    tops = heights[cells[:, 0], cells[:, 1]]
+    tops[0] = lowest
+    return cells[:, :2], cells[:, 2:], tops
+
+
+def _run(values: BoolArray) -> int:
+    """Returns the number of true values before the first false one."""
+    return len(values) if values.all() else int(values.argmin())
+
+
+def solid_of_shape(shape: Shape) -> Solid:
+    """Returns the body of an actor's shape, around its foot point."""
+    # The two triangles of a side of a TriangulatedCuboid are one plane.
+    whole: Cuboid | Prism
+    if isinstance(shape, Prism):
+        whole = shape
+    else:
+        whole = Cuboid(length=shape.length, width=shape.width, height=shape.height)
+    faces = whole.faces()
+    bottom = faces[-1][::-1].copy()
+    bottom[:, 2] = 0.0
+    return _solid([*faces, bottom])
+
+
+def convex_solid(mesh: Mesh, origin: FloatArray) -> Solid | None:
+    """Returns a closed mesh as one body if it is convex and has few sides, and None if not."""
+    if not mesh.is_solid or not len(mesh.triangles):
+        return None
+    corners = mesh.vertices[np.unique(mesh.triangles)] - origin
+    flat = _FLAT * max(1.0, float(np.abs(corners).max()))
+    normals: list[FloatArray] = []
+    for triangle in mesh.corners - origin:
+        doubled = np.cross(triangle[1] - triangle[0], triangle[2] - triangle[0])
+        length = float(np.linalg.norm(doubled))
+        if length == 0 or ((corners - triangle[0]) @ doubled > flat * length).any():
+            return None  # a corner is beyond this triangle's plane
+        if not any(np.abs(doubled / length - normal).max() <= _FLAT for normal in normals):
+            normals.append(doubled / length)
+        if len(normals) > _MOST_PLANES:
+            return None
+    offsets = (corners @ np.array(normals).T).max(axis=0)
+    on = np.abs(corners @ np.array(normals).T - offsets) <= flat
+    return Solid(np.array(normals), offsets, _neighbours(on), corners)
+
+
+def _solid(polygons: Sequence[FloatArray]) -> Solid:
+    """Returns the body between polygons [V, 3], counter-clockwise seen from outside."""
+    corners = np.unique(np.concatenate(polygons), axis=0)
+    doubled = np.array([np.cross(p[1] - p[0], p[2] - p[0]) for p in polygons])
+    normals = doubled / np.linalg.norm(doubled, axis=1, keepdims=True)
+    offsets = np.array([normal @ p[0] for normal, p in zip(normals, polygons, strict=True)])
+    on = np.array([[(p == corner).all(axis=1).any() for p in polygons] for corner in corners])
+    return Solid(normals, offsets, _neighbours(on), corners)
+
+
+def _neighbours(on: BoolArray) -> IntArray:
+    """Returns the pairs of planes [N, 2] that share an edge, from the corners [C, P] on them."""
+    pairs = [
+        (a, b) for a, b in combinations(range(on.shape[1]), 2) if (on[:, a] & on[:, b]).sum() >= 2
+    ]
+    return np.array(pairs, dtype=np.int64).reshape(-1, 2)

@@ -1,0 +1,136 @@
+"""The bodies that can hide an actor from an eye, found by direction and slope.
+
+Seen from above, a camera and the circle around an actor span a fan. A body can hide the actor
+only if it meets the fan and is higher there than the lowest line of sight. Let D be the way from
+the actor's middle to the nearest point of the body, r the circle's radius, and h and z the heights
+of the body and of the eye above the actor's foot. A line of sight that passes the body is at a
+share of at least (D - r) / (D_eye - r) of the way to the eye, so that the body is out of the way if
+
+    h / (D - r) < z / (D_eye - r).
+
+Directions around each actor are divided into sectors. Each sector has the list of the bodies that
+reach into the fans of its eyes, the steepest first.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from cocap_opt.data import FloatArray, IntArray
+from cocap_opt.vision.bodies import Bodies
+from cocap_opt.vision.spans import spans
+
+_SECTORS = 128
+_ROUNDING = 1e-9  # of slopes and directions, much more than that of computing them
+_PAIRS = 2_000_000  # of targets and bodies at once, to bound the memory
+_GRAIN = 2.0**-30  # of keys, so that a slope's part does not depend on the sector's number
+
+
+class Circles(NamedTuple):
+    """Upright cylinders around actors, without end above."""
+
+    middles: FloatArray  # [G, 2] m
+    radii: FloatArray  # [G] m
+    feet: FloatArray  # [G] m, the lowest points
+
+
+class Candidates:
+    """The bodies that can hide each of several targets.
+
+    Parameters
+    ----------
+    bodies : all of them
+    targets : around the actors
+    lowest_eye : m, no eye is lower
+    """
+
+    def __init__(self, bodies: Bodies, targets: Circles, lowest_eye: float) -> None:
+        self._targets, self._tops = targets, bodies.high[:, 2]
+        n, size = len(targets.radii), max(_PAIRS // max(len(self._tops), 1), 1)
+        parts = [
+            _entries(bodies, targets, np.arange(first, min(first + size, n)), lowest_eye)
+            for first in range(0, n, size)
+        ]
+        keys, self._bodies, self._nearest = (
+            np.concatenate([part[k] for part in parts]) if parts else np.zeros(0) for k in range(3)
+        )
+        self._keys = keys
+        self._starts = np.searchsorted(keys, np.arange(n * _SECTORS))
+
+    def of(self, targets: IntArray, eyes: FloatArray) -> tuple[IntArray, IntArray]:
+        """Returns the bodies that can hide targets [n] from eyes [n, 3].
+
+        Returns
+        -------
+        counts : [n] number of bodies of each
+        bodies : their numbers, one target's after the other's
+        """
+        way = eyes[:, :2] - self._targets.middles[targets]
+        away = np.hypot(way[:, 0], way[:, 1])
+        radius, foot = self._targets.radii[targets], self._targets.feet[targets]
+        up = eyes[:, 2] - foot
+        slope = np.where(up >= 0, np.inf, -np.inf)
+        sloping = np.flatnonzero((up >= 0) & (away > radius))
+        slope[sloping] = up[sloping] / (away - radius)[sloping]
+        sector = targets * _SECTORS + _sector(np.arctan2(way[:, 1], way[:, 0])) % _SECTORS
+        first = self._starts[sector]
+        ends = np.searchsorted(self._keys, _key(sector, slope) + 4 * _GRAIN, side="right")
+        counts = ends - first
+        entry = spans(first, counts)
+        pair = np.repeat(np.arange(len(targets)), counts)
+        bodies = self._bodies[entry].astype(np.int64)
+        low = np.minimum(eyes[:, 2], foot)
+        between = (self._nearest[entry] < away[pair]) | (self._nearest[entry] <= radius[pair])
+        kept = np.flatnonzero(between & (self._tops[bodies] > low[pair]))
+        return np.bincount(pair[kept], minlength=len(targets)), bodies[kept]
+
+
+def _entries(
+    bodies: Bodies, targets: Circles, some: IntArray, lowest_eye: float
+) -> tuple[FloatArray, IntArray, FloatArray]:
+    """Returns the keys, bodies and least distances (m) of all entries of some targets' sectors."""
+    middles, radii, feet = (part[some] for part in targets)
+    low, high, tops = bodies.low, bodies.high[:, :2], bodies.high[:, 2]
+    row, body = np.nonzero(tops[None] > np.minimum(feet, lowest_eye)[:, None])
+    middle, radius = middles[row], radii[row]
+    a, b = low[body] - middle, high[body] - middle
+    off = np.maximum(np.maximum(a, -b), 0.0)
+    nearest = np.hypot(off[:, 0], off[:, 1])
+    around = nearest <= radius * (1 + _ROUNDING)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        slope = np.where(around, np.inf, (tops[body] - feet[row]) / (nearest - radius))
+        widening = np.arcsin(np.minimum(radius / nearest, 1.0))
+    slope[tops[body] <= feet[row]] = -np.inf
+    centre = (a + b) / 2
+    turns = [
+        np.arctan2(
+            centre[:, 0] * y[:, 1] - centre[:, 1] * x[:, 0],
+            centre[:, 0] * x[:, 0] + centre[:, 1] * y[:, 1],
+        )
+        for x in (a, b)
+        for y in (a, b)
+    ]
+    base = np.arctan2(centre[:, 1], centre[:, 0])
+    first = _sector(base + np.minimum.reduce(turns) - widening - _ROUNDING)
+    last = _sector(base + np.maximum.reduce(turns) + widening + _ROUNDING)
+    counts = np.where(around, _SECTORS, np.minimum(last - first + 1, _SECTORS))
+    entry = np.repeat(np.arange(len(row)), counts)
+    sector = some[row[entry]] * _SECTORS + spans(first, counts) % _SECTORS
+    keys = _key(sector, slope[entry])
+    order = np.argsort(keys, kind="stable")
+    entry = entry[order]
+    return keys[order], body[entry], nearest[entry]
+
+
+def _sector(angle: FloatArray) -> IntArray:
+    """Returns the numbers of the sectors that hold angles (rad), not brought into one turn."""
+    result: IntArray = np.floor(angle * (_SECTORS / math.tau)).astype(np.int64)
+    return result
+
+
+def _key(sector: IntArray, slope: FloatArray) -> FloatArray:
+    """Returns numbers that increase with the sector, and in each with the slope's fall."""
+    fall = 0.4 - 0.8 / math.pi * np.arctan(slope)  # 0 .. 0.8, which stays below the next sector
+    result: FloatArray = sector + np.rint(fall / _GRAIN) * _GRAIN
+    return result

@@ -1,0 +1,182 @@
+"""Shadows of convex bodies, and the parts of polygons that lie in no shadow.
+
+A body is the intersection of half-spaces n . x <= o. Let d = n . eye - o be the eye's distance
+from a plane, which is turned to the eye if d >= 0. A point p is hidden by the body if
+x = eye + (p - eye) s is in the body for some s in [0, 1]. Fourier-Motzkin elimination of 1 / s
+leaves exactly these half-spaces:
+
+- n . p <= o for each plane that is turned to the eye;
+- (|d_b| n_a + |d_a| n_b) . (p - eye) <= 0 for planes a, b of which one is turned to the eye and
+  the other is not; those that share an edge imply the others.
+
+From inside a body everything is hidden.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.vision.bodies import Bodies
+from cocap_opt.vision.projection import dot
+from cocap_opt.world.polygons import split
+
+_FLUSH = 1e-6  # m; a polygon that is nowhere deeper than this behind a plane lies in it
+_GRAZED = 1e-11  # m, by which a point must be inside a shadow
+_ALWAYS = 1.0  # offset of a missing half-space, whose normal is 0: all points are inside
+
+
+class Shadows(NamedTuple):
+    """Shadows as half-spaces normal . (p - eye) <= offset."""
+
+    normals: FloatArray  # [n, K, 3]
+    offsets: FloatArray  # [n, K] m
+    depths: FloatArray  # [n, K] m; a polygon that is nowhere deeper in a half-space is not hidden
+
+    @classmethod
+    def of(cls, bodies: Bodies, which: IntArray, eyes: FloatArray) -> "Shadows":
+        """Returns the shadows of bodies [n] from eyes [n, 3]."""
+        normals = bodies.normals[which]
+        distances = dot(normals, eyes[:, None]) - bodies.offsets[which]
+        turned = distances >= 0
+        first, second = np.moveaxis(bodies.neighbours[which], -1, 0)
+        rows = np.arange(len(which))[:, None]
+        row, pair = np.nonzero(turned[rows, first] != turned[rows, second])
+        a, b = first[row, pair], second[row, pair]
+        tangent = (
+            np.abs(distances[row, b])[:, None] * normals[row, a]
+            + np.abs(distances[row, a])[:, None] * normals[row, b]
+        )
+        length = np.sqrt(dot(tangent, tangent))
+        sure = length > 0
+        row, tangent = row[sure], tangent[sure] / length[sure, None]
+        facing, plane = np.nonzero(turned)
+        return cls._packed(
+            len(which),
+            np.concatenate([facing, row]),
+            np.concatenate([normals[facing, plane], tangent]),
+            np.concatenate([-distances[facing, plane], np.zeros(len(row))]) - _GRAZED,
+            np.concatenate([np.full(len(facing), _FLUSH), np.zeros(len(row))]),
+        )
+
+    @classmethod
+    def _packed(
+        cls, n: int, row: IntArray, normals: FloatArray, offsets: FloatArray, depths: FloatArray
+    ) -> "Shadows":
+        """Returns n shadows of half-spaces that are given one by one, with their rows."""
+        order = np.argsort(row, kind="stable")
+        row = row[order]
+        counts = np.bincount(row, minlength=n)
+        rank = np.arange(len(row)) - np.repeat(np.cumsum(counts) - counts, counts)
+        size = int(counts.max(initial=1))
+        result = cls(np.zeros((n, size, 3)), np.full((n, size), _ALWAYS), np.zeros((n, size)))
+        result.normals[row, rank] = normals[order]
+        result.offsets[row, rank] = offsets[order]
+        result.depths[row, rank] = depths[order]
+        return result
+
+    @classmethod
+    def joined(cls, parts: "list[Shadows]") -> "Shadows":
+        """Returns the shadows of several parts, one after the other."""
+        size = max((part.offsets.shape[1] for part in parts), default=1)
+        none = np.zeros((0, size))
+        wide = [cls(np.zeros((0, size, 3)), none, none)]
+        for part in parts:
+            missing = (0, 0), (0, size - part.offsets.shape[1])
+            wide.append(
+                cls(
+                    np.pad(part.normals, (*missing, (0, 0))),
+                    np.pad(part.offsets, missing, constant_values=_ALWAYS),
+                    np.pad(part.depths, missing),
+                )
+            )
+        return cls(*(np.concatenate(columns) for columns in zip(*wide, strict=True)))
+
+    def taken(self, which: IntArray) -> "Shadows":
+        """Returns some of the shadows."""
+        return Shadows(self.normals[which], self.offsets[which], self.depths[which])
+
+    def excess(self, points: FloatArray) -> FloatArray:
+        """Returns how far points [n, V, 3], relative to the eye, are outside [n, K, V]."""
+        return dot(self.normals[:, :, None], points[:, None]) - self.offsets[:, :, None]
+
+    def sides(self, points: FloatArray) -> tuple[BoolArray, BoolArray]:
+        """Returns arrays [n]: true if the hulls of points [n, V, 3] are outside, and inside.
+
+        Parameters
+        ----------
+        points : relative to the eye
+        """
+        excess = self.excess(points)
+        outside = np.asarray((excess > -self.depths[:, :, None]).all(axis=2))
+        return np.asarray(outside.any(axis=1)), np.asarray((excess <= 0).all(axis=(1, 2)))
+
+
+class Pieces(NamedTuple):
+    """Convex pieces of polygons, relative to the eye that sees them."""
+
+    polygons: FloatArray  # [q, V, 3] m; unused vertices repeat the last used one
+    owners: IntArray  # [q] number of the polygon that each is a piece of, increasing
+
+
+def seen_pieces(
+    polygons: FloatArray, shadows: Shadows, first: IntArray, counts: IntArray
+) -> Pieces:
+    """Returns what of convex polygons is in no shadow.
+
+    Parameters
+    ----------
+    polygons : [m, V, 3] m, relative to the eye
+    first, counts : [m] the shadows that may fall on each: `counts` of them from number `first` on
+    """
+    owners, done, turn = np.arange(len(polygons)), [], 0
+    while len(owners):
+        more = turn < counts[owners]
+        done.append(Pieces(polygons[~more], owners[~more]))
+        polygons, owners = polygons[more], owners[more]
+        here = shadows.taken(first[owners] + turn)
+        polygons, at = _outside(polygons, here)
+        owners, turn = owners[at], turn + 1
+    return _joined(done)
+
+
+def _outside(polygons: FloatArray, shadows: Shadows) -> tuple[FloatArray, IntArray]:
+    """Returns the pieces of polygons [n, V, 3] outside of a shadow each, and whose they are."""
+    beside, _ = shadows.sides(polygons)
+    rest = np.flatnonzero(~beside)
+    found = [Pieces(polygons[beside], np.flatnonzero(beside))]
+    inside = polygons[rest]
+    for k in range(shadows.offsets.shape[1]):
+        normals, offsets = shadows.normals[rest, k], shadows.offsets[rest, k]
+        beyond = dot(normals[:, None], inside) - offsets[:, None]
+        cut = np.flatnonzero((beyond > 0).any(axis=1))
+        if not len(cut):
+            continue
+        outer, inner = split(inside[cut], beyond[cut])
+        found.append(Pieces(outer, rest[cut]))
+        inside = _widened(inside, inner.shape[1])
+        inside[cut] = _widened(inner, inside.shape[1])
+        left = np.ones(len(rest), dtype=bool)
+        left[cut] = (beyond[cut] < 0).any(axis=1)
+        rest, inside = rest[left], inside[left]
+    pieces = _joined(found)
+    return pieces.polygons, pieces.owners
+
+
+def _joined(parts: list[Pieces]) -> Pieces:
+    """Returns pieces in order of their owners, those of one in the order in which they came."""
+    if not parts:
+        return Pieces(np.zeros((0, 3, 3)), np.zeros(0, dtype=np.int64))
+    size = max(part.polygons.shape[1] for part in parts)
+    owners = np.concatenate([part.owners for part in parts])
+    polygons = np.concatenate([_widened(part.polygons, size) for part in parts])
+    order = np.argsort(owners, kind="stable")
+    return Pieces(polygons[order], owners[order])
+
+
+def _widened(polygons: FloatArray, size: int) -> FloatArray:
+    """Returns polygons with at least so many vertices, the last repeated."""
+    missing = size - polygons.shape[1]
+    if missing <= 0:
+        return polygons
+    return np.concatenate([polygons, np.repeat(polygons[:, -1:], missing, axis=1)], axis=1)
