@@ -5,7 +5,7 @@ They are JSON with a format and a version, read strictly, and written whole or n
 
 import hashlib
 from pathlib import Path
-from typing import Any, Literal, Self, TypeVar, get_args, get_type_hints
+from typing import Any, ClassVar, Literal, Self, TypeVar, get_args, get_type_hints
 
 import msgspec
 import numpy as np
@@ -19,14 +19,20 @@ class FileError(ValueError):
     """A file cannot be used; the message is one line that names file, field and what is allowed."""
 
 
+# Why results of before are refused: their J is not that of the scene.
+SAMPLED = "an older cocap-opt wrote it, whose coverage was sampled; make it again"
+
+
 class Document(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Base of all files of this project: scenes, plans, certificates, proofs and results.
 
     A document names its kind in `format` and its `version`, whose type lists the versions that
     are read; the default is written. A new version may add fields that have a default, which
     older files then have; whatever else changes ends the reading of older versions. Unknown
-    fields, and files of a newer version, are refused in words.
+    fields, and files of another version, are refused in words.
     """
+
+    older: ClassVar[str] = ""  # why files of older versions are not read
 
     @classmethod
     def read(cls, path: Path) -> Self:
@@ -71,8 +77,9 @@ class SceneFile(Document, frozen=True, kw_only=True):
 class PlanFile(Document, frozen=True, kw_only=True):
     """A plan file: the plan, what it claims, and the digest of its scene."""
 
+    older = SAMPLED
     format: Literal["cocap-opt plan"] = "cocap-opt plan"
-    version: Literal[1] = 1
+    version: Literal[2] = 2
     scene: str  # name
     digest: str  # of the problem
     planner: str
@@ -138,8 +145,9 @@ def decode_document(content: bytes, name: str, *kinds: type[D]) -> D:
     versions = get_args(get_type_hints(kind)["version"])
     if header.version not in versions:
         known = ", ".join(map(str, sorted(versions)))
-        newer = ": a newer cocap-opt wrote it" if header.version > max(versions) else ""
-        raise FileError(f"{name}: version: must be {known}, not {header.version}{newer}")
+        newer = "a newer cocap-opt wrote it" if header.version > max(versions) else kind.older
+        why = f": {newer}" if newer else ""
+        raise FileError(f"{name}: version: must be {known}, not {header.version}{why}")
     return _decode(content, kind, name)
 
 

@@ -22,7 +22,8 @@ from cocap_opt.vision.projection import dot
 from cocap_opt.world.polygons import split
 
 _FLUSH = 1e-6  # m; a polygon that is nowhere deeper than this behind a plane lies in it
-_GRAZED = 1e-11  # m, by which a point must be inside a shadow
+_GRAZED = 1e-10  # m; nor is one hidden that reaches into the outline of a shadow by less
+_OVERLAP = 1e-11  # m, by which shadows are wider, so that no crack is between two that touch
 _ALWAYS = 1.0  # offset of a missing half-space, whose normal is 0: all points are inside
 
 
@@ -55,8 +56,8 @@ class Shadows(NamedTuple):
             len(which),
             np.concatenate([facing, row]),
             np.concatenate([normals[facing, plane], tangent]),
-            np.concatenate([-distances[facing, plane], np.zeros(len(row))]) - _GRAZED,
-            np.concatenate([np.full(len(facing), _FLUSH), np.zeros(len(row))]),
+            np.concatenate([-distances[facing, plane], np.zeros(len(row))]) + _OVERLAP,
+            np.concatenate([np.full(len(facing), _FLUSH), np.full(len(row), _GRAZED)]),
         )
 
     @classmethod

@@ -128,7 +128,7 @@ class CellFile(Document, frozen=True, kw_only=True):
     """The result of a cell, or why it has none."""
 
     format: Literal["cocap-opt cell"] = "cocap-opt cell"
-    version: Literal[2] = 2
+    version: Literal[3] = 3
     cell: Cell
     status: Status
     message: str = ""  # why it has no result, in words

@@ -6,41 +6,40 @@ exist (no plan, no bound, no gap) is an empty field.
 
 import csv
 import io
-from collections.abc import Sequence
-from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 
 from cocap_opt.experiments.results.files import read_text
 from cocap_opt.experiments.results.rows import COLUMNS, Row
-from cocap_opt.experiments.sweeps.run_file import RunFile
+from cocap_opt.experiments.sweeps.run_file import RUN, RunFile
 from cocap_opt.files.documents import FileError
 
 RESULTS = "results.csv"
-_LIMITS = ("time_limit", "work_limit", "bound_time_limit", "bound_work_limit")  # once in run.json
 
 
 def load_results(folder: Path) -> list[Row]:
-    """Reads results.csv, also as earlier versions wrote it, whose limits are in run.json.
+    """Reads results.csv.
 
     Raises
     ------
     FileError
-        If it is no such table, has no rows, or has a number that no sweep writes.
+        If it is no such table, has no rows, has a number that no sweep writes, or if an older
+        version wrote it, whose rewards are others.
     """
     path = folder / RESULTS
+    if (folder / RUN).exists():
+        RunFile.load(folder)
     table = csv.DictReader(io.StringIO(read_text(path)))
     try:
         names = set(table.fieldnames or ())
         for name, column in COLUMNS.items():
-            if not (name in names or column.is_extra or name in _LIMITS):
+            if not (name in names or column.is_extra):
                 raise FileError(f"{path}: has no column {name!r}")
         rows = [_row(fields, f"{path}: line {table.line_num}") for fields in table]
     except csv.Error as error:
         raise FileError(f"{path}: line {table.line_num}: {error}") from None
     if not rows:
         raise FileError(f"{path}: has no results yet")
-    return rows if names.issuperset(_LIMITS) else _with_limits(rows, folder)
+    return rows
 
 
 def _row(fields: dict[str, str], where: str) -> Row:
@@ -52,12 +51,3 @@ def _row(fields: dict[str, str], where: str) -> Row:
         if name in fields
     }
     return Row(**values)
-
-
-def _with_limits(rows: Sequence[Row], folder: Path) -> list[Row]:
-    with suppress(FileError):
-        if (old := RunFile.load(folder).settings) is not None:
-            return [
-                replace(r, time_limit=old.limit, bound_time_limit=old.bound_limit) for r in rows
-            ]
-    return [*rows]

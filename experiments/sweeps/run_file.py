@@ -15,7 +15,7 @@ import msgspec
 from cocap_opt.experiments.results.files import save_bytes
 from cocap_opt.experiments.sweeps.cells import Cell
 from cocap_opt.files.code import code_digest
-from cocap_opt.files.documents import Document, decode_document, encode, read_bytes
+from cocap_opt.files.documents import SAMPLED, Document, decode_document, encode, read_bytes
 from cocap_opt.vision.coverage import usable_cores
 
 RUN = "run.json"
@@ -26,14 +26,6 @@ def _rows_digest() -> str:
     """Returns the digest of the code that rows depend on: that of cells, and of built-in scenes."""
     parts = Cell.digest_of_code() + code_digest("cocap_opt.scenarios")
     return hashlib.sha256(parts.encode()).hexdigest()
-
-
-class _OldSettings(msgspec.Struct, frozen=True, kw_only=True):
-    """The limits that all rows of a folder had in version 2, which were no columns then."""
-
-    limit: float  # s, for each planner
-    bound_limit: float  # s, for each bound
-    rendered: bool = False
 
 
 class Run(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -70,9 +62,9 @@ class Run(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True)
 class RunFile(Document, frozen=True, kw_only=True):
     """All runs that the results in a folder are of; the same code has made all of them."""
 
+    older = SAMPLED
     format: Literal["cocap-opt run"] = "cocap-opt run"
-    version: Literal[2, 3] = 3
-    settings: _OldSettings | None = None  # of version 2
+    version: Literal[4] = 4
     code: str  # digest of what rows depend on, scenes included
     runs: list[Run]
 

@@ -19,7 +19,7 @@ from typing import Literal
 import msgspec
 import numpy as np
 
-from cocap_opt.files.documents import Document
+from cocap_opt.files.documents import SAMPLED, Document
 from cocap_opt.formulations.certificates.envelope import Curve, Cut
 from cocap_opt.formulations.certificates.resources import Resource
 from cocap_opt.model import Model
@@ -178,8 +178,9 @@ class _Claim(Document, frozen=True, kw_only=True):
 class CertificateFile(_Claim, frozen=True, kw_only=True):
     """A certificate with the bound it claims and the digest of its scene."""
 
+    older = SAMPLED
     format: Literal["cocap-opt certificate"] = "cocap-opt certificate"
-    version: Literal[3] = 3
+    version: Literal[4] = 4
     certificate: Certificate
 
 
@@ -201,8 +202,9 @@ class Leaf(_Part, frozen=True, tag="leaf"):
 class ProofFile(_Claim, frozen=True, kw_only=True):
     """A proof with the bound it claims and the digest of its scene."""
 
+    older = SAMPLED
     format: Literal["cocap-opt proof"] = "cocap-opt proof"
-    version: Literal[2] = 2
+    version: Literal[3] = 3
     nodes: tuple[Branch | Leaf, ...]  # the first is the root; children come after their parent
 
     def leaves(self) -> Iterator[tuple[int, Leaf, tuple[Decision, ...]]]:

@@ -1172,7 +1172,7 @@ def test_a_run_file_that_cannot_be_read_is_not_written_over(
     """Nothing in the folder changes, and one line says why."""
     assert gap(tmp_path / "made", "tiny-share", "--planner", "greedy") == 0
     made = (tmp_path / "made" / "run.json").read_text()
-    contents = {"newer": made.replace('"version": 3', '"version": 4'), "damaged": made[:40]}
+    contents = {"newer": made.replace('"version": 4', '"version": 5'), "damaged": made[:40]}
     folder = tmp_path / "run"
     folder.mkdir()
     (folder / "run.json").write_text(contents.get(what, "" if what == "empty" else "[1, 2]"))

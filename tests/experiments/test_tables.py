@@ -1,4 +1,3 @@
-import csv
 import json
 import math
 from pathlib import Path
@@ -229,23 +228,14 @@ def test_a_column_reads_what_is_written() -> None:
         COLUMNS["robots"].parse("", "robots")
 
 
-def test_results_of_earlier_versions_are_read(results: Path, tmp_path: Path) -> None:
-    """Their limits were no columns, and stand in run.json."""
-    limits = ("time_limit", "work_limit", "bound_time_limit", "bound_work_limit")
-    with (results / "results.csv").open(encoding="utf-8", newline="") as file:
-        table = [{k: v for k, v in r.items() if k not in limits} for r in csv.DictReader(file)]
-    with (tmp_path / "results.csv").open("w", encoding="utf-8", newline="") as file:
-        writer = csv.DictWriter(file, list(table[0]))
-        writer.writeheader()
-        writer.writerows(table)
-    assert {r.time_limit for r in load_results(tmp_path)} == {None}
+def test_results_of_earlier_versions_are_refused(results: Path, tmp_path: Path) -> None:
+    """Their coverage was sampled, so that their rewards are others."""
+    (tmp_path / "results.csv").write_bytes((results / "results.csv").read_bytes())
     run = json.loads((results / "run.json").read_text())
-    run |= {"version": 2, "settings": {"limit": 7.0, "bound_limit": 8.0, "rendered": False}}
-    (tmp_path / "run.json").write_text(json.dumps(run))
-    found = load_results(tmp_path)
-    assert {(r.time_limit, r.bound_time_limit) for r in found} == {(7.0, 8.0)}
-    assert [r.reward for r in found] == [r.reward for r in load_results(results)]
-    assert commands.run(["table", str(tmp_path)]) == 0
+    (tmp_path / "run.json").write_text(json.dumps(run | {"version": 3}))
+    with pytest.raises(FileError, match=r"run\.json: version: must be 4, not 3: .* sampled"):
+        load_results(tmp_path)
+    assert commands.run(["table", str(tmp_path)]) == 2
 
 
 def test_results_are_read_as_they_were_written(results: Path) -> None:

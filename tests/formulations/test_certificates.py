@@ -668,8 +668,8 @@ def test_one_reader_takes_certificates_and_proofs(tmp_path: Path) -> None:
     plain = json.loads(encode(file))
     for change, words in (
         ({"format": "cocap-opt plan"}, "format: must be 'cocap-opt certificate' or"),
-        ({"version": 4}, "version: must be 3, not 4: a newer cocap-opt wrote it"),
-        ({"version": 2}, "version: must be 3, not 2"),
+        ({"version": 5}, "version: must be 4, not 5: a newer cocap-opt wrote it"),
+        ({"version": 3}, "version: must be 4, not 3: an older cocap-opt wrote it, whose coverage"),
         ({"coverage": "optimistic"}, "unknown field `coverage`"),
         ({"classes": "any"}, "classes"),
     ):
