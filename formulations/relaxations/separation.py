@@ -101,6 +101,8 @@ class Seen:
         least : by how much the cut must be below that; None is returned where none is
         """
         marginals = _marginals(self, largest, sizes)
+        if not marginals:  # the classes are too large for any breakpoints
+            return None
         potentials = _potentials(marginals, sizes, known, least)
         if potentials is None:
             return None
