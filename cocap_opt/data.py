@@ -82,11 +82,6 @@ def frozen(array: Any, field: str, ndim: int) -> FloatArray:
     return read_only(result)
 
 
-def printable(text: str) -> str:
-    """Text with escapes for what is no text, or would steer a terminal or begin a line."""
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
-
-
 class Data(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Base of all problem data: immutable, and a misspelt field in a file is an error."""
 

@@ -18,7 +18,7 @@ ALLOWED = {
 # module is in one of them (a folder stands for all that it holds).
 ORDER = {
     "core": (
-        "data", "stop", "drawing", "world", "problem", "result", "files", "graph", "vision",
+        "text", "data", "stop", "drawing", "world", "problem", "result", "files", "graph", "vision",
         "referee", "model", "objective", "coordination", "planners",
     ),
     "formulations": (

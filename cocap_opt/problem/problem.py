@@ -26,7 +26,6 @@ from cocap_opt.data import (
     Data,
     FloatArray,
     IntArray,
-    printable,
     read_only,
     require,
     whole,
@@ -38,6 +37,7 @@ from cocap_opt.problem.motion import Cell, Motion, State
 from cocap_opt.problem.objective import Objective
 from cocap_opt.problem.robot import Robot
 from cocap_opt.problem.rules import NO_RULES, CollisionRules
+from cocap_opt.text import printable
 from cocap_opt.world.workspace import HeightMap, Mesh, Workspace
 
 if TYPE_CHECKING:

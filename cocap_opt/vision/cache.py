@@ -25,7 +25,9 @@ from cocap_opt.vision.coverage import CoverageTable
 log = logging.getLogger(__name__)
 
 # All code that a coverage table depends on.
-CODE = tuple(f"cocap_opt.{room}" for room in ("data", "world", "problem", "graph", "vision"))
+CODE = tuple(
+    f"cocap_opt.{room}" for room in ("text", "data", "world", "problem", "graph", "vision")
+)
 _DIGEST_BYTES = hashlib.sha256().digest_size
 
 

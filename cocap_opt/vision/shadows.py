@@ -108,9 +108,9 @@ class Shadows(NamedTuple):
         ----------
         points : relative to the eye
         """
-        excess = self.excess(points)
-        outside = np.asarray((excess > -self.depths[:, :, None]).all(axis=2))
-        return np.asarray(outside.any(axis=1)), np.asarray((excess <= 0).all(axis=(1, 2)))
+        shallow = self.excess(points) > -self.depths[:, :, None]
+        outside = np.asarray(shallow.all(axis=2))
+        return np.asarray(outside.any(axis=1)), np.asarray(~shallow.any(axis=(1, 2)))
 
 
 class Pieces(NamedTuple):

@@ -19,6 +19,7 @@ from cocap_opt.vision.spans import spans
 from cocap_opt.vision.surfaces import Surface
 from cocap_opt.world.polygons import centres
 
+_IN_ITS_PLANE = 1e-9  # m; an eye that is no farther before a face sees nothing of it
 _AT_ONCE = 200_000  # shadows, to bound the memory
 _LEAST = 1e-300  # m2, for an eye in the middle of an actor
 
@@ -85,7 +86,7 @@ class Visibility:
         # Only faces that are turned to the eye are seen.
         eye, face = np.nonzero(open_to[:, self._owners])
         to_eye = eyes[eye] - faces.polygons[steps[eye], face, 0]
-        ahead = dot(to_eye, faces.normals[steps[eye], face]) > 0
+        ahead = dot(to_eye, faces.normals[steps[eye], face]) > _IN_ITS_PLANE
         eye, face = eye[ahead], face[ahead]
         cut = in_part[eye, self._owners[face]]
         whole = np.zeros((len(eyes), len(self._owners)), dtype=bool)

@@ -7,7 +7,6 @@ from typing import Annotated, NamedTuple
 
 from cyclopts import Parameter
 
-from cocap_opt.data import printable
 from cocap_opt.experiments.cli.options import Json, Seed, load
 from cocap_opt.experiments.console.options import UsageError
 from cocap_opt.experiments.console.progress import Watch
@@ -27,6 +26,7 @@ from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import Verdict
 from cocap_opt.result import relative_gap
 from cocap_opt.scenarios import scene_of_plan
+from cocap_opt.text import printable
 
 _NO_PLAN = "proved: there is no plan"
 

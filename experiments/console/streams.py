@@ -5,6 +5,8 @@ import sys
 from contextlib import suppress
 from typing import TextIO
 
+from cocap_opt.text import printable
+
 
 def discard(stream: TextIO) -> None:
     """Sends nowhere what is still to be written to a stream."""
@@ -12,9 +14,12 @@ def discard(stream: TextIO) -> None:
 
 
 def say(message: str) -> None:
-    """Writes one line on standard error; where that fails, the work goes on without it."""
+    """Writes one line on standard error; where that fails, the work goes on without it.
+
+    Some of it may come from files: what is no text, or would steer a terminal, is escaped.
+    """
     try:
-        sys.stderr.write("cocap-opt: " + " ".join(message.split()) + "\n")
+        sys.stderr.write("cocap-opt: " + printable(" ".join(message.split())) + "\n")
         sys.stderr.flush()
     except OSError:
         with suppress(OSError):

@@ -4,6 +4,7 @@ Each drawing function takes an axes and returns it.
 """
 
 import io
+import textwrap
 from collections.abc import Sequence
 
 import matplotlib as mpl
@@ -20,6 +21,7 @@ from cocap_opt import drawing
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import Verdict, check
 
+_TITLE = 50  # characters of the name of a scene; longer ones are cut
 VIEW_LENGTH = 0.2  # of the map, length of view cones as they are drawn; cameras see farther
 _FRAME_MILLISECONDS = 500
 PICTURES = (".png", ".pdf", ".svg")
@@ -136,7 +138,8 @@ def _plan_figure(problem: Problem, plan: Plan, verdict: Verdict, t: int) -> Figu
     draw_plan(top, problem, plan, t)
     conflicts = f", {len(verdict.conflicts)} conflicts" if verdict.conflicts else ""
     words = f"step {t} of {problem.horizon} (whole plan: J = {verdict.reward:,.0f}{conflicts})"
-    top.set_title(f"{problem.name}, {words}", fontsize=10)
+    name = textwrap.shorten(problem.name, _TITLE, placeholder=" ..")
+    top.set_title(f"{name[:_TITLE]}\n{words}", fontsize=10)
     _draw_reward(bottom, verdict, t)
     return figure
 

@@ -1,7 +1,9 @@
 """Results on standard output: tables, or one JSON object and nothing else."""
 
+import html
 import sys
 from collections.abc import Sequence
+from json import dumps
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,13 +13,14 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from cocap_opt.data import printable
+from cocap_opt.text import printable
 
 Record = dict[str, Any]  # a row of a small table, or the answer of a command
 
 _FOLDED = 16  # least width, in characters, of text that goes on in the next line
 _UNBOUNDED = 10_000  # characters of a line that is measured only
 _WIDE = 200  # characters of a line that goes to a file or a pipe
+_MARKS = "|`*[]\\"  # what Markdown gives a meaning besides HTML
 _SHARES = ("gap", "gap_free", "largest gap", "largest gap_free")  # printed in %
 
 
@@ -47,10 +50,10 @@ def titles(paths: Sequence[Path]) -> list[str]:
 def print_result(row: Record, json: bool) -> None:
     """Prints the answer of a command: a line per key, or one JSON object on one line.
 
-    Infinite numbers are null in JSON; bytes of paths that cannot be printed are escaped.
+    Infinite numbers are null in JSON; what is no text, or would steer a terminal, is escaped.
     """
     if json:
-        sys.stdout.write(msgspec.json.encode(row, enc_hook=_path_text).decode() + "\n")
+        sys.stdout.write(_harmless(msgspec.json.encode(row, enc_hook=_path_text).decode()) + "\n")
         return
     table = Table(show_header=False, box=None)
     for key, value in row.items():
@@ -101,9 +104,7 @@ class Listing(NamedTuple):
         first = self.rows[0]
         lines = [list(first), ["---" if isinstance(v, str) else "--:" for v in first.values()]]
         lines += [[_text(key, value) for key, value in row.items()] for row in self.rows]
-        return "".join(
-            f"| {' | '.join(cell.replace('|', '&#124;') for cell in line)} |\n" for line in lines
-        )
+        return "".join(f"| {' | '.join(map(markdown_cell, line))} |\n" for line in lines)
 
 
 class Marked(NamedTuple):
@@ -111,6 +112,17 @@ class Marked(NamedTuple):
 
     value: float | None
     mark: str
+
+
+def markdown_cell(text: str) -> str:
+    """Returns text for a cell of a Markdown table, in which no character has a meaning."""
+    escaped = html.escape(printable(text), quote=False)
+    return "".join(f"&#{ord(c)};" if c in _MARKS else c for c in escaped)
+
+
+def _harmless(json: str) -> str:
+    """Returns JSON whose characters that are no text are escaped, as JSON escapes them."""
+    return "".join(c if c.isprintable() else dumps(c)[1:-1] for c in json)
 
 
 def _path_text(value: object) -> str:
@@ -134,4 +146,4 @@ def _text(key: str, value: Any) -> str:
     if isinstance(value, (list, tuple)):
         joint = ", " if all(isinstance(item, float) for item in value) else "\n"
         return joint.join(_text("", item) for item in value) or "none"
-    return str(value)
+    return printable(str(value))

@@ -9,9 +9,11 @@ from collections.abc import Callable, Mapping, Sequence
 from statistics import median
 from typing import TYPE_CHECKING
 
+from cocap_opt.experiments.results.printing import markdown_cell
 from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.results.statistics import NONE, Mean
 from cocap_opt.result import Reason
+from cocap_opt.text import printable
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -42,7 +44,7 @@ class Tables(dict[str, Table]):
         return cls({title: table for title, table in tables.items() if table})
 
     def markdown(self) -> str:
-        """Returns them in Markdown with their titles as headings; bars in names are escaped."""
+        """Returns them in Markdown with their titles as headings; no name has a meaning there."""
         texts = {
             title: _frame(_escaped(table)).to_markdown(index=False, disable_numparse=True)
             for title, table in self.items()
@@ -82,11 +84,11 @@ DOCUMENTS: Mapping[str, Callable[[Tables], str]] = {
 def _frame(table: Table) -> "pd.DataFrame":
     import pandas as pd  # slow to import
 
-    return pd.DataFrame(table)
+    return pd.DataFrame([{key: printable(text) for key, text in row.items()} for row in table])
 
 
 def _escaped(table: Table) -> Table:
-    return [{key: text.replace("|", "&#124;") for key, text in row.items()} for row in table]
+    return [{key: markdown_cell(text) for key, text in row.items()} for row in table]
 
 
 def _planner_table(rows: Sequence[Row]) -> Table:

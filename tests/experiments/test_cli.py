@@ -888,3 +888,46 @@ def test_standard_error_that_takes_nothing(redirection: str) -> None:
         ["bash", "-c", f"{python} {redirection}"], capture_output=True, check=False
     )
     assert (done.returncode, done.stdout) == (2, b"")
+
+
+HOSTILE = "\x1b[2A\x1b[31mvalid\x9b1A\u202e\r\x07|`<b>"
+
+
+def hostile_files(tmp_path: Path) -> list[Path]:
+    """A scene, a plan and a certificate of it, with control sequences in every text field."""
+    scene, plan, bound = (tmp_path / f"{name}.json" for name in ("scene", "plan", "bound"))
+    main_ = [["export", "tiny-queue", "-o", scene], ["plan", scene, "-o", plan],
+             ["bound", scene, "-o", bound]]  # fmt: skip
+    for words in main_:
+        with pytest.raises(SystemExit):
+            main([str(word) for word in words])
+    fields = {scene: (), plan: ("scene", "planner"), bound: ("scene", "method")}
+    for path, names in fields.items():
+        content = json.loads(path.read_text())
+        content |= dict.fromkeys(names, HOSTILE)
+        if "problem" in content:
+            content["problem"]["name"] = HOSTILE
+        path.write_text(json.dumps(content))
+    return [scene, plan, bound]
+
+
+def test_text_of_files_steers_no_terminal(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Whatever text is in a file, what is printed is plain lines."""
+    scene, plan, bound = hostile_files(tmp_path)
+    broken = tmp_path / f"{HOSTILE.replace('/', '')}.json"
+    broken.write_text(json.dumps({"format": HOSTILE, "version": 1}))
+    for words in (
+        ["verify", scene, plan, bound], ["verify", scene, plan, bound, "--json"],
+        ["plan", scene], ["plan", scene, "--json"], ["verify", "tiny-queue", plan],
+        ["gap", scene, "--planner", "greedy"], ["gap", scene, "--planner", "greedy", "--json"],
+        ["gap", scene, "--planner", "greedy", "--out", tmp_path / "run"],
+        ["table", tmp_path / "run", "--format", "markdown"], ["verify", scene, broken],
+        ["show", scene, plan, "-o", tmp_path / "a.png"], ["plan", HOSTILE], ["plan", broken],
+    ):  # fmt: skip
+        run = Run(capsys, *words)
+        text = run.out + run.err
+        assert text and all(c.isprintable() or c == "\n" for c in text), words
+        if "markdown" in words:
+            assert "<b>" not in text

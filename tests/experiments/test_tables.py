@@ -147,7 +147,7 @@ def test_a_table_of_differences_needs_its_planner() -> None:
 
 @pytest.mark.parametrize(
     ("style", "name"),
-    [("markdown", "a&#124;b & c"), ("latex", r"a|b \& c"), ("html", "a|b &amp; c")],
+    [("markdown", "a&#124;b &amp; c"), ("latex", r"a|b \& c"), ("html", "a|b &amp; c")],
 )
 def test_names_are_escaped(style: str, name: str) -> None:
     """A scene's name breaks no table."""

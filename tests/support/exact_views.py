@@ -16,6 +16,7 @@ from cocap_opt.problem import Camera, Cuboid, Prism, Problem, State
 
 Point = tuple[float, ...]
 HalfSpace = tuple[Point, float]
+IN_ITS_PLANE = 1e-9  # m; an eye that is no farther before a face sees nothing of it
 FLUSH = 1e-6  # m; a face that is nowhere deeper behind a plane lies in it, and is not hidden
 
 
@@ -171,7 +172,8 @@ def exact_coverage(problem: Problem, robot: int, t: int, state: State) -> list[f
             whole = polygon
             for n, o in sides:
                 whole = clipped(whole, n, o)
-            if dot(normal, minus(eye, polygon[0])) <= 0 or len(whole) < 3:
+            before = dot(normal, minus(eye, polygon[0])) / math.sqrt(dot(normal, normal))
+            if before <= IN_ITS_PLANE or len(whole) < 3:
                 result.append(0.0)
                 continue
             hidden = []
