@@ -125,4 +125,7 @@ def _draw_numbered_disc(ax: Axes, at: FloatArray, colour: str, number: int) -> N
 
 def _write_number(ax: Axes, at: FloatArray, number: int, colour: str) -> None:
     x, y = at.tolist()
-    ax.text(x, y, str(number), color=colour, fontsize=6, ha="center", va="center", zorder=9)
+    ax.text(
+        x, y, str(number), color=colour, fontsize=6, ha="center", va="center", zorder=9,
+        clip_on=True,
+    )  # fmt: skip

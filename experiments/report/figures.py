@@ -21,7 +21,7 @@ from cocap_opt import drawing
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import Verdict, check
 
-_TITLE = 50  # characters of the name of a scene; longer ones are cut
+_TITLE = 40  # characters of the name of a scene; longer ones are cut
 VIEW_LENGTH = 0.2  # of the map, length of view cones as they are drawn; cameras see farther
 _FRAME_MILLISECONDS = 500
 PICTURES = (".png", ".pdf", ".svg")
@@ -72,11 +72,15 @@ def _draw_actors(ax: Axes, problem: Problem, t: int) -> Axes:
             Polygon(corners, facecolor=drawing.PERSON, edgecolor="black", lw=0.6, zorder=5)
         )
         tip = (x + 0.9 * c, y + 0.9 * s)
-        ax.annotate(
+        arrow = ax.annotate(
             "", xy=tip, xytext=(x, y), arrowprops={"arrowstyle": "-|>", "lw": 0.8}, zorder=6,
             annotation_clip=False,
         )  # fmt: skip
-        ax.text(x, y, str(j), color="white", fontsize=6, ha="center", va="center", zorder=7)
+        arrow.set_in_layout(False)  # people may be far off the map
+        ax.text(
+            x, y, str(j), color="white", fontsize=6, ha="center", va="center", zorder=7,
+            clip_on=True,
+        )  # fmt: skip
     return ax
 
 
@@ -139,7 +143,7 @@ def _plan_figure(problem: Problem, plan: Plan, verdict: Verdict, t: int) -> Figu
     conflicts = f", {len(verdict.conflicts)} conflicts" if verdict.conflicts else ""
     words = f"step {t} of {problem.horizon} (whole plan: J = {verdict.reward:,.0f}{conflicts})"
     name = textwrap.shorten(problem.name, _TITLE, placeholder=" ..")
-    top.set_title(f"{name[:_TITLE]}\n{words}", fontsize=10)
+    top.set_title(f"{name[:_TITLE]}, {words}", fontsize=10)
     _draw_reward(bottom, verdict, t)
     return figure
 
