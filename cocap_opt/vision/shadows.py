@@ -101,14 +101,14 @@ class Shadows(NamedTuple):
         """Returns how far points [n, V, 3], relative to the eye, are outside [n, K, V]."""
         return dot(self.normals[:, :, None], points[:, None]) - self.offsets[:, :, None]
 
-    def sides(self, points: FloatArray) -> tuple[BoolArray, BoolArray]:
-        """Returns arrays [n]: true if the hulls of points [n, V, 3] are outside, and inside.
+    def sides(self, excess: FloatArray) -> tuple[BoolArray, BoolArray]:
+        """Returns arrays [n]: true if the hulls of points are outside, and inside.
 
         Parameters
         ----------
-        points : relative to the eye
+        excess : [n, K, V] of the points
         """
-        shallow = self.excess(points) > -self.depths[:, :, None]
+        shallow = excess > -self.depths[:, :, None]
         outside = np.asarray(shallow.all(axis=2))
         return np.asarray(outside.any(axis=1)), np.asarray(~shallow.any(axis=(1, 2)))
 
@@ -143,11 +143,13 @@ def seen_pieces(
 
 def _outside(polygons: FloatArray, shadows: Shadows) -> tuple[FloatArray, IntArray]:
     """Returns the pieces of polygons [n, V, 3] outside of a shadow each, and whose they are."""
-    beside, _ = shadows.sides(polygons)
+    excess = shadows.excess(polygons)
+    beside, _ = shadows.sides(excess)
     rest = np.flatnonzero(~beside)
     found = [Pieces(polygons[beside], np.flatnonzero(beside))]
     inside = polygons[rest]
-    for k in range(shadows.offsets.shape[1]):
+    # The others cut nothing off.
+    for k in np.flatnonzero((excess[rest] > 0).any(axis=(0, 2))).tolist():
         normals, offsets = shadows.normals[rest, k], shadows.offsets[rest, k]
         beyond = dot(normals[:, None], inside) - offsets[:, None]
         cut = np.flatnonzero((beyond > 0).any(axis=1))

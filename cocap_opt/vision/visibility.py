@@ -183,7 +183,7 @@ class _Casting:
         for first in range(0, len(actors), _AT_ONCE):
             actor, body = (part[first : first + _AT_ONCE] for part in (actors, which))
             shadows = Shadows.of(bodies, body, self._eyes[actor])
-            beside, inside = shadows.sides(self._corners[actor])
+            beside, inside = shadows.sides(shadows.excess(self._corners[actor]))
             self.hidden[actor[inside]] = True
             part = np.flatnonzero(~beside & ~inside)
             if len(part):

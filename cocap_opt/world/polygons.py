@@ -21,20 +21,29 @@ def clip(polygons: FloatArray, inside: FloatArray) -> FloatArray:
 def _cut(polygons: FloatArray, inside: FloatArray) -> FloatArray:
     """Clips polygons that all reach outside, by the algorithm of Sutherland and Hodgman."""
     n, size = inside.shape
-    following, ahead = np.roll(polygons, -1, axis=1), np.roll(inside, -1, axis=1)
-    crossing = (inside >= 0) != (ahead >= 0)
+    kept = inside >= 0
+    following, ahead, kept_ahead = (
+        np.concatenate([part[:, 1:], part[:, :1]], axis=1) for part in (polygons, inside, kept)
+    )
+    crossing = kept != kept_ahead
     share = np.where(crossing, inside, 0.0) / np.where(crossing, inside - ahead, 1.0)
-    cuts = polygons + share[..., None] * (following - polygons)
-    # Each edge offers its first vertex and its cut, in order; unused ones move to the end.
-    vertices = np.stack([polygons, cuts], axis=2).reshape(n, 2 * size, 3)
-    used = np.stack([inside >= 0, crossing], axis=2).reshape(n, 2 * size)
-    order = np.argsort(~used, axis=1, kind="stable")[:, : size + 1]
-    count = used.sum(axis=1)
-    last = np.minimum(np.arange(size + 1)[None, :], np.maximum(count - 1, 0)[:, None])
-    order = np.take_along_axis(order, last, axis=1)
-    clipped = np.take_along_axis(vertices, order[..., None], axis=1)
-    clipped[count == 0] = 0.0
-    return clipped
+    # Each edge offers its first vertex and its cut, in order.
+    vertices = np.empty((n, 2 * size, 3))
+    vertices[:, ::2], vertices[:, 1::2] = (
+        polygons,
+        polygons + share[..., None] * (following - polygons),
+    )
+    used = np.empty((n, 2 * size), dtype=bool)
+    used[:, ::2], used[:, 1::2] = kept, crossing
+    rank = used.cumsum(axis=1) - 1
+    used &= rank <= size  # rounding may offer more than a convex polygon has
+    row, vertex = np.nonzero(used)
+    clipped = np.zeros((n, size + 1, 3))
+    clipped[row, rank[row, vertex]] = vertices[row, vertex]
+    last = np.maximum(used.sum(axis=1) - 1, 0)
+    repeated = np.minimum(np.arange(size + 1), last[:, None])
+    result: FloatArray = clipped[np.arange(n)[:, None], repeated]
+    return result
 
 
 def split(polygons: FloatArray, beyond: FloatArray) -> tuple[FloatArray, FloatArray]:
