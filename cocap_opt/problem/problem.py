@@ -64,7 +64,8 @@ class Problem(Data, frozen=True, eq=False, dict=True):
     horizon : T, number of moves
     rules : the conflicts between drones that are forbidden
     objective : the weights of J besides those of the faces
-    face_samples : each triangle of a face gets this number squared of sight rays
+    face_samples : each triangle of a face that a mesh may hide gets this number squared of sight
+        rays; convex meshes, columns and actors need none
     meshes : solid matter besides the height map
 
     Raises

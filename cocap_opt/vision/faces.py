@@ -17,6 +17,11 @@ _DRAWN_IN = 0.01  # of the way to the middle, so that no ray grazes the ground
 _KEPT = 64  # spans of steps whose geometry is kept
 
 
+def is_sampled(problem: Problem) -> bool:
+    """Returns True where rays sample a part of the coverage: past meshes that are not convex."""
+    return any(convex_solid(mesh, np.zeros(3)) is None for mesh in problem.meshes)
+
+
 class Faces(NamedTuple):
     """Geometry of all faces and actors at L steps; coordinates are relative to an origin."""
 

@@ -18,6 +18,7 @@ from cocap_opt.vision.visibility import Sightings, Veil, Visibility
 
 # Most states at once, and states times actors, so that limits are checked every 0.3 s or so.
 _BATCH, _BATCH_ACTORS = 8_192, 65_000
+_BATCH_RAYS = 400_000  # states times faces times the squared samples of a triangle
 _POINTS = 500_000  # behind meshes at once, to bound the memory
 _ON_THE_EDGE = 1e-9  # rad, by which an actor may be beyond the edge of a cone
 
@@ -76,13 +77,17 @@ class _PinholeViews:
         self._axes = self._projection.axes(graph.motion.headings)
         self.n_faces = len(problem.face_weights)
         self._owners = problem.face_owner
+        self._samples = problem.face_samples
         self._visibility = Visibility(geometry, problem)
 
     @property
     def batch(self) -> int:
         """Number of nodes that a fraction of a second suffices for."""
         actors = int(self._owners[-1]) + 1 if len(self._owners) else 1
-        return max(min(_BATCH, _BATCH_ACTORS // actors), 1)
+        most = min(_BATCH, _BATCH_ACTORS // actors)
+        if self._geometry.mesh is not None:
+            most = min(most, _BATCH_RAYS // max(self.n_faces * self._samples**2, 1))
+        return max(most, 1)
 
     def coverage(self, t: int, states: IntArray) -> FloatArray:
         """Returns the coverage [n, F] in px/m2 of every face from the states [n] at step t."""
@@ -139,8 +144,10 @@ class _PinholeViews:
         looks = orientation[row[entry]]
         areas = self._areas(sight.pieces[piece], looks)
         if sight.veil is not None:
-            behind = np.flatnonzero((sight.veil.number[piece] >= 0) & (areas > 0))
-            areas[behind] *= self._share_past_mesh(sight.veil, piece[behind], looks[behind])
+            share = sight.veil.share[piece]
+            mixed = np.flatnonzero(np.isnan(share) & (areas > 0))
+            share[mixed] = self._share_past_mesh(sight.veil, piece[mixed], looks[mixed])
+            areas = areas * np.nan_to_num(share)
         area = np.bincount(entry, weights=areas, minlength=len(at))
         return row, sight.faces[at], np.minimum(area, self._image)
 

@@ -21,15 +21,17 @@ from cocap_opt.world.polygons import centres
 
 _IN_ITS_PLANE = 1e-9  # m; an eye that is no farther before a face sees nothing of it
 _AT_ONCE = 200_000  # shadows, to bound the memory
+_POINTS = 300_000  # behind meshes at once, to bound the memory
 _LEAST = 1e-300  # m2, for an eye in the middle of an actor
 
 
 class Veil(NamedTuple):
     """Points all over pieces of faces that meshes may hide, and which of them rays reach."""
 
-    number: IntArray  # [q] row of each piece, -1 if no mesh is before it
+    share: FloatArray  # [q] 0 or 1 for pieces of which no or all points are seen; else nan
+    number: IntArray  # [q] row of each of the other pieces
     points: FloatArray  # [v, M, 3] m, relative to the eye
-    areas: FloatArray  # [v, M] m2 that each point stands for
+    areas: FloatArray  # [v, M] area that each point stands for, up to a factor
     seen: BoolArray  # [v, M]
 
 
@@ -111,26 +113,28 @@ class Visibility:
         behind : [v] numbers of the pieces
         eyes : [n, 3] m, of each polygon
         """
-        number = np.full(len(pieces.owners), -1)
-        number[behind] = np.arange(len(behind))
-        polygons = pieces.polygons[behind]
+        share, number = np.ones(len(pieces.owners)), np.zeros(len(pieces.owners), dtype=np.int64)
+        parts = []
         a, b = centroids(self._samples)
-        middle = centres(polygons)[:, None]
-        one = polygons - middle
-        other = np.roll(one, -1, axis=1)
-        areas = np.linalg.norm(np.cross(one, other), axis=2) / 2
-        size = len(a) * polygons.shape[1]
-        points = (
-            middle[:, :, None] + a[:, None] * one[:, :, None] + b[:, None] * other[:, :, None]
-        ).reshape(len(behind), size, 3)
-        starts = np.repeat(eyes[pieces.owners[behind]], size, axis=0)
-        seen = mesh.lets_pass(starts, starts + points.reshape(-1, 3))
-        return Veil(
-            number,
-            points,
-            np.repeat(areas / len(a), len(a), axis=1),
-            seen.reshape(len(behind), size),
-        )
+        size = len(a) * pieces.polygons.shape[1]
+        first = 0
+        for some in np.array_split(behind, max(-(-len(behind) * size // _POINTS), 1)):
+            polygons = pieces.polygons[some]
+            middle = centres(polygons)[:, None]
+            one = polygons - middle
+            other = np.concatenate([one[:, 1:], one[:, :1]], axis=1)
+            points = (
+                middle[:, :, None] + a[:, None] * one[:, :, None] + b[:, None] * other[:, :, None]
+            ).reshape(len(some), size, 3)
+            starts = np.repeat(eyes[pieces.owners[some]], size, axis=0)
+            seen = mesh.lets_pass(starts, starts + points.reshape(-1, 3)).reshape(-1, size)
+            share[some] = np.where(seen.all(axis=1), 1.0, np.where(seen.any(axis=1), np.nan, 0.0))
+            mixed = np.flatnonzero(np.isnan(share[some]))
+            number[some[mixed]] = first + np.arange(len(mixed))
+            first += len(mixed)
+            areas = np.linalg.norm(np.cross(one[mixed], other[mixed]), axis=2) / len(a)
+            parts.append((points[mixed], np.repeat(areas, len(a), axis=1), seen[mixed]))
+        return Veil(share, number, *(np.concatenate(column) for column in zip(*parts, strict=True)))
 
     def _shaded(self, faces: Faces, steps: IntArray, eyes: FloatArray, actors: IntArray) -> _Shaded:
         """Returns the shadows that fall on actors [n] from eyes [n, 3] at steps [n]."""

@@ -19,10 +19,12 @@ from cocap_opt.experiments.results.judging import BOUND_METHOD, ROUNDING, Judged
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult
 from cocap_opt.problem import Problem
 from cocap_opt.result import Reason, relative_gap
+from cocap_opt.vision.faces import is_sampled
 
 _log = logging.getLogger(__name__)
 
 ERROR = "error"  # the reason of a planner or a bound that ended by an error
+EXACT_COVERAGE, SAMPLED_COVERAGE = "exact", "sampled"
 OWN_STARTS = "those in the scene's own file"
 _REWARD = "sqrt(px/m2)"
 _ANY = {"unit": _REWARD, "least": -(2**63 - 1)}  # a bound below 0 proves that there is no plan
@@ -127,6 +129,9 @@ class PlannedRow(PlanRow):
     robots: Annotated[int, Column("Drones of the scene.")]
     actors: Annotated[int, Column("People of the scene.")]
     steps: Annotated[int, Column("Steps after the start.")]
+    coverage: Annotated[
+        str, Column("exact, or sampled: past meshes that are not convex, rays sample what is seen.")
+    ] = EXACT_COVERAGE
     time_limit: Annotated[_Number, Column("Time that the planner was allowed.", unit="s")] = None
     work_limit: Annotated[
         _Count, Column("Units of work that the planner was allowed; empty without such a limit.")
@@ -146,6 +151,7 @@ class PlannedRow(PlanRow):
             "robots": len(problem.robots),
             "actors": len(problem.actors),
             "steps": problem.horizon,
+            "coverage": SAMPLED_COVERAGE if is_sampled(problem) else EXACT_COVERAGE,
             **more,
         })  # fmt: skip
 

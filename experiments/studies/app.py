@@ -113,21 +113,15 @@ def _views(
         list[str] | None, Parameter(negative="", consume_multiple=True, help="scenes or files")
     ] = None,
     poses: Annotated[int, Parameter(help="random poses in each scene")] = 1000,
-    samples: Annotated[str, Parameter(help="sample points along a triangle of a face")] = "1-6",
     out: _Out = None,
 ) -> int:
-    """Measure planned against rendered coverage, and the cost of more sample points.
+    """Measure planned against rendered coverage.
 
     Example: cocap-opt study views --scene corridor --poses 100 --out views
     """
     from cocap_opt.experiments.studies.views import views
 
-    views(
-        scene or ["corridor", "bottleneck", "passage"],
-        poses,
-        Option("--samples").numbers(samples),
-        out,
-    )
+    views(scene or ["corridor", "bottleneck", "passage"], poses, out)
     return 0
 
 

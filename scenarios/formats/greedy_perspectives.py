@@ -50,10 +50,6 @@ from cocap_opt.scenarios.formats.options import NOTHING
 from cocap_opt.scenarios.text import integer, naming, number, one_line, read_text
 from cocap_opt.world.workspace import HeightMap
 
-# Samples along a side of a triangle. With 4 the rewards of whole plans differ by less than 0.1 %
-# from those with their pixels, and those of steps by less than 2 %; with 20 they differ as much.
-FACE_SAMPLES = 4
-
 BONUS = 100.0  # that their planner adds for each move with dx + dy = 0
 
 # msgspec has no constraint "finite"; a million kilometres stand for it.
@@ -171,7 +167,6 @@ def read(path: Path, seed: int = 0, options: Mapping[str, str] = NOTHING) -> Pro
             objective=Objective(
                 count_start=conventions.count_start, balanced=BONUS if conventions.bonus else 0.0
             ),
-            face_samples=FACE_SAMPLES,
         )
 
 

@@ -28,7 +28,7 @@ name = "example"            # left out: that of the file
 steps = 20                  # number of moves
 step = 0.5                  # seconds each
 flight = "above-ground"     # or "above-sea"; the layers of all drones are heights above it
-face_samples = 3            # squared: sight rays to each triangle of a face
+face_samples = 3            # squared: rays to each triangle of what meshes may hide
 
 [map]
 file = "houses.tif"         # .tif or .asc; in place of it: size = [60, 40], origin = [0, 0]

@@ -116,11 +116,10 @@ def test_gamma_is_measured(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
 
 @pytest.mark.slow
 def test_views_are_measured(tmp_path: Path) -> None:
-    """Each number of samples has a row with errors, and the figure is a picture."""
-    options = ("--scene", "corridor", "--poses", 4, "--samples", "1-2", "--out", tmp_path)
-    assert study("views", *options) == 0
-    assert [row["samples"] for row in rows_of(tmp_path / "views.csv")] == ["1", "2"]
-    assert (tmp_path / "views.png").read_bytes().startswith(b"\x89PNG")
+    """Each scene has a row with errors; a face in full view has the pixels of the picture."""
+    assert study("views", "--scene", "corridor", "--poses", 4, "--out", tmp_path) == 0
+    (row,) = rows_of(tmp_path / "views.csv")
+    assert row["scene"] == "corridor" and float(row["clear, 99 % error (%)"]) < 5
 
 
 def test_pictures_say_where_they_cannot_be_written(
