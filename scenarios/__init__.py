@@ -105,6 +105,18 @@ FORMATS: dict[str, _Format] = {
 }
 
 
+_IN_A_RECIPE = "name it in a recipe, of which `cocap-opt recipe` prints an example"
+_WAYS_OUT = {  # what to do with a part of a scene that is named as one
+    **dict.fromkeys((".tif", ".tiff", ".asc"), f"it is a map, for [map]: {_IN_A_RECIPE}"),
+    ".map": "name a .scen of the MovingAI benchmark that belongs to the map",
+    **dict.fromkeys((".txt", ".csv"), f"it may be people, for [[tracks]]: {_IN_A_RECIPE}"),
+    **dict.fromkeys((".h5", ".hdf5"), "write its trajectories as text, and name that in a recipe"),
+    ".xml": "write its ground plan as JSON, and name that in [[walls]] of a recipe",
+    **dict.fromkeys((".obj", ".glb", ".gltf", ".stl", ".ply", ".off"),
+                    f"it is a mesh, for [[mesh]]: {_IN_A_RECIPE}"),
+}  # fmt: skip
+
+
 def load_scene(name_or_path: str, seed: int = 0, options: Mapping[str, str] = NOTHING) -> Problem:
     """Builds a built-in scene, or reads a scene file or a folder that holds a seq.yaml.
 
@@ -204,6 +216,8 @@ def _find_file(name_or_path: str) -> tuple[Path, _Format]:
             raise FileError(f"{name_or_path}: no such file")
         raise FileError(f"{name_or_path}: no such scene or file; scenes: {', '.join(SCENES)}")
     found = next((kind for kind in FORMATS.values() if kind.scenes.has(path)), None)
+    if found is None and (way := _WAYS_OUT.get(path.suffix.lower())):
+        raise FileError(f"{path}: is no scene; {way}")
     if found is None:
         known = "; ".join(kind.description for kind in FORMATS.values())
         raise FileError(f"{path}: unknown kind of file, must be one of: {known}")

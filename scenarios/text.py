@@ -7,6 +7,8 @@ from pathlib import Path
 
 from cocap_opt.data import ProblemError
 
+_HDF5 = b"\x89HDF\r\n\x1a\n"  # how such files begin
+
 
 @contextmanager
 def naming(place: Path | str) -> Iterator[None]:
@@ -15,6 +17,12 @@ def naming(place: Path | str) -> Iterator[None]:
         yield
     except ProblemError as error:
         raise ProblemError(f"{place}: {error}") from error
+
+
+def require_regular(path: Path) -> None:
+    """Raises ProblemError if a path is a pipe or a device, whose reading may not end."""
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        raise ProblemError("must be a regular file, no pipe or device")
 
 
 def one_line(error: Exception) -> str:
@@ -28,9 +36,17 @@ def read_text(path: Path) -> str:
     Raises
     ------
     ProblemError
-        If the file cannot be opened or is not UTF-8.
+        If the file cannot be opened, is a pipe or a device, or is not UTF-8; of known kinds of
+        files that are no text the message names the way out.
     """
+    require_regular(path)
     try:
+        with path.open("rb") as file:
+            begin = file.read(len(_HDF5))
+        if begin == _HDF5:
+            raise ProblemError(
+                "is HDF5; write its dataset of trajectories as text, with the columns id frame x y"
+            )
         return path.read_text(encoding="utf-8-sig")
     except OSError as error:
         raise ProblemError(f"cannot be read: {error.strerror}") from error

@@ -157,6 +157,8 @@ def _default(kind: type[Document], field: str) -> object:
 
 def read_bytes(path: Path) -> bytes:
     """Content of a file, or a FileError that names it."""
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        raise FileError(f"{path}: must be a regular file, no pipe or device")
     try:
         return path.read_bytes()
     except OSError as error:

@@ -9,6 +9,7 @@ state the columns, their unit and the frame rate, as PeTrack and JuPedSim write 
 """
 
 import io
+import logging
 import math
 import re
 from collections.abc import Callable, Iterator, Sequence
@@ -21,6 +22,8 @@ from numpy.typing import NDArray
 
 from cocap_opt.data import LARGEST, FloatArray, IntArray, ProblemError
 from cocap_opt.scenarios.text import read_text
+
+log = logging.getLogger(__name__)
 
 PER_METRE = {"m": 1.0, "cm": 100.0, "mm": 1000.0}
 DELIMITERS = (" ", "\t", ",", ";")
@@ -38,6 +41,10 @@ _SPELLINGS = {
 }
 _ROLES = {word: role for role, words in _SPELLINGS.items() for word in words.split()}
 _ORDER = ("id", "frame", "x", "y", "z")  # where nothing names the columns; z may be missing
+
+_ANNOTATIONS = 10  # values in a row of annotations.txt; the last is a word
+_FAR_CLEARER = 10.0  # times farther apart are the rows of one id in the wrong order of columns
+_FASTEST = 12.0  # m/s, of people
 
 _UNIT = r"(mm|cm|m|(?:centi|milli)?met(?:re|er)s?)(?![\w/])"
 _UNIT_OF_NAME = re.compile(rf"[/\[(]\s*{_UNIT}", re.IGNORECASE)
@@ -108,6 +115,8 @@ class TrackTable(NamedTuple):
             return next(islice(_row_lines(text, layout), row, None))[0]
 
         _check(values, line)
+        if columns is None and layout.header is None and _names_of_comment(layout) is None:
+            values = _in_likely_order(values, PER_METRE[unit], 1.0 if rate is None else rate)
         per_metre = PER_METRE[unit]
         return cls(
             ids=values["id"].astype(np.int64) if words is None else words,
@@ -186,6 +195,11 @@ def _names(layout: _Layout, columns: Sequence[str] | None) -> Sequence[str]:
             raise ProblemError(f"line {layout.first}: must have {len(names)} values, not {count}")
         return names
     named = _names_of_comment(layout)
+    if named is None and count == _ANNOTATIONS and not _is_number(layout.row[-1]):
+        raise ProblemError(
+            "looks like the annotations.txt of the Stanford drone dataset, boxes in pixels: write "
+            "the middles of the boxes in m, with the columns id frame x y"
+        )
     if named is None and count not in (len(_ORDER) - 1, len(_ORDER)):
         raise ProblemError(
             f"columns: must be given where nothing names them and rows have {count} values"
@@ -328,6 +342,51 @@ def _word(text: str, line: int) -> str:
     if not text:
         raise ProblemError(f"line {line}, id: must not be empty")
     return text
+
+
+def _in_likely_order(values: _Values, metre: float, fps: float) -> _Values:
+    """Returns the columns with id and frame in the order that the rows tell.
+
+    Of one id, rows that follow in time are near each other and no faster than people are; rows of
+    different people at one frame are not.
+
+    Parameters
+    ----------
+    metre : one metre in the unit of the file
+
+    Raises
+    ------
+    ProblemError
+        If both orders fit.
+    """
+    if "frame" not in values or "id" not in values:
+        return values
+    points = np.column_stack([values["x"], values["y"]]) / metre
+    orders = [("id", "frame"), ("frame", "id")]
+    (own, speed), (other, swapped) = (_pace(values[a], values[b], points) for a, b in orders)
+    if own * _FAR_CLEARER <= other or speed * fps <= _FASTEST < swapped * fps:
+        return values
+    if other * _FAR_CLEARER <= own or swapped * fps <= _FASTEST < speed * fps:
+        log.warning("nothing names its columns; by how people move they are frame id x y")
+        return values | {"id": values["frame"], "frame": values["id"]}
+    raise ProblemError(
+        "columns: must be given, for nothing names them and the rows fit both readings: "
+        'columns = ["id", "frame", "x", "y"] or ["frame", "id", "x", "y"], with "z" if it is there'
+    )
+
+
+def _pace(ids: FloatArray, frames: FloatArray, points: FloatArray) -> tuple[float, float]:
+    """Returns the median way (m) between rows of one id that follow in time, and that per frame.
+
+    Both are infinite if no id has two rows.
+    """
+    order = np.lexsort([frames, ids])
+    same = np.flatnonzero((np.diff(ids[order]) == 0) & (np.diff(frames[order]) > 0))
+    if not len(same):
+        return math.inf, math.inf
+    ways = np.diff(points[order], axis=0)[same]
+    lengths = np.hypot(ways[:, 0], ways[:, 1])
+    return float(np.median(lengths)), float(np.median(lengths / np.diff(frames[order])[same]))
 
 
 def _check(values: _Values, line: Callable[[int], int]) -> None:

@@ -72,8 +72,14 @@ class WallsTable(Table):
         return [wall.replace(vertices=wall.vertices + np.array([*self.at, 0.0])) for wall in walls]
 
     def _plan(self, path: Path) -> _Plan:
+        text = read_text(path)
+        if text.lstrip().startswith("<"):
+            raise ProblemError(
+                "is XML, as JuPedSim keeps geometries; write the corners of its walkable area and "
+                'obstacles as JSON: {"name": {"walkable": [[x, y], ..], "obstacles": [..]}}, in m'
+            )
         try:
-            plans = msgspec.json.decode(read_text(path), type=dict[str, _Plan])
+            plans = msgspec.json.decode(text, type=dict[str, _Plan])
         except (msgspec.MsgspecError, RecursionError) as error:
             raise ProblemError(one_line(error)) from error
         if self.name is None and len(plans) != 1:

@@ -2,6 +2,7 @@
 
 import logging
 import math
+import os
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -132,7 +133,8 @@ def test_times_stand_for_frames(tmp_path: Path) -> None:
 
 def test_height_is_the_median_of_z(tmp_path: Path) -> None:
     """Heads bob; a z of 0 throughout is no height."""
-    text = "".join(f"{k} {t} 0 {t} {(k - 1) * (150 + t * t)}\n" for k in (1, 2) for t in range(5))
+    rows = [f"{k} {t} 0 {t} {(k - 1) * (150 + t * t)}\n" for k in (1, 2) for t in range(5)]
+    text = "id frame x y z\n" + "".join(rows)
     assert [t.height for t in read(tmp_path, text, unit="cm", fps=5)] == [None, 1.54]
 
 
@@ -156,7 +158,7 @@ def test_height_is_the_median_of_z(tmp_path: Path) -> None:
         ("1 0 1 2\n1.5 1 1 2\n", {}, "line 2, id: must be a whole number"),
         ("1 0 1 2\n1 0.5 1 2\n", {}, "line 2, frame: must be a whole number"),
         ("Bob,0,1,2\nBob,1,1,inf\n", {}, "line 2, y: must be a number within"),
-        ("1 3 1 2\n2 3 1 2\n#\n1 3 1 2\n", {}, "line 4: must not be a second row for id 1 at 3 s"),
+        ("id frame x y\n1 3 1 2\n2 3 1 2\n#\n1 3 1 2\n", {}, "line 5: must not be a second row"),
         ("id,frame,x\n1,0,1\n", {}, "header: must name the columns id, frame or time, x and y"),
         ("id,x,y\n1,0,1\n", {}, "header: must name the columns"),
         ("id,frame,x,X,y\n1,0,1,1,1\n", {}, "header: must name one column x, not two"),
@@ -528,3 +530,58 @@ def test_their_units_are_held_against_ours(caplog: pytest.LogCaptureFixture) -> 
         Track.read_all(stated, fps=16)
     Track.read_all(silent, unit="m", fps=16)
     assert "median speed 140 m/s: is the unit cm?" in caplog.text
+
+
+WALKERS = [
+    (person, frame, 1.0 * person + 0.05 * frame, 3.0 * person)
+    for person in range(1, 5)
+    for frame in range(10 * person, 10 * person + 40)
+]
+
+
+@pytest.mark.parametrize("order", [(0, 1), (1, 0)], ids=["id frame", "frame id"])
+def test_columns_that_nothing_names_are_told_by_how_people_move(
+    tmp_path: Path, order: tuple[int, int], caplog: pytest.LogCaptureFixture
+) -> None:
+    """ETH, UCY and others write the frame first; a wrong reading would be nonsense."""
+    path = tmp_path / "tracks.txt"
+    rows = sorted((row[order[0]], row[order[1]], *row[2:]) for row in WALKERS)
+    path.write_text("".join(" ".join(map(str, row)) + "\n" for row in rows))
+    tracks = Track.read_all(path, unit="m", fps=25.0)
+    assert [track.id for track in tracks] == [1, 2, 3, 4]
+    assert {len(track.times) for track in tracks} == {40}
+    assert ("frame id x y" in caplog.text) == (order == (1, 0))
+
+
+def test_columns_that_fit_both_readings_are_refused(tmp_path: Path) -> None:
+    """The message has both readings, and the line to write."""
+    path = tmp_path / "tracks.txt"
+    path.write_text("".join(f"{a} {b} {a} {b}\n" for a in range(9) for b in range(9)))
+    with pytest.raises(ProblemError, match=r'columns = \["id", "frame", "x", "y"\] or \["frame"'):
+        Track.read_all(path, unit="m", fps=25.0)
+    assert len(Track.read_all(path, columns=["frame", "id", "x", "y"], unit="m", fps=25.0)) == 9
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"\x89HDF\r\n\x1a\n" + bytes(20), "is HDF5; write its dataset"),
+        (b'1 10 20 30 40 5 0 0 0 "Biker"\n', "annotations.txt of the Stanford"),
+    ],
+)
+def test_other_exports_of_tracks_are_refused_with_the_way_out(
+    tmp_path: Path, content: bytes, words: str
+) -> None:
+    """One line says what the file is and what to do."""
+    path = tmp_path / "tracks"
+    path.write_bytes(content)
+    with pytest.raises(ProblemError, match=words):
+        Track.read_all(path, unit="m", fps=25.0)
+
+
+def test_a_pipe_is_refused(tmp_path: Path) -> None:
+    """Reading it would wait for somebody to write."""
+    path = tmp_path / "tracks"
+    os.mkfifo(path)
+    with pytest.raises(ProblemError, match="regular file"):
+        Track.read_all(path, unit="m", fps=25.0)
