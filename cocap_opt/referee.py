@@ -13,7 +13,7 @@ import numpy as np
 from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.problem import Plan, Problem, Robot, State
 from cocap_opt.vision.faces import FaceGeometry
-from cocap_opt.vision.views import make_views
+from cocap_opt.vision.views import coverage_along, make_views
 
 
 @dataclass(frozen=True)
@@ -142,14 +142,15 @@ class Referee:
         If pixels add up over time, a step's reward is its gain over the steps before.
         """
         geometry = FaceGeometry(self.problem)
+        paths = zip(self.problem.robots, plan.paths, strict=True)
+        seen = [self._coverage(geometry, robot, path) for robot, path in paths]
         rewards = []
         before = [0.0 for _ in self.problem.face_weights]
         for t in range(self.problem.horizon + 1):
             pixels = [0.0 for _ in self.problem.face_weights]
-            for i, robot in enumerate(self.problem.robots):
+            for coverage in seen:
                 if t >= self.problem.first_step:
-                    coverage = self._coverage(geometry, robot, t, plan.paths[i][t])
-                    pixels = [a + b for a, b in zip(pixels, coverage, strict=True)]
+                    pixels = [a + b for a, b in zip(pixels, coverage[t], strict=True)]
             weights = self.problem.step_weights[t].tolist()
             if self.problem.objective.over_time:
                 pixels = [a + b for a, b in zip(before, pixels, strict=True)]
@@ -161,10 +162,14 @@ class Referee:
             rewards.append(gained)
         return rewards
 
-    def _coverage(self, geometry: FaceGeometry, robot: Robot, t: int, state: State) -> list[float]:
+    def _coverage(
+        self, geometry: FaceGeometry, robot: Robot, path: tuple[State, ...]
+    ) -> list[list[float]]:
+        """Returns the coverage [T+1][F] that a robot has along its path."""
         graph = TimeGraph.of(self.problem.workspace, robot.motion, len(robot.camera.tilts))
         views = make_views(geometry, self.problem, graph, robot.camera)
-        coverage: list[float] = views.coverage(t, np.array([graph.index(state)]))[0].tolist()
+        states = np.array([graph.index(state) for state in path[: self.problem.horizon + 1]])
+        coverage: list[list[float]] = coverage_along(views, 0, states).tolist()
         return coverage
 
     def _stands_free(self, robot: Robot, state: State) -> bool:

@@ -41,7 +41,7 @@ class _Files(NamedTuple):
         if path.suffix.lower() not in self.suffixes:
             return False
         try:
-            return not self.words or self.words in path.read_bytes()
+            return not self.words or (path.is_file() and self.words in path.read_bytes())
         except OSError:
             return False
 

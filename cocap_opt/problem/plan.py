@@ -38,6 +38,11 @@ class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
         steps = max(map(len, self.paths), default=1) - 1
         return f"Plan of {len(self.paths)} drones over {steps} steps"
 
+    @property
+    def stays(self) -> bool:
+        """True if nobody moves or turns."""
+        return all(len(set(path)) <= 1 for path in self.paths)
+
     @classmethod
     def hovering(cls, problem: Problem) -> "Plan | None":
         """Returns the plan in which nobody moves, which obeys all rules, as starts do.

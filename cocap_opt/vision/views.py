@@ -48,6 +48,14 @@ class Views(Protocol):
         """Returns the coverage [n, F] in px/m2 of every face from the states [n] at step t."""
 
 
+def coverage_along(views: Views, first_step: int, states: IntArray) -> FloatArray:
+    """Returns the coverage [n, F] of states [n], one at each step from `first_step` on."""
+    nodes = (first_step + np.arange(len(states))) * views.n_states + states
+    coverage, seen = np.zeros((len(states), views.n_faces)), views.seen(nodes)
+    coverage[seen.rows, seen.faces] = seen.pixels
+    return coverage
+
+
 def make_views(
     geometry: FaceGeometry, problem: Problem, graph: TimeGraph, camera: AnyCamera
 ) -> Views:

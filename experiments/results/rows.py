@@ -79,6 +79,8 @@ class PlanRow:
         if judged.verdict and problem.actors and not any(judged.verdict.face_reward):
             messages.append("no drone sees anybody at any step")
             _log.warning("%s, %s: %s", problem.name, planner or "bound", messages[-1])
+        if reason is Reason.STOPPED and result.plan is not None and result.plan.stays:
+            messages.append("the limit came before any drone was planned: all stay at their starts")
         if reason is Reason.OPTIMAL and math.isfinite(result.bound) and judged.gap > OPTIMALITY:
             # What is certified is less than what the method says.
             reason = Reason.FINISHED
