@@ -17,7 +17,7 @@ from cocap_opt.data import FloatArray, IntArray
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-GROUND, COVERED, WALL, PERSON = "#f4f1ea", "#cfc8b8", "#6b6f76", "#d1495b"
+GROUND, COVERED, WALL, LOW, PERSON = "#f4f1ea", "#cfc8b8", "#6b6f76", "#a9b18f", "#d1495b"
 # Colours of drones, of matplotlib's ten; red is kept for people.
 DRONE_COLOURS = tuple(f"C{k}" for k in (0, 2, 1, 4, 9, 5, 8, 6, 7))
 TICK = 0.9  # cells, length of the line that shows a heading
@@ -26,7 +26,7 @@ TICK = 0.9  # cells, length of the line that shows a heading
 class TopView(NamedTuple):
     """A scene from above, and flights over it if there are any."""
 
-    kinds: IntArray  # [X, Y] 0 ground, 1 something above that does not block, 2 blocks
+    kinds: IntArray  # [X, Y] 0 ground, 1 something above that does not block, 2 blocks, 3 lower
     corner: tuple[float, float]  # m, of cell (0, 0)
     cell: float  # m, edge of a cell
     height: float  # m, at which cells block
@@ -64,8 +64,8 @@ class TopView(NamedTuple):
         (x, y), (width, depth) = self.corner, self.kinds.shape
         extent = (x, x + width * self.cell, y, y + depth * self.cell)
         ax.imshow(
-            self.kinds.T, origin="lower", extent=extent, vmin=0, vmax=2, interpolation="nearest",
-            cmap=ListedColormap([GROUND, COVERED, WALL]), zorder=0,
+            self.kinds.T, origin="lower", extent=extent, vmin=0, vmax=3, interpolation="nearest",
+            cmap=ListedColormap([GROUND, COVERED, WALL, LOW]), zorder=0,
         )  # fmt: skip
         ax.set_aspect("equal")
         ax.set_xlim(*extent[:2])  # what is drawn later must not move the frame
@@ -91,7 +91,11 @@ class TopView(NamedTuple):
             handles.append(disc(DRONE_COLOURS[0], "drones" if flown else "drones' starts"))
         if self.walks:
             handles.append(disc(PERSON, "people"))
-        words = {1: (COVERED, "something above"), 2: (WALL, f"blocks flight at {self.height:g} m")}
+        words = {
+            1: (COVERED, "something above"),
+            2: (WALL, f"blocks flight at {self.height:g} m"),
+            3: (LOW, "lower obstacle"),
+        }
         for kind, (colour, label) in words.items():
             if (self.kinds == kind).any():
                 handles.append(Patch(color=colour, label=label))

@@ -192,6 +192,9 @@ class Problem(Data, frozen=True, eq=False, dict=True):
         columns = self.workspace.columns
         blocked = columns.solid(altitude - clearance, altitude + clearance)[0]
         covered = np.isfinite(columns.low[1:]).any(axis=0)
+        kinds = np.where(self.height_map.stands_out, 3, 0)
+        kinds[covered] = 1
+        kinds[blocked] = 2
         paths = [[robot.start] for robot in self.robots] if plan is None else plan.paths
         flights = [
             np.array(
@@ -203,7 +206,7 @@ class Problem(Data, frozen=True, eq=False, dict=True):
             for r, path in zip(self.robots, paths, strict=True)
         ]
         return TopView(
-            kinds=np.where(blocked, 2, np.where(covered, 1, 0)),
+            kinds=kinds,
             corner=self.height_map.origin,
             cell=self.height_map.resolution,
             height=lowest,

@@ -11,6 +11,7 @@ import numpy as np
 from cocap_opt.data import (
     LARGEST,
     SMALLEST,
+    BoolArray,
     Data,
     FloatArray,
     IntArray,
@@ -23,6 +24,10 @@ from cocap_opt.world.columns import NO_SPANS, Columns, Spans
 MOST_TRIANGLES = 1_000_000
 
 Place = tuple[int, int, float]  # cell x, y and flight height (m)
+
+
+_FLAT = 0.05  # least share of cells at the lowest height if things stand on flat ground
+_OBSTACLE = 0.25  # m above the ground, from which on a cell stands out
 
 
 class HeightMap(Data, frozen=True, eq=False, dict=True):
@@ -96,6 +101,23 @@ class HeightMap(Data, frozen=True, eq=False, dict=True):
         datum = np.zeros(self.shape) if self.datum is None else self.datum
         result: FloatArray = np.array(heights)[:, None, None] + datum
         return result
+
+    @property
+    def ground(self) -> FloatArray:
+        """Altitudes [X, Y] of the ground: the datum, or the lowest height if many cells have it.
+
+        On any other map nothing tells ground from obstacles, so that all of it is ground.
+        """
+        lowest = self.heights.min()
+        if self.datum is not None:
+            return np.minimum(self.datum, self.heights)
+        flat = (self.heights == lowest).mean() >= _FLAT
+        return np.full_like(self.heights, lowest) if flat else self.heights
+
+    @property
+    def stands_out(self) -> BoolArray:
+        """True for cells [X, Y] that are higher than the ground."""
+        return np.asarray(self.heights > self.ground + _OBSTACLE)
 
     @property
     def corners(self) -> FloatArray:

@@ -20,21 +20,23 @@ from cocap_opt.experiments.results.printing import print_result, titles
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import UnsupportedError
 
+_SHOWN = Path("show.html")
 SHOWN = (".html", ".png", ".pdf", ".svg", ".gif")
 
 
 def _show(
-    scene: str, /, *plan: Path, output: Output, seed: Seed = 0, json: Json = False
+    scene: str, /, *plan: Path, output: Output = None, seed: Seed = 0, json: Json = False
 ) -> int:  # fmt: skip
     """Play plans side by side in an HTML file, or draw one from above.
 
     The HTML file needs no network and no other file. PNG, PDF and SVG show the last step, a GIF
-    all steps. Without a plan the drones are shown at their starts.
+    all steps. Without a plan the map, the people and the drones at their starts are shown. Without
+    -o the file is show.html.
 
     Example: cocap-opt show corridor greedy.json cocap.json -o plans.html
     """
+    output = output or _SHOWN
     suffix = Option("-o").ending(output, SHOWN)
-    assert output is not None
     if not plan and suffix == ".gif":
         raise UsageError("PLAN: name a plan, such as plan.json; nothing moves without one")
     if suffix != ".html" and len(plan) > 1:

@@ -29,8 +29,6 @@ from cocap_opt.world.workspace import Workspace
 MOST_CELLS = 128  # along an edge of the map, as it is drawn
 MOST_TRIANGLES = 10_000  # of all meshes; finer meshes are drawn as the cells that they fill
 _DIGITS = 5  # of the map's size
-_FLAT = 0.05  # least share of cells at the lowest height if things stand on flat ground
-_OBSTACLE = 0.25  # m above the ground, from which on a cell counts as standing out
 _GROUND, _LOW, _BLOCKS = 0, 1, 2  # kinds of cells; the last blocks the lowest flight height
 _SLAB = 0.012  # of the map's size, height of its edge as it is drawn
 _MARGIN = 4.0  # m, from all flights and walks to the edge of the picture
@@ -85,7 +83,7 @@ class SceneData:
     def terrain(self) -> Data:
         """Returns the columns of the height map; on a large map, the highest of each block."""
         height_map = self.problem.height_map
-        parts = (np.minimum(height_map.heights, self._ceiling), self._ground, self._kinds)
+        parts = (np.minimum(height_map.heights, self._ceiling), height_map.ground, self._kinds)
         heights, ground, kinds = (self._coarse(part, np.maximum) for part in parts)
         return {
             "cell": height_map.resolution * self._block,
@@ -104,25 +102,12 @@ class SceneData:
         tops += [actor.poses[:, 2].max() for actor in self.problem.actors]
         return float(max(tops) + self._size.max())
 
-    @cached_property
-    def _ground(self) -> FloatArray:
-        """Altitudes [X, Y] of the ground: the datum, or the lowest height if many cells have it.
-
-        On any other map nothing tells ground from obstacles, so that all of it is ground.
-        """
-        height_map = self.problem.height_map
-        heights, lowest = height_map.heights, height_map.heights.min()
-        if height_map.datum is not None:
-            return np.minimum(height_map.datum, heights)
-        return np.full_like(heights, lowest) if (heights == lowest).mean() >= _FLAT else heights
-
     @property
     def _kinds(self) -> FloatArray:
         """Kind of every cell [X, Y] of the height map."""
         height_map = self.problem.height_map
         blocked = _blocked_cells(self.problem, Workspace(height_map))  # meshes are drawn themselves
-        stands = height_map.heights > self._ground + _OBSTACLE
-        kinds = np.where(stands, np.where(blocked, _BLOCKS, _LOW), _GROUND)
+        kinds = np.where(height_map.stands_out, np.where(blocked, _BLOCKS, _LOW), _GROUND)
         return kinds.astype(np.float64)
 
     def meshes(self) -> Data:
