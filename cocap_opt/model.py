@@ -17,7 +17,7 @@ from cocap_opt.stop import Stop, never
 from cocap_opt.vision.cache import TableCache
 from cocap_opt.vision.coverage import CoverageTable
 from cocap_opt.vision.faces import FaceGeometry
-from cocap_opt.vision.views import Views, make_views
+from cocap_opt.vision.views import Views
 
 Path = tuple[int, ...]  # T+1 state numbers of one robot
 Progress = Callable[[int, int], None]  # told how many steps' coverage is there, and of how many
@@ -234,7 +234,7 @@ class _Coverage:
 
     def views(self, spec: Robot) -> Views:
         graph = _graph(self.problem, spec)
-        return make_views(self._geometry, self.problem, graph, spec.camera)
+        return Views.of(self._geometry, self.problem, graph, spec.camera)
 
     def reachable(self, spec: Robot) -> BoolArray:
         return _graph(self.problem, spec).reachable(self._starts(spec), self.problem.horizon)

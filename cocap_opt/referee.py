@@ -13,7 +13,7 @@ import numpy as np
 from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.problem import Plan, Problem, Robot, State
 from cocap_opt.vision.faces import FaceGeometry
-from cocap_opt.vision.views import coverage_along, make_views
+from cocap_opt.vision.views import Views
 
 
 @dataclass(frozen=True)
@@ -40,11 +40,11 @@ class Verdict:
 
 def check(problem: Problem, plan: Plan) -> Verdict:
     """Returns the verdict on a plan; its rewards are nan if it cannot be flown."""
-    return Referee(problem).verdict(plan)
+    return _Referee(problem).verdict(plan)
 
 
 @dataclass(frozen=True)
-class Referee:
+class _Referee:
     """The judge of all plans of one problem."""
 
     problem: Problem
@@ -167,9 +167,9 @@ class Referee:
     ) -> list[list[float]]:
         """Returns the coverage [T+1][F] that a robot has along its path."""
         graph = TimeGraph.of(self.problem.workspace, robot.motion, len(robot.camera.tilts))
-        views = make_views(geometry, self.problem, graph, robot.camera)
+        views = Views.of(geometry, self.problem, graph, robot.camera)
         states = np.array([graph.index(state) for state in path[: self.problem.horizon + 1]])
-        coverage: list[list[float]] = coverage_along(views, 0, states).tolist()
+        coverage: list[list[float]] = views.along(0, states).tolist()
         return coverage
 
     def _stands_free(self, robot: Robot, state: State) -> bool:

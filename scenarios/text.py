@@ -12,14 +12,19 @@ _HDF5 = b"\x89HDF\r\n\x1a\n"  # how such files begin
 
 @contextmanager
 def naming(place: Path | str) -> Iterator[None]:
-    """Puts the name of a file or a field before the message of a `ProblemError` raised inside."""
+    """Puts the name of a file or a field before the message of a `ProblemError` raised inside.
+
+    A file must be a regular one.
+    """
     try:
+        if isinstance(place, Path):
+            _require_regular(place)
         yield
     except ProblemError as error:
         raise ProblemError(f"{place}: {error}") from error
 
 
-def require_regular(path: Path) -> None:
+def _require_regular(path: Path) -> None:
     """Raises ProblemError if a path is a pipe or a device, whose reading may not end."""
     if path.exists() and not (path.is_file() or path.is_dir()):
         raise ProblemError("must be a regular file, no pipe or device")
@@ -39,7 +44,7 @@ def read_text(path: Path) -> str:
         If the file cannot be opened, is a pipe or a device, or is not UTF-8; of known kinds of
         files that are no text the message names the way out.
     """
-    require_regular(path)
+    _require_regular(path)
     try:
         with path.open("rb") as file:
             begin = file.read(len(_HDF5))

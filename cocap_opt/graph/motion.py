@@ -96,7 +96,7 @@ def _orientation_graph(motion: Motion, camera: AnyCamera) -> Graph:
     return graph
 
 
-def motion_graph(problem: Problem, robot: int) -> Graph:
+def _motion_graph(problem: Problem, robot: int) -> Graph:
     """Returns the motion graph of one robot; nodes are `State`, an edge is one step."""
     motion, camera = problem.robots[robot].motion, problem.robots[robot].camera
     graph = nx.tensor_product(
@@ -119,7 +119,7 @@ def time_expanded_graph(problem: Problem, robot: int) -> Graph:
     graph; `timegraph.TimeGraph` is its compiled form.
     """
     steps: Graph = nx.path_graph(problem.horizon + 1, create_using=nx.DiGraph)
-    graph = cast("Graph", nx.tensor_product(motion_graph(problem, robot), steps))
+    graph = cast("Graph", nx.tensor_product(_motion_graph(problem, robot), steps))
     spec = problem.robots[robot]
     source = (spec.start, 0)
     keep = {source} | nx.descendants(graph, source)

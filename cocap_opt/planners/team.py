@@ -11,7 +11,6 @@ from cocap_opt.objective import objective
 from cocap_opt.planners.low_level import SingleRobotPath
 from cocap_opt.result import Reason, Result
 from cocap_opt.stop import Limit
-from cocap_opt.vision.views import coverage_along
 
 EVERYBODY = -1  # no robot is left out
 ONE_STEP_AT_A_TIME = (
@@ -70,7 +69,7 @@ class Team:
             return SingleRobotPath(None, pixels, 0)
         views, state = self.model.views(robot_class), self.model.start(robot)
         steps = range(problem.first_step, problem.horizon + 1)
-        along = coverage_along(views, problem.first_step, np.full(len(steps), state))
+        along = views.along(problem.first_step, np.full(len(steps), state))
         for t, coverage in zip(steps, along, strict=True):
             pixels[problem.view_sums_at(t)] += coverage
         return SingleRobotPath((state,) * (problem.horizon + 1), pixels, len(steps))

@@ -15,7 +15,7 @@ _FLAT = 1e-9  # m; points that are nearer to a plane lie in it
 _MOST_PLANES = 64  # of a mesh that counts as one convex body
 
 
-class Solid(NamedTuple):
+class _Solid(NamedTuple):
     """One convex body: the intersection of half-spaces normal . x <= offset."""
 
     normals: FloatArray  # [P, 3] unit vectors, outward
@@ -34,22 +34,44 @@ class Bodies(NamedTuple):
     high: FloatArray  # [B, 3] m, greatest x, y and z
 
     @classmethod
-    def of(cls, solids: Sequence[Solid]) -> "Bodies":
-        """Returns solids as arrays."""
-        planes = max((len(solid.offsets) for solid in solids), default=1)
-        pairs = max((len(solid.neighbours) for solid in solids), default=1)
-        result = cls(
-            np.zeros((len(solids), planes, 3)), np.ones((len(solids), planes)),
-            np.zeros((len(solids), pairs, 2), dtype=np.int64),
-            np.zeros((len(solids), 2)), np.zeros((len(solids), 3)),
+    def none(cls) -> "Bodies":
+        """Returns no bodies."""
+        return cls(
+            np.zeros((0, 1, 3)), np.ones((0, 1)), np.zeros((0, 1, 2), dtype=np.int64),
+            np.zeros((0, 2)), np.zeros((0, 3)),
         )  # fmt: skip
-        for k, solid in enumerate(solids):
-            result.normals[k, : len(solid.normals)] = solid.normals
-            result.offsets[k, : len(solid.offsets)] = solid.offsets
-            result.neighbours[k, : len(solid.neighbours)] = solid.neighbours
-            result.low[k] = solid.corners[:, :2].min(axis=0)
-            result.high[k] = solid.corners.max(axis=0)
-        return result
+
+    @classmethod
+    def of_shape(cls, shape: Shape) -> "Bodies":
+        """Returns the one body of an actor's shape, around its foot point."""
+        # The two triangles of a side of a TriangulatedCuboid are one plane.
+        whole: Cuboid | Prism
+        if isinstance(shape, Prism):
+            whole = shape
+        else:
+            whole = Cuboid(length=shape.length, width=shape.width, height=shape.height)
+        faces = whole.faces()
+        bottom = faces[-1][::-1].copy()
+        bottom[:, 2] = 0.0
+        return cls._of(_solid([*faces, bottom]))
+
+    @classmethod
+    def of_mesh(cls, mesh: Mesh, origin: FloatArray) -> "Bodies | None":
+        """Returns a closed mesh as one body if it is convex and has few sides, and None if not.
+
+        Parameters
+        ----------
+        origin : [3] m, which becomes 0
+        """
+        solid = _convex_solid(mesh, origin)
+        return None if solid is None else cls._of(solid)
+
+    @classmethod
+    def _of(cls, solid: _Solid) -> "Bodies":
+        return cls(
+            solid.normals[None], solid.offsets[None], solid.neighbours[None],
+            solid.corners[None, :, :2].min(axis=1), solid.corners[None].max(axis=1),
+        )  # fmt: skip
 
     @classmethod
     def of_columns(cls, height_map: HeightMap, origin: FloatArray) -> "Bodies":
@@ -59,7 +81,7 @@ class Bodies(NamedTuple):
         ----------
         origin : [3] m, which becomes 0
         """
-        first, last, heights = merged_cells(height_map.heights)
+        first, last, heights = _merged_cells(height_map.heights)
         corner = np.array(height_map.origin) - origin[:2]
         low = corner + height_map.resolution * first
         high = corner + height_map.resolution * (last + 1)
@@ -105,7 +127,7 @@ _COLUMN = np.array(
 _COLUMN_EDGES = np.array([[0, 1], [0, 2], [0, 3], [0, 4], [1, 3], [1, 4], [2, 3], [2, 4]])
 
 
-def merged_cells(heights: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
+def _merged_cells(heights: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
     """Returns rectangles that together are the map [X, Y]: first and last cells [n, 2], heights.
 
     All cells of a rectangle have one height; the lowest cells are one rectangle, the whole map,
@@ -133,22 +155,7 @@ def _run(values: BoolArray) -> int:
     return len(values) if values.all() else int(values.argmin())
 
 
-def solid_of_shape(shape: Shape) -> Solid:
-    """Returns the body of an actor's shape, around its foot point."""
-    # The two triangles of a side of a TriangulatedCuboid are one plane.
-    whole: Cuboid | Prism
-    if isinstance(shape, Prism):
-        whole = shape
-    else:
-        whole = Cuboid(length=shape.length, width=shape.width, height=shape.height)
-    faces = whole.faces()
-    bottom = faces[-1][::-1].copy()
-    bottom[:, 2] = 0.0
-    return _solid([*faces, bottom])
-
-
-def convex_solid(mesh: Mesh, origin: FloatArray) -> Solid | None:
-    """Returns a closed mesh as one body if it is convex and has few sides, and None if not."""
+def _convex_solid(mesh: Mesh, origin: FloatArray) -> _Solid | None:
     if not mesh.is_solid or not len(mesh.triangles):
         return None
     corners = mesh.vertices[np.unique(mesh.triangles)] - origin
@@ -165,17 +172,17 @@ def convex_solid(mesh: Mesh, origin: FloatArray) -> Solid | None:
             return None
     offsets = (corners @ np.array(normals).T).max(axis=0)
     on = np.abs(corners @ np.array(normals).T - offsets) <= flat
-    return Solid(np.array(normals), offsets, _neighbours(on), corners)
+    return _Solid(np.array(normals), offsets, _neighbours(on), corners)
 
 
-def _solid(polygons: Sequence[FloatArray]) -> Solid:
+def _solid(polygons: Sequence[FloatArray]) -> _Solid:
     """Returns the body between polygons [V, 3], counter-clockwise seen from outside."""
     corners = np.unique(np.concatenate(polygons), axis=0)
     doubled = np.array([np.cross(p[1] - p[0], p[2] - p[0]) for p in polygons])
     normals = doubled / np.linalg.norm(doubled, axis=1, keepdims=True)
     offsets = np.array([normal @ p[0] for normal, p in zip(normals, polygons, strict=True)])
     on = np.array([[(p == corner).all(axis=1).any() for p in polygons] for corner in corners])
-    return Solid(normals, offsets, _neighbours(on), corners)
+    return _Solid(normals, offsets, _neighbours(on), corners)
 
 
 def _neighbours(on: BoolArray) -> IntArray:

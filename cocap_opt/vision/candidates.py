@@ -27,7 +27,7 @@ _PAIRS = 2_000_000  # of targets and bodies at once, to bound the memory
 _GRAIN = 2.0**-30  # of keys, so that a slope's part does not depend on the sector's number
 
 
-class Circles(NamedTuple):
+class _Circles(NamedTuple):
     """Upright cylinders around actors, without end above."""
 
     middles: FloatArray  # [G, 2] m
@@ -41,11 +41,15 @@ class Candidates:
     Parameters
     ----------
     bodies : all of them
-    targets : around the actors
+    middles, radii, feet : [G, 2], [G] and [G] m, of upright cylinders around the targets
     lowest_eye : m, no eye is lower
     """
 
-    def __init__(self, bodies: Bodies, targets: Circles, lowest_eye: float) -> None:
+    def __init__(
+        self, bodies: Bodies, middles: FloatArray, radii: FloatArray, feet: FloatArray,
+        lowest_eye: float,
+    ) -> None:  # fmt: skip
+        targets = _Circles(middles, radii, feet)
         self._targets, self._tops = targets, bodies.high[:, 2]
         n, size = len(targets.radii), max(_PAIRS // max(len(self._tops), 1), 1)
         parts = [
@@ -87,7 +91,7 @@ class Candidates:
 
 
 def _entries(
-    bodies: Bodies, targets: Circles, some: IntArray, lowest_eye: float
+    bodies: Bodies, targets: _Circles, some: IntArray, lowest_eye: float
 ) -> tuple[FloatArray, IntArray, FloatArray]:
     """Returns the keys, bodies and least distances (m) of all entries of some targets' sectors."""
     middles, radii, feet = (part[some] for part in targets)

@@ -7,19 +7,14 @@ import numpy as np
 
 from cocap_opt.data import FloatArray
 from cocap_opt.problem import Problem
-from cocap_opt.vision.bodies import Bodies, Solid, convex_solid, solid_of_shape
-from cocap_opt.vision.candidates import Candidates, Circles
+from cocap_opt.vision.bodies import Bodies
+from cocap_opt.vision.candidates import Candidates
 from cocap_opt.vision.projection import dot
 from cocap_opt.vision.surfaces import Surface
 
 ROUNDING = 1e-6  # m, much more than that of coordinates
 _DRAWN_IN = 0.01  # of the way to the middle, so that no ray grazes the ground
 _KEPT = 64  # spans of steps whose geometry is kept
-
-
-def is_sampled(problem: Problem) -> bool:
-    """Returns True where rays sample a part of the coverage: past meshes that are not convex."""
-    return any(convex_solid(mesh, np.zeros(3)) is None for mesh in problem.meshes)
 
 
 class Faces(NamedTuple):
@@ -53,22 +48,27 @@ class FaceGeometry:
         width, depth = problem.height_map.shape
         x, y = problem.height_map.centre(width // 2, depth // 2)
         self.origin = np.array([x, y, float(np.median(problem.height_map.heights))])
-        solids = [convex_solid(mesh, self.origin) for mesh in problem.meshes]
+        solids = [Bodies.of_mesh(mesh, self.origin) for mesh in problem.meshes]
         rough = [
             m.corners - self.origin
             for m, solid in zip(problem.meshes, solids, strict=True)
             if not solid
         ]
         self.mesh = Surface(np.concatenate(rough)) if rough else None
-        convex = [solid for solid in solids if solid]
+        convex = [solid for solid in solids if solid is not None]
         columns = Bodies.of_columns(problem.height_map, self.origin)
-        self.fixed = Bodies.joined([columns, Bodies.of(convex)]) if convex else columns
-        self._shapes = [_Local.of(actor.shape.faces(), solid_of_shape(actor.shape))
+        self.fixed = Bodies.joined([columns, *convex])
+        self._shapes = [_Local.of(actor.shape.faces(), Bodies.of_shape(actor.shape))
                         for actor in problem.actors]  # fmt: skip
         layers = sorted({height for robot in problem.robots for height in robot.motion.layers})
         lowest = problem.height_map.altitudes((layers[0],)).min()
         self._lowest_eye = float(lowest) - self.origin[2]
         self.between = lru_cache(maxsize=_KEPT)(self._between)
+
+    @staticmethod
+    def is_sampled(problem: Problem) -> bool:
+        """Returns True where rays sample a part of the coverage: past meshes not convex."""
+        return any(Bodies.of_mesh(mesh, np.zeros(3)) is None for mesh in problem.meshes)
 
     def at(self, t: int) -> Faces:
         """Returns the geometry at one step."""
@@ -93,16 +93,16 @@ class FaceGeometry:
             corners.append(turned.points(_padded(shape.corners[None], most)[0]))
             points.append(turned.points(_padded(shape.points[None], spread)[0]))
             middles.append(turned.points(shape.middle))
-            bodies.append(turned.solid(shape.solid))
+            bodies.append(turned.body(shape.body, corners[-1]))
         n = len(self._shapes)
         middle = np.stack(middles, axis=1) if n else np.zeros((steps, 0, 3))
         reaches = np.array([shape.reach for shape in self._shapes]) + ROUNDING
         feet = np.stack([pose[:, 2] for pose in poses], axis=1) if n else np.zeros((steps, 0))
-        targets = Circles(
-            middle[..., :2].reshape(-1, 2),
-            np.tile(np.array([shape.radius for shape in self._shapes]) + ROUNDING, steps),
-            feet.ravel(),
-        )
+        radii = np.array([shape.radius for shape in self._shapes]) + ROUNDING
+        candidates = Candidates(
+            self.fixed, middle[..., :2].reshape(-1, 2), np.tile(radii, steps), feet.ravel(),
+            self._lowest_eye,
+        )  # fmt: skip
         return Faces(
             first,
             np.concatenate(polygons, axis=1) if n else np.zeros((steps, 0, 3, 3)),
@@ -114,7 +114,7 @@ class FaceGeometry:
             reaches,
             np.stack(points, axis=1) if n else np.zeros((steps, 0, 1, 3)),
             _in_steps(bodies, steps),
-            Candidates(self.fixed, targets, self._lowest_eye),
+            candidates,
         )
 
 
@@ -130,30 +130,31 @@ class _Local(NamedTuple):
     middle: FloatArray  # [3] m
     reach: float  # m, of a sphere around the middle
     radius: float  # m, of an upright cylinder around it
-    solid: Solid
+    body: Bodies
 
     @classmethod
-    def of(cls, faces: list[FloatArray], solid: Solid) -> "_Local":
+    def of(cls, faces: list[FloatArray], body: Bodies) -> "_Local":
         """Returns a shape with these faces, polygons [V, 3]."""
         doubled = np.array([_doubled_area(face) for face in faces])
         lengths = np.sqrt(dot(doubled, doubled))
-        low, high = solid.corners.min(axis=0), solid.corners.max(axis=0)
+        corners = np.unique(np.concatenate(faces), axis=0)
+        low, high = corners.min(axis=0), corners.max(axis=0)
         middle = (low + high) / 2
-        ways = solid.corners - middle
+        ways = corners - middle
         centres = np.array([_centroid(face) for face in faces])
-        points = np.concatenate([solid.corners, centres])
+        points = np.concatenate([corners, centres])
         size = max(map(len, faces))
         return cls(
             np.array([_padded(face[None], size)[0] for face in faces]),
             doubled / lengths[:, None],
             lengths / 2,
             centres,
-            solid.corners,
+            corners,
             points + _DRAWN_IN * (middle - points),
             middle,
             float(np.sqrt(dot(ways, ways)).max()),
             float(np.hypot(ways[:, 0], ways[:, 1]).max()),
-            solid,
+            body,
         )
 
 
@@ -177,14 +178,20 @@ class _Turned:
         result: FloatArray = self.ways(points) + moved
         return result
 
-    def solid(self, solid: Solid) -> Bodies:
-        """Returns one body [L] for each pose."""
-        steps = len(self._places)
-        normals, corners = self.ways(solid.normals), self.points(solid.corners)
+    def body(self, body: Bodies, corners: FloatArray) -> Bodies:
+        """Returns one body [L] for each pose.
+
+        Parameters
+        ----------
+        body : around its foot point
+        corners : [L, C, 3] m, where they are
+        """
+        normals = self.ways(body.normals[0])
+        pairs = body.neighbours[0]
         return Bodies(
             normals,
-            solid.offsets + dot(normals, self._places[:, None]),
-            np.broadcast_to(solid.neighbours, (steps, *solid.neighbours.shape)),
+            body.offsets[0] + dot(normals, self._places[:, None]),
+            np.broadcast_to(pairs, (len(normals), *pairs.shape)),
             corners[..., :2].min(axis=1),
             corners.max(axis=1),
         )
@@ -193,7 +200,7 @@ class _Turned:
 def _in_steps(actors: list[Bodies], steps: int) -> Bodies:
     """Returns the bodies of actors, each [L], step by step."""
     if not actors:
-        return Bodies.of([])
+        return Bodies.none()
     joined = Bodies.joined(actors)
     order = np.arange(len(actors) * steps).reshape(len(actors), steps).T.ravel()
     return joined.taken(order)

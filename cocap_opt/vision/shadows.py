@@ -19,7 +19,7 @@ import numpy as np
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.vision.bodies import Bodies
 from cocap_opt.vision.projection import dot
-from cocap_opt.world.polygons import split
+from cocap_opt.world.polygons import clip
 
 _FLUSH = 1e-6  # m; a polygon that is nowhere deeper than this behind a plane lies in it
 _GRAZED = 1e-10  # m; nor is one hidden that reaches into the outline of a shadow by less
@@ -119,26 +119,25 @@ class Pieces(NamedTuple):
     polygons: FloatArray  # [q, V, 3] m; unused vertices repeat the last used one
     owners: IntArray  # [q] number of the polygon that each is a piece of, increasing
 
+    @classmethod
+    def unshadowed(
+        cls, polygons: FloatArray, shadows: Shadows, first: IntArray, counts: IntArray
+    ) -> "Pieces":
+        """Returns what of convex polygons is in no shadow.
 
-def seen_pieces(
-    polygons: FloatArray, shadows: Shadows, first: IntArray, counts: IntArray
-) -> Pieces:
-    """Returns what of convex polygons is in no shadow.
-
-    Parameters
-    ----------
-    polygons : [m, V, 3] m, relative to the eye
-    first, counts : [m] the shadows that may fall on each: `counts` of them from number `first` on
-    """
-    owners, done, turn = np.arange(len(polygons)), [], 0
-    while len(owners):
-        more = turn < counts[owners]
-        done.append(Pieces(polygons[~more], owners[~more]))
-        polygons, owners = polygons[more], owners[more]
-        here = shadows.taken(first[owners] + turn)
-        polygons, at = _outside(polygons, here)
-        owners, turn = owners[at], turn + 1
-    return _joined(done)
+        Parameters
+        ----------
+        polygons : [m, V, 3] m, relative to the eye
+        first, counts : [m] the shadows that may fall on each: `counts` of them from `first` on
+        """
+        owners, done, turn = np.arange(len(polygons)), [], 0
+        while len(owners):
+            more = turn < counts[owners]
+            done.append(cls(polygons[~more], owners[~more]))
+            polygons, owners = polygons[more], owners[more]
+            polygons, at = _outside(polygons, shadows.taken(first[owners] + turn))
+            owners, turn = owners[at], turn + 1
+        return _joined(done)
 
 
 def _outside(polygons: FloatArray, shadows: Shadows) -> tuple[FloatArray, IntArray]:
@@ -155,7 +154,7 @@ def _outside(polygons: FloatArray, shadows: Shadows) -> tuple[FloatArray, IntArr
         cut = np.flatnonzero((beyond > 0).any(axis=1))
         if not len(cut):
             continue
-        outer, inner = split(inside[cut], beyond[cut])
+        outer, inner = (_trimmed(clip(inside[cut], sign * beyond[cut])) for sign in (1.0, -1.0))
         found.append(Pieces(outer, rest[cut]))
         inside = _widened(inside, inner.shape[1])
         inside[cut] = _widened(inner, inside.shape[1])
@@ -175,6 +174,14 @@ def _joined(parts: list[Pieces]) -> Pieces:
     polygons = np.concatenate([_widened(part.polygons, size) for part in parts])
     order = np.argsort(owners, kind="stable")
     return Pieces(polygons[order], owners[order])
+
+
+def _trimmed(polygons: FloatArray) -> FloatArray:
+    """Returns polygons without the vertices that all of them only repeat."""
+    size = polygons.shape[1]
+    while size > 3 and (polygons[:, size - 1] == polygons[:, size - 2]).all():
+        size -= 1
+    return polygons[:, :size]
 
 
 def _widened(polygons: FloatArray, size: int) -> FloatArray:

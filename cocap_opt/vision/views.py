@@ -1,10 +1,11 @@
 """Views of single states: the coverage of every face, evaluated on demand.
 
-The value of a view depends on the kind of camera; `make_views` returns the views of a camera.
+The value of a view depends on the kind of camera; `Views.of` returns the views of a camera.
 """
 
 import math
-from typing import NamedTuple, Protocol
+from abc import ABC, abstractmethod
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,58 +15,66 @@ from cocap_opt.problem import AnyCamera, Camera, Cone, Problem
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.projection import Projection, dot
 from cocap_opt.vision.spans import spans
-from cocap_opt.vision.visibility import Sightings, Veil, Visibility
+from cocap_opt.vision.visibility import Sightings, Visibility
 
 # Most states at once, and states times actors, so that limits are checked every 0.3 s or so.
 _BATCH, _BATCH_ACTORS = 8_192, 65_000
 _BATCH_RAYS = 400_000  # states times faces times the squared samples of a triangle
-_POINTS = 500_000  # behind meshes at once, to bound the memory
 _ON_THE_EDGE = 1e-9  # rad, by which an actor may be beyond the edge of a cone
 
 
-class Seen(NamedTuple):
-    """What some states see of some faces; the others see nothing."""
+class _Seen(NamedTuple):
+    """The faces that some states see; the others see nothing."""
 
     rows: IntArray  # [n] position of the state, increasing
     faces: IntArray  # [n] increasing for each state
     pixels: FloatArray  # [n] px/m2, > 0
 
 
-class Views(Protocol):
-    """A source of coverage of single states, which several threads may use."""
+class Views(ABC):
+    """A source of coverage of single states, which several threads may use.
 
-    n_states: int
-    n_faces: int
+    Attributes
+    ----------
+    n_states, n_faces : S and F
+    """
+
+    def __init__(self, n_states: int, n_faces: int) -> None:
+        self.n_states, self.n_faces = n_states, n_faces
+
+    @staticmethod
+    def of(
+        geometry: FaceGeometry, problem: Problem, graph: TimeGraph, camera: AnyCamera
+    ) -> "Views":
+        """Returns the views of a camera."""
+        if isinstance(camera, Cone):
+            return _ConeViews(geometry, problem, graph, camera)
+        return _PinholeViews(geometry, problem, graph, camera)
 
     @property
+    @abstractmethod
     def batch(self) -> int:
         """Number of nodes that a fraction of a second suffices for."""
 
-    def seen(self, nodes: IntArray) -> Seen:
+    @abstractmethod
+    def seen(self, nodes: IntArray) -> _Seen:
         """Returns what nodes [n] see, increasing; node t S + s is state s at step t."""
 
     def coverage(self, t: int, states: IntArray) -> FloatArray:
         """Returns the coverage [n, F] in px/m2 of every face from the states [n] at step t."""
+        return self._dense(t * self.n_states + states)
+
+    def along(self, first_step: int, states: IntArray) -> FloatArray:
+        """Returns the coverage [n, F] of states [n], one at each step from `first_step` on."""
+        return self._dense((first_step + np.arange(len(states))) * self.n_states + states)
+
+    def _dense(self, nodes: IntArray) -> FloatArray:
+        coverage, seen = np.zeros((len(nodes), self.n_faces)), self.seen(nodes)
+        coverage[seen.rows, seen.faces] = seen.pixels
+        return coverage
 
 
-def coverage_along(views: Views, first_step: int, states: IntArray) -> FloatArray:
-    """Returns the coverage [n, F] of states [n], one at each step from `first_step` on."""
-    nodes = (first_step + np.arange(len(states))) * views.n_states + states
-    coverage, seen = np.zeros((len(states), views.n_faces)), views.seen(nodes)
-    coverage[seen.rows, seen.faces] = seen.pixels
-    return coverage
-
-
-def make_views(
-    geometry: FaceGeometry, problem: Problem, graph: TimeGraph, camera: AnyCamera
-) -> Views:
-    """Returns the views of a camera."""
-    if isinstance(camera, Cone):
-        return _ConeViews(geometry, problem, graph, camera)
-    return _PinholeViews(geometry, problem, graph, camera)
-
-
-class _PinholeViews:
+class _PinholeViews(Views):
     """Coverage by a pinhole camera.
 
         coverage = area of the image of what is visible of the face, in px / area of the face
@@ -75,15 +84,14 @@ class _PinholeViews:
     """
 
     def __init__(self, geometry: FaceGeometry, problem: Problem, graph: TimeGraph, camera: Camera):
+        super().__init__(graph.n_states, len(problem.face_weights))
         self._geometry = geometry
         self._map = problem.height_map
         self._graph = graph
-        self.n_states = graph.n_states
         self._camera = camera
         self._projection = Projection(camera)
         self._image = float(camera.width * camera.height)  # px
         self._axes = self._projection.axes(graph.motion.headings)
-        self.n_faces = len(problem.face_weights)
         self._owners = problem.face_owner
         self._samples = problem.face_samples
         self._visibility = Visibility(geometry, problem)
@@ -97,14 +105,7 @@ class _PinholeViews:
             most = min(most, _BATCH_RAYS // max(self.n_faces * self._samples**2, 1))
         return max(most, 1)
 
-    def coverage(self, t: int, states: IntArray) -> FloatArray:
-        """Returns the coverage [n, F] in px/m2 of every face from the states [n] at step t."""
-        result = np.zeros((len(states), self.n_faces))
-        seen = self.seen(t * self._graph.n_states + states)
-        result[seen.rows, seen.faces] = seen.pixels
-        return result
-
-    def seen(self, nodes: IntArray) -> Seen:
+    def seen(self, nodes: IntArray) -> _Seen:
         """Returns what nodes [n] see; node t S + s is state s at step t."""
         if not self.n_faces or not len(nodes):
             return _NOTHING
@@ -134,7 +135,7 @@ class _PinholeViews:
         kept = np.flatnonzero(area > 0)
         kept = kept[np.argsort(row[kept] * self.n_faces + face[kept])]
         face = face[kept]
-        return Seen(row[kept], face, area[kept] / faces.areas[face])
+        return _Seen(row[kept], face, area[kept] / faces.areas[face])
 
     def _in_pieces(
         self, sight: Sightings, which: IntArray, orientation: IntArray, in_view: BoolArray
@@ -152,32 +153,10 @@ class _PinholeViews:
         looks = orientation[row[entry]]
         areas = self._areas(sight.pieces[piece], looks)
         if sight.veil is not None:
-            share = sight.veil.share[piece]
-            mixed = np.flatnonzero(np.isnan(share) & (areas > 0))
-            share[mixed] = self._share_past_mesh(sight.veil, piece[mixed], looks[mixed])
-            areas = areas * np.nan_to_num(share)
+            axes = self._axes[looks]
+            areas = areas * sight.veil.share_of_images(piece, areas > 0, self._projection, axes)
         area = np.bincount(entry, weights=areas, minlength=len(at))
         return row, sight.faces[at], np.minimum(area, self._image)
-
-    def _share_past_mesh(self, veil: Veil, pieces: IntArray, orientation: IntArray) -> FloatArray:
-        """Returns the shares [n] of the images of pieces that are seen past the meshes."""
-        parts = [np.zeros(0)]
-        most = max(_POINTS // max(veil.points.shape[1], 1), 1)
-        for first in range(0, len(pieces), most):
-            row = veil.number[pieces[first : first + most]]
-            points = self._in_camera(veil.points[row], orientation[first : first + most])
-            inside = (self._projection.frustum_distances(points) > 0).all(axis=-1)
-            depth = np.where(inside, points[..., 2], 1.0)
-            # The image of a piece of a plane is proportional to the inverse cube of its depth.
-            weights = inside * veil.areas[row] / (depth * depth * depth)
-            # Added one by one, so that the result does not depend on the number of points.
-            which, point = np.nonzero(weights)
-            weight = weights[which, point]
-            whole = np.bincount(which, weights=weight, minlength=len(row))
-            arrived = weight * veil.seen[row[which], point]
-            seen = np.bincount(which, weights=arrived, minlength=len(row))
-            parts.append(np.where(whole > 0, seen / np.where(whole > 0, whole, 1.0), 0.0))
-        return np.concatenate(parts)
 
     def _areas(self, polygons: FloatArray, orientation: IntArray) -> FloatArray:
         """Returns the areas [n] in px of the images of polygons [n, V, 3], relative to the eye."""
@@ -210,18 +189,18 @@ class _PinholeViews:
         return in_view
 
 
-_NOTHING = Seen(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))
+_NOTHING = _Seen(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))
 
 
-class _ConeViews:
+class _ConeViews(Views):
     """Coverage by a `Cone`, of all faces of the actors that it detects."""
 
     def __init__(self, geometry: FaceGeometry, problem: Problem, graph: TimeGraph, cone: Cone):
+        super().__init__(graph.n_states, len(problem.face_owner))
         self._geometry = geometry
         self._problem = problem
         self._graph = graph
         self._cone = cone
-        self.n_states, self.n_faces = graph.n_states, len(problem.face_owner)
 
     def coverage(self, t: int, states: IntArray) -> FloatArray:
         """Returns the coverage [n, F] in 1/m2 of every face from the states [n] at step t."""
@@ -252,10 +231,10 @@ class _ConeViews:
         """Number of nodes that a fraction of a second suffices for."""
         return max(_BATCH_ACTORS // max(len(self._problem.face_owner), 1), 1)
 
-    def seen(self, nodes: IntArray) -> Seen:
+    def seen(self, nodes: IntArray) -> _Seen:
         """Returns what nodes [n] see, increasing; node t S + s is state s at step t."""
         t, states = np.divmod(nodes, self._graph.n_states)
         parts = [self.coverage(int(step), states[t == step]) for step in np.unique(t)]
         coverage = np.concatenate([np.zeros((0, len(self._problem.face_owner))), *parts])
         rows, faces = np.nonzero(coverage)
-        return Seen(rows, faces, coverage[rows, faces])
+        return _Seen(rows, faces, coverage[rows, faces])

@@ -1,4 +1,4 @@
-"""What of every face can be seen from an eye, past the terrain and the other actors.
+"""The parts of faces that can be seen from an eye, past the terrain and the other actors.
 
 Most actors are wholly visible or wholly hidden. Where the shadow of a convex body falls on a part
 of an actor, the pieces of its faces outside of all shadows are found, exactly. Behind meshes that
@@ -13,11 +13,10 @@ from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.problem import Problem
 from cocap_opt.vision.bodies import Bodies
 from cocap_opt.vision.faces import FaceGeometry, Faces
-from cocap_opt.vision.projection import centroids, dot
-from cocap_opt.vision.shadows import Pieces, Shadows, seen_pieces
+from cocap_opt.vision.projection import Projection, centroids, dot
+from cocap_opt.vision.shadows import Pieces, Shadows
 from cocap_opt.vision.spans import spans
 from cocap_opt.vision.surfaces import Surface
-from cocap_opt.world.polygons import centres
 
 _IN_ITS_PLANE = 1e-9  # m; an eye that is no farther before a face sees nothing of it
 _AT_ONCE = 200_000  # shadows, to bound the memory
@@ -25,7 +24,7 @@ _POINTS = 300_000  # behind meshes at once, to bound the memory
 _LEAST = 1e-300  # m2, for an eye in the middle of an actor
 
 
-class Veil(NamedTuple):
+class _Veil(NamedTuple):
     """Points all over pieces of faces that meshes may hide, and which of them rays reach."""
 
     share: FloatArray  # [q] 0 or 1 for pieces of which no or all points are seen; else nan
@@ -34,9 +33,41 @@ class Veil(NamedTuple):
     areas: FloatArray  # [v, M] area that each point stands for, up to a factor
     seen: BoolArray  # [v, M]
 
+    def share_of_images(
+        self, pieces: IntArray, wanted: BoolArray, projection: Projection, axes: FloatArray
+    ) -> FloatArray:
+        """Returns the shares [n] of the images of pieces that are seen past the meshes.
+
+        Parameters
+        ----------
+        pieces, wanted : [n] numbers of the pieces, and true where they have an image
+        axes : [n, 3, 3] right, up and forward of each camera
+        """
+        share = self.share[pieces]
+        mixed = np.flatnonzero(np.isnan(share) & wanted)
+        most = max(_POINTS // max(self.points.shape[1], 1), 1)
+        for first in range(0, len(mixed), most):
+            some = mixed[first : first + most]
+            row = self.number[pieces[some]]
+            points = np.stack(
+                [dot(self.points[row], axes[some][:, None, k]) for k in range(3)], axis=-1
+            )
+            inside = (projection.frustum_distances(points) > 0).all(axis=-1)
+            depth = np.where(inside, points[..., 2], 1.0)
+            # The image of a piece of a plane is proportional to the inverse cube of its depth.
+            weights = inside * self.areas[row] / (depth * depth * depth)
+            # Added one by one, so that the result does not depend on the number of points.
+            which, point = np.nonzero(weights)
+            weight = weights[which, point]
+            whole = np.bincount(which, weights=weight, minlength=len(row))
+            arrived = weight * self.seen[row[which], point]
+            seen = np.bincount(which, weights=arrived, minlength=len(row))
+            share[some] = np.where(whole > 0, seen / np.where(whole > 0, whole, 1.0), 0.0)
+        return np.nan_to_num(share)
+
 
 class Sightings(NamedTuple):
-    """What can be seen from E eyes: of some faces all, of n others pieces, of the rest nothing."""
+    """The sight from E eyes: of some faces all, of n others pieces, of the rest nothing."""
 
     whole: BoolArray  # [E, F] true where all of a face is seen, if it is in the image
     eyes: IntArray  # [n] increasing
@@ -44,7 +75,7 @@ class Sightings(NamedTuple):
     first: IntArray  # [n] number of the first piece
     counts: IntArray  # [n] number of pieces
     pieces: FloatArray  # [q, V, 3] m, relative to the eye
-    veil: Veil | None  # what rays tell about the pieces; None where there are no such meshes
+    veil: _Veil | None  # what rays tell about the pieces; None where there are no such meshes
 
 
 class _Shaded(NamedTuple):
@@ -57,7 +88,7 @@ class _Shaded(NamedTuple):
 
 
 class Visibility:
-    """What of the faces of a problem is seen from any eye."""
+    """Finds the parts of a problem's faces that are seen from any eye."""
 
     def __init__(self, geometry: FaceGeometry, problem: Problem) -> None:
         self._fixed, self._mesh = geometry.fixed, geometry.mesh
@@ -96,7 +127,9 @@ class Visibility:
         eye, face = eye[cut], face[cut]
         number = pair[eye, self._owners[face]]
         polygons = faces.polygons[steps[eye], face] - eyes[eye, None]
-        pieces = seen_pieces(polygons, shaded.shadows, shaded.first[number], shaded.counts[number])
+        pieces = Pieces.unshadowed(
+            polygons, shaded.shadows, shaded.first[number], shaded.counts[number]
+        )
         counts = np.bincount(pieces.owners, minlength=len(eye))
         veil = None
         if self._mesh is not None:
@@ -105,7 +138,7 @@ class Visibility:
         first = np.cumsum(counts) - counts
         return Sightings(whole, eye, face, first, counts, pieces.polygons, veil)
 
-    def _veil(self, mesh: Surface, pieces: Pieces, behind: IntArray, eyes: FloatArray) -> Veil:
+    def _veil(self, mesh: Surface, pieces: Pieces, behind: IntArray, eyes: FloatArray) -> _Veil:
         """Casts rays to points all over some pieces.
 
         Parameters
@@ -120,7 +153,7 @@ class Visibility:
         first = 0
         for some in np.array_split(behind, max(-(-len(behind) * size // _POINTS), 1)):
             polygons = pieces.polygons[some]
-            middle = centres(polygons)[:, None]
+            middle = _centroids(polygons)[:, None]
             one = polygons - middle
             other = np.concatenate([one[:, 1:], one[:, :1]], axis=1)
             points = (
@@ -134,7 +167,9 @@ class Visibility:
             first += len(mixed)
             areas = np.linalg.norm(np.cross(one[mixed], other[mixed]), axis=2) / len(a)
             parts.append((points[mixed], np.repeat(areas, len(a), axis=1), seen[mixed]))
-        return Veil(share, number, *(np.concatenate(column) for column in zip(*parts, strict=True)))
+        return _Veil(
+            share, number, *(np.concatenate(column) for column in zip(*parts, strict=True))
+        )
 
     def _shaded(self, faces: Faces, steps: IntArray, eyes: FloatArray, actors: IntArray) -> _Shaded:
         """Returns the shadows that fall on actors [n] from eyes [n, 3] at steps [n]."""
@@ -225,3 +260,19 @@ def _near_actors(
     near[own, actors] = False
     pair, other = np.nonzero(near)
     return pair, steps[pair] * n_actors + other
+
+
+def _centroids(polygons: FloatArray) -> FloatArray:
+    """Returns the centroids [n, 3] of convex polygons [n, V, 3].
+
+    They do not depend, to the last bit, on how often the last vertex is repeated.
+    """
+    off = polygons - polygons[:, :1]
+    total, sums = np.zeros(len(polygons)), np.zeros((len(polygons), 3))
+    for k in range(1, polygons.shape[1] - 1):
+        cross = np.cross(off[:, k], off[:, k + 1])
+        area = np.sqrt((cross[:, 0] ** 2 + cross[:, 1] ** 2) + cross[:, 2] ** 2)
+        total += area
+        sums += area[:, None] * (off[:, k] + off[:, k + 1])
+    result: FloatArray = polygons[:, 0] + sums / (3 * np.where(total > 0, total, 1.0))[:, None]
+    return result

@@ -44,35 +44,3 @@ def _cut(polygons: FloatArray, inside: FloatArray) -> FloatArray:
     repeated = np.minimum(np.arange(size + 1), last[:, None])
     result: FloatArray = clipped[np.arange(n)[:, None], repeated]
     return result
-
-
-def split(polygons: FloatArray, beyond: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Cuts convex polygons [n, V, 3] in two: where `beyond` [n, V] >= 0, and where it is <= 0.
-
-    Both have as few vertices as can be; unused ones repeat the last used one.
-    """
-    return _trimmed(_cut(polygons, beyond)), _trimmed(_cut(polygons, -beyond))
-
-
-def centres(polygons: FloatArray) -> FloatArray:
-    """Returns points [n, 3] inside convex polygons [n, V, 3]: their centroids.
-
-    They do not depend, to the last bit, on how often the last vertex is repeated.
-    """
-    off = polygons - polygons[:, :1]
-    total, sums = np.zeros(len(polygons)), np.zeros((len(polygons), 3))
-    for k in range(1, polygons.shape[1] - 1):
-        cross = np.cross(off[:, k], off[:, k + 1])
-        area = np.sqrt((cross[:, 0] ** 2 + cross[:, 1] ** 2) + cross[:, 2] ** 2)
-        total += area
-        sums += area[:, None] * (off[:, k] + off[:, k + 1])
-    result: FloatArray = polygons[:, 0] + sums / (3 * np.where(total > 0, total, 1.0))[:, None]
-    return result
-
-
-def _trimmed(polygons: FloatArray) -> FloatArray:
-    """Returns the polygons without the vertices that all of them only repeat."""
-    size = polygons.shape[1]
-    while size > 3 and (polygons[:, size - 1] == polygons[:, size - 2]).all():
-        size -= 1
-    return polygons[:, :size]

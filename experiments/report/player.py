@@ -18,7 +18,6 @@ from cocap_opt.experiments.results.files import save_bytes
 from cocap_opt.model import compiled
 from cocap_opt.problem import Cone, Conflict, Plan, Problem, SwapConflict
 from cocap_opt.referee import check
-from cocap_opt.vision.views import coverage_along
 
 _SCRIPTS = ("raster.js", "world.js", "bodies.js", "view.js", "chart.js", "player.js")
 _DIGITS = 5  # of px/m2 as they are shown; rewards have all digits
@@ -128,7 +127,7 @@ def _seen_pixels(problem: Problem, plan: Plan) -> FloatArray:
     model = compiled(problem)
     seen = np.zeros((problem.horizon + 1, model.n_faces))
     for i, path in enumerate(model.paths(plan)):
-        seen += coverage_along(model.views(model.class_of[i]), 0, np.array(path))
+        seen += model.views(model.class_of[i]).along(0, np.array(path))
     return seen
 
 

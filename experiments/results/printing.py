@@ -104,7 +104,13 @@ class Listing(NamedTuple):
         first = self.rows[0]
         lines = [list(first), ["---" if isinstance(v, str) else "--:" for v in first.values()]]
         lines += [[_text(key, value) for key, value in row.items()] for row in self.rows]
-        return "".join(f"| {' | '.join(map(markdown_cell, line))} |\n" for line in lines)
+        return "".join(f"| {' | '.join(map(self.cell, line))} |\n" for line in lines)
+
+    @staticmethod
+    def cell(text: str) -> str:
+        """Returns text for a cell of a Markdown table, in which no character has a meaning."""
+        escaped = html.escape(printable(text), quote=False)
+        return "".join(f"&#{ord(c)};" if c in _MARKS else c for c in escaped)
 
 
 class Marked(NamedTuple):
@@ -112,12 +118,6 @@ class Marked(NamedTuple):
 
     value: float | None
     mark: str
-
-
-def markdown_cell(text: str) -> str:
-    """Returns text for a cell of a Markdown table, in which no character has a meaning."""
-    escaped = html.escape(printable(text), quote=False)
-    return "".join(f"&#{ord(c)};" if c in _MARKS else c for c in escaped)
 
 
 def _harmless(json: str) -> str:

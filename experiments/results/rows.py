@@ -19,7 +19,7 @@ from cocap_opt.experiments.results.judging import BOUND_METHOD, ROUNDING, Judged
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult
 from cocap_opt.problem import Problem
 from cocap_opt.result import Reason, relative_gap
-from cocap_opt.vision.faces import is_sampled
+from cocap_opt.vision.faces import FaceGeometry
 
 _log = logging.getLogger(__name__)
 
@@ -153,7 +153,7 @@ class PlannedRow(PlanRow):
             "robots": len(problem.robots),
             "actors": len(problem.actors),
             "steps": problem.horizon,
-            "coverage": SAMPLED_COVERAGE if is_sampled(problem) else EXACT_COVERAGE,
+            "coverage": SAMPLED_COVERAGE if FaceGeometry.is_sampled(problem) else EXACT_COVERAGE,
             **more,
         })  # fmt: skip
 

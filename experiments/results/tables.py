@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from statistics import median
 from typing import TYPE_CHECKING
 
-from cocap_opt.experiments.results.printing import markdown_cell
+from cocap_opt.experiments.results.printing import Listing
 from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.results.statistics import NONE, Mean
 from cocap_opt.result import Reason
@@ -88,7 +88,7 @@ def _frame(table: Table) -> "pd.DataFrame":
 
 
 def _escaped(table: Table) -> Table:
-    return [{key: markdown_cell(text) for key, text in row.items()} for row in table]
+    return [{key: Listing.cell(text) for key, text in row.items()} for row in table]
 
 
 def _planner_table(rows: Sequence[Row]) -> Table:

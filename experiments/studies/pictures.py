@@ -50,12 +50,12 @@ def write_pictures(folder: Path) -> None:
     page = folder / "player.html"
     shown = [(name, plan) for name, plan in plans.items() if plan is not None]
     Player(problem, shown).save(page)
-    with Browser.opened(page) as browser:
+    with _Browser.opened(page) as browser:
         browser.go_to(_STEP)
         browser.save_screenshot(str(folder / "player.png"))
 
 
-class Browser(webdriver.Chrome):
+class _Browser(webdriver.Chrome):
     """Chromium without a window, which cannot reach any network."""
 
     @staticmethod

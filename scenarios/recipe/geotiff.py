@@ -11,7 +11,7 @@ import numpy as np
 
 from cocap_opt.data import ProblemError
 from cocap_opt.scenarios.recipe.raster import SLIVER, Layout, Raster, Window
-from cocap_opt.scenarios.text import one_line, require_regular
+from cocap_opt.scenarios.text import one_line
 
 MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")  # TIFF and BigTIFF, in either byte order
 METRE = (None, "", "m", "metre", "metres", "meter", "meters")
@@ -20,7 +20,6 @@ CACHE = 64  # MB; GDAL's own choice is a share of all memory
 
 def read(path: Path, band: int | None, nodata: float | None, window: Window | None) -> Raster:
     """Reads a band; see `cocap_opt.scenarios.recipe.raster_files.read_raster`."""
-    require_regular(path)
     with path.open("rb") as file:
         if file.read(4) not in MAGIC:
             raise ProblemError("must be a TIFF file, as its name says")

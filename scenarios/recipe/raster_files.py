@@ -17,7 +17,7 @@ import numpy as np
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.scenarios.recipe import geotiff
 from cocap_opt.scenarios.recipe.raster import Layout, Raster, Window
-from cocap_opt.scenarios.text import integer, naming, number, require_regular
+from cocap_opt.scenarios.text import integer, naming, number
 
 KEYS = (
     "ncols", "nrows", "xllcorner", "yllcorner", "xllcenter", "yllcenter", "cellsize", "dx", "dy",
@@ -81,7 +81,6 @@ def _read(path: Path, band: int | None, nodata: float | None, window: Window | N
 
 def _read_esri_ascii(path: Path, nodata: float | None, window: Window | None) -> Raster:
     """Reads an ESRI ASCII grid."""
-    require_regular(path)
     with path.open("rb") as file:
         header = _read_header(file)
         (x, dx, width), (y, dy, height) = _axis(header, "x"), _axis(header, "y")

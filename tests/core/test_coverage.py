@@ -37,7 +37,7 @@ from cocap_opt.referee import check
 from cocap_opt.vision.coverage import CoverageTable
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.projection import Projection
-from cocap_opt.vision.views import make_views
+from cocap_opt.vision.views import Views
 from cocap_opt.world.workspace import HeightMap, Mesh
 
 FRONT, LEFT, BACK, RIGHT, TOP = range(5)  # faces of a cuboid; the front looks along its heading
@@ -79,7 +79,7 @@ def seen_from(problem: Problem, *states: State, t: int = 1) -> FloatArray:
     """Coverage [n, F] of the first robot's states at step t."""
     robot = problem.robots[0]
     graph = TimeGraph.of(problem.workspace, robot.motion, len(robot.camera.tilts))
-    views = make_views(FaceGeometry(problem), problem, graph, robot.camera)
+    views = Views.of(FaceGeometry(problem), problem, graph, robot.camera)
     return views.coverage(t, np.array([graph.index(state) for state in states], dtype=np.int64))
 
 

@@ -25,7 +25,7 @@ from cocap_opt.problem import (
 )
 from cocap_opt.vision.coverage import CoverageTable
 from cocap_opt.vision.faces import FaceGeometry
-from cocap_opt.vision.views import make_views
+from cocap_opt.vision.views import Views
 from cocap_opt.world.workspace import HeightMap
 
 
@@ -47,7 +47,7 @@ def all_states(problem: Problem) -> IntArray:
 def assert_exact(problem: Problem, states: IntArray, t: int = 1) -> None:
     """What is seen from states is what the oracle finds, face by face."""
     graph = graph_of(problem)
-    views = make_views(FaceGeometry(problem), problem, graph, problem.robots[0].camera)
+    views = Views.of(FaceGeometry(problem), problem, graph, problem.robots[0].camera)
     rows = zip(states.tolist(), views.coverage(t, states), strict=True)
     for state, found in rows:
         expected = np.array(exact_coverage(problem, 0, t, graph.state(state)))
@@ -207,7 +207,7 @@ def test_nobody_stands_unseen_before_somebody(
     here = np.array([graph.index(State(0, 20))])
     assert_exact(problem, here)
     both, one = (
-        make_views(FaceGeometry(p), p, graph, p.robots[0].camera).coverage(1, here)[0, :5].sum()
+        Views.of(FaceGeometry(p), p, graph, p.robots[0].camera).coverage(1, here)[0, :5].sum()
         for p in (problem, alone)
     )
     assert both < one
@@ -230,7 +230,7 @@ def test_who_is_behind_several_people_is_looked_at_face_by_face() -> None:
         face_samples=6,
     )
     states = np.array([graph_of(problem).index(State(0, y)) for y in (4, 5)])
-    views = make_views(FaceGeometry(problem), problem, graph_of(problem), problem.robots[0].camera)
+    views = Views.of(FaceGeometry(problem), problem, graph_of(problem), problem.robots[0].camera)
     assert_exact(problem, states)
     assert (views.coverage(1, states)[:, :5].sum(axis=1) > 0).all()
 
@@ -256,7 +256,7 @@ def places_seen(top: float, gap: float, height: float) -> list[float]:
     states = np.array([graph.index(State(x, 4, 0, 0 if x < 6 else 2)) for x in range(12)])
     seen = []
     for problem in (walled, open_field):
-        views = make_views(FaceGeometry(problem), problem, graph, problem.robots[0].camera)
+        views = Views.of(FaceGeometry(problem), problem, graph, problem.robots[0].camera)
         seen.append(views.coverage(1, states).sum(axis=1))
     assert_exact(walled, states)
     behind, whole = seen

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from strategies import WALL, cameras, examples, height_maps, motions, problems, tiny
 
 from cocap_opt.data import MOST_TURN
-from cocap_opt.graph.motion import motion_graph, place_graph, time_expanded_graph
+from cocap_opt.graph.motion import _motion_graph, place_graph, time_expanded_graph
 from cocap_opt.problem import Camera, Motion, Plan, Problem, Robot, State
-from cocap_opt.referee import Referee
+from cocap_opt.referee import _Referee
 from cocap_opt.world.workspace import HeightMap, Workspace
 
 PILLAR = HeightMap(heights=np.array([[0.0, 0.0], [0.0, 4.0]]))  # 4 m high in one corner of four
@@ -44,7 +44,7 @@ def all_states(problem: Problem) -> list[State]:
 def test_default_actions() -> None:
     """The default action set is Greedy Perspectives': 3x3 cells times three turns, 27 in all."""
     problem = one_robot(HeightMap(heights=np.zeros((5, 5))), State(2, 2), Motion())
-    heads = set(motion_graph(problem, 0)[State(2, 2)])
+    heads = set(_motion_graph(problem, 0)[State(2, 2)])
     assert heads == {
         State(x, y, 0, heading) for x in (1, 2, 3) for y in (1, 2, 3) for heading in (7, 0, 1)
     }
@@ -77,13 +77,13 @@ def test_graph_and_referee_agree_on_every_move(
         actors=(),
         horizon=1,
     )
-    graph, states = motion_graph(problem, 0), all_states(problem)
+    graph, states = _motion_graph(problem, 0), all_states(problem)
     assert set(graph) == set(states)
     for tail in states:
         team = (problem.robots[0].replace(start=tail),)
         started = problem.replace(robots=team)
         for head in states:
-            broken = Referee(started).violations(Plan(paths=((tail, head),)))
+            broken = _Referee(started).violations(Plan(paths=((tail, head),)))
             assert (not broken) == graph.has_edge(tail, head), (tail, head, broken)
 
 
@@ -189,7 +189,7 @@ def test_headings_are_a_ring_and_pitches_a_line() -> None:
     assert Motion().pitches_after(0, 3) == {0, 1}
     assert Motion().pitches_after(2, 3) == {1, 2}
     problem = one_robot(PILLAR, State(0, 0), Motion(), tilts=(0.1, 0.2, 0.3))
-    heads = motion_graph(problem, 0)[State(0, 0)]
+    heads = _motion_graph(problem, 0)[State(0, 0)]
     assert State(0, 0, heading=7, pitch=1) in heads
     assert State(0, 0, pitch=2) not in heads
     assert State(0, 0, heading=2) not in heads
@@ -225,7 +225,7 @@ def test_a_robot_that_turns_freely() -> None:
 def test_time_expanded_graph_holds_what_lies_on_a_path(problem: Problem) -> None:
     """A node is kept exactly where a path from the start to a legal end passes through it."""
     graph = time_expanded_graph(problem, 0)
-    steps, robot = motion_graph(problem, 0), problem.robots[0]
+    steps, robot = _motion_graph(problem, 0), problem.robots[0]
     forward = [{robot.start}]
     for _ in range(problem.horizon):
         forward.append({head for state in forward[-1] for head in steps[state]})

@@ -24,7 +24,7 @@ from cocap_opt.problem import (
     SwapConflict,
     VertexConflict,
 )
-from cocap_opt.referee import Referee, Verdict, check
+from cocap_opt.referee import Verdict, _Referee, check
 from cocap_opt.world.workspace import HeightMap
 
 HEADINGS = 8
@@ -131,7 +131,7 @@ def test_every_fault_of_every_robot_is_named() -> None:
     plan = Plan(
         paths=(path_of((2, 1), (0, 1), (2, 1)), path_of((0, 0), (0, 0, 0, 3), (0, 0, 0, 6)))
     )
-    found = Referee(problem).violations(plan)
+    found = _Referee(problem).violations(plan)
     assert [fault.split(":")[0] for fault in found] == ["paths[0]"] * 2 + ["paths[1]"] * 2
 
 
@@ -242,7 +242,7 @@ def test_planners_and_referee_measure_distance_alike(resolution: float, separati
     for x in range(1, 29 - cells):
         plan = Plan(paths=(path_of((0, 0), (x, 0)), path_of((29, 0), (x + cells, 0))))
         planners = len(list(plan.conflicts(problem)))
-        assert planners == len(Referee(problem).conflicts(plan)), f"cells {x} and {x + cells}"
+        assert planners == len(_Referee(problem).conflicts(plan)), f"cells {x} and {x + cells}"
 
 
 @st.composite
@@ -304,7 +304,7 @@ def _with_rules(problem: Problem, rules: CollisionRules) -> Problem:
 def test_planners_and_referee_agree_on_conflicts(case: tuple[Problem, Plan]) -> None:
     """The planners' list of conflicts and the referee's name the same robots and steps."""
     problem, plan = case
-    assert Referee(problem).violations(plan) == []
+    assert _Referee(problem).violations(plan) == []
     named = []
     for conflict in plan.conflicts(problem):
         i, k = conflict.robots
@@ -314,7 +314,7 @@ def test_planners_and_referee_agree_on_conflicts(case: tuple[Problem, Plan]) -> 
         named.append((when, f"drones {i} and {k}", swap))
     found = [
         (text.split(":")[0], text.split(": ")[1].split(" are")[0].split(" swap")[0], "swap" in text)
-        for text in Referee(problem).conflicts(plan)
+        for text in _Referee(problem).conflicts(plan)
     ]
     assert sorted(named) == sorted(found)
     steps = [conflict.t for conflict in plan.conflicts(problem)]

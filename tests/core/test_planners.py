@@ -53,7 +53,7 @@ from cocap_opt.problem import (
     State,
     SwapConflict,
 )
-from cocap_opt.referee import Referee, check
+from cocap_opt.referee import _Referee, check
 from cocap_opt.result import Reason, Result, UnsupportedError, relative_gap
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import (
@@ -413,7 +413,7 @@ def test_view_search_is_lazy() -> None:
     found = search(SingleRobotTask(model, 0, problem.no_pixels()))
     assert found.path is not None
     assert 0 < found.evaluated < reachable / 4
-    assert Referee(problem).violations(model.plan([found.path])) == []
+    assert _Referee(problem).violations(model.plan([found.path])) == []
     assert found.pixels.sum() > 0
     again = search(SingleRobotTask(model, 0, problem.no_pixels()))
     assert (again.path, again.evaluated) == (found.path, 0)  # remembered

@@ -27,7 +27,7 @@ from cocap_opt.referee import check
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import never
 from cocap_opt.vision.faces import FaceGeometry
-from cocap_opt.vision.views import make_views
+from cocap_opt.vision.views import Views
 from cocap_opt.world.columns import MARGIN, PROBE
 from cocap_opt.world.workspace import HeightMap, Mesh, Workspace
 
@@ -258,7 +258,7 @@ def coverage_of_all(problem: Problem) -> FloatArray:
     """Coverage of all free states of the first robot at step 2."""
     robot = problem.robots[0]
     graph = TimeGraph.of(problem.workspace, robot.motion, 1)
-    views = make_views(FaceGeometry(problem), problem, graph, robot.camera)
+    views = Views.of(FaceGeometry(problem), problem, graph, robot.camera)
     states = np.flatnonzero(np.tile(graph.free, graph.n_orientations))
     return views.coverage(2, states)
 

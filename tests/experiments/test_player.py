@@ -18,7 +18,7 @@ from cocap_opt.experiments.cli.main import main
 from cocap_opt.experiments.report import player_scene
 from cocap_opt.experiments.report.figures import robot_colour
 from cocap_opt.experiments.report.player import Player, _seen_pixels
-from cocap_opt.experiments.studies.pictures import Browser
+from cocap_opt.experiments.studies.pictures import _Browser
 from cocap_opt.files.documents import PlanFile
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import Actor, Camera, Cone, Motion, Plan, Prism, Problem, Robot, State
@@ -348,12 +348,12 @@ def test_what_is_installed_has_the_page() -> None:
 @pytest.fixture(scope="module")
 def player(plans: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
     """A browser with two plans of the bottleneck."""
-    if not Browser.is_installed():
+    if not _Browser.is_installed():
         pytest.skip("needs chromium and chromedriver")
     page = tmp_path_factory.mktemp("page") / "plans.html"
     files = plans / "greedy.json", plans / "cocap.json"
     assert run("show", "bottleneck", *files, "-o", page) == 0
-    with Browser.opened(page) as driver:
+    with _Browser.opened(page) as driver:
         yield driver
 
 

@@ -10,7 +10,7 @@ from selenium.webdriver.support.wait import WebDriverWait
 from cocap_opt.experiments.cli import commands
 from cocap_opt.experiments.report.limitations import limitations
 from cocap_opt.experiments.report.report import _telling_pair, _telling_seed
-from cocap_opt.experiments.studies.pictures import PLAYER_IS_READY, Browser
+from cocap_opt.experiments.studies.pictures import PLAYER_IS_READY, _Browser
 from cocap_opt.experiments.sweeps.run_file import Run, RunFile
 
 SWEEP = ("gap", "tiny-queue", "bottleneck", "--time-limit", "0.5", "--seeds", "0",
@@ -33,11 +33,11 @@ def report(folder: Path, page: Path, *options: str) -> int:
 @pytest.mark.slow
 def test_a_report_opens_and_plays_without_network(results: Path, tmp_path: Path) -> None:
     """All sections are there, players in it play, nothing is loaded, nothing is complained of."""
-    if not Browser.is_installed():
+    if not _Browser.is_installed():
         pytest.skip("needs chromium and chromedriver")
     page = tmp_path / "report.html"
     assert report(results, page) == 0
-    with Browser.opened(page, ready="document.readyState === 'complete'") as browser:
+    with _Browser.opened(page, ready="document.readyState === 'complete'") as browser:
         titles = value(browser, "[...document.querySelectorAll('h2')].map((h) => h.textContent)")
         assert titles == [
             "Results", "Search for the bounds", "Plans", "Limitations", "How it was made",

@@ -46,7 +46,7 @@ from cocap_opt.formulations.relaxations.separation import Seen
 from cocap_opt.graph.motion import time_expanded_graph
 from cocap_opt.model import Model, compiled
 from cocap_opt.problem import NO_RULES, Cell, Objective, Plan, Problem, State
-from cocap_opt.referee import Referee
+from cocap_opt.referee import _Referee
 
 Rows = tuple[tuple[float, ...], ...]
 
@@ -157,7 +157,7 @@ def optimum_under(model: Model, decisions: tuple[Decision, ...]) -> float:
         if any(d.sign * (count - d.robots) > 0 for d, count in zip(decisions, counts, strict=True)):
             continue
         plan = Plan(paths=tuple(paths[i][k] for i, k in enumerate(chosen)))
-        if not Referee(problem).conflicts(plan):
+        if not _Referee(problem).conflicts(plan):
             seen = np.sum([pixels[i][k] for i, k in enumerate(chosen)], axis=0)
             value = float(views_of(problem, seen[None])[0])
             best = max(best, value + sum(bonus_of(problem, path) for path in plan.paths))
@@ -355,7 +355,7 @@ def exact_optimum(problem: Problem) -> Fraction:
     best = Fraction(-1)
     for chosen in product(*(range(len(own)) for own in paths)):
         plan = Plan(paths=tuple(paths[i][k] for i, k in enumerate(chosen)))
-        if Referee(problem).conflicts(plan):
+        if _Referee(problem).conflicts(plan):
             continue
         seen = [sum((Fraction(pixels[i][k][g]) for i, k in enumerate(chosen)), Fraction(0))
                 for g in range(len(weights))]  # fmt: skip

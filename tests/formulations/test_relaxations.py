@@ -32,7 +32,7 @@ from cocap_opt.problem import (
     Robot,
     State,
 )
-from cocap_opt.referee import Referee
+from cocap_opt.referee import _Referee
 from cocap_opt.result import Reason, UnsupportedError
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import Limit, TimeLimit, never
@@ -201,7 +201,7 @@ def test_paths_and_flows_go_over_into_one_another(problem: Problem, seed: int) -
     rows = ConflictRows.of(flow)
     used = np.concatenate([rows.at_nodes @ x, rows.crossing @ y])
     for plan in (model.plan(paths), model.plan(again)):
-        assert bool(Referee(problem).conflicts(plan)) == bool((used > 1).any())
+        assert bool(_Referee(problem).conflicts(plan)) == bool((used > 1).any())
     for row in range(len(used)):
         resource = rows.resource(row)
         assert not resource.why_absent(model) and not resource.why_shared(problem)

@@ -15,9 +15,9 @@ from cocap_opt.data import FloatArray
 from cocap_opt.graph.motion import time_expanded_graph
 from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.problem import Plan, Problem, State
-from cocap_opt.referee import Referee
+from cocap_opt.referee import _Referee
 from cocap_opt.vision.faces import FaceGeometry
-from cocap_opt.vision.views import make_views
+from cocap_opt.vision.views import Views
 
 StatePath = tuple[State, ...]
 
@@ -43,7 +43,7 @@ def pixels_of(problem: Problem, robot: int, paths: list[StatePath]) -> FloatArra
     """Pixels [n, T+1, F] that a robot has along each of the paths [n]; 0 where none count."""
     spec = problem.robots[robot]
     graph = TimeGraph.of(problem.workspace, spec.motion, len(spec.camera.tilts))
-    views = make_views(FaceGeometry(problem), problem, graph, spec.camera)
+    views = Views.of(FaceGeometry(problem), problem, graph, spec.camera)
     seen: dict[tuple[int, State], FloatArray] = {}
     pixels = np.zeros((len(paths), problem.horizon + 1, len(problem.face_weights)))
     first = 0 if problem.objective.count_start else 1
@@ -119,8 +119,8 @@ def optimum(problem: Problem) -> Optimum:
     for best in np.argsort(-values, kind="stable"):
         which = np.unravel_index(best, shape)
         plan = Plan(paths=tuple(own[int(i)] for own, i in zip(paths, which, strict=True)))
-        if not Referee(problem).conflicts(plan):
-            if found := Referee(problem).violations(plan):
+        if not _Referee(problem).conflicts(plan):
+            if found := _Referee(problem).violations(plan):
                 raise AssertionError(f"the referee does not follow the graph: {found}")
             return Optimum(plan, float(values[best]))
     return Optimum(None, -math.inf)
