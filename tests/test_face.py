@@ -203,7 +203,7 @@ def test_played_plans_have_titles() -> None:
     result = co.plan(problem, "cocap")
     lost = co.Result.without_plan(co.Reason.FAILED, "none was found")
     said = repr(co.show(problem, result, lost, result.plan))
-    assert ": 1: J = 54,642 | plan 2;" in said
+    assert ": 1: J = 54,614 | plan 2;" in said
 
 
 def test_things_describe_themselves() -> None:

@@ -41,6 +41,7 @@ _MODULES = (
     "cocap_opt.referee",
     "cocap_opt.result",
     "cocap_opt.stop",
+    "cocap_opt.text",
     "cocap_opt.vision",
     "cocap_opt.world",
     "cocap_opt.experiments.results.files",
