@@ -245,6 +245,10 @@ class Verified:
         """(bound - reward) / bound; infinite where one of them is missing."""
         return relative_gap(self.reward, self.bound)
 
+    def __repr__(self) -> str:
+        gap = f"{100 * self.gap:.4f} %" if isfinite(self.gap) else "none"
+        return f"Verified(J {self.reward:,.2f}, bound {self.bound:,.2f}, gap {gap})"
+
 
 def verify(problem: Problem, *claims: Plan | Result | Bound) -> Verified:
     """Check plans, certificates and proofs, trusting nobody and calling no solver.
