@@ -12,6 +12,7 @@ from cocap_opt.problem.shapes import Cuboid, Prism
 from cocap_opt.world.workspace import HeightMap, Mesh
 
 _FLAT = 1e-9  # m; points that are nearer to a plane lie in it
+_BLOCKS = 8, 4, 2  # cells along their edges
 _MOST_PLANES = 64  # of a mesh that counts as one convex body
 
 
@@ -85,12 +86,35 @@ class Bodies(NamedTuple):
         corner = np.array(height_map.origin) - origin[:2]
         low = corner + height_map.resolution * first
         high = corner + height_map.resolution * (last + 1)
-        top = heights - origin[2]
-        n = len(first)
-        offsets = np.column_stack([top, -low[:, 0], high[:, 0], -low[:, 1], high[:, 1]])
+        return cls._boxes(low, np.column_stack([high, heights - origin[2]]))
+
+    @classmethod
+    def of_blocks(cls, height_map: HeightMap, origin: FloatArray) -> "Bodies":
+        """Returns square blocks of cells as boxes as high as their lowest cell.
+
+        They are parts of the columns. Where all cells differ in height, one of them hides what
+        many columns hide together.
+        """
+        lows, highs = [np.zeros((0, 2))], [np.zeros((0, 3))]
+        for size in _BLOCKS:
+            shape = np.array(height_map.shape) // size
+            whole = height_map.heights[: shape[0] * size, : shape[1] * size]
+            tops = whole.reshape(shape[0], size, shape[1], size).min(axis=(1, 3))
+            first = np.argwhere(tops > height_map.heights.min())
+            low = np.array(height_map.origin) - origin[:2] + height_map.resolution * size * first
+            high = low + height_map.resolution * size
+            lows.append(low)
+            highs.append(np.column_stack([high, tops[tuple(first.T)] - origin[2]]))
+        return cls._boxes(np.concatenate(lows), np.concatenate(highs))
+
+    @classmethod
+    def _boxes(cls, low: FloatArray, high: FloatArray) -> "Bodies":
+        """Returns boxes without bottom from low [n, 2] to high [n, 3]."""
+        n = len(low)
+        offsets = np.column_stack([high[:, 2], -low[:, 0], high[:, 0], -low[:, 1], high[:, 1]])
         return cls(
             np.broadcast_to(_COLUMN, (n, 5, 3)), offsets,
-            np.broadcast_to(_COLUMN_EDGES, (n, 8, 2)), low, np.column_stack([high, top]),
+            np.broadcast_to(_COLUMN_EDGES, (n, 8, 2)), low, high,
         )  # fmt: skip
 
     @classmethod

@@ -51,6 +51,8 @@ class Candidates:
     ) -> None:  # fmt: skip
         targets = _Circles(middles, radii, feet)
         self._targets, self._tops = targets, bodies.high[:, 2]
+        self._middles = (bodies.low + bodies.high[:, :2]) / 2
+        self._halves = (bodies.high[:, :2] - bodies.low) / 2
         n, size = len(targets.radii), max(_PAIRS // max(len(self._tops), 1), 1)
         parts = [
             _entries(bodies, targets, np.arange(first, min(first + size, n)), lowest_eye)
@@ -87,7 +89,18 @@ class Candidates:
         low = np.minimum(eyes[:, 2], foot)
         between = (self._nearest[entry] < away[pair]) | (self._nearest[entry] <= radius[pair])
         kept = np.flatnonzero(between & (self._tops[bodies] > low[pair]))
-        return np.bincount(pair[kept], minlength=len(targets)), bodies[kept]
+        pair, bodies = pair[kept], bodies[kept]
+        # Sectors are wide: a body must also meet the fan itself, which is within a strip.
+        with np.errstate(divide="ignore", invalid="ignore"):
+            across = np.stack([-way[:, 1], way[:, 0]], axis=1) / away[:, None]
+        across = across[pair]
+        aside = np.abs(
+            (across * (self._middles[bodies] - self._targets.middles[targets[pair]])).sum(axis=1)
+        )
+        reach = (np.abs(across) * self._halves[bodies]).sum(axis=1) + radius[pair]
+        kept = np.flatnonzero(~(aside > reach * (1 + _ROUNDING)))
+        pair, bodies = pair[kept], bodies[kept]
+        return np.bincount(pair, minlength=len(targets)), bodies
 
 
 def _entries(

@@ -19,7 +19,7 @@ from cocap_opt.vision.spans import spans
 from cocap_opt.vision.surfaces import Surface
 
 _IN_ITS_PLANE = 1e-9  # m; an eye that is no farther before a face sees nothing of it
-_AT_ONCE = 200_000  # shadows, to bound the memory
+_AT_ONCE = 50_000  # shadows, to bound the memory
 _POINTS = 300_000  # behind meshes at once, to bound the memory
 _LEAST = 1e-300  # m2, for an eye in the middle of an actor
 
@@ -91,7 +91,7 @@ class Visibility:
     """Finds the parts of a problem's faces that are seen from any eye."""
 
     def __init__(self, geometry: FaceGeometry, problem: Problem) -> None:
-        self._fixed, self._mesh = geometry.fixed, geometry.mesh
+        self._fixed, self._blocks, self._mesh = geometry.fixed, geometry.blocks, geometry.mesh
         self._owners = problem.face_owner
         self._samples = problem.face_samples
 
@@ -174,15 +174,13 @@ class Visibility:
     def _shaded(self, faces: Faces, steps: IntArray, eyes: FloatArray, actors: IntArray) -> _Shaded:
         """Returns the shadows that fall on actors [n] from eyes [n, 3] at steps [n]."""
         casting = _Casting(faces.corners[steps, actors] - eyes[:, None], eyes)
-        counts, bodies = faces.candidates.of(steps * faces.corners.shape[1] + actors, eyes)
-        first = np.cumsum(counts) - counts
-        done, size = 0, 1
-        # Ever more at once: the first bodies hide most of the actors that are hidden.
-        while len(rest := np.flatnonzero(~casting.hidden & (counts > done))):
-            take = np.minimum(counts[rest] - done, size)
-            at = spans(first[rest] + done, take)
-            casting.cast(self._fixed, np.repeat(rest, take), bodies[at])
-            done, size = done + size, 2 * size
+        targets = steps * faces.corners.shape[1] + actors
+        if self._blocks is not None and faces.blocks is not None:
+            casting.cast_in_turn(self._blocks, *faces.blocks.of(targets, eyes), kept=False)
+        rest = np.flatnonzero(~casting.hidden)
+        counts = np.zeros(len(eyes), dtype=np.int64)
+        counts[rest], bodies = faces.candidates.of(targets[rest], eyes[rest])
+        casting.cast_in_turn(self._fixed, counts, bodies)
         rest = np.flatnonzero(~casting.hidden)
         pair, body = _near_actors(faces, steps[rest], eyes[rest], actors[rest])
         casting.cast(faces.bodies, rest[pair], body)
@@ -217,7 +215,27 @@ class _Casting:
         self._corners, self._eyes = corners, eyes
         self._found: list[tuple[IntArray, Shadows]] = []
 
-    def cast(self, bodies: Bodies, actors: IntArray, which: IntArray) -> None:
+    def cast_in_turn(
+        self, bodies: Bodies, counts: IntArray, which: IntArray, kept: bool = True
+    ) -> None:
+        """Casts the shadows of each actor's bodies, until one holds all of it.
+
+        Parameters
+        ----------
+        counts : [n] number of bodies of each actor
+        which : their numbers, one actor's after the other's
+        kept : False where only shadows that hold all of an actor count
+        """
+        first = np.cumsum(counts) - counts
+        done, size = 0, 1
+        # Ever more at once: the first bodies hide most of the actors that are hidden.
+        while len(rest := np.flatnonzero(~self.hidden & (counts > done))):
+            take = np.minimum(counts[rest] - done, size)
+            at = spans(first[rest] + done, take)
+            self.cast(bodies, np.repeat(rest, take), which[at], kept)
+            done, size = done + size, 2 * size
+
+    def cast(self, bodies: Bodies, actors: IntArray, which: IntArray, kept: bool = True) -> None:
         """Casts the shadows of bodies [m] on actors [m]."""
         for first in range(0, len(actors), _AT_ONCE):
             actor, body = (part[first : first + _AT_ONCE] for part in (actors, which))
@@ -225,7 +243,7 @@ class _Casting:
             beside, inside = shadows.sides(shadows.excess(self._corners[actor]))
             self.hidden[actor[inside]] = True
             part = np.flatnonzero(~beside & ~inside)
-            if len(part):
+            if kept and len(part):
                 self._found.append((actor[part], shadows.taken(part)))
 
     def result(self) -> _Shaded:

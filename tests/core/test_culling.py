@@ -166,6 +166,16 @@ def test_rough_maps_lose_nothing(problem: Problem, data: st.DataObject) -> None:
     assert_exact(problem, np.array(states))
 
 
+@examples(25)
+@given(rough_maps(), st.data())
+def test_blocks_hide_what_their_cells_hide(problem: Problem, data: st.DataObject) -> None:
+    """On maps of many columns blocks of cells are looked at first; that changes nothing."""
+    states = data.draw(st.permutations(all_states(problem).tolist()))[:8]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("cocap_opt.vision.faces._MANY", 0)
+        assert_exact(problem, np.array(states))
+
+
 @examples(15)
 @given(problems(), st.data())
 def test_random_problems_lose_nothing(problem: Problem, data: st.DataObject) -> None:
