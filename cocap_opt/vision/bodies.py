@@ -22,7 +22,7 @@ class _Solid(NamedTuple):
     normals: FloatArray  # [P, 3] unit vectors, outward
     offsets: FloatArray  # [P] m
     neighbours: IntArray  # [N, 2] planes that share an edge
-    corners: FloatArray  # [C, 3] m; a column that has no bottom has its upper ones
+    corners: FloatArray  # [C, 3] m
 
 
 class Bodies(NamedTuple):

@@ -43,6 +43,10 @@ class Candidates:
     bodies : all of them
     middles, radii, feet : [G, 2], [G] and [G] m, of upright cylinders around the targets
     lowest_eye : m, no eye is lower
+
+    Attributes
+    ----------
+    bodies : all of them
     """
 
     def __init__(
@@ -50,7 +54,7 @@ class Candidates:
         lowest_eye: float,
     ) -> None:  # fmt: skip
         targets = _Circles(middles, radii, feet)
-        self._targets, self._tops = targets, bodies.high[:, 2]
+        self.bodies, self._targets, self._tops = bodies, targets, bodies.high[:, 2]
         self._middles = (bodies.low + bodies.high[:, :2]) / 2
         self._halves = (bodies.high[:, :2] - bodies.low) / 2
         n, size = len(targets.radii), max(_PAIRS // max(len(self._tops), 1), 1)
@@ -58,7 +62,7 @@ class Candidates:
             _entries(bodies, targets, np.arange(first, min(first + size, n)), lowest_eye)
             for first in range(0, n, size)
         ]
-        keys, self._bodies, self._nearest = (
+        keys, self._numbers, self._nearest = (
             np.concatenate([part[k] for part in parts]) if parts else np.zeros(0) for k in range(3)
         )
         self._keys = keys
@@ -85,7 +89,7 @@ class Candidates:
         counts = ends - first
         entry = spans(first, counts)
         pair = np.repeat(np.arange(len(targets)), counts)
-        bodies = self._bodies[entry].astype(np.int64)
+        bodies = self._numbers[entry].astype(np.int64)
         low = np.minimum(eyes[:, 2], foot)
         between = (self._nearest[entry] < away[pair]) | (self._nearest[entry] <= radius[pair])
         kept = np.flatnonzero(between & (self._tops[bodies] > low[pair]))

@@ -41,8 +41,7 @@ class FaceGeometry:
     Attributes
     ----------
     origin : [3] m, near the middle of the map, which all coordinates are relative to
-    fixed : columns of the terrain and convex meshes
-    mesh : the other meshes, which only rays meet; None if there are none
+    mesh : the meshes that are not convex, which only rays meet; None if there are none
     """
 
     def __init__(self, problem: Problem) -> None:
@@ -54,15 +53,15 @@ class FaceGeometry:
         rough = [
             m.corners - self.origin
             for m, solid in zip(problem.meshes, solids, strict=True)
-            if not solid
+            if solid is None
         ]
         self.mesh = Surface(np.concatenate(rough)) if rough else None
         convex = [solid for solid in solids if solid is not None]
         columns = Bodies.of_columns(problem.height_map, self.origin)
-        self.fixed = Bodies.joined([columns, *convex])
+        self._fixed = Bodies.joined([columns, *convex])
         # Many columns hide together what none of them hides alone.
         many = len(columns.offsets) > _MANY
-        self.blocks = Bodies.of_blocks(problem.height_map, self.origin) if many else None
+        self._blocks = Bodies.of_blocks(problem.height_map, self.origin) if many else None
         self._shapes = [_Local.of(actor.shape.faces(), Bodies.of_shape(actor.shape))
                         for actor in problem.actors]  # fmt: skip
         layers = sorted({height for robot in problem.robots for height in robot.motion.layers})
@@ -105,10 +104,10 @@ class FaceGeometry:
         feet = np.stack([pose[:, 2] for pose in poses], axis=1) if n else np.zeros((steps, 0))
         radii = np.array([shape.radius for shape in self._shapes]) + ROUNDING
         targets = middle[..., :2].reshape(-1, 2), np.tile(radii, steps), feet.ravel()
-        candidates = Candidates(self.fixed, *targets, self._lowest_eye)
+        candidates = Candidates(self._fixed, *targets, self._lowest_eye)
         blocks = None
-        if self.blocks is not None:
-            blocks = Candidates(self.blocks, *targets, self._lowest_eye)
+        if self._blocks is not None:
+            blocks = Candidates(self._blocks, *targets, self._lowest_eye)
         return Faces(
             first,
             np.concatenate(polygons, axis=1) if n else np.zeros((steps, 0, 3, 3)),

@@ -229,12 +229,12 @@ class _ConeViews(Views):
     @property
     def batch(self) -> int:
         """Number of nodes that a fraction of a second suffices for."""
-        return max(_BATCH_ACTORS // max(len(self._problem.face_owner), 1), 1)
+        return max(_BATCH_ACTORS // max(self.n_faces, 1), 1)
 
     def seen(self, nodes: IntArray) -> _Seen:
         """Returns what nodes [n] see, increasing; node t S + s is state s at step t."""
         t, states = np.divmod(nodes, self._graph.n_states)
         parts = [self.coverage(int(step), states[t == step]) for step in np.unique(t)]
-        coverage = np.concatenate([np.zeros((0, len(self._problem.face_owner))), *parts])
+        coverage = np.concatenate([np.zeros((0, self.n_faces)), *parts])
         rows, faces = np.nonzero(coverage)
         return _Seen(rows, faces, coverage[rows, faces])

@@ -91,7 +91,7 @@ class Visibility:
     """Finds the parts of a problem's faces that are seen from any eye."""
 
     def __init__(self, geometry: FaceGeometry, problem: Problem) -> None:
-        self._fixed, self._blocks, self._mesh = geometry.fixed, geometry.blocks, geometry.mesh
+        self._mesh = geometry.mesh
         self._owners = problem.face_owner
         self._samples = problem.face_samples
 
@@ -107,9 +107,11 @@ class Visibility:
         shaded = self._shaded(faces, steps[eye], eyes[eye], actor)
         veiled = np.zeros(len(eye), dtype=bool)
         if self._mesh is not None:
-            share = self._share_past_mesh(self._mesh, faces, steps[eye], eyes[eye], actor)
-            shaded.hidden[share == 0] = True
-            veiled = share < 1
+            rest = np.flatnonzero(~shaded.hidden)
+            at = eye[rest]
+            share = self._share_past_mesh(self._mesh, faces, steps[at], eyes[at], actor[rest])
+            shaded.hidden[rest[share == 0]] = True
+            veiled[rest] = share < 1
         pair = np.full(wanted.shape, -1)
         pair[eye, actor] = np.arange(len(eye))
         open_to = np.zeros(wanted.shape, dtype=bool)
@@ -175,12 +177,13 @@ class Visibility:
         """Returns the shadows that fall on actors [n] from eyes [n, 3] at steps [n]."""
         casting = _Casting(faces.corners[steps, actors] - eyes[:, None], eyes)
         targets = steps * faces.corners.shape[1] + actors
-        if self._blocks is not None and faces.blocks is not None:
-            casting.cast_in_turn(self._blocks, *faces.blocks.of(targets, eyes), kept=False)
+        if faces.blocks is not None:
+            blocks = faces.blocks.of(targets, eyes)
+            casting.cast_in_turn(faces.blocks.bodies, *blocks, kept=False)
         rest = np.flatnonzero(~casting.hidden)
         counts = np.zeros(len(eyes), dtype=np.int64)
         counts[rest], bodies = faces.candidates.of(targets[rest], eyes[rest])
-        casting.cast_in_turn(self._fixed, counts, bodies)
+        casting.cast_in_turn(faces.candidates.bodies, counts, bodies)
         rest = np.flatnonzero(~casting.hidden)
         pair, body = _near_actors(faces, steps[rest], eyes[rest], actors[rest])
         casting.cast(faces.bodies, rest[pair], body)
