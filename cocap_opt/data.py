@@ -3,7 +3,9 @@
 Units: metres, radians, pixels. Every message of a `ProblemError` names the field.
 """
 
-from typing import Any, Self
+from functools import cache
+from types import NoneType, UnionType
+from typing import Any, Self, Union, get_args, get_origin, get_type_hints
 
 import msgspec
 import numpy as np
@@ -61,6 +63,43 @@ def _plain(value: Any) -> Any:
     return value
 
 
+def _holds_array(hint: Any) -> bool:
+    """True if a field of this type may hold an array."""
+    return get_origin(hint) is np.ndarray or any(map(_holds_array, get_args(hint)))
+
+
+def _is_a(value: object, hint: Any) -> bool:
+    """True if a value is of a field's type; numbers and arrays have checks of their own."""
+    origin, parts = get_origin(hint), get_args(hint)
+    if origin in (Union, UnionType):
+        return any(_is_a(value, part) for part in parts)
+    if origin is tuple and isinstance(value, tuple):
+        if parts[-1] is Ellipsis:
+            return all(_is_a(item, parts[0]) for item in value)
+        return len(value) == len(parts) and all(map(_is_a, value, parts))
+    if origin is tuple or hint in (bool, str, NoneType):
+        return isinstance(value, origin or hint)
+    if isinstance(hint, type) and issubclass(hint, (msgspec.Struct, tuple)):
+        return isinstance(value, hint)
+    return True
+
+
+def _kind(hint: Any) -> str:
+    """Names a field's type in words."""
+    names = {bool: "true or false", str: "text", NoneType: "None", float: "number", int: "number"}
+    origin, parts = get_origin(hint), get_args(hint)
+    if origin in (Union, UnionType):
+        return " or ".join(map(_kind, parts))
+    if origin is tuple and parts[-1] is Ellipsis:
+        return f"a sequence of {_kind(parts[0]).removeprefix('a ').removeprefix('an ')}s"
+    if origin is tuple:
+        return f"{len(parts)} {_kind(parts[0])}s"
+    if hint in names:
+        return names[hint]
+    name = getattr(hint, "__name__", "array")
+    return f"{'an' if name[0] in 'AO' else 'a'} {name} object"
+
+
 def read_only(array: FloatArray) -> FloatArray:
     """The same array, protected from changes."""
     array.setflags(write=False)
@@ -82,16 +121,36 @@ def frozen(array: Any, field: str, ndim: int) -> FloatArray:
     return read_only(result)
 
 
+@cache
+def _hints(kind: "type[Data]") -> dict[str, Any]:
+    """Types of the fields of a struct."""
+    hints = get_type_hints(kind)
+    return {field: hints[field] for field in kind.__struct_fields__}
+
+
 class Data(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Base of all problem data: immutable, and a misspelt field in a file is an error."""
 
     def __post_init__(self) -> None:
-        """Make NumPy's numbers plain and lists tuples, as reading them from a file would."""
-        for field in self.__struct_fields__:
+        """Make NumPy's numbers and arrays plain and lists tuples, as reading a file would.
+
+        Raises
+        ------
+        ProblemError
+            If a field is of another type than it says.
+        """
+        for field, hint in _hints(type(self)).items():
             value = getattr(self, field)
-            plain = _plain(value)
+            if isinstance(value, np.ndarray) and not _holds_array(hint):
+                plain = _plain(value.tolist())
+            else:
+                plain = _plain(value)
             if plain is not value:
                 msgspec.structs.force_setattr(self, field, plain)
+            if not _is_a(plain, hint):
+                found = repr(value)
+                found = type(value).__name__ if len(found) > 40 or "\n" in found else found
+                raise ProblemError(f"{field}: must be {_kind(hint)}, not {found}")
 
     def replace(self, **changes: Any) -> Self:
         """Return a checked copy with some fields changed."""

@@ -4,7 +4,8 @@ Robots with the same motion, camera and goal form a robot class: they differ onl
 start, share one graph and one coverage table, and one sweep prices them all.
 """
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -13,15 +14,18 @@ import numpy as np
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.problem import AnyCamera, Cell, Motion, Plan, Problem, Robot
-from cocap_opt.stop import Stop, never
+from cocap_opt.stop import Clock, Limit, LimitReached, Stop, never
 from cocap_opt.vision.cache import TableCache
-from cocap_opt.vision.coverage import CoverageTable
+from cocap_opt.vision.coverage import CoverageTable, GrowingTable, Progress
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.views import Views
 
 Path = tuple[int, ...]  # T+1 state numbers of one robot
-Progress = Callable[[int, int], None]  # told how many steps' coverage is there, and of how many
 Sight = tuple[Motion, AnyCamera]  # what a robot's coverage depends on besides its start
+
+# Seconds that value iteration over a state takes, and the ceiling of what a state sees of an actor:
+# measured, and rounded up.
+_SWEEPING, _BOUNDING = 6e-8, 4e-8
 
 
 def _tell_nobody(done: int, total: int) -> None:
@@ -60,7 +64,11 @@ class Model:
     classes : the robot classes
     class_of : [R] class of each robot
     is_disaggregated : every robot is a class of its own, though others may be like it
+    cut_short_by : the limit that ended the coverage early; None where it is whole
     """
+
+    cut_short_by: Limit | None = None
+    _known_steps: int | None = None  # of a model that is cut short
 
     def __init__(self, problem: Problem, use_cache: bool = True) -> None:
         self._divide(_Coverage(problem, use_cache), is_disaggregated=False)
@@ -153,26 +161,68 @@ class Model:
 
     def coverage(self, robot_class: RobotClass) -> CoverageTable:
         """Coverage of every state that the class can reach (shared by classes that see alike)."""
-        return self._coverage.table(robot_class.spec, never, _tell_nobody)
+        return self._coverage.table(robot_class.spec)
 
     def prepare(
         self, robot_class: RobotClass, stop: Stop = never, progress: Progress = _tell_nobody
     ) -> None:
         """Compute the coverage of a class.
 
-        Coverage that is there already, in memory or in the cache, is taken at any time.
+        Coverage that is there already, in memory or in the cache, is taken at any time. It ends
+        early enough for `coverage_so_far` and `ceiling_of` to bound what it leaves open in time.
 
         Raises
         ------
         LimitReached
-            If a limit is reached before the coverage is whole.
+            If a limit is reached before the coverage is whole. What is there is kept.
         """
-        self._coverage.table(robot_class.spec, stop, progress)
+        self._coverage.prepare(robot_class.spec, stop, progress, reserve=0.0)
 
     def prepare_all(self, stop: Stop = never, progress: Progress = _tell_nobody) -> None:
         """Compute the coverage of all classes; raises LimitReached as `prepare` does."""
         for robot_class in self.classes:
             self.prepare(robot_class, stop, progress)
+
+    def covered_by(self, stop: Stop, progress: Progress = _tell_nobody) -> "Model":
+        """Return this model with its coverage, or with as much of it as there is time for.
+
+        Time is kept for planning every robot once, but no more than half of what there is. In a
+        model that is cut short, robots see nothing at the steps whose coverage is missing, but
+        along their own paths: plans are judged right, but made without looking that far.
+        """
+        states = sum(len(c.robots) * c.graph.n_states for c in self.classes)
+        reserve = states * (self.problem.horizon + 1) * _SWEEPING
+        limit = None
+        try:
+            for robot_class in self.classes:
+                self._coverage.prepare(
+                    robot_class.spec, stop, progress, min(reserve, stop.seconds_left / 2)
+                )
+        except LimitReached as reached:
+            limit = reached.limit
+        if limit is None:
+            return self
+        part = object.__new__(Model)
+        part._divide(self._coverage.so_far(), self.is_disaggregated)
+        part.cut_short_by, part._known_steps = limit, self.covered_steps
+        return part
+
+    @property
+    def covered_steps(self) -> int:
+        """Number of steps, from 0 on, at which the coverage of all classes is there."""
+        if self._known_steps is not None:
+            return self._known_steps
+        return min(self._coverage.steps(c.spec) for c in self.classes)
+
+    @property
+    def coverage_seconds(self) -> float:
+        """Wall-clock seconds that were spent on coverage since the problem was compiled."""
+        return self._coverage.seconds
+
+    def coverage_so_far(self, robot_class: RobotClass) -> tuple[CoverageTable, int]:
+        """Returns the coverage that is there, and the number of steps that it is whole for."""
+        spec = robot_class.spec
+        return self._coverage.known(spec), self._coverage.steps(spec)
 
     def coverage_at(self, robot_class: RobotClass, t: int, states: IntArray) -> FloatArray:
         """Returns the coverage [n, F] of a class's states [n] at step t in px/m2."""
@@ -183,11 +233,21 @@ class Model:
 
     def robot_pixels(self, robot: int, path: Path) -> FloatArray:
         """View sums [Z] that one robot has alone, along its path of state numbers."""
+        if self.cut_short_by:
+            return self._evaluated_pixels(robot, path)
         robot_class = self.class_of[robot]
         table, n_states = self.coverage(robot_class), robot_class.graph.n_states
         entries = table.entries(np.arange(len(path)) * n_states + np.array(path))[1]
         pixels = self.problem.no_pixels()
         np.add.at(pixels, table.view_sums[entries], table.pixels[entries])
+        return pixels
+
+    def _evaluated_pixels(self, robot: int, path: Path) -> FloatArray:
+        """View sums [Z] along a path, each view of which is evaluated anew."""
+        pixels, first = self.problem.no_pixels(), self.problem.first_step
+        views = self.views(self.class_of[robot])
+        for t, coverage in enumerate(views.along(first, np.array(path[first:])), start=first):
+            pixels[self.problem.view_sums_at(t)] += coverage
         return pixels
 
     def spread(self, robot_class: RobotClass, values: FloatArray) -> FloatArray:
@@ -224,13 +284,21 @@ class Model:
 
 
 class _Coverage:
-    """Coverage tables of a problem, one for each motion and camera, made when asked for."""
+    """Coverage tables of a problem, one for each motion and camera, made when asked for.
+
+    Attributes
+    ----------
+    seconds : spent on coverage so far
+    """
 
     def __init__(self, problem: Problem, use_cache: bool) -> None:
         self.problem = problem
+        self.seconds = 0.0
         self._use_cache = use_cache
         self._geometry = FaceGeometry(problem)
         self._tables: dict[Sight, CoverageTable] = {}
+        self._growing: dict[Sight, GrowingTable] = {}
+        self._ended: Stop | None = None  # the stop that has ended coverage early
 
     def views(self, spec: Robot) -> Views:
         graph = _graph(self.problem, spec)
@@ -241,40 +309,97 @@ class _Coverage:
 
     def _starts(self, spec: Robot) -> list[int]:
         """State numbers of the starts of all robots that move and see alike, increasing."""
-        graph, alike = _graph(self.problem, spec), (spec.motion, spec.camera)
+        graph, alike = _graph(self.problem, spec), _sight(spec)
         robots = self.problem.robots
-        return sorted(graph.index(r.start) for r in robots if (r.motion, r.camera) == alike)
+        return sorted(graph.index(r.start) for r in robots if _sight(r) == alike)
 
-    def table(self, spec: Robot, stop: Stop, progress: Progress) -> CoverageTable:
-        """The table of this robot's motion and camera; LimitReached if it is not whole in time."""
-        sight = spec.motion, spec.camera
-        if sight not in self._tables:
-            self._tables[sight] = self._make(spec, stop, progress)
-        return self._tables[sight]
+    def table(self, spec: Robot) -> CoverageTable:
+        """The table of this robot's motion and camera; made if it is not there."""
+        if _sight(spec) not in self._tables:
+            self.prepare(spec, never, _tell_nobody, 0.0)
+        return self._tables[_sight(spec)]
 
-    def _make(self, spec: Robot, stop: Stop, progress: Progress) -> CoverageTable:
-        problem = self.problem
+    def prepare(self, spec: Robot, stop: Stop, progress: Progress, reserve: float) -> None:
+        """Make the table of this robot's motion and camera; LimitReached if there is no time.
 
+        A stop that has ended coverage once does so at once when it is asked again: what was left
+        of its time is for what comes after coverage.
+
+        Parameters
+        ----------
+        reserve : seconds to be left, at least
+        """
+        if _sight(spec) in self._tables:
+            return
+        if stop is self._ended:
+            raise LimitReached(stop.reached() or Limit.TIME)
+        clock = Clock()
+        if math.isfinite(stop.seconds_left):
+            reserve = max(reserve, self._seconds_to_bound(spec))
+        try:
+            self._tables[_sight(spec)] = self._made(spec, stop.before(reserve), progress)
+            self._growing.pop(_sight(spec), None)
+        except LimitReached:
+            self._ended = stop
+            raise
+        finally:
+            self.seconds += clock.seconds
+
+    def _made(self, spec: Robot, stop: Stop, progress: Progress) -> CoverageTable:
         def make() -> CoverageTable:
-            n_places = _graph(problem, spec).n_places
-            return CoverageTable.of_views(
-                self.views(spec), n_places, self.reachable(spec), problem.first_step,
-                stop, progress,
-            )  # fmt: skip
+            table = self._table_of(spec)
+            table.grow(stop, progress)
+            return table.table()
 
-        if self._use_cache:
-            poses = [actor.poses[: problem.horizon + 1] for actor in problem.actors]
-            shapes = [actor.shape for actor in problem.actors]
-            key = TableCache.key(
-                problem.workspace, spec.motion, spec.camera, self._starts(spec), problem.horizon,
-                problem.face_samples, problem.first_step, poses, shapes,
+        if not self._use_cache:
+            return self._by_view_sum(make())
+        problem = self.problem
+        poses = [actor.poses[: problem.horizon + 1] for actor in problem.actors]
+        shapes = [actor.shape for actor in problem.actors]
+        key = TableCache.key(
+            problem.workspace, spec.motion, spec.camera, self._starts(spec), problem.horizon,
+            problem.face_samples, problem.first_step, poses, shapes,
+        )  # fmt: skip
+        return self._by_view_sum(TableCache.of_user().table(key, make))
+
+    def _by_view_sum(self, table: CoverageTable) -> CoverageTable:
+        """Return a table whose pixels add up over time, if those of the problem do."""
+        if not self.problem.objective.over_time:
+            return table
+        return table._replace(view_sums=table.view_sums % max(len(self.problem.face_weights), 1))
+
+    def _table_of(self, spec: Robot) -> GrowingTable:
+        if _sight(spec) not in self._growing:
+            self._growing[_sight(spec)] = GrowingTable(
+                self.views(spec), _graph(self.problem, spec).n_places, self.reachable(spec),
+                self.problem.first_step,
             )  # fmt: skip
-            table = TableCache.of_user().table(key, make)
-        else:
-            table = make()
-        if problem.objective.over_time:
-            table = table._replace(view_sums=table.view_sums % max(len(problem.face_weights), 1))
-        return table
+        return self._growing[_sight(spec)]
+
+    def _seconds_to_bound(self, spec: Robot) -> float:
+        """Seconds, about, that ceilings and some sweeps take for the steps that are not known."""
+        states = int(np.count_nonzero(self.reachable(spec)[self.steps(spec) :]))
+        return states * len(self.problem.actors) * _BOUNDING + 10 * states * _SWEEPING
+
+    def steps(self, spec: Robot) -> int:
+        """Number of steps, from 0 on, that the known coverage is whole for."""
+        whole = self.problem.horizon + 1
+        return whole if _sight(spec) in self._tables else self._table_of(spec).steps
+
+    def known(self, spec: Robot) -> CoverageTable:
+        """The table as far as it is known."""
+        found = self._tables.get(_sight(spec))
+        return self._by_view_sum(self._table_of(spec).table()) if found is None else found
+
+    def so_far(self) -> "_Coverage":
+        """Return a copy in which nobody sees anything at the steps that are not known."""
+        part = _Coverage(self.problem, self._use_cache)
+        part._tables = {_sight(spec): self.known(spec) for spec in self.problem.robots}
+        return part
+
+
+def _sight(spec: Robot) -> Sight:
+    return spec.motion, spec.camera
 
 
 def _graph(problem: Problem, spec: Robot) -> TimeGraph:

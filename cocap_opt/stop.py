@@ -59,8 +59,36 @@ class Stop:
         """Seconds until the time limit, for solvers that take one; infinite without one."""
         return math.inf
 
+    def before(self, seconds: float) -> "Stop":
+        """Return a stop that is reached with this one, or so many seconds before its time limit.
+
+        Work that is not worth having alone ends there, so that time is left to make use of it.
+        """
+        return _Before(self, seconds)
+
     def __repr__(self) -> str:
         return "never" if type(self) is Stop else f"{type(self).__name__}(..)"
+
+
+class _Before(Stop):
+    """Reached with another stop, or some seconds before its time limit."""
+
+    def __init__(self, stop: Stop, seconds: float) -> None:
+        self._stop, self._seconds = stop, seconds
+
+    def reached(self) -> Limit | None:
+        """Return the limit that is reached, or that of time once little of it is left."""
+        early = Limit.TIME if self._stop.seconds_left <= self._seconds else None
+        return self._stop.reached() or early
+
+    def count_work(self) -> None:
+        """Count one more unit of work for the other stop."""
+        self._stop.count_work()
+
+    @property
+    def seconds_left(self) -> float:
+        """Seconds until this stop is reached, >= 0."""
+        return max(self._stop.seconds_left - self._seconds, 0.0)
 
 
 never = Stop()

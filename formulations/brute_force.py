@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.data import FloatArray
+from cocap_opt.formulations.early_bound import early_bound
 from cocap_opt.formulations.result import (
     OPTIMALITY,
     CertifiedResult,
@@ -19,8 +20,9 @@ from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.model import Model, Path, compiled
 from cocap_opt.objective import view_reward
 from cocap_opt.problem import Plan, Problem
-from cocap_opt.result import Reason, UnsupportedError, timed
+from cocap_opt.result import Reason, UnsupportedError
 from cocap_opt.stop import LimitReached, Stop, never
+from cocap_opt.timing import timed
 
 __all__ = ["MOST_PLANS", "brute_force"]
 
@@ -56,7 +58,8 @@ def brute_force(
         search.run(stop)
     except LimitReached as reached:
         if search.plan is None:
-            return CertifiedResult.of_start(problem, start, reached.limit)
+            stopped = CertifiedResult.of_start(problem, start, reached.limit)
+            return stopped.with_bound_of(early_bound(problem, reached.limit))
         result = CertifiedResult(search.plan, search.value, Reason.STOPPED, reached.limit)
     else:
         reason = Reason.INFEASIBLE if search.plan is None else Reason.OPTIMAL

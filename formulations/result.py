@@ -64,6 +64,16 @@ class CertifiedResult(Result):
         value = -math.inf if plan is None else check(problem, plan).reward
         return cls(plan, value, Reason.STOPPED, limit, message=message)
 
+    def with_bound_of(self, other: "CertifiedResult") -> "CertifiedResult":
+        """Returns the same plan with the bound of another result, and what both say.
+
+        Where that proves that there is no plan, it is the other result.
+        """
+        if other.reason is Reason.INFEASIBLE:
+            return other
+        message = "; ".join(filter(None, (self.message, other.message)))
+        return replace(self, bound=other.bound, certificate=other.certificate, message=message)
+
     def stopped_by(self, limit: Limit) -> "CertifiedResult":
         """Returns the same result with the limit that stopped the method.
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from cocap_opt.data import FloatArray
 from cocap_opt.formulations.certificates import CertificateFile, ReferencePixels, certify
+from cocap_opt.formulations.early_bound import early_bound
 from cocap_opt.formulations.result import (
     CertifiedResult,
     Report,
@@ -18,8 +19,8 @@ from cocap_opt.formulations.result import (
 )
 from cocap_opt.model import Model, compiled
 from cocap_opt.problem import Plan, Problem
-from cocap_opt.result import timed
 from cocap_opt.stop import LimitReached, Stop, never
+from cocap_opt.timing import timed
 
 __all__ = ["alone", "online"]
 
@@ -33,7 +34,7 @@ def alone(
     try:
         model.prepare_all(stop)
     except LimitReached as reached:
-        return CertifiedResult.without_bound(reached.limit)
+        return early_bound(problem, reached.limit)
     return CertifiedResult.bounded(_at_pixels(model, problem.no_pixels(), "alone"), {})
 
 
@@ -53,7 +54,9 @@ def online(
     try:
         model.prepare_all(stop)
     except LimitReached as reached:
-        return replace(CertifiedResult.without_bound(reached.limit), message=message)
+        early = early_bound(problem, reached.limit)
+        words = "; ".join(filter(None, (message, early.message)))
+        return replace(early, message=words)
     references = [problem.no_pixels()]
     if plan is not None:
         references.append(_pixels_of(model, plan))

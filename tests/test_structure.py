@@ -19,10 +19,10 @@ ALLOWED = {
 ORDER = {
     "core": (
         "text", "data", "stop", "drawing", "world", "problem", "result", "files", "graph", "vision",
-        "referee", "model", "objective", "coordination", "planners",
+        "referee", "model", "timing", "objective", "coordination", "planners",
     ),
     "formulations": (
-        "certificates", "result", "simple_bounds", "brute_force", "relaxations",
+        "certificates", "result", "early_bound", "simple_bounds", "brute_force", "relaxations",
         "column_generation", "integer_programs",
     ),
     "scenarios": ("text", "cameras", "formats", "recipe", "built_in"),

@@ -21,13 +21,14 @@ paper's background section speaks of least cost. Limits, statistics and the plan
 time runs out are in `constraint_tree`.
 """
 
-from cocap_opt.model import compiled
 from cocap_opt.planners.constraint_tree import ConstraintTree, Node, OpenNodes
 from cocap_opt.planners.low_level import LowLevel, value_iteration
+from cocap_opt.planners.team import Team
 from cocap_opt.planners.view_search import Undiscounted, ViewSearch
 from cocap_opt.problem import Problem
-from cocap_opt.result import Result, timed
+from cocap_opt.result import Result
 from cocap_opt.stop import LimitReached, Stop, never
+from cocap_opt.timing import timed
 
 
 def algorithm_1(tree: ConstraintTree, open_nodes: OpenNodes) -> Node | None:
@@ -66,7 +67,7 @@ def cocap(problem: Problem, stop: Stop = never, low_level: LowLevel = value_iter
         there is no path, and every plan meets at least one of the two constraints of a conflict.
     """
     open_nodes = OpenNodes()
-    tree = ConstraintTree(compiled(problem), low_level, stop, open_nodes)
+    tree = ConstraintTree(Team.of(problem, low_level, stop), low_level, stop, open_nodes)
     try:
         return tree.result(algorithm_1(tree, open_nodes))
     except LimitReached as reached:

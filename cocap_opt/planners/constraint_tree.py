@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 
 from cocap_opt.coordination.constraints import forbid
 from cocap_opt.graph.charges import NO_CHARGES, Charges
-from cocap_opt.model import Model
 from cocap_opt.planners.low_level import LowLevel, SingleRobotPath, SingleRobotTask
 from cocap_opt.planners.sequential import sequential
 from cocap_opt.planners.team import Team
@@ -59,12 +58,10 @@ class OpenNodes:
 class ConstraintTree:
     """Makes the nodes of a constraint tree, and keeps what a result says of the search."""
 
-    def __init__(
-        self, model: Model, low_level: LowLevel, stop: Stop, open_nodes: OpenNodes
-    ) -> None:
-        self._model, self._low_level, self._stop = model, low_level, stop
+    def __init__(self, team: Team, low_level: LowLevel, stop: Stop, open_nodes: OpenNodes) -> None:
+        self._model, self._low_level, self._stop = team.model, low_level, stop
         self._open = open_nodes
-        self._team = Team(model)  # of the root, as far as it is planned
+        self._team = team  # of the root, as far as it is planned
         self._spare: Result | None = None  # of sequential planning, once the tree is large
         self._evaluated = 0  # states whose coverage was needed by a lazy low level
 

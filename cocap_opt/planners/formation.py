@@ -15,7 +15,8 @@ angle.)
 """
 
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -30,8 +31,9 @@ from cocap_opt.planners.lazy_coverage import LazyCoverage
 from cocap_opt.planners.low_level import SingleRobotPath, SingleRobotTask
 from cocap_opt.planners.sequential import sequential
 from cocap_opt.problem import Problem
-from cocap_opt.result import Result, timed
+from cocap_opt.result import Result
 from cocap_opt.stop import LimitReached, Stop, never
+from cocap_opt.timing import timed
 
 STANDOFF = 5.0  # m, from the outermost actor (Greedy Perspectives)
 HEIGHT = 5.0  # m, of flight (Greedy Perspectives)
@@ -74,10 +76,7 @@ def formation(
                 places[robot][:, :2] = around.at[seat, np.arange(len(turns)), turns]
                 places[robot][:, 2] = around.flight[seat]
 
-    def low_level(task: SingleRobotTask) -> SingleRobotPath:
-        return _keep_place(task, places[task.robot], views[task.robot])
-
-    result = sequential(problem, stop, low_level)
+    result = sequential(problem, stop, _Formation(places, views))
     evaluated = sum(source.evaluated for source in set(views))
     statistics = {**result.statistics, "evaluated": evaluated}
     return replace(result, statistics=statistics)
@@ -91,21 +90,30 @@ def _starts(problem: Problem, robot: int) -> FloatArray:
     return np.tile([x, y, height], (problem.horizon + 1, 1))
 
 
-def _keep_place(task: SingleRobotTask, places: FloatArray, views: LazyCoverage) -> SingleRobotPath:
-    """Path that is least far from the places [T+1, 3] (m) in all, and looks where it sees most.
+@dataclass(frozen=True)
+class _Formation:
+    """A low level: the path that keeps a robot near its places in the formation.
 
-    Both by value iteration: over all states, then over those along the way, for the marginal
-    view reward.
+    It is the path that is least far from them in all, and looks where it sees most. Both by value
+    iteration: over all states, then over those along the way, for the marginal view reward.
     """
-    task.stop.check()
-    pixels = task.model.problem.no_pixels()
-    before, way = views.evaluated, _nearest(task, places)
-    if way is None:
-        return SingleRobotPath(None, pixels, 0)
-    path = _look(task, way, views)
-    for t in range(task.model.problem.first_step, len(path)):
-        pixels[task.model.problem.view_sums_at(t)] += views(t, np.array(path[t : t + 1]))[0]
-    return SingleRobotPath(path, pixels, views.evaluated - before)
+
+    places: list[FloatArray]  # [T+1, 3] m of each robot
+    views: list[LazyCoverage]  # of each robot
+    is_lazy: ClassVar[bool] = True
+
+    def __call__(self, task: SingleRobotTask) -> SingleRobotPath:
+        """Find the path; raises LimitReached."""
+        task.stop.check()
+        places, views = self.places[task.robot], self.views[task.robot]
+        pixels = task.model.problem.no_pixels()
+        before, way = views.evaluated, _nearest(task, places)
+        if way is None:
+            return SingleRobotPath(None, pixels, 0)
+        path = _look(task, way, views)
+        for t in range(task.model.problem.first_step, len(path)):
+            pixels[task.model.problem.view_sums_at(t)] += views(t, np.array(path[t : t + 1]))[0]
+        return SingleRobotPath(path, pixels, views.evaluated - before)
 
 
 def _nearest(task: SingleRobotTask, places: FloatArray) -> Path | None:

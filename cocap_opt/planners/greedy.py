@@ -4,12 +4,16 @@ Each robot in turn gets its best path given what the earlier ones see. Without c
 rules the plan has at least half the optimal J, if the low level is exact.
 """
 
-from cocap_opt.model import compiled
-from cocap_opt.planners.low_level import LowLevel, SingleRobotTask, value_iteration
+from cocap_opt.planners.low_level import (
+    LowLevel,
+    SingleRobotTask,
+    value_iteration,
+)
 from cocap_opt.planners.team import Team
 from cocap_opt.problem import Problem
-from cocap_opt.result import Result, timed
+from cocap_opt.result import Result
 from cocap_opt.stop import LimitReached, Stop, never
+from cocap_opt.timing import timed
 
 ROUNDS = 10  # of `greedy_rounds`
 
@@ -31,7 +35,7 @@ def greedy(
     Result
         At a limit, robots that are not planned yet stay at their starts.
     """
-    team, limit = Team(compiled(problem)), None
+    team, limit = Team.of(problem, low_level, stop), None
     try:
         for robot in range(len(problem.robots)):
             single = low_level(_task(team, robot, stop))
@@ -46,8 +50,6 @@ def greedy(
                 break
     except LimitReached as reached:
         team, limit = team.hovering(), reached.limit
-        if any(single.path is None for single in team.found):
-            return Result.stopped_without_plan(limit)
     return team.result(limit)
 
 

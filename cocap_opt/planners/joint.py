@@ -18,10 +18,12 @@ from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.model import Model, Path, RobotClass, compiled
 from cocap_opt.objective import objective
+from cocap_opt.planners.low_level import SingleRobotPath
 from cocap_opt.planners.team import Team
 from cocap_opt.problem import Problem
-from cocap_opt.result import Reason, Result, UnsupportedError, timed
+from cocap_opt.result import Reason, Result, UnsupportedError
 from cocap_opt.stop import Limit, LimitReached, Stop, never
+from cocap_opt.timing import timed
 
 TEMPORARIES = 5  # arrays of a step's size that one step back needs at once
 PROCESS = 100e6  # bytes, about: Python, the libraries, the problem, and what is freed but kept
@@ -42,7 +44,7 @@ def joint(problem: Problem, stop: Stop = never) -> Result:
         raise UnsupportedError(f"joint planning takes one or two drones, not {len(problem.robots)}")
     if problem.objective.over_time:
         raise UnsupportedError("joint planning takes no pixels that add up over time")
-    model = compiled(problem)
+    model = compiled(problem).covered_by(stop)
     try:
         paths = _best_paths(model, stop)
     except LimitReached as reached:
@@ -53,6 +55,11 @@ def joint(problem: Problem, stop: Stop = never) -> Result:
         return Result.without_plan(
             Reason.INFEASIBLE, "no plan obeys the rules: no pair of paths is left"
         )
+    if model.cut_short_by:
+        found = (
+            SingleRobotPath(path, model.robot_pixels(i, path), 0) for i, path in enumerate(paths)
+        )
+        return Team(model, tuple(found)).result(model.cut_short_by, {})
     value = objective(model, paths)
     return Result(model.plan(paths), value, Reason.OPTIMAL, bound=value)
 
@@ -65,7 +72,6 @@ def _best_paths(model: Model, stop: Stop) -> tuple[Path, ...] | None:
     LimitReached
         Also for memory, before the values of all pairs would take too much of it.
     """
-    model.prepare_all(stop)
     stop.check()
     if len(model.problem.robots) == 1:
         path = best_response(model, 0, model.problem.no_pixels())

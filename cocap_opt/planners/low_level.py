@@ -32,7 +32,8 @@ class SingleRobotPath(NamedTuple):
     evaluated: int  # states whose coverage was needed for the first time
 
 
-# Plans a task, or raises LimitReached.
+# Plans a task, or raises LimitReached. One that evaluates only the views it touches says so by an
+# attribute `is_lazy`; for all others coverage is computed before.
 LowLevel = Callable[[SingleRobotTask], SingleRobotPath]
 
 

@@ -20,8 +20,9 @@ from cocap_opt.planners.lazy_coverage import LazyCoverage
 from cocap_opt.planners.low_level import SingleRobotPath
 from cocap_opt.planners.team import Team
 from cocap_opt.problem import Problem, State
-from cocap_opt.result import Reason, Result, timed
+from cocap_opt.result import Reason, Result
 from cocap_opt.stop import LimitReached, Stop, never
+from cocap_opt.timing import timed
 
 
 @dataclass

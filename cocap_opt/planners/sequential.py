@@ -4,12 +4,16 @@ Source: Greedy Perspectives, "sequential planning with inter-robot collision con
 """
 
 from cocap_opt.coordination.constraints import avoid_paths
-from cocap_opt.model import compiled
-from cocap_opt.planners.low_level import LowLevel, SingleRobotTask, value_iteration
+from cocap_opt.planners.low_level import (
+    LowLevel,
+    SingleRobotTask,
+    value_iteration,
+)
 from cocap_opt.planners.team import Team
 from cocap_opt.problem import Problem, State
-from cocap_opt.result import Reason, Result, timed
+from cocap_opt.result import Reason, Result
 from cocap_opt.stop import LimitReached, Stop, never
+from cocap_opt.timing import timed
 
 
 @timed
@@ -22,8 +26,8 @@ def sequential(
     so that a robot for which no time is left can stay there. A robot for which no path is left
     ends the attempt: that is a failure of the order, and proves nothing.
     """
-    model = compiled(problem)
-    team, limit = Team(model), None
+    team, limit = Team.of(problem, low_level, stop), None
+    model = team.model
     others: dict[int, tuple[State, ...]] = {
         i: (robot.start,) * (problem.horizon + 1) for i, robot in enumerate(problem.robots)
     }

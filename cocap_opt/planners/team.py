@@ -2,15 +2,17 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from cocap_opt.data import FloatArray
-from cocap_opt.model import Model, Path
+from cocap_opt.model import Model, Path, compiled
 from cocap_opt.objective import objective
-from cocap_opt.planners.low_level import SingleRobotPath
+from cocap_opt.planners.low_level import LowLevel, SingleRobotPath
+from cocap_opt.problem import Cell, Problem
 from cocap_opt.result import Reason, Result
-from cocap_opt.stop import Limit
+from cocap_opt.stop import Limit, Stop
 
 EVERYBODY = -1  # no robot is left out
 ONE_STEP_AT_A_TIME = (
@@ -25,6 +27,16 @@ class Team:
     model: Model
     found: tuple[SingleRobotPath, ...] = ()
 
+    @classmethod
+    def of(cls, problem: Problem, low_level: LowLevel, stop: Stop) -> "Team":
+        """Return a team of which nobody is planned, with the coverage that a low level needs.
+
+        If a limit ends coverage early, the robots are planned with what there is
+        (`Model.covered_by`).
+        """
+        model = compiled(problem)
+        return cls(model if getattr(low_level, "is_lazy", False) else model.covered_by(stop))
+
     def others(self, robot: int) -> FloatArray:
         """Pixels [Z] of all robots but one (or of EVERYBODY)."""
         pixels = self.model.problem.no_pixels()
@@ -38,16 +50,16 @@ class Team:
         """Paths of all robots, which must all have been found."""
         return [single.path for single in self.found if single.path is not None]
 
-    @property
+    @cached_property
     def value(self) -> float:
         """J."""
         return objective(self.model, self.paths, self.others(EVERYBODY))
 
-    @property
-    def collides(self) -> bool:
-        """True where two of the paths conflict."""
-        plan = self.model.plan(self.paths)
-        return next(plan.conflicts(self.model.problem), None) is not None
+    def _cells(self, robot: int) -> list[Cell]:
+        """Cells of a robot's path, which must have been found."""
+        graph = self.model.class_of[robot].graph
+        path = self.found[robot].path or ()
+        return [self.model.problem.cell(robot, graph.state(state)) for state in path]
 
     def with_path(self, robot: int, single: SingleRobotPath) -> "Team":
         """Return the team with another path for one robot, or with the next robot's first one."""
@@ -79,14 +91,27 @@ class Team:
     def result(
         self, limit: Limit | None = None, statistics: Mapping[str, float] | None = None
     ) -> Result:
-        """Make the result of a planner that has a path for every robot."""
+        """Make the result of a planner that has planned every robot, or let it stay.
+
+        There is no plan where a robot has no path, since it may not stay at its start.
+        """
+        if any(single.path is None for single in self.found):
+            return Result.stopped_without_plan(limit or Limit.NONE, statistics)
         evaluated = sum(single.evaluated for single in self.found)
+        model = self.model
+        messages = [ONE_STEP_AT_A_TIME] if model.problem.objective.over_time else []
+        if model.cut_short_by:
+            limit = limit or model.cut_short_by
+            messages.append(
+                f"coverage was there for {model.covered_steps} of {model.problem.horizon + 1} "
+                "steps; the plan was made without looking at the others"
+            )
         return Result(
             plan=self.model.plan(self.paths),
             value=self.value,
             reason=Reason.STOPPED if limit else Reason.FINISHED,
             limit=limit or Limit.NONE,
-            message=ONE_STEP_AT_A_TIME if self.model.problem.objective.over_time else "",
+            message="; ".join(messages),
             statistics={"evaluated": evaluated} if statistics is None else statistics,
         )
 
@@ -99,11 +124,15 @@ class Team:
         """
         team = Team(self.model).hovering()
         if any(single.path is None for single in team.found):
-            return Result.stopped_without_plan(limit, statistics)
+            return team.result(limit, statistics)
+        cells = [team._cells(robot) for robot in range(len(team.found))]
         for robot, single in enumerate(self.found):
+            own, others = self._cells(robot), cells[:robot] + cells[robot + 1 :]
+            if any(self.model.problem.paths_conflict(own, other) for other in others):
+                continue
             changed = team.with_path(robot, single)
-            if changed.value > team.value and not changed.collides:
-                team = changed
+            if changed.value > team.value:
+                team, cells[robot] = changed, own
         return team.result(limit, statistics)
 
     @staticmethod

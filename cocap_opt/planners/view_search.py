@@ -21,7 +21,7 @@ more than searching. The paper names no gamma; `cocap-opt study gamma` measures 
 
 import heapq
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -121,22 +121,28 @@ def algorithm_2(task: SingleRobotTask, coverage: LazyCoverage, discount: _Discou
     return None  # 10
 
 
-@dataclass(frozen=True)
 class ViewSearch:
-    """View search as a low level. Each instance remembers the coverage it has evaluated."""
+    """View search as a low level. Each instance remembers the coverage it has evaluated.
 
-    discount: _Discount = Compounded()
-    _sources: dict[tuple[Model, tuple[int, ...]], LazyCoverage] = field(default_factory=dict)
+    Parameters
+    ----------
+    discount : of the views to come
+    """
+
+    is_lazy = True
+
+    def __init__(self, discount: _Discount | None = None) -> None:
+        self._discount = discount or Compounded()
+        self._views: dict[Model, list[LazyCoverage]] = {}  # by robot
 
     def __call__(self, task: SingleRobotTask) -> SingleRobotPath:
         """Search for a path; raises LimitReached."""
-        model, robot_class = task.model, task.model.class_of[task.robot]
-        key = model, robot_class.robots
-        if key not in self._sources:
-            self._sources[key] = LazyCoverage(model.views(robot_class))
-        coverage = self._sources[key]
+        model = task.model
+        if model not in self._views:
+            self._views[model] = LazyCoverage.of_robots(model)
+        coverage = self._views[model][task.robot]
         evaluated_before = coverage.evaluated
-        path, pixels = algorithm_2(task, coverage, self.discount), model.problem.no_pixels()
+        path, pixels = algorithm_2(task, coverage, self._discount), model.problem.no_pixels()
         for t, state in enumerate(path or ()):
             if t >= model.problem.first_step:
                 pixels[model.problem.view_sums_at(t)] += coverage(t, np.array([state]))[0]

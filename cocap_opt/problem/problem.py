@@ -16,6 +16,7 @@ import math
 from collections.abc import Iterator, Sequence
 from functools import cached_property
 from itertools import product
+from operator import eq
 from typing import TYPE_CHECKING, Protocol
 
 import msgspec
@@ -257,6 +258,16 @@ class Problem(Data, frozen=True, eq=False, dict=True):
             return False
         ends = (a.x, a.y, self.layers[a.layer]), (b.x, b.y, self.layers[b.layer])
         return self.rules.too_near(self.height_map.way(*ends))
+
+    def paths_conflict(self, p: Sequence[Cell], q: Sequence[Cell]) -> bool:
+        """Returns True if two robots with these cells at the steps 0..T break a rule."""
+        if self.rules.none:
+            return False
+        if any(map(self.too_close if self.rules.separation else eq, p, q)):
+            return True
+        return self.rules.swap and any(
+            p[t] == q[t + 1] and p[t + 1] == q[t] and p[t] != p[t + 1] for t in range(len(p) - 1)
+        )
 
     def cells_too_close(self, cell: Cell) -> Iterator[Cell]:
         """Yields the cells that conflict with a robot in `cell` at the same step."""

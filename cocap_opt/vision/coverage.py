@@ -16,6 +16,8 @@ from cocap_opt.stop import Stop, never
 from cocap_opt.vision.spans import spans
 from cocap_opt.vision.views import Views
 
+Progress = Callable[[int, int], None]  # told how many steps are done, and of how many
+
 
 class CoverageTable(NamedTuple):
     """The coverage of all reachable states that see anything, in compressed sparse rows.
@@ -27,58 +29,6 @@ class CoverageTable(NamedTuple):
     indptr: IntArray  # [n + 1]
     view_sums: IntArray  # [nnz]
     pixels: FloatArray  # [nnz] px/m2, > 0
-
-    @classmethod
-    def of_views(
-        cls,
-        views: Views,
-        n_places: int,
-        reachable: BoolArray,
-        first_step: int,
-        stop: Stop = never,
-        progress: Callable[[int, int], None] = lambda done, total: None,
-        threads: int | None = None,
-    ) -> "CoverageTable":
-        """Computes the coverage of all reachable states from `first_step` on.
-
-        Parameters
-        ----------
-        views : the source of coverage
-        n_places : number of places, each of which has all orientations
-        reachable : [T+1, S] true where a state can be reached
-        first_step : first step whose views count
-        stop : stopping criterion, checked after every batch
-        progress : told after each step how many steps of how many are done
-        threads : number of threads, all usable cores if not given; the table does not depend on it
-
-        Raises
-        ------
-        LimitReached
-            If a limit is reached before the table is whole.
-        """
-        n_steps, n_states = reachable.shape
-        sizes = np.count_nonzero(reachable, axis=1)
-        parts = [_NO_ROWS]
-        pool = ThreadPoolExecutor(threads or usable_cores())
-        try:
-            for first, last in _groups(sizes, first_step, views.batch):
-                stop.check()
-                step, state = np.nonzero(reachable[first:last])
-                # States at one place share what is visible from there.
-                order = np.lexsort([state % n_places, step])
-                nodes = ((first + step) * n_states + state)[order]
-                found = [_NO_ROWS]
-                batches = np.split(nodes, range(views.batch, len(nodes), views.batch))
-                for rows in pool.map(partial(_seen_by, views), batches):
-                    found.append(rows)
-                    stop.check()
-                parts.append(_in_order(_joined(found)))
-                progress(last, n_steps)
-        finally:
-            pool.shutdown(cancel_futures=True)
-        nodes, counts, view_sums, pixels = _joined(parts)
-        indptr = np.concatenate([[0], np.cumsum(counts)])
-        return cls(nodes=nodes, indptr=indptr, view_sums=view_sums, pixels=pixels)
 
     def row(self, node: int) -> tuple[IntArray, FloatArray]:
         """Returns the view sums that a node sees and their coverage; empty if it sees nothing."""
@@ -106,6 +56,80 @@ class CoverageTable(NamedTuple):
         if not len(self.nodes):
             return np.zeros(0)
         return np.add.reduceat(values, self.indptr[:-1])
+
+
+class GrowingTable:
+    """A coverage table that is computed step after step, as far as limits allow.
+
+    Parameters
+    ----------
+    views : the source of coverage
+    n_places : number of places, each of which has all orientations
+    reachable : [T+1, S] true where a state can be reached
+    first_step : first step whose views count
+    threads : number of threads, all usable cores if not given; the table does not depend on it
+
+    Attributes
+    ----------
+    steps : number of steps, from 0 on, that the table is whole for
+    """
+
+    def __init__(
+        self,
+        views: Views,
+        n_places: int,
+        reachable: BoolArray,
+        first_step: int,
+        threads: int | None = None,
+    ) -> None:
+        self._views, self._n_places, self._reachable = views, n_places, reachable
+        self._threads = threads or usable_cores()
+        self._parts = [_NO_ROWS]
+        self.steps = first_step
+
+    def grow(self, stop: Stop = never, progress: Progress = lambda done, total: None) -> None:
+        """Computes the coverage of all reachable states at the steps that are left.
+
+        Parameters
+        ----------
+        stop : stopping criterion, checked after every batch
+        progress : told now and then how many steps of how many are done
+
+        Raises
+        ------
+        LimitReached
+            If a limit is reached before the table is whole. It can grow further later.
+        """
+        n_steps = len(self._reachable)
+        sizes = np.count_nonzero(self._reachable, axis=1)
+        pool = ThreadPoolExecutor(self._threads)
+        try:
+            for first, last in _groups(sizes, self.steps, self._views.batch):
+                stop.check()
+                found = [_NO_ROWS]
+                for rows in pool.map(partial(_seen_by, self._views), self._batches(first, last)):
+                    found.append(rows)
+                    progress(self.steps, n_steps)
+                    stop.check()
+                self._parts.append(_in_order(_joined(found)))
+                self.steps = last
+                progress(last, n_steps)
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+    def _batches(self, first: int, last: int) -> list[IntArray]:
+        """Returns the reachable nodes of steps first..last - 1 in batches."""
+        step, state = np.nonzero(self._reachable[first:last])
+        # States at one place share what is visible from there.
+        order = np.lexsort([state % self._n_places, step])
+        nodes = ((first + step) * self._reachable.shape[1] + state)[order]
+        return np.split(nodes, range(self._views.batch, len(nodes), self._views.batch))
+
+    def table(self) -> CoverageTable:
+        """Returns the table of the steps that are done."""
+        nodes, counts, view_sums, pixels = _joined(self._parts)
+        indptr = np.concatenate([[0], np.cumsum(counts)])
+        return CoverageTable(nodes=nodes, indptr=indptr, view_sums=view_sums, pixels=pixels)
 
 
 def usable_cores() -> int:

@@ -35,6 +35,18 @@ class Faces(NamedTuple):
     blocks: Candidates | None  # parts of these that may hide all of it; None if they are few
 
 
+class _Planes(NamedTuple):
+    """The planes of all faces at one step, and the spheres around the actors."""
+
+    normals: FloatArray  # [F, 3] outward, unit length
+    centres: FloatArray  # [F, 3] m
+    areas: FloatArray  # [F] m2
+    middles: FloatArray  # [A, 3] m
+    reaches: FloatArray  # [A] m, radii, rounding included
+    radii: FloatArray  # [A] m, of upright cylinders around the same middles
+    halves: FloatArray  # [A] m, half the heights of these cylinders
+
+
 class FaceGeometry:
     """The faces of a problem's actors, computed when first asked for.
 
@@ -77,6 +89,22 @@ class FaceGeometry:
     def at(self, t: int) -> Faces:
         """Returns the geometry at one step."""
         return self.between(t, t)
+
+    def planes(self, t: int) -> _Planes:
+        """Returns the planes of the faces at one step, without what can hide them."""
+        n = len(self._shapes)
+        parts = []
+        for actor, shape in zip(self._problem.actors, self._shapes, strict=True):
+            turned = _Turned(actor.poses[t : t + 1] - [*self.origin, 0])
+            parts.append((
+                turned.ways(shape.normals)[0], turned.points(shape.centres)[0], shape.areas,
+                turned.points(shape.middle),
+                *(np.array([x + ROUNDING]) for x in (shape.reach, shape.radius, shape.half)),
+            ))  # fmt: skip
+        if not n:
+            ways, none = np.zeros((0, 3)), np.zeros(0)
+            return _Planes(ways, ways, none, ways, none, none, none)
+        return _Planes(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
     def _between(self, first: int, last: int) -> Faces:
         """Returns the geometry at the steps first..last."""
@@ -136,6 +164,7 @@ class _Local(NamedTuple):
     middle: FloatArray  # [3] m
     reach: float  # m, of a sphere around the middle
     radius: float  # m, of an upright cylinder around it
+    half: float  # m, half of that cylinder's height
     body: Bodies
 
     @classmethod
@@ -160,6 +189,7 @@ class _Local(NamedTuple):
             middle,
             float(np.sqrt(dot(ways, ways)).max()),
             float(np.hypot(ways[:, 0], ways[:, 1]).max()),
+            float(high[2] - low[2]) / 2,
             body,
         )
 

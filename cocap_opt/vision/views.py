@@ -20,6 +20,8 @@ from cocap_opt.vision.visibility import Sightings, Visibility
 # Most states at once, and states times actors, so that limits are checked every 0.3 s or so.
 _BATCH, _BATCH_ACTORS = 8_192, 65_000
 _BATCH_RAYS = 400_000  # states times faces times the squared samples of a triangle
+_CEILING = 200_000  # orientations times places times actors at once, for the processor's cache
+_SLACK = 1e-7  # m, much more than the rounding of coordinates
 _ON_THE_EDGE = 1e-9  # rad, by which an actor may be beyond the edge of a cone
 
 
@@ -29,6 +31,32 @@ class _Seen(NamedTuple):
     rows: IntArray  # [n] position of the state, increasing
     faces: IntArray  # [n] increasing for each state
     pixels: FloatArray  # [n] px/m2, > 0
+
+
+class _Ceiling(NamedTuple):
+    """An upper bound on what the states at some places see at one step, if nothing hides anybody.
+
+    The sums are over all faces, each with a weight w of its own.
+    """
+
+    roots: FloatArray  # [O, n] of w sqrt(px/m2), by orientation and place
+    pixels: FloatArray  # [O, n] of w px/m2
+    visible: BoolArray  # [F] true where one of the states may see the face
+
+    @classmethod
+    def joined(cls, parts: "list[_Ceiling]") -> "_Ceiling":
+        """Returns the ceiling of all places from those of some each."""
+        return cls(
+            np.concatenate([part.roots for part in parts], axis=1),
+            np.concatenate([part.pixels for part in parts], axis=1),
+            np.any([part.visible for part in parts], axis=0),
+        )
+
+    @classmethod
+    def nothing(cls, n_orientations: int, n_places: int, n_faces: int) -> "_Ceiling":
+        """Returns the ceiling of places from which nothing is seen."""
+        none = np.zeros((n_orientations, n_places))
+        return cls(none, none, np.zeros(n_faces, dtype=bool))
 
 
 class Views(ABC):
@@ -59,6 +87,17 @@ class Views(ABC):
     @abstractmethod
     def seen(self, nodes: IntArray) -> _Seen:
         """Returns what nodes [n] see, increasing; node t S + s is state s at step t."""
+
+    @abstractmethod
+    def ceiling(self, t: int, places: IntArray, weights: FloatArray) -> _Ceiling:
+        """Returns an upper bound on what all states at places [n] see at step t.
+
+        It costs much less than coverage, since nothing is clipped.
+
+        Parameters
+        ----------
+        weights : [F] of the faces
+        """
 
     def coverage(self, t: int, states: IntArray) -> FloatArray:
         """Returns the coverage [n, F] in px/m2 of every face from the states [n] at step t."""
@@ -91,8 +130,11 @@ class _PinholeViews(Views):
         self._camera = camera
         self._projection = Projection(camera)
         self._image = float(camera.width * camera.height)  # px
+        self._slopes = camera.width / 2 / camera.focal, camera.height / 2 / camera.focal
+        self._cosine_at_corner = 1 / math.hypot(1.0, *self._slopes)
         self._axes = self._projection.axes(graph.motion.headings)
         self._owners = problem.face_owner
+        self._first_faces = np.searchsorted(self._owners, np.arange(len(problem.actors)))
         self._samples = problem.face_samples
         self._visibility = Visibility(geometry, problem)
 
@@ -136,6 +178,62 @@ class _PinholeViews(Views):
         kept = kept[np.argsort(row[kept] * self.n_faces + face[kept])]
         face = face[kept]
         return _Seen(row[kept], face, area[kept] / faces.areas[face])
+
+    def ceiling(self, t: int, places: IntArray, weights: FloatArray) -> _Ceiling:
+        """Returns an upper bound on what all states at places [n] see at step t.
+
+        The image of a face of area A, whose plane the eye is h before, has
+
+            (1 / A) integral over the face of focal^2 h / depth^3 <= focal^2 h / (least depth)^3
+
+        pixels per square metre. What of an actor is in the image is no nearer than the middle of
+        its sphere less its reach, in depth and, by the angle of the image's corners, in distance.
+        """
+        if not self.n_faces or not len(places):
+            return _Ceiling.nothing(len(self._axes), len(places), self.n_faces)
+        planes, slopes = self._geometry.planes(t), self._slopes
+        right, up, forward = np.moveaxis(self._axes, 1, 0)  # [O, 3] each
+        # What an upright cylinder reaches towards the camera, beyond its middle [O, 1, A] m.
+        level, steep = np.hypot(forward[:, 0], forward[:, 1]), np.abs(forward[:, 2])
+        reach = np.outer(level, planes.radii) + np.outer(steep, planes.halves) + _SLACK
+        margins = [(planes.reaches + _SLACK) * math.hypot(1.0, slope) for slope in slopes]
+        most = self._by_actor(self._image / planes.areas * weights)
+        of_actors = self._by_actor(weights)
+        parts = []
+        for some in _chunks(places, len(self._axes) * len(planes.reaches)):
+            eyes = self._graph.positions(self._map, some) - self._geometry.origin
+            ahead = eyes @ planes.normals.T - dot(planes.normals, planes.centres)  # m, [n, F]
+            turned = ahead > -_SLACK
+            ahead = np.maximum(ahead + _SLACK, 0)
+            u, v, depth = (
+                (axis @ planes.middles.T)[:, None] - (axis @ eyes.T)[..., None]  # [O, n, A] m
+                for axis in (right, up, forward)
+            )
+            in_view = slopes[0] * depth - np.abs(u) >= -margins[0]
+            in_view &= slopes[1] * depth - np.abs(v) >= -margins[1]
+            orientation, place, actor = np.nonzero(in_view)
+            ways = planes.middles - eyes[:, None]
+            nearest = (np.sqrt(dot(ways, ways)) - planes.reaches) * self._cosine_at_corner
+            nearest = np.maximum(depth[in_view] - reach[orientation, actor], nearest[place, actor])
+            inverse = self._camera.focal**2 / np.maximum(nearest, _SLACK) ** 3
+            pixels = np.minimum(
+                inverse * self._by_actor(ahead * weights)[place, actor], most[actor]
+            )
+            # By the inequality of Cauchy and Schwarz, of the faces of an actor.
+            roots = np.sqrt(pixels * of_actors[actor])
+            at, size = orientation * len(some) + place, (len(self._axes), len(some))
+            visible = in_view.any(axis=0)[:, self._owners] & turned
+            parts.append(_Ceiling(
+                np.bincount(at, roots, math.prod(size)).reshape(size).astype(np.float64),
+                np.bincount(at, pixels, math.prod(size)).reshape(size).astype(np.float64),
+                visible.any(axis=0),
+            ))  # fmt: skip
+        return _Ceiling.joined(parts)
+
+    def _by_actor(self, values: FloatArray) -> FloatArray:
+        """Returns the sums [.., A] of values [.., F] over each actor's faces."""
+        sums: FloatArray = np.add.reduceat(values, self._first_faces, axis=-1)
+        return sums
 
     def _in_pieces(
         self, sight: Sightings, which: IntArray, orientation: IntArray, in_view: BoolArray
@@ -183,8 +281,7 @@ class _PinholeViews(Views):
         """
         u, v, depth = np.moveaxis(self._in_camera(middles, orientation), -1, 0)
         in_view = np.ones(u.shape, dtype=bool)
-        for size, off in ((self._camera.width, u), (self._camera.height, v)):
-            slope = size / 2 / self._camera.focal
+        for slope, off in zip(self._slopes, (u, v), strict=True):
             in_view &= slope * depth - np.abs(off) >= -reaches * math.hypot(1.0, slope)
         return in_view
 
@@ -204,27 +301,71 @@ class _ConeViews(Views):
 
     def coverage(self, t: int, states: IntArray) -> FloatArray:
         """Returns the coverage [n, F] in 1/m2 of every face from the states [n] at step t."""
-        faces, owners = self._geometry.at(t), self._problem.face_owner
-        origin = self._geometry.origin
+        owners = self._problem.face_owner
         if not len(owners):
             return np.zeros((len(states), 0))
         orientation, place = np.divmod(states, self._graph.n_places)
-        eyes = self._graph.positions(self._problem.height_map, place) - origin
         yaw = 2 * np.pi * orientation / self._graph.motion.headings
-        feet = np.array([actor.poses[t, :3] for actor in self._problem.actors]) - origin
-        ways = feet[None] - eyes[:, None]  # [n, A, 3]
-        off = np.arctan2(ways[..., 1], ways[..., 0]) - yaw[:, None]
-        off = np.abs((off + np.pi) % (2 * np.pi) - np.pi)
-        detected = off <= self._cone.opening / 2 + _ON_THE_EDGE
-        # All faces count as if they were on the ground.
-        d = np.empty((len(states), len(owners), 3))
-        d[..., :2] = faces.centres[:, :, :2] - eyes[:, None, :2]
-        d[..., 2] = feet[owners, 2] - eyes[:, None, 2]
-        ahead = np.abs(d[..., 0] * np.cos(yaw)[:, None] + d[..., 1] * np.sin(yaw)[:, None])
-        square = dot(d, d)
-        turned = np.maximum(-dot(d, faces.normals), 0.0)
+        eyes = self._eyes(place)
+        detected = self._off(t, eyes, yaw) <= self._cone.opening / 2 + _ON_THE_EDGE
+        ways, turned = self._ways(t, eyes)
+        ahead = np.abs(ways[..., 0] * np.cos(yaw)[:, None] + ways[..., 1] * np.sin(yaw)[:, None])
+        square = dot(ways, ways)
         result: FloatArray = detected[:, owners] * ahead * turned / square**2
         return result
+
+    def ceiling(self, t: int, places: IntArray, weights: FloatArray) -> _Ceiling:
+        """Returns an upper bound on what all states at places [n] see at step t.
+
+        All of the level way to a face counts as ahead.
+        """
+        headings, owners = self._graph.motion.headings, self._problem.face_owner
+        if not len(owners) or not len(places):
+            return _Ceiling.nothing(headings, len(places), self.n_faces)
+        first = np.searchsorted(owners, np.arange(len(self._problem.actors)))
+        parts = []
+        for some in _chunks(places, headings * len(first)):
+            eyes = self._eyes(some)
+            yaw = 2 * np.pi * np.arange(headings)[:, None] / headings
+            off: FloatArray = np.stack([self._off(t, eyes, one) for one in yaw])  # [O, n, A]
+            detected: BoolArray = off <= self._cone.opening / 2 + 2 * _ON_THE_EDGE
+            ways, turned = self._ways(t, eyes)
+            seen = np.hypot(ways[..., 0], ways[..., 1]) * turned / dot(ways, ways) ** 2
+            roots, pixels = (
+                (detected * np.add.reduceat(values, first, axis=1)).sum(axis=-1)
+                for values in (np.sqrt(seen) * weights, seen * weights)
+            )
+            noticed = np.asarray(detected.any(axis=0))
+            visible = np.any(noticed[:, owners] & (seen > 0), axis=0)
+            parts.append(_Ceiling(roots, pixels, visible))
+        return _Ceiling.joined(parts)
+
+    def _eyes(self, places: IntArray) -> FloatArray:
+        """Returns the positions [n, 3] m of places."""
+        eyes = self._graph.positions(self._problem.height_map, places)
+        return np.asarray(eyes - self._geometry.origin)
+
+    def _feet(self, t: int) -> FloatArray:
+        """Returns the actors' foot points [A, 3] m."""
+        feet = np.array([actor.poses[t, :3] for actor in self._problem.actors])
+        return np.asarray(feet - self._geometry.origin)
+
+    def _off(self, t: int, eyes: FloatArray, yaw: FloatArray) -> FloatArray:
+        """Returns the angles [n, A] (rad) between look directions [n] or [1] and the actors."""
+        ways = self._feet(t)[None] - eyes[:, None]  # [n, A, 3]
+        off = np.arctan2(ways[..., 1], ways[..., 0]) - yaw[:, None]
+        result: FloatArray = np.abs((off + np.pi) % (2 * np.pi) - np.pi)
+        return result
+
+    def _ways(self, t: int, eyes: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Returns the ways [n, F, 3] m to the faces, and how far [n, F] these are turned to them.
+
+        All faces count as if they were on the ground.
+        """
+        faces, ground = self._geometry.planes(t), self._feet(t)[self._problem.face_owner, 2]
+        targets = np.column_stack([faces.centres[:, :2], ground])
+        ways = targets[None] - eyes[:, None]
+        return ways, np.maximum(-dot(ways, faces.normals), 0.0)
 
     @property
     def batch(self) -> int:
@@ -238,3 +379,13 @@ class _ConeViews(Views):
         coverage = np.concatenate([np.zeros((0, self.n_faces)), *parts])
         rows, faces = np.nonzero(coverage)
         return _Seen(rows, faces, coverage[rows, faces])
+
+
+def _chunks(places: IntArray, size: int) -> list[IntArray]:
+    """Returns places [n] in parts that are small enough.
+
+    Parameters
+    ----------
+    size : orientations times actors
+    """
+    return np.array_split(places, -(-len(places) * size // _CEILING))

@@ -79,8 +79,7 @@ def _render(
     make_folder(output)
     with Watch.on_terminal(f"{problem.name} seed {seed}") as watch:
         try:
-            row = write_views(output, problem, shown, width, pixel_step,
-                              watch.counter("view"))  # fmt: skip
+            row = write_views(output, problem, shown, width, pixel_step, watch.counter)
         except UnsupportedError as error:
             raise UsageError(f"{scene}: {error}") from error
     print_result({"scene": problem.name, "seed": seed, "folder": output} | row, json)

@@ -2,7 +2,6 @@
 
 import os
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, NamedTuple
@@ -41,10 +40,10 @@ from cocap_opt.files.documents import FileError, encode
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult
 from cocap_opt.model import compiled
-from cocap_opt.planners import LAZY
+from cocap_opt.planners import LAZY, PLANNERS
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import Reason, Result, UnsupportedError
-from cocap_opt.stop import Interrupt, LimitReached, Stop
+from cocap_opt.stop import Interrupt, Stop
 
 AT_THE_ROOT = "column-generation"  # a bound that comes with a plan
 _SOLVE_METHODS = (*EXACT, AT_THE_ROOT)
@@ -172,14 +171,13 @@ def _solve(
 def _planned(
     problem: Problem, planner: str, allowance: Allowance, interrupt: Stop, watch: Watch
 ) -> Judged[Result]:
-    """Plans; coverage comes before, in the same time, and is not in the planner's seconds.
-
-    A planner that has no coverage in time has no time left to plan.
-    """
+    """Plans; coverage comes before, in the same time, and is not in the search's seconds."""
     stop = allowance.begin(interrupt)
-    if planner not in LAZY:
-        with suppress(LimitReached):
-            compiled(problem).prepare_all(stop, watch.counter("coverage"))
+    if planner in PLANNERS and planner not in LAZY:
+        compiled(problem).covered_by(stop, watch.counter("coverage"))
+    elif planner not in LAZY:
+        cover(problem, stop, watch)
+    watch.show(planner)
     return Judged.planned(problem, planner, stop)
 
 
@@ -208,6 +206,7 @@ class _Task(NamedTuple):
         with Watch.on_terminal(f"{problem.name} seed {seed}") as watch:
             report = trace.beside(watch.report())
             cover(problem, stop, watch)
+            watch.show(method)
             try:
                 judged = Judged.certified(problem, method, stop, self.start, report, gap)
             except UnsupportedError as error:

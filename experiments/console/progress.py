@@ -2,7 +2,8 @@
 
 import math
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
+from threading import Event, Thread
 
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
@@ -14,7 +15,7 @@ from cocap_opt.formulations.result import Report, Snapshot
 from cocap_opt.stop import Clock
 
 _BAR_WIDTH = 40  # characters
-SECONDS_BETWEEN_LINES = 10.0  # where standard error is no terminal
+SECONDS_BETWEEN_LINES = 5.0  # where standard error is no terminal
 
 
 class Watch:
@@ -36,18 +37,35 @@ class Watch:
         self._clock = Clock()
         self._said = 0.0  # when the last line was said, on that clock
 
+    @contextmanager
+    def _ticking(self) -> Iterator[None]:
+        """Says now and then how far the task is, also while nothing is shown."""
+        ended = Event()
+
+        def tick() -> None:
+            while not ended.wait(SECONDS_BETWEEN_LINES):
+                self._say()
+
+        ticker = Thread(target=tick, daemon=True)
+        ticker.start()
+        try:
+            yield
+        finally:
+            ended.set()
+            ticker.join()
+
     @classmethod
     @contextmanager
     def on_terminal(cls, task: str, parts: int | None = None) -> "Iterator[Watch]":
         """Yields a watch that is shown on standard error.
 
         On a terminal its lines change and are gone at the end; otherwise they are plain lines
-        that stay, at most one in ten seconds.
+        that stay, one in five seconds.
         """
         console = Console(stderr=True)
         watch = cls(task, parts, plain=not console.is_terminal)
         live = Live(console=console, get_renderable=watch.lines, transient=True)
-        with live if console.is_terminal else nullcontext():
+        with live if console.is_terminal else watch._ticking():
             yield watch
 
     def begin(self, task: str) -> None:
@@ -61,10 +79,12 @@ class Watch:
     def show(self, status: str) -> None:
         """Shows how far the task is."""
         self._status = status
-        seconds = self._clock.seconds
-        if self._plain and seconds - self._said >= SECONDS_BETWEEN_LINES:
-            say(f"{self._head()}: {status}")
-            self._said = seconds
+        if self._plain and self._clock.seconds - self._said >= SECONDS_BETWEEN_LINES:
+            self._say()
+
+    def _say(self) -> None:
+        self._said = self._clock.seconds
+        say(": ".join(filter(None, (self._head(), self._status))))
 
     def counter(self, noun: str) -> Callable[[int, int], None]:
         """Returns a function that is told how many of some things are done, and of how many."""

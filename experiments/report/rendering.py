@@ -29,7 +29,7 @@ def write_views(
     plan: Plan,
     width: int,
     pixel_step: int,
-    progress: Callable[[int, int], None],
+    counter: Callable[[str], Callable[[int, int], None]],
 ) -> Record:
     """Writes a picture per drone and step, and coverage.csv; returns rewards and errors by name.
 
@@ -37,18 +37,21 @@ def write_views(
     ----------
     width : px, of the pictures
     pixel_step : of the renderer that counts pixels
+    counter : returns a function that is told how many of some things are done, by their name
     """
     verdict = check(problem, plan)
     steps = [max(round(Renderer.camera_of(robot).width / width), 1) for robot in problem.robots]
     painters = {step: Renderer(problem, step) for step in set(steps)}
-    for pose in Pose.all_of(plan):
+    drawn, paint = Pose.all_of(plan), counter("picture")
+    for number, pose in enumerate(drawn):
+        paint(number, len(drawn))
         painter = painters[steps[pose.robot]]
         picture = painter.picture(problem.robots[pose.robot], pose.t, pose.state)
         name = folder / f"drone{pose.robot:02d}-step{pose.t:03d}.png"
         save_bytes(name, _png(problem, picture))
     renderer = Renderer(problem, pixel_step)
     poses = Pose.all_of(plan, problem.first_step)
-    views = list(FaceView.all_from(compiled(problem), renderer, poses, progress))
+    views = list(FaceView.all_from(compiled(problem), renderer, poses, counter("view")))
     save_csv(
         folder / "coverage.csv", [_csv_row(problem, view) for view in views] or [{"robot": ""}]
     )

@@ -7,11 +7,12 @@ from typing import Any, Generic, NamedTuple, TypeVar
 from cocap_opt.files.documents import PlanFile, problem_digest
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Report, silent
-from cocap_opt.planners import PLANNERS
+from cocap_opt.model import compiled
+from cocap_opt.planners import LAZY, PLANNERS
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import Verdict, check
 from cocap_opt.result import Reason, Result, UnsupportedError, relative_gap
-from cocap_opt.stop import FirstOf, Stop, TimeLimit, WorkLimit, never
+from cocap_opt.stop import Clock, FirstOf, Stop, TimeLimit, WorkLimit, never
 
 R = TypeVar("R", bound=Result)
 R_co = TypeVar("R_co", bound=Result, covariant=True)
@@ -56,6 +57,8 @@ class Judged(NamedTuple, Generic[R_co]):
 
     result: R_co
     verdict: Verdict | None
+    coverage_seconds: float | None = None  # of the problem in this process, if its plan needs it
+    checking_seconds: float | None = None  # of the referee
 
     @classmethod
     def of(cls, name: str, problem: Problem, result: R) -> "Judged[R]":
@@ -68,6 +71,7 @@ class Judged(NamedTuple, Generic[R_co]):
         """
         if result.plan is None:
             return Judged(result, None)
+        clock = Clock()
         verdict = check(problem, result.plan)
         if verdict.violations:
             raise RefereeError(f"{name}: {verdict.violations[0]}")
@@ -75,7 +79,7 @@ class Judged(NamedTuple, Generic[R_co]):
             raise RefereeError(f"{name}: claims J = {result.value!r}, it is {verdict.reward!r}")
         if verdict.valid:
             RefereeError.unless_bound(name, verdict.reward, result.bound)
-        return Judged(result, verdict)
+        return Judged(result, verdict, checking_seconds=clock.seconds)
 
     @classmethod
     def of_plan(cls, problem: Problem, plan: Plan) -> "Judged[Result]":
@@ -90,7 +94,9 @@ class Judged(NamedTuple, Generic[R_co]):
             result = SOLVERS[name](problem, stop)
         except UnsupportedError as error:
             return Judged(Result(None, -math.inf, Reason.UNSUPPORTED, message=str(error)), None)
-        return Judged.of(name, problem, result)
+        judged = Judged.of(name, problem, result)
+        spent = 0.0 if name in LAZY else compiled(problem).coverage_seconds
+        return judged._replace(coverage_seconds=spent)
 
     @classmethod
     def certified(
@@ -113,7 +119,8 @@ class Judged(NamedTuple, Generic[R_co]):
             result = EXACT[name](problem, stop, start, report, gap)
         else:
             result = BOUNDS[name](problem, stop, start, report)
-        return Judged.of(name, problem, result)
+        judged = Judged.of(name, problem, result)
+        return judged._replace(coverage_seconds=compiled(problem).coverage_seconds)
 
     @property
     def reward(self) -> float:

@@ -139,11 +139,14 @@ def _text(key: str, value: Any) -> str:
         return "-"
     if key in _SHARES:
         return f"{100 * value:.3f} %"
-    if key == "seconds":
+    if key == "seconds" or key.endswith("_seconds"):
         return f"{value:.3f}"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
     if isinstance(value, float):
         return f"{value:,.2f}"
     if isinstance(value, (list, tuple)):
-        joint = ", " if all(isinstance(item, float) for item in value) else "\n"
-        return joint.join(_text("", item) for item in value) or "none"
+        if value and all(isinstance(item, float) for item in value):
+            return "  ".join(f"{item:.2f}" for item in value)
+        return "\n".join(_text("", item) for item in value) or "none"
     return printable(str(value))

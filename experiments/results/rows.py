@@ -64,8 +64,19 @@ class PlanRow:
     ]
     limit: Annotated[str, Column("The limit that stopped the planner, or none.")]
     seconds: Annotated[
-        _Number, Column("Wall-clock time of the planner; coverage comes before.", unit="s")
+        _Number, Column("Wall-clock time of the search; coverage and checking are apart.", unit="s")
     ]
+    coverage_seconds: Annotated[
+        _Number,
+        Column(
+            "Wall-clock time of the coverage that the search used, in this process; 0 for planners "
+            "that evaluate single views.",
+            unit="s",
+        ),
+    ] = None
+    checking_seconds: Annotated[
+        _Number, Column("Wall-clock time in which the referee checked the plan.", unit="s")
+    ] = None
     conflicts: Annotated[_Count, Column("Collision rules that the plan breaks.")]
     message: Annotated[str, Column("Further remarks, in words.")]
 
@@ -93,6 +104,8 @@ class PlanRow:
             reason=str(reason),
             limit=str(result.limit),
             seconds=_finite(result.seconds),
+            coverage_seconds=judged.coverage_seconds,
+            checking_seconds=judged.checking_seconds,
             conflicts=judged.conflicts if judged.verdict else None,
             message="; ".join(messages),
         )

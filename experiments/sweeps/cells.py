@@ -42,6 +42,7 @@ _MODULES = (
     "cocap_opt.result",
     "cocap_opt.stop",
     "cocap_opt.text",
+    "cocap_opt.timing",
     "cocap_opt.vision",
     "cocap_opt.world",
     "cocap_opt.experiments.results.files",

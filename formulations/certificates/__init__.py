@@ -28,6 +28,7 @@ and `files.documents` (the digest that ties a file to its scene).
 from cocap_opt.formulations.certificates.checking import certify, verify
 from cocap_opt.formulations.certificates.envelope import Curve, Cut
 from cocap_opt.formulations.certificates.format import (
+    OPTIMISTIC,
     Branch,
     Certificate,
     CertificateError,
@@ -53,6 +54,7 @@ from cocap_opt.formulations.certificates.resources import (
 )
 
 __all__ = [
+    "OPTIMISTIC",
     "Branch",
     "Cells",
     "Certificate",

@@ -3,11 +3,6 @@
 Both are documents (`cocap_opt.files.documents`): JSON with a `format` and a `version`, read
 strictly. A certificate holds one set of numbers that bounds J. A proof holds a tree of
 decisions, and such numbers at each of its leaves.
-
-What may come has its place, and raises the version: how coverage was computed is a field of
-`_Claim`, with a default that older files then have; a set of moves is one more class of
-`Resource`; payments per step, and a chain of stages of fixing, are one more class of
-`Certificate` with a tag of its own. Readers of an older version refuse such files in words.
 """
 
 import math
@@ -18,6 +13,7 @@ from typing import Literal
 
 import msgspec
 import numpy as np
+from msgspec import UNSET, UnsetType
 
 from cocap_opt.files.documents import SAMPLED, Document
 from cocap_opt.formulations.certificates.envelope import Curve, Cut
@@ -26,6 +22,7 @@ from cocap_opt.model import Model
 
 MOST_NODES = 1_000_000
 MOST_WORK = 256  # breakpoints of all classes, each counted once per robot of its class
+OPTIMISTIC: Literal["optimistic"] = "optimistic"
 LARGEST_ROOT = 1e50  # of a curve, far beyond any camera's, and its square is finite
 
 # The numbers of classes in a file count the classes of robots that differ only in their start
@@ -181,6 +178,9 @@ class CertificateFile(_Claim, frozen=True, kw_only=True):
     older = SAMPLED
     format: Literal["cocap-opt certificate"] = "cocap-opt certificate"
     version: Literal[4] = 4
+    # The coverage that the bound was computed with, where it was not the true one: at the steps
+    # that a limit left open, nothing hid anybody. The claim is checked on the true one.
+    coverage: Literal["optimistic"] | UnsetType = UNSET
     certificate: Certificate
 
 

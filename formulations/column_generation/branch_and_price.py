@@ -10,11 +10,12 @@ Compare branch-and-cut-and-price for path finding (Lam, Le Bodic, Harabor, Stuck
 
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.column_generation.tree import Tree
+from cocap_opt.formulations.early_bound import early_bound
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Report, silent
 from cocap_opt.model import compiled
 from cocap_opt.problem import Plan, Problem
-from cocap_opt.result import timed
 from cocap_opt.stop import Clock, Limit, LimitReached, Stop, never
+from cocap_opt.timing import timed
 
 METHOD = "branch-and-price"
 
@@ -31,12 +32,13 @@ def branch_and_price(
 
     At a limit, the best plan and the bound so far, with their proof.
     """
-    model, clock = compiled(problem), Clock()
+    model = compiled(problem)
     try:
         model.prepare_all(stop)
     except LimitReached as reached:
-        return CertifiedResult.of_start(problem, start, reached.limit)
-    search = Search(model, stop, report, clock)
+        stopped = CertifiedResult.of_start(problem, start, reached.limit)
+        return stopped.with_bound_of(early_bound(problem, reached.limit))
+    search = Search(model, stop, report, Clock())
     message = search.use_start(start)
     tree, limit = Tree(search, gap), Limit.NONE
     try:

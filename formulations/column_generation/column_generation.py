@@ -2,14 +2,14 @@
 
 from collections.abc import Callable
 
-from cocap_opt.formulations.certificates import certify
 from cocap_opt.formulations.column_generation.root import Root
 from cocap_opt.formulations.column_generation.search import Search
+from cocap_opt.formulations.early_bound import early_bound
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Report, silent
 from cocap_opt.model import compiled
 from cocap_opt.problem import Plan, Problem
-from cocap_opt.result import timed
 from cocap_opt.stop import Clock, Limit, LimitReached, Stop, never
+from cocap_opt.timing import timed
 
 METHOD = "column-generation"
 
@@ -34,12 +34,13 @@ def column_generation(
         The best certificate found, also where a limit stopped it. A negative bound proves
         that there is no plan, since J >= 0.
     """
-    model, clock = compiled(problem), Clock()
+    model = compiled(problem)
     try:
         model.prepare_all(stop)
     except LimitReached as reached:
-        return CertifiedResult.of_start(problem, start, reached.limit)
-    search = Search(model, stop, report, clock)
+        stopped = CertifiedResult.of_start(problem, start, reached.limit)
+        return stopped.with_bound_of(early_bound(problem, reached.limit))
+    search = Search(model, stop, report, Clock())
     message = search.use_start(start)
     root, limit = Root.of(search, OPTIMALITY / 2), Limit.NONE
     try:
@@ -51,9 +52,7 @@ def column_generation(
     except LimitReached as reached:
         limit = reached.limit
     relaxation, search = root.relaxation, root.search
-    certificate = relaxation.best.duals.certificate(search.model)
-    file = certify(problem, search.model, METHOD, certificate)
-    return search.result(file, limit, OPTIMALITY, message, {
+    return search.result(relaxation.certificate(METHOD), limit, OPTIMALITY, message, {
         "iterations": relaxation.iterations, "columns": search.columns,
         "rows": len(relaxation.master.rows), "cuts": len(relaxation.master.cuts),
     })  # fmt: skip

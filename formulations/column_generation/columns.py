@@ -1,7 +1,6 @@
 """Columns: paths of single robots with what they see, and the arcs along them."""
 
 from collections.abc import Collection, Iterable
-from operator import eq
 from typing import NamedTuple
 
 import numpy as np
@@ -89,17 +88,7 @@ class Column(NamedTuple):
 
     def conflicts_with(self, other: "Column", problem: Problem) -> bool:
         """Returns True if the two paths break a collision rule."""
-        if problem.rules.none:
-            return False
-        p, q = self.flight.cells, other.flight.cells
-        if problem.rules.separation:
-            if any(problem.too_close(c, d) for c, d in zip(p, q, strict=True)):
-                return True
-        elif any(map(eq, p, q)):
-            return True
-        return problem.rules.swap and any(
-            p[t] == q[t + 1] and p[t + 1] == q[t] and p[t] != p[t + 1] for t in range(len(p) - 1)
-        )
+        return problem.paths_conflict(self.flight.cells, other.flight.cells)
 
     @staticmethod
     def avoid(model: Model, robot_class: RobotClass, columns: "Iterable[Column]") -> Charges:

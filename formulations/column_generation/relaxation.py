@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cocap_opt.formulations.certificates import Cut, Decision
+from cocap_opt.formulations.certificates import CertificateFile, Cut, Decision, certify
 from cocap_opt.formulations.column_generation.columns import Column
 from cocap_opt.formulations.column_generation.master import BEST_ACCURACY, Master, Solution
 from cocap_opt.formulations.column_generation.mixture import Mixture
@@ -114,6 +114,11 @@ class Relaxation:
             self.cut_rounds += 1
             if not self._add_cuts(solution):
                 return
+
+    def certificate(self, method: str) -> CertificateFile:
+        """Returns the certificate of the best bound so far, without decisions, and whose it is."""
+        model = self.search.model
+        return certify(model.problem, model, method, self.best.duals.certificate(model))
 
     def _iterate(self, wanted: float) -> _Iteration:
         """Solves the master, prices its multipliers and some between them and the best so far."""

@@ -81,6 +81,8 @@ class Root:
         if self.search.incumbent is not None:
             model = aggregated.search.model
             aggregated.search.offer(self.search.incumbent.in_model(model))
+        if self.relaxation.best.bound < aggregated.best.bound:
+            aggregated.search.spare = self.relaxation.certificate("column-generation")
         self.relaxation = aggregated
 
     def _can_disaggregate(self) -> bool:

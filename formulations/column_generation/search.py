@@ -4,6 +4,7 @@ from collections.abc import Collection, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
+import msgspec
 import numpy as np
 
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile
@@ -38,6 +39,8 @@ class Search:
     report : told about every iteration
     incumbent : the best plan so far
     columns : number of columns generated in all
+    spare : proves the bound of a relaxation that was given up, if that is lower than the bound of
+        the one that is pursued
     pricer : prices multipliers for the model
     local_search : improves plans of the model
     rng : of perturbations
@@ -52,6 +55,7 @@ class Search:
     clock: Clock = field(default_factory=Clock)
     incumbent: Incumbent | None = None
     columns: int = 0
+    spare: CertificateFile | None = None
 
     def __post_init__(self) -> None:
         """Compiles the parts of the model that pricing needs."""
@@ -96,6 +100,8 @@ class Search:
         bound : largest of the nodes that are open; with the incumbent's J it bounds all plans
         """
         bound = max(bound, self.value)
+        if self.spare is not None:
+            bound = min(bound, self.spare.proved)
         return Snapshot(self.value, bound, self.clock.seconds, self.columns, nodes)
 
     def alone(self) -> Priced:
@@ -149,6 +155,8 @@ class Search:
         gap : relative gap that was asked for
         message : why the start was rejected, if it was
         """
+        if self.spare is not None and self.spare.proved < file.proved:
+            file = msgspec.structs.replace(self.spare, method=file.method)
         plan = None if self.incumbent is None else self.model.plan(self.incumbent.paths)
         reached = relative_gap(self.value, file.proved)
         if reached <= OPTIMALITY or file.proved - self.value <= EXACT * self.scale:

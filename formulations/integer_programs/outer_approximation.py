@@ -19,6 +19,7 @@ import numpy as np
 from cocap_opt.formulations.certificates import CertificateFile, Multipliers
 from cocap_opt.formulations.column_generation.column_generation import column_generation
 from cocap_opt.formulations.column_generation.root import Root as RootSearch
+from cocap_opt.formulations.early_bound import early_bound
 from cocap_opt.formulations.integer_programs.program import Answer, Call, Program, Solver
 from cocap_opt.formulations.relaxations.collision_rows import ConflictRows
 from cocap_opt.formulations.relaxations.flow import Amounts, Compile, Flow, Roots
@@ -33,8 +34,9 @@ from cocap_opt.model import Model, Path, compiled
 from cocap_opt.objective import objective
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
-from cocap_opt.result import Reason, relative_gap, timed
+from cocap_opt.result import Reason, relative_gap
 from cocap_opt.stop import Clock, FirstOf, Limit, LimitReached, Stop, TimeLimit
+from cocap_opt.timing import timed
 
 __all__ = ["Root", "certified_root", "outer_approximation"]
 
@@ -133,9 +135,14 @@ class _Rounds:
         """
         try:
             self.model.prepare_all(self.stop)
-        except LimitReached:
+        except LimitReached as reached:
             if self.plan is not None:
                 self.value = check(self.problem, self.plan).reward
+            if make_root is not None:
+                early = early_bound(self.problem, reached.limit)
+                self.bound = early.bound
+                if isinstance(early.certificate, CertificateFile):
+                    self.file = early.certificate
             raise
         self.scale = float(self.problem.view_sum_weights @ self.model.largest_roots().max(axis=0))
         if self.plan is not None:

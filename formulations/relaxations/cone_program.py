@@ -20,6 +20,7 @@ import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.certificates import CertificateFile, Cut, certify
+from cocap_opt.formulations.early_bound import early_bound
 from cocap_opt.formulations.relaxations.collision_rows import ConflictRows
 from cocap_opt.formulations.relaxations.cone_solver import solve_cones
 from cocap_opt.formulations.relaxations.duals import Duals, RootRows
@@ -28,8 +29,8 @@ from cocap_opt.formulations.relaxations.separation import Seen
 from cocap_opt.formulations.result import CertifiedResult, Report, Snapshot, silent
 from cocap_opt.model import Model, compiled
 from cocap_opt.problem import Plan, Problem
-from cocap_opt.result import timed
 from cocap_opt.stop import Clock, Limit, LimitReached, Stop, never
+from cocap_opt.timing import timed
 
 if TYPE_CHECKING:
     import cvxpy as cp
@@ -173,7 +174,7 @@ class _Relaxation:
         try:
             self.model.prepare_all(stop)
         except LimitReached as reached:
-            return CertifiedResult.without_bound(reached.limit)
+            return early_bound(self.model.problem, reached.limit)
         # The bound of robots alone, for where a robot has no path or the solver gives up.
         self.best = alone = self._certify(Duals.alone(self.model.problem))
         self._tell(report)

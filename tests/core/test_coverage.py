@@ -34,7 +34,7 @@ from cocap_opt.problem import (
     TriangulatedCuboid,
 )
 from cocap_opt.referee import check
-from cocap_opt.vision.coverage import CoverageTable
+from cocap_opt.vision.coverage import GrowingTable
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.projection import Projection
 from cocap_opt.vision.views import Views
@@ -717,7 +717,7 @@ def test_limits_are_asked_for_often(actors: int, most: int) -> None:
     states, most_at_once = int(reachable[1].sum()), model.views(model.classes[0]).batch
     stop = Calls()
     views, graph = model.views(model.classes[0]), model.classes[0].graph
-    CoverageTable.of_views(views, graph.n_places, reachable, 1, stop)
+    GrowingTable(views, graph.n_places, reachable, 1).grow(stop)
     assert most_at_once <= most
     assert stop.asked >= states / most_at_once
 

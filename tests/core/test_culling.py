@@ -23,7 +23,7 @@ from cocap_opt.problem import (
     Robot,
     State,
 )
-from cocap_opt.vision.coverage import CoverageTable
+from cocap_opt.vision.coverage import GrowingTable
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.views import Views
 from cocap_opt.world.workspace import HeightMap
@@ -291,16 +291,14 @@ def test_a_table_does_not_depend_on_the_number_of_threads(threads: int) -> None:
     problem = town(0, robots=2, actors=3, cells=30, steps=3, resolution=2.5)
     model = Model(problem, use_cache=False)
     (robot_class,) = model.classes
-    tables = [
-        CoverageTable.of_views(
-            model.views(robot_class),
-            robot_class.graph.n_places,
-            model.reachable(robot_class),
-            1,
-            threads=n,
-        )[0]
+    views, n_places = model.views(robot_class), robot_class.graph.n_places
+    growing = [
+        GrowingTable(views, n_places, model.reachable(robot_class), 1, threads=n)
         for n in (1, threads)
     ]
-    assert tables[0] is not None and tables[1] is not None
+    for one in growing:
+        one.grow()
+    tables = [one.table() for one in growing]
+    assert len(tables[0].nodes)
     for one, other in zip(*tables, strict=True):
         assert one.tobytes() == other.tobytes()

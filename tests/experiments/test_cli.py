@@ -769,7 +769,7 @@ def test_a_work_limit_stops_where_it_stops_anywhere(
     words: tuple[object, ...], limited: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The same answer twice, and another one without the limit; a limit in the other column."""
-    times = ("seconds", "coverage_seconds")
+    times = ("seconds", "coverage_seconds", "checking_seconds")
     first, again, free = (
         {k: v for k, v in Run(capsys, *words, *more, "--json").json.items() if k not in times}
         for more in (["--work-limit", 1], ["--work-limit", 1], [])

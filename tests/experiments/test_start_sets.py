@@ -311,5 +311,5 @@ def test_their_plans_are_read_from_their_folders(name: str) -> None:
     (peer,) = _Peer.all_beside([str(folder)], {})
     verdict = check(peer.problem, peer.plan)
     assert verdict.valid
-    assert verdict.reward == pytest.approx(peer.reported.own_tilt, rel=1e-3)
-    assert peer.reported.as_reported != peer.reported.own_tilt
+    assert verdict.reward == pytest.approx(peer.reported[1], rel=1e-3)
+    assert peer.reported[0] != peer.reported[1]

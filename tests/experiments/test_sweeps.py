@@ -62,7 +62,10 @@ from cocap_opt.vision.coverage import usable_cores
 
 PLANNER_NAMES = ("greedy", "sequential", "cocap")
 SETTINGS = Settings(time_limit=60.0, bound_time_limit=60.0)
-TIMES = ("seconds", "bound_seconds", "bound_free_seconds")  # depend on how fast a machine is
+# They depend on how fast a machine is.
+TIMES = (
+    "seconds", "coverage_seconds", "checking_seconds", "bound_seconds", "bound_free_seconds",
+)  # fmt: skip
 
 
 def instances(

@@ -670,7 +670,8 @@ def test_one_reader_takes_certificates_and_proofs(tmp_path: Path) -> None:
         ({"format": "cocap-opt plan"}, "format: must be 'cocap-opt certificate' or"),
         ({"version": 5}, "version: must be 4, not 5: a newer cocap-opt wrote it"),
         ({"version": 3}, "version: must be 4, not 3: an older cocap-opt wrote it, whose coverage"),
-        ({"coverage": "optimistic"}, "unknown field `coverage`"),
+        ({"coverage": "sampled"}, "coverage"),
+        ({"extent": 1}, "unknown field `extent`"),
         ({"classes": "any"}, "classes"),
     ):
         (tmp_path / "file.json").write_text(json.dumps(plain | change))

@@ -16,13 +16,10 @@ from cocap_opt.experiments.studies.solvers.figures import Figure, Target
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.formulations.column_generation.column_generation import column_generation
 from cocap_opt.formulations.result import BoundMethod
+from cocap_opt.result import UnsupportedError
 
 _MANY_SEEDS, SEEDS = tuple(range(10)), tuple(range(5))
 _ROOT_SECONDS = 2.0
-
-
-class SkippedError(Exception):
-    """A row cannot be measured with these options; the message says what it needs."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +100,7 @@ def _passage(options: Options) -> list[Figure]:
 def _large(options: Options) -> list[Figure]:
     """Measures Greedy Perspectives' `large`: 18 drones, 10 steps; a seed is a start set."""
     if options.large is None:
-        raise SkippedError("this row needs --large FILE, the path of the scene's seq.yaml")
+        raise UnsupportedError("this row needs --large FILE, the path of the scene's seq.yaml")
     seconds = options.at_most(120.0)
     runs = _runs(str(options.large), options.seeds_or(SEEDS), seconds)
     return [

@@ -13,8 +13,9 @@ from cocap_opt.experiments.results.files import make_folder, save_csv
 from cocap_opt.experiments.results.printing import Listing, Record
 from cocap_opt.experiments.studies.solvers.comparisons import COMPARISONS
 from cocap_opt.experiments.studies.solvers.figures import Figure
-from cocap_opt.experiments.studies.solvers.rows import SCENE_ROWS, Options, SkippedError
+from cocap_opt.experiments.studies.solvers.rows import SCENE_ROWS, Options
 from cocap_opt.files.documents import FileError
+from cocap_opt.result import UnsupportedError
 
 ROWS: Mapping[str, Callable[[Options], list[Figure]]] = {**SCENE_ROWS, **COMPARISONS}
 
@@ -63,7 +64,7 @@ def _measure(name: str, options: Options) -> list[Figure]:
     """Measures a row; a row that is skipped or fails has one figure without a number."""
     try:
         return ROWS[name](options)
-    except SkippedError as error:
+    except UnsupportedError as error:
         return [Figure("skipped", float("nan"), "", note=str(error))]
     except Exception as error:  # the other rows are still worth having
         say(f"{name}: failed: {error}")

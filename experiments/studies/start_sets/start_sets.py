@@ -55,9 +55,7 @@ class _Peer(NamedTuple):
         _, plan = PlanReader(scene, problem).plan(_folder(scene) / _PEER_PLAN)
         steps = slice(problem.first_step, None)
         rewards = PeerResults(problem).view_rewards(_folder(scene) / _PEER_REWARD)
-        reported = Reported(
-            math.fsum(rewards.as_reported[steps]), math.fsum(rewards.own_tilt[steps])
-        )
+        reported = (math.fsum(rewards.as_reported[steps]), math.fsum(rewards.own_tilt[steps]))
         return cls(problem, plan, reported)
 
 

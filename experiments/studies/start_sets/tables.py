@@ -10,7 +10,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import stdev
-from typing import NamedTuple
 
 from cocap_opt.experiments.results.files import save_bytes, save_csv
 from cocap_opt.experiments.results.gap_table import PROVED
@@ -33,11 +32,9 @@ moves with dx + dy = 0; here every plan is evaluated with each drone's own tilt,
 """
 
 
-class Reported(NamedTuple):
-    """J of their plan by the pixels that their own program counted."""
-
-    as_reported: float  # with the tilts that its cache mixes up
-    own_tilt: float  # with each drone's own tilt
+# J of their plan by the pixels that their own program counted: with the tilts that its cache
+# mixes up, and with each drone's own.
+Reported = tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -100,8 +97,8 @@ class SetTables:
             "reward": self._each(row, row.reward),
             "J": row.reward,
             "above theirs (%)": _difference(row.reward, None if theirs is None else theirs.reward),
-            "J as reported": reported and reported.as_reported,
-            "J with own tilts": reported and reported.own_tilt,
+            "J as reported": reported and reported[0],
+            "J with own tilts": reported and reported[1],
             "colliding": row.colliding,
             "bound": self._each(row, row.bound),
             "proved": row.bound_reason in PROVED,

@@ -1,0 +1,38 @@
+"""The time of a method, with that of coverage apart."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import wraps
+from typing import ParamSpec, TypeVar, cast
+
+from cocap_opt.model import compiled
+from cocap_opt.problem import Problem
+from cocap_opt.result import Result
+from cocap_opt.stop import Clock
+
+P = ParamSpec("P")
+R = TypeVar("R", bound=Result)
+
+
+def timed(method: Callable[P, R]) -> Callable[P, R]:
+    """Make a method's result say how many seconds it took, and for which problem.
+
+    The problem is the method's first argument. Coverage of all states that the method has computed
+    on the way is in `coverage_seconds`, not in `seconds`.
+    """
+
+    @wraps(method)
+    def run(*args: P.args, **kwargs: P.kwargs) -> R:
+        problem = cast(Problem, args[0] if args else kwargs["problem"])
+        model, clock = compiled(problem), Clock()
+        before = model.coverage_seconds
+        result = method(*args, **kwargs)
+        coverage = model.coverage_seconds - before
+        return replace(
+            result,
+            seconds=max(clock.seconds - coverage, 0.0),
+            coverage_seconds=coverage,
+            problem=problem,
+        )
+
+    return run

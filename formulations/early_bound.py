@@ -1,0 +1,164 @@
+"""A bound that is there after any limit, also where coverage is not whole.
+
+At the steps whose coverage is not known, every drone counts as if nothing hid anybody: an upper
+bound on what it sees (`Views.ceiling`). Multipliers that are priced on that prove, on the true
+coverage, at most the bound that is claimed.
+
+All faces of a step share one multiplier, of two kinds (`certificates.pricing` has the
+inequality): each drone as if it were alone, alpha = 1; or a tangent of the root at z pixels,
+alpha = 0 and beta = 1 / (2 sqrt z), where z is a share of what all drones could see of a face at
+the step if they all stood where one of them sees most.
+"""
+
+import math
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from msgspec import UNSET
+
+from cocap_opt.data import BoolArray, FloatArray
+from cocap_opt.files.documents import problem_digest
+from cocap_opt.formulations.certificates import OPTIMISTIC, CertificateFile, Multipliers
+from cocap_opt.formulations.result import CertifiedResult
+from cocap_opt.graph.move_rewards import Bonuses
+from cocap_opt.graph.value_iteration import backward_sweep
+from cocap_opt.model import Model, compiled
+from cocap_opt.problem import Problem
+from cocap_opt.result import Reason
+from cocap_opt.stop import Limit
+
+__all__ = ["early_bound"]
+
+METHOD = "optimistic"
+_ROUNDING = 1e-9  # relative, much more than that of the sums here and in a certificate's pricing
+_STEP_DOWN = 0.4  # from one share of what could be seen to the next
+
+
+def early_bound(problem: Problem, limit: Limit) -> CertifiedResult:
+    """Returns the result of a bound that a limit has stopped before it had any of its own.
+
+    It takes a fraction of a second to a few seconds, for which `Model.prepare` leaves time.
+    """
+    model = compiled(problem)
+    prices = _Prices.of(model)
+    best = prices.file(prices.alone())
+    lowest = math.inf
+    for tangents in prices.tangents():
+        file = prices.file(tangents)
+        best = min(best, file, key=lambda one: one.proved)
+        if not file.proved < lowest:
+            break
+        lowest = file.proved
+    if best.proved == math.inf:
+        return CertifiedResult.without_bound(limit)
+    if best.proved < 0:  # a drone has no path
+        return CertifiedResult.bounded(best, {})
+    steps = problem.horizon + 1
+    words = f"coverage was there for {model.covered_steps} of {steps} steps; "
+    words += "in the bound nothing hides anybody at the others"
+    return CertifiedResult(
+        None, -math.inf, Reason.STOPPED, limit, best.proved, certificate=best,
+        message=words if model.covered_steps < steps else "",
+    )  # fmt: skip
+
+
+class _Sums(NamedTuple):
+    """The most that states of a robot class see, added up over the faces with their weights."""
+
+    roots: FloatArray  # [T+1, S] w sqrt(px/m2)
+    pixels: FloatArray  # [T+1, S] w px/m2
+
+
+class _Steps(NamedTuple):
+    """One alpha and one beta for all faces of each step [T+1], or for all steps together [1]."""
+
+    alpha: FloatArray
+    beta: FloatArray
+
+
+class _Prices:
+    """The bounds that multipliers prove, on known coverage and on ceilings for the rest."""
+
+    def __init__(self, model: Model, sums: list[_Sums], visible: BoolArray) -> None:
+        self._model, self._sums = model, sums
+        problem = model.problem
+        weights = np.where(visible, problem.view_sum_weights, 0.0)
+        self._weights = weights.reshape(problem.view_sum_steps, -1).sum(axis=1)
+
+    @classmethod
+    def of(cls, model: Model) -> "_Prices":
+        """Collects coverage and ceilings of all classes."""
+        problem = model.problem
+        visible = np.zeros(len(problem.view_sum_weights), dtype=bool)
+        return cls(model, [_sums(model, k, visible) for k in range(len(model.classes))], visible)
+
+    def alone(self) -> _Steps:
+        """Returns the multipliers of drones that are alone."""
+        steps = self._model.problem.view_sum_steps
+        return _Steps(np.ones(steps), np.zeros(steps))
+
+    def tangents(self) -> Iterator[_Steps]:
+        """Yields tangents at ever fewer pixels."""
+        most = np.max([sums.pixels.max(axis=1) for sums in self._sums], axis=0)  # [T+1]
+        problem = self._model.problem
+        if problem.objective.over_time:
+            most = most.sum(keepdims=True)
+        seen = (most > 0) & (self._weights > 0)
+        full = len(problem.robots) * most[seen] / self._weights[seen]
+        share = 1.0
+        while seen.any() and share > 1 / (4 * len(problem.robots)):
+            alpha, beta = self.alone()
+            alpha[seen], beta[seen] = 0.0, 1 / (2 * np.sqrt(share * full))
+            yield _Steps(alpha, beta)
+            share *= _STEP_DOWN
+
+    def file(self, steps: _Steps) -> CertificateFile:
+        """Returns the certificate of multipliers, with the bound that they prove."""
+        problem, faces = self._model.problem, self._model.n_faces
+        alpha, beta = (tuple((x,) * faces for x in values.tolist()) for values in steps)
+        bound = self._bound(steps)
+        return CertificateFile(
+            scene=problem.name,
+            digest=problem_digest(problem),
+            method=METHOD,
+            coverage=OPTIMISTIC if self._model.covered_steps <= problem.horizon else UNSET,
+            bound=None if bound == -math.inf else bound,
+            certificate=Multipliers(alpha=alpha, beta=beta),
+        )
+
+    def _bound(self, steps: _Steps) -> float:
+        tangent = steps.beta > 0
+        constants = (1 - steps.alpha[tangent]) ** 2 / (4 * steps.beta[tangent])
+        total = float(self._weights[tangent] @ constants)
+        bonuses = Bonuses.of(self._model.problem.objective)
+        for robot_class, sums in zip(self._model.classes, self._sums, strict=True):
+            reward = robot_class.graph.no_reward(self._model.problem.horizon)
+            reward += steps.alpha[:, None] * sums.roots + steps.beta[:, None] * sums.pixels
+            value = backward_sweep(robot_class.graph, reward, bonuses, goal=robot_class.goal)
+            total += float(value[0, list(robot_class.starts)].sum())
+        if total == -math.inf:
+            return total
+        return math.nextafter(total + _ROUNDING * abs(total), math.inf)
+
+
+def _sums(model: Model, number: int, visible: BoolArray) -> _Sums:
+    """Returns the sums of a class, and marks what it may see in `visible` [Z]."""
+    problem, robot_class = model.problem, model.classes[number]
+    graph = robot_class.graph
+    table, steps = model.coverage_so_far(robot_class)
+    weights = problem.view_sum_weights
+    visible[table.view_sums] = True
+    roots, pixels = np.zeros((2, problem.horizon + 1, graph.n_states))
+    for sums, values in ((roots, np.sqrt(table.pixels)), (pixels, table.pixels)):
+        sums.reshape(-1)[table.nodes] = table.row_sums(values * weights[table.view_sums])
+    views, reachable = model.views(robot_class), model.reachable(robot_class)
+    for t in range(max(steps, problem.first_step), problem.horizon + 1):
+        shape = graph.n_orientations, graph.n_places
+        places = np.flatnonzero(reachable[t].reshape(shape).any(axis=0))
+        at = problem.view_sums_at(t)
+        ceiling = views.ceiling(t, places, weights[at])
+        roots[t].reshape(shape)[:, places] = ceiling.roots
+        pixels[t].reshape(shape)[:, places] = ceiling.pixels
+        visible[at] |= ceiling.visible
+    return _Sums(roots, pixels)

@@ -1,0 +1,121 @@
+"""Bounds after a limit that came before coverage was whole."""
+
+import math
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+import pytest
+from brute_force import optimum
+from hypothesis import given
+from hypothesis import strategies as st
+from strategies import Calls, examples, meetings, problems
+
+from cocap_opt.formulations import BOUNDS, EXACT
+from cocap_opt.formulations.certificates import CertificateFile, verify
+from cocap_opt.formulations.early_bound import early_bound
+from cocap_opt.model import Model, compiled
+from cocap_opt.planners import LAZY, PLANNERS
+from cocap_opt.problem import Problem
+from cocap_opt.referee import check
+from cocap_opt.result import Reason
+from cocap_opt.scenarios import load_scene
+from cocap_opt.stop import Limit, LimitReached, TimeLimit
+
+SLACK = 1e-9  # relative, of sums
+
+
+@pytest.fixture(autouse=True)
+def small_batches(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """A limit can fall between any two steps, and no table is known from before."""
+    monkeypatch.setattr("cocap_opt.vision.views._BATCH", 50)
+    monkeypatch.setenv("COCAP_OPT_CACHE", str(tmp_path))
+
+
+def covered_in_part(problem: Problem, looks: int) -> Model:
+    """The compiled problem, whose coverage was stopped after so many looks at a limit."""
+    compiled.cache_clear()
+    model = compiled(problem)
+    with suppress(LimitReached):
+        model.prepare_all(Calls(looks))
+    return model
+
+
+@examples(60)
+@given(problem=st.one_of(problems(over_time=True), meetings()), looks=st.integers(0, 6))
+def test_a_bound_holds_whatever_coverage_is_known(problem: Problem, looks: int) -> None:
+    """It is no less than the optimum, and its numbers prove it on the true coverage."""
+    covered_in_part(problem, looks)
+    result = early_bound(problem, Limit.TIME)
+    best = optimum(problem)
+    assert result.bound >= best.value - SLACK * abs(best.value)
+    certificate = result.certificate
+    assert isinstance(certificate, CertificateFile)
+    proved = verify(problem, certificate).bound
+    assert best.value - SLACK * abs(best.value) <= proved <= result.bound
+
+
+@examples(60)
+@given(problem=problems())
+def test_nobody_sees_more_than_the_ceiling(problem: Problem) -> None:
+    """State by state, of the sums of pixels and of their roots; faces not marked are not seen."""
+    model = Model(problem, use_cache=False)
+    for robot_class in model.classes:
+        graph, views = robot_class.graph, model.views(robot_class)
+        shape = graph.n_orientations, graph.n_places
+        for t in range(problem.first_step, problem.horizon + 1):
+            reachable = model.reachable(robot_class)[t].reshape(shape)
+            places = np.flatnonzero(reachable.any(axis=0))
+            states = (np.arange(shape[0])[:, None] * shape[1] + places).ravel()
+            weights = problem.step_weights[t]
+            coverage = views.coverage(t, np.sort(states))[np.argsort(np.argsort(states))]
+            ceiling = views.ceiling(t, places, weights)
+            for most, values in (
+                (ceiling.pixels, coverage), (ceiling.roots, np.sqrt(coverage))
+            ):  # fmt: skip
+                assert (values @ weights <= most.ravel() * (1 + SLACK) + 1e-12).all()
+            assert not coverage[:, ~ceiling.visible & (weights > 0)].any()
+
+
+@pytest.mark.parametrize("method", [*BOUNDS, *EXACT])
+def test_every_method_has_a_bound_after_no_time(method: str) -> None:
+    """Its certificate says that the coverage was not the true one, and holds on the true one."""
+    if method == "scip-nonlinear":
+        pytest.importorskip("pyscipopt")
+    problem = load_scene("tiny-share", 0)
+    compiled.cache_clear()
+    result = {**BOUNDS, **EXACT}[method](problem, TimeLimit(0))
+    assert (result.reason, result.limit) == (Reason.STOPPED, Limit.TIME)
+    assert isinstance(result.certificate, CertificateFile)
+    assert optimum(problem).value <= result.bound < math.inf
+    assert verify(problem, result.certificate).bound <= result.bound
+
+
+def test_a_certificate_says_which_coverage_it_was_made_with() -> None:
+    """Steps that are known leave less open; once all are, the coverage is the true one."""
+    problem, bounds = load_scene("passage", 0), []
+    for looks in (0, 20, 200):
+        model = covered_in_part(problem, looks)
+        certificate = early_bound(problem, Limit.TIME).certificate
+        assert isinstance(certificate, CertificateFile)
+        whole = model.covered_steps == problem.horizon + 1
+        assert (certificate.coverage == "optimistic") is not whole
+        bounds.append(certificate.proved)
+    assert bounds == sorted(bounds, reverse=True) and len(set(bounds)) == 3
+
+
+@pytest.mark.parametrize("planner", sorted(set(PLANNERS) - LAZY - {"joint"}))
+def test_planners_use_the_coverage_that_is_there(
+    planner: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Their J is the true one all the same, better than staying, and the message says it."""
+    problem = load_scene("bottleneck", 0)
+    compiled.cache_clear()
+    part = compiled(problem).covered_by(Calls(60))
+    assert 3 < part.covered_steps < 12
+    monkeypatch.setattr(Model, "covered_by", lambda model, stop: part)
+    result = PLANNERS[planner](problem)
+    assert result.plan is not None and not result.plan.stays
+    assert result.value == pytest.approx(check(problem, result.plan).reward, rel=1e-9)
+    assert (result.reason, result.limit) == (Reason.STOPPED, Limit.TIME)
+    assert f"for {part.covered_steps} of 12 steps" in result.message
