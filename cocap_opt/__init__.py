@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from cocap_opt.data import ProblemError
     from cocap_opt.experiments.api import (
-        Verified,
         bound,
         check,
         gap,
@@ -29,6 +28,7 @@ if TYPE_CHECKING:
         verify,
     )
     from cocap_opt.experiments.report.player import Player
+    from cocap_opt.experiments.results.verification import Verified
     from cocap_opt.files.documents import FileError
     from cocap_opt.formulations import BOUNDS, EXACT
     from cocap_opt.formulations.certificates.format import CertificateError
@@ -63,8 +63,9 @@ if TYPE_CHECKING:
 _MODULES = {
     "cocap_opt.referee": ("Verdict",),
     "cocap_opt.data": ("ProblemError",),
+    "cocap_opt.experiments.results.verification": ("Verified",),
     "cocap_opt.experiments.api": (
-        "Verified", "bound", "check", "gap", "load", "plan", "read", "save", "show", "solve",
+        "bound", "check", "gap", "load", "plan", "read", "save", "show", "solve",
         "verify",
     ),
     "cocap_opt.experiments.report.player": ("Player",),

@@ -2,5 +2,5 @@
 
 
 def printable(text: str) -> str:
-    """Text with escapes for what is no text, or would steer a terminal or begin a line."""
+    """Returns the text with line breaks, control and other non-printable characters escaped."""
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)

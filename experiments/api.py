@@ -1,7 +1,8 @@
 """The functions of the face, `import cocap_opt as co`: scenes, plans, bounds, checks, files."""
 
+import sys
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
@@ -9,6 +10,8 @@ from typing import TYPE_CHECKING, TypeVar
 import msgspec
 import numpy as np
 
+from cocap_opt.experiments.results.judging import ROUNDING
+from cocap_opt.experiments.results.verification import Verified
 from cocap_opt.files.documents import (
     PlanFile,
     SceneFile,
@@ -17,7 +20,6 @@ from cocap_opt.files.documents import (
     read_bytes,
 )
 from cocap_opt.formulations import BOUNDS, EXACT
-from cocap_opt.formulations.certificates.checking import verify as verify_bound
 from cocap_opt.formulations.certificates.format import CertificateFile, ProofFile
 from cocap_opt.formulations.result import (
     OPTIMALITY,
@@ -31,7 +33,7 @@ from cocap_opt.planners import PLANNERS, Planner
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import Verdict
 from cocap_opt.referee import check as judge_plan
-from cocap_opt.result import Result, relative_gap
+from cocap_opt.result import Result
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import Clock, FirstOf, Stop, TimeLimit, never
 
@@ -228,26 +230,8 @@ def check(problem: Problem, plan: Plan | Result) -> Verdict:
     _require_problem(problem)
     own = _plan_of(plan)
     if own is None:
-        raise ValueError("plan: there is none")
+        raise ValueError("plan: the result has no plan that could be checked")
     return judge_plan(problem, own)
-
-
-@dataclass(frozen=True)
-class Verified:
-    """Outcome of `verify`, in which every number was computed anew."""
-
-    bound: float  # the lowest bound that is proved; infinite without a certificate
-    reward: float  # J of the plan; -infinite without one
-    verdict: Verdict | None  # on the plan
-
-    @property
-    def gap(self) -> float:
-        """(bound - reward) / bound; infinite where one of them is missing."""
-        return relative_gap(self.reward, self.bound)
-
-    def __repr__(self) -> str:
-        gap = f"{100 * self.gap:.4f} %" if isfinite(self.gap) else "none"
-        return f"Verified(J {self.reward:,.2f}, bound {self.bound:,.2f}, gap {gap})"
 
 
 def verify(problem: Problem, *claims: Plan | Result | Bound) -> Verified:
@@ -256,7 +240,8 @@ def verify(problem: Problem, *claims: Plan | Result | Bound) -> Verified:
     Parameters
     ----------
     problem : that the claims are about
-    claims : a plan, certificates, proofs, or results, whose plan and certificate are checked
+    claims : a plan, certificates, proofs, or results, of which plan, value, bound and certificate
+        are checked
 
     Returns
     -------
@@ -268,7 +253,8 @@ def verify(problem: Problem, *claims: Plan | Result | Bound) -> Verified:
         If a certificate belongs to another problem, is not valid, or claims a lower bound than its
         numbers prove.
     ValueError
-        If a plan breaks a rule or cannot be flown, there are two plans, there is nothing to check,
+        If a plan breaks a rule or cannot be flown, its J is not the one claimed or above the bound,
+        a result claims a lower bound than its certificate, there are two plans, nothing to check,
         or a result has a bound, such as that of brute force, and no certificate is among the
         claims. Its plan alone, `result.plan`, can be checked.
 
@@ -286,13 +272,28 @@ def verify(problem: Problem, *claims: Plan | Result | Bound) -> Verified:
         raise ValueError("claims: name at most one plan")
     if not bounds:
         _require_checkable(claims, plans)
-    lowest = min((verify_bound(problem, b).bound for b in bounds), default=float("inf"))
-    if not plans:
-        return Verified(lowest, float("-inf"), None)
-    verdict = judge_plan(problem, plans[0])
-    if not verdict.valid:
-        raise ValueError(f"plan: {(*verdict.violations, *verdict.conflicts)[0]}")
-    return Verified(lowest, verdict.reward, verdict)
+    verified = Verified(problem)
+    for plan in plans:
+        verified.verify_plan(plan)
+    for claim in claims:
+        _verify_bound(verified, claim)
+    verified.conclude()
+    if verified.violations:
+        raise ValueError(verified.violations[0])
+    return verified
+
+
+def _verify_bound(verified: Verified, claim: Plan | Result | Bound) -> None:
+    """Checks the bound of a claim, and what a result says of its plan and bound besides."""
+    bound = _bound_in(claim)
+    if bound is not None:
+        verified.verify_bound(bound)
+    if not isinstance(claim, Result):
+        return
+    if claim.plan is not None and isfinite(verified.reward):
+        verified.compare_reward(claim.value)
+    if bound is not None and claim.bound < bound.proved - ROUNDING * abs(bound.proved):
+        raise ValueError(f"bound: the result claims {claim.bound!r}, its file {bound.proved!r}")
 
 
 def gap(
@@ -334,8 +335,9 @@ def gap(
     Raises
     ------
     ValueError
-        If there is no such scene or planner, a limit is negative, there are not so many cores, or
-        `out` cannot be used.
+        If there is no such scene or planner, a limit is negative, there are not so many cores,
+        `out` cannot be used, or a script that takes `workers` has no line
+        ``if __name__ == "__main__":``.
     KeyboardInterrupt
         After Ctrl-C, if there are no rows yet; else the rows so far are returned.
 
@@ -355,6 +357,8 @@ def gap(
     settings = Settings(time_limit=time_limit, bound_time_limit=time_limit, work_limit=work_limit)
     _require_sweep(planners or ())
     hired = Hired(Option("workers").require_cores(workers), None, settings.cell_limit)
+    if hired.workers is not None:
+        _require_guard()
     if not isinstance(seeds, Iterable):
         raise ValueError(f"seeds: must be several, such as range(3), not {seeds!r}")
     whole = tuple(Option("seeds").require_whole(seed) for seed in seeds)
@@ -517,8 +521,16 @@ def _require_sweep(planners: Sequence[str]) -> None:
         Option("planners").require_one_of(name, {**PLANNERS, **EXACT})
 
 
+def _require_guard() -> None:
+    """Refuses a script that each worker process would run from its first line on."""
+    script = Path(str(getattr(sys.modules["__main__"], "__file__", "")))
+    if script.suffix == ".py" and script.is_file() and "__main__" not in script.read_text():
+        words = 'each worker imports your script; put its work under `if __name__ == "__main__":`'
+        raise ValueError(f"workers: {words}")
+
+
 def _nobody(message: str) -> None:
-    """Says nothing, as the table shows the seeds that are left."""
+    """Discards the note on seeds that make the same scene; the table shows which were kept."""
 
 
 def _plan_of(given: Plan | Result | None) -> Plan | None:

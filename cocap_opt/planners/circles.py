@@ -133,7 +133,7 @@ def _middle(problem: Problem, actors: tuple[int, ...]) -> FloatArray:
 
 
 def _distance_in_view(robot: Robot, above: float, wanted: float) -> float:
-    """Distance (m) nearest to the wanted one at which the image holds what is `above` m below.
+    """Distance (m), nearest to the wanted one, at which the camera sees a point `above` m below it.
 
     With a gimbal it is enough if one of its tilts does.
     """

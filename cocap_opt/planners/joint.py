@@ -43,7 +43,7 @@ def joint(problem: Problem, stop: Stop = never) -> Result:
     if len(problem.robots) > 2:
         raise UnsupportedError(f"joint planning takes one or two drones, not {len(problem.robots)}")
     if problem.objective.over_time:
-        raise UnsupportedError("joint planning takes no pixels that add up over time")
+        raise UnsupportedError("joint planning does not support pixels that add up over time")
     model = compiled(problem).covered_by(stop)
     try:
         paths = _best_paths(model, stop)

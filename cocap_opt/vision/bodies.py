@@ -183,7 +183,9 @@ def _convex_solid(mesh: Mesh, origin: FloatArray) -> _Solid | None:
     if not mesh.is_solid or not len(mesh.triangles):
         return None
     corners = mesh.vertices[np.unique(mesh.triangles)] - origin
-    flat = _FLAT * max(1.0, float(np.abs(corners).max()))
+    # Neither place nor size decides if a mesh is convex, but for the rounding of coordinates.
+    size, farthest = float(np.ptp(corners, axis=0).max()), float(np.abs(mesh.vertices).max())
+    flat = _FLAT * max(1.0, size) + 8 * np.finfo(float).eps * farthest
     normals: list[FloatArray] = []
     for triangle in mesh.corners - origin:
         doubled = np.cross(triangle[1] - triangle[0], triangle[2] - triangle[0])

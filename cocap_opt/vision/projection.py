@@ -13,8 +13,6 @@ from cocap_opt.data import FloatArray
 from cocap_opt.problem import Camera
 from cocap_opt.world.polygons import clip
 
-_SMALLEST_DEPTH = 1e-9  # m
-
 
 class Projection(NamedTuple):
     """The pinhole projection of a camera.
@@ -61,32 +59,6 @@ class Projection(NamedTuple):
         if len(cut):
             area[cut] = self._projected_area(self._clipped(polygons[cut]))
         return area
-
-    def samples(self, polygons: FloatArray, samples: int) -> tuple[FloatArray, FloatArray]:
-        """Returns points spread evenly over the images of convex polygons [n, V, 3], clipped.
-
-        Each triangle between an edge of an image and its centroid is cut into `samples` squared
-        equal triangles; a point is the one of the polygon whose image is a triangle's centroid.
-
-        Returns
-        -------
-        points : [n, M, 3] m, in camera coordinates
-        weights : [n, M] share of the image that each stands for; 0 if its triangle has no area
-        """
-        cut = self._clipped(polygons)
-        inverse = 1 / np.maximum(cut[..., 2:], _SMALLEST_DEPTH)
-        image = np.concatenate([cut[..., :2] * inverse, inverse], axis=-1)  # linear in the image
-        a, b = (weight[:, None] for weight in centroids(samples))
-        middle = _middles(image)[:, None]
-        first = (image - middle)[:, :, None]
-        second = np.roll(first, -1, axis=1)
-        at = middle[:, None] + a * first + b * second
-        at = at.reshape(len(cut), image.shape[1] * len(a), 3)
-        area = np.abs(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])
-        weights = np.repeat(area[..., 0], len(a), axis=1)
-        total = weights.sum(axis=1, keepdims=True)
-        points = np.concatenate([at[..., :2], np.ones_like(at[..., :1])], axis=-1) / at[..., 2:]
-        return points, weights / np.where(total > 0, total, 1.0)
 
     def _side_distance(self, points: FloatArray, side: int) -> FloatArray:
         """Returns the distances from one side: 0 right, 1 left, 2 upper, 3 lower."""
@@ -140,14 +112,3 @@ def _cos_sin(angle: float) -> tuple[float, float]:
     """Returns cosine and sine, without rounding noise at multiples of a right angle."""
     c, s = math.cos(angle), math.sin(angle)
     return (0.0 if abs(c) < 1e-15 else c), (0.0 if abs(s) < 1e-15 else s)
-
-
-def _middles(image: FloatArray) -> FloatArray:
-    """Returns the centroids [n, 3] of convex polygons [n, V, 3], by area in the first two axes."""
-    off = image - image[:, :1]
-    first, second = off[:, 1:-1], off[:, 2:]
-    area = np.abs(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])[..., None]
-    total = area.sum(axis=1)
-    middle = ((first + second) * area).sum(axis=1) / (3 * np.where(total > 0, total, 1.0))
-    result: FloatArray = image[:, 0] + middle
-    return result

@@ -1,7 +1,7 @@
 """Pictures by ray casting, pixel by pixel: the reference against which coverage is tested.
 
 One ray goes through the middle of every pixel, which shows the first surface that the ray meets.
-Rendering shares with coverage only the geometry of the faces, not projection or sample points.
+Rendering shares only the geometry of the faces with coverage.
 """
 
 import math

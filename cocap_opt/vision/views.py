@@ -82,7 +82,7 @@ class Views(ABC):
     @property
     @abstractmethod
     def batch(self) -> int:
-        """Number of nodes that a fraction of a second suffices for."""
+        """Number of nodes, states at steps, that take a fraction of a second."""
 
     @abstractmethod
     def seen(self, nodes: IntArray) -> _Seen:
@@ -140,7 +140,7 @@ class _PinholeViews(Views):
 
     @property
     def batch(self) -> int:
-        """Number of nodes that a fraction of a second suffices for."""
+        """Number of nodes, states at steps, that take a fraction of a second."""
         actors = int(self._owners[-1]) + 1 if len(self._owners) else 1
         most = min(_BATCH, _BATCH_ACTORS // actors)
         if self._geometry.mesh is not None:
@@ -369,7 +369,7 @@ class _ConeViews(Views):
 
     @property
     def batch(self) -> int:
-        """Number of nodes that a fraction of a second suffices for."""
+        """Number of nodes, states at steps, that take a fraction of a second."""
         return max(_BATCH_ACTORS // max(self.n_faces, 1), 1)
 
     def seen(self, nodes: IntArray) -> _Seen:

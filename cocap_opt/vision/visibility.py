@@ -25,7 +25,7 @@ _LEAST = 1e-300  # m2, for an eye in the middle of an actor
 
 
 class _Veil(NamedTuple):
-    """Points all over pieces of faces that meshes may hide, and which of them rays reach."""
+    """Points on pieces of faces behind meshes that are not convex, and which of them rays reach."""
 
     share: FloatArray  # [q] 0 or 1 for pieces of which no or all points are seen; else nan
     number: IntArray  # [q] row of each of the other pieces

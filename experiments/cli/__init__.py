@@ -1,3 +1,14 @@
 """The command line, `cocap-opt`: a module per family of commands."""
 
-__all__ = ["commands", "main"]
+__all__ = [
+    "commands",
+    "figure_commands",
+    "gap_command",
+    "main",
+    "options",
+    "picture_commands",
+    "result_commands",
+    "scene_commands",
+    "solver_commands",
+    "verify_command",
+]

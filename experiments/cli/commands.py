@@ -1,8 +1,9 @@
 """The program `cocap-opt`: all of its commands, by families."""
 
+import inspect
 import logging
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from importlib.metadata import version
 
 from cyclopts import App, CycloptsError
@@ -21,6 +22,25 @@ from cocap_opt.experiments.console.streams import say
 from cocap_opt.experiments.sweeps.crew import ClusterError
 from cocap_opt.files.documents import FileError
 
+
+def _help(command: Callable[..., int]) -> str:
+    """Returns a command's docstring, each paragraph on one line, which is wrapped when shown."""
+    paragraphs = (inspect.getdoc(command) or "").split("\n\n")
+    lines = (" ".join(paragraph.split()) for paragraph in paragraphs)
+    return "\n\n".join(line.replace("Example: ", "Example:\n  ", 1) for line in lines)
+
+
+def _usage(name: str, command: Callable[..., int]) -> str:
+    """Returns how a command is called."""
+    words = []
+    for parameter in inspect.signature(command).parameters.values():
+        if parameter.kind is parameter.VAR_POSITIONAL:
+            words.append(f"[{parameter.name.upper()}...]")
+        elif parameter.kind is parameter.POSITIONAL_ONLY:
+            words.append(parameter.name.upper())
+    return " ".join(["Usage: cocap-opt", name, *words, "[OPTIONS]"])
+
+
 app = App(
     name="cocap-opt",
     help="Plan the views of several camera drones, and prove how good the plans are.",
@@ -34,7 +54,7 @@ for _family in (
     picture_commands,
 ):  # fmt: skip
     for _name, _command in _family.COMMANDS.items():
-        app.command(_command, name=_name)
+        app.command(_command, name=_name, help=_help(_command), usage=_usage(_name, _command))
 app.command(  # by name: matplotlib is slow to import
     "cocap_opt.experiments.cli.figure_commands:app",
     name="figure",
@@ -53,7 +73,8 @@ def run(arguments: Sequence[str] | None) -> int:
     try:
         code = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
     except (CycloptsError, UsageError, ClusterError, FileError, ProblemError) as error:
-        say(str(error))
+        own = isinstance(error.__cause__, UsageError)  # an option's own words say all
+        say(str(error.__cause__ if own else error))
         return 2
     except MemoryError:
         say("out of memory: the scene is too large for this method")

@@ -10,6 +10,7 @@ from cocap_opt.experiments.cli.options import (
     OfPlanners,
     OfScenes,
     Output,
+    Scene,
     Seed,
     chosen,
     load,
@@ -72,7 +73,7 @@ def _traces(path: Path) -> list[Path]:
 
 @app.command(name="conflicts")
 def _conflicts(
-    scene: str, /, *plan: Path, output: Output, seed: Seed = 0, json: Json = False
+    scene: Scene, /, *plan: Path, output: Output, seed: Seed = 0, json: Json = False
 ) -> int:  # fmt: skip
     """Draw which drones collide at which step, in one or more plans.
 

@@ -9,6 +9,7 @@ from cyclopts import Parameter
 from cocap_opt.experiments.cli.options import (
     DEFAULT_SECONDS,
     Json,
+    Scene,
     Seconds,
     Work,
     Workers,
@@ -28,10 +29,12 @@ from cocap_opt.problem import Plan
 
 
 def _gap(
-    *scene: str,
+    *scene: Scene,
     planner: Annotated[
         list[str] | None,
-        Parameter(negative="", help=f"may be repeated; one of {', '.join(SOLVERS)}"),
+        Parameter(
+            negative="", show_default=False, help=f"may be repeated; one of {', '.join(SOLVERS)}"
+        ),
     ] = None,
     seeds: Annotated[str, Parameter(help="such as 0-9 or 0,3,7")] = "0",
     time_limit: Seconds = DEFAULT_SECONDS,
@@ -43,11 +46,20 @@ def _gap(
         Path | None, Parameter(help="folder for results.csv, scenes, plans and certificates")
     ] = None,
     rendered: Annotated[
-        bool, Parameter(negative="", help="J of each plan's rendered pixels beside the planned J")
+        bool,
+        Parameter(
+            negative="",
+            show_default=False,
+            help="J of each plan's rendered pixels beside the planned J",
+        ),
     ] = False,
     plan: Annotated[
         list[Path] | None,
-        Parameter(negative="", help="may be repeated; a file whose plan gets a row, too"),
+        Parameter(
+            negative="",
+            show_default=False,
+            help="may be repeated; a file whose plan gets a row, too",
+        ),
     ] = None,
     workers: Workers = None,
     scheduler: Annotated[
@@ -58,7 +70,10 @@ def _gap(
         Parameter(help="seconds after which a worker gives up a planner or a bound"),
     ] = None,
     retry: Annotated[
-        bool, Parameter(negative="", help="try again what has failed in the folder of --out")
+        bool,
+        Parameter(
+            negative="", show_default=False, help="try again what has failed in the folder of --out"
+        ),
     ] = False,
     json: Json = False,
 ) -> int:

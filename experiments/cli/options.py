@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -24,6 +25,11 @@ def _whole(kind: object, tokens: Sequence[Token]) -> int:
     return Option(tokens[0].keyword or "").whole(tokens[0].value)
 
 
+FLAG = partial(Parameter, negative="", show_default=False)
+Scene = Annotated[
+    str, Parameter(help="name of a built-in scene, or a scene's file in any format that is known")
+]
+Whole = Annotated[int, Parameter(converter=_whole)]
 Seed = Annotated[int, Parameter(converter=_whole, help="seed of the scene, >= 0")]
 Seconds = Annotated[float, Parameter(name="--time-limit", help="seconds for each computation")]
 Work = Annotated[
@@ -39,7 +45,7 @@ Workers = Annotated[
     int | None,
     Parameter(converter=_whole, help="processes, each on a core of its own; this one if not given"),
 ]
-Json = Annotated[bool, Parameter(name="--json", negative="", help="print one JSON object")]
+Json = Annotated[bool, FLAG(name="--json", help="print one JSON object")]
 Output = Annotated[Path | None, Parameter(name=["-o", "--output"], help="file to write")]
 OfScenes = Annotated[
     list[str] | None,

@@ -7,7 +7,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from cocap_opt.data import MOST_PIXELS
-from cocap_opt.experiments.cli.options import Json, Output, Seed, load
+from cocap_opt.experiments.cli.options import Json, Output, Scene, Seed, Whole, load
 from cocap_opt.experiments.console.options import Option, UsageError
 from cocap_opt.experiments.console.progress import Watch
 from cocap_opt.experiments.results.files import (
@@ -25,7 +25,7 @@ SHOWN = (".html", ".png", ".pdf", ".svg", ".gif")
 
 
 def _show(
-    scene: str, /, *plan: Path, output: Output = None, seed: Seed = 0, json: Json = False
+    scene: Scene, /, *plan: Path, output: Output = None, seed: Seed = 0, json: Json = False
 ) -> int:  # fmt: skip
     """Play plans side by side in an HTML file, or draw one from above.
 
@@ -41,7 +41,7 @@ def _show(
         raise UsageError("PLAN: name a plan, such as plan.json; nothing moves without one")
     if suffix != ".html" and len(plan) > 1:
         raise UsageError(f"PLAN: a {suffix} file shows one plan, not {len(plan)}; .html takes more")
-    check_output(output)
+    check_output(output, scene, *plan)
     problem, plans = PlanReader(scene, load(scene, seed)).plans(plan)
     save_bytes(output, _shown(problem, plans, titles(plan), suffix))
     print_result({"scene": problem.name, "seed": seed, "file": output}, json)
@@ -49,15 +49,15 @@ def _show(
 
 
 def _render(
-    scene: str,
+    scene: Scene,
     plan: Path,
     /,
     *,
     output: Annotated[Path | None, Parameter(name=["-o", "--output"], help="folder to write to")],
     seed: Seed = 0,
-    width: Annotated[int, Parameter(help="of the pictures, px")] = 800,
+    width: Annotated[Whole, Parameter(help="of the pictures, px")] = 800,
     pixel_step: Annotated[
-        int, Parameter(help="count one pixel of each block of so many by so many; 1 is exact")
+        Whole, Parameter(help="count one pixel of each block of so many by so many; 1 is exact")
     ] = 1,
     json: Json = False,
 ) -> int:

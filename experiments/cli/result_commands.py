@@ -7,13 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from cocap_opt.experiments.cli.options import (
-    Json,
-    OfPlanners,
-    OfScenes,
-    Output,
-    chosen,
-)
+from cocap_opt.experiments.cli.options import Json, OfPlanners, OfScenes, Output, Whole, chosen
 from cocap_opt.experiments.console.options import Option, UsageError
 from cocap_opt.experiments.results.files import check_output, save_bytes
 from cocap_opt.experiments.results.printing import Listing, print_result
@@ -68,7 +62,7 @@ def _report(
     scene: OfScenes = None,
     planner: OfPlanners = None,
     against: Against = None,
-    players: Annotated[int, Parameter(help="scenes of which plans are shown, at most")] = 4,
+    players: Annotated[Whole, Parameter(help="scenes of which plans are shown, at most")] = 4,
     json: Json = False,
 ) -> int:
     """Make one HTML page of a sweep: tables, figures, players, settings and limitations.

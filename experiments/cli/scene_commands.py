@@ -6,7 +6,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from cocap_opt.experiments.cli.options import Json, Output, Seed, load
+from cocap_opt.experiments.cli.options import Json, Output, Scene, Seed, load
 from cocap_opt.experiments.console.options import Option, UsageError
 from cocap_opt.experiments.results.files import check_output, save_bytes
 from cocap_opt.experiments.results.printing import Listing, print_result
@@ -64,13 +64,16 @@ def _recipe(*, json: Json = False) -> int:
 
 
 def _export(
-    scene: str,
+    scene: Scene,
     /,
     *,
     output: Output,
     seed: Seed = 0,
     over_time: Annotated[
-        bool, Parameter(negative="", help="pixels add up over time as well as over drones")
+        bool,
+        Parameter(
+            negative="", show_default=False, help="pixels add up over time as well as over drones"
+        ),
     ] = False,
     camera: Annotated[
         str | None, Parameter(help="another camera on all drones; `cocap-opt scenes` lists them")
@@ -94,7 +97,7 @@ def _export(
     """
     if output is None:
         raise UsageError("-o: name the file to write")
-    check_output(output)
+    check_output(output, scene)
     problem = load(scene, seed, Option("--option").values(option or []))
     if over_time:
         objective = problem.objective.replace(over_time=True)

@@ -11,8 +11,10 @@ from cyclopts import Parameter
 
 from cocap_opt.experiments.cli.options import (
     DEFAULT_SECONDS,
+    FLAG,
     Json,
     Output,
+    Scene,
     Seconds,
     Seed,
     Work,
@@ -48,7 +50,10 @@ from cocap_opt.stop import Interrupt, Stop
 AT_THE_ROOT = "column-generation"  # a bound that comes with a plan
 _SOLVE_METHODS = (*EXACT, AT_THE_ROOT)
 
-_Free = Annotated[bool, Parameter(negative="", help="the scene without collisions between drones")]
+_Free = Annotated[
+    bool,
+    FLAG(help="the scene without collisions between drones"),
+]
 _Start = Annotated[Path | None, Parameter(help="file of a plan to start from")]
 _TraceFile = Annotated[
     Path | None, Parameter(name="--trace", help="CSV to write value and bound over time to")
@@ -56,7 +61,7 @@ _TraceFile = Annotated[
 
 
 def _plan(
-    scene: str,
+    scene: Scene,
     /,
     *,
     planner: Annotated[str, Parameter(help=f"one of {', '.join(SOLVERS)}")] = "cocap",
@@ -73,7 +78,7 @@ def _plan(
     """
     Option("--planner").require_one_of(planner, SOLVERS)
     allowance = allowed(time_limit, work_limit)
-    check_output(output)
+    check_output(output, scene)
     task = _Task.read(scene, seed, free, None)
     problem = task.problem
     with Interrupt.caught() as interrupt, Watch.on_terminal(f"{problem.name} seed {seed}") as watch:
@@ -91,7 +96,7 @@ def _plan(
 
 
 def _bound(
-    scene: str,
+    scene: Scene,
     /,
     *,
     method: Annotated[str, Parameter(help=f"one of {', '.join(BOUNDS)}")] = "column-generation",
@@ -110,7 +115,7 @@ def _bound(
     """
     Option("--method").require_one_of(method, BOUNDS)
     allowance = allowed(time_limit, work_limit)
-    _check_outputs(**{"-o": output, "--trace": trace})
+    _check_outputs({"-o": output, "--trace": trace}, scene, start)
     task = _Task.read(scene, seed, free, start)
     with Interrupt.caught() as interrupt:
         judged = task.certified(seed, method, allowance.begin(interrupt), OPTIMALITY, trace)
@@ -121,7 +126,7 @@ def _bound(
 
 
 def _solve(
-    scene: str,
+    scene: Scene,
     /,
     *,
     method: Annotated[
@@ -155,7 +160,7 @@ def _solve(
     if gap and method not in EXACT:
         raise UsageError(f"--gap: {method} stops at the root at any gap; leave the option out")
     allowance = allowed(time_limit, work_limit)
-    _check_outputs(**{"-o": output, "--certificate": certificate, "--trace": trace})
+    _check_outputs({"-o": output, "--certificate": certificate, "--trace": trace}, scene, start)
     task = _Task.read(scene, seed, free, start)
     with Interrupt.caught() as interrupt:
         stop = allowance.begin(interrupt)
@@ -221,13 +226,13 @@ class _Task(NamedTuple):
         return asdict(PlanRow.certified(self.problem, seed, method, judged)) | self.about
 
 
-def _check_outputs(**paths: Path | None) -> None:
+def _check_outputs(paths: Mapping[str, Path | None], *inputs: str | Path | None) -> None:
     """Refuses files that cannot be written, and one file for two things."""
     used: dict[str, str] = {}
     for option, path in paths.items():
         if path is None:
             continue
-        check_output(path)
+        check_output(path, *inputs)
         other = used.setdefault(os.path.realpath(path), option)
         if other != option:
             raise UsageError(f"{option}: must be another file than {other}, not {path}")

@@ -2,15 +2,16 @@
 
 from collections.abc import Iterator, Sequence
 
-from cocap_opt.experiments.results.rows import Row
+from cocap_opt.experiments.results.rows import SAMPLED_COVERAGE, Row
 from cocap_opt.experiments.sweeps.cells import FAILED
 from cocap_opt.experiments.sweeps.run_file import RunFile
+from cocap_opt.planners import LAZY
 
 _FEW = 5  # seeds, below which intervals say little
 _ALWAYS = (
     "Rewards are those of the coverage model: the area of a face's projection clipped to the "
-    "image, times its visible share, which is sampled where something hides a part of it. Bounds "
-    "and optima hold for these numbers; what a real camera would see is not measured.",
+    "image, less what columns, convex meshes and other people hide of it. Bounds and optima hold "
+    "for these numbers; what a real camera would see is not measured.",
     "People and obstacles are as given, and known beforehand: nobody avoids a drone, and no drone "
     "is late. Two drones that cross diagonally between two steps are not in conflict.",
     "Certificates cover the rounding of the bound's arithmetic, not that of the coverage.",
@@ -19,7 +20,23 @@ _ALWAYS = (
 
 def limitations(rows: Sequence[Row], run: RunFile) -> list[str]:
     """Returns sentences, first those that hold for these results only."""
-    return [*_of_seeds(rows), *_of_bounds(rows), *_of_plans(rows), *_of_times(run), *_ALWAYS]
+    return [
+        *_of_coverage(rows),
+        *_of_seeds(rows),
+        *_of_bounds(rows),
+        *_of_plans(rows),
+        *_of_times(run),
+        *_ALWAYS,
+    ]
+
+
+def _of_coverage(rows: Sequence[Row]) -> Iterator[str]:
+    scenes = dict.fromkeys(row.scene for row in rows if row.coverage == SAMPLED_COVERAGE)
+    if scenes:
+        yield (
+            f"In {', '.join(scenes)} rays sample what is seen past the meshes that are not convex; "
+            "the gaps leave the error of that out."
+        )
 
 
 def _of_seeds(rows: Sequence[Row]) -> Iterator[str]:
@@ -74,6 +91,6 @@ def _of_times(run: RunFile) -> Iterator[str]:
     yield (
         f"Seconds are wall-clock time, by {workers}, and include other load on the machine. "
         "Coverage of all states is computed before and not counted; planners that look only at "
-        "states that they touch (cocap-vs, formation, one-step) compute coverage while they run, "
-        "and there it counts."
+        f"states that they touch ({', '.join(sorted(LAZY))}) compute coverage while they run, and "
+        "there it counts."
     )

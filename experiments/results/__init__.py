@@ -12,4 +12,5 @@ __all__ = [
     "statistics",
     "tables",
     "trace",
+    "verification",
 ]

@@ -11,7 +11,7 @@ _LARGEST = 2**63 - 1
 
 
 class Column(NamedTuple):
-    """A column. In `Annotated` it stands beside the type of a field, which says the rest.
+    """A column of a table; `all_of` takes its name and kind from the field that it annotates.
 
     Attributes
     ----------

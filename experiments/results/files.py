@@ -40,10 +40,18 @@ def save_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
     save_bytes(path, text.getvalue().encode())
 
 
-def check_output(path: Path | None) -> None:
-    """Refuses a file that cannot be written, before the work for it is done."""
+def check_output(path: Path | None, *inputs: str | Path | None) -> None:
+    """Refuses a file that cannot be written, before the work for it is done.
+
+    Parameters
+    ----------
+    inputs : files that are read, none of which is overwritten
+    """
     if path is None:
         return
+    for given in inputs:
+        if given is not None and os.path.realpath(path) == os.path.realpath(given):
+            raise FileError(f"{path}: must be another file than what is read")
     try:
         folder = file_to_write(path).parent
     except OSError as error:

@@ -50,8 +50,8 @@ def _notes(rows: Sequence[Row], table: Sequence[Record]) -> Iterator[str]:
     sampled = [row.scene for row in rows if row.coverage == SAMPLED_COVERAGE]
     if sampled:
         yield (
-            f"Rays sample what is seen past the meshes of {_first(list(dict.fromkeys(sampled)))}: "
-            "their gaps leave out errors of J of about 0.05 %."
+            f"Rays sample what is seen past the meshes of {_first(list(dict.fromkeys(sampled)))}; "
+            "the gaps leave the error of that out."
         )
     if any(row.conflicts for row in rows):
         yield (

@@ -152,14 +152,17 @@ class Judged(NamedTuple, Generic[R_co]):
     @property
     def reward_parts(self) -> dict[str, Any]:
         """The parts of J by their names; rewards for moves only where the plan has some."""
-        if self.verdict is None:
-            return {}
+        return {} if self.verdict is None else self.parts_of(self.verdict)
+
+    @staticmethod
+    def parts_of(verdict: Verdict) -> dict[str, Any]:
+        """Returns the parts of J; rewards for moves only where the plan has some."""
         parts: dict[str, Any] = {
-            "reward_at_start": self.verdict.reward_at_start,
-            "reward_per_step": self.verdict.reward_per_step,
+            "reward_at_start": verdict.reward_at_start,
+            "reward_per_step": verdict.reward_per_step,
         }
-        if self.verdict.reward_moves:
-            parts["reward_moves"] = self.verdict.reward_moves
+        if verdict.reward_moves:
+            parts["reward_moves"] = verdict.reward_moves
         return parts
 
     def plan_file(self, problem: Problem, planner: str) -> PlanFile | None:

@@ -1,6 +1,7 @@
 """Results on standard output: tables, or one JSON object and nothing else."""
 
 import html
+import os
 import sys
 from collections.abc import Sequence
 from json import dumps
@@ -21,6 +22,18 @@ _FOLDED = 16  # least width, in characters, of text that goes on in the next lin
 _UNBOUNDED = 10_000  # characters of a line that is measured only
 _WIDE = 200  # characters of a line that goes to a file or a pipe
 _MARKS = "|`*[]\\"  # what Markdown gives a meaning besides HTML
+# Names of statistics, as people read them; JSON has the keys.
+_LABELS = {
+    "generated": "tree: nodes made",
+    "expanded": "tree: nodes expanded",
+    "depth": "tree: depth of the plan",
+    "evaluated": "single views evaluated",
+    "leaves": "leaves of the proof",
+    "iterations": "pricing rounds",
+    "columns": "columns (paths) made",
+    "rows": "collision rows",
+    "cuts": "envelope cuts",
+}
 _SHARES = ("gap", "gap_free", "largest gap", "largest gap_free")  # printed in %
 
 
@@ -31,7 +44,8 @@ class _Output(Console):
 
 def _console(least: int = 0) -> Console:
     """Returns standard output, at least so wide; text that is too long goes on in the next line."""
-    console = _Output() if sys.stdout.isatty() else _Output(width=_WIDE)
+    known = sys.stdout.isatty() or os.environ.get("COLUMNS", "").isdecimal()
+    console = _Output() if known else _Output(width=_WIDE)
     console.width = max(console.width, least)
     return console
 
@@ -58,7 +72,7 @@ def print_result(row: Record, json: bool) -> None:
     table = Table(show_header=False, box=None)
     for key, value in row.items():
         if value is not None and value != "":
-            table.add_row(key, escape(_text(key, value)))
+            table.add_row(_LABELS.get(key, key), escape(_text(key, value)))
     _console().print(table)
 
 

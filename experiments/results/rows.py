@@ -3,7 +3,7 @@
 `plan`, `bound` and `solve` print a `PlanRow`. The gap table, `results.csv` and `gap --json` are
 made of `Row`, which is put together from what is known of a plan (`PlannedRow`) and what is known
 of its scene and seed (`BoundColumns`). Every plan has passed the referee before it gets here, and
-every bound comes from a certificate; no number is a solver's word.
+every bound is certified, but that of brute force, whose row says so in `message`.
 """
 
 import logging
@@ -28,7 +28,7 @@ EXACT_COVERAGE, SAMPLED_COVERAGE = "exact", "sampled"
 OWN_STARTS = "those in the scene's own file"
 _REWARD = "sqrt(px/m2)"
 _ANY = {"unit": _REWARD, "least": -(2**63 - 1)}  # a bound below 0 proves that there is no plan
-_SHARE = {"least": -ROUNDING, "most": 1 + ROUNDING}
+_SHARE = {"unit": "1", "least": -ROUNDING, "most": 1 + ROUNDING}
 
 _Bound = Annotated[
     float | None,
@@ -47,13 +47,16 @@ class PlanRow:
         _Count, Column("The seed; empty where the drones start as the scene's own file says.")
     ]
     planner: Annotated[str | None, Column("The planner, or the file of a plan of others.")]
-    method: Annotated[str | None, Column("The method that made the bound.")] = None
+    method: Annotated[
+        str | None, Column("The method of `bound`: in the gap table the same as bound_method.")
+    ] = None
     reward: Annotated[
         _Number, Column("J of the plan by the referee; empty without a plan.", **_ANY)
     ]
     bound: _Bound = None
     gap: Annotated[
-        _Number, Column("(bound - reward) / bound, of a plan that obeys the rules.", **_SHARE)
+        _Number,
+        Column("(bound - reward) / bound, of a plan that obeys the rules.", **_SHARE),
     ] = None
     reason: Annotated[
         str,
@@ -78,7 +81,7 @@ class PlanRow:
         _Number, Column("Wall-clock time in which the referee checked the plan.", unit="s")
     ] = None
     conflicts: Annotated[_Count, Column("Collision rules that the plan breaks.")]
-    message: Annotated[str, Column("Further remarks, in words.")]
+    message: Annotated[str, Column("Further remarks of the planner and on its plan, in words.")]
 
     @classmethod
     def of(
@@ -152,7 +155,8 @@ class PlannedRow(PlanRow):
         _Count, Column("Units of work that the planner was allowed; empty without such a limit.")
     ] = None
     reward_rendered: Annotated[
-        _Number | UnsetType, Column("J of the rendered pixels of the plan.", **_ANY)
+        _Number | UnsetType,
+        Column("J of the rendered pixels; only with --rendered.", **_ANY),
     ] = UNSET
 
     @classmethod
@@ -176,7 +180,9 @@ class BoundColumns:
     """The columns that all rows of one scene and seed share: bounds, and the best known plans."""
 
     bound: _Bound = None
-    bound_method: Annotated[str, Column("The method that made the bound.")] = BOUND_METHOD
+    bound_method: Annotated[str, Column("The method whose certificate proves `bound`.")] = (
+        BOUND_METHOD
+    )
     bound_reason: Annotated[
         str,
         Column("Why the search for the bound stopped: optimal means that J of a plan meets it."),
@@ -239,11 +245,18 @@ class Row(BoundColumns, PlannedRow):
     """A row of the gap table: a plan, and what bounds all plans of its scene and seed."""
 
     gap_free: Annotated[
-        _Number, Column("(bound_free - reward) / bound_free, of the same plans.", **_SHARE)
+        _Number,
+        Column(
+            "(bound_free - reward) / bound_free, of a plan that obeys the rules.",
+            **_SHARE,
+        ),
     ]
     digest: Annotated[str, Column("Digest of the scene.")]
     starts: Annotated[
-        str | UnsetType, Column("The starts of the drones, if not those of the seed.")
+        str | UnsetType,
+        Column(
+            "The starts of the drones, where they are not those of the seed; only in such tables."
+        ),
     ] = UNSET
 
     @classmethod

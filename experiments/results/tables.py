@@ -44,7 +44,7 @@ class Tables(dict[str, Table]):
         return cls({title: table for title, table in tables.items() if table})
 
     def markdown(self) -> str:
-        """Returns them in Markdown with their titles as headings; no name has a meaning there."""
+        """Returns the tables in Markdown under headings; special characters are escaped."""
         texts = {
             title: _frame(_escaped(table)).to_markdown(index=False, disable_numparse=True)
             for title, table in self.items()
@@ -196,7 +196,7 @@ def _time_table(rows: Sequence[Row]) -> Table:
 
 
 def _is_timed(row: Row) -> bool:
-    """Returns True for a run: plans of others are not timed, nor scenes that are not taken."""
+    """Returns True if a planner was run: not for plans from files or unsupported scenes."""
     ran = row.reward is None and row.reason != Reason.UNSUPPORTED
     return ran or row.seconds is not None
 

@@ -13,6 +13,7 @@ __all__ = [
     "output",
     "results",
     "run_file",
+    "scenes",
     "start",
     "sweep",
     "work",

@@ -31,8 +31,8 @@ from cocap_opt.stop import Stop
 POLL = 0.2  # s, between two looks at Ctrl-C and at the clock
 ANSWER = 10.0  # s, in which a scheduler answers
 _RESTART = 120.0  # s, in which a worker restarts on a busy machine; one that is late never does
-_GONE = "--workers: they do not come back; what was finished is kept, and the same command goes on"
-_LOST = "--scheduler: it is lost; what was finished is kept, and the same command goes on"
+_GONE = "--workers: the processes did not restart; results are kept, and the same command goes on"
+_LOST = "--scheduler: the connection was lost; results are kept, and the same command goes on"
 _OTHER_CODE = "has other code, or other versions of libraries, than this process"
 _LOCAL = {
     "distributed.scheduler.allowed-failures": 0,  # whom a cell kills it would kill again

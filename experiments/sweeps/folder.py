@@ -100,7 +100,7 @@ class Earlier(NamedTuple):
     def read(cls, folder: Path | None, instances: Sequence[Instance], is_same: IsSame) -> "Earlier":
         """Reads a folder, and gives instances that run again the planners of their earlier rows.
 
-        What cannot stay is said.
+        Rows that cannot be kept are named on standard error, with the reason.
 
         Raises
         ------

@@ -46,7 +46,7 @@ class Settings(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def cell_limit(self) -> float:
-        """Seconds after which a worker that should have ended by these limits hangs."""
+        """Seconds after which a worker is taken to hang: ten times both limits and ten minutes."""
         return 10 * (self.time_limit + self.bound_time_limit) + 600
 
 
@@ -279,7 +279,7 @@ def _move(name: str, source: Mapping[str, _T], target: dict[str, _T]) -> None:
 
 
 def _met(columns: BoundColumns, name: str) -> dict[str, Any]:
-    """Returns the columns that say so, if the best known J meets the bound."""
+    """Returns the reason and limit of a proved optimum if the best known J meets the bound."""
     bound = _COLUMNS_OF[name][0]
     value, best = _or(columns, bound, math.inf), _or(columns, _OPTIMA[name], -math.inf)
     RefereeError.unless_bound(f"{bound} of two commands", best, value)

@@ -1,4 +1,4 @@
-"""The scenes of a sweep: words and seeds in, problems out that no two of have the same name."""
+"""The scenes of a sweep: words and seeds in, problems out, no two of which have the same name."""
 
 from collections.abc import Callable, Mapping, Sequence
 
@@ -39,6 +39,7 @@ class Scenes:
             for name in dict.fromkeys(names)
             for seed, problem in _seeded(name, seeds, load, tell).items()
         })  # fmt: skip
+        self._load = load
         self._words = {problem.name: name for (name, _), problem in self.problems.items()}
 
     @staticmethod
@@ -62,7 +63,11 @@ class Scenes:
     def is_same(self, key: Key, digest: str) -> bool:
         """Returns False if an earlier row's scene is not what these names make with its seed."""
         name, seed = key
-        return seed is None or name not in self._words or _digest(self._words[name], seed) == digest
+        return (
+            seed is None
+            or name not in self._words
+            or _digest(self._load, self._words[name], seed) == digest
+        )
 
 
 def _seeded(
@@ -71,7 +76,7 @@ def _seeded(
     load: Callable[[str, int], Problem],
     tell: Callable[[str], None],
 ) -> dict[int, Problem]:
-    first = {_digest(scene, 0): 0} if any(seeds) else {}
+    first = {_digest(load, scene, 0): 0} if any(seeds) else {}
     found: dict[int, Problem] = {}
     again = []
     for seed in seeds:
@@ -86,9 +91,9 @@ def _seeded(
     return found
 
 
-def _digest(scene: str, seed: int) -> str:
+def _digest(load: Callable[[str, int], Problem], scene: str, seed: int) -> str:
     """Returns the digest of what a seed makes; empty if it makes nothing."""
     try:
-        return problem_digest(load_scene(scene, seed))
+        return problem_digest(load(scene, seed))
     except (FileError, ProblemError):
         return ""

@@ -140,7 +140,7 @@ class Multipliers(_Part, frozen=True, tag="multipliers", omit_defaults=True):
             If a cut belongs to no view sum, is no function, or its constant takes too long.
         """
         if self.cuts and model.problem.objective.over_time:
-            raise CertificateError("certificate.cuts: none hold where pixels add up over time")
+            raise CertificateError("certificate.cuts: must be empty where pixels add up over time")
         found = []
         for n, cut in enumerate(self.cuts):
             cut.check(model, f"certificate.cuts[{n}]")

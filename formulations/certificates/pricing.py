@@ -178,7 +178,8 @@ def _payment_of_multipliers(model: Model, certificate: Multipliers) -> _Payment:
     needed = np.flatnonzero((_visible_view_sums(model) > 0) & (alpha < rest))
     if (beta[needed] == 0).any():
         raise CertificateError("certificate.beta: must be > 0 where alpha < 1")
-    kappa = (rest[needed] - alpha[needed]) ** 2 / (4 * beta[needed])
+    with np.errstate(over="ignore"):  # what is infinite is refused later
+        kappa = (rest[needed] - alpha[needed]) ** 2 / (4 * beta[needed])
     terms = (weights[needed] * kappa).tolist()
     terms += [float(weights[cut.view_sum]) * share * cut.constant for cut, share in cuts]
     # The cuts' constants are made of norms of as many roots as there are robots.

@@ -831,7 +831,7 @@ def test_a_lost_scheduler_is_no_cells_fault(tmp_path: Path) -> None:
         crew = Cluster(client, never, 60.0)
         crew.begin(Task(instances()[0].cells["cocap"], small_field(0)))
         cluster.close()
-        with pytest.raises(ClusterError, match="--scheduler: it is lost"):
+        with pytest.raises(ClusterError, match="--scheduler: the connection was lost"):
             crew.run(instances(), Store(folder), never, lambda content: None)
     assert not list((folder / "cells").iterdir())
 
