@@ -1,6 +1,7 @@
 """The face, `import cocap_opt as co`: all that a user, the README and the notebooks need."""
 
 import ast
+import dataclasses
 import inspect
 import subprocess
 import sys
@@ -338,3 +339,29 @@ def test_a_planner_that_returns_nothing_is_refused() -> None:
 
 def nothing(problem: co.Problem, stop: co.Stop) -> None:
     """A planner that forgets its result."""
+
+
+@pytest.mark.parametrize(
+    ("changes", "field"),
+    [
+        ({"value": 1e9}, "reward"),
+        ({"bound": 1.0}, "bound"),
+    ],
+)
+def test_verify_compares_what_a_result_claims(changes: dict[str, float], field: str) -> None:
+    """Neither its value nor its bound is believed."""
+    problem = co.load("tiny-share")
+    best = co.solve(problem)
+    assert co.verify(problem, best).gap < 1e-6
+    with pytest.raises(ValueError, match=f"^{field}: "):
+        co.verify(problem, dataclasses.replace(best, **changes))
+
+
+def test_workers_need_a_guard(tmp_path: Path) -> None:
+    """A script that every worker would run from its first line on is refused in a sentence."""
+    script = tmp_path / "script.py"
+    script.write_text('import cocap_opt as co\nco.gap("tiny-share", ["greedy"], workers=1)\n')
+    run = subprocess.run(
+        [sys.executable, str(script)], capture_output=True, text=True, check=False
+    )  # fmt: skip
+    assert "ValueError: workers: each worker imports your script" in run.stderr

@@ -7,6 +7,7 @@ from msgspec import UNSET
 
 from cocap_opt.experiments.results.printing import Listing, Marked, Record
 from cocap_opt.experiments.results.rows import SAMPLED_COVERAGE, Row
+from cocap_opt.result import Reason
 
 _OPEN = "*"  # marks a bound that a limit stopped
 PROVED = ("optimal", "infeasible")
@@ -16,6 +17,7 @@ _MISSING = {  # why there is no bound
     "exceeded": "its search took longer than a cell may",
     "died": "the process of its search died",
 }
+_WITHOUT_PLAN = (Reason.UNSUPPORTED, Reason.FAILED, Reason.INFEASIBLE)
 _NAMED = 3  # cases that are named in a sentence
 _MEANS = ("reward", "bound", "gap", "gap_free", "seconds")
 
@@ -53,6 +55,9 @@ def _notes(rows: Sequence[Row], table: Sequence[Record]) -> Iterator[str]:
             f"Rays sample what is seen past the meshes of {_first(list(dict.fromkeys(sampled)))}; "
             "the gaps leave the error of that out."
         )
+    without = [row for row in rows if row.reason in _WITHOUT_PLAN and row.message]
+    told = dict.fromkeys(f"{row.planner} on {row.scene}: {row.message}." for row in without)
+    yield from list(told)[:_NAMED]
     if any(row.conflicts for row in rows):
         yield (
             "A plan with conflicts breaks the scene's rules: its reward may exceed the bound, "
@@ -68,6 +73,8 @@ def _shown(row: Row, key: str) -> object:
     reasons = {"bound": row.bound_reason, "gap_free": row.bound_free_reason}
     if key not in reasons:
         return value
+    if key == "bound" and reasons[key] == Reason.INFEASIBLE:
+        return Marked("no plan", " ")
     is_open = value is not None and reasons[key] not in PROVED
     return Marked(value, _OPEN if is_open else " ")
 
@@ -76,11 +83,12 @@ def _title(rows: Sequence[Row]) -> str:
     """Returns the title, which says how good the bounds are."""
     if not rows:
         return "no rows"
-    proved = [row for row in rows if row.bound_reason in PROVED]
+    proved = [row for row in rows if row.bound_is_proved]
     others = [r for r in rows if r.bound is not None and r.bound_reason not in PROVED]
     methods = ", ".join(dict.fromkeys(row.bound_method for row in (*proved, *others)))
     if not others:
-        return f"gap to the proved optimum ({methods})" if proved else "no bounds"
+        no_gaps = "no bounds" if all(row.bound is None for row in rows) else "no plan exists"
+        return f"gap to the proved optimum ({methods})" if proved else no_gaps
     if proved:
         return (
             f"gap to the proved optimum, or where marked {_OPEN} to a certified bound ({methods})"

@@ -128,9 +128,9 @@ class Listing(NamedTuple):
 
 
 class Marked(NamedTuple):
-    """A number that is printed with a mark behind it."""
+    """A number, or words in its place, printed with a mark behind it."""
 
-    value: float | None
+    value: float | str | None
     mark: str
 
 

@@ -229,7 +229,8 @@ def _times(scene: str, rows: Sequence[Row]) -> Table:
 
 
 def _mean_seconds(rows: Sequence[Row]) -> float:
-    taken = (row.seconds if row.valid else row.time_limit for row in rows)
+    settled = (row.valid or row.reason == Reason.INFEASIBLE for row in rows)
+    taken = (r.seconds if done else r.time_limit for r, done in zip(rows, settled, strict=True))
     return Mean.shifted_geometric([seconds or 0.0 for seconds in taken])
 
 

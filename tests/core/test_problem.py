@@ -521,3 +521,31 @@ def test_triangles_are_halves_of_the_cuboid_faces() -> None:
             assert np.linalg.norm(_normal(triangle)) == pytest.approx(whole, rel=1e-12)
         corners = {tuple(p) for p in np.concatenate([first, second]).tolist()}
         assert corners == {tuple(p) for p in quad.tolist()}
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: tiny().replace(rules="none"), "rules: must be a CollisionRules object"),
+        (lambda: tiny().replace(height_map=np.zeros((4, 4))), "height_map: must be a HeightMap"),
+        (lambda: tiny().replace(robots=tiny().robots[0]), "robots: must be a sequence of Robot"),
+        (lambda: tiny().replace(actors=[np.zeros((3, 4))]), "actors: must be a sequence of Actor"),
+        (lambda: CollisionRules(vertex="no"), "vertex: must be true or false, not 'no'"),
+        (lambda: Motion(layers=5.0), "layers: must be a sequence of numbers, not 5.0"),
+        (lambda: Robot(start=(1, 1)), "start: must be a State object"),
+    ],
+)
+def test_a_field_of_another_type_is_refused(make: Callable[[], object], words: str) -> None:
+    """The message names the field and the type that it has."""
+    with pytest.raises(ProblemError) as error:
+        make()
+    assert str(error.value).startswith(words)
+
+
+def test_arrays_become_plain() -> None:
+    """What the caller does to its array later changes no problem."""
+    origin = np.array([0.0, 1.0])
+    height_map = HeightMap(heights=np.zeros((2, 2)), origin=origin)
+    origin[0] = 9.0
+    assert height_map.origin == (0.0, 1.0)
+    assert Motion(layers=np.array([3, 5])).layers == (3, 5)

@@ -931,3 +931,18 @@ def test_text_of_files_steers_no_terminal(
         assert text and all(c.isprintable() or c == "\n" for c in text), words
         if "markdown" in words:
             assert "<b>" not in text
+
+
+@pytest.mark.parametrize(
+    "words", [("plan",), ("bound",), ("solve", "--certificate", "other.json"), ("export",)]
+)
+def test_a_scene_is_not_overwritten(
+    words: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The scene's own file is no place for what is made of it."""
+    scene = tmp_path / "scene.json"
+    Run(capsys, "export", "tiny-share", "-o", scene)
+    before = scene.read_bytes()
+    run = Run(capsys, words[0], scene, *words[1:], "-o", scene)
+    assert run.code == 2 and "must be another file than what is read" in run.err
+    assert scene.read_bytes() == before
