@@ -14,7 +14,7 @@ from cocap_opt.data import ProblemError
 from cocap_opt.files.documents import FileError
 from cocap_opt.problem import Plan, Problem, State
 from cocap_opt.scenarios.built_in import bottleneck, bridge, corridor, field, passage, tiny
-from cocap_opt.scenarios.formats import conventions, hughes
+from cocap_opt.scenarios.formats import conventions, hughes, movingai
 from cocap_opt.scenarios.formats.options import NOTHING, Options
 
 __all__ = ["FORMATS", "NOTHING", "SCENES", "load_scene", "read_foreign_plan",
@@ -101,6 +101,7 @@ FORMATS: dict[str, _Format] = {
         "*.scen, a scenario of the MovingAI benchmark (the seed orders its rows)",
         scenes=_Files((".scen",)),
         reader="formats.movingai",
+        options=movingai.OPTIONS,
     ),
 }
 

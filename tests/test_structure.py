@@ -18,8 +18,9 @@ ALLOWED = {
 # module is in one of them (a folder stands for all that it holds).
 ORDER = {
     "core": (
-        "text", "data", "stop", "drawing", "world", "problem", "result", "files", "graph", "vision",
-        "referee", "model", "timing", "objective", "coordination", "planners",
+        "text", "data", "stop", "drawing", "world", "problem", "result", "files", "graph",
+        "plausibility", "vision", "referee", "model", "timing", "objective", "coordination",
+        "planners",
     ),
     "formulations": (
         "certificates", "result", "early_bound", "simple_bounds", "brute_force", "relaxations",

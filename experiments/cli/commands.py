@@ -83,14 +83,14 @@ def run(arguments: Sequence[str] | None) -> int:
 
 
 class _Once(logging.Filter):
-    """Lets a message through once: every seed of a scene has the same doubts."""
+    """Lets a message through once; `once` names what it is about, be it of any seed or planner."""
 
     def __init__(self) -> None:
         super().__init__()
         self._seen: set[str] = set()
 
     def filter(self, record: logging.LogRecord) -> bool:
-        message = record.getMessage()
+        message = str(getattr(record, "once", record.getMessage()))
         new = message not in self._seen
         self._seen.add(message)
         return new

@@ -11,8 +11,8 @@ from cyclopts import Parameter, Token
 from cocap_opt.experiments.console.options import Option, UsageError
 from cocap_opt.experiments.results.judging import Allowance
 from cocap_opt.experiments.results.rows import Row
+from cocap_opt.plausibility import doubts
 from cocap_opt.problem import Problem
-from cocap_opt.problem.plausibility import doubts
 from cocap_opt.scenarios import NOTHING, load_scene
 
 _log = logging.getLogger(__name__)
@@ -64,7 +64,8 @@ def load(scene: str, seed: int, options: Mapping[str, str] = NOTHING) -> Problem
     Option("--seed").require_whole(seed)
     problem = load_scene(scene, seed, options)
     for doubt in doubts(problem):
-        _log.warning("%s: %s", scene, doubt)
+        once = {"once": f"{scene}, {doubt}"}
+        _log.warning("%s, seed %d: %s", scene, seed, doubt, extra=once)
     return problem
 
 

@@ -18,6 +18,7 @@ from cocap_opt.experiments.results.columns import Column
 from cocap_opt.experiments.results.judging import BOUND_METHOD, ROUNDING, Judged
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult
 from cocap_opt.problem import Problem
+from cocap_opt.referee import Verdict
 from cocap_opt.result import Reason, relative_gap
 from cocap_opt.vision.faces import FaceGeometry
 
@@ -90,9 +91,10 @@ class PlanRow:
         """Returns the row of a plan, without a bound: only certified bounds are shown."""
         result = judged.result
         reason, messages = result.reason, [result.message] if result.message else []
-        if judged.verdict and problem.actors and not any(judged.verdict.face_reward):
-            messages.append("no drone sees anybody at any step")
-            _log.warning("%s, %s: %s", problem.name, planner or "bound", messages[-1])
+        if judged.verdict and problem.actors and (words := _blind(judged.verdict)):
+            messages.append(words)
+            about = problem.name, seed, planner or "bound", words
+            _log.warning("%s, seed %s, %s: %s", *about, extra={"once": f"{problem.name}, blind"})
         if reason is Reason.STOPPED and result.plan is not None and result.plan.stays:
             messages.append("the limit came before any drone was planned: all stay at their starts")
         if reason is Reason.OPTIMAL and math.isfinite(result.bound) and judged.gap > OPTIMALITY:
@@ -343,6 +345,17 @@ class Row(BoundColumns, PlannedRow):
 
 
 COLUMNS = Column.all_of(Row)
+
+
+def _blind(verdict: Verdict) -> str:
+    """Returns at how many steps no drone of a plan sees anybody, if those are most."""
+    if not any(verdict.face_reward):
+        return "no drone sees anybody at any step"
+    steps = verdict.reward_per_step
+    blind = sum(reward <= 0 for reward in steps)
+    if 2 * blind <= len(steps):
+        return ""
+    return f"no drone sees anybody at {blind} of {len(steps)} steps"
 
 
 def _fields(row: PlanRow | BoundColumns) -> dict[str, Any]:

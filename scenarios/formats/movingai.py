@@ -8,16 +8,18 @@ y = row of the height map, one metre wide: world y grows down the printed map, s
 its mirror image. Free terrain (`.` and `G` ground, `S` swamp) has height 0; everything else
 (`@` and `O` out of bounds, `T` trees, `W` water) becomes a column.
 
-The rows of a scenario are trips from a start to a goal. The first rows put a robot on their
-start each, the following ones let an actor walk their trip, on a shortest path that does not
-cut corners, as the benchmark's optimal lengths assume. Actors ignore each other.
+The rows of a scenario are trips from a start to a goal. The first rows let an actor walk their
+trip, on a shortest path that does not cut corners, as the benchmark's optimal lengths assume;
+actors ignore each other. The starts of others, those with somebody near first, are those of the
+robots. Without such an order (`near`), the first rows put a robot on their start each, and the
+following ones are the actors'.
 """
 
 from __future__ import annotations  # networkx graphs take type arguments in stubs only
 
 import math
 import random
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -26,9 +28,11 @@ import networkx as nx
 import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, ProblemError
+from cocap_opt.graph.encounters import NEAR, Encounters
 from cocap_opt.problem import Actor, Motion, Problem, Robot, State
+from cocap_opt.scenarios.formats.options import NOTHING, Options
 from cocap_opt.scenarios.text import integer, naming, number, read_text
-from cocap_opt.world.workspace import HeightMap
+from cocap_opt.world.workspace import HeightMap, Workspace
 
 FREE = ".GS"
 BLOCKED = "@OTW"
@@ -55,18 +59,58 @@ class _Trip(NamedTuple):
         return path
 
 
+class _Numbers(Mapping[str, Any]):
+    """The words of an option that is a number, or several with commas, and what they stand for."""
+
+    def __init__(self, default: str, kind: type, least: float, several: bool = False) -> None:
+        self._default, self._kind, self._least, self._several = default, kind, least, several
+
+    def __getitem__(self, word: str) -> Any:
+        try:
+            values = tuple(self._kind(part) for part in word.split(","))
+        except ValueError:
+            raise KeyError(word) from None
+        if not all(self._least <= value < math.inf for value in values):
+            raise KeyError(word)
+        if len(values) > 1 and not self._several:
+            raise KeyError(word)
+        return values if self._several else values[0]
+
+    def __iter__(self) -> Iterator[str]:
+        kind = "whole numbers" if self._kind is int else "numbers"
+        yield from (self._default, f"{kind} >= {self._least:g}")
+
+    def __len__(self) -> int:
+        return 2
+
+
+OPTIONS = Options(
+    {
+        "drones": _Numbers("2", int, 1),
+        "people": _Numbers("2", int, 0),
+        "steps": _Numbers("10", int, 1),
+        "layers": _Numbers("5", float, 0.1, several=True),
+        "near": _Numbers(f"{NEAR:g}", float, 0),
+    }
+)
+_ARGUMENTS = {"drones": "robots", "people": "actors"}  # of `read`, where they are called otherwise
+
+
 def read(
     path: Path,
     seed: int = 0,
+    options: Mapping[str, str] = NOTHING,
     *,
     robots: int = 2,
     actors: int = 2,
     steps: int = 10,
     wall: float = 10.0,
+    layers: tuple[float, ...] = (5.0,),
+    near: float | None = NEAR,
 ) -> Problem:
     """Reads a scenario; the map that it names must lie beside it.
 
-    Robots fly at 5 m and first look toward the first actor. Actors walk one cell a step, look
+    Robots first look toward the actor that is nearest to them. Actors walk one cell a step, look
     where they go, and stand still once they have arrived. For a robot, rows are skipped whose
     start is blocked or taken; for an actor, rows between whose ends there is no path.
 
@@ -76,10 +120,17 @@ def read(
         The `.scen` file.
     seed
         0 takes the rows in the order of the file, any other seed in a random order of its own.
+    options
+        Words for drones, people, steps, layers and near, in place of the arguments below.
     robots, actors, steps
         Number of robots, of actors, and of moves (the horizon T).
     wall
         Height of blocked cells, m.
+    layers
+        Flight heights, m; robots start at the first.
+    near
+        m; robots start where the fewest moves bring them so near to an actor that they see, and
+        where that is possible within the steps. None takes the rows as they come.
 
     Raises
     ------
@@ -88,14 +139,27 @@ def read(
         used; one line, naming the file.
     """
     with naming(path):
+        if given := OPTIONS.chosen(options):
+            chosen = {_ARGUMENTS.get(name, name): value for name, value in given.items()}
+            defaults = {"robots": robots, "actors": actors, "steps": steps, "near": near,
+                        "layers": layers}  # fmt: skip
+            return read(path, seed, wall=wall, **{**defaults, **chosen})
         for name, value, least in (("seed", seed, 0), ("robots", robots, 1), ("actors", actors, 0)):
             _require(value >= least, name, f"must be >= {least}, not {value}")
         _require(steps >= 1, "steps", f"must be >= 1, not {steps}")
         _require(math.isfinite(wall) and wall > 0, "wall", f"must be > 0 m, not {wall}")
     free, trips = _read_trips(path)
-    order = iter(_shuffled(trips, seed))
-    starts = list(islice(_distinct_starts(order, free), robots))
+    order, motion = iter(_shuffled(trips, seed)), Motion(layers=layers)
+    workspace = Workspace(HeightMap(heights=np.where(free, 0.0, wall)))
+    if near is None:
+        starts = list(islice(_distinct_starts(order, free), robots))
     walks = list(islice(_walks(order, walking_graph(free)), actors))
+    people = tuple(Actor(poses=_poses(walk, steps)) for walk in walks)
+    if near is not None:
+        rows = _distinct_starts(order, free)
+        starts = _nearest(rows, near, people, workspace, motion)[:robots] if people else [
+            *islice(rows, robots)
+        ]  # fmt: skip
     with naming(path):
         _require(
             (len(starts), len(walks)) == (robots, actors),
@@ -105,11 +169,25 @@ def read(
         )
         return Problem(
             name=path.stem,
-            height_map=HeightMap(heights=np.where(free, 0.0, wall)),
-            robots=tuple(_robot(start, walks[0][0] if walks else start) for start in starts),
-            actors=tuple(Actor(poses=_poses(walk, steps)) for walk in walks),
+            height_map=workspace.height_map,
+            robots=tuple(_robot(start, walks, motion) for start in starts),
+            actors=people,
             horizon=steps,
         )
+
+
+def _nearest(
+    starts: Iterable[GridCell],
+    near: float,
+    people: tuple[Actor, ...],
+    workspace: Workspace,
+    motion: Motion,
+) -> list[GridCell]:
+    """Returns starts in the order of how many moves bring a robot near somebody in sight."""
+    encounters = Encounters(workspace, motion, people, len(people[0].poses) - 1, near)
+    meets = encounters.cells(encounters.can_meet())[0]
+    moves = encounters.cells(encounters.moves_to_meet())[0]
+    return sorted((start for start in starts if meets[start]), key=lambda start: moves[start])
 
 
 def _read_trips(path: Path) -> tuple[BoolArray, list[_Trip]]:
@@ -228,9 +306,12 @@ def _walks(trips: Iterable[_Trip], graph: Graph) -> Iterator[list[GridCell]]:
     return (walk for trip in trips if (walk := trip.walk(graph)) is not None)
 
 
-def _robot(start: GridCell, target: GridCell) -> Robot:
-    """Returns a robot at `start` with the heading nearest to the direction of `target`."""
-    motion = Motion()
+def _robot(start: GridCell, walks: Sequence[Sequence[GridCell]], motion: Motion) -> Robot:
+    """Returns a robot at `start` with the heading nearest to the direction of the nearest person.
+
+    Of several that are as near, it is the first.
+    """
+    target = min((walk[0] for walk in walks), key=lambda at: math.dist(at, start), default=start)
     angle = math.atan2(target[1] - start[1], target[0] - start[0])
     heading = round(angle / (math.tau / motion.headings)) % motion.headings
     return Robot(start=State(*start, heading=heading), motion=motion)

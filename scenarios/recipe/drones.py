@@ -6,7 +6,8 @@ from typing import Annotated
 import numpy as np
 from msgspec import Meta
 
-from cocap_opt.data import FloatArray, IntArray, ProblemError
+from cocap_opt.data import BoolArray, FloatArray, IntArray, ProblemError
+from cocap_opt.graph.encounters import NEAR, Encounters
 from cocap_opt.problem import Actor, Camera, CollisionRules, Motion, Robot, State
 from cocap_opt.scenarios.cameras import CAMERAS
 from cocap_opt.scenarios.recipe.tables import Coordinate, Count, Length, Table
@@ -37,13 +38,15 @@ class DronesTable(Table):
         team: list[Robot],
         workspace: Workspace,
         actors: tuple[Actor, ...],
+        horizon: int,
         rules: CollisionRules,
         rng: np.random.Generator,
     ) -> list[Robot]:
         """Returns a team with the drones of this table added.
 
         Drones without a stated start are put into random free cells of their lowest layer, apart
-        from the rest of the team, and look at the actor that is nearest to them at step 0.
+        from the rest of the team, from which they can come near somebody, and look at the actor
+        that is nearest to them at step 0.
 
         Raises
         ------
@@ -57,7 +60,7 @@ class DronesTable(Table):
         for start in self.starts or ():
             state = _stated(start, self.motion, workspace.height_map)
             team.append(Robot(start=state, motion=self.motion, camera=camera))
-        states = iter(self._candidates(workspace, actors, rng) if self.count else ())
+        states = iter(self._candidates(workspace, actors, horizon, rng) if self.count else ())
         for k in range(self.count or 0):
             apart = (
                 state
@@ -66,7 +69,8 @@ class DronesTable(Table):
             )
             state_apart = next(apart, None)
             if state_apart is None:
-                raise ProblemError(f"count: must be at most {k} here; {self._room(workspace)}")
+                room = self._room(workspace, actors, horizon)
+                raise ProblemError(f"count: must be at most {k} here; {room}")
             team.append(Robot(start=state_apart, motion=self.motion, camera=camera))
         return team
 
@@ -79,20 +83,36 @@ class DronesTable(Table):
         tilts = tuple(math.radians(angle) for angle in self.tilts)
         return CAMERAS[self.camera].replace(tilts=tilts)
 
-    def _room(self, workspace: Workspace) -> str:
+    def _room(self, workspace: Workspace, actors: tuple[Actor, ...], horizon: int) -> str:
         """Says how much room there is for drones."""
         free = self.motion.free_places(workspace)[0]
-        near = "" if self.near is None else f", and only some within {self.near:g} m of someone"
-        return (
+        words = (
             f"{free.sum()} of {free.size} cells are free at their lowest layer, "
-            f"{self.motion.layers[0]:g} m{near}"
+            f"{self.motion.layers[0]:g} m"
         )
+        if actors:
+            meet = int(self._can_meet(workspace, actors, horizon).sum())
+            words += f"; from {meet} of them a drone comes within {NEAR:g} m of somebody in sight"
+        return words + ("" if self.near is None else f"; some are within {self.near:g} m at step 0")
+
+    def _can_meet(self, workspace: Workspace, actors: tuple[Actor, ...], horizon: int) -> BoolArray:
+        """Returns the cells [X, Y] of the lowest layer from which a drone comes near somebody."""
+        pitches = len(self.tilts)
+        encounters = Encounters(workspace, self.motion, actors, horizon, pitches=pitches)
+        return np.asarray(encounters.cells(encounters.can_meet())[0])
 
     def _candidates(
-        self, workspace: Workspace, actors: tuple[Actor, ...], rng: np.random.Generator
+        self,
+        workspace: Workspace,
+        actors: tuple[Actor, ...],
+        horizon: int,
+        rng: np.random.Generator,
     ) -> list[State]:
         """Returns free cells near someone in random order, with headings to the nearest actor."""
-        free = np.argwhere(self.motion.free_places(workspace)[0])
+        allowed = self.motion.free_places(workspace)[0]
+        if actors:
+            allowed = allowed & self._can_meet(workspace, actors, horizon)
+        free = np.argwhere(allowed)
         ways = _ways(workspace.height_map, free, actors)
         far = np.hypot(ways[:, 0], ways[:, 1])
         if self.near is not None and actors:

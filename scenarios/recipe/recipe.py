@@ -136,7 +136,7 @@ def read(path: Path, seed: int = 0) -> Problem:
         team: list[Robot] = []
         for k, given in enumerate(recipe.drones):
             with naming(f"drones[{k}]"):
-                team = given.added_to(team, workspace, actors, recipe.rules, rng)
+                team = given.added_to(team, workspace, actors, recipe.steps, recipe.rules, rng)
         return Problem(
             name=recipe.name or path.stem,
             height_map=terrain.height_map,

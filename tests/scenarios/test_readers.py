@@ -15,6 +15,7 @@ from scene_files import SEQUENCE, STARTS
 
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.experiments.studies.coverage.peers import _differences
+from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import PAPER_RULES, Cuboid, Plan, Problem, State, TriangulatedCuboid
 from cocap_opt.referee import check
 from cocap_opt.scenarios.formats import greedy_perspectives, movingai
@@ -362,7 +363,7 @@ def _project(problem: Problem, state: State, t: int, actor: int) -> FloatArray |
 
 def test_scenario_is_read(scenario: Path) -> None:
     """x is the column and y the row; rows that do not serve a robot or actor are skipped."""
-    problem = movingai.read(scenario, steps=5)
+    problem = movingai.read(scenario, steps=5, near=None)
     assert problem.name == "tiny"
     assert problem.height_map.heights.tolist() == [[0, 0, 0], [10, 0, 0], [0, 0, 10], [0, 0, 0]]
     first, second = problem.robots
@@ -374,7 +375,7 @@ def test_scenario_is_read(scenario: Path) -> None:
 
 def test_actor_walks_without_cutting_corners_and_then_stands(scenario: Path) -> None:
     """An actor takes one cell a step along a shortest path, looks along it, and stays."""
-    around, diagonal = movingai.read(scenario, steps=5).actors
+    around, diagonal = movingai.read(scenario, steps=5, near=None).actors
     assert around.poses[:, :2].tolist() == [
         [0.5, 0.5], [0.5, 1.5], [1.5, 1.5], [2.5, 1.5], [2.5, 0.5], [2.5, 0.5],
     ]  # fmt: skip
@@ -388,7 +389,7 @@ def test_actor_that_is_at_its_goal_stands(scenario: Path) -> None:
     """A trip of no length is a person who stands still."""
     row = "0\ttiny.map\t4\t3\t3\t2\t3\t2\t0\n"
     scenario.write_text("version 1\n" + row * 2)
-    (actor,) = movingai.read(scenario, robots=1, actors=1).actors
+    (actor,) = movingai.read(scenario, robots=1, actors=1, near=None).actors
     assert actor.poses.tolist() == [[3.5, 2.5, 0, 0]] * 11
 
 
@@ -396,7 +397,7 @@ def test_seed_permutes_the_rows(scenario: Path) -> None:
     """A seed always gives the same problem, and other seeds other ones."""
 
     def starts(seed: int) -> tuple[State, ...]:
-        problem = movingai.read(scenario, seed, robots=2, actors=1)
+        problem = movingai.read(scenario, seed, robots=2, actors=1, near=None)
         return tuple(robot.start for robot in problem.robots)
 
     assert [starts(k) for k in range(8)] == [starts(k) for k in range(8)]
@@ -425,7 +426,7 @@ def test_wrong_scenario_is_one_line(
     """Whatever is wrong in a scenario is one line that names the file and the line."""
     assert old in SCENARIO
     scenario.write_text(SCENARIO.replace(old, new))
-    _one_line(lambda: movingai.read(scenario), "tiny.scen: ", *words)
+    _one_line(lambda: movingai.read(scenario, near=None), "tiny.scen: ", *words)
 
 
 @pytest.mark.parametrize(
@@ -533,3 +534,31 @@ def test_coverage_of_greedy_perspectives_is_read_face_by_face(sequence: Path) ->
     path.write_text("x,y,h,t,actor,face,ppa\n1,2,0,1,0,12,80\n")
     with pytest.raises(ProblemError, match=r"line 2, face: must be 0\.\.11"):
         greedy_perspectives.PeerResults(problem).coverage(path)
+
+
+def test_movingai_options_are_words(scenario: Path) -> None:
+    """Drones, people, steps, layers and how near the drones start; what is wrong is one line."""
+    options = {"drones": "1", "people": "1", "steps": "4", "layers": "5,8", "near": "20"}
+    problem = movingai.read(scenario, 0, options)
+    assert (len(problem.robots), len(problem.actors), problem.horizon) == (1, 1, 4)
+    assert problem.robots[0].motion.layers == (5.0, 8.0)
+
+
+@pytest.mark.parametrize(
+    "option", [("drones", "0"), ("steps", "1.5"), ("near", "-1"), ("layers", "a"), ("steps", "1,2")]
+)
+def test_wrong_movingai_options_are_one_line(scenario: Path, option: tuple[str, str]) -> None:
+    """The option and what is allowed are named."""
+    words = f"tiny.scen: option {option[0]}: must be one of "
+    _one_line(lambda: movingai.read(scenario, 0, dict([option])), words)
+
+
+@pytest.mark.parametrize("name", ["maze-32-32-2-random-1", "room-32-32-4-random-1"])
+def test_somebody_is_seen_on_benchmark_maps(name: str) -> None:
+    """By default drones start where somebody is near in sight; J was 0 on half of the seeds."""
+    for seed in range(3):
+        problem = movingai.read(data(f"movingai/{name}.scen"), seed)
+        plan = PLANNERS["greedy"](problem).plan
+        assert plan is not None
+        per_step = check(problem, plan).reward_per_step
+        assert sum(reward > 0 for reward in per_step) >= 6

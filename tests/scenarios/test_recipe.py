@@ -14,8 +14,8 @@ from rasterio.transform import Affine
 
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.formulations import EXACT
+from cocap_opt.plausibility import doubts
 from cocap_opt.problem import Actor, Cuboid, Problem, State
-from cocap_opt.problem.plausibility import doubts
 from cocap_opt.scenarios import SCENES, load_scene
 from cocap_opt.scenarios.recipe.meshes import MeshTable
 from cocap_opt.scenarios.recipe.recipe import EXAMPLE, read
@@ -461,3 +461,23 @@ def test_a_mesh_survives_a_file(tmp_path: Path) -> None:
     np.testing.assert_array_equal(again.height_map.datum, problem.height_map.datum)
     moved = problem.meshes[0].replace(vertices=problem.meshes[0].vertices + 1e-9)
     assert problem_digest(problem.replace(meshes=(moved,))) != problem_digest(problem)
+
+
+def test_random_drones_start_where_they_can_meet_somebody(tmp_path: Path) -> None:
+    """None starts in a courtyard that walls shut in, whatever the seed."""
+    rows = [["0"] * 20 for _ in range(20)]
+    for x in range(7, 13):
+        for y in range(7, 13):
+            rows[y][x] = "0" if 8 <= x < 12 and 8 <= y < 12 else "20"
+    (tmp_path / "map.asc").write_text(
+        "ncols 20\nnrows 20\nxllcorner 0\nyllcorner 0\ncellsize 1\n"
+        + "\n".join(" ".join(row) for row in rows)
+    )
+    (tmp_path / "yard.toml").write_text(
+        'steps = 8\nstep = 1.0\n[map]\nfile = "map.asc"\nheights = "above-ground"\n'
+        "[[walk]]\npoints = [[10, 4], [11, 4]]\nspeed = 0.1\n[[drones]]\ncount = 6\n"
+    )
+    for seed in range(12):
+        problem = load_scene(str(tmp_path / "yard.toml"), seed)
+        inside = [r for r in problem.robots if 8 <= r.start.x < 12 and 8 <= r.start.y < 12]
+        assert inside == []

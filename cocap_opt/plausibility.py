@@ -9,9 +9,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cocap_opt.problem.actor import Actor
-from cocap_opt.problem.problem import Problem
-from cocap_opt.problem.robot import Robot
+from cocap_opt.data import IntArray
+from cocap_opt.graph.encounters import NEAR, Encounters
+from cocap_opt.problem import Actor, Motion, Problem, Robot
 from cocap_opt.world.columns import Spans
 from cocap_opt.world.workspace import Mesh, Workspace
 
@@ -20,6 +20,7 @@ _FLOATING = 1.0  # m, by which feet may be above the ground
 _PROBE = 1e-3  # m, width of the column that is looked at around a foot point
 _HEIGHTS = 0.3, 4.0  # m, of people and riders
 _FASTEST = 100.0  # m per step
+_FEW = 12  # cells, fewer than a drone needs to choose its view
 
 _Pose = tuple[float, float, float, float]
 
@@ -27,7 +28,7 @@ _Pose = tuple[float, float, float, float]
 def doubts(problem: Problem) -> list[str]:
     """Returns all likely mistakes in a problem, in words, one line each."""
     found = [
-        f"meshes[{k}] is not closed, so that only its surface is solid"
+        f"meshes[{k}] {_not_closed(mesh)}"
         for k, mesh in enumerate(problem.meshes)
         if not mesh.is_solid
     ]
@@ -40,7 +41,41 @@ def doubts(problem: Problem) -> list[str]:
         found.append("there are no people to film, so that every view reward is 0")
     for j, actor in enumerate(problem.actors):
         found += [f"actors[{j}] {doubt}" for doubt in _about(problem, actor)]
-    return found + list(_in_the_way(problem))
+    return [*found, *_in_the_way(problem), *_shut_in(problem)]
+
+
+def _not_closed(mesh: Mesh) -> str:
+    """Says what it means that a mesh is not closed: it may only lack a floor."""
+    edges = np.sort(mesh.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    distinct, counts = np.unique(edges, axis=0, return_counts=True)
+    ends = mesh.vertices[distinct[counts == 1].ravel(), 2]
+    lowest = float(mesh.vertices[:, 2].min())
+    if len(ends) and float(ends.max()) - lowest <= _SUNK:
+        return "has no floor: only its surface is solid, and drones may fly inside"
+    return "is not closed, so that only its surface is solid"
+
+
+def _shut_in(problem: Problem) -> Iterator[str]:
+    """Yields a doubt for each robot that can get nowhere, or to nobody."""
+    known: dict[tuple[Motion, int], tuple[Encounters, IntArray, IntArray]] = {}
+    for i, robot in enumerate(problem.robots):
+        kind = robot.motion, len(robot.camera.tilts)
+        if kind not in known:
+            encounters = Encounters(
+                problem.workspace, robot.motion, problem.actors, problem.horizon, pitches=kind[1]
+            )
+            known[kind] = encounters, *encounters.pockets()
+        encounters, pockets, sizes = known[kind]
+        start = robot.start
+        place = encounters.graph.place(start.layer, start.x, start.y)
+        size = int(sizes[pockets[place]])
+        if size <= _FEW:
+            yield f"robots[{i}] can reach only {size} cell{'s' if size > 1 else ''}"
+        elif size < sizes.max() and not encounters.can_meet()[place]:
+            yield (
+                f"robots[{i}] is shut in a pocket of {size} cells, from which it cannot come "
+                f"within {NEAR:g} m of anybody in sight"
+            )
 
 
 def _below_ground(problem: Problem, mesh: Mesh) -> bool:

@@ -1,0 +1,134 @@
+"""The places from which a robot can come near somebody: where it makes sense to start.
+
+Near is within some metres, seen from above, with nothing solid on the straight line to the
+middle of the person. It decides no reward and no bound; columns are taken as they are, cell by
+cell.
+"""
+
+import math
+from typing import TypeVar
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.csgraph import connected_components
+
+from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.graph.timegraph import TimeGraph
+from cocap_opt.problem import Actor, Motion
+from cocap_opt.world.workspace import Workspace
+
+NEAR = 15.0  # m
+Values = TypeVar("Values", BoolArray, IntArray)
+_MOST = 100  # people at steps that are looked at, evenly spread, to bound the time
+_PER_CELL = 2  # points of a line of sight
+
+
+class Encounters:
+    """The places of one motion from which somebody is near, or can be later on.
+
+    Parameters
+    ----------
+    actors, horizon : the people, and the last step that counts
+    near : m
+    pitches : number of gimbal pitches; places do not depend on it, but a graph that is there does
+
+    Attributes
+    ----------
+    graph : the graph of the motion, whose places are numbered [P]
+    """
+
+    def __init__(
+        self,
+        workspace: Workspace,
+        motion: Motion,
+        actors: tuple[Actor, ...],
+        horizon: int,
+        near: float = NEAR,
+        pitches: int = 1,
+    ) -> None:
+        self.graph = TimeGraph.of(workspace, motion, pitches)
+        self._workspace, self._actors, self._horizon = workspace, actors, horizon
+        self._near = near
+
+    def pockets(self) -> tuple[IntArray, IntArray]:
+        """Returns the pocket [P] that each place is in, -1 if it is not free, and their sizes.
+
+        A pocket is a set of places that are connected by moves.
+        """
+        heads = self.graph.neighbours
+        move, tails = np.nonzero(heads >= 0)
+        ones = np.ones(len(tails), dtype=np.int8)
+        edges = sparse.coo_array((ones, (tails, heads[move, tails])), shape=(heads.shape[1],) * 2)
+        labels = connected_components(edges, directed=False)[1]
+        free = self.graph.free
+        kept, pocket = np.unique(labels[free], return_inverse=True)
+        found = np.full(len(labels), -1)
+        found[free] = pocket
+        return found, np.bincount(pocket, minlength=len(kept))
+
+    def can_meet(self) -> BoolArray:
+        """Returns the places [P] from which a robot comes near somebody by the last step."""
+        near, heads = self._near_by_step(), self.graph.neighbours
+        good = np.zeros(self.graph.n_places + 1, dtype=bool)  # the last one stands for no place
+        for t in range(self._horizon, -1, -1):
+            good[:-1] |= good[heads].any(axis=0)
+            if t in near:
+                good[:-1] |= near[t]
+        return np.logical_and(good[:-1], self.graph.free)
+
+    def moves_to_meet(self) -> IntArray:
+        """Returns the number of moves [P] to a place that is near somebody at step 0.
+
+        It is the largest integer where no such place can be reached.
+        """
+        heads, far = self.graph.neighbours, np.iinfo(np.int64).max
+        moves = np.full(self.graph.n_places, far)
+        reached = np.zeros(self.graph.n_places + 1, dtype=bool)  # the last one stands for no place
+        new = self._near_by_step().get(0, reached[:-1].copy())
+        done = 0
+        while new.any():
+            moves[new], reached[:-1] = done, reached[:-1] | new
+            new = reached[heads].any(axis=0) & self.graph.free & ~reached[:-1]
+            done += 1
+        return moves
+
+    def cells(self, places: Values) -> Values:
+        """Returns values of places [P] as an array [layers, X, Y], without the graph's border."""
+        inside = tuple(
+            slice(margin, size - margin)
+            for margin, size in zip(self.graph.border, self.graph.shape[2:], strict=True)
+        )
+        return places.reshape(self.graph.shape[2:])[inside]
+
+    def _near_by_step(self) -> dict[int, BoolArray]:
+        """Returns the places [P] near somebody, at the steps that are looked at."""
+        height_map, graph = self._workspace.height_map, self.graph
+        places = np.flatnonzero(graph.free)
+        eyes = graph.positions(height_map, places)
+        cases = [(t, a) for t in range(self._horizon + 1) for a in range(len(self._actors))]
+        step = -(-len(cases) // _MOST)
+        found: dict[int, BoolArray] = {}
+        for t, a in cases[:: max(step, 1)]:
+            actor = self._actors[a]
+            target = actor.poses[t, :3] + [0.0, 0.0, actor.shape.height / 2]
+            away = np.hypot(*(eyes[:, :2] - target[:2]).T)
+            some = np.flatnonzero(away <= self._near)
+            seen = some[self._sees(eyes[some], target)]
+            found.setdefault(t, np.zeros(graph.n_places, dtype=bool))[places[seen]] = True
+        return found
+
+    def _sees(self, eyes: FloatArray, target: FloatArray) -> BoolArray:
+        """Returns True [n] where nothing solid is on the line from an eye [n, 3] to a point."""
+        height_map, columns = self._workspace.height_map, self._workspace.columns
+        free = np.ones(len(eyes), dtype=bool)
+        points = math.ceil(_PER_CELL * self._near / height_map.resolution)
+        goal = np.array(height_map.cell_of(target[0], target[1]))
+        for share in (np.arange(points) + 0.5) / points:
+            at = target + share * (eyes - target)
+            cells = np.floor((at[:, :2] - height_map.origin) / height_map.resolution).astype(int)
+            inside = ((cells >= 0) & (cells < height_map.shape)).all(axis=1)
+            inside &= (cells != goal).any(axis=1)  # a wall in the person's own cell hides nobody
+            x, y = cells[inside].T
+            z = at[inside, 2]
+            free[inside] &= ~((columns.low[:, x, y] <= z) & (columns.high[:, x, y] > z)).any(axis=0)
+        return free
