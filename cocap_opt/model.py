@@ -13,6 +13,7 @@ import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.graph.timegraph import TimeGraph
+from cocap_opt.memory import require_memory
 from cocap_opt.problem import AnyCamera, Cell, Motion, Plan, Problem, Robot
 from cocap_opt.stop import Clock, Limit, LimitReached, Stop, never
 from cocap_opt.vision.cache import TableCache
@@ -26,6 +27,10 @@ Sight = tuple[Motion, AnyCamera]  # what a robot's coverage depends on besides i
 # Seconds that value iteration over a state takes, and the ceiling of what a state sees of an actor:
 # measured, and rounded up.
 _SWEEPING, _BOUNDING = 6e-8, 4e-8
+
+# Bytes of a state at a step, in the arrays of value iteration, and of a face seen from one, in the
+# table while it is made, where on average one face in twelve is seen: measured.
+_BYTES_PER_STATE, _BYTES_PER_FACE = 33, 6
 
 
 def _tell_nobody(done: int, total: int) -> None:
@@ -319,6 +324,24 @@ class _Coverage:
             self.prepare(spec, never, _tell_nobody, 0.0)
         return self._tables[_sight(spec)]
 
+    def _require_memory(self, spec: Robot) -> None:
+        """Refuse coverage and sweeps that are larger than the memory."""
+        graph, problem = _graph(self.problem, spec), self.problem
+        steps, faces = problem.horizon + 1, len(problem.face_weights)
+        radius, starts = spec.motion.radius, len(self._starts(spec))
+        width, depth = problem.height_map.shape
+        reached = sum(
+            min(width, 2 * radius * t + 1) * min(depth, 2 * radius * t + 1) for t in range(steps)
+        )
+        reached = min(reached * starts, steps * width * depth)
+        nodes = reached * len(spec.motion.layers) * graph.n_orientations
+        require_memory(
+            steps * graph.n_states * _BYTES_PER_STATE + nodes * faces * _BYTES_PER_FACE,
+            f"coverage and value iteration of {width} x {depth} cells in {len(spec.motion.layers)} "
+            f"layers, {graph.n_orientations} orientations, {steps} steps and {faces} faces",
+            "use larger cells, a part of the map, fewer layers, headings or steps",
+        )
+
     def prepare(self, spec: Robot, stop: Stop, progress: Progress, reserve: float) -> None:
         """Make the table of this robot's motion and camera; LimitReached if there is no time.
 
@@ -333,6 +356,7 @@ class _Coverage:
             return
         if stop is self._ended:
             raise LimitReached(stop.reached() or Limit.TIME)
+        self._require_memory(spec)
         clock = Clock()
         if math.isfinite(stop.seconds_left):
             reserve = max(reserve, self._seconds_to_bound(spec))

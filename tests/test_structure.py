@@ -18,7 +18,7 @@ ALLOWED = {
 # module is in one of them (a folder stands for all that it holds).
 ORDER = {
     "core": (
-        "text", "data", "stop", "drawing", "world", "problem", "result", "files", "graph",
+        "text", "data", "memory", "stop", "drawing", "world", "problem", "result", "files", "graph",
         "plausibility", "vision", "referee", "model", "timing", "objective", "coordination",
         "planners",
     ),

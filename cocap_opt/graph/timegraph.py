@@ -16,10 +16,12 @@ import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.graph.motion import Place, place_graph
+from cocap_opt.memory import require_memory
 from cocap_opt.problem import Motion, State
 from cocap_opt.problem.motion import Move
 from cocap_opt.world.workspace import HeightMap, Workspace
 
+_BYTES_PER_MOVE = 340  # of the networkx graph while it is made: measured
 CLOSED = -np.inf  # value of a state that must not or cannot be entered
 
 
@@ -56,9 +58,21 @@ class TimeGraph:
         self.n_states = self.n_orientations * self.n_places
         self.strides = (padded[1] * padded[2], padded[2], 1)
         self.moves: list[Move] = motion.moves
+        self._require_memory(workspace)
         self.neighbours = self._compile(place_graph(workspace, motion).adj)
         self.free: BoolArray = self.neighbours[0] >= 0  # every free place may be stayed in
         self.irregular = self._compile_irregular()
+
+    def _require_memory(self, workspace: Workspace) -> None:
+        """Refuses a graph that is larger than the memory."""
+        free = int(np.count_nonzero(self.motion.free_places(workspace)))
+        moves, (x, y) = len(self.moves), workspace.height_map.shape
+        require_memory(
+            moves * (free * _BYTES_PER_MOVE + self.n_places * 8),
+            f"the graph of {x} x {y} cells in {len(self.motion.layers)} layers, with {moves} moves "
+            "from each,",
+            "use larger cells, a part of the map, fewer layers, or a smaller radius",
+        )
 
     @classmethod
     def of(cls, workspace: Workspace, motion: Motion, pitches: int) -> "TimeGraph":

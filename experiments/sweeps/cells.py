@@ -34,6 +34,7 @@ _MODULES = (
     "cocap_opt.files",
     "cocap_opt.formulations",
     "cocap_opt.graph",
+    "cocap_opt.memory",
     "cocap_opt.model",
     "cocap_opt.objective",
     "cocap_opt.planners",

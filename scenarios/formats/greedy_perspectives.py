@@ -50,6 +50,7 @@ from cocap_opt.scenarios.formats.options import NOTHING
 from cocap_opt.scenarios.text import integer, naming, number, one_line, read_text
 from cocap_opt.world.workspace import HeightMap
 
+_MOST_CELLS = 100_000_000  # of a map
 BONUS = 100.0  # that their planner adds for each move with dx + dy = 0
 
 # msgspec has no constraint "finite"; a million kilometres stand for it.
@@ -403,7 +404,15 @@ def _map_file(path: Path, stated: str) -> Path:
 def _heights(path: Path) -> FloatArray:
     try:
         with path.open("rb") as file:
+            version = np.lib.format.read_magic(file)
+            reader = np.lib.format.read_array_header_1_0
+            shape = (reader if version == (1, 0) else np.lib.format.read_array_header_2_0)(file)[0]
+            if math.prod(shape) > _MOST_CELLS:
+                raise ProblemError(f"must have at most {_MOST_CELLS:,} cells, not {shape}")
+            file.seek(0)
             heights = np.lib.format.read_array(file, allow_pickle=False)
+    except ProblemError:
+        raise
     except Exception as error:  # NumPy names no set of errors for a damaged file
         raise ProblemError(f"must be a .npy array of numbers: {one_line(error)}") from error
     if heights.dtype.kind not in "iuf":

@@ -1,0 +1,37 @@
+"""What does not fit into memory is refused before it is taken, in one line with what to change."""
+
+import numpy as np
+import pytest
+from strategies import tiny
+
+from cocap_opt import memory
+from cocap_opt.data import ProblemError
+from cocap_opt.graph.timegraph import TimeGraph
+from cocap_opt.model import Model
+from cocap_opt.problem import Motion
+from cocap_opt.world.workspace import HeightMap, Workspace
+
+
+class Little:
+    """A machine with little memory left."""
+
+    def __init__(self, free: float) -> None:
+        self.available = free
+
+
+def test_a_graph_that_is_too_large_is_refused_at_once() -> None:
+    """36 million cells would need more than a hundred gigabytes."""
+    workspace = Workspace(HeightMap(heights=np.zeros((6000, 6000))))
+    with pytest.raises(ProblemError, match=r"^the graph of 6000 x 6000 cells .*; use larger cells"):
+        TimeGraph.of(workspace, Motion(), 1)
+
+
+def test_coverage_that_is_too_large_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The message has the sizes that make it large, what it needs, and what there is."""
+    model = Model(tiny(), use_cache=False)
+    monkeypatch.setattr(memory.psutil, "virtual_memory", lambda: Little(1000.0))
+    with pytest.raises(ProblemError) as error:
+        model.prepare_all()
+    words = str(error.value)
+    assert words.startswith("coverage and value iteration of ") and "\n" not in words
+    assert "GB of memory, of which 0.0 GB are free; use larger cells" in words
