@@ -20,7 +20,7 @@ from cocap_opt.experiments.report.charts import conflicts_figure, gaps_figure, p
 from cocap_opt.experiments.report.figures import PICTURES, picture
 from cocap_opt.experiments.results.files import PlanReader, check_output, save_bytes
 from cocap_opt.experiments.results.layout import TRACES
-from cocap_opt.experiments.results.printing import print_result, titles
+from cocap_opt.experiments.results.printing import print_result
 from cocap_opt.experiments.results.trace import Trace
 from cocap_opt.experiments.sweeps.results import load_results
 
@@ -58,7 +58,9 @@ def _progress(*trace: Path, output: Output, json: Json = False) -> int:
         raise UsageError("TRACE: name a file that `solve --trace` has written")
     paths = [path for given in trace for path in _traces(given)]
     traces = [Trace.load(path) for path in paths]
-    return _save(output, progress_figure(dict(zip(titles(paths), traces, strict=True))), json)
+    return _save(
+        output, progress_figure(dict(zip(PlanReader.titles(paths), traces, strict=True))), json
+    )
 
 
 def _traces(path: Path) -> list[Path]:
@@ -84,7 +86,9 @@ def _conflicts(
         raise UsageError("PLAN: name a plan, such as plan.json")
     problem, plans = PlanReader(scene, load(scene, seed)).plans(plan)
     return _save(
-        output, conflicts_figure(problem, dict(zip(titles(plan), plans, strict=True))), json
+        output,
+        conflicts_figure(problem, dict(zip(PlanReader.titles(plan), plans, strict=True))),
+        json,
     )
 
 

@@ -20,7 +20,7 @@ from cocap_opt.experiments.console.options import Option, UsageError
 from cocap_opt.experiments.results.files import PlanReader
 from cocap_opt.experiments.results.gap_table import print_gap_table
 from cocap_opt.experiments.results.judging import SOLVERS
-from cocap_opt.experiments.results.printing import print_result, titles
+from cocap_opt.experiments.results.printing import print_result
 from cocap_opt.experiments.sweeps.cells import BOUND
 from cocap_opt.experiments.sweeps.instances import Instance, Settings
 from cocap_opt.experiments.sweeps.scenes import Problems, Scenes
@@ -156,7 +156,7 @@ class _Others(NamedTuple):
     def read(cls, paths: Sequence[Path], problems: Problems) -> "_Others":
         if not paths:
             return cls({}, problems, False)
-        names = titles(paths)
+        names = PlanReader.titles(paths)
         for name in names:
             if name in (*SOLVERS, BOUND):
                 raise UsageError(f"--plan: {name} is what a planner is called; rename the file")

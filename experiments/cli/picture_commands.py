@@ -16,7 +16,7 @@ from cocap_opt.experiments.results.files import (
     make_folder,
     save_bytes,
 )
-from cocap_opt.experiments.results.printing import print_result, titles
+from cocap_opt.experiments.results.printing import print_result
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import UnsupportedError
 
@@ -43,7 +43,7 @@ def _show(
         raise UsageError(f"PLAN: a {suffix} file shows one plan, not {len(plan)}; .html takes more")
     check_output(output, scene, *plan)
     problem, plans = PlanReader(scene, load(scene, seed)).plans(plan)
-    save_bytes(output, _shown(problem, plans, titles(plan), suffix))
+    save_bytes(output, _shown(problem, plans, PlanReader.titles(plan), suffix))
     print_result({"scene": problem.name, "seed": seed, "file": output}, json)
     return 0
 

@@ -19,6 +19,7 @@ from cocap_opt.formulations.certificates import CertificateFile, ProofFile
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.scenarios import read_foreign_plan, scene_of_plan
+from cocap_opt.text import printable
 
 # -- writing ------------------------------------------------------------------------------
 
@@ -100,6 +101,12 @@ class PlanReader(NamedTuple):
 
     scene: str
     problem: Problem
+
+    @staticmethod
+    def titles(paths: Sequence[Path]) -> list[str]:
+        """Returns names of plans: their files', with their folders where names are alike."""
+        names = [path.name for path in paths]
+        return [printable(str(path) if names.count(path.name) > 1 else path.name) for path in paths]
 
     def claim(self, path: Path) -> PlanFile | CertificateFile | ProofFile | Plan:
         """Reads a plan, a certificate or a proof, or a plan in a foreign format."""

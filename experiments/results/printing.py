@@ -55,12 +55,6 @@ def counted(number: int, noun: str) -> str:
     return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
-def titles(paths: Sequence[Path]) -> list[str]:
-    """Returns names for plans: those of their files, with their folders where names are alike."""
-    names = [path.name for path in paths]
-    return [printable(str(path) if names.count(path.name) > 1 else path.name) for path in paths]
-
-
 def print_result(row: Record, json: bool) -> None:
     """Prints the answer of a command: a line per key, or one JSON object on one line.
 

@@ -64,6 +64,21 @@ class Run:
     message: str = ""
 
     @staticmethod
+    @contextmanager
+    def one_thread() -> Iterator[None]:
+        """Limits the libraries of processes that are started meanwhile to one thread."""
+        before = {name: os.environ.get(name) for name in _ONE_THREAD}
+        os.environ.update(_ONE_THREAD)
+        try:
+            yield
+        finally:
+            for name, value in before.items():
+                if value is None:
+                    del os.environ[name]
+                else:
+                    os.environ[name] = value
+
+    @staticmethod
     def of(build: Build, method: BoundMethod, seconds: float) -> "Run":
         """Runs a method with a time limit in a process of its own.
 
@@ -75,7 +90,7 @@ class Run:
         context = multiprocessing.get_context("spawn")
         receiver, sender = context.Pipe(duplex=False)
         process = context.Process(target=_send, args=(sender, build, method, seconds))
-        with one_thread():
+        with Run.one_thread():
             process.start()
         sender.close()
         try:
@@ -196,18 +211,3 @@ def _prepared(build: Build) -> Problem:
     problem = build()
     compiled(problem).prepare_all(never)
     return problem
-
-
-@contextmanager
-def one_thread() -> Iterator[None]:
-    """Limits the libraries of processes that are started meanwhile to one thread."""
-    before = {name: os.environ.get(name) for name in _ONE_THREAD}
-    os.environ.update(_ONE_THREAD)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value

@@ -21,7 +21,7 @@ from cocap_opt.experiments.console.streams import say
 from cocap_opt.experiments.results.files import make_folder, save_csv
 from cocap_opt.experiments.results.printing import Listing, Record
 from cocap_opt.experiments.studies.coverage.town import town
-from cocap_opt.experiments.studies.runs import BYTES, Build, one_thread
+from cocap_opt.experiments.studies.runs import BYTES, Build, Run
 from cocap_opt.model import Model, RobotClass
 from cocap_opt.problem import Problem
 from cocap_opt.scenarios.built_in.field import field
@@ -83,7 +83,7 @@ def coverage(robots: Sequence[int], steps: int = STEPS, out: Path | None = None)
         for count in robots:
             build = partial(make, seed=_SEED, robots=count, actors=ACTORS, steps=steps)
             context = multiprocessing.get_context("spawn")
-            with one_thread(), ProcessPoolExecutor(1, mp_context=context) as process:
+            with Run.one_thread(), ProcessPoolExecutor(1, mp_context=context) as process:
                 measured = process.submit(_row, build, change).result()
             rows.append({"scene": scene, "robots": count} | measured)
             say(f"{scene}, {count} drones: {rows[-1]['seconds']:.1f} s")
