@@ -20,6 +20,7 @@ _FLOATING = 1.0  # m, by which feet may be above the ground
 _PROBE = 1e-3  # m, width of the column that is looked at around a foot point
 _HEIGHTS = 0.3, 4.0  # m, of people and riders
 _FASTEST = 100.0  # m per step
+_MOST_YAW = 4 * math.pi  # rad, two whole turns
 _FEW = 12  # cells, fewer than a drone needs to choose its view
 
 _Pose = tuple[float, float, float, float]
@@ -115,6 +116,9 @@ def _about(problem: Problem, actor: Actor) -> Iterator[str]:
     poses = actor.poses[: problem.horizon + 1]
     if not _HEIGHTS[0] <= actor.shape.height <= _HEIGHTS[1]:
         yield f"is {actor.shape.height:.3g} m high: is the unit right?"
+    turned = float(np.abs(poses[:, 3]).max())
+    if turned > _MOST_YAW:
+        yield f"has a yaw of {turned:.3g} rad: is it in degrees?"
     fastest = float(np.hypot(*np.diff(poses[:, :2], axis=0).T).max(initial=0.0))
     if fastest > _FASTEST:
         yield f"moves by {fastest:.3g} m in one step: is the unit right?"

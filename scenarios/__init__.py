@@ -34,14 +34,17 @@ class _Files(NamedTuple):
     """Files that are recognised by their suffix and, where others share it, by words in them."""
 
     suffixes: tuple[str, ...]
-    words: bytes = b""
+    words: tuple[bytes, ...] = ()  # any of them
 
     def has(self, path: Path) -> bool:
         """Returns True if a file is one of these."""
         if path.suffix.lower() not in self.suffixes:
             return False
         try:
-            return not self.words or (path.is_file() and self.words in path.read_bytes())
+            if not self.words or not path.is_file():
+                return not self.words
+            content = path.read_bytes()
+            return any(words in content for words in self.words)
         except OSError:
             return False
 
@@ -56,12 +59,20 @@ class _Format(NamedTuple):
     options: Options = Options()
     # Options with which a scene has the starts that its own file names; None: it always has.
     own_starts: Mapping[str, str] | None = None
+    is_evaluated: bool = False  # its plans may lie between the cells
 
     def read(self, path: Path, seed: int, options: Mapping[str, str] = NOTHING) -> Problem:
         """Reads a scene file; `options` are words by name, of those that the format has."""
         more = (options,) if self.options.allowed else ()
         problem: Problem = self._module().read(path, seed, *more)
         return problem
+
+    def rewards_between_cells(self, path: Path, problem: Problem) -> tuple[float, ...] | None:
+        """Evaluates a plan that lies between the cells, step by step; None for any other."""
+        if not self.is_evaluated or not self.plans.has(path):
+            return None
+        rewards: tuple[float, ...] | None = self._module().rewards_between_cells(path, problem)
+        return rewards
 
     def read_plan(self, path: Path, problem: Problem) -> Plan:
         """Reads a plan file of this format."""
@@ -78,10 +89,11 @@ FORMATS: dict[str, _Format] = {
         reader="recipe.recipe",
     ),
     "hughes": _Format(
-        "scene.json, a scene of Hughes et al. with a solution_*.json beside it (no seed)",
-        scenes=_Files((".json",), hughes.SCENE),
+        "*.json, a scene of Hughes et al. with a solution beside it, or a solution (no seed)",
+        scenes=_Files((".json",), (hughes.SCENE, hughes.SOLUTION)),
         reader="formats.hughes",
-        plans=_Files((".json",), hughes.SOLUTION),
+        plans=_Files((".json",), (hughes.SOLUTION,)),
+        is_evaluated=True,
         options=hughes.OPTIONS,
     ),
     "cocap-opt": _Format(

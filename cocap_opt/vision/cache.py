@@ -26,7 +26,8 @@ log = logging.getLogger(__name__)
 
 # All code that a coverage table depends on.
 CODE = tuple(
-    f"cocap_opt.{room}" for room in ("text", "data", "world", "problem", "graph", "vision")
+    f"cocap_opt.{room}"
+    for room in ("text", "data", "memory", "world", "problem", "graph", "vision")
 )
 _DIGEST_BYTES = hashlib.sha256().digest_size
 

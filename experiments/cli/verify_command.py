@@ -7,6 +7,7 @@ from typing import Annotated, NamedTuple
 
 from cyclopts import Parameter
 
+from cocap_opt.data import ProblemError
 from cocap_opt.experiments.cli.options import Json, Scene, Seed, load
 from cocap_opt.experiments.console.options import UsageError
 from cocap_opt.experiments.console.progress import Watch
@@ -18,7 +19,7 @@ from cocap_opt.experiments.results.verification import Verified
 from cocap_opt.files.documents import FileError, PlanFile
 from cocap_opt.formulations.certificates import CertificateError, CertificateFile, ProofFile
 from cocap_opt.problem import Plan, Problem
-from cocap_opt.scenarios import scene_of_plan
+from cocap_opt.scenarios import FORMATS, scene_of_plan
 from cocap_opt.text import printable
 
 _NO_PLAN = "proved: there is no plan"
@@ -65,6 +66,15 @@ def _verify(
     return 1 if verified.violations else 0
 
 
+def _between_cells(path: Path, problem: Problem) -> tuple[float, ...] | None:
+    """Returns the rewards by step of a foreign plan between the cells; None for any other file."""
+    try:
+        found = (kind.rewards_between_cells(path, problem) for kind in FORMATS.values())
+        return next((rewards for rewards in found if rewards is not None), None)
+    except ProblemError as error:
+        raise FileError(str(error)) from error
+
+
 class _Claims(NamedTuple):
     """The claims to be checked; with a plan, for the variant of the scene that it was made for."""
 
@@ -83,6 +93,14 @@ class _Claims(NamedTuple):
         content: PlanFile | Plan | None = None
         bounds = {}
         for path in sorted(set(files)):
+            if (rewards := _between_cells(path, problem)) is not None:
+                about |= {
+                    "reward": math.fsum(rewards), "reward_at_start": rewards[0],
+                    "reward_per_step": rewards[1:],
+                    "message": f"{printable(path.name)} lies between the cells: it is evaluated "
+                    "there, and cannot be flown",
+                }  # fmt: skip
+                continue
             claim = reader.claim(path)
             if isinstance(claim, CertificateFile | ProofFile):
                 bounds[path] = claim

@@ -36,10 +36,6 @@ _ONE_THREAD = {**ONE_THREAD, "RAYON_NUM_THREADS": "1"}
 Build = Callable[[], Problem]  # made so that it can be pickled: it goes to another process
 
 
-class RunError(RuntimeError):
-    """A run failed; the message says why."""
-
-
 @dataclass(frozen=True)
 class Run:
     """Outcome of a run.
@@ -63,6 +59,9 @@ class Run:
     gigabytes: float = math.nan
     message: str = ""
 
+    class Error(RuntimeError):
+        """A run failed; the message says why."""
+
     @staticmethod
     @contextmanager
     def one_thread() -> Iterator[None]:
@@ -84,7 +83,7 @@ class Run:
 
         Raises
         ------
-        RunError
+        Run.Error
             If the method fails, its process dies, or it runs on long after its limit.
         """
         context = multiprocessing.get_context("spawn")
@@ -95,17 +94,19 @@ class Run:
         sender.close()
         try:
             if not receiver.poll(2 * seconds + _MOST_MORE_SECONDS):
-                raise RunError(f"the method was killed: it ran on after its limit of {seconds:g} s")
+                raise Run.Error(
+                    f"the method was killed: it ran on after its limit of {seconds:g} s"
+                )
             outcome: Run | str = receiver.recv()
         except EOFError:
             process.join()
-            raise RunError(f"the process died (exit code {process.exitcode})") from None
+            raise Run.Error(f"the process died (exit code {process.exitcode})") from None
         finally:
             process.kill()
             process.join()
             receiver.close()
         if isinstance(outcome, str):
-            raise RunError(outcome)
+            raise Run.Error(outcome)
         return outcome
 
     def told(self, name: str, seed: int) -> Self:
@@ -178,7 +179,7 @@ def _measured(build: Build, method: BoundMethod, seconds: float) -> Run:
     gigabytes = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * BYTES / 1e9
     judged = Judged.of(str(getattr(method, "__name__", method)), problem, result)
     if result.plan is not None and not judged.valid:
-        raise RunError("the plan breaks a collision rule")
+        raise Run.Error("the plan breaks a collision rule")
     return Run(
         tuple(moments), judged.reward, result.bound, result.reason, result.limit, result.seconds,
         processor, gigabytes, result.message,

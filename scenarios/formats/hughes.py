@@ -1,4 +1,4 @@
-"""Reader of the scenes (`scene.json`) and solutions of Hughes et al.
+"""Reader of the scenes (`scene.json`, `<name>_data.json`) and solutions of Hughes et al.
 
 Source of the format and of its meaning: Hughes et al., "Multi-drone multi-actor filming",
 2024, repository castacks/MultiDroneMultiActorFilming, `experiments`, and the behaviour of its
@@ -18,7 +18,12 @@ rows t = 1.. of the evaluation    steps 0..T, `count_start`
 no obstacles, no collision rule   `NO_RULES` on a flat map
 ================================  =========================================================
 
-The robots are those of the solutions beside the scene; `robot_fovs`, `sense_dist` and
+The robots are those of a solution: `solution_*.json` beside the scene, or, as they are published,
+`<planner>/solution.json`. A solution that is named in place of the scene is the one; its scene is
+beside it or in the folder above. The states of their formation planner lie between the cells:
+such a solution can be evaluated, not flown.
+
+`robot_fovs`, `sense_dist` and
 `num_robots` are in the file but were not used, and are not read. Their planner adds 0.02 for
 keeping the heading and 0.01 for keeping the position. These are no part of their evaluation; they
 are part of the objective only with the option `bonus`.
@@ -33,7 +38,7 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
-from cocap_opt.data import LARGEST, MOST_WEIGHT, ProblemError
+from cocap_opt.data import LARGEST, MOST_WEIGHT, FloatArray, ProblemError
 from cocap_opt.problem import (
     NO_RULES,
     Actor,
@@ -54,6 +59,7 @@ BODY = Prism(sides=6, apothem=0.484, height=1.8)
 MOTION = Motion(radius=2, headings=8, turn=1, layers=(FLIGHT_HEIGHT,), corner_cutting=True)
 HEADINGS = ("E", "NE", "N", "NW", "W", "SW", "S", "SE")
 MOST_CELLS = 10_000  # along an edge
+_ON_THE_EDGE = 1e-9  # rad
 EVALUATED = Objective(count_start=True)
 PLANNED = EVALUATED.replace(keep_heading=0.02, keep_cell=0.01)
 
@@ -86,9 +92,14 @@ class _Scene(msgspec.Struct):
 
 
 class _State(msgspec.Struct):
-    x: int
-    y: int
+    x: Coordinate
+    y: Coordinate
     heading: Literal["E", "NE", "N", "NW", "W", "SW", "S", "SE"]
+
+    @property
+    def is_cell(self) -> bool:
+        """True if the state is in the middle of a cell."""
+        return float(self.x).is_integer() and float(self.y).is_integer()
 
 
 class _Entry(msgspec.Struct):
@@ -98,17 +109,22 @@ class _Entry(msgspec.Struct):
 class _Solution(msgspec.Struct):
     elements: Annotated[list[tuple[int, list[_Entry]]], Meta(min_length=1)]
 
+    @property
+    def is_on_grid(self) -> bool:
+        """True if all states are cells."""
+        return all(entry.state.is_cell for _, entries in self.elements for entry in entries)
+
 
 T = TypeVar("T")
 
 
 def read(path: Path, seed: int = 0, options: Mapping[str, str] = NOTHING) -> Problem:
-    """Reads a scene; a `solution_*.json` beside it says where its robots start.
+    """Reads a scene; a solution beside it says where its robots start.
 
     Parameters
     ----------
     path
-        The `scene.json`.
+        The scene, or one of its solutions.
     seed
         Without effect: nothing in the scene is random.
     options
@@ -122,6 +138,7 @@ def read(path: Path, seed: int = 0, options: Mapping[str, str] = NOTHING) -> Pro
         if an option is not allowed.
     """
     bonus = OPTIONS.chosen(options).get("bonus", False)
+    path, solutions = _scene_and_solutions(path)
     with naming(path):
         scene = _decode(path, _Scene)
         frames = scene.actor_positions
@@ -134,13 +151,9 @@ def read(path: Path, seed: int = 0, options: Mapping[str, str] = NOTHING) -> Pro
                 )
         actors = tuple(_actor([frame[k] for frame in frames]) for k in range(count))
         size = math.floor(scene.scene.scale.x), math.floor(scene.scene.scale.y)
-    solutions = sorted(path.parent.glob("solution_*.json"))
-    if not solutions:
-        raise ProblemError(
-            f"{path}: a solution_*.json must be beside it, to say where the drones start"
-        )
-    with naming(solutions[0]):
-        starts = [path_[0] for path_ in _paths(_decode(solutions[0], _Solution))]
+    given, solution = _first_on_grid(path, solutions)
+    with naming(given):
+        starts = [path_[0] for path_ in _paths(solution)]
         return Problem(
             name=path.resolve().parent.name,
             # The middles of the cells are at 1, 2, ..
@@ -163,6 +176,97 @@ def read_plan(path: Path, problem: Problem) -> tuple[tuple[State, ...], ...]:
     """
     with naming(path):
         return _paths(_decode(path, _Solution))
+
+
+def rewards_between_cells(path: Path, problem: Problem) -> tuple[float, ...] | None:
+    """Evaluates a solution whose states lie between the cells, frame by frame.
+
+    Returns
+    -------
+    [T+1] view rewards by the law in the documentation of `Cone`; None for a solution on the grid
+
+    Raises
+    ------
+    ProblemError
+        If something is missing or not allowed; one line, naming the file.
+    """
+    with naming(path):
+        solution = _decode(path, _Solution)
+        if solution.is_on_grid:
+            return None
+        frames = problem.horizon + 1
+        for robot, (_, entries) in enumerate(solution.elements):
+            if len(entries) != frames:
+                raise ProblemError(f"elements[{robot}]: must hold {frames} states, one a frame")
+    paths = [[entry.state for entry in entries] for _, entries in solution.elements]
+    return tuple(_reward(problem, t, [path_[t] for path_ in paths]) for t in range(frames))
+
+
+def _reward(problem: Problem, t: int, states: list[_State]) -> float:
+    """Returns the view reward of a frame from any states of the robots, in metres."""
+    coverage, opening = np.zeros(len(problem.face_weights)), Cone().opening
+    faces = [
+        (actor.poses[t], centre, normal)
+        for actor in problem.actors
+        for centre, normal in _centres_and_normals(actor.poses[t])
+    ]
+    for state in states:
+        yaw = HEADINGS.index(state.heading) * math.tau / len(HEADINGS)
+        for number, (pose, centre, normal) in enumerate(faces):
+            off = math.atan2(pose[1] - state.y, pose[0] - state.x) - yaw
+            if abs(math.remainder(off, math.tau)) > opening / 2 + _ON_THE_EDGE:
+                continue
+            way = np.array([centre[0] - state.x, centre[1] - state.y, -FLIGHT_HEIGHT])
+            ahead = abs(way[0] * math.cos(yaw) + way[1] * math.sin(yaw))
+            coverage[number] += ahead * max(0.0, -float(way @ normal)) / float(way @ way) ** 2
+    return float(problem.step_weights[t] @ np.sqrt(coverage))
+
+
+def _centres_and_normals(pose: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
+    """Returns centre (x, y) and normal of each face of an actor, the top last."""
+    x, y, _, yaw = pose
+    shape = BODY.faces()
+    found = []
+    for polygon in shape:
+        normal = np.cross(polygon[1] - polygon[0], polygon[2] - polygon[1])
+        normal = normal / np.linalg.norm(normal)
+        c, s = math.cos(yaw), math.sin(yaw)
+        turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        middle = turn @ polygon.mean(axis=0)
+        found.append((np.array([x, y]) + middle[:2], turn @ normal))
+    return found
+
+
+def _scene_and_solutions(path: Path) -> tuple[Path, list[Path]]:
+    """Returns the file of a scene and those of its solutions, given either."""
+    if path.is_file() and SOLUTION in path.read_bytes():
+        for folder in (path.parent, path.parent.parent):
+            files = [file for file in sorted(folder.glob("*.json")) if file.is_file()]
+            scenes = [file for file in files if SCENE in file.read_bytes()]
+            if len(scenes) == 1:
+                return scenes[0], [path]
+        raise ProblemError(f"{path}: its scene must be beside it or in the folder above")
+    folder = path.parent
+    solutions = [*sorted(folder.glob("solution_*.json")), *sorted(folder.glob("*/solution.json"))]
+    if not solutions:
+        raise ProblemError(
+            f"{path}: a solution_*.json or <planner>/solution.json must be beside it, to say where "
+            "the drones start; or name a solution in its place"
+        )
+    return path, solutions
+
+
+def _first_on_grid(path: Path, solutions: list[Path]) -> tuple[Path, _Solution]:
+    """Returns the first solution whose states are cells."""
+    for given in solutions:
+        with naming(given):
+            solution = _decode(given, _Solution)
+        if solution.is_on_grid:
+            return given, solution
+    raise ProblemError(
+        f"{path}: the states of {solutions[0].name} lie between the cells, where no drone of a "
+        "plan can start; name a scene that has another solution, too"
+    )
 
 
 def _decode(path: Path, kind: type[T]) -> T:
@@ -190,9 +294,18 @@ def _areas() -> list[float]:
 
 
 def _paths(solution: _Solution) -> tuple[tuple[State, ...], ...]:
+    if not solution.is_on_grid:
+        raise ProblemError(
+            "elements: the states lie between the cells, so that they can be evaluated, which "
+            "`cocap-opt verify` does, but not flown"
+        )
     return tuple(
         tuple(
-            State(entry.state.x - 1, entry.state.y - 1, heading=HEADINGS.index(entry.state.heading))
+            State(
+                int(entry.state.x) - 1,
+                int(entry.state.y) - 1,
+                heading=HEADINGS.index(entry.state.heading),
+            )
             for entry in entries
         )
         for _, entries in solution.elements

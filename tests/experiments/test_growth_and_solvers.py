@@ -7,7 +7,7 @@ import pytest
 from studies import rows_of, study
 
 from cocap_opt.experiments.studies.growth.points import MEASURES, Point
-from cocap_opt.experiments.studies.runs import Run, RunError, _measured, scene
+from cocap_opt.experiments.studies.runs import Run, _measured, scene
 from cocap_opt.experiments.studies.solvers import table as solvers_module
 from cocap_opt.experiments.studies.solvers.figures import Figure, Target
 from cocap_opt.experiments.studies.solvers.rows import Options
@@ -60,7 +60,7 @@ def test_a_row_that_fails_stops_no_other(
     """It says why; what was measured before it and after it is there; the exit code is 1."""
 
     def failing(options: Options) -> list[Figure]:
-        raise RunError("out of luck")
+        raise Run.Error("out of luck")
 
     replaced(monkeypatch, first=lambda o: MADE, bad=failing, last=lambda o: MADE)
     assert study("solvers", "--out", tmp_path) == 1
@@ -146,7 +146,7 @@ def test_growth_outlives_a_failed_run(tmp_path: Path, monkeypatch: pytest.Monkey
 
     def made(build: partial[Problem], method: object, seconds: float) -> Run:
         if build.keywords["robots"] == 4:
-            raise RunError("its process died")
+            raise Run.Error("its process died")
         return finished(1.0)
 
     monkeypatch.setattr(Run, "of", made)
@@ -160,7 +160,7 @@ def test_growth_outlives_a_failed_run(tmp_path: Path, monkeypatch: pytest.Monkey
 @pytest.mark.slow
 def test_a_process_that_dies_is_an_error_in_words() -> None:
     """Also one that says nothing before it ends."""
-    with pytest.raises(RunError, match="exit code 3"):
+    with pytest.raises(Run.Error, match="exit code 3"):
         Run.of(partial(scene, "corridor", 0, 2), dying, 1.0)
 
 

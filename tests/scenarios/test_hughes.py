@@ -12,6 +12,7 @@ from others import data
 from strategies import tiny
 
 from cocap_opt.data import ProblemError
+from cocap_opt.experiments.cli.main import main
 from cocap_opt.files.documents import FileError
 from cocap_opt.formulations import EXACT
 from cocap_opt.graph.move_rewards import NO_BONUSES, Bonuses
@@ -23,7 +24,7 @@ from cocap_opt.planners.myopic import myopic
 from cocap_opt.problem import Cone, Plan, Problem, State
 from cocap_opt.referee import check
 from cocap_opt.result import UnsupportedError
-from cocap_opt.scenarios import load_scene, read_foreign_plan
+from cocap_opt.scenarios import FORMATS, load_scene, read_foreign_plan
 from cocap_opt.scenarios.formats import hughes
 from cocap_opt.stop import never
 from cocap_opt.vision.faces import FaceGeometry
@@ -242,3 +243,47 @@ def test_their_myopic_plans_are_found_again(name: str) -> None:
         theirs = [float(row["myopic"]) for row in csv.DictReader(file)]
     verdict = check(problem, plan)
     assert [verdict.reward_at_start, *verdict.reward_per_step] == pytest.approx(theirs, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "planner", ["assignment", "formation", "greedy", "multipleroundsgreedy", "myopic"]
+)
+def test_the_published_layout_is_read(planner: str) -> None:
+    """All five planners' solutions have their rewards, frame by frame; formation's are no path."""
+    place = data("hughes/published/split_and_join")
+    solution = place / planner / "solution.json"
+    problem = load_scene(str(place / "split_and_join_data.json"))
+    with (place / "ppa_evaluation.csv").open() as file:
+        theirs = [float(row[planner]) for row in csv.DictReader(file)]
+    rewards = FORMATS["hughes"].rewards_between_cells(solution, problem)
+    if planner == "formation":
+        assert rewards == pytest.approx(theirs, rel=1e-12)
+        with pytest.raises(FileError, match="between the cells"):
+            read_foreign_plan(solution, problem)
+        return
+    assert rewards is None
+    plan = read_foreign_plan(solution, problem)
+    assert plan is not None
+    verdict = check(load_scene(str(solution)), plan)  # a named solution suffices
+    assert [verdict.reward_at_start, *verdict.reward_per_step] == pytest.approx(theirs, rel=1e-12)
+
+
+def test_a_solution_between_the_cells_is_evaluated(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It is read as theirs; on a cell it has the reward of the referee, elsewhere another one."""
+    scene = json.loads((folder / "scene.json").read_text())
+    frames = len(scene["actor_positions"])
+    own = json.loads(next(folder.glob("solution_*.json")).read_text())
+    problem = load_scene(str(folder / "scene.json"))
+    for _, entries in own["elements"]:
+        for entry in entries[:frames]:
+            entry["state"]["x"] += 0.25
+    (folder / "shifted.json").write_text(json.dumps(own))
+    rewards = FORMATS["hughes"].rewards_between_cells(folder / "shifted.json", problem)
+    assert rewards is not None and len(rewards) == frames
+    with pytest.raises(SystemExit) as caught:
+        main(["verify", str(folder / "scene.json"), str(folder / "shifted.json"), "--json"])
+    answer = json.loads(capsys.readouterr().out)
+    assert caught.value.code == 0 and answer["reward"] == pytest.approx(math.fsum(rewards))
+    assert "cannot be flown" in answer["message"]

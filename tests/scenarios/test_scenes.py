@@ -513,7 +513,7 @@ def test_every_format_has_a_reader(name: str, tmp_path: Path) -> None:
     for option, word in (kind.own_starts or {}).items():
         assert word in kind.options.allowed[option]
     damaged = tmp_path / f"scene{kind.scenes.suffixes[0]}"
-    damaged.write_bytes(b"{[\0" + kind.scenes.words)
+    damaged.write_bytes(b"{[\0" + b"".join(kind.scenes.words))
     with pytest.raises((ProblemError, FileError), match=r"^.*scene\.\w+: ") as caught:
         kind.read(damaged, 0)
     assert "\n" not in str(caught.value)

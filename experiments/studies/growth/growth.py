@@ -22,7 +22,7 @@ from cocap_opt.experiments.studies.growth.points import (
     Field,
     Point,
 )
-from cocap_opt.experiments.studies.runs import Run, RunError
+from cocap_opt.experiments.studies.runs import Run
 from cocap_opt.formulations.column_generation.column_generation import column_generation
 from cocap_opt.scenarios.built_in.field import field
 
@@ -91,7 +91,7 @@ def _measured(wanted: Field, seed: int, limit: float) -> Run | None:
     """Runs column generation on a field; returns None if it failed."""
     try:
         result = Run.of(partial(field, seed, **wanted._asdict()), column_generation, limit)
-    except RunError as error:
+    except Run.Error as error:
         say(f"{wanted.words}, seed {seed}: {error}")
         return None
     say(f"{wanted.words}, seed {seed}: {result.seconds:.2f} s, gap {100 * result.gap:.4f} %")

@@ -11,7 +11,7 @@ from statistics import median
 from typing import NamedTuple
 
 from cocap_opt.experiments.console.streams import say
-from cocap_opt.experiments.studies.runs import Build, Run, RunError, scene
+from cocap_opt.experiments.studies.runs import Build, Run, scene
 from cocap_opt.experiments.studies.solvers.contenders import ALONE, WITH_OUR_ROOT
 from cocap_opt.experiments.studies.solvers.figures import Figure, Target
 from cocap_opt.experiments.studies.solvers.rows import SEEDS, Options
@@ -81,7 +81,7 @@ def _largest_cone_program(seed: int, limit: float) -> tuple[int, Run, str]:
             break
         best = steps, theirs
     if best is None:
-        raise RunError(f"the cone program does not finish {steps} steps within {limit:g} s")
+        raise Run.Error(f"the cone program does not finish {steps} steps within {limit:g} s")
     why = f"; {steps} not within {limit:g} s" if steps > best[0] else ""
     return *best, why
 
@@ -170,7 +170,7 @@ def _largest_closed(
         left = {name: contenders[name] for name in done}
         best = steps, done
     if best is None:
-        raise RunError(f"no solver proves {steps} steps within {limit:g} s")
+        raise Run.Error(f"no solver proves {steps} steps within {limit:g} s")
     why = f"; {steps} not within {limit:g} s" if steps > best[0] else ""
     return *best, why
 
@@ -179,7 +179,7 @@ def _try(build: Build, method: BoundMethod, limit: float, name: str, seed: int) 
     """Runs a method; returns None if it failed or did not come to its end within the limit."""
     try:
         result = Run.of(build, method, limit).told(name, seed)
-    except RunError as error:
+    except Run.Error as error:
         say(f"{name} seed {seed}: {error}")
         return None
     return result if result.finished else None
@@ -190,16 +190,16 @@ def _busy(theirs: Run, ours: Sequence[Run]) -> float:
 
 
 def _require_same(name: str, theirs: float, ours: float) -> None:
-    """Raises RunError if two proved optima differ: then one of the methods is wrong."""
+    """Raises Run.Error if two proved optima differ: then one of the methods is wrong."""
     if abs(theirs - ours) > 2 * OPTIMALITY * abs(ours):
-        raise RunError(f"{name}'s optimum is {theirs!r}, branch-and-price's {ours!r}")
+        raise Run.Error(f"{name}'s optimum is {theirs!r}, branch-and-price's {ours!r}")
 
 
 def _ratios(
     name: str, duels: Sequence[_Duel], moonshot: float, note: str, asked: bool = True
 ) -> list[Figure]:
     if not duels:
-        raise RunError("no seed could be compared")
+        raise Run.Error("no seed could be compared")
     must, more = (Target.at_least(50), Target.at_least(moonshot)) if asked else (None, None)
     ratios = [duel.ratio for duel in duels if math.isfinite(duel.ours)]
     missed = [0.0] * (len(duels) - len(ratios))  # ours did not finish
