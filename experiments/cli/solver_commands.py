@@ -41,8 +41,6 @@ from cocap_opt.files.atomic_write import write_atomically
 from cocap_opt.files.documents import FileError, encode
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult
-from cocap_opt.model import compiled
-from cocap_opt.planners import LAZY, PLANNERS
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import Reason, Result, UnsupportedError
 from cocap_opt.stop import Interrupt, Stop
@@ -178,11 +176,7 @@ def _planned(
 ) -> Judged[Result]:
     """Plans; coverage comes before, in the same time, and is not in the search's seconds."""
     stop = allowance.begin(interrupt)
-    if planner in PLANNERS and planner not in LAZY:
-        compiled(problem).covered_by(stop, watch.counter("coverage"))
-    elif planner not in LAZY:
-        cover(problem, stop, watch)
-    watch.show(planner)
+    cover(problem, planner, stop, watch)
     return Judged.planned(problem, planner, stop)
 
 
@@ -210,8 +204,7 @@ class _Task(NamedTuple):
         problem, trace = self.problem, Trace()
         with Watch.on_terminal(f"{problem.name} seed {seed}") as watch:
             report = trace.beside(watch.report())
-            cover(problem, stop, watch)
-            watch.show(method)
+            cover(problem, method, stop, watch)
             try:
                 judged = Judged.certified(problem, method, stop, self.start, report, gap)
             except UnsupportedError as error:

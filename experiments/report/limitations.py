@@ -90,7 +90,8 @@ def _of_times(run: RunFile) -> Iterator[str]:
     workers = ", ".join(dict.fromkeys(one.workers for one in run.runs))
     yield (
         f"Seconds are wall-clock time, by {workers}, and include other load on the machine. "
-        "Coverage of all states is computed before and not counted; planners that look only at "
+        "Coverage of all states is computed before, within the limit, and has seconds of its own; "
+        "planners that look only at "
         f"states that they touch ({', '.join(sorted(LAZY))}) compute coverage while they run, and "
         "there it counts."
     )

@@ -20,6 +20,7 @@ from cocap_opt.files.documents import encode, problem_digest
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Report
 from cocap_opt.model import compiled
+from cocap_opt.planners import LAZY, PLANNERS
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import Reason, Result, relative_gap
 from cocap_opt.stop import Clock, Limit, LimitReached, Stop, never
@@ -28,13 +29,20 @@ _NO_START = BoundStart()
 _WITHOUT_RULES, _WITH_RULES = "without rules", "with rules"  # names of the two searches
 
 
-def cover(problem: Problem, stop: Stop, watch: Watch) -> None:
-    """Computes coverage before any limit of a planner or a bound begins to count.
+def cover(problem: Problem, method: str, stop: Stop, watch: Watch) -> None:
+    """Computes the coverage that a method needs, in its own time, and shows how far it is.
 
-    Results then do not depend on what coverage has been computed before.
+    Without it the method would do it by itself, in silence. Where the limit comes first, planners
+    leave time for planning with what there is, and bounds for a bound.
     """
-    with suppress(LimitReached):  # what comes after it meets the limit as well
-        compiled(problem).prepare_all(stop, watch.counter("coverage"))
+    model, progress = compiled(problem), watch.counter("coverage")
+    if method in PLANNERS:
+        if method not in LAZY:
+            model.covered_by(stop, progress)
+    else:
+        with suppress(LimitReached):  # the method meets the limit as well
+            model.prepare_all(stop, progress)
+    watch.show(method)
 
 
 class Task(NamedTuple):
@@ -70,9 +78,9 @@ class Task(NamedTuple):
 def _plan(task: Task, stop: Stop, watch: Watch) -> CellFile:
     """Runs a planner."""
     cell, problem = task.cell, task.problem
-    cover(problem, stop, watch)
-    watch.show(cell.planner)
-    judged = Judged.planned(problem, cell.planner, cell.allowance.begin(stop))
+    begun = cell.allowance.begin(stop)
+    cover(problem, cell.planner, begun, watch)
+    judged = Judged.planned(problem, cell.planner, begun)
     columns = {"time_limit": cell.time_limit, "work_limit": cell.work_limit}
     if judged.result.reason is Reason.UNSUPPORTED:  # nobody timed it
         columns["seconds"] = None
@@ -109,11 +117,9 @@ def _rendered_reward(problem: Problem, judged: Judged[Any]) -> float | None:
 def _bound(task: Task, stop: Stop, watch: Watch) -> CellFile:
     """Bounds all plans of an instance, and those of the scene without rules."""
     cell, problem = task.cell, task.problem
-    cover(problem, stop, watch)
-    cover(problem.without_rules(), stop, watch)
     traces = {_WITH_RULES: Trace(), _WITHOUT_RULES: Trace()}
     bounds = _Bounds(
-        problem, _start_plans(problem, task.start), cell.allowance, stop,
+        problem, _start_plans(problem, task.start), cell.allowance, stop, watch,
         lambda name: traces[name].beside(watch.report(f"{name}:")),
     )  # fmt: skip
     under, free = bounds.search()
@@ -163,6 +169,7 @@ class _Bounds:
     plans : that the bound covers, and begins with
     allowance : of each of the two searches
     stop : another limit, of both together
+    watch : shows how far coverage is
     report_to : returns what a search reports to, by its name
     """
 
@@ -172,10 +179,11 @@ class _Bounds:
         plans: Sequence[Judged[Any]],
         allowance: Allowance,
         stop: Stop,
+        watch: Watch,
         report_to: Callable[[str], Report],
     ) -> None:
         self._problem, self._plans, self._report_to = problem, plans, report_to
-        self._allowance, self._stop = allowance, stop
+        self._allowance, self._stop, self._watch = allowance, stop, watch
 
     def search(self) -> tuple[Judged[CertifiedResult], Judged[CertifiedResult]]:
         """Returns best plan and bound under the scene's rules, and without any rules.
@@ -206,6 +214,7 @@ class _Bounds:
 
     def _run(self, problem: Problem, start: Judged[Any], name: str) -> Judged[CertifiedResult]:
         stop = self._allowance.begin(self._stop)
+        cover(problem, BOUND_METHOD, stop, self._watch)
         return Judged.certified(
             problem, BOUND_METHOD, stop, start.result.plan, self._report_to(name)
         )

@@ -412,17 +412,20 @@ def test_rows_do_not_depend_on_where_cells_are_kept(tmp_path: Path) -> None:
     assert untimed(unnamed) == untimed(free)
 
 
-def test_a_limit_does_not_count_the_coverage(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """It is whole before a limit begins, so what is in the cache changes no result."""
+def test_a_limit_counts_the_coverage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As in `plan` and `bound`: without any time there is none, and yet a plan and a bound."""
     settings = msgspec.structs.replace(SETTINGS, time_limit=0.0, bound_time_limit=0.0)
-    for planners in (("cocap",), ()):  # without planners, the bound is what is missing
-        cache = tmp_path / f"cache-{len(planners)}"
-        monkeypatch.setenv("COCAP_OPT_CACHE", str(cache))
-        (task,) = instances(range(1), planners, settings)[0].missing()
-        task.run()
-        assert list(cache.glob("*.coverage"))
+    monkeypatch.setenv("COCAP_OPT_CACHE", str(tmp_path))
+    compiled.cache_clear()
+    # Without planners, the bound is what is missing.
+    plan, bound = (
+        instances(range(1), planners, settings)[0].missing()[0].run()
+        for planners in (("cocap",), ())
+    )
+    assert plan.row is not None and plan.row.limit == "time" and plan.row.reward is not None
+    assert bound.columns is not None and bound.columns.bound is not None
+    assert plan.row.reward <= bound.columns.bound
+    assert not list(tmp_path.glob("*.coverage"))
 
 
 @pytest.mark.parametrize("change", ["limit", "problem", "planner", "seed", "code", "rendered"])
