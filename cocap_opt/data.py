@@ -53,6 +53,8 @@ def whole(value: object, field: str) -> None:
 
 def _plain(value: Any) -> Any:
     """The same value with Python's own numbers and tuples; other objects as they are."""
+    if isinstance(value, np.floating):
+        return float(value)
     if isinstance(value, np.generic):
         return value.item()
     if isinstance(value, (list, tuple)):
@@ -75,13 +77,20 @@ def _is_a(value: object, hint: Any) -> bool:
         return any(_is_a(value, part) for part in parts)
     if origin is tuple and isinstance(value, tuple):
         if parts[-1] is Ellipsis:
-            return all(_is_a(item, parts[0]) for item in value)
-        return len(value) == len(parts) and all(map(_is_a, value, parts))
+            parts = parts[:1] * len(value)
+        return len(value) == len(parts) and all(
+            _is_a(item, part) and (part not in (float, int) or _is_number(item))
+            for item, part in zip(value, parts, strict=True)
+        )
     if origin is tuple or hint in (bool, str, NoneType):
         return isinstance(value, origin or hint)
     if isinstance(hint, type) and issubclass(hint, (msgspec.Struct, tuple)):
         return isinstance(value, hint)
     return True
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
 def _kind(hint: Any) -> str:

@@ -29,8 +29,8 @@ Sight = tuple[Motion, AnyCamera]  # what a robot's coverage depends on besides i
 _SWEEPING, _BOUNDING = 6e-8, 4e-8
 
 # Bytes of a state at a step, in the arrays of value iteration, and of a face seen from one, in the
-# table while it is made, where on average one face in twelve is seen: measured.
-_BYTES_PER_STATE, _BYTES_PER_FACE = 33, 6
+# table while it is made, where few of the faces are seen: measured.
+_BYTES_PER_STATE, _BYTES_PER_FACE = 33, 2
 
 
 def _tell_nobody(done: int, total: int) -> None:

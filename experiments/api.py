@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from math import isfinite
+from math import inf, isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
@@ -33,7 +33,7 @@ from cocap_opt.planners import PLANNERS, Planner
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import Verdict
 from cocap_opt.referee import check as judge_plan
-from cocap_opt.result import Result
+from cocap_opt.result import Reason, Result
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import Clock, FirstOf, Stop, TimeLimit, never
 
@@ -290,9 +290,16 @@ def _verify_bound(verified: Verified, claim: Plan | Result | Bound) -> None:
         verified.verify_bound(bound)
     if not isinstance(claim, Result):
         return
+    for name in ("value", "bound"):
+        _require(getattr(claim, name), name, "a number", int, float, np.number)
+    proved = verified.bound if bound is not None else inf
+    if claim.reason is Reason.INFEASIBLE and bound is not None and not proved < 0:
+        raise ValueError("reason: the result claims that there is no plan; its file does not")
+    if claim.plan is None and claim.value != -inf:
+        raise ValueError(f"reward: the result claims {claim.value!r} and has no plan")
     if claim.plan is not None and isfinite(verified.reward):
         verified.compare_reward(claim.value)
-    if bound is not None and claim.bound < bound.proved - ROUNDING * abs(bound.proved):
+    if bound is not None and not claim.bound >= bound.proved - ROUNDING * abs(bound.proved):
         raise ValueError(f"bound: the result claims {claim.bound!r}, its file {bound.proved!r}")
 
 
@@ -362,7 +369,10 @@ def gap(
     if not isinstance(seeds, Iterable):
         raise ValueError(f"seeds: must be several, such as range(3), not {seeds!r}")
     whole = tuple(Option("seeds").require_whole(seed) for seed in seeds)
-    given = [scenes] if isinstance(scenes, str | Path | Problem) else list(scenes)
+    given = [scenes] if isinstance(scenes, str | Path | Problem) else scenes
+    if not isinstance(given, Iterable):
+        raise ValueError(f"scenes: must be names, files or problems, not {scenes!r}")
+    given = list(given)
     words = [str(scene) for scene in given if not isinstance(scene, Problem)]
     named = Scenes(words, whole, tell=_nobody)
     problems = [(problem, seed) for (_, seed), problem in named.problems.items()]
@@ -515,6 +525,8 @@ def _limits(seconds: float | None, stop: Stop) -> Stop:
 def _require_sweep(planners: Sequence[str]) -> None:
     from cocap_opt.experiments.console.options import Option
 
+    if isinstance(planners, str):
+        raise ValueError(f"planners: must be several names, such as [{planners!r}]")
     if not all(isinstance(name, str) for name in planners):
         raise ValueError("planners: must be names; measure a function by co.plan and co.bound")
     for name in planners:
@@ -539,9 +551,15 @@ def _plan_of(given: Plan | Result | None) -> Plan | None:
         return None if given is None else given.plan
     _require(given, "plan", "a Plan or a Result; `read` reads files of plans", Plan)
     try:
-        return msgspec.convert(msgspec.to_builtins(given), Plan)
+        return msgspec.convert(msgspec.to_builtins(given, enc_hook=_plain_number), Plan)
     except msgspec.ValidationError as error:
         raise ValueError(f"plan: {error}") from None
+
+
+def _plain_number(value: object) -> object:
+    if isinstance(value, np.generic):
+        return value.item()
+    raise msgspec.ValidationError(f"must hold states of whole numbers, not {value!r}")
 
 
 def _title(number: int, given: Plan | Result) -> str:
@@ -561,7 +579,7 @@ def _bound_in(claim: Plan | Result | Bound) -> Bound | None:
 def _require_checkable(claims: Sequence[Plan | Result | Bound], plans: Sequence[Plan]) -> None:
     """Refuses claims without a certificate, of which nothing or too little could be checked."""
     for claim in claims:
-        if isinstance(claim, Result) and isfinite(claim.bound):
+        if isinstance(claim, Result) and claim.bound != inf:
             whose = f"{claim.method}'s" if claim.method else "a result's"
             raise ValueError(f"claims: {whose} bound has no certificate; name its plan alone")
     if not plans:

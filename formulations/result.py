@@ -62,6 +62,9 @@ class CertifiedResult(Result):
         plan, message = StartPlan.checked(problem, start)
         plan = Plan.hovering(problem) if plan is None else plan
         value = -math.inf if plan is None else check(problem, plan).reward
+        if plan is None:
+            words = f"no plan was found before the {limit} limit"
+            message = "; ".join(filter(None, (message, words)))
         return cls(plan, value, Reason.STOPPED, limit, message=message)
 
     def with_bound_of(self, other: "CertifiedResult") -> "CertifiedResult":

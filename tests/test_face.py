@@ -365,3 +365,20 @@ def test_workers_need_a_guard(tmp_path: Path) -> None:
         [sys.executable, str(script)], capture_output=True, text=True, check=False
     )  # fmt: skip
     assert "ValueError: workers: each worker imports your script" in run.stderr
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"bound": float("nan")},
+        {"certificate": None, "bound": float("-inf")},
+        {"plan": None, "value": 1e9},
+        {"plan": None, "value": float("-inf"), "reason": co.Reason.INFEASIBLE},
+    ],
+)
+def test_verify_believes_no_word_of_a_result(changes: dict[str, Any]) -> None:
+    """Not even one that is no number, or that there is no plan."""
+    problem = co.load("tiny-share")
+    best = co.solve(problem)
+    with pytest.raises(ValueError, match=r"^(bound|reward|reason|claims): "):
+        co.verify(problem, dataclasses.replace(best, **changes))

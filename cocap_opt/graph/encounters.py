@@ -20,7 +20,7 @@ from cocap_opt.world.workspace import Workspace
 NEAR = 15.0  # m
 Values = TypeVar("Values", BoolArray, IntArray)
 _MOST = 100  # people at steps that are looked at, evenly spread, to bound the time
-_PER_CELL = 2  # points of a line of sight
+_PER_CELL, _MOST_POINTS = 2, 200  # points of a line of sight
 
 
 class Encounters:
@@ -113,6 +113,8 @@ class Encounters:
             target = actor.poses[t, :3] + [0.0, 0.0, actor.shape.height / 2]
             away = np.hypot(*(eyes[:, :2] - target[:2]).T)
             some = np.flatnonzero(away <= self._near)
+            if not len(some):
+                continue
             seen = some[self._sees(eyes[some], target)]
             found.setdefault(t, np.zeros(graph.n_places, dtype=bool))[places[seen]] = True
         return found
@@ -121,7 +123,7 @@ class Encounters:
         """Returns True [n] where nothing solid is on the line from an eye [n, 3] to a point."""
         height_map, columns = self._workspace.height_map, self._workspace.columns
         free = np.ones(len(eyes), dtype=bool)
-        points = math.ceil(_PER_CELL * self._near / height_map.resolution)
+        points = min(math.ceil(_PER_CELL * self._near / height_map.resolution), _MOST_POINTS)
         goal = np.array(height_map.cell_of(target[0], target[1]))
         for share in (np.arange(points) + 0.5) / points:
             at = target + share * (eyes - target)

@@ -1,7 +1,7 @@
 """Paths of a team as they are found robot by robot, and the results made of them."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -133,7 +133,12 @@ class Team:
             changed = team.with_path(robot, single)
             if changed.value > team.value:
                 team, cells[robot] = changed, own
-        return team.result(limit, statistics)
+        result = team.result(limit, statistics)
+        staying = sum(len(set(single.path or ())) == 1 for single in team.found)
+        if not staying or staying == len(team.found):  # the latter is said of any plan
+            return result
+        words = f"{staying} of {len(team.found)} drones stay at their starts, clear of the others"
+        return replace(result, message="; ".join(filter(None, (result.message, words))))
 
     @staticmethod
     def no_path(robot: int) -> Result:

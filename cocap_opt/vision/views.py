@@ -310,8 +310,7 @@ class _ConeViews(Views):
         detected = self._off(t, eyes, yaw) <= self._cone.opening / 2 + _ON_THE_EDGE
         ways, turned = self._ways(t, eyes)
         ahead = np.abs(ways[..., 0] * np.cos(yaw)[:, None] + ways[..., 1] * np.sin(yaw)[:, None])
-        square = dot(ways, ways)
-        result: FloatArray = detected[:, owners] * ahead * turned / square**2
+        result: FloatArray = detected[:, owners] * ahead * turned / _square(ways) ** 2
         return result
 
     def ceiling(self, t: int, places: IntArray, weights: FloatArray) -> _Ceiling:
@@ -330,7 +329,7 @@ class _ConeViews(Views):
             off: FloatArray = np.stack([self._off(t, eyes, one) for one in yaw])  # [O, n, A]
             detected: BoolArray = off <= self._cone.opening / 2 + 2 * _ON_THE_EDGE
             ways, turned = self._ways(t, eyes)
-            seen = np.hypot(ways[..., 0], ways[..., 1]) * turned / dot(ways, ways) ** 2
+            seen = np.hypot(ways[..., 0], ways[..., 1]) * turned / _square(ways) ** 2
             roots, pixels = (
                 (detected * np.add.reduceat(values, first, axis=1)).sum(axis=-1)
                 for values in (np.sqrt(seen) * weights, seen * weights)
@@ -379,6 +378,12 @@ class _ConeViews(Views):
         coverage = np.concatenate([np.zeros((0, self.n_faces)), *parts])
         rows, faces = np.nonzero(coverage)
         return _Seen(rows, faces, coverage[rows, faces])
+
+
+def _square(ways: FloatArray) -> FloatArray:
+    """Returns squared lengths [..] of ways [.., 3]; infinite for 0, from where nothing is seen."""
+    square = dot(ways, ways)
+    return np.where(square > 0, square, np.inf)
 
 
 def _chunks(places: IntArray, size: int) -> list[IntArray]:

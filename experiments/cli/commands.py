@@ -26,8 +26,7 @@ from cocap_opt.files.documents import FileError
 def _help(command: Callable[..., int]) -> str:
     """Returns a command's docstring, each paragraph on one line, which is wrapped when shown."""
     paragraphs = (inspect.getdoc(command) or "").split("\n\n")
-    lines = (" ".join(paragraph.split()) for paragraph in paragraphs)
-    return "\n\n".join(line.replace("Example: ", "Example:\n  ", 1) for line in lines)
+    return "\n\n".join(" ".join(paragraph.split()) for paragraph in paragraphs)
 
 
 def _usage(name: str, command: Callable[..., int]) -> str:

@@ -86,7 +86,7 @@ def _gap(
     and planner its table has the newest row, with the lowest bound that was proved.
     The exit code is 1 if a planner or a bound has ended by an error.
 
-    Example: cocap-opt gap corridor bottleneck --seeds 0-99 --workers 2 --out results
+    Example: cocap-opt gap corridor bottleneck --seeds 0-99 --workers 2 --out DIR
     """
     for name in planner or []:
         Option("--planner").require_one_of(name, SOLVERS)

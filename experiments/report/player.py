@@ -15,6 +15,7 @@ from cocap_opt.data import FloatArray
 from cocap_opt.experiments.report.pages import PageFile
 from cocap_opt.experiments.report.player_scene import SceneData
 from cocap_opt.experiments.results.files import save_bytes
+from cocap_opt.files.documents import FileError
 from cocap_opt.model import compiled
 from cocap_opt.problem import Cone, Conflict, Plan, Problem, SwapConflict
 from cocap_opt.referee import check
@@ -90,8 +91,10 @@ class Player:
         Raises
         ------
         FileError
-            If it cannot be written; one line with its name.
+            If it cannot be written, or is not named .html; one line with its name.
         """
+        if Path(path).suffix.lower() not in (".html", ".htm"):
+            raise FileError(f"{path}: must be named .html; `problem.plot(plan)` draws a picture")
         save_bytes(Path(path), self.page().encode())
 
     def __repr__(self) -> str:

@@ -41,6 +41,7 @@ class Search:
     columns : number of columns generated in all
     spare : proves the bound of a relaxation that was given up, if that is lower than the bound of
         the one that is pursued
+    lowest : the lowest bound that was reported
     pricer : prices multipliers for the model
     local_search : improves plans of the model
     rng : of perturbations
@@ -56,6 +57,7 @@ class Search:
     incumbent: Incumbent | None = None
     columns: int = 0
     spare: CertificateFile | None = None
+    lowest: float = np.inf
 
     def __post_init__(self) -> None:
         """Compiles the parts of the model that pricing needs."""
@@ -102,6 +104,7 @@ class Search:
         bound = max(bound, self.value)
         if self.spare is not None:
             bound = min(bound, self.spare.proved)
+        bound = self.lowest = min(bound, max(self.lowest, self.value))
         return Snapshot(self.value, bound, self.clock.seconds, self.columns, nodes)
 
     def alone(self) -> Priced:
@@ -137,7 +140,8 @@ class Search:
         """Returns the same search with every robot as a class of its own."""
         model = self.model.disaggregated()
         incumbent = None if self.incumbent is None else self.incumbent.in_model(model)
-        return Search(model, self.stop, self.report, self.clock, incumbent, self.columns)
+        kept = self.columns, self.spare, self.lowest
+        return Search(model, self.stop, self.report, self.clock, incumbent, *kept)
 
     def result(
         self,

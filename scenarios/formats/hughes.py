@@ -107,7 +107,9 @@ class _Entry(msgspec.Struct):
 
 
 class _Solution(msgspec.Struct):
-    elements: Annotated[list[tuple[int, list[_Entry]]], Meta(min_length=1)]
+    elements: Annotated[
+        list[tuple[int, Annotated[list[_Entry], Meta(min_length=1)]]], Meta(min_length=1)
+    ]
 
     @property
     def is_on_grid(self) -> bool:
@@ -218,7 +220,8 @@ def _reward(problem: Problem, t: int, states: list[_State]) -> float:
                 continue
             way = np.array([centre[0] - state.x, centre[1] - state.y, -FLIGHT_HEIGHT])
             ahead = abs(way[0] * math.cos(yaw) + way[1] * math.sin(yaw))
-            coverage[number] += ahead * max(0.0, -float(way @ normal)) / float(way @ way) ** 2
+            square = float(way @ way) or math.inf  # at the face itself nothing is seen
+            coverage[number] += ahead * max(0.0, -float(way @ normal)) / square**2
     return float(problem.step_weights[t] @ np.sqrt(coverage))
 
 

@@ -21,7 +21,7 @@ from cocap_opt.graph.value_iteration import backward_sweep
 from cocap_opt.model import compiled
 from cocap_opt.objective import marginal_reward
 from cocap_opt.planners.myopic import myopic
-from cocap_opt.problem import Cone, Plan, Problem, State
+from cocap_opt.problem import Actor, Cone, Motion, Plan, Problem, Robot, State
 from cocap_opt.referee import check
 from cocap_opt.result import UnsupportedError
 from cocap_opt.scenarios import FORMATS, load_scene, read_foreign_plan
@@ -30,6 +30,7 @@ from cocap_opt.stop import never
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.render import Renderer
 from cocap_opt.vision.views import Views
+from cocap_opt.world.workspace import HeightMap
 
 # The quickest of their scenes, and the others.
 THEIRS = [
@@ -287,3 +288,17 @@ def test_a_solution_between_the_cells_is_evaluated(
     answer = json.loads(capsys.readouterr().out)
     assert caught.value.code == 0 and answer["reward"] == pytest.approx(math.fsum(rewards))
     assert "cannot be flown" in answer["message"]
+
+
+def test_a_sensor_at_a_face_sees_nothing_of_it() -> None:
+    """Their law divides by the distance: where there is none, J is a number all the same."""
+    problem = Problem(
+        name="at the face",
+        height_map=HeightMap(heights=np.zeros((4, 4)), resolution=2.0),
+        robots=(Robot(start=State(1, 1), motion=Motion(layers=(5.0,)), camera=Cone()),),
+        actors=(Actor(poses=np.tile([3.0, 3.0, 5.0, 0.0], (3, 1))),),
+        horizon=2,
+    )
+    assert math.isfinite(check(problem, Plan(paths=((State(1, 1),) * 3,))).reward)
+    best = EXACT["branch-and-price"](problem)
+    assert best.value <= best.bound < math.inf
