@@ -336,7 +336,14 @@ def touching(shape: Shape, point: Sequence[float], yaw: float, offset: float) ->
 
 
 @pytest.mark.parametrize("tilt", [0.0, 0.5, -math.pi / 2, math.pi / 2])
-@pytest.mark.parametrize("shape", [Cuboid(), Prism(sides=8, apothem=2.0), TriangulatedCuboid()])
+@pytest.mark.parametrize(
+    "shape",
+    [
+        Cuboid(),
+        pytest.param(Prism(sides=8, apothem=2.0), marks=pytest.mark.slow),
+        pytest.param(TriangulatedCuboid(), marks=pytest.mark.slow),
+    ],
+)
 def test_a_face_at_the_camera_fills_the_image_at_most(shape: Shape, tilt: float) -> None:
     """A camera on a face, in its middle or at its corner, sees a part of its image, no more.
 
@@ -705,7 +712,9 @@ def test_altitude_hides_nothing(altitude: float) -> None:
     assert seen(problem, State(0, 1))[TOP] == pytest.approx(FOCAL**2 * 3.2 / 150**3, rel=1e-3)
 
 
-@pytest.mark.parametrize(("actors", "most"), [(0, 8192), (4, 8192), (300, 256)])
+@pytest.mark.parametrize(
+    ("actors", "most"), [(0, 8192), (4, 8192), pytest.param(300, 256, marks=pytest.mark.slow)]
+)
 def test_limits_are_asked_for_often(actors: int, most: int) -> None:
     """The more actors there are, the fewer states are evaluated between two looks at a limit.
 

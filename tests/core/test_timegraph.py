@@ -313,7 +313,7 @@ def test_staying_is_never_charged_as_a_move() -> None:
     ("shape", "motion"),
     [
         ((1, 1), Motion(radius=0, headings=1, turn=0)),
-        ((1, 1), Motion(radius=16, headings=1)),
+        pytest.param((1, 1), Motion(radius=16, headings=1), marks=pytest.mark.slow),
         ((1, 1), Motion(radius=0, headings=360, turn=2)),
         ((1, 1), Motion(radius=1, headings=2, turn=0)),
         ((2, 1), Motion(radius=0, headings=3, layers=(1.0, 2.0, 3.0, 4.0), climb=3)),

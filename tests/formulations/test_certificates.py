@@ -518,7 +518,7 @@ CHANGES = [-1e-3, *(pytest.param(x, marks=pytest.mark.slow) for x in (-1.0, 1e-3
 
 
 @pytest.mark.parametrize("change", CHANGES)
-@pytest.mark.parametrize("kind", [CertificateFile, ProofFile])
+@pytest.mark.parametrize("kind", [CertificateFile, pytest.param(ProofFile, marks=pytest.mark.slow)])
 def test_an_altered_number_is_refused_or_the_claim_still_holds(
     kind: type[CertificateFile | ProofFile], change: float
 ) -> None:

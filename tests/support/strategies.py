@@ -52,10 +52,10 @@ class Calls(Stop):
 def examples(count: int) -> settings:
     """Settings for a property test: so many examples, times COCAP_OPT_EXAMPLES.
 
-    Without slow tests it is a fifth of them, but for a few.
+    Without slow tests it is an eighth of them, but for a few.
     """
     if "COCAP_OPT_QUICK" in os.environ:
-        count = min(count, max(5, count // 5))
+        count = min(count, max(4, count // 8))
     return settings(max_examples=count * _FACTOR)
 
 
