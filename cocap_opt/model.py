@@ -174,7 +174,7 @@ class Model:
         """Compute the coverage of a class.
 
         Coverage that is there already, in memory or in the cache, is taken at any time. It ends
-        early enough for `coverage_so_far` and `ceiling_of` to bound what it leaves open in time.
+        early enough to bound in time what it leaves open (`coverage_so_far`, `Views.ceiling`).
 
         Raises
         ------
@@ -239,7 +239,7 @@ class Model:
     def robot_pixels(self, robot: int, path: Path) -> FloatArray:
         """View sums [Z] that one robot has alone, along its path of state numbers."""
         if self.cut_short_by:
-            return self._evaluated_pixels(robot, path)
+            return self.evaluated_pixels(robot, path)
         robot_class = self.class_of[robot]
         table, n_states = self.coverage(robot_class), robot_class.graph.n_states
         entries = table.entries(np.arange(len(path)) * n_states + np.array(path))[1]
@@ -247,7 +247,7 @@ class Model:
         np.add.at(pixels, table.view_sums[entries], table.pixels[entries])
         return pixels
 
-    def _evaluated_pixels(self, robot: int, path: Path) -> FloatArray:
+    def evaluated_pixels(self, robot: int, path: Path) -> FloatArray:
         """View sums [Z] along a path, each view of which is evaluated anew."""
         pixels, first = self.problem.no_pixels(), self.problem.first_step
         views = self.views(self.class_of[robot])

@@ -292,8 +292,7 @@ def _verify_bound(verified: Verified, claim: Plan | Result | Bound) -> None:
         return
     for name in ("value", "bound"):
         _require(getattr(claim, name), name, "a number", int, float, np.number)
-    proved = verified.bound if bound is not None else inf
-    if claim.reason is Reason.INFEASIBLE and bound is not None and not proved < 0:
+    if claim.reason is Reason.INFEASIBLE and bound is not None and not verified.no_plan:
         raise ValueError("reason: the result claims that there is no plan; its file does not")
     if claim.plan is None and claim.value != -inf:
         raise ValueError(f"reward: the result claims {claim.value!r} and has no plan")

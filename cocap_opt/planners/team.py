@@ -4,8 +4,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-import numpy as np
-
 from cocap_opt.data import FloatArray
 from cocap_opt.model import Model, Path, compiled
 from cocap_opt.objective import objective
@@ -75,16 +73,12 @@ class Team:
 
     def _hover(self, robot: int) -> SingleRobotPath:
         """The path that stays at the start, which needs no time to be found."""
-        problem, robot_class = self.model.problem, self.model.class_of[robot]
-        pixels = problem.no_pixels()
+        problem = self.model.problem
         if not problem.robots[robot].may_hover:
-            return SingleRobotPath(None, pixels, 0)
-        views, state = self.model.views(robot_class), self.model.start(robot)
-        steps = range(problem.first_step, problem.horizon + 1)
-        along = views.along(problem.first_step, np.full(len(steps), state))
-        for t, coverage in zip(steps, along, strict=True):
-            pixels[problem.view_sums_at(t)] += coverage
-        return SingleRobotPath((state,) * (problem.horizon + 1), pixels, len(steps))
+            return SingleRobotPath(None, problem.no_pixels(), 0)
+        path = (self.model.start(robot),) * (problem.horizon + 1)
+        evaluated = problem.horizon + 1 - problem.first_step
+        return SingleRobotPath(path, self.model.evaluated_pixels(robot, path), evaluated)
 
     # -- results --------------------------------------------------------------------------
 

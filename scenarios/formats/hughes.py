@@ -38,7 +38,7 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
-from cocap_opt.data import LARGEST, MOST_WEIGHT, FloatArray, ProblemError
+from cocap_opt.data import LARGEST, MOST_WEIGHT, ProblemError
 from cocap_opt.problem import (
     NO_RULES,
     Actor,
@@ -52,6 +52,7 @@ from cocap_opt.problem import (
 )
 from cocap_opt.scenarios.formats.options import NO_YES, NOTHING, Options
 from cocap_opt.scenarios.text import naming, one_line, read_text
+from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.world.workspace import HeightMap
 
 FLIGHT_HEIGHT = 5.0  # m
@@ -201,21 +202,22 @@ def rewards_between_cells(path: Path, problem: Problem) -> tuple[float, ...] | N
             if len(entries) != frames:
                 raise ProblemError(f"elements[{robot}]: must hold {frames} states, one a frame")
     paths = [[entry.state for entry in entries] for _, entries in solution.elements]
-    return tuple(_reward(problem, t, [path_[t] for path_ in paths]) for t in range(frames))
+    geometry = FaceGeometry(problem)
+    return tuple(
+        _reward(problem, geometry, t, [path_[t] for path_ in paths]) for t in range(frames)
+    )
 
 
-def _reward(problem: Problem, t: int, states: list[_State]) -> float:
+def _reward(problem: Problem, geometry: FaceGeometry, t: int, states: list[_State]) -> float:
     """Returns the view reward of a frame from any states of the robots, in metres."""
     coverage, opening = np.zeros(len(problem.face_weights)), Cone().opening
-    faces = [
-        (actor.poses[t], centre, normal)
-        for actor in problem.actors
-        for centre, normal in _centres_and_normals(actor.poses[t])
-    ]
-    for state in states:
-        yaw = HEADINGS.index(state.heading) * math.tau / len(HEADINGS)
-        for number, (pose, centre, normal) in enumerate(faces):
-            off = math.atan2(pose[1] - state.y, pose[0] - state.x) - yaw
+    planes, origin = geometry.planes(t), geometry.origin
+    faces = zip(problem.face_owner.tolist(), planes.centres + origin, planes.normals, strict=True)
+    for number, (owner, centre, normal) in enumerate(faces):
+        x, y, *_ = problem.actors[owner].poses[t]
+        for state in states:
+            yaw = HEADINGS.index(state.heading) * math.tau / len(HEADINGS)
+            off = math.atan2(y - state.y, x - state.x) - yaw
             if abs(math.remainder(off, math.tau)) > opening / 2 + _ON_THE_EDGE:
                 continue
             way = np.array([centre[0] - state.x, centre[1] - state.y, -FLIGHT_HEIGHT])
@@ -223,21 +225,6 @@ def _reward(problem: Problem, t: int, states: list[_State]) -> float:
             square = float(way @ way) or math.inf  # at the face itself nothing is seen
             coverage[number] += ahead * max(0.0, -float(way @ normal)) / square**2
     return float(problem.step_weights[t] @ np.sqrt(coverage))
-
-
-def _centres_and_normals(pose: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
-    """Returns centre (x, y) and normal of each face of an actor, the top last."""
-    x, y, _, yaw = pose
-    shape = BODY.faces()
-    found = []
-    for polygon in shape:
-        normal = np.cross(polygon[1] - polygon[0], polygon[2] - polygon[1])
-        normal = normal / np.linalg.norm(normal)
-        c, s = math.cos(yaw), math.sin(yaw)
-        turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-        middle = turn @ polygon.mean(axis=0)
-        found.append((np.array([x, y]) + middle[:2], turn @ normal))
-    return found
 
 
 def _scene_and_solutions(path: Path) -> tuple[Path, list[Path]]:
