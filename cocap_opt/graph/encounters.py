@@ -9,8 +9,6 @@ import math
 from typing import TypeVar
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse.csgraph import connected_components
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.graph.timegraph import TimeGraph
@@ -55,6 +53,9 @@ class Encounters:
 
         A pocket is a set of places that are connected by moves.
         """
+        from scipy import sparse  # slow to import, and scenes that are only read need neither
+        from scipy.sparse.csgraph import connected_components
+
         heads = self.graph.neighbours
         move, tails = np.nonzero(heads >= 0)
         ones = np.ones(len(tails), dtype=np.int8)
