@@ -12,7 +12,6 @@ from cocap_opt.problem.shapes import Cuboid, Prism
 from cocap_opt.world.workspace import HeightMap, Mesh
 
 _FLAT = 1e-9  # m; points that are nearer to a plane lie in it
-_BLOCKS = 8, 4, 2  # cells along their edges
 _MOST_PLANES = 64  # of a mesh that counts as one convex body
 
 
@@ -33,13 +32,14 @@ class Bodies(NamedTuple):
     neighbours: IntArray  # [B, N, 2] planes that share an edge
     low: FloatArray  # [B, 2] m, least x and y
     high: FloatArray  # [B, 3] m, greatest x, y and z
+    endless: BoolArray  # [B] true for upright boxes that reach down without end
 
     @classmethod
     def none(cls) -> "Bodies":
         """Returns no bodies."""
         return cls(
             np.zeros((0, 1, 3)), np.ones((0, 1)), np.zeros((0, 1, 2), dtype=np.int64),
-            np.zeros((0, 2)), np.zeros((0, 3)),
+            np.zeros((0, 2)), np.zeros((0, 3)), np.zeros(0, dtype=bool),
         )  # fmt: skip
 
     @classmethod
@@ -72,6 +72,7 @@ class Bodies(NamedTuple):
         return cls(
             solid.normals[None], solid.offsets[None], solid.neighbours[None],
             solid.corners[None, :, :2].min(axis=1), solid.corners[None].max(axis=1),
+            np.zeros(1, dtype=bool),
         )  # fmt: skip
 
     @classmethod
@@ -89,32 +90,13 @@ class Bodies(NamedTuple):
         return cls._boxes(low, np.column_stack([high, heights - origin[2]]))
 
     @classmethod
-    def of_blocks(cls, height_map: HeightMap, origin: FloatArray) -> "Bodies":
-        """Returns square blocks of cells as boxes as high as their lowest cell.
-
-        They are parts of the columns. Where all cells differ in height, one of them hides what
-        many columns hide together.
-        """
-        lows, highs = [np.zeros((0, 2))], [np.zeros((0, 3))]
-        for size in _BLOCKS:
-            shape = np.array(height_map.shape) // size
-            whole = height_map.heights[: shape[0] * size, : shape[1] * size]
-            tops = whole.reshape(shape[0], size, shape[1], size).min(axis=(1, 3))
-            first = np.argwhere(tops > height_map.heights.min())
-            low = np.array(height_map.origin) - origin[:2] + height_map.resolution * size * first
-            high = low + height_map.resolution * size
-            lows.append(low)
-            highs.append(np.column_stack([high, tops[tuple(first.T)] - origin[2]]))
-        return cls._boxes(np.concatenate(lows), np.concatenate(highs))
-
-    @classmethod
     def _boxes(cls, low: FloatArray, high: FloatArray) -> "Bodies":
         """Returns boxes without bottom from low [n, 2] to high [n, 3]."""
         n = len(low)
         offsets = np.column_stack([high[:, 2], -low[:, 0], high[:, 0], -low[:, 1], high[:, 1]])
         return cls(
             np.broadcast_to(_COLUMN, (n, 5, 3)), offsets,
-            np.broadcast_to(_COLUMN_EDGES, (n, 8, 2)), low, high,
+            np.broadcast_to(_COLUMN_EDGES, (n, 8, 2)), low, high, np.ones(n, dtype=bool),
         )  # fmt: skip
 
     @classmethod
@@ -134,13 +116,14 @@ class Bodies(NamedTuple):
             np.concatenate(normals), np.concatenate(offsets), np.concatenate(neighbours),
             np.concatenate([part.low for part in parts]),
             np.concatenate([part.high for part in parts]),
+            np.concatenate([part.endless for part in parts]),
         )  # fmt: skip
 
     def taken(self, which: IntArray) -> "Bodies":
         """Returns some of the bodies."""
         return Bodies(
             self.normals[which], self.offsets[which], self.neighbours[which],
-            self.low[which], self.high[which],
+            self.low[which], self.high[which], self.endless[which],
         )  # fmt: skip
 
 

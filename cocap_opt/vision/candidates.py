@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cocap_opt.data import FloatArray, IntArray
+from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.vision.bodies import Bodies
 from cocap_opt.vision.spans import spans
 
@@ -68,14 +68,8 @@ class Candidates:
         self._keys = keys
         self._starts = np.searchsorted(keys, np.arange(n * _SECTORS))
 
-    def of(self, targets: IntArray, eyes: FloatArray) -> tuple[IntArray, IntArray]:
-        """Returns the bodies that can hide targets [n] from eyes [n, 3].
-
-        Returns
-        -------
-        counts : [n] number of bodies of each
-        bodies : their numbers, one target's after the other's
-        """
+    def of(self, targets: IntArray, eyes: FloatArray) -> "Lists":
+        """Returns lists of the bodies that may hide targets [n] from eyes [n, 3]."""
         way = eyes[:, :2] - self._targets.middles[targets]
         away = np.hypot(way[:, 0], way[:, 1])
         radius, foot = self._targets.radii[targets], self._targets.feet[targets]
@@ -86,25 +80,68 @@ class Candidates:
         sector = targets * _SECTORS + _sector(np.arctan2(way[:, 1], way[:, 0])) % _SECTORS
         first = self._starts[sector]
         ends = np.searchsorted(self._keys, _key(sector, slope) + 4 * _GRAIN, side="right")
-        counts = ends - first
-        entry = spans(first, counts)
-        pair = np.repeat(np.arange(len(targets)), counts)
-        bodies = self._numbers[entry].astype(np.int64)
         low = np.minimum(eyes[:, 2], foot)
-        between = (self._nearest[entry] < away[pair]) | (self._nearest[entry] <= radius[pair])
-        kept = np.flatnonzero(between & (self._tops[bodies] > low[pair]))
-        pair, bodies = pair[kept], bodies[kept]
-        # Sectors are wide: a body must also meet the fan itself, which is within a strip.
+        # What reaches beyond the eye is out of the way, unless it is around the target.
+        reach = np.maximum(away, np.nextafter(radius, np.inf))
+        return Lists(self, targets, first, ends - first, way, away, reach, low)
+
+    def between(
+        self, entries: IntArray, reach: FloatArray, low: FloatArray
+    ) -> tuple[IntArray, IntArray]:
+        """Returns which entries [m] are nearer than `reach` and higher than `low`; their bodies."""
+        bodies = self._numbers[entries].astype(np.int64)
+        between = (self._nearest[entries] < reach) & (self._tops[bodies] > low)
+        kept: IntArray = np.flatnonzero(between)
+        return kept, bodies[kept]
+
+    def in_strip(
+        self, bodies: IntArray, targets: IntArray, way: FloatArray, away: FloatArray
+    ) -> BoolArray:
+        """Returns an array [m], true for bodies that meet the strip around a target and an eye.
+
+        Parameters
+        ----------
+        way : [m, 2] m, from the target's middle to the eye
+        away : [m] m, its length
+        """
         with np.errstate(divide="ignore", invalid="ignore"):
             across = np.stack([-way[:, 1], way[:, 0]], axis=1) / away[:, None]
-        across = across[pair]
-        aside = np.abs(
-            (across * (self._middles[bodies] - self._targets.middles[targets[pair]])).sum(axis=1)
-        )
-        reach = (np.abs(across) * self._halves[bodies]).sum(axis=1) + radius[pair]
-        kept = np.flatnonzero(~(aside > reach * (1 + _ROUNDING)))
-        pair, bodies = pair[kept], bodies[kept]
-        return np.bincount(pair, minlength=len(targets)), bodies
+        off = self._middles[bodies] - self._targets.middles[targets]
+        aside = np.abs((across * off).sum(axis=1))
+        reach = (np.abs(across) * self._halves[bodies]).sum(axis=1) + self._targets.radii[targets]
+        meets: BoolArray = ~(aside > reach * (1 + _ROUNDING))
+        return meets
+
+
+class Lists(NamedTuple):
+    """Lists of the bodies that may hide n targets, the steepest first."""
+
+    candidates: Candidates
+    targets: IntArray  # [n]
+    first: IntArray  # [n] entry that each list begins with
+    counts: IntArray  # [n] number of entries
+    way: FloatArray  # [n, 2] m, from the target's middle to the eye
+    away: FloatArray  # [n] m, its length
+    reach: FloatArray  # [n] m; bodies that are no nearer to the target are beyond the eye
+    low: FloatArray  # [n] m; bodies that are no higher are below all lines of sight
+
+    def part(self, rows: IntArray, done: int, size: int) -> tuple[IntArray, IntArray]:
+        """Returns bodies of some lists, from entry `done` on up to `size` of each.
+
+        Returns
+        -------
+        rows, bodies : [m] each, the number of the list, in the order given, and that of the body
+        """
+        take = np.minimum(self.counts[rows] - done, size)
+        row = np.repeat(rows, take)
+        entries = spans(self.first[rows] + done, take)
+        kept, bodies = self.candidates.between(entries, self.reach[row], self.low[row])
+        return row[kept], bodies
+
+    def in_strip(self, rows: IntArray, bodies: IntArray) -> BoolArray:
+        """Returns an array [m], true for bodies that meet the strip around target and eye."""
+        targets = self.targets[rows]
+        return self.candidates.in_strip(bodies, targets, self.way[rows], self.away[rows])
 
 
 def _entries(

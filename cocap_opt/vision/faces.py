@@ -14,7 +14,6 @@ from cocap_opt.vision.surfaces import Surface
 
 ROUNDING = 1e-6  # m, much more than that of coordinates
 _DRAWN_IN = 0.01  # of the way to the middle, so that no ray grazes the ground
-_MANY = 1000  # columns, from which on blocks of them are looked at first
 _KEPT = 64  # spans of steps whose geometry is kept
 
 
@@ -32,7 +31,6 @@ class Faces(NamedTuple):
     points: FloatArray  # [L, A, N, 3] m, all over each actor, drawn in a little
     bodies: Bodies  # L A bodies, those of one step one after the other
     candidates: Candidates  # fixed bodies that can hide target l A + a
-    blocks: Candidates | None  # parts of these that may hide all of it; None if they are few
 
 
 class _Planes(NamedTuple):
@@ -71,9 +69,6 @@ class FaceGeometry:
         convex = [solid for solid in solids if solid is not None]
         columns = Bodies.of_columns(problem.height_map, self.origin)
         self._fixed = Bodies.joined([columns, *convex])
-        # Many columns hide together what none of them hides alone.
-        many = len(columns.offsets) > _MANY
-        self._blocks = Bodies.of_blocks(problem.height_map, self.origin) if many else None
         self._shapes = [_Local.of(actor.shape.faces(), Bodies.of_shape(actor.shape))
                         for actor in problem.actors]  # fmt: skip
         layers = sorted({height for robot in problem.robots for height in robot.motion.layers})
@@ -133,9 +128,6 @@ class FaceGeometry:
         radii = np.array([shape.radius for shape in self._shapes]) + ROUNDING
         targets = middle[..., :2].reshape(-1, 2), np.tile(radii, steps), feet.ravel()
         candidates = Candidates(self._fixed, *targets, self._lowest_eye)
-        blocks = None
-        if self._blocks is not None:
-            blocks = Candidates(self._blocks, *targets, self._lowest_eye)
         return Faces(
             first,
             np.concatenate(polygons, axis=1) if n else np.zeros((steps, 0, 3, 3)),
@@ -148,7 +140,6 @@ class FaceGeometry:
             np.stack(points, axis=1) if n else np.zeros((steps, 0, 1, 3)),
             _in_steps(bodies, steps),
             candidates,
-            blocks,
         )
 
 
@@ -230,6 +221,7 @@ class _Turned:
             np.broadcast_to(pairs, (len(normals), *pairs.shape)),
             corners[..., :2].min(axis=1),
             corners.max(axis=1),
+            np.zeros(len(normals), dtype=bool),
         )
 
 

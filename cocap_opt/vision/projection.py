@@ -93,21 +93,6 @@ def dot(a: FloatArray, b: FloatArray) -> FloatArray:
     return result
 
 
-def centroids(samples: int) -> tuple[FloatArray, FloatArray]:
-    """Returns barycentric coordinates [n] of the centroids of equal parts of a triangle.
-
-    There are n = `samples` squared parts.
-    """
-    rows = [
-        (i + third, j + third)
-        for third, size in ((1 / 3, samples), (2 / 3, samples - 1))
-        for i in range(size)
-        for j in range(size - i)
-    ]
-    a, b = (np.array(rows) / samples).T
-    return a, b
-
-
 def _cos_sin(angle: float) -> tuple[float, float]:
     """Returns cosine and sine, without rounding noise at multiples of a right angle."""
     c, s = math.cos(angle), math.sin(angle)

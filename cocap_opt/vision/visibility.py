@@ -13,8 +13,9 @@ from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.problem import Problem
 from cocap_opt.vision.bodies import Bodies
 from cocap_opt.vision.faces import FaceGeometry, Faces
-from cocap_opt.vision.projection import Projection, centroids, dot
+from cocap_opt.vision.projection import Projection, dot
 from cocap_opt.vision.shadows import Pieces, Shadows
+from cocap_opt.vision.skyline import Skyline
 from cocap_opt.vision.spans import spans
 from cocap_opt.vision.surfaces import Surface
 
@@ -81,7 +82,7 @@ class Sightings(NamedTuple):
 class _Shaded(NamedTuple):
     """The shadows that fall on parts of actors, from one eye each."""
 
-    hidden: BoolArray  # [n] true where one body hides all of the actor
+    hidden: BoolArray  # [n] true where the bodies are known to hide all of the actor
     first: IntArray  # [n] number of the first shadow
     counts: IntArray  # [n]
     shadows: Shadows
@@ -150,7 +151,7 @@ class Visibility:
         """
         share, number = np.ones(len(pieces.owners)), np.zeros(len(pieces.owners), dtype=np.int64)
         parts = []
-        a, b = centroids(self._samples)
+        a, b = _equal_parts(self._samples)
         size = len(a) * pieces.polygons.shape[1]
         first = 0
         for some in np.array_split(behind, max(-(-len(behind) * size // _POINTS), 1)):
@@ -175,15 +176,13 @@ class Visibility:
 
     def _shaded(self, faces: Faces, steps: IntArray, eyes: FloatArray, actors: IntArray) -> _Shaded:
         """Returns the shadows that fall on actors [n] from eyes [n, 3] at steps [n]."""
-        casting = _Casting(faces.corners[steps, actors] - eyes[:, None], eyes)
+        corners = faces.corners[steps, actors] - eyes[:, None]
         targets = steps * faces.corners.shape[1] + actors
-        if faces.blocks is not None:
-            blocks = faces.blocks.of(targets, eyes)
-            casting.cast_in_turn(faces.blocks.bodies, *blocks, kept=False)
-        rest = np.flatnonzero(~casting.hidden)
-        counts = np.zeros(len(eyes), dtype=np.int64)
-        counts[rest], bodies = faces.candidates.of(targets[rest], eyes[rest])
-        casting.cast_in_turn(faces.candidates.bodies, counts, bodies)
+        skyline = Skyline(corners, eyes)
+        fixed = faces.candidates.bodies
+        some = skyline.sift(faces.candidates.of(targets, eyes), fixed)
+        casting = _Casting(corners, eyes, skyline.hidden)
+        casting.cast_in_turn(fixed, *some)
         rest = np.flatnonzero(~casting.hidden)
         pair, body = _near_actors(faces, steps[rest], eyes[rest], actors[rest])
         casting.cast(faces.bodies, rest[pair], body)
@@ -207,27 +206,25 @@ class _Casting:
     ----------
     corners : [n, C, 3] m, of actors, relative to the eyes
     eyes : [n, 3] m
+    hidden : [n] true where all of the actor is known to be hidden
 
     Attributes
     ----------
-    hidden : [n] true where one shadow is known to hold all of the actor
+    hidden : the same, kept up to date
     """
 
-    def __init__(self, corners: FloatArray, eyes: FloatArray) -> None:
-        self.hidden = np.zeros(len(eyes), dtype=bool)
+    def __init__(self, corners: FloatArray, eyes: FloatArray, hidden: BoolArray) -> None:
+        self.hidden = hidden
         self._corners, self._eyes = corners, eyes
         self._found: list[tuple[IntArray, Shadows]] = []
 
-    def cast_in_turn(
-        self, bodies: Bodies, counts: IntArray, which: IntArray, kept: bool = True
-    ) -> None:
+    def cast_in_turn(self, bodies: Bodies, counts: IntArray, which: IntArray) -> None:
         """Casts the shadows of each actor's bodies, until one holds all of it.
 
         Parameters
         ----------
         counts : [n] number of bodies of each actor
         which : their numbers, one actor's after the other's
-        kept : False where only shadows that hold all of an actor count
         """
         first = np.cumsum(counts) - counts
         done, size = 0, 1
@@ -235,10 +232,10 @@ class _Casting:
         while len(rest := np.flatnonzero(~self.hidden & (counts > done))):
             take = np.minimum(counts[rest] - done, size)
             at = spans(first[rest] + done, take)
-            self.cast(bodies, np.repeat(rest, take), which[at], kept)
+            self.cast(bodies, np.repeat(rest, take), which[at])
             done, size = done + size, 2 * size
 
-    def cast(self, bodies: Bodies, actors: IntArray, which: IntArray, kept: bool = True) -> None:
+    def cast(self, bodies: Bodies, actors: IntArray, which: IntArray) -> None:
         """Casts the shadows of bodies [m] on actors [m]."""
         for first in range(0, len(actors), _AT_ONCE):
             actor, body = (part[first : first + _AT_ONCE] for part in (actors, which))
@@ -246,7 +243,7 @@ class _Casting:
             beside, inside = shadows.sides(shadows.excess(self._corners[actor]))
             self.hidden[actor[inside]] = True
             part = np.flatnonzero(~beside & ~inside)
-            if kept and len(part):
+            if len(part):
                 self._found.append((actor[part], shadows.taken(part)))
 
     def result(self) -> _Shaded:
@@ -281,6 +278,21 @@ def _near_actors(
     near[own, actors] = False
     pair, other = np.nonzero(near)
     return pair, steps[pair] * n_actors + other
+
+
+def _equal_parts(samples: int) -> tuple[FloatArray, FloatArray]:
+    """Returns barycentric coordinates [n] of the centroids of equal parts of a triangle.
+
+    There are n = `samples` squared parts.
+    """
+    rows = [
+        (i + third, j + third)
+        for third, size in ((1 / 3, samples), (2 / 3, samples - 1))
+        for i in range(size)
+        for j in range(size - i)
+    ]
+    a, b = (np.array(rows) / samples).T
+    return a, b
 
 
 def _centroids(polygons: FloatArray) -> FloatArray:

@@ -25,6 +25,8 @@ from cocap_opt.problem import (
 )
 from cocap_opt.vision.coverage import GrowingTable
 from cocap_opt.vision.faces import FaceGeometry
+from cocap_opt.vision.shadows import Shadows
+from cocap_opt.vision.skyline import Skyline
 from cocap_opt.vision.views import Views
 from cocap_opt.world.workspace import HeightMap
 
@@ -166,14 +168,63 @@ def test_rough_maps_lose_nothing(problem: Problem, data: st.DataObject) -> None:
     assert_exact(problem, np.array(states))
 
 
-@examples(25)
-@given(rough_maps(), st.data())
-def test_blocks_hide_what_their_cells_hide(problem: Problem, data: st.DataObject) -> None:
-    """On maps of many columns blocks of cells are looked at first; that changes nothing."""
+@st.composite
+def hills(draw: st.DrawFn) -> Problem:
+    """Maps on which every cell has a height of its own, and people stand on the ground."""
+    width, depth = draw(st.integers(2, 12)), draw(st.integers(2, 12))
+    rng = np.random.default_rng(draw(st.integers(0, 2**32)))
+    x, y = np.indices((width, depth)) / draw(st.sampled_from([1.0, 3.0]))
+    height, rough = draw(st.sampled_from([(4.0, 0.3), (1.0, 1.0), (0.2, 0.01)]))
+    ground = height * np.sin(x) * np.cos(y) + rough * rng.random((width, depth))
+    resolution = draw(st.sampled_from([0.3, 1.0, 2.5]))
+    actors = []
+    for _ in range(draw(st.integers(1, 3))):
+        place = rng.uniform(0, [width, depth])
+        foot = ground[tuple(place.astype(int))]
+        actors.append(Actor(poses=np.tile([*place * resolution, foot, 0.4], (2, 1))))
+    layers = draw(st.sampled_from([(0.5,), (3.0, 9.0), (2.0, 40.0)]))
+    camera = Camera(width=800, height=600, focal=300.0, tilts=(0.3,))
+    return Problem(
+        name="",
+        height_map=HeightMap(heights=ground, resolution=resolution, datum=ground),
+        robots=(Robot(start=State(0, 0), motion=Motion(headings=4, layers=layers), camera=camera),),
+        actors=tuple(actors),
+        horizon=1,
+    )
+
+
+@examples(40)
+@given(hills(), st.data())
+def test_hills_lose_nothing(problem: Problem, data: st.DataObject) -> None:
+    """Where many columns hide somebody together, what is seen is the same as face by face."""
     states = data.draw(st.permutations(all_states(problem).tolist()))[:8]
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("cocap_opt.vision.faces._MANY", 0)
-        assert_exact(problem, np.array(states))
+    assert_exact(problem, np.array(states))
+
+
+def test_columns_hide_together_what_none_of_them_hides() -> None:
+    """Rows of columns that are narrower than somebody behind them leave nothing to cut out."""
+    heights = np.zeros((30, 31))
+    # Of different heights, so that they are not merged.
+    heights[12:16] = 8.0 + 0.01 * np.arange(4 * 31).reshape(4, 31)
+    problem = Problem(
+        name="",
+        height_map=HeightMap(heights=heights, resolution=0.2),
+        robots=(Robot(start=State(0, 15), motion=Motion(headings=4, layers=(1.0,))),),
+        actors=(Actor(poses=np.tile([4.5, 3.1, 0.0, 0.3], (2, 1))),),
+        horizon=1,
+    )
+    eye = np.array([[0.1, 2.4, 1.0]])
+    geometry = FaceGeometry(problem)
+    faces = geometry.at(1)
+    corners, eyes = faces.corners[0] - (eye - geometry.origin)[:, None], eye - geometry.origin
+    skyline = Skyline(corners, eyes)
+    counts, _ = skyline.sift(faces.candidates.of(np.array([0]), eyes), faces.candidates.bodies)
+    assert skyline.hidden.all() and not counts.any()
+    everything = np.arange(len(faces.candidates.bodies.offsets))
+    same = np.zeros_like(everything)
+    shadows = Shadows.of(faces.candidates.bodies, everything, eyes[same])
+    _, holds_all = shadows.sides(shadows.excess(corners[same]))
+    assert not holds_all.any()
 
 
 @examples(15)
