@@ -9,7 +9,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cocap_opt.data import IntArray
 from cocap_opt.graph.encounters import NEAR, Encounters
 from cocap_opt.problem import Actor, Motion, Problem, Robot
 from cocap_opt.world.columns import Spans
@@ -58,24 +57,24 @@ def _not_closed(mesh: Mesh) -> str:
 
 def _shut_in(problem: Problem) -> Iterator[str]:
     """Yields a doubt for each robot that can get nowhere, or to nobody."""
-    known: dict[tuple[Motion, int], tuple[Encounters, IntArray, IntArray]] = {}
+    known: dict[tuple[Motion, int], Encounters] = {}
     for i, robot in enumerate(problem.robots):
         kind = robot.motion, len(robot.camera.tilts)
         if kind not in known:
-            encounters = Encounters(
+            known[kind] = Encounters(
                 problem.workspace, robot.motion, problem.actors, problem.horizon, pitches=kind[1]
             )
-            known[kind] = encounters, *encounters.pockets()
-        encounters, pockets, sizes = known[kind]
-        start = robot.start
-        place = encounters.graph.place(start.layer, start.x, start.y)
-        size = int(sizes[pockets[place]])
-        if size <= _FEW:
-            yield f"robots[{i}] can reach only {size} cell{'s' if size > 1 else ''}"
-        elif size < sizes.max() and not encounters.can_meet()[place]:
+        encounters, start = known[kind], robot.start
+        graph = encounters.graph
+        outing = encounters.outing(graph.place(start.layer, start.x, start.y))
+        if not outing.closed:
+            continue
+        if outing.size <= _FEW:
+            yield f"robots[{i}] can reach only {outing.size} cell{'s' if outing.size > 1 else ''}"
+        elif not outing.meets and outing.size < np.count_nonzero(graph.free):
             yield (
-                f"robots[{i}] is shut in a pocket of {size} cells, from which it cannot come "
-                f"within {NEAR:g} m of anybody in sight"
+                f"robots[{i}] is shut in a pocket of {outing.size} cells, from which it cannot "
+                f"come within {NEAR:g} m of anybody in sight"
             )
 
 

@@ -6,7 +6,8 @@ cell.
 """
 
 import math
-from typing import TypeVar
+from functools import cached_property
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -19,6 +20,14 @@ NEAR = 15.0  # m
 Values = TypeVar("Values", BoolArray, IntArray)
 _MOST = 100  # people at steps that are looked at, evenly spread, to bound the time
 _PER_CELL, _MOST_POINTS = 2, 200  # points of a line of sight
+
+
+class _Outing(NamedTuple):
+    """What a robot can reach by the last step."""
+
+    size: int  # number of places
+    closed: bool  # True if it could never reach more
+    meets: bool  # True if it can come near somebody
 
 
 class Encounters:
@@ -48,33 +57,27 @@ class Encounters:
         self._workspace, self._actors, self._horizon = workspace, actors, horizon
         self._near = near
 
-    def pockets(self) -> tuple[IntArray, IntArray]:
-        """Returns the pocket [P] that each place is in, -1 if it is not free, and their sizes.
-
-        A pocket is a set of places that are connected by moves.
-        """
-        from scipy import sparse  # slow to import, and scenes that are only read need neither
-        from scipy.sparse.csgraph import connected_components
-
-        heads = self.graph.neighbours
-        move, tails = np.nonzero(heads >= 0)
-        ones = np.ones(len(tails), dtype=np.int8)
-        edges = sparse.coo_array((ones, (tails, heads[move, tails])), shape=(heads.shape[1],) * 2)
-        labels = connected_components(edges, directed=False)[1]
-        free = self.graph.free
-        kept, pocket = np.unique(labels[free], return_inverse=True)
-        found = np.full(len(labels), -1)
-        found[free] = pocket
-        return found, np.bincount(pocket, minlength=len(kept))
+    def outing(self, place: int) -> "_Outing":
+        """Returns what a robot that starts at a place can reach by the last step."""
+        near, heads = self._near_by_step, self.graph.neighbours
+        reached = np.zeros(self.graph.n_places, dtype=bool)
+        new, size, meets = np.array([place]), 0, False
+        for t in range(self._horizon + 1):
+            reached[new] = True
+            size += len(new)
+            meets = meets or (t in near and bool(reached[near[t]].any()))
+            found = heads[:, new].ravel()
+            new = np.unique(found[(found >= 0) & ~reached[found]])
+        return _Outing(size, closed=not len(new), meets=meets)
 
     def can_meet(self) -> BoolArray:
         """Returns the places [P] from which a robot comes near somebody by the last step."""
-        near, heads = self._near_by_step(), self.graph.neighbours
+        near, heads = self._near_by_step, self.graph.neighbours
         good = np.zeros(self.graph.n_places + 1, dtype=bool)  # the last one stands for no place
         for t in range(self._horizon, -1, -1):
             good[:-1] |= good[heads].any(axis=0)
             if t in near:
-                good[:-1] |= near[t]
+                good[near[t]] = True
         return np.logical_and(good[:-1], self.graph.free)
 
     def moves_to_meet(self) -> IntArray:
@@ -85,7 +88,8 @@ class Encounters:
         heads, far = self.graph.neighbours, np.iinfo(np.int64).max
         moves = np.full(self.graph.n_places, far)
         reached = np.zeros(self.graph.n_places + 1, dtype=bool)  # the last one stands for no place
-        new = self._near_by_step().get(0, reached[:-1].copy())
+        new = np.zeros(self.graph.n_places, dtype=bool)
+        new[self._near_by_step.get(0, [])] = True
         done = 0
         while new.any():
             moves[new], reached[:-1] = done, reached[:-1] | new
@@ -101,24 +105,36 @@ class Encounters:
         )
         return places.reshape(self.graph.shape[2:])[inside]
 
-    def _near_by_step(self) -> dict[int, BoolArray]:
-        """Returns the places [P] near somebody, at the steps that are looked at."""
-        height_map, graph = self._workspace.height_map, self.graph
-        places = np.flatnonzero(graph.free)
-        eyes = graph.positions(height_map, places)
+    @cached_property
+    def _near_by_step(self) -> dict[int, IntArray]:
+        """Returns the places near somebody, at the steps that are looked at."""
         cases = [(t, a) for t in range(self._horizon + 1) for a in range(len(self._actors))]
         step = -(-len(cases) // _MOST)
-        found: dict[int, BoolArray] = {}
+        found: dict[int, list[IntArray]] = {}
         for t, a in cases[:: max(step, 1)]:
             actor = self._actors[a]
             target = actor.poses[t, :3] + [0.0, 0.0, actor.shape.height / 2]
-            away = np.hypot(*(eyes[:, :2] - target[:2]).T)
-            some = np.flatnonzero(away <= self._near)
-            if not len(some):
-                continue
+            places = self._around(target)
+            eyes = self.graph.positions(self._workspace.height_map, places)
+            some = np.flatnonzero(np.hypot(*(eyes[:, :2] - target[:2]).T) <= self._near)
             seen = some[self._sees(eyes[some], target)]
-            found.setdefault(t, np.zeros(graph.n_places, dtype=bool))[places[seen]] = True
-        return found
+            found.setdefault(t, []).append(places[seen])
+        return {t: np.concatenate(parts) for t, parts in found.items()}
+
+    def _around(self, target: FloatArray) -> IntArray:
+        """Returns the free places in a square of cells around a point [3], in all layers."""
+        height_map, graph = self._workspace.height_map, self.graph
+        x, y = height_map.cell_of(target[0], target[1])
+        reach = math.ceil(self._near / height_map.resolution) + 1
+        rows, columns = (
+            np.arange(max(middle - reach, 0), min(middle + reach + 1, size))
+            for middle, size in zip((x, y), height_map.shape, strict=True)
+        )
+        cells = (np.arange(len(graph.motion.layers)), rows, columns)
+        strides = zip(np.ix_(*cells), graph.border, graph.strides, strict=True)
+        places = sum((at + border) * stride for at, border, stride in strides)
+        around: IntArray = np.asarray(places).ravel()
+        return around[graph.free[around]]
 
     def _sees(self, eyes: FloatArray, target: FloatArray) -> BoolArray:
         """Returns True [n] where nothing solid is on the line from an eye [n, 3] to a point."""

@@ -2,7 +2,8 @@
 
 Moving and turning do not depend on each other, so the motion graph is the tensor product of
 a place graph (cells) and an orientation graph (headings and gimbal pitches), both with
-self-loops. `timegraph` compiles the two factors; planners do not need the product.
+self-loops. Here are the graphs themselves, as networkx has them; `timegraph` compiles the same
+moves to arrays for planners and bounds, which need neither edges one by one nor the product.
 """
 
 from __future__ import annotations  # networkx graphs take type arguments in stubs only
@@ -26,6 +27,13 @@ Place = tuple[int, int, int]  # (layer, x, y)
 Orientation = tuple[int, int]  # (heading, pitch)
 if TYPE_CHECKING:
     Graph = nx.DiGraph[Any]
+
+
+def allowed_moves(workspace: Workspace, motion: Motion) -> Iterator[tuple[Move, BoolArray]]:
+    """Yields each move of one step, and an array [layer, X, Y], true where it may begin."""
+    free = motion.free_places(workspace)
+    for move in motion.moves:
+        yield move, _allowed_starts(workspace, free, motion, move)
 
 
 def _allowed_starts(workspace: Workspace, free: BoolArray, motion: Motion, move: Move) -> BoolArray:
@@ -61,23 +69,12 @@ def _shifted(values: NDArray[T], move: Move, outside: float) -> NDArray[T]:
 
 def place_graph(workspace: Workspace, motion: Motion) -> Graph:
     """Returns the directed graph of places (layer, x, y) and moves, self-loops included."""
-    free = motion.free_places(workspace)
-    _, width, depth = free.shape
-    tails, heads = [], []
-    for climb, dx, dy in motion.moves:
-        tails.append(np.flatnonzero(_allowed_starts(workspace, free, motion, (climb, dx, dy))))
-        heads.append(tails[-1] + (climb * width + dx) * depth + dy)
-    tail, head = np.concatenate(tails), np.concatenate(heads)
-    # There may be millions of edges. networkx takes half the time if they are sorted by tail, and
-    # a tenth if they share the nodes' tuples.
-    order = np.argsort(tail, kind="stable")
-    places: list[Place] = list(np.ndindex(free.shape))
     graph: Graph = nx.DiGraph()
-    graph.add_nodes_from(places[i] for i in np.flatnonzero(free).tolist())
-    graph.add_edges_from(
-        (places[i], places[k])
-        for i, k in zip(tail[order].tolist(), head[order].tolist(), strict=True)
-    )
+    for (climb, dx, dy), starts in allowed_moves(workspace, motion):
+        graph.add_edges_from(
+            ((layer, x, y), (layer + climb, x + dx, y + dy))
+            for layer, x, y in np.argwhere(starts).tolist()
+        )
     return graph
 
 

@@ -8,20 +8,20 @@ the order [layer, x, y]. Both numberings include a closed border around the map,
 a move is long, which makes every move one flat shift.
 """
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Iterable
 from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
-from cocap_opt.graph.motion import Place, place_graph
+from cocap_opt.graph.motion import allowed_moves
 from cocap_opt.memory import require_memory
 from cocap_opt.problem import Motion, State
 from cocap_opt.problem.motion import Move
 from cocap_opt.world.workspace import HeightMap, Workspace
 
-_BYTES_PER_MOVE = 340  # of the networkx graph while it is made: measured
+_BYTES_PER_PLACE = 110  # while the graph is made, beside what each move takes: measured
 CLOSED = -np.inf  # value of a state that must not or cannot be entered
 
 
@@ -59,16 +59,15 @@ class TimeGraph:
         self.strides = (padded[1] * padded[2], padded[2], 1)
         self.moves: list[Move] = motion.moves
         self._require_memory(workspace)
-        self.neighbours = self._compile(place_graph(workspace, motion).adj)
+        self.neighbours = self._compile(workspace)
         self.free: BoolArray = self.neighbours[0] >= 0  # every free place may be stayed in
         self.irregular = self._compile_irregular()
 
     def _require_memory(self, workspace: Workspace) -> None:
         """Refuses a graph that is larger than the memory."""
-        free = int(np.count_nonzero(self.motion.free_places(workspace)))
         moves, (x, y) = len(self.moves), workspace.height_map.shape
         require_memory(
-            moves * (free * _BYTES_PER_MOVE + self.n_places * 8),
+            self.n_places * (moves * 8 + _BYTES_PER_PLACE),
             f"the graph of {x} x {y} cells in {len(self.motion.layers)} layers, with {moves} moves "
             "from each,",
             "use larger cells, a part of the map, fewer layers, or a smaller radius",
@@ -79,14 +78,21 @@ class TimeGraph:
         """Returns the compiled graph of these motions in this workspace, made once and shared."""
         return _shared(workspace, motion, pitches)
 
-    def _compile(self, ahead: Mapping[Place, Collection[Place]]) -> IntArray:
-        """Turns the edges of the networkx place graph into one row of targets per move."""
-        neighbours = np.full((len(self.moves), self.n_places), -1, dtype=np.int64)
-        number = {place: self.place(*place) for place in ahead}
-        tails = np.array([number[tail] for tail, row in ahead.items() for _ in row], dtype=np.int64)
-        heads = np.array([number[head] for row in ahead.values() for head in row], dtype=np.int64)
-        neighbours[self._move_between(tails, heads), tails] = heads
-        return neighbours
+    def _compile(self, workspace: Workspace) -> IntArray:
+        """Returns one row of targets [P] for each move."""
+        neighbours = np.full((len(self.moves), *self.shape[2:]), -1, dtype=np.int64)
+        here = self._on_map(np.arange(self.n_places).reshape(self.shape[2:]))
+        for row, (move, starts) in zip(
+            neighbours, allowed_moves(workspace, self.motion), strict=True
+        ):
+            heads = here + int(np.dot(move, self.strides))
+            self._on_map(row)[...] = np.where(starts, heads, -1)
+        return neighbours.reshape(len(self.moves), self.n_places)
+
+    def _on_map(self, values: IntArray) -> IntArray:
+        """Returns the part of an array [layer, X, Y] of places that is not the border."""
+        sizes = zip(self.border, self.shape[2:], strict=True)
+        return values[tuple(slice(border, size - border) for border, size in sizes)]
 
     def _move_between(self, tails: IntArray, heads: IntArray) -> IntArray:
         """Returns the index of the move from each place to its head, or any index if none does."""
@@ -98,11 +104,11 @@ class TimeGraph:
 
     def _compile_irregular(self) -> _Irregular:
         """Finds the places from which a move to a free place is hidden."""
-        shifts = np.array(self.moves) @ self.strides
-        targets = np.arange(self.n_places)[None, :] + shifts[:, None]
-        target_free = self.free[np.clip(targets, 0, self.n_places - 1)]
-        hidden = self.free & target_free & (self.neighbours < 0)
-        places = np.flatnonzero(hidden.any(axis=0))
+        hidden = np.zeros(self.n_places, dtype=bool)
+        for shift, heads in zip(np.array(self.moves) @ self.strides, self.neighbours, strict=True):
+            # The border is closed and as wide as the moves are long: nothing wraps around.
+            hidden |= self.free & np.roll(self.free, -shift) & (heads < 0)
+        places = np.flatnonzero(hidden)
         # A hidden move is listed as staying, which is always allowed.
         heads = self.neighbours[:, places]
         heads = np.where(heads < 0, places, heads)

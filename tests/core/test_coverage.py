@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from strategies import WALL, Calls, examples, problems, shapes
@@ -18,6 +19,7 @@ from cocap_opt.data import FOCAL as FOCAL_RANGE
 from cocap_opt.data import LARGEST, MOST_PIXELS, MOST_WEIGHT, SMALLEST, FloatArray
 from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.model import Model
+from cocap_opt.planners import sequential
 from cocap_opt.planners.joint import joint
 from cocap_opt.problem import (
     Actor,
@@ -34,12 +36,14 @@ from cocap_opt.problem import (
     TriangulatedCuboid,
 )
 from cocap_opt.referee import check
+from cocap_opt.scenarios import load_scene
 from cocap_opt.vision.coverage import GrowingTable
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.projection import Projection
 from cocap_opt.vision.views import Views
 from cocap_opt.world.workspace import HeightMap, Mesh
 
+Corner = tuple[float, float, float]
 FRONT, LEFT, BACK, RIGHT, TOP = range(5)  # faces of a cuboid; the front looks along its heading
 FLYING = 5.0  # m
 FOCAL, WIDTH, HEIGHT = 500.0, 800, 600  # px
@@ -784,3 +788,43 @@ def test_faces_of_any_size(size: float) -> None:
         heights = np.full((21, 9), -100.0)
         scene = make_scene(*scene.actors, heights=heights)
     assert seen(scene)[FRONT] == pytest.approx(FOCAL**2 / distance**2, rel=1e-6)
+
+
+def houses(rng: np.random.Generator, problem: Problem) -> list[tuple[Corner, Corner]]:
+    """Wings of houses in the shape of an L, on a field, away from people and drones."""
+    ends = np.array(problem.height_map.shape) * problem.height_map.resolution - 8.0
+    starts = [problem.height_map.centre(r.start.x, r.start.y) for r in problem.robots]
+    taken = np.array([*starts, *(xy for a in problem.actors for xy in a.poses[:, :2].tolist())])
+    wings: list[tuple[Corner, Corner]] = []
+    for _ in range(200):
+        (x, y), (width, depth), height = (
+            rng.uniform(0, ends),
+            rng.uniform(2, 5, 2),
+            rng.uniform(2, 7),
+        )
+        within = (taken > [x - 1, y - 1]) & (taken < [x + width + 1, y + depth + 2])
+        if len(wings) < 8 and not within.all(axis=1).any():
+            wings.append(((x, y, 0.0), (x + width, y + 1, height)))
+            wings.append(((x, y + 1, 0.0), (x + 1, y + 1 + depth, height)))
+    return wings
+
+
+def as_mesh(boxes: list[tuple[Corner, Corner]]) -> Mesh:
+    """Boxes as one mesh."""
+    mesh = trimesh.util.concatenate([trimesh.creation.box(bounds=box) for box in boxes])
+    return Mesh(vertices=np.array(mesh.vertices), triangles=np.array(mesh.faces))
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_rays_past_meshes_are_near_what_is_exact(seed: int) -> None:
+    """J of plans among houses given as one mesh, against the same houses given wing by wing."""
+    problem = load_scene("field", seed)
+    wings = houses(np.random.default_rng(seed), problem)
+    sampled = problem.replace(meshes=(as_mesh(wings),))
+    exact = problem.replace(meshes=tuple(as_mesh([wing]) for wing in wings))
+    assert FaceGeometry.is_sampled(sampled) and not FaceGeometry.is_sampled(exact)
+    plan, open_field = (sequential(p) for p in (sampled, problem))
+    assert plan.plan is not None
+    true = check(exact, plan.plan).reward
+    assert open_field.value > 1.005 * true  # the houses hide something
+    assert abs(plan.value / true - 1) < 0.0005

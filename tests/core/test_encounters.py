@@ -47,12 +47,16 @@ def test_who_is_too_far_away_in_time_is_not_met() -> None:
     assert (moves[:16] == 0).all() and moves[20] == 5
 
 
-def test_pockets_are_what_moves_connect() -> None:
-    """The street with all around is one, the courtyard another."""
-    shut = encounters(courtyard())
-    pockets, sizes = shut.pockets()
-    assert sorted(sizes) == [16, 400 - 36]
-    assert len(set(shut.cells(pockets)[0, 8:12, 8:12].ravel())) == 1
+def test_an_outing_ends_at_walls_or_at_the_last_step() -> None:
+    """The courtyard is closed; of the street, a square of cells is reached, within its walls."""
+    outings = [
+        encounters(courtyard(), standing(10.5, 0.5, 0.0, 0.0, steps=steps), steps=steps).outing
+        for steps in (2, STEPS, 40)
+    ]
+    yard, street = (1 + 9) * 22 + 1 + 9, (1 + 0) * 22 + 1 + 0  # with a border around the map
+    assert outings[1](yard) == (16, True, False)
+    assert outings[0](street) == (9, False, True)
+    assert outings[2](street) == (400 - 36, True, True)
 
 
 def shell(floor: bool) -> Mesh:

@@ -20,8 +20,8 @@ class Little:
 
 
 def test_a_graph_that_is_too_large_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Before it is made; 6000 x 6000 cells would need more than a hundred gigabytes."""
-    monkeypatch.setattr(memory.psutil, "virtual_memory", lambda: Little(1e6))
+    """Before it is made; 20,000 x 20,000 cells would need more than 70 gigabytes."""
+    monkeypatch.setattr(memory.psutil, "virtual_memory", lambda: Little(1e5))
     workspace = Workspace(HeightMap(heights=np.zeros((60, 60))))
     with pytest.raises(ProblemError, match=r"^the graph of 60 x 60 cells .*; use larger cells"):
         TimeGraph.of(workspace, Motion(), 1)

@@ -172,17 +172,6 @@ def test_place_graph_is_sound(height_map: HeightMap, motion: Motion) -> None:
         assert nx.utils.graphs_equal(graph, graph.reverse())
 
 
-def test_edges_share_their_nodes() -> None:
-    """The ends of all edges are the nodes themselves: there are millions of edges.
-
-    With tuples of their own they kept the garbage collector busy for minutes.
-    """
-    graph = place_graph(Workspace(PILLAR), Motion(radius=2, layers=(3.0, 5.0)))
-    nodes = {id(node) for node in graph}
-    assert len(graph.edges) > 2 * len(nodes)
-    assert all(id(node) in nodes for edge in graph.edges for node in edge)
-
-
 def test_headings_are_a_ring_and_pitches_a_line() -> None:
     """A robot turns from the last heading to the first, but no gimbal wraps around."""
     assert Motion().headings_after(0) == {7, 0, 1}
