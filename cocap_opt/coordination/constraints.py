@@ -55,5 +55,5 @@ def forbid(model: Model, conflict: Conflict, which: int, before: Charges) -> Cha
     if here is None or (is_swap and there is None):
         raise ValueError("the conflict is not one of this drone")
     if is_swap and there is not None:
-        return before._replace(moves={**before.moves, (conflict.t, here, there): _CLOSED_CHARGE})
-    return before._replace(places={**before.places, (conflict.t, here): _CLOSED_CHARGE})
+        return Charges.joined([before, Charges(moves={(conflict.t, here, there): _CLOSED_CHARGE})])
+    return Charges.joined([before, Charges({(conflict.t, here): _CLOSED_CHARGE})])

@@ -1,24 +1,131 @@
 """Charges on one robot's time-expanded graph, by which planners and prices steer its path."""
 
-from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cached_property
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from cocap_opt.data import BoolArray
+from cocap_opt.data import BoolArray, FloatArray, IntArray
+
+_Key = TypeVar("_Key", bound=tuple[int, ...])
 
 
-class Charges(NamedTuple):
+class _Costs(NamedTuple):
+    """Costs by step; where one thing is listed more than once, its costs add up."""
+
+    keys: IntArray  # [n, k] step t and what is charged then, t increasing
+    costs: FloatArray  # [n]
+
+    @classmethod
+    def of(cls, keys: IntArray, costs: FloatArray) -> "_Costs":
+        """Returns costs in the order of their steps."""
+        order = np.argsort(keys[:, 0], kind="stable")
+        return cls(keys[order], costs[order])
+
+    @classmethod
+    def of_mapping(cls, costs: Mapping[_Key, float], width: int) -> "_Costs":
+        """Returns the costs of a mapping whose keys are so long."""
+        keys = np.array(list(costs), dtype=np.int64).reshape(-1, width)
+        return cls.of(keys, np.array(list(costs.values()), dtype=np.float64))
+
+    def at(self, t: int) -> "_Costs":
+        """Returns what is charged at step t."""
+        if not len(self.costs):
+            return self
+        first, end = np.searchsorted(self.keys[:, 0], [t, t + 1])
+        return _Costs(self.keys[first:end], self.costs[first:end])
+
+    def total(self) -> dict[tuple[int, ...], float]:
+        """Returns the cost of everything that is charged."""
+        found: dict[tuple[int, ...], float] = {}
+        for key, cost in zip(map(tuple, self.keys.tolist()), self.costs.tolist(), strict=True):
+            found[key] = found.get(key, 0.0) + cost
+        return found
+
+
+class Charges:
     """The costs of places, moves and states; infinity closes them, a negative cost attracts.
 
-    `places` maps (t, place) to the cost of being there at t; `moves` maps (t, place, place)
-    to the cost of leaving the first at t for the second at t+1; `states` maps (t, state) to
-    the cost of being in it at t. Staying is never charged as a move.
+    Parameters
+    ----------
+    places : (t, place) and the cost of being there at t
+    moves : (t, place, place) and the cost of leaving the first at t for the second at t+1;
+        where both are one place, of staying there
+    states : (t, state) and the cost of being in it at t
     """
 
-    places: Mapping[tuple[int, int], float] = {}
-    moves: Mapping[tuple[int, int, int], float] = {}
-    states: Mapping[tuple[int, int], float] = {}
+    def __init__(
+        self,
+        places: Mapping[tuple[int, int], float] | None = None,
+        moves: Mapping[tuple[int, int, int], float] | None = None,
+        states: Mapping[tuple[int, int], float] | None = None,
+    ) -> None:
+        self._places = _Costs.of_mapping(places or {}, 2)
+        self._moves = _Costs.of_mapping(moves or {}, 3)
+        self._states = _Costs.of_mapping(states or {}, 2)
+
+    @classmethod
+    def of(
+        cls,
+        places: tuple[IntArray, FloatArray],
+        moves: tuple[IntArray, FloatArray],
+        states: tuple[IntArray, FloatArray],
+    ) -> "Charges":
+        """Returns charges from arrays of keys, [n, 2], [n, 3] and [n, 2], and of costs [n]."""
+        charges = cls.__new__(cls)
+        charges._places, charges._moves = _Costs.of(*places), _Costs.of(*moves)
+        charges._states = _Costs.of(*states)
+        return charges
+
+    @classmethod
+    def joined(cls, parts: "Iterable[Charges]") -> "Charges":
+        """Returns charges that cost as much as several others together."""
+        parts = [NO_CHARGES, *parts]
+        return cls.of(*(
+            (np.concatenate([c.keys for c in costs]), np.concatenate([c.costs for c in costs]))
+            for costs in zip(*((p._places, p._moves, p._states) for p in parts), strict=True)
+        ))  # fmt: skip
+
+    @cached_property
+    def places(self) -> Mapping[tuple[int, ...], float]:
+        """The cost of each charged (t, place)."""
+        return self._places.total()
+
+    @cached_property
+    def moves(self) -> Mapping[tuple[int, ...], float]:
+        """The cost of each charged (t, place, place)."""
+        return self._moves.total()
+
+    @cached_property
+    def states(self) -> Mapping[tuple[int, ...], float]:
+        """The cost of each charged (t, state)."""
+        return self._states.total()
+
+    def places_at(self, t: int) -> tuple[IntArray, FloatArray]:
+        """Returns the places [n] that are charged at step t, some more than once, and costs."""
+        keys, costs = self._places.at(t)
+        return keys[:, 1], costs
+
+    def states_at(self, t: int) -> tuple[IntArray, FloatArray]:
+        """Returns the states [n] that are charged at step t, some more than once, and costs."""
+        keys, costs = self._states.at(t)
+        return keys[:, 1], costs
+
+    def moves_at(self, t: int) -> tuple[IntArray, IntArray, FloatArray]:
+        """Returns tails, heads and costs [n] of the moves that are charged from step t."""
+        keys, costs = self._moves.at(t)
+        return keys[:, 1], keys[:, 2], costs
+
+    def cost_of_moves(self, t: int, tail: int, heads: IntArray) -> FloatArray:
+        """Returns the cost [n] of the moves from place `tail` at t to places `heads` [n]."""
+        tails, charged, costs = self.moves_at(t)
+        if not len(tails):
+            return np.zeros(len(heads))
+        own = np.flatnonzero(tails == tail)
+        same = heads[:, None] == charged[own]
+        result: FloatArray = np.where(same, costs[own], 0.0).sum(axis=1)
+        return result
 
     def free_moves(self, t: int, tail: int, heads: Sequence[int], n_places: int) -> BoolArray:
         """Returns which moves to states `heads` [n] at t+1, from state `tail` at t, cost nothing.
@@ -31,7 +138,7 @@ class Charges(NamedTuple):
         is_free = [
             (t + 1, head % n_places) not in self.places
             and (t + 1, head) not in self.states
-            and (head % n_places == here or (t, here, head % n_places) not in self.moves)
+            and (t, here, head % n_places) not in self.moves
             for head in heads
         ]
         return np.array(is_free, dtype=np.bool_)

@@ -4,7 +4,6 @@ A step's moves and turns are independent, so a sweep is a few shifted maxima ove
 [heading, pitch, layer, x, y] at every step, instead of a loop over edges.
 """
 
-from collections.abc import Mapping
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -44,15 +43,13 @@ def backward_sweep(
         elsewhere = np.ones(graph.shape[2:], dtype=bool)
         elsewhere[:, goal[0] + graph.border[1], goal[1] + graph.border[2]] = False
         value[-1].reshape(graph.shape)[:, :, elsewhere] = CLOSED
-    places, states = _by_step(charges.places), _by_step(charges.states)
-    leaving = _leaving_by_step(charges)
     step = _Step(graph, bonuses)
     last = len(reward) - 1
-    _charge(graph, value[last], places.get(last, {}), states.get(last, {}))
+    _charge(graph, value[last], charges, last)
     for t in range(last - 1, -1, -1):
-        best = step.best(value[t + 1], leaving.get(t, {}))
+        best = step.best(value[t + 1], *charges.moves_at(t))
         np.add(best, reward[t], out=value[t])
-        _charge(graph, value[t], places.get(t, {}), states.get(t, {}))
+        _charge(graph, value[t], charges, t)
     return value
 
 
@@ -83,14 +80,8 @@ def best_path(
         ahead = value[t + 1, heads]
         if not bonuses.none:
             ahead = ahead + bonuses.of_edges(graph.shape, path[-1], heads)
-        if charges.moves:
-            tail = path[-1] % graph.n_places
-            ahead = ahead - np.array(
-                [
-                    charges.moves.get((t, tail, head), 0.0) if head != tail else 0.0
-                    for head in (heads % graph.n_places).tolist()
-                ]
-            )
+        place = path[-1] % graph.n_places
+        ahead = ahead - charges.cost_of_moves(t, place, heads % graph.n_places)
         path.append(_calmest(graph, path[-1], heads[ahead == ahead.max()]))
     return path
 
@@ -122,8 +113,16 @@ class _Step:
             return self._bonuses.of_moves(np.array(self._graph.moves))
         return None
 
-    def best(self, ahead: FloatArray, leaving: Mapping[int, Mapping[int, float]]) -> FloatArray:
-        """Returns the best [S] of all edges, from the values ahead [S] and charges on moves."""
+    def best(
+        self, ahead: FloatArray, tails: IntArray, heads: IntArray, costs: FloatArray
+    ) -> FloatArray:
+        """Returns the best [S] of all edges.
+
+        Parameters
+        ----------
+        ahead : [S] values ahead
+        tails, heads, costs : [n] of moves between places that are charged
+        """
         self._turn(ahead)
         if self._bonuses.keep_heading:
             self._keep_heading(ahead)
@@ -133,10 +132,13 @@ class _Step:
         irregular = self._graph.irregular
         if irregular.states.size:
             self._best[irregular.states] = self._best_irregular()
-        for tail, costs in leaving.items():
-            self._charge_moves(tail, costs)
+        if len(tails):
+            self._charge_moves(tails, heads, costs)
         if self._bonuses.stationarity:
-            np.maximum(self._best, ahead + self._bonuses.stay, out=self._best)
+            stay = ahead + self._bonuses.stay
+            stays = np.flatnonzero(tails == heads)
+            _take_from_places(self._graph, stay, tails[stays], costs[stays])
+            np.maximum(self._best, stay, out=self._best)
         return self._best
 
     def _turn(self, ahead: FloatArray) -> None:
@@ -212,43 +214,36 @@ class _Step:
         best: FloatArray = ahead.max(axis=0)
         return best
 
-    def _charge_moves(self, tail: int, costs: Mapping[int, float]) -> None:
-        """Recomputes one place, some of whose moves are charged or closed."""
+    def _charge_moves(self, tails: IntArray, heads: IntArray, costs: FloatArray) -> None:
+        """Computes the places again of which some moves are charged or closed."""
         graph = self._graph
-        origins = np.arange(graph.n_orientations) * graph.n_places
-        heads = graph.neighbours[:, tail]
-        open_ = heads >= 0
-        heads = heads[open_]
-        cost = np.array([costs.get(int(head), 0.0) for head in heads])
-        cost[heads == tail] = 0.0  # staying is not a move
+        places, at = np.unique(tails, return_inverse=True)
+        targets = graph.neighbours[:, places]  # [K, n]
+        cost = np.where(targets >= 0, 0.0, np.inf)
+        move, entry = np.nonzero(targets[:, at] == heads)
+        np.add.at(cost, (move, at[entry]), costs[entry])
         if self._rates is not None:
-            cost -= self._rates[open_]
-        ahead = self._after_turn[origins[:, None] + heads] - cost
-        self._best[origins + tail] = ahead.max(axis=1)
+            cost -= self._rates[:, None]
+        by_orientation = self._after_turn.reshape(graph.n_orientations, graph.n_places)
+        ahead = by_orientation[:, np.maximum(targets, 0)] - cost
+        self._best.reshape(by_orientation.shape)[:, places] = ahead.max(axis=1)
 
 
-def _charge(
-    graph: TimeGraph, value: FloatArray, places: Mapping[int, float], states: Mapping[int, float]
+def _charge(graph: TimeGraph, value: FloatArray, charges: Charges, t: int) -> None:
+    """Takes the costs of step t from its values [S]."""
+    _take_from_places(graph, value, *charges.places_at(t))
+    states, costs = charges.states_at(t)
+    if len(states):
+        np.subtract.at(value, states, costs)
+
+
+def _take_from_places(
+    graph: TimeGraph, value: FloatArray, places: IntArray, costs: FloatArray
 ) -> None:
-    for place, cost in places.items():
-        value[place :: graph.n_places] -= cost
-    for state, cost in states.items():
-        value[state] -= cost
-
-
-def _by_step(costs: Mapping[tuple[int, int], float]) -> dict[int, dict[int, float]]:
-    steps: dict[int, dict[int, float]] = {}
-    for (t, at), cost in costs.items():
-        steps.setdefault(t, {})[at] = cost
-    return steps
-
-
-def _leaving_by_step(charges: Charges) -> dict[int, dict[int, dict[int, float]]]:
-    """Returns the charges on moves by step, tail and head."""
-    leaving: dict[int, dict[int, dict[int, float]]] = {}
-    for (t, tail, head), cost in charges.moves.items():
-        leaving.setdefault(t, {}).setdefault(tail, {})[head] = cost
-    return leaving
+    """Takes the costs [n] of places [n] from the values [S] of all their states."""
+    if len(places):
+        by_place = value.reshape(graph.n_orientations, graph.n_places).T
+        np.subtract.at(by_place, places, costs[:, None])
 
 
 def _calmest(graph: TimeGraph, tail: int, heads: IntArray) -> int:

@@ -49,7 +49,8 @@ def plain_sweep(
                 ahead = ahead - moves[t, k][tails]
             best[:, tails] = np.maximum(best[:, tails], ahead)
         if objective.stationarity:
-            best = np.maximum(best, value + stay)
+            # To stay is the first of the moves.
+            best = np.maximum(best, value + stay - moves.get((t, 0), 0.0))
         value = best + reward[t].reshape(shape) - places.get(t, 0.0) - states.get(t, 0.0)
     return value.reshape(-1)
 

@@ -290,6 +290,4 @@ def _side(model: Model, robot: int, arcs: Iterable[Arc], others: Sequence[Column
 
 def _is_closed(arc: Arc, closed: Charges, n_places: int) -> bool:
     tail, head = arc.tail % n_places, arc.head % n_places
-    return (arc.t + 1, head) in closed.places or (
-        tail != head and (arc.t, tail, head) in closed.moves
-    )
+    return (arc.t + 1, head) in closed.places or ((arc.t, tail, head) in closed.moves)

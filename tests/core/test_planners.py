@@ -245,7 +245,7 @@ def blocked_at_random(model: Model, seed: int) -> Charges:
     for _ in range(int(rng.integers(0, 8))):
         tail = int(rng.choice(free))
         head = int(rng.choice(graph.neighbours[:, tail]))
-        if head not in (-1, tail):
+        if head != -1:
             moves[int(rng.integers(0, horizon)), tail, head] = math.inf
     return Charges(places, moves)
 
@@ -438,15 +438,12 @@ def test_view_search_backtracks_from_dead_ends() -> None:
     model = Model(problem, use_cache=False)
     graph = model.class_of[0].graph
     left, middle, right = (graph.place(0, x, 0) for x in range(3))
-    charges = Charges(
-        {(2, middle): math.inf, (2, left): math.inf, (1, right): math.inf},
-        {(1, middle, right): math.inf},
-    )
+    places = {(2, middle): math.inf, (2, left): math.inf, (1, right): math.inf}
+    charges = Charges(places, {(1, middle, right): math.inf})
     task = SingleRobotTask(model, 0, problem.no_pixels(), charges)
     assert ViewSearch()(task).path is None
     assert value_iteration(task).path is None
-    some = charges._replace(moves={})
-    task = SingleRobotTask(model, 0, problem.no_pixels(), some)
+    task = SingleRobotTask(model, 0, problem.no_pixels(), Charges(places))
     assert ViewSearch()(task).path == value_iteration(task).path == (middle, middle, right)
 
 
@@ -532,7 +529,8 @@ def plain_cocap(problem: Problem) -> tuple[Plan | None, int]:
             return plan, nodes
         for which, robot in enumerate(conflict.robots):
             graph, (own, other) = model.class_of[robot].graph, plan_states(plan, conflict, which)
-            places, moves = map(dict, leaf.closed[robot][:2])
+            before = leaf.closed[robot]
+            places, moves = dict(before.places), dict(before.moves)
             here = graph.place(own.layer, own.x, own.y)
             if isinstance(conflict, SwapConflict):
                 moves[conflict.t, here, graph.place(other.layer, other.x, other.y)] = math.inf

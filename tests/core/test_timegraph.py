@@ -132,13 +132,8 @@ def charges(draw: st.DrawFn, graph: TimeGraph, horizon: int) -> Charges:
         )
     )
     edges = [
-        (tail, int(head))
-        for row in graph.neighbours[1:]
-        for tail, head in enumerate(row)
-        if head >= 0
+        (tail, int(head)) for row in graph.neighbours for tail, head in enumerate(row) if head >= 0
     ]
-    if not edges:
-        return Charges(places, states=states)
     moves = draw(
         st.dictionaries(
             st.tuples(st.integers(0, horizon - 1), st.sampled_from(edges)).map(
@@ -295,18 +290,19 @@ def test_a_charged_place_is_left_for_a_cheaper_one() -> None:
             assert value[0, here] == pytest.approx(max(0.0, 1.0 - cost))
 
 
-def test_staying_is_never_charged_as_a_move() -> None:
-    """A charge on the move from a place to itself changes nothing, in the sweep or the path."""
+def test_staying_can_be_charged() -> None:
+    """Where it costs more than another way, that is taken; turns on the spot are charged, too."""
     graph = TimeGraph(Workspace(HeightMap(heights=np.zeros((2, 1)))), Motion(headings=2), 1)
-    here = graph.place(0, 0, 0)
-    for rate in (0.0, 1.0):
+    here, there = graph.place(0, 0, 0), graph.place(0, 1, 0)
+    for rate in (0.0, 0.2):
         bonuses = Bonuses(rate, rate)
         reward = graph.no_reward(2)
         reward[:, here] += 1.0
-        charges = Charges({}, {(0, here, here): 9.0, (1, here, here): math.inf})
-        plain = backward_sweep(graph, reward, bonuses)
-        assert (backward_sweep(graph, reward, bonuses, charges) == plain).all()
-        assert best_path(graph, plain, here, bonuses, charges) == [here] * 3
+        charges = Charges({}, {(0, here, here): 0.5, (1, here, here): math.inf})
+        value = backward_sweep(graph, reward, bonuses, charges)
+        assert best_path(graph, value, here, bonuses, charges) == [here, there, here]
+        assert value[0, here] == 2.0
+        assert value[1, here + graph.n_places] == 0.0
 
 
 @pytest.mark.parametrize(
