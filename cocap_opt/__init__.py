@@ -44,6 +44,7 @@ if TYPE_CHECKING:
         Cuboid,
         Motion,
         Objective,
+        PassConflict,
         Plan,
         Prism,
         Problem,
@@ -76,8 +77,8 @@ _MODULES = {
     "cocap_opt.planners": ("PLANNERS",),
     "cocap_opt.problem": (
         "NO_RULES", "PAPER_RULES", "Actor", "Camera", "CollisionRules", "Cone", "Cuboid",
-        "Motion", "Objective", "Plan", "Prism", "Problem", "Robot", "State", "SwapConflict",
-        "TriangulatedCuboid", "VertexConflict",
+        "Motion", "Objective", "PassConflict", "Plan", "Prism", "Problem", "Robot", "State",
+        "SwapConflict", "TriangulatedCuboid", "VertexConflict",
     ),
     "cocap_opt.result": ("Reason", "Result", "UnsupportedError"),
     "cocap_opt.scenarios": ("FORMATS", "SCENES"),

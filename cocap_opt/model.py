@@ -5,7 +5,7 @@ start, share one graph and one coverage table, and one sweep prices them all.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -31,6 +31,9 @@ _SWEEPING, _BOUNDING = 6e-8, 4e-8
 # Bytes of a state at a step, in the arrays of value iteration, and of a face seen from one, in the
 # table while it is made, where few of the faces are seen: measured.
 _BYTES_PER_STATE, _BYTES_PER_FACE = 33, 2
+
+
+_KEPT = 20_000  # cells and moves for which the places and moves that conflict are kept
 
 
 def _tell_nobody(done: int, total: int) -> None:
@@ -126,11 +129,56 @@ class Model:
         place = robot_class.graph.place(layers.index(height), cell.x, cell.y)
         return place if robot_class.graph.free[place] else None
 
-    def places_too_close(self, robot_class: RobotClass, cell: Cell) -> list[int]:
-        """Returns the places of a class that conflict with a robot in `cell` at the same step."""
-        near = self.problem.cells_too_close(cell)
-        places = (self.place_of(robot_class, other) for other in near)
-        return [place for place in places if place is not None]
+    def places_too_close(self, robot_class: RobotClass, cell: Cell) -> IntArray:
+        """Returns the places [n] of a class that conflict with a robot in `cell` at one step."""
+        return self._places_too_close(self.classes.index(robot_class), cell)
+
+    def moves_too_close(self, robot_class: RobotClass, move: tuple[Cell, Cell]) -> IntArray:
+        """Returns the moves [n, 2] of a class, tails and heads, that conflict with a robot's move.
+
+        They do so between two steps, at neither of which there is a conflict.
+        """
+        return self._moves_too_close(self.classes.index(robot_class), move)
+
+    @cached_property
+    def positions(self) -> tuple[FloatArray, ...]:
+        """Where robots are in every place [P, 3] of every class, in m from the map's corner.
+
+        The border's places are nan.
+        """
+        return tuple(_positions(self.problem, robot_class) for robot_class in self.classes)
+
+    @cached_property
+    def _places_too_close(self) -> Callable[[int, Cell], IntArray]:
+        @lru_cache(_KEPT)
+        def near(number: int, cell: Cell) -> IntArray:
+            rules, graph = self.problem.rules, self.classes[number].graph
+            reach = math.ceil(rules.separation / self.problem.height_map.resolution)
+            places = graph.places_around(cell.x, cell.y, reach)
+            ways = self.positions[number][places] - self.problem.positions([cell])
+            return places[rules.too_near(ways)]
+
+        return near
+
+    @cached_property
+    def _moves_too_close(self) -> Callable[[int, tuple[Cell, Cell]], IntArray]:
+        @lru_cache(_KEPT)
+        def near(number: int, move: tuple[Cell, Cell]) -> IntArray:
+            rules, graph = self.problem.rules, self.classes[number].graph
+            (x, y, _), (u, v, _) = move
+            reach = math.ceil(rules.separation / self.problem.height_map.resolution)
+            reach += graph.motion.radius + max(abs(u - x), abs(v - y))
+            around = graph.places_around(x, y, reach)
+            way, which = np.nonzero(graph.neighbours[:, around] >= 0)
+            tails = around[which]
+            heads = graph.neighbours[way, tails]
+            here, there = self.problem.positions(move)
+            own = self.positions[number][tails], self.positions[number][heads]
+            between = rules.moves_conflict((here, there), own)
+            between &= ~rules.too_near(own[0] - here) & ~rules.too_near(own[1] - there)
+            return np.column_stack([tails, heads])[between]
+
+        return near
 
     def conflict_matrix(
         self, classes: tuple[RobotClass, RobotClass], places: tuple[IntArray, IntArray]
@@ -141,16 +189,11 @@ class Model:
         ----------
         places : [n] and [m] place numbers
         """
-        if self.problem.rules.none:
-            return np.zeros((len(places[0]), len(places[1])), dtype=np.bool_)
-        cells = self.cells[self.classes.index(classes[0])]
-        distinct, which = np.unique(places[0], return_inverse=True)
-        rows = np.zeros((len(distinct), len(places[1])), dtype=np.bool_)
-        for row, place in zip(rows, distinct.tolist(), strict=True):
-            is_near = np.zeros(classes[1].graph.n_places, dtype=np.bool_)
-            is_near[self.places_too_close(classes[1], cells[place])] = True
-            row[:] = is_near[places[1]]
-        return rows[which]
+        one, other = (
+            self.positions[self.classes.index(robot_class)][some]
+            for robot_class, some in zip(classes, places, strict=True)
+        )
+        return self.problem.rules.too_near(other[None] - one[:, None])
 
     def start(self, robot: int) -> int:
         """State number of a robot's start."""
@@ -435,6 +478,19 @@ def _cells(problem: Problem, robot_class: RobotClass) -> tuple[Cell, ...]:
     own = [problem.layers.index(height) for height in robot_class.spec.motion.layers]
     inside = [own[k] if 0 <= k < len(own) else -1 for k in layer]
     return tuple(Cell(*at) for at in zip(x, y, inside, strict=True))
+
+
+def _positions(problem: Problem, robot_class: RobotClass) -> FloatArray:
+    graph, height_map = robot_class.graph, problem.height_map
+    layer, x, y = graph.coordinates(np.arange(graph.n_places))
+    altitudes = height_map.altitudes(robot_class.spec.motion.layers)
+    sizes = zip((layer, x, y), altitudes.shape, strict=True)
+    inside = np.logical_and.reduce([(at >= 0) & (at < size) for at, size in sizes])
+    found = np.full((graph.n_places, 3), np.nan)
+    layer, x, y = layer[inside], x[inside], y[inside]
+    size = height_map.resolution
+    found[inside] = np.column_stack([x * size, y * size, altitudes[layer, x, y]])
+    return found
 
 
 @lru_cache(maxsize=8)

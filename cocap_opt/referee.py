@@ -5,6 +5,7 @@ slow, obvious loops. It shares with planners only coverage and solid matter.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -12,8 +13,12 @@ import numpy as np
 
 from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.problem import Plan, Problem, Robot, State
+from cocap_opt.problem.rules import TOLERANCE
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.views import Views
+
+_LESS = 1e-9  # m
+_Position = tuple[float, float, float]  # cells and altitude (m), or all in m
 
 
 @dataclass(frozen=True)
@@ -96,13 +101,9 @@ class _Referee:
         """Says in words which collision rules are broken, step by step."""
         rules, found = self.problem.rules, []
 
-        def position(robot: int, t: int) -> tuple[int, int, float]:
+        def position(robot: int, t: int) -> _Position:
             state = plan.paths[robot][t]
             return state.x, state.y, self._altitude(self.problem.robots[robot], state)
-
-        def distance(a: tuple[int, int, float], b: tuple[int, int, float]) -> float:
-            size = self.problem.height_map.resolution
-            return math.hypot((a[0] - b[0]) * size, (a[1] - b[1]) * size, a[2] - b[2])
 
         for t in range(self.problem.horizon + 1):
             for i in range(len(plan.paths)):
@@ -110,15 +111,59 @@ class _Referee:
                     a, b = position(i, t), position(k, t)
                     if rules.vertex and a == b:
                         found.append(f"step {t}: drones {i} and {k} are in one cell")
-                    elif rules.vertex and distance(a, b) < rules.separation:
-                        found.append(
-                            f"step {t}: drones {i} and {k} are {distance(a, b):g} m apart, "
-                            f"less than {rules.separation:g} m"
-                        )
-                    ahead = t < self.problem.horizon and (position(i, t + 1), position(k, t + 1))
-                    if rules.swap and a != b and ahead == (b, a):
+                    elif rules.vertex and (near := self._too_near(self._way(a, b))):
+                        found.append(f"step {t}: drones {i} and {k} are {near}")
+                    if t == self.problem.horizon:
+                        continue
+                    c, d = position(i, t + 1), position(k, t + 1)
+                    if rules.swap and a != b and (c, d) == (b, a):
                         found.append(f"step {t} to {t + 1}: drones {i} and {k} swap cells")
+                    elif near := self._pass_too_near(self._way(a, b), self._way(c, d)):
+                        found.append(f"step {t} to {t + 1}: drones {i} and {k} pass {near}")
         return found
+
+    def _way(self, a: _Position, b: _Position) -> _Position:
+        """Returns the way (m) from one position to another."""
+        size = self.problem.height_map.resolution
+        return (b[0] - a[0]) * size, (b[1] - a[1]) * size, b[2] - a[2]
+
+    def _too_near(self, way: _Position) -> str:
+        """Says how near robots are that a way (m) parts; nothing if that is far enough."""
+        rules, apart = self.problem.rules, math.hypot(*way)
+        if not rules.vertical:
+            near = apart < rules.separation - TOLERANCE
+            return f"{apart:.3g} m apart, less than {rules.separation:g} m" if near else ""
+        aside, above = math.hypot(way[0], way[1]), abs(way[2])
+        if aside < rules.separation - TOLERANCE and above < rules.vertical - TOLERANCE:
+            return (
+                f"{aside:.3g} m apart and {above:.3g} m in height, less than "
+                f"{rules.separation:g} m and {rules.vertical:g} m"
+            )
+        return ""
+
+    def _pass_too_near(self, before: _Position, after: _Position) -> str:
+        """Says how near robots pass in a step that keep the separation when it begins and ends.
+
+        The distance from a point to a line, and the height, are convex over the step: each of
+        them is small in one interval of it.
+        """
+        rules = self.problem.rules
+        if not rules.separation or self._too_near(before) or self._too_near(after):
+            return ""
+
+        def way(share: float) -> _Position:
+            x, y, z = (a + share * (b - a) for a, b in zip(before, after, strict=True))
+            return x, y, z
+
+        def aside(share: float) -> float:
+            return math.hypot(*way(share)[: 2 if rules.vertical else 3])
+
+        first, last = 0.0, 1.0
+        if rules.vertical:
+            # A little less, so that the ends of the interval count.
+            most = rules.vertical - TOLERANCE - _LESS
+            first, last = _interval(lambda share: abs(way(share)[2]), most)
+        return self._too_near(way(_least(aside, first, last))) if first < last else ""
 
     def _move_rewards(self, plan: Plan) -> float:
         """Returns the rewards per move of all robots together."""
@@ -216,6 +261,40 @@ class _Referee:
                     if blocked and _line_touches(a, b, x, y):
                         return f"passes the blocked cell ({x}, {y})"
         return ""
+
+
+def _least(function: Callable[[float], float], first: float, last: float) -> float:
+    """Returns where a convex function is least in an interval, by thirds."""
+    for _ in range(100):
+        one, other = first + (last - first) / 3, last - (last - first) / 3
+        if function(one) < function(other):
+            last = other
+        else:
+            first = one
+    return (first + last) / 2
+
+
+def _interval(function: Callable[[float], float], most: float) -> tuple[float, float]:
+    """Returns the ends of the interval of 0..1 in which a convex function is at most so large.
+
+    Where it never is, the first end is beyond the second.
+    """
+    least = _least(function, 0.0, 1.0)
+    if function(least) > most:
+        return 1.0, 0.0
+    ends = []
+    for outside in (0.0, 1.0):
+        inside = least
+        if function(outside) <= most:
+            inside = outside
+        for _ in range(100):
+            middle = (inside + outside) / 2
+            if function(middle) <= most:
+                inside = middle
+            else:
+                outside = middle
+        ends.append(inside)
+    return ends[0], ends[1]
 
 
 def _line_touches(a: State, b: State, x: int, y: int) -> bool:

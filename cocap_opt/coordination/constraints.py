@@ -4,11 +4,12 @@ import math
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
 
+import numpy as np
+
+from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.graph.charges import Charges
 from cocap_opt.model import Model, RobotClass
-from cocap_opt.problem import Conflict, State, SwapConflict
-
-_CLOSED_CHARGE = math.inf
+from cocap_opt.problem import Cell, Conflict, PassConflict, State, SwapConflict
 
 
 def avoid_paths(
@@ -21,20 +22,14 @@ def avoid_paths(
     others : (robot number, its T+1 states)
     """
     problem = model.problem
-    places: dict[tuple[int, int], float] = {}
-    moves: dict[tuple[int, int, int], float] = {}
-    for robot, path in others:
+    places, moves = [_NOTHING[:, :2]], [_NOTHING]
+    for robot, path in others if not problem.rules.none else ():
         cells = [problem.cell(robot, state) for state in path]
-        if not problem.rules.none:
-            for t, cell in enumerate(cells):
-                near = model.places_too_close(robot_class, cell)
-                places.update(((t, place), _CLOSED_CHARGE) for place in near)
-        if problem.rules.swap:
-            for t, (cell, following) in enumerate(pairwise(cells)):
-                ends = model.place_of(robot_class, following), model.place_of(robot_class, cell)
-                if cell != following and ends[0] is not None and ends[1] is not None:
-                    moves[t, ends[0], ends[1]] = _CLOSED_CHARGE
-    return Charges(places, moves)
+        for t, cell in enumerate(cells):
+            places.append(_at(t, model.places_too_close(robot_class, cell)[:, None]))
+        for t, move in enumerate(pairwise(cells)):
+            moves.append(_at(t, model.moves_too_close(robot_class, move)))
+    return Charges.of(_closed(places), _closed(moves), _closed([_NOTHING[:, :2]]))
 
 
 def forbid(model: Model, conflict: Conflict, which: int, before: Charges) -> Charges:
@@ -50,10 +45,32 @@ def forbid(model: Model, conflict: Conflict, which: int, before: Charges) -> Cha
         If the robot cannot be where the conflict says that it is.
     """
     robot_class = model.class_of[conflict.robots[which]]
-    here, there = (model.place_of(robot_class, conflict.cells[k]) for k in (which, 1 - which))
-    is_swap = isinstance(conflict, SwapConflict)
-    if here is None or (is_swap and there is None):
+    cells: tuple[Cell, ...]
+    if isinstance(conflict, PassConflict):
+        cells = conflict.moves[which]
+    elif isinstance(conflict, SwapConflict):
+        cells = conflict.cells[which], conflict.cells[1 - which]
+    else:
+        cells = conflict.cells[which : which + 1]
+    places = [model.place_of(robot_class, cell) for cell in cells]
+    closed = [place for place in places if place is not None]
+    if len(closed) < len(places):
         raise ValueError("the conflict is not one of this drone")
-    if is_swap and there is not None:
-        return Charges.joined([before, Charges(moves={(conflict.t, here, there): _CLOSED_CHARGE})])
-    return Charges.joined([before, Charges({(conflict.t, here): _CLOSED_CHARGE})])
+    if len(closed) == 1:
+        new = Charges({(conflict.t, closed[0]): math.inf})
+    else:
+        new = Charges(moves={(conflict.t, closed[0], closed[1]): math.inf})
+    return Charges.joined([before, new])
+
+
+_NOTHING = np.zeros((0, 3), dtype=np.int64)
+
+
+def _at(t: int, what: IntArray) -> IntArray:
+    """Returns what [n, k] is closed at a step as keys of charges [n, k + 1]."""
+    return np.column_stack([np.full(len(what), t), what])
+
+
+def _closed(parts: Sequence[IntArray]) -> tuple[IntArray, FloatArray]:
+    keys = np.concatenate(parts)
+    return keys, np.full(len(keys), math.inf)

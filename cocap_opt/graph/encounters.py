@@ -109,32 +109,19 @@ class Encounters:
     def _near_by_step(self) -> dict[int, IntArray]:
         """Returns the places near somebody, at the steps that are looked at."""
         cases = [(t, a) for t in range(self._horizon + 1) for a in range(len(self._actors))]
-        step = -(-len(cases) // _MOST)
+        step, height_map = -(-len(cases) // _MOST), self._workspace.height_map
+        reach = math.ceil(self._near / height_map.resolution) + 1
         found: dict[int, list[IntArray]] = {}
         for t, a in cases[:: max(step, 1)]:
             actor = self._actors[a]
             target = actor.poses[t, :3] + [0.0, 0.0, actor.shape.height / 2]
-            places = self._around(target)
-            eyes = self.graph.positions(self._workspace.height_map, places)
+            cell = height_map.cell_of(target[0], target[1])
+            places = self.graph.places_around(*cell, reach)
+            eyes = self.graph.positions(height_map, places)
             some = np.flatnonzero(np.hypot(*(eyes[:, :2] - target[:2]).T) <= self._near)
             seen = some[self._sees(eyes[some], target)]
             found.setdefault(t, []).append(places[seen])
         return {t: np.concatenate(parts) for t, parts in found.items()}
-
-    def _around(self, target: FloatArray) -> IntArray:
-        """Returns the free places in a square of cells around a point [3], in all layers."""
-        height_map, graph = self._workspace.height_map, self.graph
-        x, y = height_map.cell_of(target[0], target[1])
-        reach = math.ceil(self._near / height_map.resolution) + 1
-        rows, columns = (
-            np.arange(max(middle - reach, 0), min(middle + reach + 1, size))
-            for middle, size in zip((x, y), height_map.shape, strict=True)
-        )
-        cells = (np.arange(len(graph.motion.layers)), rows, columns)
-        strides = zip(np.ix_(*cells), graph.border, graph.strides, strict=True)
-        places = sum((at + border) * stride for at, border, stride in strides)
-        around: IntArray = np.asarray(places).ravel()
-        return around[graph.free[around]]
 
     def _sees(self, eyes: FloatArray, target: FloatArray) -> BoolArray:
         """Returns True [n] where nothing solid is on the line from an eye [n, 3] to a point."""

@@ -157,6 +157,21 @@ class TimeGraph:
             ]
         )
 
+    def places_around(self, x: int, y: int, reach: int) -> IntArray:
+        """Returns the free places at most `reach` cells from a cell along both axes."""
+        layers, width, depth = (
+            size - 2 * border for size, border in zip(self.shape[2:], self.border, strict=True)
+        )
+        rows, columns = (
+            np.arange(max(middle - reach, 0), min(middle + reach + 1, size))
+            for middle, size in ((x, width), (y, depth))
+        )
+        cells = zip(
+            np.ix_(np.arange(layers), rows, columns), self.border, self.strides, strict=True
+        )
+        places: IntArray = np.asarray(sum((at + b) * stride for at, b, stride in cells)).ravel()
+        return places[self.free[places]]
+
     # -- edges ---------------------------------------------------------------------------
 
     @cached_property

@@ -1,12 +1,11 @@
 """Joint value iteration: the proved optimum for one or two robots.
 
 A step of two robots is the maximum over one robot's moves and then over the other's
-(`coordination.pair_iteration`). Only the swap rule couples the moves; the pairs of cells that it
-touches are done again without the forbidden exchange.
+(`coordination.pair_iteration`). Rules that hold between steps couple the moves: pairs of places
+that are near enough for it are done again, move by move of both, without the forbidden ones.
 """
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -28,7 +27,7 @@ from cocap_opt.timing import timed
 TEMPORARIES = 5  # arrays of a step's size that one step back needs at once
 PROCESS = 100e6  # bytes, about: Python, the libraries, the problem, and what is freed but kept
 MEMORY_LIMIT = 8e9  # bytes that the process may have
-NOWHERE = -1  # number of no place
+_AT_ONCE = 100_000  # values of near pairs, to bound the memory
 
 
 @timed
@@ -124,20 +123,14 @@ class _Side:
         """Returns the positions at t+1 that each move leads to from each place of t [K, n_t]."""
         return self.position(t + 1, self.robot_class.graph.neighbours[:, self.places[t]])
 
-    def moves(self, t: int, at: IntArray, there: IntArray) -> IntArray:
-        """Returns the cell moves [n, 3] from positions at t to positions at t+1."""
-        graph = self.robot_class.graph
-        tails, heads = self.places[t][at], self.places[t + 1][there]
-        return (graph.coordinates(heads) - graph.coordinates(tails)).T
 
+class _Option(NamedTuple):
+    """One way in which a robot can go on from each of n places."""
 
-class _Exchanges(NamedTuple):
-    """Pairs of places at step t whose robots can change places [n], by their positions."""
-
-    at_a: IntArray  # place of a in its list of step t
-    at_b: IntArray
-    there: IntArray  # place of b in a's list of step t+1
-    here: IntArray  # place of a in b's list of step t+1
+    turns: bool  # False: the state is unchanged
+    to: IntArray  # [n] positions at t+1, one past the last where the way is closed
+    heads: FloatArray  # [n, 3] m, where it leads
+    reward: float
 
 
 class _Pair(PairIteration):
@@ -180,12 +173,21 @@ class _Pair(PairIteration):
         (o_a, n_a), (o_b, n_b) = self.a.sizes(t), self.b.sizes(t)
         ahead_a, ahead_b = len(self.a.places[t + 1]), len(self.b.places[t + 1])
         numbers = TEMPORARIES * float(o_a * (ahead_a + 1)) * float(o_b * (ahead_b + 1))
-        # Of each move its targets, of each exchange its places and its pairs' values.
+        # Of each move its targets.
         numbers += 5.0 * len(self.a.robot_class.graph.moves) * n_a
         numbers += 5.0 * len(self.b.robot_class.graph.moves) * n_b
-        if self.model.problem.rules.swap:
-            numbers += (3.0 * o_a * o_b + 8.0) * len(self._exchanges(t).at_a)
+        if self._couples_moves:
+            kept = 2 if self.bonuses.stationarity else 1
+            whole = float(o_a * (ahead_a + 1)) * float(o_b * (ahead_b + 1))
+            numbers += kept * kept * whole + kept * float(o_a * (ahead_a + 1)) * float(o_b * n_b)
+            pairs = n_a * n_b
+            numbers += 6.0 * pairs + 4.0 * min(max(_AT_ONCE, o_a * o_b), pairs * o_a * o_b)
         return numbers
+
+    @property
+    def _couples_moves(self) -> bool:
+        """True where a rule holds between steps."""
+        return bool(self.model.problem.rules.swap or self.model.problem.rules.separation)
 
     def reward(self, t: int) -> FloatArray:
         """Returns the reward of being in each pair of states at step t, with goals at the end."""
@@ -236,8 +238,8 @@ class _Pair(PairIteration):
         ahead = ahead.reshape(*self.a.sizes(t + 1), *self.b.sizes(t + 1))
         half = self._best_move(t, ahead, self.b, axis=2)
         best = self._best_move(t, half, self.a, axis=0)
-        if self.model.problem.rules.swap:
-            self._without_swaps(t, ahead, half, best)
+        if self._couples_moves:
+            self._redo_near_pairs(t, ahead, half, best)
         return self._flat(t, best)
 
     def _turned(self, values: FloatArray, side: _Side, axis: int) -> FloatArray:
@@ -286,81 +288,98 @@ class _Pair(PairIteration):
             np.maximum(best, stay + self.bonuses.stay, out=best)
         return best
 
-    def _without_swaps(self, t: int, ahead: FloatArray, half: FloatArray, best: FloatArray) -> None:
-        """Computes the pairs of cells again that could be exchanged in this step, in `best`.
+    def _redo_near_pairs(
+        self, t: int, ahead: FloatArray, half: FloatArray, best: FloatArray
+    ) -> None:
+        """Computes pairs of places again whose moves may conflict, in `best`, move by move.
 
-        Either a does not go to b's cell and b moves freely (`half` holds b's best), or a goes
-        there and b does not go to a's.
+        Where none of b's moves can conflict with a's move, `half` holds b's best.
         """
-        exchanges = self._exchanges(t)
-        if not len(exchanges.at_a):
+        at_a, at_b = self._near_pairs(t)
+        if not len(at_a):
             return
-        redone = np.full((len(exchanges.at_a), best.shape[0], best.shape[2]), CLOSED)
-        self._raise_with_a_elsewhere(t, half, exchanges, redone)
-        self._raise_with_b_elsewhere(t, ahead, exchanges, redone)
-        best[:, exchanges.at_a, :, exchanges.at_b] = redone
+        stays = (False, True) if self.bonuses.stationarity else (True,)
+        halves = {
+            turns: _with_closed_end(self._turned(half, self.a, 0) if turns else half, 1)
+            for turns in stays
+        }
+        ahead = _with_closed_end(_with_closed_end(ahead, 1), 3)
+        values = {}
+        for a_turns in stays:
+            some = self._turned(ahead, self.a, 0) if a_turns else ahead
+            for b_turns in stays:
+                values[a_turns, b_turns] = self._turned(some, self.b, 2) if b_turns else some
+        moves = sum(len(side.robot_class.graph.moves) for side in (self.a, self.b))
+        size = max(1, _AT_ONCE // max(best.shape[0] * best.shape[2], 5 * moves))
+        for first in range(0, len(at_a), size):
+            pairs = at_a[first : first + size], at_b[first : first + size]
+            best[:, pairs[0], :, pairs[1]] = self._best_of_pairs(t, pairs, halves, values)
 
-    def _raise_with_a_elsewhere(
-        self, t: int, half: FloatArray, exchanges: _Exchanges, redone: FloatArray
-    ) -> None:
-        """Raises values [n, Oa, Ob] of exchanges to the best in which a avoids b's cell."""
-        at_a, at_b, there, _ = exchanges
-        turned_a = _with_closed_end(self._turned(half, self.a, 0), 1)
-        for target, rate in zip(self.a.targets(t), self._rates(self.a), strict=True):
+    def _near_pairs(self, t: int) -> tuple[IntArray, IntArray]:
+        """Returns the pairs of places at t, by position, of which some moves may conflict."""
+        problem = self.model.problem
+        radii = self.a.robot_class.graph.motion.radius + self.b.robot_class.graph.motion.radius
+        reach = radii * problem.height_map.resolution + problem.rules.separation
+        one, other = self._where(self.a, self.a.places[t]), self._where(self.b, self.b.places[t])
+        ways = np.abs(one[:, None, :2] - other[None, :, :2])
+        # A little farther, for rounding.
+        at_a, at_b = np.nonzero((ways <= reach * (1 + 1e-9)).all(axis=-1))
+        return at_a, at_b
+
+    def _best_of_pairs(
+        self,
+        t: int,
+        at: tuple[IntArray, IntArray],
+        halves: dict[bool, FloatArray],
+        values: dict[tuple[bool, bool], FloatArray],
+    ) -> FloatArray:
+        """Returns the best [n, Oa, Ob] over both robots' moves from pairs of places [n] at t.
+
+        Parameters
+        ----------
+        halves : by whether a may turn, of places of a at t+1 and of b at t
+        values : by whether a and b may turn, of the pairs at t+1; all with closed ends
+        """
+        rules, (at_a, at_b) = self.model.problem.rules, at
+        tails_a, tails_b = (
+            self._where(side, side.places[t][some])
+            for side, some in ((self.a, at_a), (self.b, at_b))
+        )
+        options_b = self._options(t, self.b, at_b)
+        lengths = [np.linalg.norm(b.heads - tails_b, axis=1) for b in options_b]
+        reach = float(np.nanmax([0.0, *np.concatenate(lengths)]))
+        best = np.full((len(at_a), halves[True].shape[0], halves[True].shape[2]), CLOSED)
+        for a in self._options(t, self.a, at_a):
             self.stop.check()
-            to = np.where(target[at_a] == there, half.shape[1], target[at_a])
-            np.maximum(redone, turned_a[:, to, :, at_b] + rate, out=redone)
+            may = rules.may_conflict((tails_a, a.heads), tails_b, reach)
+            free, near = np.flatnonzero(~may), np.flatnonzero(may)
+            gained = halves[a.turns][:, a.to[free], :, at_b[free]] + a.reward
+            best[free] = np.maximum(best[free], gained)
+            for b in options_b if len(near) else ():
+                broken = rules.moves_conflict(
+                    (tails_a[near], a.heads[near]), (tails_b[near], b.heads[near])
+                )
+                to = np.where(broken, halves[True].shape[1] - 1, a.to[near])
+                gained = values[a.turns, b.turns][:, to, :, b.to[near]] + (a.reward + b.reward)
+                best[near] = np.maximum(best[near], gained)
+        return best
+
+    def _options(self, t: int, side: _Side, at: IntArray) -> list[_Option]:
+        """Returns the ways on from positions [n] at t."""
+        heads = side.robot_class.graph.neighbours[:, side.places[t][at]]
+        options = [
+            _Option(True, side.position(t + 1, row), self._where(side, row), rate)
+            for row, rate in zip(heads, self._rates(side), strict=True)
+        ]
         if self.bonuses.stationarity:
-            stay_a = self.a.position(t + 1, self.a.places[t])[at_a]
-            np.maximum(redone, half[:, stay_a, :, at_b] + self.bonuses.stay, out=redone)
+            stay = options[0]
+            options.append(stay._replace(turns=False, reward=self.bonuses.stay))
+        return options
 
-    def _raise_with_b_elsewhere(
-        self, t: int, ahead: FloatArray, exchanges: _Exchanges, redone: FloatArray
-    ) -> None:
-        """Raises values [n, Oa, Ob] of exchanges to the best in which a alone changes cells."""
-        at_a, at_b, there, here = exchanges
-        # The reward of a for going to b's cell.
-        gone = self.bonuses.of_moves(self.a.moves(t, at_a, there))[:, None, None]
-        both = self._turned(self._turned(ahead, self.a, 0), self.b, 2)
-        both = _with_closed_end(both, 3)
-        for target, rate in zip(self.b.targets(t), self._rates(self.b), strict=True):
-            self.stop.check()
-            to = np.where(target[at_b] == here, ahead.shape[3], target[at_b])
-            np.maximum(redone, both[:, there, :, to] + (gone + rate), out=redone)
-        if self.bonuses.stationarity:
-            stay_b = self.b.position(t + 1, self.b.places[t])[at_b]
-            only_a = self._turned(ahead, self.a, 0)
-            stay = gone + self.bonuses.stay
-            np.maximum(redone, only_a[:, there, :, stay_b] + stay, out=redone)
-
-    def _exchanges(self, t: int) -> _Exchanges:
-        """Returns the pairs of places at t whose robots can change places."""
-        n_there = len(self.a.places[t + 1])
-        place_here = self._twins[self.a.places[t]]
-        here = self.b.position(t + 1, place_here)
-        found = []
-        for there in self.a.targets(t):
-            self.stop.check()
-            target = self.a.places[t + 1][np.minimum(there, n_there - 1)]
-            place_there = np.where(there < n_there, self._twins[target], NOWHERE)
-            at_b = self.b.position(t, place_there)
-            both = (here < len(self.b.places[t + 1])) & (at_b < len(self.b.places[t]))
-            at_a = np.flatnonzero(both & (place_there != place_here))
-            back = self.b.robot_class.graph.adjacent(place_there[at_a], place_here[at_a])
-            at_a = at_a[back]
-            found.append(np.stack([at_a, at_b[at_a], there[at_a], here[at_a]]))
-        return _Exchanges(*np.concatenate(found, axis=1))
-
-    @cached_property
-    def _twins(self) -> IntArray:
-        """Place of b in the same cell as each place of a [P]; NOWHERE if b never flies there."""
-        graph = self.a.robot_class.graph
-        cells = self.model.cells[self.model.classes.index(self.a.robot_class)]
-        twins = np.full(graph.n_places, NOWHERE)
-        for place in np.flatnonzero(graph.free).tolist():
-            twin = self.model.place_of(self.b.robot_class, cells[place])
-            twins[place] = NOWHERE if twin is None else twin
-        return twins
+    def _where(self, side: _Side, places: IntArray) -> FloatArray:
+        """Returns where the robot is in places [n], as [n, 3] in m."""
+        number = self.model.classes.index(side.robot_class)
+        return self.model.positions[number][places]
 
     def successors(self, which: int, t: int, state: int) -> Successors:
         """Returns the states that a (0) or b (1) can go to from its state at step t."""
@@ -373,17 +392,19 @@ class _Pair(PairIteration):
     def forbidden(
         self, tails: tuple[int, int], heads: tuple[IntArray, IntArray]
     ) -> BoolArray | bool:
-        """Returns which pairs of moves [n, m] exchange the robots' cells."""
-        if not self.model.problem.rules.swap:
+        """Returns which pairs of moves [n, m] break a rule between the steps."""
+        if not self._couples_moves:
             return False
-        n_a, n_b = self.a.robot_class.graph.n_places, self.b.robot_class.graph.n_places
-        place_a, place_b = tails[0] % n_a, tails[1] % n_b
-        here = self._twins[place_a]  # of a, among b's places
-        there = np.flatnonzero(self._twins == place_b)  # of b, among a's places
-        if here in (NOWHERE, place_b) or not len(there):
-            return False
-        swapped: BoolArray = (heads[0] % n_a == there[0])[:, None] & (heads[1] % n_b == here)
-        return swapped
+        sides = self.a, self.b
+        sizes = [side.robot_class.graph.n_places for side in sides]
+        here = [
+            self._where(side, np.array([tail % n]))
+            for side, tail, n in zip(sides, tails, sizes, strict=True)
+        ]
+        one, other = (
+            self._where(side, some % n) for side, some, n in zip(sides, heads, sizes, strict=True)
+        )
+        return self.model.problem.rules.moves_conflict((here[0], one[:, None]), (here[1], other))
 
 
 def _with_closed_end(values: FloatArray, axis: int) -> FloatArray:

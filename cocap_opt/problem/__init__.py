@@ -7,7 +7,7 @@ from cocap_opt.problem.actor import Actor
 from cocap_opt.problem.camera import AnyCamera, Camera, Cone
 from cocap_opt.problem.motion import Cell, Motion, State
 from cocap_opt.problem.objective import Objective
-from cocap_opt.problem.plan import Conflict, Plan, SwapConflict, VertexConflict
+from cocap_opt.problem.plan import Conflict, PassConflict, Plan, SwapConflict, VertexConflict
 from cocap_opt.problem.problem import Problem
 from cocap_opt.problem.robot import Robot
 from cocap_opt.problem.rules import NO_RULES, PAPER_RULES, CollisionRules
@@ -26,6 +26,7 @@ __all__ = [
     "Cuboid",
     "Motion",
     "Objective",
+    "PassConflict",
     "Plan",
     "Prism",
     "Problem",

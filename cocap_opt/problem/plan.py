@@ -5,7 +5,9 @@ from itertools import combinations
 from typing import NamedTuple
 
 import msgspec
+import numpy as np
 
+from cocap_opt.data import BoolArray
 from cocap_opt.problem.motion import Cell, State
 from cocap_opt.problem.problem import Problem
 
@@ -18,6 +20,14 @@ class VertexConflict(NamedTuple):
     cells: tuple[Cell, Cell]
 
 
+class PassConflict(NamedTuple):
+    """Two robots pass nearer than the separation between t and t+1, and keep it at both."""
+
+    t: int
+    robots: tuple[int, int]
+    moves: tuple[tuple[Cell, Cell], tuple[Cell, Cell]]
+
+
 class SwapConflict(NamedTuple):
     """Two robots exchange cells between t and t+1; `cells` are the ones that they leave."""
 
@@ -26,7 +36,7 @@ class SwapConflict(NamedTuple):
     cells: tuple[Cell, Cell]
 
 
-Conflict = VertexConflict | SwapConflict
+Conflict = VertexConflict | SwapConflict | PassConflict
 
 
 class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -55,19 +65,30 @@ class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
 
     def conflicts(self, problem: Problem) -> Iterator[Conflict]:
         """Yields all conflicts under the problem's rules, earliest step first, then by robots."""
-        if problem.rules.none:
+        if problem.rules.none or len(self.paths) < 2:
             return
-        cells = [
-            [problem.cell(i, state) for state in path] for i, path in enumerate(self.paths)
-        ]  # [R][T+1]
-        pairs = list(combinations(range(len(cells)), 2))
-        for t in range(problem.horizon + 1):
-            for i, k in pairs:
-                here = cells[i][t], cells[k][t]
-                if problem.too_close(*here):
-                    yield VertexConflict(t, (i, k), here)
-            if t < problem.horizon and problem.rules.swap:
-                for i, k in pairs:
-                    here, there = (cells[i][t], cells[k][t]), (cells[i][t + 1], cells[k][t + 1])
-                    if here == there[::-1] and here[0] != here[1]:
-                        yield SwapConflict(t, (i, k), here)
+        cells = [[problem.cell(i, state) for state in path] for i, path in enumerate(self.paths)]
+        one, other = np.array(list(combinations(range(len(cells)), 2))).T
+        at = np.array([problem.positions(row) for row in cells])  # [R, T+1, 3] m
+        moves = (at[one, :-1], at[one, 1:]), (at[other, :-1], at[other, 1:])
+        near = problem.rules.too_near(at[other] - at[one])
+        between = problem.rules.moves_conflict(*moves) & ~near[:, :-1] & ~near[:, 1:]
+        # At each step first who is too near, then who is until the next one.
+        for n, which in np.argwhere(_alternated(near, between).T).tolist():
+            t, (i, k) = n // 2, (int(one[which]), int(other[which]))
+            here = cells[i][t], cells[k][t]
+            if n % 2 == 0:
+                yield VertexConflict(t, (i, k), here)
+                continue
+            there = cells[i][t + 1], cells[k][t + 1]
+            if problem.rules.swap and here == there[::-1]:
+                yield SwapConflict(t, (i, k), here)
+            else:
+                yield PassConflict(t, (i, k), ((here[0], there[0]), (here[1], there[1])))
+
+
+def _alternated(at: BoolArray, between: BoolArray) -> BoolArray:
+    """Returns columns [n, 2 T + 1]: those of steps [n, T+1], and in between those of [n, T]."""
+    result = np.zeros((len(at), 2 * at.shape[1] - 1), dtype=np.bool_)
+    result[:, ::2], result[:, 1::2] = at, between
+    return result

@@ -13,9 +13,8 @@ multi-actor scenes in outdoor environments", 2024 (arXiv 2412.20695), and Suresh
 
 import html
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import cached_property
-from itertools import product
 from operator import eq
 from typing import TYPE_CHECKING, Protocol
 
@@ -248,36 +247,36 @@ class Problem(Data, frozen=True, eq=False, dict=True):
         height = self.robots[robot].motion.layers[state.layer]
         return Cell(state.x, state.y, self.layers.index(height))
 
+    def positions(self, cells: Sequence[Cell]) -> FloatArray:
+        """Returns where robots in cells [n] are [n, 3], in m from the corner of the map."""
+        size, altitude = self.height_map.resolution, self.height_map.altitude
+        rows = [(c.x * size, c.y * size, altitude(c.x, c.y, self.layers[c.layer])) for c in cells]
+        return np.array(rows).reshape(-1, 3)
+
     def too_close(self, a: Cell, b: Cell) -> bool:
         """Returns True if two robots in cells `a` and `b` at one step break a rule."""
-        if not self.rules.vertex:
-            return False
-        if a == b:
-            return True
-        if not self.rules.separation:
-            return False
-        ends = (a.x, a.y, self.layers[a.layer]), (b.x, b.y, self.layers[b.layer])
-        return self.rules.too_near(self.height_map.way(*ends))
+        one, other = self.positions([a, b])
+        return bool(self.rules.too_near(other - one))
+
+    def moves_conflict(self, one: tuple[Cell, Cell], other: tuple[Cell, Cell]) -> bool:
+        """Returns True if two robots' moves in one step, from cell to cell, break a rule."""
+        a, b, c, d = self.positions([*one, *other])
+        return bool(self.rules.moves_conflict((a, b), (c, d)))
 
     def paths_conflict(self, p: Sequence[Cell], q: Sequence[Cell]) -> bool:
         """Returns True if two robots with these cells at the steps 0..T break a rule."""
         if self.rules.none:
             return False
-        if any(map(self.too_close if self.rules.separation else eq, p, q)):
-            return True
-        return self.rules.swap and any(
-            p[t] == q[t + 1] and p[t + 1] == q[t] and p[t] != p[t + 1] for t in range(len(p) - 1)
+        if not self.rules.separation:
+            if any(map(eq, p, q)):
+                return True
+            return self.rules.swap and any(
+                p[t] == q[t + 1] and p[t + 1] == q[t] for t in range(len(p) - 1)
+            )
+        ways = self.positions(q) - self.positions(p)
+        return bool(
+            self.rules.too_near(ways).any() or self.rules.pass_too_near(ways[:-1], ways[1:]).any()
         )
-
-    def cells_too_close(self, cell: Cell) -> Iterator[Cell]:
-        """Yields the cells that conflict with a robot in `cell` at the same step."""
-        reach = int(self.rules.separation / self.height_map.resolution) + 1
-        width, depth = self.height_map.shape
-        columns = range(max(0, cell.x - reach), min(width, cell.x + reach + 1))
-        rows = range(max(0, cell.y - reach), min(depth, cell.y + reach + 1))
-        around = (Cell(*at) for at in product(columns, rows, range(len(self.layers))))
-        near = around if self.rules.separation else [cell]
-        return (other for other in near if self.too_close(cell, other))
 
     @cached_property
     def step_weights(self) -> FloatArray:

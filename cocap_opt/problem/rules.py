@@ -1,8 +1,24 @@
-"""Rules against collisions between robots."""
+"""Rules against collisions between robots.
+
+Robots fly straight from cell to cell within a step, so that the way (m) that leads from one to the
+other is a straight line too: before + tau (after - before), tau in [0, 1].
+"""
 
 import math
+from typing import NamedTuple
 
-from cocap_opt.data import LARGEST, Data, require, within
+import numpy as np
+
+from cocap_opt.data import LARGEST, BoolArray, Data, FloatArray, require, within
+
+TOLERANCE = 1e-6  # m; robots that are nearer than the separation by less keep it
+
+
+class Closest(NamedTuple):
+    """When two robots are nearest in a step: while they break a rule, if they do."""
+
+    share: FloatArray  # [..] of the step, 0..1
+    distance: FloatArray  # [..] m, in space
 
 
 class CollisionRules(Data, frozen=True):
@@ -10,33 +26,40 @@ class CollisionRules(Data, frozen=True):
 
     Planners, formulations and referee learn it from here only. The vertex rule forbids two
     robots in one cell at one step (layers count, headings do not), the swap rule that two robots
-    exchange cells in one step, and the separation rule that two robots' cell centres are nearer
-    than this many metres at one step.
+    exchange cells in one step. The separation holds at every moment, between steps as well as at
+    them: robots fly straight from cell to cell, and two that are exactly so far apart keep it (to
+    1e-6 m). It contains the other two rules.
 
     Attributes
     ----------
     vertex : True: no two robots in one cell at one step
     swap : True: no two robots exchange cells in one step
-    separation : m, least distance of cell centres at each step; 0: no such rule
+    separation : m, least distance of robots at every moment; 0: no such rule
+    vertical : m; 0: the separation is a distance in space; else robots must be so far apart in
+        height, or by the separation seen from above, as drones blow down on each other
     """
 
     vertex: bool = True
     swap: bool = True
     separation: float = 0.0
+    vertical: float = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        within(self.separation, 0, LARGEST, "separation", "m")
+        for field in ("separation", "vertical"):
+            value = getattr(self, field)
+            within(value, 0, LARGEST, field, "m")
+            require(value == 0 or value > 2 * TOLERANCE, field, "must be 0 or more than 2e-6 m")
         require(
             self.vertex or not (self.swap or self.separation),
             "vertex",
             "must be true where the swap or separation rule is on",
         )
-
-    def too_near(self, way: tuple[float, float, float]) -> bool:
-        """Returns True if robots break a rule when this way (m) leads from one to the other."""
-        apart = math.hypot(*way)
-        return self.vertex and (apart == 0 or apart < self.separation)
+        require(
+            self.separation > 0 or not self.vertical,
+            "vertical",
+            "must be 0 where there is no separation",
+        )
 
     @property
     def none(self) -> bool:
@@ -44,10 +67,132 @@ class CollisionRules(Data, frozen=True):
         return not self.vertex
 
     def __str__(self) -> str:
-        names = [name for name in ("vertex", "swap") if getattr(self, name)]
         if self.separation:
-            names.append(f"separation {self.separation:g} m")
-        return "+".join(names) or "none"
+            aside = f"separation {self.separation:g} m"
+            return f"{aside}, {self.vertical:g} m in height" if self.vertical else aside
+        return "+".join(name for name in ("vertex", "swap") if getattr(self, name)) or "none"
+
+    def too_near(self, ways: FloatArray) -> BoolArray:
+        """Returns an array [..], true if robots break a rule when ways [.., 3] (m) part them."""
+        if not self.vertex:
+            return np.zeros(ways.shape[:-1], dtype=np.bool_)
+        if self.vertical:
+            aside = np.hypot(ways[..., 0], ways[..., 1])
+            near = (aside < self._aside) & (np.abs(ways[..., 2]) < self._above)
+        elif self.separation:
+            near = np.sqrt((ways * ways).sum(axis=-1)) < self._aside
+        else:
+            near = (ways == 0).all(axis=-1)
+        return np.asarray(near)
+
+    def pass_too_near(self, before: FloatArray, after: FloatArray) -> BoolArray:
+        """Returns an array [..], true if robots break the separation at a moment of a step.
+
+        Parameters
+        ----------
+        before, after : [.., 3] m, the ways from one robot to the other when it begins and ends
+        """
+        if not self.separation:
+            return np.zeros(np.broadcast_shapes(before.shape, after.shape)[:-1], dtype=np.bool_)
+        if self.vertical:
+            first, last = self._near_aside_and_above(before, after)
+            return np.asarray(first < last)
+        return np.asarray(_closest(before, after).distance < self._aside)
+
+    def moves_conflict(
+        self, one: tuple[FloatArray, FloatArray], other: tuple[FloatArray, FloatArray]
+    ) -> BoolArray:
+        """Returns an array [..], true if two robots' moves break a rule, at their ends or between.
+
+        Parameters
+        ----------
+        one, other : of each robot the places [.., 3] (m) where its moves begin and end
+        """
+        before, after = (there - here for here, there in zip(one, other, strict=True))
+        found = self.too_near(before) | self.too_near(after) | self.pass_too_near(before, after)
+        if self.swap:
+            ends = (one[0] == other[1]).all(axis=-1), (one[1] == other[0]).all(axis=-1)
+            found = found | np.asarray(ends[0] & ends[1])
+        return found
+
+    def may_conflict(
+        self, one: tuple[FloatArray, FloatArray], other: FloatArray, reach: float
+    ) -> BoolArray:
+        """Returns an array [..], true if a move may break a rule between steps with some move.
+
+        Parameters
+        ----------
+        one : the places [.., 3] (m) where the move begins and ends
+        other : the places [.., 3] (m) where the other robot's move begins
+        reach : m, length of the other robot's longest move
+        """
+        found = np.asarray((one[1] == other).all(axis=-1))
+        if self.separation:
+            most = math.hypot(self.separation, self.vertical) + reach
+            found = found | (_closest(other - one[0], other - one[1]).distance < most)
+        return found
+
+    def closest(self, before: FloatArray, after: FloatArray) -> Closest:
+        """Returns when robots are nearest in a step, and how near.
+
+        Parameters
+        ----------
+        before, after : as in `pass_too_near`
+        """
+        nearest = _closest(before, after)
+        if not self.vertical:
+            return nearest
+        first, last = self._near_aside_and_above(before, after)
+        share = np.where(first < last, np.clip(nearest.share, first, last), nearest.share)
+        at = before + share[..., None] * (after - before)
+        return Closest(share, np.sqrt((at * at).sum(axis=-1)))
+
+    @property
+    def _aside(self) -> float:
+        """The distance (m) from which on robots are far enough apart."""
+        return self.separation - TOLERANCE
+
+    @property
+    def _above(self) -> float:
+        """The difference in height (m) from which on they are."""
+        return self.vertical - TOLERANCE
+
+    def _near_aside_and_above(
+        self, before: FloatArray, after: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Returns when robots begin and end to be too near, aside and in height at once.
+
+        They are never if they end before they begin.
+        """
+        change = after - before
+        dx, dy, dz = np.moveaxis(change, -1, 0)
+        x, y, z = np.moveaxis(before + np.zeros_like(change), -1, 0)
+        # |aside|^2 = a tau^2 + 2 b tau + c + (the least distance)^2
+        a, b, c = dx * dx + dy * dy, x * dx + y * dy, x * x + y * y - self._aside**2
+        root = np.sqrt(np.maximum(b * b - a * c, 0.0))
+        moving, crossing = a > 0, b * b > a * c
+        some = np.where(moving, a, 1.0)
+        first = np.where(moving, np.where(crossing, (-b - root) / some, 2.0), np.where(c < 0, 0, 2))
+        last = np.where(
+            moving, np.where(crossing, (-b + root) / some, -1.0), np.where(c < 0, 1, -1)
+        )
+        climbing = dz != 0
+        some = np.where(climbing, dz, 1.0)
+        ends = (-self._above - z) / some, (self._above - z) / some
+        level = np.abs(z) < self._above
+        low = np.where(climbing, np.minimum(*ends), np.where(level, 0.0, 2.0))
+        high = np.where(climbing, np.maximum(*ends), np.where(level, 1.0, -1.0))
+        return np.maximum(np.maximum(first, low), 0.0), np.minimum(np.minimum(last, high), 1.0)
+
+
+def _closest(before: FloatArray, after: FloatArray) -> Closest:
+    """Returns when the straight lines from `before` to `after` are nearest to 0, and how near."""
+    change = after - before
+    square = (change * change).sum(axis=-1)
+    along = -(before * change).sum(axis=-1) / np.where(square > 0, square, 1.0)
+    share = np.clip(along, 0.0, 1.0)
+    at = before + share[..., None] * change
+    return Closest(share, np.sqrt((at * at).sum(axis=-1)))
 
 
 NO_RULES = CollisionRules(vertex=False, swap=False)

@@ -18,7 +18,7 @@ from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.results.statistics import Mean
 from cocap_opt.experiments.results.trace import Trace
 from cocap_opt.formulations.result import OPTIMALITY, Snapshot
-from cocap_opt.problem import Conflict, Plan, Problem, SwapConflict
+from cocap_opt.problem import Conflict, Plan, Problem, VertexConflict
 
 _DPI = 130
 _BLUE, _AMBER, _RED, _GREY = "#30638e", "#edae49", "#d1495b", "#8d99ae"
@@ -207,12 +207,12 @@ def conflicts_figure(problem: Problem, plans: Mapping[str, Plan]) -> Figure:
 def _draw_conflicts(ax: Axes, problem: Problem, plan: Plan) -> Axes:
     """Draws a line per drone, and at each step a bar between two drones that collide.
 
-    Drones that exchange cells collide between two steps, and are joined there by a dashed bar.
+    Drones that collide between two steps are joined there by a dashed bar.
     """
     for robot in range(len(problem.robots)):
         ax.axhline(robot, color=robot_colour(robot), lw=1.2, alpha=0.45, zorder=1)
     for x, conflict in _placed(plan.conflicts(problem)):
-        style = "--" if isinstance(conflict, SwapConflict) else "-"
+        style = "-" if isinstance(conflict, VertexConflict) else "--"
         ax.plot([x, x], conflict.robots, color=_RED, lw=1.6, ls=style, zorder=2)
         for robot in conflict.robots:
             ax.plot(x, robot, "o", color=robot_colour(robot), mec=_RED, mew=1.2, ms=6, zorder=3)
@@ -231,8 +231,8 @@ def _placed(found: Iterable[Conflict]) -> list[tuple[float, Conflict]]:
     """Returns conflicts with their places on the axis of steps; those of one time stand apart."""
     times: dict[float, list[Conflict]] = {}
     for conflict in found:
-        swap = isinstance(conflict, SwapConflict)
-        times.setdefault(conflict.t + 0.5 if swap else conflict.t, []).append(conflict)
+        at_step = isinstance(conflict, VertexConflict)
+        times.setdefault(conflict.t if at_step else conflict.t + 0.5, []).append(conflict)
     apart = min(0.12, 0.4 / max(map(len, times.values()), default=1))
     return [
         (time + apart * (k - (len(some) - 1) / 2), conflict)

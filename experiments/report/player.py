@@ -4,6 +4,7 @@ The scripts in the folder `page` draw; this module makes the data that they draw
 """
 
 import json
+import math
 from collections.abc import Sequence
 from html import escape
 from pathlib import Path
@@ -17,7 +18,16 @@ from cocap_opt.experiments.report.player_scene import SceneData
 from cocap_opt.experiments.results.files import save_bytes
 from cocap_opt.files.documents import FileError
 from cocap_opt.model import compiled
-from cocap_opt.problem import Cone, Conflict, Plan, Problem, SwapConflict
+from cocap_opt.problem import (
+    CollisionRules,
+    Cone,
+    Conflict,
+    PassConflict,
+    Plan,
+    Problem,
+    SwapConflict,
+    VertexConflict,
+)
 from cocap_opt.referee import check
 
 _SCRIPTS = ("raster.js", "world.js", "bodies.js", "view.js", "chart.js", "player.js")
@@ -158,24 +168,35 @@ def _plan_data(scene: SceneData, titled: Titled, seen: FloatArray) -> Data:
 
 def _conflict(problem: Problem, conflict: Conflict) -> Data:
     first, second = conflict.robots
-    swap = isinstance(conflict, SwapConflict)
     return {
         "step": conflict.t,
         "robots": [first, second],
-        "swap": swap,
+        "between": not isinstance(conflict, VertexConflict),
         "words": f"drones {first} and {second} {_words(problem, conflict)}",
     }
 
 
 def _words(problem: Problem, conflict: Conflict) -> str:
-    a, b = conflict.cells
+    rules = problem.rules
     if isinstance(conflict, SwapConflict):
         return "swap cells"
-    if a == b:
-        return "are in one cell"
-    ends = (a.x, a.y, problem.layers[a.layer]), (b.x, b.y, problem.layers[b.layer])
-    apart = float(np.hypot.reduce(problem.height_map.way(*ends)))
-    return f"are {apart:.3g} m apart, less than {problem.rules.separation:g} m"
+    if isinstance(conflict, PassConflict):
+        a, b, c, d = problem.positions([*conflict.moves[0], *conflict.moves[1]])
+        share = float(rules.closest(c - a, d - b).share)
+        way = (1 - share) * (c - a) + share * (d - b)
+        return f"pass {_apart(rules, way)}"
+    one, other = problem.positions(conflict.cells)
+    return f"are {_apart(rules, other - one)}" if (one != other).any() else "are in one cell"
+
+
+def _apart(rules: CollisionRules, way: FloatArray) -> str:
+    x, y, z = way.tolist()
+    if rules.vertical:
+        return (
+            f"{math.hypot(x, y):.3g} m apart and {abs(z):.3g} m in height, less than "
+            f"{rules.separation:g} m and {rules.vertical:g} m"
+        )
+    return f"{math.hypot(x, y, z):.3g} m apart, less than {rules.separation:g} m"
 
 
 def _digits(value: float) -> float:

@@ -45,9 +45,11 @@ from cocap_opt.formulations.certificates.format import (
 )
 from cocap_opt.formulations.certificates.pricing import Pricing
 from cocap_opt.formulations.certificates.resources import (
+    MOST_MOVES,
     Cells,
     Flight,
     Move,
+    Moves,
     Resource,
     Swap,
     Visit,
@@ -55,6 +57,7 @@ from cocap_opt.formulations.certificates.resources import (
 )
 
 __all__ = [
+    "MOST_MOVES",
     "OPTIMISTIC",
     "Branch",
     "Cells",
@@ -69,6 +72,7 @@ __all__ = [
     "Flight",
     "Leaf",
     "Move",
+    "Moves",
     "Multipliers",
     "Pricing",
     "ProofFile",

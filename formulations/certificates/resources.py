@@ -1,12 +1,12 @@
-"""Resources: cells, swaps, states and moves that robots use at a step, and what their use costs.
+"""Resources: cells, swaps, moves and states that robots use at a step, and what their use costs.
 
 Every rule between robots is a row "at most one robot uses this resource"; every decision of a
 branch-and-price tree is a row "at most k" or "at least k + 1 robots use this resource". The
 multipliers of such rows charge places, moves and states of one robot's graph, so that pricing
 stays value iteration.
 
-A new kind of resource (say, a set of moves) is one more class here with its own tag, the same
-four methods, and a place in `Resource`.
+A new kind of resource is one more class here with its own tag, the same four methods, and a place
+in `Resource`.
 """
 
 from collections import defaultdict
@@ -18,6 +18,8 @@ import msgspec
 from cocap_opt.graph.charges import Charges
 from cocap_opt.model import Model, Path
 from cocap_opt.problem import Cell, Problem, State
+
+MOST_MOVES = 2000  # of one resource
 
 
 class Flight(NamedTuple):
@@ -63,7 +65,7 @@ class _Resource(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_de
 
     def why_shared(self, problem: Problem) -> str:
         """Returns why two robots may use the resource at once; empty where a rule forbids it."""
-        return "must be cells or a swap, of all drones"
+        return "must be cells, a swap or moves, of all drones"
 
 
 class Cells(_Resource, frozen=True, tag="cells"):
@@ -94,8 +96,9 @@ class Cells(_Resource, frozen=True, tag="cells"):
     def why_shared(self, problem: Problem) -> str:
         """Returns why two robots may be in the cells at once; empty where a rule forbids it."""
         if self.class_number is not None:
-            return "must be cells or a swap, of all drones"
-        apart = not all(problem.too_close(a, b) for a in self.cells for b in self.cells)
+            return "must be cells, a swap or moves, of all drones"
+        at = problem.positions(self.cells)
+        apart = not problem.rules.too_near(at[None] - at[:, None]).all()
         return "cells: two drones may be in these cells at once" if apart else ""
 
 
@@ -125,6 +128,42 @@ class Swap(_Resource, frozen=True, tag="swap"):
     def why_shared(self, problem: Problem) -> str:
         """Returns why two robots may swap the cells; empty where a rule forbids it."""
         return "" if problem.rules.swap else "the scene has no swap rule"
+
+
+class Moves(_Resource, frozen=True, tag="moves"):
+    """The resource that a robot uses by one of these moves, from step t to t + 1.
+
+    A move goes from the first to the second of two cells; where they are one, it stays there.
+    """
+
+    moves: tuple[tuple[Cell, Cell], ...]
+
+    def used_by(self, model: Model, flight: Flight) -> bool:
+        """Returns True if a flight uses the resource."""
+        return flight.cells[self.t : self.t + 2] in self.moves
+
+    def footprint(self, model: Model, number: int) -> _Footprint:
+        """Returns the moves; those that are out of reach are left out."""
+        robot_class = model.classes[number]
+        ends = [[model.place_of(robot_class, cell) for cell in move] for move in self.moves]
+        kept = [(tail, head) for tail, head in ends if tail is not None and head is not None]
+        return _Footprint(moves=tuple(kept))
+
+    def why_absent(self, model: Model) -> str:
+        """Returns why the problem has no such moves, in words; empty where it has them."""
+        if not 0 < len(self.moves) <= MOST_MOVES:
+            return f"moves: must be 1..{MOST_MOVES}, not {len(self.moves)}"
+        if len(set(self.moves)) < len(self.moves):
+            return "moves: must differ"
+        cells = tuple({cell for move in self.moves for cell in move})
+        return _wrong_step(self.t, model.problem.horizon - 1) or _wrong_cells(model.problem, cells)
+
+    def why_shared(self, problem: Problem) -> str:
+        """Returns why two robots may use these moves at once; empty where a rule forbids it."""
+        tails, heads = (problem.positions([move[k] for move in self.moves]) for k in (0, 1))
+        one = tails[:, None], heads[:, None]
+        apart = not problem.rules.moves_conflict(one, (tails[None], heads[None])).all()
+        return "moves: two drones may make these moves at once" if apart else ""
 
 
 class Visit(_Resource, frozen=True, tag="visit"):
@@ -193,7 +232,7 @@ class Move(_Resource, frozen=True, tag="move"):
         )
 
 
-Resource = Cells | Swap | Visit | Move
+Resource = Cells | Swap | Moves | Visit | Move
 
 
 def charges_of(model: Model, number: int, costs: Iterable[tuple[Resource, float]]) -> Charges:

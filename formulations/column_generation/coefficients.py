@@ -70,13 +70,12 @@ class Coefficients:
         return into
 
     def _along_moves(self) -> dict[tuple[int, int, int, int], list[int]]:
-        """Returns the arcs by class, step and the two different places that they join."""
+        """Returns the arcs by class, step and the two places that they join."""
         along: dict[tuple[int, int, int, int], list[int]] = {}
         for k, arc in enumerate(self.arcs):
             n_places = self.model.classes[arc.class_number].graph.n_places
             tail, head = arc.tail % n_places, arc.head % n_places
-            if tail != head:
-                along.setdefault((arc.class_number, arc.t, tail, head), []).append(k)
+            along.setdefault((arc.class_number, arc.t, tail, head), []).append(k)
         return along
 
 

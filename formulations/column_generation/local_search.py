@@ -17,7 +17,7 @@ import numpy as np
 
 from cocap_opt.coordination.best_response import best_response
 from cocap_opt.coordination.pair_iteration import PairIteration, Successors
-from cocap_opt.data import FloatArray, IntArray
+from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.formulations.column_generation.columns import Arc, Column
 from cocap_opt.formulations.column_generation.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.mixture import Mixture
@@ -96,8 +96,8 @@ class LocalSearch:
     ) -> tuple[Column, Column] | None:
         """Returns the best paths of two robots over some arcs against the columns of all others.
 
-        The swap rule between the two is not looked at. None if a robot has no path, if there are
-        too many pairs of states, and where pixels add up over time, so that steps are not separate.
+        None if a robot has no path, if there are too many pairs of states, and where pixels add up
+        over time, so that steps are not separate.
         """
         model = self.model
         if model.problem.objective.over_time:
@@ -247,9 +247,38 @@ class _ArcPair(PairIteration):
         a, b = self._sides
         values = ahead[np.ix_(a.heads[t], b.heads[t])]
         values = values + a.rewards[t][:, None] + b.rewards[t][None, :]
+        moves = [(s.states[t][s.tails[t]], s.states[t + 1][s.heads[t]]) for s in (a, b)]
+        values[self._conflicts(moves[0], moves[1])] = CLOSED
         first, second = (np.flatnonzero(np.diff(s.tails[t], prepend=-1)) for s in (a, b))
         best: FloatArray = np.maximum.reduceat(values, first, axis=0)
         return np.maximum.reduceat(best, second, axis=1)
+
+    def forbidden(
+        self, tails: tuple[int, int], heads: tuple[IntArray, IntArray]
+    ) -> BoolArray | bool:
+        """Returns which pairs of moves [n, m] break a rule between the steps."""
+        one, other = (
+            (np.full_like(some, tail), some) for tail, some in zip(tails, heads, strict=True)
+        )
+        return self._conflicts(one, other)
+
+    def _conflicts(
+        self, one: tuple[IntArray, IntArray], other: tuple[IntArray, IntArray]
+    ) -> BoolArray:
+        """Returns which moves [n, m] from states to states break a rule between the steps."""
+        rules = self._model.problem.rules
+        if not (rules.swap or rules.separation):
+            return np.zeros((len(one[0]), len(other[0])), dtype=np.bool_)
+        (a, b), (c, d) = (
+            [self._where(side, states) for states in move]
+            for side, move in zip(self._sides, (one, other), strict=True)
+        )
+        return rules.moves_conflict((a[:, None], b[:, None]), (c[None], d[None]))
+
+    def _where(self, side: _Side, states: IntArray) -> FloatArray:
+        """Returns where the robot of a side is in states [n], as [n, 3] in m."""
+        number = self._model.classes.index(side.robot_class)
+        return self._model.positions[number][states % side.robot_class.graph.n_places]
 
     def successors(self, which: int, t: int, state: int) -> Successors:
         """Returns the states that arcs of robot 0 or 1 lead to."""

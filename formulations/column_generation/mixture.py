@@ -1,14 +1,16 @@
 """Mixtures of columns: what they see, and the collision rules that they break."""
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
-from typing import NamedTuple
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from cocap_opt.data import FloatArray
-from cocap_opt.formulations.certificates import Cells, Swap
+from cocap_opt.data import BoolArray, FloatArray
+from cocap_opt.formulations.certificates import Cells, Moves, Swap
 from cocap_opt.formulations.column_generation.columns import Column
+from cocap_opt.formulations.relaxations.move_cliques import CliquesOfMoves
 from cocap_opt.formulations.relaxations.separation import Seen
 from cocap_opt.model import Model
 from cocap_opt.problem import Cell, Problem
@@ -47,7 +49,7 @@ class Mixture(NamedTuple):
             for view_sum, p in zip(distinct.tolist(), parts, strict=True)
         ]
 
-    def violated_rows(self, model: Model, tolerance: float) -> list[Cells | Swap]:
+    def violated_rows(self, model: Model, tolerance: float) -> list[Cells | Swap | Moves]:
         """Returns the resources that the mixture uses more than once, though one robot may.
 
         Parameters
@@ -57,37 +59,86 @@ class Mixture(NamedTuple):
         problem = model.problem
         if problem.rules.none:
             return []
-        occupied: defaultdict[tuple[int, Cell], float] = defaultdict(float)
-        crossed: defaultdict[tuple[int, Cell, Cell], float] = defaultdict(float)
+        occupied: defaultdict[int, _Uses[Cell]] = defaultdict(dict)  # by step
+        flown: defaultdict[int, _Uses[tuple[Cell, Cell]]] = defaultdict(dict)
         for column, amount in self.used():
             cells = column.flight.cells
             for t, cell in enumerate(cells):
-                occupied[t, cell] += amount
-                if t and cells[t - 1] != cell:
-                    pair = sorted((cells[t - 1], cell))
-                    crossed[t - 1, pair[0], pair[1]] += amount
-        found: list[Cells | Swap] = []
-        for t, cell in list(occupied):
-            cells = _clique(problem, t, cell, occupied) if problem.rules.separation else (cell,)
-            if sum(occupied[t, c] for c in cells) > 1 + tolerance:
-                found.append(Cells(t, cells))
-        if problem.rules.swap:
-            found += [
-                Swap(t, (a, b)) for (t, a, b), used in crossed.items() if used > 1 + tolerance
-            ]
+                occupied[t][cell] = occupied[t].get(cell, 0.0) + amount
+            for t, move in enumerate(pairwise(cells)):
+                flown[t][move] = flown[t].get(move, 0.0) + amount
+        found: list[Cells | Swap | Moves] = []
+        for t, cells_then in occupied.items():
+            found += _crowded_cells(problem, t, cells_then, 1 + tolerance)
+        for t, moves in flown.items():
+            if problem.rules.separation:
+                cliques = CliquesOfMoves(model)
+                found += _crowded_moves(cliques, t, moves, 1 + tolerance)
+            elif problem.rules.swap:
+                found += _crowded_swaps(t, moves, 1 + tolerance)
         return list(dict.fromkeys(found))
 
 
-def _clique(
-    problem: Problem, t: int, cell: Cell, occupied: Mapping[tuple[int, Cell], float]
-) -> tuple[Cell, ...]:
-    """Returns a sorted clique of cells with `cell`: any two conflict.
+_User = TypeVar("_User", Cell, tuple[Cell, Cell])
+_Uses = dict[_User, float]  # number of robots that are there, or make the move
 
-    It grows by the most used cells first.
+
+def _crowded_cells(problem: Problem, t: int, used: _Uses[Cell], most: float) -> list[Cells]:
+    """Returns cliques of cells that are used more than they may be."""
+    if not problem.rules.separation:
+        return [Cells(t, (cell,)) for cell, amount in used.items() if amount > most]
+    cells, at = list(used), problem.positions(list(used))
+    near = problem.rules.too_near(at[None] - at[:, None])
+    found = []
+    for k in range(len(cells)):
+        clique = [cells[n] for n in _clique(near, k, list(used.values()))]
+        if sum(used[cell] for cell in clique) > most:
+            found.append(Cells(t, tuple(sorted(clique))))
+    return found
+
+
+def _crowded_swaps(t: int, used: _Uses[tuple[Cell, Cell]], most: float) -> list[Swap]:
+    """Returns swaps that are used more than they may be."""
+    pairs = {(min(move), max(move)) for move in used if move[0] != move[1]}
+    return [
+        Swap(t, (a, b))
+        for a, b in sorted(pairs)
+        if used.get((a, b), 0.0) + used.get((b, a), 0.0) > most
+    ]
+
+
+def _crowded_moves(
+    cliques: CliquesOfMoves, t: int, used: _Uses[tuple[Cell, Cell]], most: float
+) -> list[Moves]:
+    """Returns cliques of moves that are used more than they may be.
+
+    Around the place and moment at which two used moves are nearest, all moves that pass there are
+    one clique, used or not. Where that is not used too much, cliques of used moves may be.
     """
-    near = [c for (step, c) in occupied if step == t and c != cell and problem.too_close(c, cell)]
-    clique = [cell]
-    for candidate in sorted(near, key=lambda c: (-occupied[t, c], c)):
-        if all(problem.too_close(candidate, member) for member in clique):
-            clique.append(candidate)
-    return tuple(sorted(clique))
+    moves, amounts = list(used), list(used.values())
+    near, between = cliques.conflicts(moves)
+    found: dict[tuple[tuple[Cell, Cell], ...], None] = {}
+    for one, other in np.argwhere(np.triu(between)).tolist():
+        if amounts[one] + amounts[other] > most:
+            found[cliques.around(moves[one], moves[other])] = None
+            continue
+        clique = [moves[n] for n in _clique(near & near[other], one, amounts)]
+        if sum(used[move] for move in clique) > most:
+            found[tuple(sorted(clique))] = None
+    return [Moves(t, clique) for clique in found]
+
+
+def _clique(near: BoolArray, first: int, amounts: Sequence[float]) -> list[int]:
+    """Returns a clique with one member, to which the most used ones are added first.
+
+    Parameters
+    ----------
+    near : [n, n] true where two conflict
+    """
+    clique, open_ = [first], near[first].copy()
+    open_[first] = False
+    for k in np.lexsort([np.arange(len(amounts)), -np.array(amounts)]).tolist():
+        if open_[k]:
+            clique.append(k)
+            open_ &= near[k]
+    return clique

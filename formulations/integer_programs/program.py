@@ -88,8 +88,8 @@ class Program:
         self.unit = max(float(roots.weights.max(initial=0.0)), flow.largest_bonus) or 1.0
         self.n_robots = len(flow.model.problem.robots)
         self.n_views = flow.model.problem.most_views
-        # Without swaps, integral numbers of robots in the nodes are enough: between two steps
-        # the rest is a transport problem.
+        # Without rules between steps, integral numbers of robots in the nodes are enough: what is
+        # left from one step to the next is a transport problem.
         self.integral_edges = conflicts.crossing.shape[0] > 0
         self.cuts: list[Cut] = []
         self._tangents: list[tuple[int, float]] = []

@@ -1,5 +1,6 @@
-"""Collision rules as rows of a flow: cliques of cells in which at most one robot is, and swaps."""
+"""Collision rules as rows of a flow: cliques of cells or moves, of which one robot uses one."""
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -10,12 +11,14 @@ from scipy import sparse
 from scipy.spatial import cKDTree
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
-from cocap_opt.formulations.certificates import Cells, Resource, Swap
+from cocap_opt.formulations.certificates import Cells, Moves, Resource, Swap
 from cocap_opt.formulations.relaxations.flow import Flow
+from cocap_opt.formulations.relaxations.move_cliques import CliquesOfMoves
 from cocap_opt.problem import Cell, Problem
 from cocap_opt.result import UnsupportedError
 
 MOST_ENTRIES = 500_000  # of the separation rows
+MOST_MOVES = 1_500  # of one step, between which the separation is held by rows
 TOO_LARGE = (
     "a flow model takes at most {} entries of separation rows, here there are more; "
     "column-generation adds the few that matter"
@@ -30,8 +33,8 @@ class ConflictRows:
     slots: "_Slots"
     occupied: sparse.csr_array  # [K, N] 1 where a node lies in a slot
     cliques: sparse.csr_array  # [rows, K] slots of which at most one robot is in any
-    swaps: IntArray  # [W, 3] t and the two places
-    crossing: sparse.csr_array  # [W, E] 1 where an edge moves between the two
+    moves: tuple[Swap | Moves, ...]  # [W] of which at most one robot makes any
+    crossing: sparse.csr_array  # [W, E] 1 where an edge is one of these moves
 
     @classmethod
     def of(cls, flow: Flow) -> "ConflictRows":
@@ -51,16 +54,18 @@ class ConflictRows:
         reach = _reach(flow, slots)
         cliques = sparse.csr_array(_cliques(problem, slots))
         shared = np.asarray((cliques @ reach > 0).sum(axis=1)).ravel() > 1
-        swaps = _Swaps(np.zeros((0, 3), dtype=np.int64), sparse.csr_array((0, flow.n_edges)))
-        if problem.rules.swap and len(slots):
-            swaps = _swaps(flow, slots, reach)
+        moves = _MoveRows((), sparse.csr_array((0, flow.n_edges)))
+        if problem.rules.separation and len(slots):
+            moves = _passing(flow)
+        elif problem.rules.swap and len(slots):
+            moves = _swaps(flow, slots, reach)
         return cls(
             flow=flow,
             slots=slots,
             occupied=_incidence(at, later, (len(slots), flow.n_nodes)),
             cliques=cliques[shared],
-            swaps=swaps.moves,
-            crossing=swaps.crossing,
+            moves=moves.resources,
+            crossing=moves.crossing,
         )
 
     @property
@@ -69,10 +74,9 @@ class ConflictRows:
         return sparse.csr_array(self.cliques @ self.occupied)
 
     def resource(self, row: int) -> Resource:
-        """Returns the resource of a row; cliques are numbered first, then swaps."""
+        """Returns the resource of a row; cliques of cells are numbered first, then moves."""
         if row >= self.cliques.shape[0]:
-            t, one, other = self.swaps[row - self.cliques.shape[0]].tolist()
-            return Swap(t, (self.flow.cell(one), self.flow.cell(other)))
+            return self.moves[row - self.cliques.shape[0]]
         members = self.cliques.indices[self.cliques.indptr[row] : self.cliques.indptr[row + 1]]
         cells = sorted(self.slots.cell(k) for k in members.tolist())
         return Cells(int(self.slots.t[members[0]]), tuple(cells))
@@ -195,20 +199,20 @@ def _pairs_too_close(problem: Problem, slots: _Slots) -> sparse.csr_array:
     layer, x, y = slots.at
     altitude = problem.height_map.altitudes(problem.layers)[layer, x, y]
     # Steps are put so far apart that no two of different steps are near.
-    apart = 2 * problem.rules.separation
+    apart = 2 * math.hypot(problem.rules.separation, problem.rules.vertical)
     size = problem.height_map.resolution
-    tree = cKDTree(np.column_stack([x * size, y * size, altitude, slots.t * apart]))
-    reach = problem.rules.separation * (1 + 1e-9)
+    at = np.column_stack([x * size, y * size, altitude])
+    tree = cKDTree(np.column_stack([at, slots.t * apart]))
+    reach = math.hypot(problem.rules.separation, problem.rules.vertical) * (1 + 1e-9)
     if tree.count_neighbors(tree, reach) > MOST_ENTRIES:
         raise UnsupportedError(TOO_LARGE.format(MOST_ENTRIES))
-    near = tree.query_pairs(reach, output_type="ndarray").tolist()
-    pairs = [(a, b) for a, b in near if problem.too_close(slots.cell(a), slots.cell(b))]
-    one, other = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
-    number = np.arange(len(pairs))
+    one, other = tree.query_pairs(reach, output_type="ndarray").T
+    near = np.flatnonzero(problem.rules.too_near(at[other] - at[one]))
+    one, other, number = one[near], other[near], np.arange(len(near))
     rows, columns = np.concatenate([number, number]), np.concatenate([one, other])
     alone = sparse.eye_array(len(slots), format="csr")
     return sparse.csr_array(
-        sparse.vstack([alone, _incidence(rows, columns, (len(pairs), len(slots)))])
+        sparse.vstack([alone, _incidence(rows, columns, (len(near), len(slots)))])
     )
 
 
@@ -222,12 +226,11 @@ def _shapes(problem: Problem) -> list[_Shape]:
     to most of the rest.
     """
     layers, (width, depth) = range(len(problem.layers)), problem.height_map.shape
-    near = np.array(
-        [
-            problem.too_close(Cell(0, 0, a), Cell(i, j, b))
-            for a, b, i, j in product(layers, layers, range(width), range(depth))
-        ]
-    ).reshape(len(layers), len(layers), width, depth)
+    size, up = problem.height_map.resolution, np.array(problem.layers)
+    ways = np.zeros((len(layers), len(layers), width, depth, 3))
+    ways[..., 0], ways[..., 1] = np.arange(width)[:, None] * size, np.arange(depth) * size
+    ways[..., 2] = (up - up[:, None])[:, :, None, None]
+    near = problem.rules.too_near(ways)
     reach = (np.arange(1 - width, width), np.arange(1 - depth, depth))
     box = np.array(list(product(layers, *reach)), dtype=np.int64)  # [n, 3]
     heights = np.array(problem.layers) / problem.height_map.resolution
@@ -296,15 +299,60 @@ def _distinct(rows: sparse.csr_array) -> sparse.csr_array:
     return sparse.csr_array(rows[np.sort(first)])
 
 
-class _Swaps(NamedTuple):
-    """Moves between two cells, either way, in which two robots can meet."""
+class _MoveRows(NamedTuple):
+    """Moves of which at most one robot makes any."""
 
-    moves: IntArray  # [W, 3] t and the two places
-    crossing: sparse.csr_array  # [W, E] 1 where an edge moves between the two
+    resources: tuple[Swap | Moves, ...]  # [W]
+    crossing: sparse.csr_array  # [W, E] 1 where an edge is one of these moves
 
 
-def _swaps(flow: Flow, slots: _Slots, reach: sparse.csr_array) -> _Swaps:
-    """Returns the swaps that the edges of a flow allow."""
+def _passing(flow: Flow) -> _MoveRows:
+    """Returns cliques of moves that hold all pairs that are too near between two steps only."""
+    places = np.column_stack([flow.places[flow.tails], flow.places[flow.heads]])
+    distinct, which = np.unique(places, axis=0, return_inverse=True)
+    if len(distinct) > MOST_MOVES:
+        raise UnsupportedError(TOO_LARGE.format(MOST_ENTRIES))
+    moves = [(flow.cell(tail), flow.cell(head)) for tail, head in distinct.tolist()]
+    cliques, problem = CliquesOfMoves(flow.model), flow.model.problem
+    ends = [problem.positions([move[k] for move in moves]) for k in (0, 1)]
+    # The same cliques serve all steps.
+    left, found = np.triu(cliques.conflicts(moves)[1]), list[IntArray]()
+    for one in range(len(moves)):
+        for other in np.flatnonzero(left[one]).tolist():
+            if left[one, other]:
+                clique = cliques.among(moves[one], moves[other], *ends)
+                if not np.isin([one, other], clique).all():
+                    clique = np.array([one, other])
+                found.append(clique)
+                left[np.ix_(clique, clique)] = False
+    used = _incidence(which, np.arange(flow.n_edges), (len(moves), flow.n_edges))
+    members = [np.full(len(clique), k) for k, clique in enumerate(found)]
+    rows, columns = (np.concatenate([_NONE, *part]) for part in (members, found))
+    own = _incidence(rows, columns, (len(found), len(moves)))
+    resources, blocks, entries = list[Swap | Moves](), [sparse.csr_array((0, flow.n_edges))], 0
+    steps = flow.steps[flow.tails]
+    for t in np.unique(steps).tolist():
+        at_step = sparse.dia_array(
+            ((steps == t)[None].astype(float), [0]), shape=used.shape[1:] * 2
+        )
+        then = sparse.csr_array(used @ at_step)
+        present = np.asarray(then.sum(axis=1)).ravel() > 0
+        counts = own @ present
+        kept = np.flatnonzero(counts > 1)
+        blocks.append(sparse.csr_array((own[kept] @ then) > 0).astype(np.float64))
+        entries += blocks[-1].nnz
+        if entries > MOST_ENTRIES:
+            raise UnsupportedError(TOO_LARGE.format(MOST_ENTRIES))
+        for k in kept.tolist():
+            resources.append(Moves(t, tuple(moves[n] for n in found[k].tolist() if present[n])))
+    return _MoveRows(tuple(resources), sparse.csr_array(sparse.vstack(blocks)))
+
+
+_NONE = np.zeros(0, dtype=np.int64)
+
+
+def _swaps(flow: Flow, slots: _Slots, reach: sparse.csr_array) -> _MoveRows:
+    """Returns the swaps, either way, that the edges of a flow allow."""
     one, other = flow.places[flow.tails], flow.places[flow.heads]
     moving = np.flatnonzero(one != other)
     one, other = one[moving], other[moving]
@@ -321,7 +369,8 @@ def _swaps(flow: Flow, slots: _Slots, reach: sparse.csr_array) -> _Swaps:
         reach[np.searchsorted(slots.numbers, (t + 1) * slots.n_cells + end)] for end in ends
     )
     kept = kept[np.asarray((one + other > 0).sum(axis=1)).ravel() > 1]
-    return _Swaps(pairs[kept], sparse.csr_array(crossing[kept]))
+    resources = [Swap(t, (flow.cell(a), flow.cell(b))) for t, a, b in pairs[kept].tolist()]
+    return _MoveRows(tuple(resources), sparse.csr_array(crossing[kept]))
 
 
 def _incidence(rows: IntArray, columns: IntArray, shape: tuple[int, int]) -> sparse.csr_array:

@@ -164,4 +164,4 @@ def _crowded(
     """Returns True if a start breaks a collision rule with a start of the team."""
     own = state.x, state.y, motion.layers[state.layer]
     starts = [(r.start.x, r.start.y, r.motion.layers[r.start.layer]) for r in team]
-    return any(rules.too_near(height_map.way(own, other)) for other in starts)
+    return any(bool(rules.too_near(np.array(height_map.way(own, other)))) for other in starts)

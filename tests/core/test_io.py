@@ -85,7 +85,7 @@ def wild_problems(draw: st.DrawFn) -> Problem:
         robots=(robot,),
         actors=(Actor(poses=np.reshape(poses, (2, 4)), shape=shape, weights=weights),),
         horizon=1,
-        rules=CollisionRules(separation=draw(NOT_NEGATIVE)),
+        rules=CollisionRules(separation=draw(NOT_NEGATIVE.filter(lambda x: not 0 < x < 1e-5))),
         objective=Objective(
             stationarity=draw(WEIGHTS),
             keep_cell=draw(WEIGHTS),

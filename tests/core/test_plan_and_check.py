@@ -1,6 +1,7 @@
 """The referee: it finds what is broken, and agrees with the planners' own view of conflicts."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from cocap_opt.problem import (
     Camera,
     Cell,
     CollisionRules,
+    Conflict,
     Motion,
     Objective,
     Plan,
@@ -144,9 +146,7 @@ def test_what_is_allowed_is_not_reported() -> None:
     assert check(cutting, Plan(paths=(path_of((2, 1), (3, 0), (4, 1)),))).valid
 
 
-def judged(
-    problem: Problem, *paths: tuple[State, ...]
-) -> tuple[Verdict, list[VertexConflict | SwapConflict]]:
+def judged(problem: Problem, *paths: tuple[State, ...]) -> tuple[Verdict, list[Conflict]]:
     """The referee's verdict and the planners' own list of conflicts."""
     plan = Plan(paths=paths)
     verdict = check(problem, plan)
@@ -199,7 +199,7 @@ def test_separation_is_found() -> None:
     problem = arena(*starts, rules=rules, resolution=1.0, motion=motion)
     near = (path_of((0, 0), (1, 0), (1, 0)), path_of((4, 0), (3, 0), (2, 0, 1)))
     verdict, found = judged(problem, *near)
-    assert verdict.conflicts == ("step 2: drones 0 and 1 are 1.41421 m apart, less than 1.5 m",)
+    assert verdict.conflicts == ("step 2: drones 0 and 1 are 1.41 m apart, less than 1.5 m",)
     assert found == [VertexConflict(2, (0, 1), (Cell(1, 0, 0), Cell(2, 0, 1)))]
     high = (near[0], path_of((4, 0), (3, 0), (2, 0, 2)))
     assert judged(problem, *high)[0].valid
@@ -254,6 +254,8 @@ def crowds(draw: st.DrawFn) -> tuple[Problem, Plan]:
         st.sampled_from([
             NO_RULES, PAPER_RULES, CollisionRules(), CollisionRules(separation=1.0),
             CollisionRules(separation=1.25), CollisionRules(swap=False, separation=2.0),
+            CollisionRules(separation=1.5, vertical=0.7),
+            CollisionRules(separation=1.0, vertical=2.5),
         ])
     )  # fmt: skip
     horizon, team, paths = draw(st.integers(1, 4)), [], []
@@ -309,13 +311,13 @@ def test_planners_and_referee_agree_on_conflicts(case: tuple[Problem, Plan]) -> 
     for conflict in plan.conflicts(problem):
         i, k = conflict.robots
         assert i < k
-        swap = isinstance(conflict, SwapConflict)
-        when = f"step {conflict.t} to {conflict.t + 1}" if swap else f"step {conflict.t}"
-        named.append((when, f"drones {i} and {k}", swap))
-    found = [
-        (text.split(":")[0], text.split(": ")[1].split(" are")[0].split(" swap")[0], "swap" in text)
-        for text in _Referee(problem).conflicts(plan)
-    ]
+        at_step = isinstance(conflict, VertexConflict)
+        when = f"step {conflict.t}" if at_step else f"step {conflict.t} to {conflict.t + 1}"
+        named.append((when, f"drones {i} and {k}", isinstance(conflict, SwapConflict)))
+    found = []
+    for text in _Referee(problem).conflicts(plan):
+        when, words = text.split(": ")
+        found.append((when, re.split(" are| swap| pass", words)[0], "swap" in words))
     assert sorted(named) == sorted(found)
     steps = [conflict.t for conflict in plan.conflicts(problem)]
     assert steps == sorted(steps)

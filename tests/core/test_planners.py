@@ -51,7 +51,7 @@ from cocap_opt.problem import (
     Problem,
     Robot,
     State,
-    SwapConflict,
+    VertexConflict,
 )
 from cocap_opt.referee import _Referee, check
 from cocap_opt.result import Reason, Result, UnsupportedError, relative_gap
@@ -532,7 +532,7 @@ def plain_cocap(problem: Problem) -> tuple[Plan | None, int]:
             before = leaf.closed[robot]
             places, moves = dict(before.places), dict(before.moves)
             here = graph.place(own.layer, own.x, own.y)
-            if isinstance(conflict, SwapConflict):
+            if not isinstance(conflict, VertexConflict):
                 moves[conflict.t, here, graph.place(other.layer, other.x, other.y)] = math.inf
             else:
                 places[conflict.t, here] = math.inf
@@ -548,7 +548,7 @@ def plain_cocap(problem: Problem) -> tuple[Plan | None, int]:
 
 
 def plan_states(plan: Plan, conflict: Conflict, which: int) -> tuple[State, State]:
-    """State in which a robot of a conflict is, and for a swap the one to which it moves."""
+    """State in which a robot of a conflict is, and the one to which it moves."""
     path = plan.paths[conflict.robots[which]]
     return path[conflict.t], path[min(conflict.t + 1, len(path) - 1)]
 
@@ -784,7 +784,9 @@ def test_fewer_rules_are_never_worse(problem: Problem) -> None:
     assume(problem.rules.vertex)
     rules = problem.rules
     value = joint(problem).value
-    looser = [rules.replace(separation=0.0), rules.replace(swap=False), NO_RULES]
+    looser = [rules.replace(separation=0.0, vertical=0.0), rules.replace(swap=False), NO_RULES]
+    if rules.vertical:
+        looser.append(rules.replace(vertical=rules.vertical / 2))
     for fewer in looser:
         assert joint(problem.replace(rules=fewer)).value >= value - 1e-9
     free = problem.replace(robots=tuple(robot.replace(goal=None) for robot in problem.robots))

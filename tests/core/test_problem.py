@@ -463,7 +463,7 @@ def test_separation_is_strict() -> None:
     problem = tiny().replace(rules=CollisionRules(separation=4.0))
     assert not problem.too_close(Cell(0, 0), Cell(1, 0))
     assert problem.too_close(Cell(0, 0), Cell(0, 0))
-    wider = tiny().replace(rules=CollisionRules(separation=np.nextafter(4.0, 5.0)))
+    wider = tiny().replace(rules=CollisionRules(separation=4.00001))
     assert wider.too_close(Cell(0, 0), Cell(1, 0))
     assert not wider.too_close(Cell(0, 0), Cell(1, 1))
 
@@ -472,7 +472,9 @@ def test_rules_say_what_they_are() -> None:
     """The printed form of the rules names each rule that is on."""
     assert str(NO_RULES) == "none"
     assert str(PAPER_RULES) == "vertex"
-    assert str(CollisionRules(separation=2.5)) == "vertex+swap+separation 2.5 m"
+    assert str(CollisionRules()) == "vertex+swap"
+    assert str(CollisionRules(separation=2.5)) == "separation 2.5 m"
+    assert str(CollisionRules(separation=2.5, vertical=4)) == "separation 2.5 m, 4 m in height"
     assert NO_RULES.none
     assert not PAPER_RULES.none
 

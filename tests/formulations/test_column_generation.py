@@ -39,7 +39,7 @@ from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.graph.value_iteration import backward_sweep
 from cocap_opt.model import Model, compiled
 from cocap_opt.objective import objective
-from cocap_opt.problem import NO_RULES, Actor, CollisionRules, Plan, Problem, Robot, State
+from cocap_opt.problem import Actor, Plan, Problem, Robot, State
 from cocap_opt.referee import check
 from cocap_opt.result import Reason
 from cocap_opt.scenarios import load_scene
@@ -72,9 +72,7 @@ def random_path(model: Model, robot: int, rng: np.random.Generator) -> tuple[int
 @examples(25)
 @given(problem=st.one_of(meetings(), problems(robots=st.just(2), goals=False)))
 def test_the_best_pair_over_all_arcs_is_the_joint_optimum(problem: Problem) -> None:
-    """Two robots, every arc allowed, no swap rule: joint value iteration is exact."""
-    rules = CollisionRules(swap=False, separation=problem.rules.separation)
-    problem = problem.replace(rules=NO_RULES if problem.rules.none else rules)
+    """Two robots, every arc allowed, all rules: value iteration over their arcs is exact."""
     problem = problem.replace(robots=tuple(r.replace(goal=None) for r in problem.robots))
     model, best = compiled(problem), optimum(problem)
     pair = LocalSearch(model).best_pair((0, 1), all_arcs(model), [])

@@ -195,6 +195,7 @@ def rules(resolution: float = 4.0) -> st.SearchStrategy[CollisionRules]:
             CollisionRules(),
             CollisionRules(separation=1.2 * resolution),
             CollisionRules(swap=False, separation=1.6 * resolution),
+            CollisionRules(separation=1.3 * resolution, vertical=3.0),
         ]
     )
 

@@ -324,8 +324,8 @@ function inside(flat, x, y) {
 
 // Conflicts at a time: in a cell around the step, in a swap from one step to the next.
 function conflictsAt(plan, time) {
-  return plan.conflicts.filter(({ step, swap }) =>
-    swap ? time >= step && time <= step + 1 : Math.round(time) === step);
+  return plan.conflicts.filter(({ step, between }) =>
+    between ? time >= step && time <= step + 1 : Math.round(time) === step);
 }
 
 // The largest of 1, 2, 5, 10, .. and 0.5, 0.2, .. that is not larger.

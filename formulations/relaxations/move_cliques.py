@@ -1,0 +1,104 @@
+"""Cliques of moves: at most one robot makes any of them in a step.
+
+All moves that are at one moment of a step less than half the separation from one point are less
+than the separation apart, and so a clique. On a grid ties are the rule: two robots that are
+exactly the separation apart keep it, so that the half is made a little smaller.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.formulations.certificates import MOST_MOVES
+from cocap_opt.model import Model
+from cocap_opt.problem import Cell
+from cocap_opt.problem.rules import TOLERANCE
+
+_Move = tuple[Cell, Cell]
+
+
+class CliquesOfMoves:
+    """The cliques of moves of a problem with a separation."""
+
+    def __init__(self, model: Model) -> None:
+        self._model, self._rules = model, model.problem.rules
+
+    def conflicts(self, moves: Sequence[_Move]) -> tuple[BoolArray, BoolArray]:
+        """Returns which of several moves of one step [n, n] conflict.
+
+        Returns
+        -------
+        at all, and between the steps only
+        """
+        tails, heads = (self._model.problem.positions([m[k] for m in moves]) for k in (0, 1))
+        one = tails[:, None], heads[:, None]
+        near = self._rules.moves_conflict(one, (tails[None], heads[None]))
+        at_ends = self._rules.too_near(tails[None] - one[0]) | self._rules.too_near(
+            heads[None] - one[1]
+        )
+        return near, near & ~at_ends
+
+    def around(self, one: _Move, other: _Move) -> tuple[_Move, ...]:
+        """Returns a clique with two moves in conflict: what passes where these are nearest.
+
+        It has the moves of all classes, those nearest to that point where they are too many.
+        """
+        point = self._point(one, other)
+        model, found = self._model, dict[_Move, float]()
+        for number, robot_class in enumerate(model.classes):
+            graph, cells = robot_class.graph, model.cells[number]
+            around = graph.places_around(*point.cell, point.reach + graph.motion.radius)
+            way, which = np.nonzero(graph.neighbours[:, around] >= 0)
+            tails = around[which]
+            heads = graph.neighbours[way, tails]
+            at = model.positions[number]
+            passing, far = self._passing(point, at[tails], at[heads])
+            ends = zip(tails[passing].tolist(), heads[passing].tolist(), strict=True)
+            moves = ((cells[tail], cells[head]) for tail, head in ends)
+            found |= dict(zip(moves, far.tolist(), strict=True))
+        nearest = sorted(found, key=lambda move: (found[move], move))[:MOST_MOVES]
+        return tuple(sorted(nearest)) if {one, other} <= set(nearest) else (one, other)
+
+    def among(self, one: _Move, other: _Move, tails: FloatArray, heads: FloatArray) -> IntArray:
+        """Returns which of some moves [n] are a clique with two of them, by number.
+
+        Parameters
+        ----------
+        tails, heads : [n, 3] m, where the moves begin and end
+        """
+        return self._passing(self._point(one, other), tails, heads)[0]
+
+    def _point(self, one: _Move, other: _Move) -> "_Point":
+        """Returns the point in the middle between two moves, when they are nearest."""
+        a, b, c, d = self._model.problem.positions([*one, *other])
+        share = float(self._rules.closest(c - a, d - b).share)
+        (x, y, _), (u, v, _) = one
+        reach = math.ceil(self._rules.separation / self._model.problem.height_map.resolution)
+        reach += max(abs(u - x), abs(v - y))
+        return _Point(((1 - share) * (a + c) + share * (b + d)) / 2, share, (x, y), reach)
+
+    def _passing(
+        self, point: "_Point", tails: FloatArray, heads: FloatArray
+    ) -> tuple[IntArray, FloatArray]:
+        """Returns which moves pass nearer to a point than half the separation, and how near (m)."""
+        ways = (1 - point.share) * tails + point.share * heads - point.middle
+        rules, margin, far = self._rules, 2 * TOLERANCE, np.linalg.norm(ways, axis=1)
+        if rules.vertical:
+            near = np.hypot(ways[:, 0], ways[:, 1]) < (rules.separation - margin) / 2
+            near &= np.abs(ways[:, 2]) < (rules.vertical - margin) / 2
+        else:
+            near = far < (rules.separation - margin) / 2
+        passing = np.flatnonzero(near)
+        return passing, far[passing]
+
+
+class _Point(NamedTuple):
+    """A point at a moment of a step, near which moves pass."""
+
+    middle: FloatArray  # [3] m
+    share: float  # of the step
+    cell: tuple[int, int]  # of a place from which a move leads there
+    reach: int  # cells around it, and as many more as a move is long, where all others begin
