@@ -49,7 +49,8 @@ turn = 90                   # counter-clockwise about its origin
 at = [35, 20, 0]            # where its origin comes to lie
 
 [[walls]]
-file = "geometry.json"      # ground plans of PedPy, in m
+file = "geometry.json"      # polygons of the walkable area and of obstacles, as JSON
+unit = "m"                  # "m", "cm", "mm" or "ft"; left out: as the file says, else m
 name = "bottleneck"         # which of them
 height = 2.0
 border = 0.2                # thickness of walls around the walkable area; left out: none

@@ -339,6 +339,25 @@ def test_a_mesh_elsewhere_is_refused(tmp_path: Path) -> None:
         read(write(tmp_path, text))
 
 
+def test_walls_are_in_the_unit_that_their_file_states(tmp_path: Path) -> None:
+    """Else in that of the recipe, else in m; what contradicts itself or is no unit is refused."""
+    pillar = [[200, 100], [300, 100], [300, 200]]
+
+    def top(stated: str | None, **fields: Any) -> float:
+        plan = {"walkable": pillar, "obstacles": [pillar]} | ({"unit": stated} if stated else {})
+        (tmp_path / "plan.json").write_text(json.dumps({"one": plan}))
+        (mesh,) = WallsTable(file="plan.json", height=2.0, **fields).meshes(tmp_path, 0.0)
+        return float(mesh.vertices[:, 0].max())
+
+    assert top("cm") == top(None, unit="cm") == 3.0
+    assert top("m") == top(None) == top("cm in file; polygon in m") == 300.0
+    assert top("ft") == pytest.approx(300 * 0.3048)
+    with pytest.raises(ProblemError, match="unit: must be m, cm, mm, ft, not 'px'"):
+        top("px")
+    with pytest.raises(ProblemError, match="unit: is 'cm' in the file, but 'm' in the recipe"):
+        top("cm", unit="m")
+
+
 def test_walls_of_a_ground_plan(tmp_path: Path) -> None:
     """Obstacles and the border of the walkable area become closed walls of that height."""
     room = [[0, 0], [5, 0], [5, 4], [0, 4]]
