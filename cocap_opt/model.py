@@ -148,6 +148,10 @@ class Model:
         """
         return tuple(_positions(self.problem, robot_class) for robot_class in self.classes)
 
+    def where(self, robot_class: RobotClass, places: IntArray) -> FloatArray:
+        """Returns where robots of a class are in places [n], as [n, 3] in m, like `positions`."""
+        return self.positions[self.classes.index(robot_class)][places]
+
     @cached_property
     def _places_too_close(self) -> Callable[[int, Cell], IntArray]:
         @lru_cache(_KEPT)
@@ -168,14 +172,10 @@ class Model:
             (x, y, _), (u, v, _) = move
             reach = math.ceil(rules.separation / self.problem.height_map.resolution)
             reach += graph.motion.radius + max(abs(u - x), abs(v - y))
-            around = graph.places_around(x, y, reach)
-            way, which = np.nonzero(graph.neighbours[:, around] >= 0)
-            tails = around[which]
-            heads = graph.neighbours[way, tails]
+            tails, heads = graph.moves_around(x, y, reach)
             here, there = self.problem.positions(move)
             own = self.positions[number][tails], self.positions[number][heads]
-            between = rules.moves_conflict((here, there), own)
-            between &= ~rules.too_near(own[0] - here) & ~rules.too_near(own[1] - there)
+            between = rules.conflict_between((here, there), own)
             return np.column_stack([tails, heads])[between]
 
         return near
@@ -189,10 +189,7 @@ class Model:
         ----------
         places : [n] and [m] place numbers
         """
-        one, other = (
-            self.positions[self.classes.index(robot_class)][some]
-            for robot_class, some in zip(classes, places, strict=True)
-        )
+        one, other = map(self.where, classes, places)
         return self.problem.rules.too_near(other[None] - one[:, None])
 
     def start(self, robot: int) -> int:

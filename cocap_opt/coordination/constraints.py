@@ -1,13 +1,12 @@
 """Constraints of one robot, as charges on its graph: from other robots' paths, or one conflict."""
 
-import math
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
 
 import numpy as np
 
-from cocap_opt.data import FloatArray, IntArray
-from cocap_opt.graph.charges import Charges
+from cocap_opt.data import IntArray
+from cocap_opt.graph.charges import NO_CHARGES, Charges
 from cocap_opt.model import Model, RobotClass
 from cocap_opt.problem import Cell, Conflict, PassConflict, State, SwapConflict
 
@@ -22,14 +21,16 @@ def avoid_paths(
     others : (robot number, its T+1 states)
     """
     problem = model.problem
+    if problem.rules.none:
+        return NO_CHARGES
     places, moves = [_NOTHING[:, :2]], [_NOTHING]
-    for robot, path in others if not problem.rules.none else ():
+    for robot, path in others:
         cells = [problem.cell(robot, state) for state in path]
         for t, cell in enumerate(cells):
             places.append(_at(t, model.places_too_close(robot_class, cell)[:, None]))
         for t, move in enumerate(pairwise(cells)):
             moves.append(_at(t, model.moves_too_close(robot_class, move)))
-    return Charges.of(_closed(places), _closed(moves), _closed([_NOTHING[:, :2]]))
+    return Charges.closing(np.concatenate(places), np.concatenate(moves))
 
 
 def forbid(model: Model, conflict: Conflict, which: int, before: Charges) -> Charges:
@@ -56,10 +57,9 @@ def forbid(model: Model, conflict: Conflict, which: int, before: Charges) -> Cha
     closed = [place for place in places if place is not None]
     if len(closed) < len(places):
         raise ValueError("the conflict is not one of this drone")
-    if len(closed) == 1:
-        new = Charges({(conflict.t, closed[0]): math.inf})
-    else:
-        new = Charges(moves={(conflict.t, closed[0], closed[1]): math.inf})
+    what = _at(conflict.t, np.array([closed]))
+    is_move = len(closed) > 1
+    new = Charges.closing(_NOTHING[:, :2], what) if is_move else Charges.closing(what, _NOTHING)
     return Charges.joined([before, new])
 
 
@@ -69,8 +69,3 @@ _NOTHING = np.zeros((0, 3), dtype=np.int64)
 def _at(t: int, what: IntArray) -> IntArray:
     """Returns what [n, k] is closed at a step as keys of charges [n, k + 1]."""
     return np.column_stack([np.full(len(what), t), what])
-
-
-def _closed(parts: Sequence[IntArray]) -> tuple[IntArray, FloatArray]:
-    keys = np.concatenate(parts)
-    return keys, np.full(len(keys), math.inf)

@@ -79,6 +79,12 @@ class Charges:
         return charges
 
     @classmethod
+    def closing(cls, places: IntArray, moves: IntArray) -> "Charges":
+        """Returns charges that close places [n, 2] and moves [m, 3], at their steps."""
+        closed = [(keys, np.full(len(keys), np.inf)) for keys in (places, moves, places[:0])]
+        return cls.of(*closed)
+
+    @classmethod
     def joined(cls, parts: "Iterable[Charges]") -> "Charges":
         """Returns charges that cost as much as several others together."""
         parts = [NO_CHARGES, *parts]

@@ -7,7 +7,7 @@ cell.
 
 import math
 from functools import cached_property
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,13 +17,12 @@ from cocap_opt.problem import Actor, Motion
 from cocap_opt.world.workspace import Workspace
 
 NEAR = 15.0  # m
-Values = TypeVar("Values", BoolArray, IntArray)
 _MOST = 100  # people at steps that are looked at, evenly spread, to bound the time
 _PER_CELL, _MOST_POINTS = 2, 200  # points of a line of sight
 
 
 class _Outing(NamedTuple):
-    """What a robot can reach by the last step."""
+    """The places that a robot can reach by the last step."""
 
     size: int  # number of places
     closed: bool  # True if it could never reach more
@@ -96,14 +95,6 @@ class Encounters:
             new = reached[heads].any(axis=0) & self.graph.free & ~reached[:-1]
             done += 1
         return moves
-
-    def cells(self, places: Values) -> Values:
-        """Returns values of places [P] as an array [layers, X, Y], without the graph's border."""
-        inside = tuple(
-            slice(margin, size - margin)
-            for margin, size in zip(self.graph.border, self.graph.shape[2:], strict=True)
-        )
-        return places.reshape(self.graph.shape[2:])[inside]
 
     @cached_property
     def _near_by_step(self) -> dict[int, IntArray]:

@@ -10,7 +10,7 @@ a move is long, which makes every move one flat shift.
 
 from collections.abc import Iterable
 from functools import cached_property, lru_cache
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from cocap_opt.problem import Motion, State
 from cocap_opt.problem.motion import Move
 from cocap_opt.world.workspace import HeightMap, Workspace
 
+_Values = TypeVar("_Values", BoolArray, IntArray)
 _BYTES_PER_PLACE = 110  # while the graph is made, beside what each move takes: measured
 CLOSED = -np.inf  # value of a state that must not or cannot be entered
 
@@ -80,19 +81,14 @@ class TimeGraph:
 
     def _compile(self, workspace: Workspace) -> IntArray:
         """Returns one row of targets [P] for each move."""
-        neighbours = np.full((len(self.moves), *self.shape[2:]), -1, dtype=np.int64)
-        here = self._on_map(np.arange(self.n_places).reshape(self.shape[2:]))
+        neighbours = np.full((len(self.moves), self.n_places), -1, dtype=np.int64)
+        here = self.on_map(np.arange(self.n_places))
         for row, (move, starts) in zip(
             neighbours, allowed_moves(workspace, self.motion), strict=True
         ):
             heads = here + int(np.dot(move, self.strides))
-            self._on_map(row)[...] = np.where(starts, heads, -1)
-        return neighbours.reshape(len(self.moves), self.n_places)
-
-    def _on_map(self, values: IntArray) -> IntArray:
-        """Returns the part of an array [layer, X, Y] of places that is not the border."""
-        sizes = zip(self.border, self.shape[2:], strict=True)
-        return values[tuple(slice(border, size - border) for border, size in sizes)]
+            self.on_map(row)[...] = np.where(starts, heads, -1)
+        return neighbours
 
     def _move_between(self, tails: IntArray, heads: IntArray) -> IntArray:
         """Returns the index of the move from each place to its head, or any index if none does."""
@@ -145,6 +141,12 @@ class TimeGraph:
         """Returns layer, x and y [3, n] of numbered places [n]."""
         return np.array(np.unravel_index(places, self.shape[2:])) - _column(self.border)
 
+    def on_map(self, values: _Values) -> _Values:
+        """Returns values of places [P] as an array [layer, X, Y], without those of the border."""
+        sizes = zip(self.border, self.shape[2:], strict=True)
+        inside = tuple(slice(border, size - border) for border, size in sizes)
+        return values.reshape(self.shape[2:])[inside]
+
     def positions(self, height_map: HeightMap, places: IntArray) -> FloatArray:
         """Returns the positions [n, 3] (m) of places: middles of cells, at flight height."""
         layer, x, y = self.coordinates(places)
@@ -171,6 +173,13 @@ class TimeGraph:
         )
         places: IntArray = np.asarray(sum((at + b) * stride for at, b, stride in cells)).ravel()
         return places[self.free[places]]
+
+    def moves_around(self, x: int, y: int, reach: int) -> tuple[IntArray, IntArray]:
+        """Returns tails and heads [n] of the moves that begin in `places_around` a cell."""
+        places = self.places_around(x, y, reach)
+        move, at = np.nonzero(self.neighbours[:, places] >= 0)
+        tails = places[at]
+        return tails, self.neighbours[move, tails]
 
     # -- edges ---------------------------------------------------------------------------
 

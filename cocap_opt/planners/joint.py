@@ -176,18 +176,13 @@ class _Pair(PairIteration):
         # Of each move its targets.
         numbers += 5.0 * len(self.a.robot_class.graph.moves) * n_a
         numbers += 5.0 * len(self.b.robot_class.graph.moves) * n_b
-        if self._couples_moves:
+        if self.model.problem.rules.hold_between_steps:
             kept = 2 if self.bonuses.stationarity else 1
             whole = float(o_a * (ahead_a + 1)) * float(o_b * (ahead_b + 1))
             numbers += kept * kept * whole + kept * float(o_a * (ahead_a + 1)) * float(o_b * n_b)
             pairs = n_a * n_b
             numbers += 6.0 * pairs + 4.0 * min(max(_AT_ONCE, o_a * o_b), pairs * o_a * o_b)
         return numbers
-
-    @property
-    def _couples_moves(self) -> bool:
-        """True where a rule holds between steps."""
-        return bool(self.model.problem.rules.swap or self.model.problem.rules.separation)
 
     def reward(self, t: int) -> FloatArray:
         """Returns the reward of being in each pair of states at step t, with goals at the end."""
@@ -238,7 +233,7 @@ class _Pair(PairIteration):
         ahead = ahead.reshape(*self.a.sizes(t + 1), *self.b.sizes(t + 1))
         half = self._best_move(t, ahead, self.b, axis=2)
         best = self._best_move(t, half, self.a, axis=0)
-        if self._couples_moves:
+        if self.model.problem.rules.hold_between_steps:
             self._redo_near_pairs(t, ahead, half, best)
         return self._flat(t, best)
 
@@ -320,7 +315,10 @@ class _Pair(PairIteration):
         problem = self.model.problem
         radii = self.a.robot_class.graph.motion.radius + self.b.robot_class.graph.motion.radius
         reach = radii * problem.height_map.resolution + problem.rules.separation
-        one, other = self._where(self.a, self.a.places[t]), self._where(self.b, self.b.places[t])
+        one, other = (
+            self.model.where(self.a.robot_class, self.a.places[t]),
+            self.model.where(self.b.robot_class, self.b.places[t]),
+        )
         ways = np.abs(one[:, None, :2] - other[None, :, :2])
         # A little farther, for rounding.
         at_a, at_b = np.nonzero((ways <= reach * (1 + 1e-9)).all(axis=-1))
@@ -342,7 +340,7 @@ class _Pair(PairIteration):
         """
         rules, (at_a, at_b) = self.model.problem.rules, at
         tails_a, tails_b = (
-            self._where(side, side.places[t][some])
+            self.model.where(side.robot_class, side.places[t][some])
             for side, some in ((self.a, at_a), (self.b, at_b))
         )
         options_b = self._options(t, self.b, at_b)
@@ -368,18 +366,13 @@ class _Pair(PairIteration):
         """Returns the ways on from positions [n] at t."""
         heads = side.robot_class.graph.neighbours[:, side.places[t][at]]
         options = [
-            _Option(True, side.position(t + 1, row), self._where(side, row), rate)
+            _Option(True, side.position(t + 1, row), self.model.where(side.robot_class, row), rate)
             for row, rate in zip(heads, self._rates(side), strict=True)
         ]
         if self.bonuses.stationarity:
             stay = options[0]
             options.append(stay._replace(turns=False, reward=self.bonuses.stay))
         return options
-
-    def _where(self, side: _Side, places: IntArray) -> FloatArray:
-        """Returns where the robot is in places [n], as [n, 3] in m."""
-        number = self.model.classes.index(side.robot_class)
-        return self.model.positions[number][places]
 
     def successors(self, which: int, t: int, state: int) -> Successors:
         """Returns the states that a (0) or b (1) can go to from its state at step t."""
@@ -393,16 +386,17 @@ class _Pair(PairIteration):
         self, tails: tuple[int, int], heads: tuple[IntArray, IntArray]
     ) -> BoolArray | bool:
         """Returns which pairs of moves [n, m] break a rule between the steps."""
-        if not self._couples_moves:
+        if not self.model.problem.rules.hold_between_steps:
             return False
         sides = self.a, self.b
         sizes = [side.robot_class.graph.n_places for side in sides]
         here = [
-            self._where(side, np.array([tail % n]))
+            self.model.where(side.robot_class, np.array([tail % n]))
             for side, tail, n in zip(sides, tails, sizes, strict=True)
         ]
         one, other = (
-            self._where(side, some % n) for side, some, n in zip(sides, heads, sizes, strict=True)
+            self.model.where(side.robot_class, some % n)
+            for side, some, n in zip(sides, heads, sizes, strict=True)
         )
         return self.model.problem.rules.moves_conflict((here[0], one[:, None]), (here[1], other))
 

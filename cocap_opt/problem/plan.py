@@ -72,7 +72,7 @@ class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
         at = np.array([problem.positions(row) for row in cells])  # [R, T+1, 3] m
         moves = (at[one, :-1], at[one, 1:]), (at[other, :-1], at[other, 1:])
         near = problem.rules.too_near(at[other] - at[one])
-        between = problem.rules.moves_conflict(*moves) & ~near[:, :-1] & ~near[:, 1:]
+        between = problem.rules.conflict_between(*moves)
         # At each step first who is too near, then who is until the next one.
         for n, which in np.argwhere(_alternated(near, between).T).tolist():
             t, (i, k) = n // 2, (int(one[which]), int(other[which]))

@@ -258,11 +258,6 @@ class Problem(Data, frozen=True, eq=False, dict=True):
         one, other = self.positions([a, b])
         return bool(self.rules.too_near(other - one))
 
-    def moves_conflict(self, one: tuple[Cell, Cell], other: tuple[Cell, Cell]) -> bool:
-        """Returns True if two robots' moves in one step, from cell to cell, break a rule."""
-        a, b, c, d = self.positions([*one, *other])
-        return bool(self.rules.moves_conflict((a, b), (c, d)))
-
     def paths_conflict(self, p: Sequence[Cell], q: Sequence[Cell]) -> bool:
         """Returns True if two robots with these cells at the steps 0..T break a rule."""
         if self.rules.none:

@@ -14,7 +14,7 @@ from cocap_opt.data import LARGEST, BoolArray, Data, FloatArray, require, within
 TOLERANCE = 1e-6  # m; robots that are nearer than the separation by less keep it
 
 
-class Closest(NamedTuple):
+class _Closest(NamedTuple):
     """When two robots are nearest in a step: while they break a rule, if they do."""
 
     share: FloatArray  # [..] of the step, 0..1
@@ -66,6 +66,11 @@ class CollisionRules(Data, frozen=True):
         """True if robots may pass through each other."""
         return not self.vertex
 
+    @property
+    def hold_between_steps(self) -> bool:
+        """True if moves can break a rule that robots keep at both steps."""
+        return self.swap or self.separation > 0
+
     def __str__(self) -> str:
         if self.separation:
             aside = f"separation {self.separation:g} m"
@@ -108,8 +113,29 @@ class CollisionRules(Data, frozen=True):
         ----------
         one, other : of each robot the places [.., 3] (m) where its moves begin and end
         """
+        return self._at_ends(one, other) | self._between(one, other)
+
+    def conflict_between(
+        self, one: tuple[FloatArray, FloatArray], other: tuple[FloatArray, FloatArray]
+    ) -> BoolArray:
+        """Returns an array [..], true if moves break a rule between two steps, and at neither.
+
+        Parameters
+        ----------
+        one, other : as in `moves_conflict`
+        """
+        return self._between(one, other) & ~self._at_ends(one, other)
+
+    def _at_ends(
+        self, one: tuple[FloatArray, FloatArray], other: tuple[FloatArray, FloatArray]
+    ) -> BoolArray:
         before, after = (there - here for here, there in zip(one, other, strict=True))
-        found = self.too_near(before) | self.too_near(after) | self.pass_too_near(before, after)
+        return self.too_near(before) | self.too_near(after)
+
+    def _between(
+        self, one: tuple[FloatArray, FloatArray], other: tuple[FloatArray, FloatArray]
+    ) -> BoolArray:
+        found = self.pass_too_near(other[0] - one[0], other[1] - one[1])
         if self.swap:
             ends = (one[0] == other[1]).all(axis=-1), (one[1] == other[0]).all(axis=-1)
             found = found | np.asarray(ends[0] & ends[1])
@@ -132,7 +158,7 @@ class CollisionRules(Data, frozen=True):
             found = found | (_closest(other - one[0], other - one[1]).distance < most)
         return found
 
-    def closest(self, before: FloatArray, after: FloatArray) -> Closest:
+    def closest(self, before: FloatArray, after: FloatArray) -> _Closest:
         """Returns when robots are nearest in a step, and how near.
 
         Parameters
@@ -145,7 +171,7 @@ class CollisionRules(Data, frozen=True):
         first, last = self._near_aside_and_above(before, after)
         share = np.where(first < last, np.clip(nearest.share, first, last), nearest.share)
         at = before + share[..., None] * (after - before)
-        return Closest(share, np.sqrt((at * at).sum(axis=-1)))
+        return _Closest(share, np.sqrt((at * at).sum(axis=-1)))
 
     @property
     def _aside(self) -> float:
@@ -185,14 +211,14 @@ class CollisionRules(Data, frozen=True):
         return np.maximum(np.maximum(first, low), 0.0), np.minimum(np.minimum(last, high), 1.0)
 
 
-def _closest(before: FloatArray, after: FloatArray) -> Closest:
+def _closest(before: FloatArray, after: FloatArray) -> _Closest:
     """Returns when the straight lines from `before` to `after` are nearest to 0, and how near."""
     change = after - before
     square = (change * change).sum(axis=-1)
     along = -(before * change).sum(axis=-1) / np.where(square > 0, square, 1.0)
     share = np.clip(along, 0.0, 1.0)
     at = before + share[..., None] * change
-    return Closest(share, np.sqrt((at * at).sum(axis=-1)))
+    return _Closest(share, np.sqrt((at * at).sum(axis=-1)))
 
 
 NO_RULES = CollisionRules(vertex=False, swap=False)

@@ -267,7 +267,7 @@ class _ArcPair(PairIteration):
     ) -> BoolArray:
         """Returns which moves [n, m] from states to states break a rule between the steps."""
         rules = self._model.problem.rules
-        if not (rules.swap or rules.separation):
+        if not rules.hold_between_steps:
             return np.zeros((len(one[0]), len(other[0])), dtype=np.bool_)
         (a, b), (c, d) = (
             [self._where(side, states) for states in move]
@@ -277,8 +277,8 @@ class _ArcPair(PairIteration):
 
     def _where(self, side: _Side, states: IntArray) -> FloatArray:
         """Returns where the robot of a side is in states [n], as [n, 3] in m."""
-        number = self._model.classes.index(side.robot_class)
-        return self._model.positions[number][states % side.robot_class.graph.n_places]
+        places = states % side.robot_class.graph.n_places
+        return self._model.where(side.robot_class, places)
 
     def successors(self, which: int, t: int, state: int) -> Successors:
         """Returns the states that arcs of robot 0 or 1 lead to."""

@@ -70,9 +70,9 @@ class Mixture(NamedTuple):
         found: list[Cells | Swap | Moves] = []
         for t, cells_then in occupied.items():
             found += _crowded_cells(problem, t, cells_then, 1 + tolerance)
+        cliques = CliquesOfMoves(model)
         for t, moves in flown.items():
             if problem.rules.separation:
-                cliques = CliquesOfMoves(model)
                 found += _crowded_moves(cliques, t, moves, 1 + tolerance)
             elif problem.rules.swap:
                 found += _crowded_swaps(t, moves, 1 + tolerance)

@@ -18,7 +18,7 @@ from cocap_opt.problem import Cell, Problem
 from cocap_opt.result import UnsupportedError
 
 MOST_ENTRIES = 500_000  # of the separation rows
-MOST_MOVES = 1_500  # of one step, between which the separation is held by rows
+MOST_PASSING = 1_500  # of one step, between which the separation is held by rows
 TOO_LARGE = (
     "a flow model takes at most {} entries of separation rows, here there are more; "
     "column-generation adds the few that matter"
@@ -310,7 +310,7 @@ def _passing(flow: Flow) -> _MoveRows:
     """Returns cliques of moves that hold all pairs that are too near between two steps only."""
     places = np.column_stack([flow.places[flow.tails], flow.places[flow.heads]])
     distinct, which = np.unique(places, axis=0, return_inverse=True)
-    if len(distinct) > MOST_MOVES:
+    if len(distinct) > MOST_PASSING:
         raise UnsupportedError(TOO_LARGE.format(MOST_ENTRIES))
     moves = [(flow.cell(tail), flow.cell(head)) for tail, head in distinct.tolist()]
     cliques, problem = CliquesOfMoves(flow.model), flow.model.problem

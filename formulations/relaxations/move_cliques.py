@@ -15,9 +15,9 @@ from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.formulations.certificates import MOST_MOVES
 from cocap_opt.model import Model
 from cocap_opt.problem import Cell
-from cocap_opt.problem.rules import TOLERANCE
 
 _Move = tuple[Cell, Cell]
+_TWICE = 2 * (1 + 1e-8)  # and a little more than rounding
 
 
 class CliquesOfMoves:
@@ -34,12 +34,8 @@ class CliquesOfMoves:
         at all, and between the steps only
         """
         tails, heads = (self._model.problem.positions([m[k] for m in moves]) for k in (0, 1))
-        one = tails[:, None], heads[:, None]
-        near = self._rules.moves_conflict(one, (tails[None], heads[None]))
-        at_ends = self._rules.too_near(tails[None] - one[0]) | self._rules.too_near(
-            heads[None] - one[1]
-        )
-        return near, near & ~at_ends
+        pairs = (tails[:, None], heads[:, None]), (tails[None], heads[None])
+        return self._rules.moves_conflict(*pairs), self._rules.conflict_between(*pairs)
 
     def around(self, one: _Move, other: _Move) -> tuple[_Move, ...]:
         """Returns a clique with two moves in conflict: what passes where these are nearest.
@@ -50,10 +46,7 @@ class CliquesOfMoves:
         model, found = self._model, dict[_Move, float]()
         for number, robot_class in enumerate(model.classes):
             graph, cells = robot_class.graph, model.cells[number]
-            around = graph.places_around(*point.cell, point.reach + graph.motion.radius)
-            way, which = np.nonzero(graph.neighbours[:, around] >= 0)
-            tails = around[which]
-            heads = graph.neighbours[way, tails]
+            tails, heads = graph.moves_around(*point.cell, point.reach + graph.motion.radius)
             at = model.positions[number]
             passing, far = self._passing(point, at[tails], at[heads])
             ends = zip(tails[passing].tolist(), heads[passing].tolist(), strict=True)
@@ -85,12 +78,8 @@ class CliquesOfMoves:
     ) -> tuple[IntArray, FloatArray]:
         """Returns which moves pass nearer to a point than half the separation, and how near (m)."""
         ways = (1 - point.share) * tails + point.share * heads - point.middle
-        rules, margin, far = self._rules, 2 * TOLERANCE, np.linalg.norm(ways, axis=1)
-        if rules.vertical:
-            near = np.hypot(ways[:, 0], ways[:, 1]) < (rules.separation - margin) / 2
-            near &= np.abs(ways[:, 2]) < (rules.vertical - margin) / 2
-        else:
-            near = far < (rules.separation - margin) / 2
+        # Two that pass are at most twice as far apart as the farther one is from the point.
+        near, far = self._rules.too_near(ways * _TWICE), np.linalg.norm(ways, axis=1)
         passing = np.flatnonzero(near)
         return passing, far[passing]
 

@@ -99,7 +99,7 @@ class DronesTable(Table):
         """Returns the cells [X, Y] of the lowest layer from which a drone comes near somebody."""
         pitches = len(self.tilts)
         encounters = Encounters(workspace, self.motion, actors, horizon, pitches=pitches)
-        return np.asarray(encounters.cells(encounters.can_meet())[0])
+        return np.asarray(encounters.graph.on_map(encounters.can_meet())[0])
 
     def _candidates(
         self,
