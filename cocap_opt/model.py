@@ -149,7 +149,7 @@ class Model:
         return tuple(_positions(self.problem, robot_class) for robot_class in self.classes)
 
     def where(self, robot_class: RobotClass, places: IntArray) -> FloatArray:
-        """Returns where robots of a class are in places [n], as [n, 3] in m, like `positions`."""
+        """Returns where robots of a class are in places [..], as [.., 3] in m, like `positions`."""
         return self.positions[self.classes.index(robot_class)][places]
 
     @cached_property

@@ -27,7 +27,7 @@ from cocap_opt.timing import timed
 TEMPORARIES = 5  # arrays of a step's size that one step back needs at once
 PROCESS = 100e6  # bytes, about: Python, the libraries, the problem, and what is freed but kept
 MEMORY_LIMIT = 8e9  # bytes that the process may have
-_AT_ONCE = 100_000  # values of near pairs, to bound the memory
+_AT_ONCE = 200_000  # values of near pairs, to bound the memory
 
 
 @timed
@@ -124,13 +124,18 @@ class _Side:
         return self.position(t + 1, self.robot_class.graph.neighbours[:, self.places[t]])
 
 
-class _Option(NamedTuple):
-    """One way in which a robot can go on from each of n places."""
+class _Ways(NamedTuple):
+    """K ways in which a robot can go on from each of n places."""
 
     turns: bool  # False: the state is unchanged
-    to: IntArray  # [n] positions at t+1, one past the last where the way is closed
-    heads: FloatArray  # [n, 3] m, where it leads
-    reward: float
+    to: IntArray  # [K, n] positions at t+1, one past the last where the way is closed
+    heads: FloatArray  # [K, n, 3] m, where it leads
+    rewards: FloatArray  # [K]
+
+    def of(self, way: int) -> "_Ways":
+        """Returns one of the ways, as K = 1 of them."""
+        only = slice(way, way + 1)
+        return _Ways(self.turns, self.to[only], self.heads[only], self.rewards[only])
 
 
 class _Pair(PairIteration):
@@ -181,7 +186,10 @@ class _Pair(PairIteration):
             whole = float(o_a * (ahead_a + 1)) * float(o_b * (ahead_b + 1))
             numbers += kept * kept * whole + kept * float(o_a * (ahead_a + 1)) * float(o_b * n_b)
             pairs = n_a * n_b
-            numbers += 6.0 * pairs + 4.0 * min(max(_AT_ONCE, o_a * o_b), pairs * o_a * o_b)
+            numbers += 6.0 * pairs
+            # Of each way of b from each of the pairs at once: values, and twice where it leads.
+            ways = len(self.b.robot_class.graph.moves)
+            numbers += min(pairs, self._pairs_at_once()) * ways * (2.0 * o_a * o_b + 20.0)
         return numbers
 
     def reward(self, t: int) -> FloatArray:
@@ -256,11 +264,6 @@ class _Pair(PairIteration):
                     np.maximum(best, moved[turn], out=best)
         return result
 
-    def _rates(self, side: _Side) -> list[float]:
-        """Returns the rewards of one robot's cell moves [K]."""
-        rates: list[float] = self.bonuses.of_moves(np.array(side.robot_class.graph.moves)).tolist()
-        return rates
-
     def _best_move(self, t: int, ahead: FloatArray, side: _Side, axis: int) -> FloatArray:
         """Returns the maximum over one robot's actions.
 
@@ -269,7 +272,8 @@ class _Pair(PairIteration):
         axis : of the robot's orientations in `ahead`; the next one has its places
         """
         turned = _with_closed_end(self._turned(ahead, side, axis), axis + 1)
-        targets, rates = side.targets(t), self._rates(side)
+        moves = np.array(side.robot_class.graph.moves)
+        targets, rates = side.targets(t), self.bonuses.of_moves(moves).tolist()
         best: FloatArray = turned.take(targets[0], axis=axis + 1)
         best += rates[0]
         for target, rate in zip(targets[1:], rates[1:], strict=True):
@@ -304,11 +308,17 @@ class _Pair(PairIteration):
             some = self._turned(ahead, self.a, 0) if a_turns else ahead
             for b_turns in stays:
                 values[a_turns, b_turns] = self._turned(some, self.b, 2) if b_turns else some
-        moves = sum(len(side.robot_class.graph.moves) for side in (self.a, self.b))
-        size = max(1, _AT_ONCE // max(best.shape[0] * best.shape[2], 5 * moves))
+        size = self._pairs_at_once()
         for first in range(0, len(at_a), size):
             pairs = at_a[first : first + size], at_b[first : first + size]
             best[:, pairs[0], :, pairs[1]] = self._best_of_pairs(t, pairs, halves, values)
+
+    def _pairs_at_once(self) -> int:
+        """Returns of how many pairs of places the moves are looked at together."""
+        ways = len(self.b.robot_class.graph.moves)
+        orientations = self.a.robot_class.graph.n_orientations
+        orientations *= self.b.robot_class.graph.n_orientations
+        return max(1, _AT_ONCE // (ways * (orientations + 10)))
 
     def _near_pairs(self, t: int) -> tuple[IntArray, IntArray]:
         """Returns the pairs of places at t, by position, of which some moves may conflict."""
@@ -343,36 +353,41 @@ class _Pair(PairIteration):
             self.model.where(side.robot_class, side.places[t][some])
             for side, some in ((self.a, at_a), (self.b, at_b))
         )
-        options_b = self._options(t, self.b, at_b)
-        lengths = [np.linalg.norm(b.heads - tails_b, axis=1) for b in options_b]
+        ways_b = self._ways(t, self.b, at_b)
+        lengths = [np.linalg.norm(ways.heads - tails_b, axis=-1).ravel() for ways in ways_b]
         reach = float(np.nanmax([0.0, *np.concatenate(lengths)]))
+        closed = halves[True].shape[1] - 1
         best = np.full((len(at_a), halves[True].shape[0], halves[True].shape[2]), CLOSED)
-        for a in self._options(t, self.a, at_a):
+        for a in (ways.of(k) for ways in self._ways(t, self.a, at_a) for k in range(len(ways.to))):
             self.stop.check()
-            may = rules.may_conflict((tails_a, a.heads), tails_b, reach)
+            (to,), (heads,), (reward,) = a.to, a.heads, a.rewards
+            may = rules.may_conflict((tails_a, heads), tails_b, reach)
             free, near = np.flatnonzero(~may), np.flatnonzero(may)
-            gained = halves[a.turns][:, a.to[free], :, at_b[free]] + a.reward
+            gained = halves[a.turns][:, to[free], :, at_b[free]] + reward
             best[free] = np.maximum(best[free], gained)
-            for b in options_b if len(near) else ():
+            for b in ways_b if len(near) else ():
                 broken = rules.moves_conflict(
-                    (tails_a[near], a.heads[near]), (tails_b[near], b.heads[near])
+                    (tails_a[near], heads[near]), (tails_b[near], b.heads[:, near])
                 )
-                to = np.where(broken, halves[True].shape[1] - 1, a.to[near])
-                gained = values[a.turns, b.turns][:, to, :, b.to[near]] + (a.reward + b.reward)
-                best[near] = np.maximum(best[near], gained)
+                both = np.where(broken, closed, to[near]), b.to[:, near]
+                gained = values[a.turns, b.turns][:, both[0], :, both[1]]
+                gained += (reward + b.rewards)[:, None, None, None]
+                best[near] = np.maximum(best[near], gained.max(axis=0))
         return best
 
-    def _options(self, t: int, side: _Side, at: IntArray) -> list[_Option]:
+    def _ways(self, t: int, side: _Side, at: IntArray) -> list[_Ways]:
         """Returns the ways on from positions [n] at t."""
         heads = side.robot_class.graph.neighbours[:, side.places[t][at]]
-        options = [
-            _Option(True, side.position(t + 1, row), self.model.where(side.robot_class, row), rate)
-            for row, rate in zip(heads, self._rates(side), strict=True)
-        ]
-        if self.bonuses.stationarity:
-            stay = options[0]
-            options.append(stay._replace(turns=False, reward=self.bonuses.stay))
-        return options
+        turning = _Ways(
+            True,
+            side.position(t + 1, heads),
+            self.model.where(side.robot_class, heads),
+            self.bonuses.of_moves(np.array(side.robot_class.graph.moves)),
+        )
+        if not self.bonuses.stationarity:
+            return [turning]
+        staying = turning.of(0)
+        return [turning, staying._replace(turns=False, rewards=np.array([self.bonuses.stay]))]
 
     def successors(self, which: int, t: int, state: int) -> Successors:
         """Returns the states that a (0) or b (1) can go to from its state at step t."""
