@@ -12,6 +12,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.graph.motion import Window
 from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.memory import require_memory
 from cocap_opt.problem import AnyCamera, Cell, Motion, Plan, Problem, Robot
@@ -118,13 +119,13 @@ class Model:
 
     @cached_property
     def cells(self) -> tuple[tuple[Cell, ...], ...]:
-        """Cell of every place of every class; border places lie outside the map."""
+        """Cell of every place of every class; those of the border have layer -1."""
         return tuple(_cells(self.problem, robot_class) for robot_class in self.classes)
 
     def place_of(self, robot_class: RobotClass, cell: Cell) -> int | None:
         """Returns the number of a cell among a class's places; None where it never flies."""
         layers, height = robot_class.spec.motion.layers, self.problem.layers[cell.layer]
-        if height not in layers or not self.problem.height_map.inside(cell.x, cell.y):
+        if height not in layers or not robot_class.graph.window.covers(cell.x, cell.y):
             return None
         place = robot_class.graph.place(layers.index(height), cell.x, cell.y)
         return place if robot_class.graph.free[place] else None
@@ -342,6 +343,7 @@ class _Coverage:
         self._use_cache = use_cache
         self._geometry = FaceGeometry(problem)
         self._tables: dict[Sight, CoverageTable] = {}
+        self._reachable: dict[Sight, BoolArray] = {}
         self._growing: dict[Sight, GrowingTable] = {}
         self._ended: Stop | None = None  # the stop that has ended coverage early
 
@@ -350,7 +352,12 @@ class _Coverage:
         return Views.of(self._geometry, self.problem, graph, spec.camera)
 
     def reachable(self, spec: Robot) -> BoolArray:
-        return _graph(self.problem, spec).reachable(self._starts(spec), self.problem.horizon)
+        if _sight(spec) not in self._reachable:
+            graph = _graph(self.problem, spec)
+            self._reachable[_sight(spec)] = graph.reachable(
+                self._starts(spec), self.problem.horizon
+            )
+        return self._reachable[_sight(spec)]
 
     def _starts(self, spec: Robot) -> list[int]:
         """State numbers of the starts of all robots that move and see alike, increasing."""
@@ -369,7 +376,7 @@ class _Coverage:
         graph, problem = _graph(self.problem, spec), self.problem
         steps, faces = problem.horizon + 1, len(problem.face_weights)
         radius, starts = spec.motion.radius, len(self._starts(spec))
-        width, depth = problem.height_map.shape
+        width, depth = graph.window.shape
         reached = sum(
             min(width, 2 * radius * t + 1) * min(depth, 2 * radius * t + 1) for t in range(steps)
         )
@@ -421,8 +428,9 @@ class _Coverage:
         poses = [actor.poses[: problem.horizon + 1] for actor in problem.actors]
         shapes = [actor.shape for actor in problem.actors]
         key = TableCache.key(
-            problem.workspace, spec.motion, spec.camera, self._starts(spec), problem.horizon,
-            problem.face_samples, problem.first_step, poses, shapes,
+            problem.workspace, spec.motion, spec.camera, _graph(problem, spec).window,
+            self._starts(spec), problem.horizon, problem.face_samples, problem.first_step, poses,
+            shapes,
         )  # fmt: skip
         return self._by_view_sum(TableCache.of_user().table(key, make))
 
@@ -442,8 +450,9 @@ class _Coverage:
 
     def _seconds_to_bound(self, spec: Robot) -> float:
         """Seconds, about, that ceilings and some sweeps take for the steps that are not known."""
-        states = int(np.count_nonzero(self.reachable(spec)[self.steps(spec) :]))
-        return states * len(self.problem.actors) * _BOUNDING + 10 * states * _SWEEPING
+        reachable = self.reachable(spec)
+        unknown = int(np.count_nonzero(reachable[self.steps(spec) :]))
+        return unknown * len(self.problem.actors) * _BOUNDING + 2.5 * reachable.size * _SWEEPING
 
     def steps(self, spec: Robot) -> int:
         """Number of steps, from 0 on, that the known coverage is whole for."""
@@ -467,27 +476,36 @@ def _sight(spec: Robot) -> Sight:
 
 
 def _graph(problem: Problem, spec: Robot) -> TimeGraph:
-    return TimeGraph.of(problem.workspace, spec.motion, len(spec.camera.tilts))
+    """Return the graph of the cells that some robot with this one's motion and camera can reach."""
+    alike = [robot.start for robot in problem.robots if _sight(robot) == _sight(spec)]
+    reach = spec.motion.radius * problem.horizon
+    window = Window.around([(start.x, start.y) for start in alike], reach, problem.workspace)
+    return TimeGraph.of(problem.workspace, spec.motion, len(spec.camera.tilts), window)
 
 
 def _cells(problem: Problem, robot_class: RobotClass) -> tuple[Cell, ...]:
-    layer, x, y = robot_class.graph.coordinates(np.arange(robot_class.graph.n_places)).tolist()
-    own = [problem.layers.index(height) for height in robot_class.spec.motion.layers]
-    inside = [own[k] if 0 <= k < len(own) else -1 for k in layer]
-    return tuple(Cell(*at) for at in zip(x, y, inside, strict=True))
+    graph = robot_class.graph
+    layer, x, y = graph.coordinates(np.arange(graph.n_places))
+    own = np.array([problem.layers.index(height) for height in robot_class.spec.motion.layers])
+    layers, inside = np.full(graph.n_places, -1), _inside(graph)
+    layers[inside] = own[layer[inside]]
+    return tuple(map(Cell, x.tolist(), y.tolist(), layers.tolist()))
 
 
 def _positions(problem: Problem, robot_class: RobotClass) -> FloatArray:
     graph, height_map = robot_class.graph, problem.height_map
     layer, x, y = graph.coordinates(np.arange(graph.n_places))
-    altitudes = height_map.altitudes(robot_class.spec.motion.layers)
-    sizes = zip((layer, x, y), altitudes.shape, strict=True)
-    inside = np.logical_and.reduce([(at >= 0) & (at < size) for at, size in sizes])
+    altitudes, inside = height_map.altitudes(robot_class.spec.motion.layers), _inside(graph)
     found = np.full((graph.n_places, 3), np.nan)
     layer, x, y = layer[inside], x[inside], y[inside]
     size = height_map.resolution
     found[inside] = np.column_stack([x * size, y * size, altitudes[layer, x, y]])
     return found
+
+
+def _inside(graph: TimeGraph) -> IntArray:
+    """Return the places [n] of a graph that are not of its border."""
+    return graph.without_border(np.arange(graph.n_places)).ravel()
 
 
 @lru_cache(maxsize=8)

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from cocap_opt.graph.encounters import NEAR, Encounters
+from cocap_opt.graph.motion import Window
 from cocap_opt.problem import Actor, Motion, Problem, Robot
 from cocap_opt.world.columns import Spans
 from cocap_opt.world.workspace import Mesh, Workspace
@@ -61,21 +62,34 @@ def _shut_in(problem: Problem) -> Iterator[str]:
     for i, robot in enumerate(problem.robots):
         kind = robot.motion, len(robot.camera.tilts)
         if kind not in known:
-            known[kind] = Encounters(
-                problem.workspace, robot.motion, problem.actors, problem.horizon, pitches=kind[1]
-            )
+            known[kind] = _around_robots(problem, *kind)
         encounters, start = known[kind], robot.start
         graph = encounters.graph
         outing = encounters.outing(graph.place(start.layer, start.x, start.y))
         if not outing.closed:
             continue
+        free = robot.motion.free_places(problem.workspace)
         if outing.size <= _FEW:
             yield f"robots[{i}] can reach only {outing.size} cell{'s' if outing.size > 1 else ''}"
-        elif not outing.meets and outing.size < np.count_nonzero(graph.free):
+        elif not outing.meets and outing.size < np.count_nonzero(free):
             yield (
                 f"robots[{i}] is shut in a pocket of {outing.size} cells, from which it cannot "
                 f"come within {NEAR:g} m of anybody in sight"
             )
+
+
+def _around_robots(problem: Problem, motion: Motion, pitches: int) -> Encounters:
+    """Returns the places near people that robots of one motion can reach in the time they have."""
+    starts = [
+        (robot.start.x, robot.start.y)
+        for robot in problem.robots
+        if (robot.motion, len(robot.camera.tilts)) == (motion, pitches)
+    ]
+    # One step more, for it must show whether there is a way on from where the last one leads.
+    window = Window.around(starts, (problem.horizon + 1) * motion.radius, problem.workspace)
+    return Encounters(
+        problem.workspace, motion, problem.actors, problem.horizon, NEAR, pitches, window
+    )
 
 
 def _below_ground(problem: Problem, mesh: Mesh) -> bool:

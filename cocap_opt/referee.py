@@ -11,6 +11,7 @@ from fractions import Fraction
 
 import numpy as np
 
+from cocap_opt.graph.motion import Window
 from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.problem import Plan, Problem, Robot, State
 from cocap_opt.problem.rules import TOLERANCE
@@ -100,25 +101,28 @@ class _Referee:
     def conflicts(self, plan: Plan) -> list[str]:
         """Says in words which collision rules are broken, step by step."""
         rules, found = self.problem.rules, []
-
-        def position(robot: int, t: int) -> _Position:
-            state = plan.paths[robot][t]
-            return state.x, state.y, self._altitude(self.problem.robots[robot], state)
-
+        if rules.none:
+            return []
+        at = [
+            [(state.x, state.y, self._altitude(robot, state)) for state in path]
+            for robot, path in zip(self.problem.robots, plan.paths, strict=True)
+        ]
         for t in range(self.problem.horizon + 1):
             for i in range(len(plan.paths)):
                 for k in range(i + 1, len(plan.paths)):
-                    a, b = position(i, t), position(k, t)
+                    a, b = at[i][t], at[k][t]
                     if rules.vertex and a == b:
                         found.append(f"step {t}: drones {i} and {k} are in one cell")
                     elif rules.vertex and (near := self._too_near(self._way(a, b))):
                         found.append(f"step {t}: drones {i} and {k} are {near}")
                     if t == self.problem.horizon:
                         continue
-                    c, d = position(i, t + 1), position(k, t + 1)
+                    c, d = at[i][t + 1], at[k][t + 1]
                     if rules.swap and a != b and (c, d) == (b, a):
                         found.append(f"step {t} to {t + 1}: drones {i} and {k} swap cells")
-                    elif near := self._pass_too_near(self._way(a, b), self._way(c, d)):
+                    elif rules.separation and (
+                        near := self._pass_too_near(self._way(a, b), self._way(c, d))
+                    ):
                         found.append(f"step {t} to {t + 1}: drones {i} and {k} pass {near}")
         return found
 
@@ -148,7 +152,7 @@ class _Referee:
         them is small in one interval of it.
         """
         rules = self.problem.rules
-        if not rules.separation or self._too_near(before) or self._too_near(after):
+        if self._too_near(before) or self._too_near(after):
             return ""
 
         def way(share: float) -> _Position:
@@ -188,7 +192,9 @@ class _Referee:
         """
         geometry = FaceGeometry(self.problem)
         paths = zip(self.problem.robots, plan.paths, strict=True)
-        seen = [self._coverage(geometry, robot, path) for robot, path in paths]
+        cells = [(state.x, state.y) for path in plan.paths for state in path]
+        window = Window.around(cells, 0, self.problem.workspace)
+        seen = [self._coverage(geometry, robot, path, window) for robot, path in paths]
         rewards = []
         before = [0.0 for _ in self.problem.face_weights]
         for t in range(self.problem.horizon + 1):
@@ -208,10 +214,11 @@ class _Referee:
         return rewards
 
     def _coverage(
-        self, geometry: FaceGeometry, robot: Robot, path: tuple[State, ...]
+        self, geometry: FaceGeometry, robot: Robot, path: tuple[State, ...], window: Window
     ) -> list[list[float]]:
-        """Returns the coverage [T+1][F] that a robot has along its path."""
-        graph = TimeGraph.of(self.problem.workspace, robot.motion, len(robot.camera.tilts))
+        """Returns the coverage [T+1][F] that a robot has along its path, which is in the window."""
+        pitches = len(robot.camera.tilts)
+        graph = TimeGraph.of(self.problem.workspace, robot.motion, pitches, window)
         views = Views.of(geometry, self.problem, graph, robot.camera)
         states = np.array([graph.index(state) for state in path[: self.problem.horizon + 1]])
         coverage: list[list[float]] = views.along(0, states).tolist()

@@ -30,7 +30,7 @@ from cocap_opt.stop import Limit
 
 __all__ = ["early_bound"]
 
-METHOD = "optimistic"
+METHOD = "step-multipliers"
 _ROUNDING = 1e-9  # relative, much more than that of the sums here and in a certificate's pricing
 _STEP_DOWN = 0.4  # from one share of what could be seen to the next
 
@@ -82,6 +82,7 @@ class _Prices:
 
     def __init__(self, model: Model, sums: list[_Sums], visible: BoolArray) -> None:
         self._model, self._sums = model, sums
+        self._digest = problem_digest(model.problem)
         problem = model.problem
         weights = np.where(visible, problem.view_sum_weights, 0.0)
         self._weights = weights.reshape(problem.view_sum_steps, -1).sum(axis=1)
@@ -120,7 +121,7 @@ class _Prices:
         bound = self._bound(steps)
         return CertificateFile(
             scene=problem.name,
-            digest=problem_digest(problem),
+            digest=self._digest,
             method=METHOD,
             coverage=OPTIMISTIC if self._model.covered_steps <= problem.horizon else UNSET,
             bound=None if bound == -math.inf else bound,
@@ -134,7 +135,13 @@ class _Prices:
         bonuses = Bonuses.of(self._model.problem.objective)
         for robot_class, sums in zip(self._model.classes, self._sums, strict=True):
             reward = robot_class.graph.no_reward(self._model.problem.horizon)
-            reward += steps.alpha[:, None] * sums.roots + steps.beta[:, None] * sums.pixels
+            steps_of = np.broadcast_arrays(reward[:, 0], steps.alpha, steps.beta)[1:]
+            # Step by step: arrays of all states at all steps are large.
+            for own, roots, pixels, alpha, beta in zip(reward, *sums, *steps_of, strict=True):
+                if alpha:
+                    own += alpha * roots
+                if beta:
+                    own += beta * pixels
             value = backward_sweep(robot_class.graph, reward, bonuses, goal=robot_class.goal)
             total += float(value[0, list(robot_class.starts)].sum())
         if total == -math.inf:

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.graph.motion import Window
 from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.problem import Actor, Motion
 from cocap_opt.world.workspace import Workspace
@@ -37,6 +38,7 @@ class Encounters:
     actors, horizon : the people, and the last step that counts
     near : m
     pitches : number of gimbal pitches; places do not depend on it, but a graph that is there does
+    window : the part of the map that is looked at; all if not given
 
     Attributes
     ----------
@@ -51,8 +53,9 @@ class Encounters:
         horizon: int,
         near: float = NEAR,
         pitches: int = 1,
+        window: Window | None = None,
     ) -> None:
-        self.graph = TimeGraph.of(workspace, motion, pitches)
+        self.graph = TimeGraph.of(workspace, motion, pitches, window)
         self._workspace, self._actors, self._horizon = workspace, actors, horizon
         self._near = near
 

@@ -8,15 +8,15 @@ moves to arrays for planners and bounds, which need neither edges one by one nor
 
 from __future__ import annotations  # networkx graphs take type arguments in stubs only
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import product
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, cast
 
 import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
 
-from cocap_opt.data import BoolArray
+from cocap_opt.data import BoolArray, FloatArray
 from cocap_opt.problem import AnyCamera, Motion, Problem, State
 from cocap_opt.problem.motion import Move
 from cocap_opt.world.columns import Columns
@@ -29,35 +29,98 @@ if TYPE_CHECKING:
     Graph = nx.DiGraph[Any]
 
 
-def allowed_moves(workspace: Workspace, motion: Motion) -> Iterator[tuple[Move, BoolArray]]:
-    """Yields each move of one step, and an array [layer, X, Y], true where it may begin."""
-    free = motion.free_places(workspace)
+class Window(NamedTuple):
+    """A rectangle of cells on the map: x0 <= x < x1, y0 <= y < y1."""
+
+    x0: int
+    y0: int
+    x1: int
+    y1: int
+
+    @classmethod
+    def all_of(cls, workspace: Workspace) -> Window:
+        """Returns the whole map."""
+        return cls(0, 0, *workspace.height_map.shape)
+
+    @classmethod
+    def around(cls, cells: Iterable[tuple[int, int]], reach: int, workspace: Workspace) -> Window:
+        """Returns the least window that has all cells (x, y), and `reach` more on all sides.
+
+        It ends where the map ends, and cells beyond it count as the nearest of its cells.
+        """
+        width, depth = workspace.height_map.shape
+        at = np.clip(list(cells), 0, [width - 1, depth - 1])
+        (x0, y0), (x1, y1) = at.min(axis=0), at.max(axis=0)
+        return cls(
+            max(int(x0) - reach, 0),
+            max(int(y0) - reach, 0),
+            min(int(x1) + reach + 1, width),
+            min(int(y1) + reach + 1, depth),
+        )
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Numbers of cells along x and y."""
+        return self.x1 - self.x0, self.y1 - self.y0
+
+    def covers(self, x: int, y: int) -> bool:
+        """Returns True if a cell is in it."""
+        return self.x0 <= x < self.x1 and self.y0 <= y < self.y1
+
+    def of(self, values: NDArray[T]) -> NDArray[T]:
+        """Returns its part of values [.., X, Y] of the map."""
+        part: NDArray[T] = values[..., self.x0 : self.x1, self.y0 : self.y1]
+        return part
+
+
+class _Room(NamedTuple):
+    """What lies in a window."""
+
+    free: BoolArray  # [layer, X, Y] true where a robot may be
+    altitudes: FloatArray  # [layer, X, Y] m, where it flies
+    columns: Columns
+
+
+def allowed_moves(
+    workspace: Workspace, motion: Motion, window: Window | None = None
+) -> Iterator[tuple[Move, BoolArray]]:
+    """Yields each move of one step, and an array [layer, X, Y], true where it may begin.
+
+    Parameters
+    ----------
+    window : the part of the map that robots do not leave, and X x Y its cells; all if not given
+    """
+    window = window or Window.all_of(workspace)
+    room = _Room(
+        window.of(motion.free_places(workspace)),
+        window.of(workspace.height_map.altitudes(motion.layers)),
+        Columns(*map(window.of, workspace.columns)),
+    )
     for move in motion.moves:
-        yield move, _allowed_starts(workspace, free, motion, move)
+        yield move, _allowed_starts(room, motion, move)
 
 
-def _allowed_starts(workspace: Workspace, free: BoolArray, motion: Motion, move: Move) -> BoolArray:
+def _allowed_starts(room: _Room, motion: Motion, move: Move) -> BoolArray:
     """Returns an array [layer, X, Y], true for free places from which a move is allowed.
 
     The cells that it passes must have no solid matter from the lower of its two altitudes to
     the higher, nor within the clearance of these. With corner cutting only the two ends count.
     """
     if motion.corner_cutting:
-        return free & _shifted(free, move, False)
+        return room.free & _shifted(room.free, move, False)
     _, dx, dy = move
-    columns, here = workspace.columns, workspace.height_map.altitudes(motion.layers)
-    there = _shifted(here, move, np.nan)
+    here, there = room.altitudes, _shifted(room.altitudes, move, np.nan)
     low, high = np.minimum(here, there) - motion.clearance, np.maximum(here, there)
     high += motion.clearance
-    allowed: BoolArray = ~np.isnan(there)  # it does not lead out of the map
+    allowed: BoolArray = ~np.isnan(there)  # it does not lead out
     for i, j in motion.swept_cells(dx, dy):
-        below, above = (_shifted(part, (0, i, j), np.nan) for part in columns)
+        below, above = (_shifted(part, (0, i, j), np.nan) for part in room.columns)
         allowed &= ~Columns(below, above).solid(low, high)
     return allowed
 
 
 def _shifted(values: NDArray[T], move: Move, outside: float) -> NDArray[T]:
-    """Returns `values` [layer, X, Y] at every place + `move`, and `outside` beyond the map."""
+    """Returns `values` [layer, X, Y] at every place + `move`, and `outside` beyond."""
     result = np.full_like(values, outside)
     source, target = [], []
     for step, size in zip(move, values.shape, strict=True):

@@ -4,8 +4,8 @@ Constraints and prices close or charge places and moves of this one graph, see `
 copies it. Paths through it are found by `value_iteration`.
 
 States are numbered 0..S-1 in the order [heading, pitch, layer, x, y] and places 0..P-1 in
-the order [layer, x, y]. Both numberings include a closed border around the map, as wide as
-a move is long, which makes every move one flat shift.
+the order [layer, x, y]. Both numberings are of a window of the map, which robots do not leave, and
+include a closed border around it, as wide as a move is long, which makes every move one flat shift.
 """
 
 from collections.abc import Iterable
@@ -15,7 +15,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
-from cocap_opt.graph.motion import allowed_moves
+from cocap_opt.graph.motion import Window, allowed_moves
 from cocap_opt.memory import require_memory
 from cocap_opt.problem import Motion, State
 from cocap_opt.problem.motion import Move
@@ -39,6 +39,7 @@ class TimeGraph:
 
     Attributes
     ----------
+    window : the cells in which robots stay
     shape : (headings, pitches, layers, X, Y) of the numbering, border included
     n_places, n_states : P and S
     moves : the K cell moves of one step, the first is to stay
@@ -47,11 +48,16 @@ class TimeGraph:
     irregular : states from which a move to a free place is hidden
     """
 
-    def __init__(self, workspace: Workspace, motion: Motion, pitches: int) -> None:
-        sizes = (len(motion.layers), *workspace.height_map.shape)
+    def __init__(
+        self, workspace: Workspace, motion: Motion, pitches: int, window: Window | None = None
+    ) -> None:
+        self.window = window or Window.all_of(workspace)
+        sizes = (len(motion.layers), *self.window.shape)
         climb = min(motion.climb, len(motion.layers) - 1)
         self.motion = motion
         self.border = (climb, motion.radius, motion.radius)
+        # Layer and cell of place 0.
+        self._first = (-climb, self.window.x0 - motion.radius, self.window.y0 - motion.radius)
         padded = tuple(n + 2 * b for n, b in zip(sizes, self.border, strict=True))
         self.shape = (motion.headings, pitches, *padded)
         self.n_orientations = motion.headings * pitches
@@ -59,14 +65,14 @@ class TimeGraph:
         self.n_states = self.n_orientations * self.n_places
         self.strides = (padded[1] * padded[2], padded[2], 1)
         self.moves: list[Move] = motion.moves
-        self._require_memory(workspace)
+        self._require_memory()
         self.neighbours = self._compile(workspace)
         self.free: BoolArray = self.neighbours[0] >= 0  # every free place may be stayed in
         self.irregular = self._compile_irregular()
 
-    def _require_memory(self, workspace: Workspace) -> None:
+    def _require_memory(self) -> None:
         """Refuses a graph that is larger than the memory."""
-        moves, (x, y) = len(self.moves), workspace.height_map.shape
+        moves, (x, y) = len(self.moves), self.window.shape
         require_memory(
             self.n_places * (moves * 8 + _BYTES_PER_PLACE),
             f"the graph of {x} x {y} cells in {len(self.motion.layers)} layers, with {moves} moves "
@@ -75,19 +81,26 @@ class TimeGraph:
         )
 
     @classmethod
-    def of(cls, workspace: Workspace, motion: Motion, pitches: int) -> "TimeGraph":
-        """Returns the compiled graph of these motions in this workspace, made once and shared."""
-        return _shared(workspace, motion, pitches)
+    def of(
+        cls, workspace: Workspace, motion: Motion, pitches: int, window: Window | None = None
+    ) -> "TimeGraph":
+        """Returns the compiled graph of these motions in this workspace, made once and shared.
+
+        Parameters
+        ----------
+        window : the part of the map that robots do not leave; all if not given
+        """
+        return _shared(workspace, motion, pitches, window or Window.all_of(workspace))
 
     def _compile(self, workspace: Workspace) -> IntArray:
         """Returns one row of targets [P] for each move."""
         neighbours = np.full((len(self.moves), self.n_places), -1, dtype=np.int64)
-        here = self.on_map(np.arange(self.n_places))
+        here = self.without_border(np.arange(self.n_places))
         for row, (move, starts) in zip(
-            neighbours, allowed_moves(workspace, self.motion), strict=True
+            neighbours, allowed_moves(workspace, self.motion, self.window), strict=True
         ):
             heads = here + int(np.dot(move, self.strides))
-            self.on_map(row)[...] = np.where(starts, heads, -1)
+            self.without_border(row)[...] = np.where(starts, heads, -1)
         return neighbours
 
     def _move_between(self, tails: IntArray, heads: IntArray) -> IntArray:
@@ -122,9 +135,17 @@ class TimeGraph:
     # -- numbering -----------------------------------------------------------------------
 
     def place(self, layer: int, x: int, y: int) -> int:
-        """Returns the number of the place at this layer and cell."""
-        at = zip((layer, x, y), self.border, self.strides, strict=True)
-        return sum((i + b) * stride for i, b, stride in at)
+        """Returns the number of the place at this layer and cell, which is in the window.
+
+        Raises
+        ------
+        IndexError
+            If the cell is not in the window.
+        """
+        if not self.window.covers(x, y):
+            raise IndexError(f"cell ({x}, {y}) is not in {self.window}")
+        at = zip((layer, x, y), self._first, self.strides, strict=True)
+        return sum((i - first) * stride for i, first, stride in at)
 
     def index(self, state: State) -> int:
         """Returns the number of a state."""
@@ -134,15 +155,15 @@ class TimeGraph:
     def state(self, index: int) -> State:
         """Returns the state with this number."""
         heading, pitch, *place = (int(i) for i in np.unravel_index(index, self.shape))
-        layer, x, y = (i - b for i, b in zip(place, self.border, strict=True))
+        layer, x, y = (i + first for i, first in zip(place, self._first, strict=True))
         return State(x, y, layer, heading, pitch)
 
     def coordinates(self, places: IntArray) -> IntArray:
         """Returns layer, x and y [3, n] of numbered places [n]."""
-        return np.array(np.unravel_index(places, self.shape[2:])) - _column(self.border)
+        return np.array(np.unravel_index(places, self.shape[2:])) + _column(self._first)
 
-    def on_map(self, values: _Values) -> _Values:
-        """Returns values of places [P] as an array [layer, X, Y], without those of the border."""
+    def without_border(self, values: _Values) -> _Values:
+        """Returns values of places [P] as an array [layer, X, Y] of the window."""
         sizes = zip(self.border, self.shape[2:], strict=True)
         inside = tuple(slice(border, size - border) for border, size in sizes)
         return values.reshape(self.shape[2:])[inside]
@@ -161,17 +182,14 @@ class TimeGraph:
 
     def places_around(self, x: int, y: int, reach: int) -> IntArray:
         """Returns the free places at most `reach` cells from a cell along both axes."""
-        layers, width, depth = (
-            size - 2 * border for size, border in zip(self.shape[2:], self.border, strict=True)
-        )
+        x0, y0, x1, y1 = self.window
         rows, columns = (
-            np.arange(max(middle - reach, 0), min(middle + reach + 1, size))
-            for middle, size in ((x, width), (y, depth))
+            np.arange(max(middle - reach, low), min(middle + reach + 1, high))
+            for middle, low, high in ((x, x0, x1), (y, y0, y1))
         )
-        cells = zip(
-            np.ix_(np.arange(layers), rows, columns), self.border, self.strides, strict=True
-        )
-        places: IntArray = np.asarray(sum((at + b) * stride for at, b, stride in cells)).ravel()
+        layers = np.arange(len(self.motion.layers))
+        cells = zip(np.ix_(layers, rows, columns), self._first, self.strides, strict=True)
+        places: IntArray = np.asarray(sum((i - first) * step for i, first, step in cells)).ravel()
         return places[self.free[places]]
 
     def moves_around(self, x: int, y: int, reach: int) -> tuple[IntArray, IntArray]:
@@ -214,14 +232,18 @@ class TimeGraph:
         """Returns an array [T+1, S], true if a state is reachable from a start at a step."""
         seen = np.zeros((horizon + 1, self.n_orientations, self.n_places), dtype=bool)
         seen[0].reshape(-1)[list(starts)] = True
+        # A robot may stay as it is: what was reached once can be reached at all later steps.
+        new = seen[0]
         for t in range(horizon):
-            occupied = np.flatnonzero(seen[t].any(axis=0))
-            spread = np.zeros_like(seen[t])
+            occupied = np.flatnonzero(new.any(axis=0))
+            spread = np.zeros_like(new)
             for heads in self.neighbours[:, occupied]:
                 open_ = heads >= 0
-                spread[:, heads[open_]] |= seen[t][:, occupied[open_]]
+                spread[:, heads[open_]] |= new[:, occupied[open_]]
+            seen[t + 1] = seen[t]
             for orientation, targets in enumerate(self.turns):
                 seen[t + 1][targets] |= spread[orientation]
+            new = seen[t + 1] & ~seen[t]
         return seen.reshape(horizon + 1, self.n_states)
 
     # -- rewards ----------------------------------------------------------------------------
@@ -229,7 +251,9 @@ class TimeGraph:
     def no_reward(self, horizon: int) -> FloatArray:
         """Returns a reward array [T+1, S] of zeros, CLOSED outside the free states."""
         one = np.where(np.tile(self.free, self.n_orientations), 0.0, CLOSED)
-        return np.tile(one, (horizon + 1, 1))
+        reward = np.empty((horizon + 1, self.n_states))
+        reward[...] = one
+        return reward
 
 
 def _column(values: Iterable[int]) -> IntArray:
@@ -237,5 +261,5 @@ def _column(values: Iterable[int]) -> IntArray:
 
 
 @lru_cache(maxsize=16)
-def _shared(workspace: Workspace, motion: Motion, pitches: int) -> TimeGraph:
-    return TimeGraph(workspace, motion, pitches)
+def _shared(workspace: Workspace, motion: Motion, pitches: int, window: Window) -> TimeGraph:
+    return TimeGraph(workspace, motion, pitches, window)

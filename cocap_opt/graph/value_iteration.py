@@ -12,6 +12,7 @@ from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.graph.charges import NO_CHARGES, Charges
 from cocap_opt.graph.move_rewards import NO_BONUSES, Bonuses
 from cocap_opt.graph.timegraph import CLOSED, TimeGraph
+from cocap_opt.stop import Stop, never
 
 
 def backward_sweep(
@@ -20,6 +21,7 @@ def backward_sweep(
     bonuses: Bonuses = NO_BONUSES,
     charges: Charges = NO_CHARGES,
     goal: tuple[int, int] | None = None,
+    stop: Stop = never,
 ) -> FloatArray:
     """Returns the best reward to go of every state at every step.
 
@@ -31,22 +33,31 @@ def backward_sweep(
     bonuses : rewards for the moves themselves
     charges : costs of places, moves and states; infinity closes them
     goal : cell (x, y) in which the path must end
+    stop : stopping criterion, checked at every step
 
     Returns
     -------
     [T+1, S] reward at t itself plus the best of the steps after it; CLOSED if the state is not
     free or cannot reach the goal.
+
+    Raises
+    ------
+    LimitReached
+        If a limit is reached before the sweep is at step 0.
     """
     value = np.empty_like(reward)
     value[-1] = reward[-1]
     if goal is not None:
         elsewhere = np.ones(graph.shape[2:], dtype=bool)
-        elsewhere[:, goal[0] + graph.border[1], goal[1] + graph.border[2]] = False
+        if graph.window.covers(*goal):
+            at = [graph.place(layer, *goal) for layer in range(len(graph.motion.layers))]
+            elsewhere.reshape(-1)[at] = False
         value[-1].reshape(graph.shape)[:, :, elsewhere] = CLOSED
     step = _Step(graph, bonuses)
     last = len(reward) - 1
     _charge(graph, value[last], charges, last)
     for t in range(last - 1, -1, -1):
+        stop.check()
         best = step.best(value[t + 1], *charges.moves_at(t))
         np.add(best, reward[t], out=value[t])
         _charge(graph, value[t], charges, t)

@@ -158,12 +158,12 @@ def _reachable(model: Model, robot: int) -> BoolArray:
 def _looking_inwards(
     model: Model, robot: int, seat: int, places: _Places, t: int
 ) -> tuple[IntArray, IntArray]:
-    """For which turns [m] of K a place is on the map, and the states [m] that look inwards."""
+    """For which turns [m] of K a place is in reach of anybody, and states [m] that look inwards."""
     problem, graph = model.problem, model.class_of[robot].graph
     motion, tilts = graph.motion, np.array(problem.robots[robot].camera.tilts)
     at = places.at[seat, t]
     cells = [problem.height_map.cell_of(x, y) for x, y in at.tolist()]
-    turns = np.flatnonzero([problem.height_map.inside(x, y) for x, y in cells])
+    turns = np.flatnonzero([graph.window.covers(x, y) for x, y in cells])
     layer = motion.layers.index(places.flight[seat])
     place = np.array([graph.place(layer, *cells[turn]) for turn in turns], dtype=np.int64)
     way = places.middle[t] - at[turns]

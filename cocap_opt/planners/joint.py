@@ -73,7 +73,7 @@ def _best_paths(model: Model, stop: Stop) -> tuple[Path, ...] | None:
     """
     stop.check()
     if len(model.problem.robots) == 1:
-        path = best_response(model, 0, model.problem.no_pixels())
+        path = best_response(model, 0, model.problem.no_pixels(), stop=stop)
         return None if path is None else (path,)
     pair = _Pair(model, stop)
     if pair.bytes_needed > MEMORY_LIMIT:

@@ -45,12 +45,12 @@ def value_iteration(task: SingleRobotTask) -> SingleRobotPath:
     Raises
     ------
     LimitReached
-        If a limit is reached before the coverage is whole.
+        If a limit is reached before the path is there.
     """
     model = task.model
     task.stop.check()
     model.prepare(model.class_of[task.robot], task.stop)
-    path = best_response(model, task.robot, task.pixels, task.charges)
+    path = best_response(model, task.robot, task.pixels, task.charges, task.stop)
     if path is None:
         return SingleRobotPath(None, model.problem.no_pixels(), 0)
     return SingleRobotPath(path, model.robot_pixels(task.robot, path), 0)

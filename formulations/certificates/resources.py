@@ -189,15 +189,15 @@ class Visit(_Resource, frozen=True, tag="visit"):
         wrong = _wrong_step(self.t, model.problem.horizon) or _wrong_class(model, self.class_number)
         if wrong:
             return wrong
-        spec = model.classes[self.class_number].spec
-        sizes = (
-            *model.problem.height_map.shape,
-            len(spec.motion.layers),
-            spec.motion.headings,
-            len(spec.camera.tilts),
+        graph = model.classes[self.class_number].graph
+        x, y, *rest = self.state
+        sizes = len(graph.motion.layers), *graph.shape[:2]
+        inside = all(0 <= value < size for value, size in zip(rest, sizes, strict=True))
+        return (
+            ""
+            if inside and graph.window.covers(x, y)
+            else f"state: {tuple(self.state)} is none of the class's states"
         )
-        inside = all(0 <= value < size for value, size in zip(self.state, sizes, strict=True))
-        return "" if inside else f"state: {tuple(self.state)} is none of the class's states"
 
 
 class Move(_Resource, frozen=True, tag="move"):

@@ -35,10 +35,10 @@ def branch_and_price(
     model = compiled(problem)
     try:
         model.prepare_all(stop)
+        search = Search(model, stop, report, Clock())
     except LimitReached as reached:
         stopped = CertifiedResult.of_start(problem, start, reached.limit)
         return stopped.with_bound_of(early_bound(problem, reached.limit))
-    search = Search(model, stop, report, Clock())
     message = search.use_start(start)
     tree, limit = Tree(search, gap), Limit.NONE
     try:

@@ -37,10 +37,10 @@ def column_generation(
     model = compiled(problem)
     try:
         model.prepare_all(stop)
+        search = Search(model, stop, report, Clock())
     except LimitReached as reached:
         stopped = CertifiedResult.of_start(problem, start, reached.limit)
         return stopped.with_bound_of(early_bound(problem, reached.limit))
-    search = Search(model, stop, report, Clock())
     message = search.use_start(start)
     root, limit = Root.of(search, OPTIMALITY / 2), Limit.NONE
     try:

@@ -88,7 +88,7 @@ class LocalSearch:
         for column in others:
             pixels[column.view_sums] += column.pixels
         charges = Column.avoid(model, model.class_of[robot], others)
-        path = best_response(model, robot, pixels, charges)
+        path = best_response(model, robot, pixels, charges, self.stop)
         return None if path is None else Column.of(model, robot, path)
 
     def best_pair(

@@ -19,6 +19,7 @@ from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.graph.value_iteration import backward_sweep, best_path
 from cocap_opt.model import Model
+from cocap_opt.stop import Stop, never
 from cocap_opt.vision.coverage import CoverageTable
 
 
@@ -31,10 +32,10 @@ class Priced(NamedTuple):
 
 
 class Pricer:
-    """Prices the multipliers of one model."""
+    """Prices the multipliers of one model; raises LimitReached before its stop is exceeded."""
 
-    def __init__(self, model: Model) -> None:
-        self.model = model
+    def __init__(self, model: Model, stop: Stop = never) -> None:
+        self.model, self._stop = model, stop
         self._weights = model.problem.view_sum_weights
         # Some classes share a table.
         tables = [model.coverage(robot_class) for robot_class in model.classes]
@@ -54,7 +55,9 @@ class Pricer:
             own = base[id(model.coverage(robot_class))]
             reward = model.spread(robot_class, self._paid(number, duals, own))
             charges = charges_of(model, number, costs)
-            value = backward_sweep(robot_class.graph, reward, bonuses, charges, robot_class.goal)
+            value = backward_sweep(
+                robot_class.graph, reward, bonuses, charges, robot_class.goal, self._stop
+            )
             for robot, start in zip(robot_class.robots, robot_class.starts, strict=True):
                 bound += float(value[0, start])
                 if value[0, start] > CLOSED:

@@ -34,7 +34,7 @@ class Root:
     @classmethod
     def of(cls, search: Search, gap: float, rough: float = 0.0) -> "Root":
         """Returns the relaxation without decisions, with its first columns, not yet solved."""
-        best = search.alone()
+        best = search.alone
         # Twice what all robots can see is more than a broken rule can mostly bring.
         master = Master(search.model, penalty=2 * search.scale)
         for column in (*search.first_columns(), *best.columns):

@@ -11,7 +11,7 @@ from cocap_opt.formulations.certificates import CertificateFile, ProofFile
 from cocap_opt.formulations.column_generation.columns import Arc, Column
 from cocap_opt.formulations.column_generation.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.local_search import LocalSearch
-from cocap_opt.formulations.column_generation.pricing import Priced, Pricer
+from cocap_opt.formulations.column_generation.pricing import Pricer
 from cocap_opt.formulations.relaxations.duals import Duals
 from cocap_opt.formulations.result import (
     OPTIMALITY,
@@ -47,7 +47,8 @@ class Search:
     rng : of perturbations
     largest : [C, Z] largest root of the pixels of one robot, px^0.5/m
     weights : [Z] of view sums
-    scale : bound in which every robot is alone, if it is positive and finite; 1 if it is not
+    alone : the multipliers, priced, of the bound in which every robot is alone
+    scale : that bound every robot is alone, if it is positive and finite; 1 if it is not
     """
 
     model: Model
@@ -60,14 +61,15 @@ class Search:
     lowest: float = np.inf
 
     def __post_init__(self) -> None:
-        """Compiles the parts of the model that pricing needs."""
-        self.pricer = Pricer(self.model)
+        """Compiles the parts of the model that pricing needs, and prices; raises LimitReached."""
+        self.pricer = Pricer(self.model, self.stop)
         self.local_search = LocalSearch(self.model, self.stop)
         self.rng = np.random.default_rng(0)
         self.largest = self.model.largest_roots()
         self.weights = self.model.problem.view_sum_weights
-        alone = self.alone().bound
-        self.scale = alone if 0 < alone < np.inf else 1.0
+        self.alone = self.pricer(Duals.alone(self.model.problem))
+        bound = self.alone.bound
+        self.scale = bound if 0 < bound < np.inf else 1.0
 
     @property
     def value(self) -> float:
@@ -106,10 +108,6 @@ class Search:
             bound = min(bound, self.spare.proved)
         bound = self.lowest = min(bound, max(self.lowest, self.value))
         return Snapshot(self.value, bound, self.clock.seconds, self.columns, nodes)
-
-    def alone(self) -> Priced:
-        """Returns the multipliers, priced, of the bound in which every robot is alone."""
-        return self.pricer(Duals.alone(self.model.problem))
 
     def first_columns(self) -> list[Column]:
         """Returns each robot's best path that obeys the rules given the earlier ones.

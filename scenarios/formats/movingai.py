@@ -185,8 +185,8 @@ def _nearest(
 ) -> list[GridCell]:
     """Returns starts in the order of how many moves bring a robot near somebody in sight."""
     encounters = Encounters(workspace, motion, people, len(people[0].poses) - 1, near)
-    meets = encounters.graph.on_map(encounters.can_meet())[0]
-    moves = encounters.graph.on_map(encounters.moves_to_meet())[0]
+    meets = encounters.graph.without_border(encounters.can_meet())[0]
+    moves = encounters.graph.without_border(encounters.moves_to_meet())[0]
     return sorted((start for start in starts if meets[start]), key=lambda start: moves[start])
 
 

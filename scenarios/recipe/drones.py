@@ -8,6 +8,7 @@ from msgspec import Meta
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray, ProblemError
 from cocap_opt.graph.encounters import NEAR, Encounters
+from cocap_opt.graph.motion import Window
 from cocap_opt.problem import Actor, Camera, CollisionRules, Motion, Robot, State
 from cocap_opt.scenarios.cameras import CAMERAS
 from cocap_opt.scenarios.recipe.tables import Coordinate, Count, Length, Table
@@ -97,9 +98,16 @@ class DronesTable(Table):
 
     def _can_meet(self, workspace: Workspace, actors: tuple[Actor, ...], horizon: int) -> BoolArray:
         """Returns the cells [X, Y] of the lowest layer from which a drone comes near somebody."""
-        pitches = len(self.tilts)
-        encounters = Encounters(workspace, self.motion, actors, horizon, pitches=pitches)
-        return np.asarray(encounters.graph.on_map(encounters.can_meet())[0])
+        height_map, motion = workspace.height_map, self.motion
+        poses = np.concatenate([actor.poses[: horizon + 1, :2] for actor in actors]).tolist()
+        reach = math.ceil(NEAR / height_map.resolution) + 1 + horizon * motion.radius
+        window = Window.around((height_map.cell_of(x, y) for x, y in poses), reach, workspace)
+        encounters = Encounters(
+            workspace, motion, actors, horizon, NEAR, len(self.tilts), window=window
+        )
+        found = np.zeros(height_map.shape, dtype=np.bool_)
+        window.of(found)[...] = encounters.graph.without_border(encounters.can_meet())[0]
+        return found
 
     def _candidates(
         self,

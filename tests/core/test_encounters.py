@@ -30,10 +30,10 @@ def encounters(heights: FloatArray, *actors: Actor, steps: int = STEPS) -> Encou
 def test_nobody_starts_in_a_sealed_courtyard() -> None:
     """Though it is only a few metres from a person in the street; who is inside can be met."""
     outside = encounters(courtyard(), standing(10.5, 4.5, 0.0, 0.0, steps=STEPS))
-    meets = outside.graph.on_map(outside.can_meet())[0]
+    meets = outside.graph.without_border(outside.can_meet())[0]
     assert meets[10, 2] and not meets[8:12, 8:12].any()
     inside = encounters(courtyard(), standing(10.5, 10.5, 0.0, 0.0, steps=STEPS))
-    meets = inside.graph.on_map(inside.can_meet())[0]
+    meets = inside.graph.without_border(inside.can_meet())[0]
     assert meets[8:12, 8:12].all() and not meets[10, 2]
 
 
@@ -41,9 +41,9 @@ def test_who_is_too_far_away_in_time_is_not_met() -> None:
     """A drone flies one cell a step: within T steps it comes T cells nearer, no more."""
     street = np.zeros((60, 1))
     far = encounters(street, standing(0.5, 0.5, 0.0, 0.0, steps=STEPS))
-    meets = far.graph.on_map(far.can_meet())[0, :, 0]
+    meets = far.graph.without_border(far.can_meet())[0, :, 0]
     assert meets[: 15 + STEPS + 1].all() and not meets[15 + STEPS + 1 :].any()
-    moves = far.graph.on_map(far.moves_to_meet())[0, :, 0]
+    moves = far.graph.without_border(far.moves_to_meet())[0, :, 0]
     assert (moves[:16] == 0).all() and moves[20] == 5
 
 

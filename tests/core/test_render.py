@@ -13,7 +13,6 @@ from cocap_opt.experiments.results.rendered import (
     FaceView,
     Pose,
 )
-from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.model import Model
 from cocap_opt.problem import Actor, Camera, Cuboid, Motion, Problem, Robot, State
 from cocap_opt.scenarios import load_scene
@@ -77,8 +76,8 @@ def test_planned_pixels_are_rendered_pixels(problem: Problem) -> None:
     assume(all(isinstance(robot.camera, Camera) for robot in problem.robots))
     model, renderer = Model(problem, use_cache=False), Renderer(problem)
     rng = np.random.default_rng(0)
-    for i, robot in enumerate(problem.robots):
-        graph = TimeGraph.of(problem.workspace, robot.motion, len(robot.camera.tilts))
+    for i in range(len(problem.robots)):
+        graph = model.class_of[i].graph
         reached = model.reachable(model.class_of[i])
         for t in range(1, problem.horizon + 1):
             state = graph.state(int(rng.choice(np.flatnonzero(reached[t]))))

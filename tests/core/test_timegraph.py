@@ -14,7 +14,7 @@ from strategies import WALL, cameras, examples, height_maps, motions
 
 from cocap_opt.data import FloatArray
 from cocap_opt.graph.charges import NO_CHARGES, Charges
-from cocap_opt.graph.motion import _motion_graph, time_expanded_graph
+from cocap_opt.graph.motion import Window, _motion_graph, time_expanded_graph
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.timegraph import CLOSED, TimeGraph
 from cocap_opt.graph.value_iteration import backward_sweep, best_path
@@ -84,6 +84,41 @@ def test_reachable_states_are_the_time_expanded_graph(case: Case) -> None:
     reachable = case.graph.reachable([case.start], case.problem.horizon)
     nodes = {(case.graph.state(int(s)), int(t)) for t, s in np.argwhere(reachable)}
     assert nodes == set(time_expanded_graph(case.problem, 0))
+
+
+@examples(40)
+@given(cases(goals=True), st.integers(0, 3), st.integers(0, 2**32 - 1))
+def test_a_window_has_all_that_is_in_reach(case: Case, more: int, seed: int) -> None:
+    """In a window around a start, as wide as it flies, nothing is missing and values are the same.
+
+    A wider one, which may cut moves of places beyond reach, changes nothing either.
+    """
+    (robot,), horizon = case.problem.robots, case.problem.horizon
+    motion, start = robot.motion, robot.start
+    workspace = case.problem.workspace
+    window = Window.around([(start.x, start.y)], motion.radius * horizon + more, workspace)
+    graph = TimeGraph(workspace, motion, len(robot.camera.tilts), window)
+    part, whole = (g.reachable([g.index(start)], horizon) for g in (graph, case.graph))
+    nodes = [(t, graph.state(s)) for t, s in np.argwhere(part).tolist()]
+    assert nodes == [(t, case.graph.state(s)) for t, s in np.argwhere(whole).tolist()]
+    rewards = np.random.default_rng(seed).integers(0, 4, len(nodes)).astype(float)
+    paths = []
+    for g, reached in ((graph, part), (case.graph, whole)):
+        reward = g.no_reward(horizon)
+        reward[reached] = rewards
+        value = backward_sweep(g, reward, goal=robot.goal)
+        path = best_path(g, value, g.index(start))
+        paths.append((value[reached].tolist(), path and [g.state(s) for s in path]))
+    assert paths[0] == paths[1]
+
+
+def test_cells_outside_a_window_have_no_number() -> None:
+    """A state outside is an error, not the number of another state."""
+    window = Window(1, 1, 3, 3)
+    graph = TimeGraph(Workspace(HeightMap(heights=np.zeros((4, 4)))), Motion(), 1, window)
+    assert graph.state(graph.index(State(2, 1))) == State(2, 1)
+    with pytest.raises(IndexError, match=r"cell \(0, 2\) is not in Window"):
+        graph.index(State(0, 2))
 
 
 @examples(20)

@@ -131,7 +131,7 @@ def test_pricing_and_certificate_agree(problem: Problem) -> None:
     """What pricing calls a bound is what the certificate proves, up to rounding."""
     model = compiled(problem)
     search = Search(model)
-    assume(search.alone().bound > -np.inf)
+    assume(search.alone.bound > -np.inf)
     root = Root.of(search, OPTIMALITY).relaxation
     for column in root.best.columns:
         root.master.add(column)
@@ -184,7 +184,7 @@ def test_a_decision_is_kept_by_the_master_and_by_pricing() -> None:
     closed = Decision(resource, "at most", 0)
     master = Master(model, 1e6, (closed,))
     assert not master.add(column)
-    alone = search.alone()
+    alone = search.alone
     duals = type(alone.duals)(alone.duals.alpha, alone.duals.beta, decisions=np.zeros(1))
     for other in Pricer(model)(duals, (closed,)).columns:
         assert not resource.used_by(model, other.flight)

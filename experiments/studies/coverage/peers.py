@@ -66,8 +66,10 @@ def _differences(
     """Compares some random states; returns the differences, and sums of px/m2 by name."""
     model, renderer = Model(problem), Renderer(problem, _THEIR_STEP)
     robot, robot_class = problem.robots[0], model.class_of[0]
-    reached = robot_class.graph.reachable([model.start(0)], problem.horizon)
-    known = [key for key in theirs if reached[key[0], robot_class.graph.index(key[1])]]
+    graph = robot_class.graph
+    reached = graph.reachable([model.start(0)], problem.horizon)
+    near = (key for key in theirs if graph.window.covers(key[1].x, key[1].y))
+    known = [key for key in near if reached[key[0], graph.index(key[1])]]
     if not known:
         raise ProblemError("drone 0 reaches none of the states in the coverage file")
     some = np.random.default_rng(0).permutation(len(known))[:most].tolist()
@@ -75,9 +77,7 @@ def _differences(
     totals = dict.fromkeys(("theirs", "planned", "rendered"), 0.0)
     for t, state in (known[k] for k in some):
         areas = renderer.areas(t)
-        planned = model.views(robot_class).coverage(t, np.array([robot_class.graph.index(state)]))[
-            0
-        ]
+        planned = model.views(robot_class).coverage(t, np.array([graph.index(state)]))[0]
         pixels, unhidden = renderer.pixels(robot, t, state), renderer.unhidden(robot, t, state)
         peer, quantum = theirs[t, state], _PIXELS / areas
         for name, values in zip(totals, (peer, planned, pixels / areas), strict=True):
