@@ -1,5 +1,6 @@
 """Constraints of one robot, as charges on its graph: from other robots' paths, or one conflict."""
 
+import math
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
 
@@ -8,7 +9,7 @@ import numpy as np
 from cocap_opt.data import IntArray
 from cocap_opt.graph.charges import NO_CHARGES, Charges
 from cocap_opt.model import Model, RobotClass
-from cocap_opt.problem import Cell, Conflict, PassConflict, State, SwapConflict
+from cocap_opt.problem import Conflict, PassConflict, State, SwapConflict, VertexConflict
 
 
 def avoid_paths(
@@ -34,7 +35,11 @@ def avoid_paths(
 
 
 def forbid(model: Model, conflict: Conflict, which: int, before: Charges) -> Charges:
-    """Returns the charges `before` plus the one that keeps a robot out of a conflict.
+    """Returns the charges `before` plus those that keep a robot out of a conflict.
+
+    Under a separation not both robots may be near the point in the middle between them: the one
+    that gives way keeps half the separation from it, at the step or at the moment between two
+    when they are nearest. Any two that do not are too near, so that no plan is lost in both.
 
     Parameters
     ----------
@@ -46,21 +51,52 @@ def forbid(model: Model, conflict: Conflict, which: int, before: Charges) -> Cha
         If the robot cannot be where the conflict says that it is.
     """
     robot_class = model.class_of[conflict.robots[which]]
-    cells: tuple[Cell, ...]
-    if isinstance(conflict, PassConflict):
-        cells = conflict.moves[which]
-    elif isinstance(conflict, SwapConflict):
-        cells = conflict.cells[which], conflict.cells[1 - which]
+    if isinstance(conflict, VertexConflict):
+        own = conflict.cells[which : which + 1]
     else:
-        cells = conflict.cells[which : which + 1]
-    places = [model.place_of(robot_class, cell) for cell in cells]
+        own = conflict.moves[which]
+    places = [model.place_of(robot_class, cell) for cell in own]
     closed = [place for place in places if place is not None]
     if len(closed) < len(places):
         raise ValueError("the conflict is not one of this drone")
-    what = _at(conflict.t, np.array([closed]))
-    is_move = len(closed) > 1
-    new = Charges.closing(_NOTHING[:, :2], what) if is_move else Charges.closing(what, _NOTHING)
+    if isinstance(conflict, VertexConflict):
+        near = _near_middle(model, robot_class, conflict)
+        new = Charges.closing(_at(conflict.t, np.append(near, closed)[:, None]), _NOTHING)
+    else:
+        passing = _passing_middle(model, robot_class, conflict)
+        moves = np.concatenate([passing, [closed]])
+        new = Charges.closing(_NOTHING[:, :2], _at(conflict.t, moves))
     return Charges.joined([before, new])
+
+
+def _near_middle(model: Model, robot_class: RobotClass, conflict: VertexConflict) -> IntArray:
+    """Returns the places [n] of a class near the point in the middle between two robots."""
+    rules, graph = model.problem.rules, robot_class.graph
+    one, other = model.problem.positions(conflict.cells)
+    if not rules.near_point((other - one) / 2):
+        return _NOTHING[:, 0]
+    reach = math.ceil(rules.separation / model.problem.height_map.resolution)
+    x, y, _ = conflict.cells[0]
+    places = graph.places_around(x, y, reach)
+    return places[rules.near_point(model.where(robot_class, places) - (one + other) / 2)]
+
+
+def _passing_middle(
+    model: Model, robot_class: RobotClass, conflict: SwapConflict | PassConflict
+) -> IntArray:
+    """Returns the moves [n, 2] of a class that pass where and when two robots are nearest."""
+    rules, graph = model.problem.rules, robot_class.graph
+    tails, heads = (model.problem.positions(cells) for cells in zip(*conflict.moves, strict=True))
+    share = rules.closest(tails[1] - tails[0], heads[1] - heads[0]).share
+    one, other = (1 - share) * tails + share * heads
+    if not rules.near_point((other - one) / 2):
+        return _NOTHING[:, :2]
+    (x, y, _), (u, v, _) = conflict.moves[0]
+    reach = math.ceil(rules.separation / model.problem.height_map.resolution)
+    moves = graph.moves_around(x, y, reach + max(abs(u - x), abs(v - y)) + graph.motion.radius)
+    before, after = (model.where(robot_class, places) for places in moves)
+    ways = (1 - share) * before + share * after - (one + other) / 2
+    return np.column_stack(moves)[rules.near_point(ways)]
 
 
 _NOTHING = np.zeros((0, 3), dtype=np.int64)

@@ -35,6 +35,11 @@ class SwapConflict(NamedTuple):
     robots: tuple[int, int]
     cells: tuple[Cell, Cell]
 
+    @property
+    def moves(self) -> tuple[tuple[Cell, Cell], tuple[Cell, Cell]]:
+        """The moves of both robots."""
+        return self.cells, self.cells[::-1]
+
 
 Conflict = VertexConflict | SwapConflict | PassConflict
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from cocap_opt.data import LARGEST, BoolArray, Data, FloatArray, require, within
 
+_TWICE = 2 * (1 + 1e-8)
 TOLERANCE = 1e-6  # m; robots that are nearer than the separation by less keep it
 
 
@@ -89,6 +90,20 @@ class CollisionRules(Data, frozen=True):
         else:
             near = (ways == 0).all(axis=-1)
         return np.asarray(near)
+
+    def near_point(self, ways: FloatArray) -> BoolArray:
+        """Returns an array [..], true if robots are nearer to a point than half the separation.
+
+        Any two of them are too near. On a grid ties are the rule, and robots that are exactly the
+        separation apart keep it: the half is made a little smaller, by more than rounding.
+
+        Parameters
+        ----------
+        ways : [.., 3] m, from the point to the robots
+        """
+        if not self.separation:
+            return np.zeros(ways.shape[:-1], dtype=np.bool_)
+        return self.too_near(ways * _TWICE)
 
     def pass_too_near(self, before: FloatArray, after: FloatArray) -> BoolArray:
         """Returns an array [..], true if robots break the separation at a moment of a step.

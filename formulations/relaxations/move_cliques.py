@@ -1,8 +1,7 @@
 """Cliques of moves: at most one robot makes any of them in a step.
 
-All moves that are at one moment of a step less than half the separation from one point are less
-than the separation apart, and so a clique. On a grid ties are the rule: two robots that are
-exactly the separation apart keep it, so that the half is made a little smaller.
+All moves that are at one moment of a step nearer to one point than half the separation are a
+clique (`CollisionRules.near_point`).
 """
 
 import math
@@ -17,7 +16,6 @@ from cocap_opt.model import Model
 from cocap_opt.problem import Cell
 
 _Move = tuple[Cell, Cell]
-_TWICE = 2 * (1 + 1e-8)  # and a little more than rounding
 
 
 class CliquesOfMoves:
@@ -78,8 +76,7 @@ class CliquesOfMoves:
     ) -> tuple[IntArray, FloatArray]:
         """Returns which moves pass nearer to a point than half the separation, and how near (m)."""
         ways = (1 - point.share) * tails + point.share * heads - point.middle
-        # Two that pass are at most twice as far apart as the farther one is from the point.
-        near, far = self._rules.too_near(ways * _TWICE), np.linalg.norm(ways, axis=1)
+        near, far = self._rules.near_point(ways), np.linalg.norm(ways, axis=1)
         passing = np.flatnonzero(near)
         return passing, far[passing]
 
