@@ -21,7 +21,11 @@ def _scenes(*, json: Json = False) -> int:
     Example: cocap-opt scenes
     """
     rows = [
-        {"scene": name, "about": (build.__doc__ or "").strip().splitlines()[0]}
+        {
+            "scene": name,
+            "rules": str(build(0).rules),
+            "about": (build.__doc__ or "").strip().splitlines()[0],
+        }
         for name, build in SCENES.items()
     ]
     formats = [{"format": name, "about": f.description} for name, f in FORMATS.items()]

@@ -190,7 +190,7 @@ class _Task(NamedTuple):
     @classmethod
     def read(cls, scene: str, seed: int, free: bool, path: Path | None) -> "_Task":
         problem, start = load(scene, seed), None
-        about: Record = {"free": True} if free else {}
+        about: Record = {"free": True} if free else {"rules": str(problem.rules)}
         if path is not None:
             fitting, start = PlanReader(scene, problem).plan(path)
             about |= {"seed": None, "starts": OWN_STARTS} if fitting is not problem else {}

@@ -70,7 +70,7 @@ class DronesTable(Table):
             )
             state_apart = next(apart, None)
             if state_apart is None:
-                room = self._room(workspace, actors, horizon)
+                room = self._room(workspace, actors, horizon, rules)
                 raise ProblemError(f"count: must be at most {k} here; {room}")
             team.append(Robot(start=state_apart, motion=self.motion, camera=camera))
         return team
@@ -84,7 +84,9 @@ class DronesTable(Table):
         tilts = tuple(math.radians(angle) for angle in self.tilts)
         return CAMERAS[self.camera].replace(tilts=tilts)
 
-    def _room(self, workspace: Workspace, actors: tuple[Actor, ...], horizon: int) -> str:
+    def _room(
+        self, workspace: Workspace, actors: tuple[Actor, ...], horizon: int, rules: CollisionRules
+    ) -> str:
         """Says how much room there is for drones."""
         free = self.motion.free_places(workspace)[0]
         words = (
@@ -94,7 +96,9 @@ class DronesTable(Table):
         if actors:
             meet = int(self._can_meet(workspace, actors, horizon).sum())
             words += f"; from {meet} of them a drone comes within {NEAR:g} m of somebody in sight"
-        return words + ("" if self.near is None else f"; some are within {self.near:g} m at step 0")
+        if self.near is not None:
+            words += f"; some are within {self.near:g} m at step 0"
+        return f"{words}; rules: {rules}"
 
     def _can_meet(self, workspace: Workspace, actors: tuple[Actor, ...], horizon: int) -> BoolArray:
         """Returns the cells [X, Y] of the lowest layer from which a drone comes near somebody."""

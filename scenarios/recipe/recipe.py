@@ -13,10 +13,11 @@ import numpy as np
 from msgspec import Meta
 
 from cocap_opt.data import LARGEST, MOST_STEPS, ProblemError
-from cocap_opt.problem import Actor, CollisionRules, Objective, Problem, Robot
+from cocap_opt.problem import Actor, Objective, Problem, Robot
 from cocap_opt.scenarios.recipe.drones import DronesTable
 from cocap_opt.scenarios.recipe.meshes import MeshTable
 from cocap_opt.scenarios.recipe.people import TracksTable, WalkTable
+from cocap_opt.scenarios.recipe.rules import RulesTable
 from cocap_opt.scenarios.recipe.tables import Flight, Table
 from cocap_opt.scenarios.recipe.terrain import MapTable, Terrain
 from cocap_opt.scenarios.recipe.walls import WallsTable
@@ -86,7 +87,10 @@ motion = { layers = [4, 6], clearance = 0.5 }
 starts = [{ x = 30, y = 20, height = 4, heading = 90 }]    # heading 0: along x
 
 [rules]
-separation = 2.0
+vertex = true               # no two drones in one cell; false, and swap: they may share cells
+swap = true                 # nor may two exchange cells
+separation = 2.0            # m between drones at every moment; left out: 2, and 0 is none
+vertical = 0.0              # m in height that suffice as well; 0: only the distance counts
 
 [objective]
 stationarity = 0.0
@@ -106,7 +110,7 @@ class _Recipe(Table):
     walls: tuple[WallsTable, ...] = ()
     tracks: tuple[TracksTable, ...] = ()
     walk: tuple[WalkTable, ...] = ()
-    rules: CollisionRules = CollisionRules()
+    rules: RulesTable = msgspec.field(default_factory=RulesTable)
     objective: Objective = Objective()
     face_samples: int = 3
 
@@ -134,10 +138,12 @@ def read(path: Path, seed: int = 0) -> Problem:
         solid = tuple(_meshes(recipe, path.parent, terrain))
         actors = tuple(_actors(recipe, path.parent, terrain))
         workspace, rng = Workspace(terrain.height_map, solid), np.random.default_rng(seed)
+        with naming("rules"):
+            rules = recipe.rules.rules()
         team: list[Robot] = []
         for k, given in enumerate(recipe.drones):
             with naming(f"drones[{k}]"):
-                team = given.added_to(team, workspace, actors, recipe.steps, recipe.rules, rng)
+                team = given.added_to(team, workspace, actors, recipe.steps, rules, rng)
         return Problem(
             name=recipe.name or path.stem,
             height_map=terrain.height_map,
@@ -145,7 +151,7 @@ def read(path: Path, seed: int = 0) -> Problem:
             robots=tuple(team),
             actors=actors,
             horizon=recipe.steps,
-            rules=recipe.rules,
+            rules=rules,
             objective=recipe.objective,
             face_samples=recipe.face_samples,
         )

@@ -109,10 +109,26 @@ def test_the_example_in_the_manual_is_read(parts: Path) -> None:
 def test_the_example_has_every_field() -> None:
     """Whoever reads the example knows all that a recipe can say."""
     tables = Table.__subclasses__()
-    assert len(tables) == 8
+    assert len(tables) == 9
     for table in tables:
         for field in table.__struct_fields__:
             assert f"{field} =" in EXAMPLE or f"[{field}]" in EXAMPLE, field
+
+
+@pytest.mark.parametrize(
+    ("table", "expected"),
+    [
+        ("", "separation 2 m"),
+        ("[rules]\nvertical = 1.5", "separation 2 m, 1.5 m in height"),
+        ("[rules]\nseparation = 0", "vertex+swap"),
+        ("[rules]\nvertex = false\nswap = false", "none"),
+    ],
+)
+def test_drones_of_a_recipe_keep_two_metres_apart(
+    tmp_path: Path, table: str, expected: str
+) -> None:
+    """Unless it says otherwise: its plans are to be flown."""
+    assert str(read(write(tmp_path, FLAT + DRONE + table)).rules) == expected
 
 
 def test_a_flat_scene_needs_no_files(tmp_path: Path) -> None:
@@ -193,7 +209,7 @@ def test_seeds_place_drones_and_nothing_else(tmp_path: Path) -> None:
         (("[20, 12]", "[1e6, 1e6]"), "map: size: must be at most 1000000 cells, not 1000000 x 1"),
         (("starts", "tilts = [100]\nstarts"), r"drones.0.: tilts: must be within .-90 degrees"),
         (("starts = [{ x = 2.5, y = 6.5, heading = 0 }]", "count = 9\nnear = 0.8"),
-         r"drones.0.: count: must be at most 4 here; 240 of 240 cells are free .* within 0.8 m"),
+         r"drones.0.: count: must be at most 1 here; 240 of 240 .* 0.8 m at step 0; rules: separation 2 m"),
         (("size = [20, 12]", "size = [20, 12]\nfile = 'a.tif'"), "map: must have either"),
         (("size = [20, 12]", "file = 'a.tif'"), r"map: .*a\.tif: cannot be read"),
         (("size = [20, 12]", "file = 'a.tif'\nheights = 'absolute'"), "map: ground: must be given"),
