@@ -198,6 +198,39 @@ def _gamma(
     return 0
 
 
+@app.command(name="separation")
+def _separation(
+    *,
+    scene: Annotated[
+        list[str] | None, Parameter(negative="", consume_multiple=True, help="scenes or files")
+    ] = None,
+    seeds: Annotated[str, Parameter(help="of each scene")] = "0-2",
+    metres: Annotated[
+        list[float] | None,
+        Parameter(
+            negative="", consume_multiple=True, help="separations; 0.5, 1, 2, 3 if not given"
+        ),
+    ] = None,
+    limit: Annotated[float, Parameter(help="seconds for each plan and each proof")] = 60.0,
+    out: _Out = None,
+) -> int:
+    """Measure what it costs that drones keep apart at every moment, certified.
+
+    Example: cocap-opt study separation --scene corridor --seeds 0 --metres 1 2 --limit 20
+    """
+    from cocap_opt.experiments.studies.separation.separation import separation
+
+    _require_positive("--limit", limit)
+    wanted = metres or [0.5, 1.0, 2.0, 3.0]
+    if not all(apart > 0 and math.isfinite(apart) for apart in wanted):
+        raise FileError("--metres: must be positive numbers")
+    scenes = scene or [
+        "corridor", "corridor-tight", "bottleneck", "bottleneck-tight", "passage", "field",
+    ]  # fmt: skip
+    seeds_ = Option("--seeds").numbers(seeds)
+    return 0 if separation(scenes, seeds_, wanted, limit, out) else 1
+
+
 @app.command(name="peers")
 def _peers(
     scene: Path,

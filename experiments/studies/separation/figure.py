@@ -1,0 +1,65 @@
+"""The figure of separation: its certified price, and the time that plans and proofs take."""
+
+from collections.abc import Callable, Sequence
+from itertools import cycle
+from statistics import median
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from cocap_opt.experiments.report.figures import draw_frame
+from cocap_opt.experiments.studies.separation.points import Point
+
+_COLOURS = ("#30638e", "#d1495b", "#edae49", "#00798c", "#7b5ea7", "#5a5a5a", "#8c5a2b", "#2e8b57")
+
+
+def separation_figure(points: Sequence[Point]) -> Figure:
+    """Draws the price of separation, and processor seconds relative to the papers' rules."""
+    figure = Figure(figsize=(12, 4.6), layout="constrained", dpi=130)
+    price, plan, proof = figure.subplots(1, 3)
+    scenes = list(dict.fromkeys(point.scene for point in points))
+    for scene, colour in zip(scenes, cycle(_COLOURS), strict=False):
+        some = [point for point in points if point.scene == scene]
+        _draw_price(price, some, scene, colour)
+        _draw_times(plan, some, colour, lambda point: point.cocap_seconds)
+        _draw_times(proof, some, colour, lambda point: point.proof_seconds)
+    price.set_title("price of separation, certified", fontsize=10)
+    price.set_ylabel("% of the optimal J under the papers' rules")
+    for ax, title in ((plan, "time of CoCap"), (proof, "time of the proof, or of its limit")):
+        ax.set_title(title, fontsize=10)
+        ax.set_ylabel("times that under the papers' rules")
+        ax.set_yscale("log")
+        ax.axhline(2, color="grey", lw=0.8, ls=":")
+        ax.annotate("goal: 2", (0.01, 2), xycoords=("axes fraction", "data"), fontsize=8,
+                    color="grey", va="bottom")  # fmt: skip
+    for ax in (price, plan, proof):
+        ax.set_xlabel("separation (m)")
+        ax.set_xticks(sorted({point.separation for point in points if point.separation}))
+        ax.grid(True, lw=0.4, alpha=0.5)
+        draw_frame(ax)
+    figure.legend(*price.get_legend_handles_labels(), loc="outside lower center", fontsize=9,
+                  ncols=len(scenes), frameon=False)  # fmt: skip
+    return figure
+
+
+def _draw_price(ax: Axes, points: Sequence[Point], scene: str, colour: str) -> None:
+    """Draws the median of seeds; the band is what is certified: from the least to the most."""
+    wide = sorted({point.separation for point in points if point.separation})
+    ends = [[p.price(p.base(points)) for p in points if p.separation == apart] for apart in wide]
+    least = [median(low for low, _ in own) for own in ends]
+    most = [median(high for _, high in own) for own in ends]
+    ax.fill_between(wide, least, most, color=colour, alpha=0.2, lw=0)
+    ax.plot(wide, [(a + b) / 2 for a, b in zip(least, most, strict=True)], color=colour,
+            marker="o", ms=5, lw=1.2, label=scene)  # fmt: skip
+
+
+def _draw_times(
+    ax: Axes, points: Sequence[Point], colour: str, seconds: Callable[[Point], float]
+) -> None:
+    """Draws the median over seeds of the time beside that under the papers' rules."""
+    wide = sorted({point.separation for point in points if point.separation})
+    ratios = [
+        median(seconds(p) / seconds(p.base(points)) for p in points if p.separation == apart)
+        for apart in wide
+    ]
+    ax.plot(wide, ratios, color=colour, marker="o", ms=5, lw=1.2)
