@@ -13,6 +13,7 @@ import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.graph.motion import Window
+from cocap_opt.graph.people import People
 from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.memory import require_memory
 from cocap_opt.problem import AnyCamera, Cell, Motion, Plan, Problem, Robot
@@ -428,7 +429,8 @@ class _Coverage:
         poses = [actor.poses[: problem.horizon + 1] for actor in problem.actors]
         shapes = [actor.shape for actor in problem.actors]
         key = TableCache.key(
-            problem.workspace, spec.motion, spec.camera, _graph(problem, spec).window,
+            problem.workspace, problem.airspace, spec.motion, spec.camera,
+            _graph(problem, spec).window,
             self._starts(spec), problem.horizon, problem.face_samples, problem.first_step, poses,
             shapes,
         )  # fmt: skip
@@ -480,7 +482,10 @@ def _graph(problem: Problem, spec: Robot) -> TimeGraph:
     alike = [robot.start for robot in problem.robots if _sight(robot) == _sight(spec)]
     reach = spec.motion.radius * problem.horizon
     window = Window.around([(start.x, start.y) for start in alike], reach, problem.workspace)
-    return TimeGraph.of(problem.workspace, spec.motion, len(spec.camera.tilts), window)
+    people = None
+    if problem.airspace.people_aside:
+        people = People(problem.actors, problem.airspace, problem.horizon)
+    return TimeGraph.of(problem.workspace, spec.motion, len(spec.camera.tilts), window, people)
 
 
 def _cells(problem: Problem, robot_class: RobotClass) -> tuple[Cell, ...]:

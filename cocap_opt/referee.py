@@ -5,7 +5,7 @@ slow, obvious loops. It shares with planners only coverage and solid matter.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from cocap_opt.graph.motion import Window
 from cocap_opt.graph.timegraph import TimeGraph
-from cocap_opt.problem import Plan, Problem, Robot, State
+from cocap_opt.problem import CollisionRules, Plan, Problem, Robot, State
 from cocap_opt.problem.rules import TOLERANCE
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.views import Views
@@ -92,6 +92,7 @@ class _Referee:
             for t in range(self.problem.horizon):
                 if fault := self._broken_move(robot, path[t], path[t + 1]):
                     found.append(f"{where}: step {t} to {t + 1} {fault}")
+            found += [f"{where}: {words}" for words in self._near_people(robot, path)]
             if robot.goal is not None and (path[-1].x, path[-1].y) != robot.goal:
                 found.append(
                     f"{where}: ends in cell ({path[-1].x}, {path[-1].y}), not {robot.goal}"
@@ -113,7 +114,7 @@ class _Referee:
                     a, b = at[i][t], at[k][t]
                     if rules.vertex and a == b:
                         found.append(f"step {t}: drones {i} and {k} are in one cell")
-                    elif rules.vertex and (near := self._too_near(self._way(a, b))):
+                    elif rules.vertex and (near := self._too_near(self._way(a, b), rules)):
                         found.append(f"step {t}: drones {i} and {k} are {near}")
                     if t == self.problem.horizon:
                         continue
@@ -121,7 +122,7 @@ class _Referee:
                     if rules.swap and a != b and (c, d) == (b, a):
                         found.append(f"step {t} to {t + 1}: drones {i} and {k} swap cells")
                     elif rules.separation and (
-                        near := self._pass_too_near(self._way(a, b), self._way(c, d))
+                        near := self._pass_too_near(self._way(a, b), self._way(c, d), rules)
                     ):
                         found.append(f"step {t} to {t + 1}: drones {i} and {k} pass {near}")
         return found
@@ -131,9 +132,10 @@ class _Referee:
         size = self.problem.height_map.resolution
         return (b[0] - a[0]) * size, (b[1] - a[1]) * size, b[2] - a[2]
 
-    def _too_near(self, way: _Position) -> str:
+    @staticmethod
+    def _too_near(way: _Position, rules: CollisionRules) -> str:
         """Says how near robots are that a way (m) parts; nothing if that is far enough."""
-        rules, apart = self.problem.rules, math.hypot(*way)
+        apart = math.hypot(*way)
         if not rules.vertical:
             near = apart < rules.separation - TOLERANCE
             return f"{apart:.3g} m apart, less than {rules.separation:g} m" if near else ""
@@ -145,14 +147,13 @@ class _Referee:
             )
         return ""
 
-    def _pass_too_near(self, before: _Position, after: _Position) -> str:
+    def _pass_too_near(self, before: _Position, after: _Position, rules: CollisionRules) -> str:
         """Says how near robots pass in a step that keep the separation when it begins and ends.
 
         The distance from a point to a line, and the height, are convex over the step: each of
         them is small in one interval of it.
         """
-        rules = self.problem.rules
-        if self._too_near(before) or self._too_near(after):
+        if self._too_near(before, rules) or self._too_near(after, rules):
             return ""
 
         def way(share: float) -> _Position:
@@ -167,7 +168,7 @@ class _Referee:
             # A little less, so that the ends of the interval count.
             most = rules.vertical - TOLERANCE - _LESS
             first, last = _interval(lambda share: abs(way(share)[2]), most)
-        return self._too_near(way(_least(aside, first, last))) if first < last else ""
+        return self._too_near(way(_least(aside, first, last)), rules) if first < last else ""
 
     def _move_rewards(self, plan: Plan) -> float:
         """Returns the rewards per move of all robots together."""
@@ -235,6 +236,8 @@ class _Referee:
         if not 0 <= state.pitch < len(robot.camera.tilts):
             return False
         altitude = self._altitude(robot, state)
+        if self._is_forbidden(state.x, state.y, (altitude, altitude)):
+            return False
         return self._is_free(robot, state.x, state.y, (altitude, altitude))
 
     def _altitude(self, robot: Robot, state: State) -> float:
@@ -260,14 +263,36 @@ class _Referee:
             return f"turns more than {motion.turn} headings"
         if abs(b.pitch - a.pitch) > motion.pitch_turn:
             return f"pitches more than {motion.pitch_turn} steps"
-        if not motion.corner_cutting:
-            altitudes = self._altitude(robot, a), self._altitude(robot, b)
-            for x in range(min(a.x, b.x), max(a.x, b.x) + 1):
-                for y in range(min(a.y, b.y), max(a.y, b.y) + 1):
-                    blocked = not self._is_free(robot, x, y, altitudes)
-                    if blocked and _line_touches(a, b, x, y):
-                        return f"passes the blocked cell ({x}, {y})"
+        altitudes = self._altitude(robot, a), self._altitude(robot, b)
+        for x in range(min(a.x, b.x), max(a.x, b.x) + 1):
+            for y in range(min(a.y, b.y), max(a.y, b.y) + 1):
+                if self._is_forbidden(x, y, altitudes) and _line_touches(a, b, x, y):
+                    return f"passes the cell ({x}, {y}), which is closed to drones"
+                blocked = not motion.corner_cutting and not self._is_free(robot, x, y, altitudes)
+                if blocked and _line_touches(a, b, x, y):
+                    return f"passes the blocked cell ({x}, {y})"
         return ""
+
+    def _is_forbidden(self, x: int, y: int, altitudes: tuple[float, float]) -> bool:
+        """Returns True if a no-fly zone or the ceiling closes a cell between two altitudes."""
+        spans = self.problem.workspace.forbidden.at(x, y)
+        return any(low <= max(altitudes) and high >= min(altitudes) for low, high in spans)
+
+    def _near_people(self, robot: Robot, path: tuple[State, ...]) -> Iterator[str]:
+        """Says where a robot comes too near to somebody."""
+        airspace, height_map = self.problem.airspace, self.problem.height_map
+        if not airspace.people_aside:
+            return
+        at = [(*height_map.centre(s.x, s.y), self._altitude(robot, s)) for s in path]
+        for j, actor in enumerate(self.problem.actors):
+            half, rules = actor.shape.height / 2, airspace.rules_beside(actor)
+            body = [(x, y, z + half) for x, y, z, _ in actor.poses.tolist()]
+            ways = [(x - u, y - v, z - w) for (x, y, z), (u, v, w) in zip(at, body, strict=False)]
+            for t, way in enumerate(ways):
+                if self._too_near(way, rules):
+                    yield f"step {t} is {math.hypot(*way[:2]):.3g} m from actors[{j}]"
+                elif t + 1 < len(ways) and self._pass_too_near(way, ways[t + 1], rules):
+                    yield f"step {t} to {t + 1} passes too near to actors[{j}]"
 
 
 def _least(function: Callable[[float], float], first: float, last: float) -> float:

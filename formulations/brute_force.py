@@ -120,10 +120,10 @@ def _count_paths(model: Model, robot: int) -> int:
     """Returns the number of paths of a robot (goal ignored), by dynamic programming."""
     graph = model.class_of[robot].graph
     counts = {model.start(robot): 1}
-    for _ in range(model.problem.horizon):
+    for t in range(model.problem.horizon):
         following: dict[int, int] = {}
         for state, count in counts.items():
-            for head in graph.successors(state).tolist():
+            for head in graph.successors(t, state).tolist():
                 following[head] = following.get(head, 0) + count
         counts = following
     return sum(counts.values())
@@ -133,11 +133,11 @@ def _all_paths(model: Model, robot: int) -> list[Path]:
     """Returns all paths of a robot that end in its goal."""
     robot_class = model.class_of[robot]
     paths: list[Path] = [(model.start(robot),)]
-    for _ in range(model.problem.horizon):
+    for t in range(model.problem.horizon):
         paths = [
             (*path, head)
             for path in paths
-            for head in robot_class.graph.successors(path[-1]).tolist()
+            for head in robot_class.graph.successors(t, path[-1]).tolist()
         ]
     if robot_class.goal is None:
         return paths

@@ -93,6 +93,11 @@ class Charges:
             for costs in zip(*((p._places, p._moves, p._states) for p in parts), strict=True)
         ))  # fmt: skip
 
+    @property
+    def none(self) -> bool:
+        """True if nothing is charged."""
+        return not any(len(part.costs) for part in (self._places, self._moves, self._states))
+
     @cached_property
     def places(self) -> Mapping[tuple[int, ...], float]:
         """The cost of each charged (t, place)."""

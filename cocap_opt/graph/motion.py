@@ -79,6 +79,7 @@ class _Room(NamedTuple):
     free: BoolArray  # [layer, X, Y] true where a robot may be
     altitudes: FloatArray  # [layer, X, Y] m, where it flies
     columns: Columns
+    forbidden: Columns  # by no-fly zones and the ceiling
 
 
 def allowed_moves(
@@ -95,6 +96,7 @@ def allowed_moves(
         window.of(motion.free_places(workspace)),
         window.of(workspace.height_map.altitudes(motion.layers)),
         Columns(*map(window.of, workspace.columns)),
+        Columns(*map(window.of, workspace.forbidden)),
     )
     for move in motion.moves:
         yield move, _allowed_starts(room, motion, move)
@@ -104,19 +106,26 @@ def _allowed_starts(room: _Room, motion: Motion, move: Move) -> BoolArray:
     """Returns an array [layer, X, Y], true for free places from which a move is allowed.
 
     The cells that it passes must have no solid matter from the lower of its two altitudes to
-    the higher, nor within the clearance of these. With corner cutting only the two ends count.
+    the higher, nor within the clearance of these. With corner cutting only the two ends count for
+    that. Nothing may be forbidden in between either.
     """
-    if motion.corner_cutting:
-        return room.free & _shifted(room.free, move, False)
-    _, dx, dy = move
     here, there = room.altitudes, _shifted(room.altitudes, move, np.nan)
-    low, high = np.minimum(here, there) - motion.clearance, np.maximum(here, there)
-    high += motion.clearance
-    allowed: BoolArray = ~np.isnan(there)  # it does not lead out
-    for i, j in motion.swept_cells(dx, dy):
-        below, above = (_shifted(part, (0, i, j), np.nan) for part in room.columns)
-        allowed &= ~Columns(below, above).solid(low, high)
-    return allowed
+    low, high = np.minimum(here, there), np.maximum(here, there)
+    allowed = ~np.isnan(there) & _clear(room.forbidden, move, low, high)  # it does not lead out
+    if motion.corner_cutting:
+        return allowed & room.free & _shifted(room.free, move, False)
+    return allowed & _clear(room.columns, move, low - motion.clearance, high + motion.clearance)
+
+
+def _clear(columns: Columns, move: Move, low: FloatArray, high: FloatArray) -> BoolArray:
+    """Returns where the cells that a move passes are empty at altitudes low..high [layer, X, Y]."""
+    clear = np.ones(low.shape, dtype=np.bool_)
+    if not np.isfinite(columns.high).any() and not np.isfinite(columns.low).any():
+        return clear
+    for i, j in Motion.swept_cells(*move[1:]):
+        below, above = (_shifted(part, (0, i, j), np.nan) for part in columns)
+        clear &= ~Columns(below, above).solid(low, high)
+    return clear
 
 
 def _shifted(values: NDArray[T], move: Move, outside: float) -> NDArray[T]:
@@ -180,6 +189,7 @@ def time_expanded_graph(problem: Problem, robot: int) -> Graph:
     """
     steps: Graph = nx.path_graph(problem.horizon + 1, create_using=nx.DiGraph)
     graph = cast("Graph", nx.tensor_product(_motion_graph(problem, robot), steps))
+    _remove_near_people(graph, problem, robot)
     spec = problem.robots[robot]
     source = (spec.start, 0)
     keep = {source} | nx.descendants(graph, source)
@@ -187,6 +197,18 @@ def time_expanded_graph(problem: Problem, robot: int) -> Graph:
     keep &= set(_reached(graph.reverse(copy=False), ends))
     pruned: Graph = graph.subgraph(keep).copy()
     return pruned
+
+
+def _remove_near_people(graph: Graph, problem: Problem, robot: int) -> None:
+    """Removes the nodes and edges at which a robot is too near to somebody."""
+
+    def near(t: int, *states: State) -> bool:
+        at = problem.where(problem.robots[robot], states)
+        return any(bool(problem.airspace.near_person(actor, t, *at)) for actor in problem.actors)
+
+    if problem.airspace.people_aside:
+        graph.remove_nodes_from([(s, t) for s, t in graph if near(t, s)])
+        graph.remove_edges_from([(a, b) for a, b in graph.edges if near(a[1], a[0], b[0])])
 
 
 def _at_goal(state: State, goal: tuple[int, int] | None) -> bool:

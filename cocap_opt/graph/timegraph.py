@@ -15,7 +15,9 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.graph.charges import NO_CHARGES
 from cocap_opt.graph.motion import Window, allowed_moves
+from cocap_opt.graph.people import People
 from cocap_opt.memory import require_memory
 from cocap_opt.problem import Motion, State
 from cocap_opt.problem.motion import Move
@@ -46,10 +48,16 @@ class TimeGraph:
     neighbours : [K, P] place that each move leads to; -1 if the move is hidden
     free : [P] true for places where a robot may be
     irregular : states from which a move to a free place is hidden
+    closed : places and moves that are closed at some steps only, since people are near
     """
 
     def __init__(
-        self, workspace: Workspace, motion: Motion, pitches: int, window: Window | None = None
+        self,
+        workspace: Workspace,
+        motion: Motion,
+        pitches: int,
+        window: Window | None = None,
+        people: People | None = None,
     ) -> None:
         self.window = window or Window.all_of(workspace)
         sizes = (len(motion.layers), *self.window.shape)
@@ -69,6 +77,7 @@ class TimeGraph:
         self.neighbours = self._compile(workspace)
         self.free: BoolArray = self.neighbours[0] >= 0  # every free place may be stayed in
         self.irregular = self._compile_irregular()
+        self.closed = NO_CHARGES if people is None else people.closed(self, workspace.height_map)
 
     def _require_memory(self) -> None:
         """Refuses a graph that is larger than the memory."""
@@ -82,15 +91,21 @@ class TimeGraph:
 
     @classmethod
     def of(
-        cls, workspace: Workspace, motion: Motion, pitches: int, window: Window | None = None
+        cls,
+        workspace: Workspace,
+        motion: Motion,
+        pitches: int,
+        window: Window | None = None,
+        people: People | None = None,
     ) -> "TimeGraph":
         """Returns the compiled graph of these motions in this workspace, made once and shared.
 
         Parameters
         ----------
         window : the part of the map that robots do not leave; all if not given
+        people : to whom robots keep a distance
         """
-        return _shared(workspace, motion, pitches, window or Window.all_of(workspace))
+        return _shared(workspace, motion, pitches, window or Window.all_of(workspace), people)
 
     def _compile(self, workspace: Workspace) -> IntArray:
         """Returns one row of targets [P] for each move."""
@@ -215,13 +230,29 @@ class TimeGraph:
             for pitch in range(pitches)
         ]
 
-    def successors(self, state: int) -> IntArray:
-        """Returns the states reachable from `state` in one step, in increasing order."""
+    def heads_at(self, t: int, places: IntArray) -> IntArray:
+        """Returns the places at t+1 that each move leads to from places [n] at t, as [K, n].
+
+        They are -1 where the move is hidden, or closed at that step.
+        """
+        heads = self.neighbours[:, places]
+        closed, _ = self.closed.places_at(t + 1)
+        if len(closed):
+            heads[np.isin(heads, closed)] = -1
+        tails, ends, _ = self.closed.moves_at(t)
+        if len(tails):
+            pairs = tails * self.n_places + ends
+            heads[np.isin(places * self.n_places + heads, pairs) & (heads >= 0)] = -1
+        return heads
+
+    def successors(self, t: int, state: int) -> IntArray:
+        """Returns the states at t+1 to which one step leads from `state` at t, in order."""
         orientation, place = divmod(state, self.n_places)
-        heads = self.neighbours[:, place]
+        (heads,) = self.heads_at(t, np.array([place])).T
         heads = np.sort(heads[heads >= 0])
         turned_to = np.array(self.turns[orientation], dtype=np.int64)
-        return (turned_to[:, None] * self.n_places + heads[None, :]).ravel()
+        successors: IntArray = (turned_to[:, None] * self.n_places + heads[None, :]).ravel()
+        return successors
 
     def adjacent(self, tails: IntArray, heads: IntArray) -> BoolArray:
         """Returns an array [n], true if a move leads from a place to its head."""
@@ -232,18 +263,20 @@ class TimeGraph:
         """Returns an array [T+1, S], true if a state is reachable from a start at a step."""
         seen = np.zeros((horizon + 1, self.n_orientations, self.n_places), dtype=bool)
         seen[0].reshape(-1)[list(starts)] = True
-        # A robot may stay as it is: what was reached once can be reached at all later steps.
         new = seen[0]
         for t in range(horizon):
             occupied = np.flatnonzero(new.any(axis=0))
             spread = np.zeros_like(new)
-            for heads in self.neighbours[:, occupied]:
+            for heads in self.heads_at(t, occupied):
                 open_ = heads >= 0
                 spread[:, heads[open_]] |= new[:, occupied[open_]]
-            seen[t + 1] = seen[t]
             for orientation, targets in enumerate(self.turns):
                 seen[t + 1][targets] |= spread[orientation]
-            new = seen[t + 1] & ~seen[t]
+            new = seen[t + 1]
+            if self.closed.none:
+                # A robot may stay: what was reached once can be reached at all later steps.
+                seen[t + 1] |= seen[t]
+                new = seen[t + 1] & ~seen[t]
         return seen.reshape(horizon + 1, self.n_states)
 
     # -- rewards ----------------------------------------------------------------------------
@@ -261,5 +294,7 @@ def _column(values: Iterable[int]) -> IntArray:
 
 
 @lru_cache(maxsize=16)
-def _shared(workspace: Workspace, motion: Motion, pitches: int, window: Window) -> TimeGraph:
-    return TimeGraph(workspace, motion, pitches, window)
+def _shared(
+    workspace: Workspace, motion: Motion, pitches: int, window: Window, people: People | None
+) -> TimeGraph:
+    return TimeGraph(workspace, motion, pitches, window, people)

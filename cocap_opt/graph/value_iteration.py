@@ -45,6 +45,8 @@ def backward_sweep(
     LimitReached
         If a limit is reached before the sweep is at step 0.
     """
+    if not graph.closed.none:
+        charges = Charges.joined([graph.closed, charges])
     value = np.empty_like(reward)
     value[-1] = reward[-1]
     if goal is not None:
@@ -87,7 +89,7 @@ def best_path(
         return None
     path = [start]
     for t in range(len(value) - 1):
-        heads = graph.successors(path[-1])
+        heads = graph.successors(t, path[-1])
         ahead = value[t + 1, heads]
         if not bonuses.none:
             ahead = ahead + bonuses.of_edges(graph.shape, path[-1], heads)
@@ -101,9 +103,9 @@ def best_path(
 def leads_to_goal(graph: TimeGraph, horizon: int, goal: tuple[int, int] | None) -> BoolArray:
     """Returns from which states [T+1, S] a robot that is alone can be in the goal cell at T.
 
-    Without a goal all do.
+    Without a goal all do, unless people close places and moves.
     """
-    if goal is None:
+    if goal is None and graph.closed.none:
         return np.broadcast_to(np.True_, (horizon + 1, graph.n_states))
     to_goal = backward_sweep(graph, graph.no_reward(horizon), goal=goal)
     leads: BoolArray = to_goal > CLOSED

@@ -121,7 +121,7 @@ class _Side:
 
     def targets(self, t: int) -> IntArray:
         """Returns the positions at t+1 that each move leads to from each place of t [K, n_t]."""
-        return self.position(t + 1, self.robot_class.graph.neighbours[:, self.places[t]])
+        return self.position(t + 1, self.robot_class.graph.heads_at(t, self.places[t]))
 
 
 class _Ways(NamedTuple):
@@ -283,7 +283,7 @@ class _Pair(PairIteration):
                 moved += rate
             np.maximum(best, moved, out=best)
         if self.bonuses.stationarity:
-            stay = ahead.take(side.position(t + 1, side.places[t]), axis=axis + 1)
+            stay = _with_closed_end(ahead, axis + 1).take(targets[0], axis=axis + 1)
             np.maximum(best, stay + self.bonuses.stay, out=best)
         return best
 
@@ -377,7 +377,7 @@ class _Pair(PairIteration):
 
     def _ways(self, t: int, side: _Side, at: IntArray) -> list[_Ways]:
         """Returns the ways on from positions [n] at t."""
-        heads = side.robot_class.graph.neighbours[:, side.places[t][at]]
+        heads = side.robot_class.graph.heads_at(t, side.places[t][at])
         turning = _Ways(
             True,
             side.position(t + 1, heads),
@@ -393,7 +393,7 @@ class _Pair(PairIteration):
         """Returns the states that a (0) or b (1) can go to from its state at step t."""
         side = (self.a, self.b)[which]
         graph = side.robot_class.graph
-        heads = graph.successors(state)
+        heads = graph.successors(t, state)
         rewards = self.bonuses.of_edges(graph.shape, state, heads)
         return Successors(heads, side.positions_of_states(t + 1, heads), rewards)
 

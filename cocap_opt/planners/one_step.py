@@ -107,7 +107,7 @@ def _open_heads(model: Model, flights: list[_Flight], robot: int, t: int) -> Int
     others = _others(flights, robot, t)
     closed = avoid_paths(model, flight.robot_class, others)
     graph, tail = flight.robot_class.graph, flight.path[-1]
-    heads = graph.successors(tail)
+    heads = graph.successors(t, tail)
     is_free = closed.free_moves(0, tail, heads.tolist(), graph.n_places)
     is_open: BoolArray = flight.leads_to_goal[t + 1, heads] & is_free
     return heads[is_open]

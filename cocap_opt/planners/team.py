@@ -74,7 +74,7 @@ class Team:
     def _hover(self, robot: int) -> SingleRobotPath:
         """The path that stays at the start, which needs no time to be found."""
         problem = self.model.problem
-        if not problem.robots[robot].may_hover:
+        if not problem.may_hover(robot):
             return SingleRobotPath(None, problem.no_pixels(), 0)
         path = (self.model.start(robot),) * (problem.horizon + 1)
         evaluated = problem.horizon + 1 - problem.first_step

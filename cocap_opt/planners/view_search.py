@@ -178,7 +178,7 @@ def _rewarded_successors(
 ) -> Iterator[tuple[int, float, Way]]:
     """States that may follow the k-th one, v, with their marginal rewards and ways to actors."""
     problem, graph = task.model.problem, task.model.class_of[task.robot].graph
-    heads = graph.successors(v)
+    heads = graph.successors(k - 1, v)
     heads = heads[_open_heads(task, k - 1, v, heads)]
     if not len(heads):
         return  # a dead end: the queue holds the alternatives

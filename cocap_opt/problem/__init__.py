@@ -4,6 +4,7 @@ The names below are the vocabulary of all other modules: `from cocap_opt.problem
 """
 
 from cocap_opt.problem.actor import Actor
+from cocap_opt.problem.airspace import Airspace
 from cocap_opt.problem.camera import AnyCamera, Camera, Cone
 from cocap_opt.problem.motion import Cell, Motion, State
 from cocap_opt.problem.objective import Objective
@@ -17,6 +18,7 @@ __all__ = [
     "NO_RULES",
     "PAPER_RULES",
     "Actor",
+    "Airspace",
     "AnyCamera",
     "Camera",
     "Cell",

@@ -49,6 +49,11 @@ class Actor(Data, frozen=True, eq=False, dict=True):
             within(value, 0, MOST_WEIGHT, "importance")
 
     @cached_property
+    def middles(self) -> FloatArray:
+        """The middle of the body at each step [T+1, 3] (m)."""
+        return read_only(self.poses[:, :3] + [0.0, 0.0, self.shape.height / 2])
+
+    @cached_property
     def face_weights(self) -> FloatArray:
         """Weights of the faces of this actor [F of its shape], before its importance."""
         if self.weights is None:

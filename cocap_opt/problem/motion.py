@@ -90,9 +90,15 @@ class Motion(Data, frozen=True):
         return set(range(max(0, pitch - most), min(pitches, pitch + most + 1)))
 
     def free_places(self, workspace: Workspace) -> BoolArray:
-        """Returns an array [layer, X, Y], true where no solid matter is within the clearance."""
+        """Returns an array [layer, X, Y], true where no solid matter is within the clearance.
+
+        Nor may a no-fly zone or the ceiling forbid to be there.
+        """
         altitudes = workspace.height_map.altitudes(self.layers)
-        return ~workspace.columns.solid(altitudes - self.clearance, altitudes + self.clearance)
+        low, high = altitudes - self.clearance, altitudes + self.clearance
+        return ~(
+            workspace.columns.solid(low, high) | workspace.forbidden.solid(altitudes, altitudes)
+        )
 
     @staticmethod
     def swept_cells(dx: int, dy: int) -> list[tuple[int, int]]:

@@ -62,9 +62,9 @@ class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
     def hovering(cls, problem: Problem) -> "Plan | None":
         """Returns the plan in which nobody moves, which obeys all rules, as starts do.
 
-        None where a robot's goal is not its start.
+        None where a robot may not stay: its goal is elsewhere, or people come too near.
         """
-        if not all(robot.may_hover for robot in problem.robots):
+        if not all(map(problem.may_hover, range(len(problem.robots)))):
             return None
         return cls(paths=tuple((r.start,) * (problem.horizon + 1) for r in problem.robots))
 

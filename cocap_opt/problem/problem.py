@@ -33,6 +33,7 @@ from cocap_opt.data import (
 )
 from cocap_opt.drawing import TopView
 from cocap_opt.problem.actor import Actor
+from cocap_opt.problem.airspace import Airspace
 from cocap_opt.problem.motion import Cell, Motion, State
 from cocap_opt.problem.objective import Objective
 from cocap_opt.problem.robot import Robot
@@ -67,6 +68,7 @@ class Problem(Data, frozen=True, eq=False, dict=True):
     face_samples : each triangle of a face that a mesh may hide gets this number squared of sight
         rays; convex meshes, columns and actors need none
     meshes : solid matter besides the height map
+    airspace : no-fly zones, a ceiling, and the distance that drones keep from people
 
     Raises
     ------
@@ -83,6 +85,7 @@ class Problem(Data, frozen=True, eq=False, dict=True):
     objective: Objective = Objective()
     face_samples: int = 3
     meshes: tuple[Mesh, ...] = ()
+    airspace: Airspace = Airspace()
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -134,6 +137,15 @@ class Problem(Data, frozen=True, eq=False, dict=True):
             f"cell ({start.x}, {start.y}) is blocked: {self._solid_at(start)}, flight height "
             f"{motion.layers[start.layer]:g} m",
         )
+        require(
+            not self._forbidden(start.x, start.y, motion, start.layer),
+            field,
+            f"cell ({start.x}, {start.y}) is in a no-fly zone or above the ceiling, flight height "
+            f"{motion.layers[start.layer]:g} m",
+        )
+        for j, actor in enumerate(self.actors):
+            near = self.airspace.near_person(actor, 0, self.where(robot, [start])[0])
+            require(not near, field, f"is too near to actors[{j}], {self.airspace}")
         if robot.goal is not None:
             field, (x, y) = f"robots[{i}].goal", robot.goal
             whole(x, field)
@@ -145,7 +157,10 @@ class Problem(Data, frozen=True, eq=False, dict=True):
                 f"must lie inside the map of {width} x {depth} cells, not ({x}, {y})",
             )
             require(
-                any(not self.blocked(x, y, motion, k) for k in range(len(motion.layers))),
+                any(
+                    not self.blocked(x, y, motion, k) and not self._forbidden(x, y, motion, k)
+                    for k in range(len(motion.layers))
+                ),
                 field,
                 f"cell ({x}, {y}) is blocked at every flight height",
             )
@@ -166,6 +181,7 @@ class Problem(Data, frozen=True, eq=False, dict=True):
             f"Problem {self.name!r}: {len(self.robots)} drones film {len(self.actors)} people over "
             f"{self.horizon} steps\n"
             f"on {x} x {y} cells of {self.height_map.resolution:g} m; collision rules: {self.rules}"
+            f"{f'; airspace: {self.airspace}' if str(self.airspace) else ''}"
         )
 
     def _repr_html_(self) -> str:
@@ -216,8 +232,35 @@ class Problem(Data, frozen=True, eq=False, dict=True):
 
     @property
     def workspace(self) -> Workspace:
-        """The map and the meshes: all solid matter."""
-        return Workspace(self.height_map, self.meshes)
+        """The map and the meshes: all solid matter, and what else is closed to drones."""
+        airspace = self.airspace
+        return Workspace(self.height_map, self.meshes, airspace.no_fly, airspace.ceiling)
+
+    def may_hover(self, i: int) -> bool:
+        """Returns True if a robot may stay at its start, alone: no goal or person sends it away."""
+        robot, steps = self.robots[i], self.horizon + 1
+        if robot.goal not in (None, (robot.start.x, robot.start.y)):
+            return False
+        (at,) = self.where(robot, [robot.start])
+        return not any(
+            self.airspace.near_person(actor, t, at)
+            or (t + 1 < steps and self.airspace.near_person(actor, t, at, at))
+            for actor in self.actors
+            for t in range(steps)
+        )
+
+    def where(self, robot: Robot, states: Sequence[State]) -> FloatArray:
+        """Returns where a robot is in states [n], as [n, 3] (m)."""
+        altitude, centre = self.height_map.altitude, self.height_map.centre
+        rows = [
+            (*centre(s.x, s.y), altitude(s.x, s.y, robot.motion.layers[s.layer])) for s in states
+        ]
+        return np.array(rows)
+
+    def _forbidden(self, x: int, y: int, motion: Motion, layer: int) -> bool:
+        """Returns True if a no-fly zone or the ceiling forbids to be there."""
+        altitude = self.height_map.altitude(x, y, motion.layers[layer])
+        return self.workspace.forbidden.solid_at(x, y, altitude, altitude)
 
     def blocked(self, x: int, y: int, motion: Motion, layer: int) -> bool:
         """Returns True if solid matter is within the clearance of a robot of this motion."""

@@ -28,11 +28,6 @@ class Robot(Data, frozen=True):
         require(sizes, "goal", "must be a cell (x, y)")
 
     @property
-    def may_hover(self) -> bool:
-        """True where the robot may stay at its start: it has no goal, or is there already."""
-        return self.goal in (None, (self.start.x, self.start.y))
-
-    @property
     def orientation_sizes(self) -> tuple[int, int, int]:
         """Number of layers, headings and pitches, in the order of `State`."""
         return len(self.motion.layers), self.motion.headings, len(self.camera.tilts)

@@ -187,22 +187,43 @@ class Mesh(Data, frozen=True, eq=False, dict=True):
 
 
 class Workspace(NamedTuple):
-    """All solid matter, and the grid in which robots move."""
+    """All solid matter, the grid in which robots move, and where else they must not be."""
 
     height_map: HeightMap
     meshes: tuple[Mesh, ...] = ()
+    no_fly: tuple[Mesh, ...] = ()  # solids that robots do not enter; they hide nobody
+    ceiling: float | None = None  # m above the datum
 
     @property
     def columns(self) -> Columns:
         """Solid matter above every cell."""
-        return _columns(self)
+        return _columns(self.height_map, self.meshes)
+
+    @property
+    def forbidden(self) -> Columns:
+        """What no-fly zones and the ceiling close above every cell, solid matter left aside."""
+        return _forbidden(self)
 
 
 @lru_cache(maxsize=16)
-def _columns(workspace: Workspace) -> Columns:
-    spans = [NO_SPANS, *(_spans(mesh, workspace.height_map) for mesh in workspace.meshes)]
-    whole = Spans(*(np.concatenate(parts) for parts in zip(*spans, strict=True)))
-    return Columns.of(workspace.height_map.heights, whole)
+def _columns(height_map: HeightMap, meshes: tuple[Mesh, ...]) -> Columns:
+    return Columns.of(height_map.heights, _joined(meshes, height_map))
+
+
+@lru_cache(maxsize=16)
+def _forbidden(workspace: Workspace) -> Columns:
+    height_map, zones = workspace.height_map, workspace.no_fly
+    columns = Columns.of(np.full(height_map.shape, -np.inf), _joined(zones, height_map))
+    if workspace.ceiling is None:
+        return columns
+    (top,) = height_map.altitudes((workspace.ceiling,))
+    above = Columns(np.nextafter(top, np.inf)[None], np.full((1, *top.shape), np.inf))
+    return Columns(*(np.concatenate(parts) for parts in zip(columns, above, strict=True)))
+
+
+def _joined(meshes: tuple[Mesh, ...], height_map: HeightMap) -> Spans:
+    spans = [NO_SPANS, *(_spans(mesh, height_map) for mesh in meshes)]
+    return Spans(*(np.concatenate(parts) for parts in zip(*spans, strict=True)))
 
 
 def _spans(mesh: Mesh, height_map: HeightMap) -> Spans:

@@ -31,7 +31,7 @@ def plain_sweep(
     stay = objective.stationarity + objective.keep_cell
     stay += objective.keep_heading + objective.balanced
     bonuses = _bonuses_of_moves(graph, objective)
-    places, states, moves = _spread(graph, charges)
+    places, states, moves = _spread(graph, Charges.joined([graph.closed, charges]))
     value = np.where(graph.free, reward[-1].reshape(shape), -np.inf)
     if robot_class.goal is not None:
         _, x, y = graph.coordinates(np.arange(graph.n_places))

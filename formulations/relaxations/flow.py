@@ -316,10 +316,10 @@ def _edges(graph: TimeGraph, useful: BoolArray) -> Iterator[tuple[IntArray, IntA
     """Yields tails and heads of the edges of each step, as numbers of useful nodes, in order."""
     turns = _padded(graph.turns)
     first = 0
-    for here, there in pairwise(useful):
+    for t, (here, there) in enumerate(pairwise(useful)):
         tails = np.flatnonzero(here)
         orientation, place = np.divmod(tails, graph.n_places)
-        moved = graph.neighbours.T[place][:, None, :]  # [n, 1, K]
+        moved = graph.heads_at(t, place).T[:, None, :]  # [n, 1, K]
         turned = turns[orientation][:, :, None]  # [n, M, 1]
         heads = np.where((moved >= 0) & (turned >= 0), turned * graph.n_places + moved, -1)
         heads = heads.reshape(len(tails), turns.shape[1] * len(graph.neighbours))

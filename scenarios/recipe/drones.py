@@ -9,7 +9,7 @@ from msgspec import Meta
 from cocap_opt.data import BoolArray, FloatArray, IntArray, ProblemError
 from cocap_opt.graph.encounters import NEAR, Encounters
 from cocap_opt.graph.motion import Window
-from cocap_opt.problem import Actor, Camera, CollisionRules, Motion, Robot, State
+from cocap_opt.problem import Actor, Airspace, Camera, CollisionRules, Motion, Robot, State
 from cocap_opt.scenarios.cameras import CAMERAS
 from cocap_opt.scenarios.recipe.tables import Coordinate, Count, Length, Table
 from cocap_opt.world.workspace import HeightMap, Workspace
@@ -41,6 +41,7 @@ class DronesTable(Table):
         actors: tuple[Actor, ...],
         horizon: int,
         rules: CollisionRules,
+        airspace: Airspace,
         rng: np.random.Generator,
     ) -> list[Robot]:
         """Returns a team with the drones of this table added.
@@ -67,6 +68,7 @@ class DronesTable(Table):
                 state
                 for state in states
                 if not _crowded(state, self.motion, rules, workspace.height_map, team)
+                and not _beside(state, self.motion, airspace, workspace.height_map, actors)
             )
             state_apart = next(apart, None)
             if state_apart is None:
@@ -177,3 +179,16 @@ def _crowded(
     own = state.x, state.y, motion.layers[state.layer]
     starts = [(r.start.x, r.start.y, r.motion.layers[r.start.layer]) for r in team]
     return any(bool(rules.too_near(np.array(height_map.way(own, other)))) for other in starts)
+
+
+def _beside(
+    state: State,
+    motion: Motion,
+    airspace: Airspace,
+    height_map: HeightMap,
+    actors: tuple[Actor, ...],
+) -> bool:
+    """Returns True if a start is too near to somebody."""
+    altitude = height_map.altitude(state.x, state.y, motion.layers[state.layer])
+    at = np.array([*height_map.centre(state.x, state.y), altitude])
+    return any(bool(airspace.near_person(actor, 0, at)) for actor in actors)

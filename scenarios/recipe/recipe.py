@@ -14,6 +14,7 @@ from msgspec import Meta
 
 from cocap_opt.data import LARGEST, MOST_STEPS, ProblemError
 from cocap_opt.problem import Actor, Objective, Problem, Robot
+from cocap_opt.scenarios.recipe.airspace import AirspaceTable, NoFlyTable
 from cocap_opt.scenarios.recipe.drones import DronesTable
 from cocap_opt.scenarios.recipe.meshes import MeshTable
 from cocap_opt.scenarios.recipe.people import TracksTable, WalkTable
@@ -86,6 +87,16 @@ motion = { layers = [4, 6], clearance = 0.5 }
 [[drones]]
 starts = [{ x = 30, y = 20, height = 4, heading = 90 }]    # heading 0: along x
 
+[[no_fly]]
+polygon = [[40, 10], [50, 10], [50, 20]]   # no drone enters it, not even in part of a cell
+bottom = 0.0                # altitudes in m between which it is closed; left out: at all
+top = 30.0
+
+[airspace]
+ceiling = 30.0              # m, as layers are; left out: there is none
+people = 3.0                # m from people, seen from above, at every moment; 0: none
+over_people = 5.0           # m above heads from which on drones may fly over; left out: never
+
 [rules]
 vertex = true               # no two drones in one cell; false, and swap: they may share cells
 swap = true                 # nor may two exchange cells
@@ -110,6 +121,8 @@ class _Recipe(Table):
     walls: tuple[WallsTable, ...] = ()
     tracks: tuple[TracksTable, ...] = ()
     walk: tuple[WalkTable, ...] = ()
+    no_fly: tuple[NoFlyTable, ...] = ()
+    airspace: AirspaceTable = msgspec.field(default_factory=AirspaceTable)
     rules: RulesTable = msgspec.field(default_factory=RulesTable)
     objective: Objective = Objective()
     face_samples: int = 3
@@ -137,13 +150,15 @@ def read(path: Path, seed: int = 0) -> Problem:
             terrain = recipe.map.terrain(path.parent, recipe.flight)
         solid = tuple(_meshes(recipe, path.parent, terrain))
         actors = tuple(_actors(recipe, path.parent, terrain))
-        workspace, rng = Workspace(terrain.height_map, solid), np.random.default_rng(seed)
         with naming("rules"):
             rules = recipe.rules.rules()
+        airspace = recipe.airspace.airspace(recipe.no_fly)
+        workspace = Workspace(terrain.height_map, solid, airspace.no_fly, airspace.ceiling)
+        rng = np.random.default_rng(seed)
         team: list[Robot] = []
         for k, given in enumerate(recipe.drones):
             with naming(f"drones[{k}]"):
-                team = given.added_to(team, workspace, actors, recipe.steps, rules, rng)
+                team = given.added_to(team, workspace, actors, recipe.steps, rules, airspace, rng)
         return Problem(
             name=recipe.name or path.stem,
             height_map=terrain.height_map,
@@ -152,6 +167,7 @@ def read(path: Path, seed: int = 0) -> Problem:
             actors=actors,
             horizon=recipe.steps,
             rules=rules,
+            airspace=airspace,
             objective=recipe.objective,
             face_samples=recipe.face_samples,
         )

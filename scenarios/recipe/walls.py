@@ -86,7 +86,7 @@ class WallsTable(Table):
                 raise ProblemError(
                     "it has no obstacles: border must say how thick its outer walls are"
                 )
-            walls = [_extruded(area, base + self.height, base) for area in areas]
+            walls = [extruded(area, base + self.height, base) for area in areas]
         return [wall.replace(vertices=wall.vertices + np.array([*self.at, 0.0])) for wall in walls]
 
     def _plan(self, path: Path) -> _Plan:
@@ -109,7 +109,7 @@ class WallsTable(Table):
         return plans[self.name] if self.name is not None else next(iter(plans.values()))
 
 
-def _extruded(area: BaseGeometry, height: float, bottom: float) -> Mesh:
+def extruded(area: BaseGeometry, height: float, bottom: float) -> Mesh:
     """Returns the solid above an area (m, of polygons), from one altitude to another.
 
     Raises

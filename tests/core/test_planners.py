@@ -355,7 +355,7 @@ def literal_view_search(task: SingleRobotTask, gamma: float) -> tuple[int, ...] 
         if (k, state) in processed:
             continue
         processed.add((k, state))
-        for head in graph.successors(state).tolist():
+        for head in graph.successors(k - 1, state).tolist():
             seen = views.coverage(k, np.array([head]))[0]
             others = task.pixels[model.problem.view_sums_at(k)]
             weights = model.problem.view_sum_weights[model.problem.view_sums_at(k)]

@@ -51,14 +51,16 @@ class Flown(NamedTuple):
 
 @st.composite
 def flown(draw: st.DrawFn, teams: st.SearchStrategy[Problem] = TEAMS) -> Flown:
-    """Random problems with random paths; goals are not minded."""
+    """Random problems with random paths; goals are not minded, and people leave a way."""
     problem = draw(teams)
+    airspace = problem.airspace.replace(people_aside=0.0, people_above=None)
+    problem = problem.replace(airspace=airspace)
     model = Model(problem, use_cache=False)
     paths = []
     for i, robot_class in enumerate(model.class_of):
         path = [model.start(i)]
-        for _ in range(problem.horizon):
-            heads = [path[-1], *robot_class.graph.successors(path[-1]).tolist()]
+        for t in range(problem.horizon):
+            heads = [path[-1], *robot_class.graph.successors(t, path[-1]).tolist()]
             path.append(draw(st.sampled_from(heads)))
         paths.append(tuple(path))
     return Flown(model, tuple(paths))

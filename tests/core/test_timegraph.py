@@ -73,7 +73,7 @@ def test_successors_are_those_of_networkx(case: Case) -> None:
     graph = _motion_graph(case.problem, 0)
     for state in graph:
         expected = sorted(case.graph.index(head) for head in graph[state])
-        assert case.graph.successors(case.graph.index(state)).tolist() == expected
+        assert case.graph.successors(0, case.graph.index(state)).tolist() == expected
     assert int(case.graph.free.sum()) * case.graph.n_orientations == len(graph)
 
 

@@ -56,16 +56,17 @@ def all_arcs(model: Model) -> list[Arc]:
             for tail in np.flatnonzero(reached[t]).tolist():
                 arcs += [
                     Arc(number, t, tail, head)
-                    for head in robot_class.graph.successors(tail).tolist()
+                    for head in robot_class.graph.successors(t, tail).tolist()
                 ]
     return arcs
 
 
 def random_path(model: Model, robot: int, rng: np.random.Generator) -> tuple[int, ...]:
-    """A random walk of a robot; its goal is ignored."""
+    """A random walk of a robot; its goal is ignored, and so is where people leave no way."""
     path = [model.start(robot)]
-    for _ in range(model.problem.horizon):
-        path.append(int(rng.choice(model.class_of[robot].graph.successors(path[-1]))))
+    for t in range(model.problem.horizon):
+        heads = model.class_of[robot].graph.successors(t, path[-1])
+        path.append(int(rng.choice(heads)) if len(heads) else path[-1])
     return tuple(path)
 
 

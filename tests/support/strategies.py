@@ -14,6 +14,7 @@ from cocap_opt.problem import (
     NO_RULES,
     PAPER_RULES,
     Actor,
+    Airspace,
     AnyCamera,
     Camera,
     CollisionRules,
@@ -201,6 +202,23 @@ def rules(resolution: float = 4.0) -> st.SearchStrategy[CollisionRules]:
 
 
 @st.composite
+def airspaces(draw: st.DrawFn, height_map: HeightMap) -> Airspace:
+    """Mostly none; no-fly boxes of a cell or so, ceilings, and distances to people."""
+    if draw(st.sampled_from([True, True, False])):
+        return Airspace()
+    width, depth = (n * height_map.resolution for n in height_map.shape)
+    x, y = draw(st.floats(0, width)), draw(st.floats(0, depth))
+    box = Mesh.box((x, y, draw(st.sampled_from([0.0, 4.0]))), (x + 3.0, y + 3.0, 7.0))
+    aside = draw(st.sampled_from([0.0, 1.5, 4.5]))
+    return Airspace(
+        no_fly=draw(st.sampled_from([(), (box,)])),
+        ceiling=draw(st.sampled_from([None, None, 5.0, 8.0])),
+        people_aside=aside,
+        people_above=draw(st.sampled_from([None, 1.0, 2.5])) if aside else None,
+    )
+
+
+@st.composite
 def objectives(draw: st.DrawFn, over_time: bool = False) -> Objective:
     """Objectives of all kinds: rewards for moves are often 0, small, or all that matters."""
     kept = draw(st.sampled_from([(), (), ("keep_cell",), ("keep_heading",), ("balanced",),
@@ -243,6 +261,7 @@ def problems(
             actors=tuple(seen),
             horizon=horizon,
             rules=draw(rules()),
+            airspace=draw(airspaces(height_map)),
             objective=objective,
             face_samples=draw(st.integers(1, 2)),
         )

@@ -1,0 +1,75 @@
+"""Where drones may not fly though nothing is there: no-fly zones, a ceiling, near people."""
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from cocap_opt.data import LARGEST, BoolArray, Data, FloatArray, require, within
+from cocap_opt.problem.actor import Actor
+from cocap_opt.problem.rules import CollisionRules
+from cocap_opt.world.workspace import Mesh
+
+
+class Airspace(Data, frozen=True):
+    """The limits of where drones may fly, which hold at every moment.
+
+    No-fly zones and the ceiling are checked like solid matter, cell by cell: a cell that a zone
+    covers in part is closed between the zone's heights, which belong to it. People walk straight
+    from pose to pose within a step.
+
+    Attributes
+    ----------
+    no_fly : solids that no drone enters; they hide nobody
+    ceiling : m above the datum of the map, as `Motion.layers` are; None: there is none
+    people_aside : m, least distance to the middle of a person, seen from above; 0: none
+    people_above : m above a head from which on drones may fly over people; None: they may not
+    """
+
+    no_fly: tuple[Mesh, ...] = ()
+    ceiling: float | None = None
+    people_aside: float = 0.0
+    people_above: float | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.ceiling is not None:
+            within(self.ceiling, -LARGEST, LARGEST, "ceiling", "m")
+        within(self.people_aside, 0, LARGEST, "people_aside", "m")
+        if self.people_above is not None:
+            within(self.people_above, 0, LARGEST, "people_above", "m")
+            require(self.people_aside > 0, "people_above", "must be None where people_aside is 0")
+
+    def __str__(self) -> str:
+        return ", ".join(self._words())
+
+    def _words(self) -> Iterable[str]:
+        if self.no_fly:
+            yield f"{len(self.no_fly)} no-fly zone{'s' if len(self.no_fly) > 1 else ''}"
+        if self.ceiling is not None:
+            yield f"ceiling {self.ceiling:g} m"
+        if self.people_aside:
+            over = "" if self.people_above is None else f" or {self.people_above:g} m above"
+            yield f"{self.people_aside:g} m from people{over}"
+
+    def near_person(
+        self, actor: Actor, t: int, before: FloatArray, after: FloatArray | None = None
+    ) -> BoolArray:
+        """Returns an array [..], true if drones are too near to a person.
+
+        Parameters
+        ----------
+        before, after : [.., 3] m, where drones are at step t and t+1; without the latter only
+            step t counts
+        """
+        if not self.people_aside:
+            return np.zeros(before.shape[:-1], dtype=np.bool_)
+        rules, middles = self.rules_beside(actor), actor.middles
+        if after is None:
+            return rules.too_near(before - middles[t])
+        return rules.pass_too_near(before - middles[t], after - middles[t + 1])
+
+    def rules_beside(self, actor: Actor) -> CollisionRules:
+        """Returns the rules that hold between a drone and the middle of a person's body."""
+        half = actor.shape.height / 2
+        over = LARGEST if self.people_above is None else self.people_above + half
+        return CollisionRules(separation=self.people_aside, vertical=over)
