@@ -76,6 +76,8 @@ def _best_paths(model: Model, stop: Stop) -> tuple[Path, ...] | None:
         path = best_response(model, 0, model.problem.no_pixels(), stop=stop)
         return None if path is None else (path,)
     pair = _Pair(model, stop)
+    if not all(len(places) for side in (pair.a, pair.b) for places in side.places):
+        return None  # people leave a robot no way
     if pair.bytes_needed > MEMORY_LIMIT:
         raise LimitReached(Limit.MEMORY)
     return pair.best_paths(pair.sweep(), pair.starts, pair.positions)
