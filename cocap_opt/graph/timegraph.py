@@ -8,6 +8,7 @@ the order [layer, x, y]. Both numberings are of a window of the map, which robot
 include a closed border around it, as wide as a move is long, which makes every move one flat shift.
 """
 
+import math
 from collections.abc import Iterable
 from functools import cached_property, lru_cache
 from typing import NamedTuple, TypeVar
@@ -15,7 +16,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
-from cocap_opt.graph.charges import NO_CHARGES
+from cocap_opt.graph.charges import NO_CHARGES, Charges
 from cocap_opt.graph.motion import Window, allowed_moves
 from cocap_opt.graph.people import People
 from cocap_opt.memory import require_memory
@@ -77,7 +78,7 @@ class TimeGraph:
         self.neighbours = self._compile(workspace)
         self.free: BoolArray = self.neighbours[0] >= 0  # every free place may be stayed in
         self.irregular = self._compile_irregular()
-        self.closed = NO_CHARGES if people is None else people.closed(self, workspace.height_map)
+        self.closed = NO_CHARGES if people is None else self._closed(people, workspace.height_map)
 
     def _require_memory(self) -> None:
         """Refuses a graph that is larger than the memory."""
@@ -141,6 +142,22 @@ class TimeGraph:
         stays = state_heads == states
         stays[0] = False
         return _Irregular(states, state_heads, stays)
+
+    def _closed(self, people: People, height_map: HeightMap) -> Charges:
+        """Returns charges that close all places and moves that are too near to somebody."""
+        places, moves = [np.zeros((0, 2), np.int64)], [np.zeros((0, 3), np.int64)]
+        for one in people.meetings:
+            x, y = height_map.cell_of(*one.at)
+            reach = math.ceil(one.reach / height_map.resolution) + 1
+            some = self.places_around(x, y, reach)
+            near = some[one.near(self.positions(height_map, some))]
+            places.append(np.column_stack([np.full(len(near), one.t), near]))
+            if one.t < people.horizon:
+                ends = self.moves_around(x, y, reach + self.motion.radius)
+                pass_near = one.near(*(self.positions(height_map, end) for end in ends))
+                pairs = np.column_stack(ends)[pass_near]
+                moves.append(np.column_stack([np.full(len(pairs), one.t), pairs]))
+        return Charges.closing(*(np.unique(np.concatenate(x), axis=0) for x in (places, moves)))
 
     def _all_orientations(self, places: IntArray) -> IntArray:
         """Returns the states of places [n] in every orientation, orientation by orientation."""

@@ -14,8 +14,10 @@ from rasterio.transform import Affine
 
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.formulations import EXACT
+from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.plausibility import doubts
-from cocap_opt.problem import Actor, Cuboid, Problem, State
+from cocap_opt.problem import Actor, Airspace, Cuboid, Motion, Plan, Problem, State
+from cocap_opt.referee import check
 from cocap_opt.scenarios import SCENES, load_scene
 from cocap_opt.scenarios.recipe.meshes import MeshTable
 from cocap_opt.scenarios.recipe.recipe import EXAMPLE, read
@@ -109,7 +111,7 @@ def test_the_example_in_the_manual_is_read(parts: Path) -> None:
 def test_the_example_has_every_field() -> None:
     """Whoever reads the example knows all that a recipe can say."""
     tables = Table.__subclasses__()
-    assert len(tables) == 9
+    assert len(tables) == 11
     for table in tables:
         for field in table.__struct_fields__:
             assert f"{field} =" in EXAMPLE or f"[{field}]" in EXAMPLE, field
@@ -129,6 +131,59 @@ def test_drones_of_a_recipe_keep_two_metres_apart(
 ) -> None:
     """Unless it says otherwise: its plans are to be flown."""
     assert str(read(write(tmp_path, FLAT + DRONE + table)).rules) == expected
+
+
+AIRSPACE = """
+[[no_fly]]
+polygon = [[8.5, 0], [12, 0], [12, 12], [8.5, 12]]
+top = 6.0
+[airspace]
+people = 2.5
+"""
+
+
+def test_zones_and_people_are_kept_clear_of(tmp_path: Path) -> None:
+    """Drones stay out of every cell of the zone, go round the person, and the bound knows it."""
+    problem = read(write(tmp_path, FLAT + DRONE + AIRSPACE))
+    assert str(problem.airspace) == "1 no-fly zone, 2.5 m from people"
+    problem = problem.replace(robots=[problem.robots[0].replace(motion=Motion(radius=2))])
+    best = branch_and_price(problem)
+    assert best.plan is not None and check(problem, best.plan).valid
+    free = branch_and_price(problem.replace(airspace=Airspace()))
+    assert best.value < free.bound
+    assert all(state.x < 8 for state in best.plan.paths[0])
+    # Straight ahead, after the person and into the zone.
+    ahead = Plan(paths=(tuple(problem.robots[0].start._replace(x=x) for x in (2, 3, 4, 5, 6)),))
+    assert check(problem, ahead).valid
+    ahead = Plan(paths=(tuple(problem.robots[0].start._replace(x=x) for x in (2, 4, 6, 8, 10)),))
+    words = " ".join(check(problem, ahead).violations)
+    assert "paths[0]: step 3 is blocked or outside" in words
+    ahead = Plan(paths=(tuple(problem.robots[0].start._replace(x=x) for x in (2, 4, 6, 7, 7)),))
+    assert "step 2 is 1.5 m from actors[0]" in " ".join(check(problem, ahead).violations)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[[no_fly]]\npolygon = [[0, 0], [1, 1]]", r"no_fly.0.: polygon: must have at least 3"),
+        (
+            "[[no_fly]]\npolygon = [[0, 0], [2, 2], [2, 0], [0, 2]]",
+            r"no_fly.0.: polygon: must not cross itself: Self-intersection.1 1",
+        ),
+        ("[[no_fly]]\npolygon = [[0, 0], [2, 0], [2, 2]]\ntop = 1\nbottom = 2", "top: must be ab"),
+        ("[airspace]\nover_people = 3", "airspace: over_people: must be left out where people is"),
+        ("[airspace]\nceiling = 1", "robots.0..start: cell .* above the ceiling"),
+        ("[airspace]\npeople = 4", "robots.0..start: is too near to actors.0., 4 m from people"),
+        (
+            "[[no_fly]]\npolygon = [[2.9, 6], [4, 6], [4, 7]]",
+            "robots.0..start: cell .2, 6. is in a no-fly zone",
+        ),
+    ],
+)
+def test_an_airspace_that_makes_no_sense_is_refused(tmp_path: Path, text: str, words: str) -> None:
+    """One line says the field and what is allowed."""
+    with pytest.raises(ProblemError, match=words):
+        read(write(tmp_path, FLAT + DRONE + text))
 
 
 def test_a_flat_scene_needs_no_files(tmp_path: Path) -> None:
