@@ -13,11 +13,10 @@ import trimesh
 from trimesh.resolvers import Resolver
 
 from cocap_opt.data import FloatArray, IntArray, ProblemError
-from cocap_opt.scenarios.recipe.tables import Coordinate, Table
+from cocap_opt.scenarios.recipe.tables import PER_METRE, Coordinate, Table, Unit
 from cocap_opt.scenarios.text import naming, one_line
 from cocap_opt.world.workspace import Mesh
 
-PER_METRE = {"m": 1.0, "cm": 100.0, "mm": 1000.0, "ft": 1 / 0.3048}
 UP = {".glb": "y", ".gltf": "y"}  # axis that is upwards; in other files it is z, as in surveys
 SUFFIXES = (".obj", ".glb", ".gltf", ".stl", ".ply", ".off")
 
@@ -26,7 +25,7 @@ class MeshTable(Table):
     """One of the tables `mesh` of a recipe, see `cocap_opt.scenarios.recipe.recipe.EXAMPLE`."""
 
     file: str
-    unit: Literal["m", "cm", "mm", "ft"] = "m"  # of its coordinates
+    unit: Unit = "m"  # of its coordinates
     up: Literal["y", "z"] | None = None  # axis that is upwards; None: y for glTF, z for others
     turn: Coordinate = 0.0  # degrees about its origin, counter-clockwise seen from above
     at: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)  # m, where its origin lies

@@ -1,16 +1,20 @@
 """The people of a recipe, tracked by others or walking along given legs."""
 
+import logging
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import numpy as np
 from msgspec import Meta
 
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.problem import Actor, Shape
-from cocap_opt.scenarios.recipe.tables import Count, Point, Size, Table
+from cocap_opt.scenarios.recipe.pace import pace_doubt
+from cocap_opt.scenarios.recipe.tables import Count, Point, Size, Table, Unit
 from cocap_opt.scenarios.recipe.terrain import Terrain
 from cocap_opt.scenarios.recipe.tracks import BODY, STILL, Track
+
+log = logging.getLogger(__name__)
 
 
 class TracksTable(Table):
@@ -18,7 +22,7 @@ class TracksTable(Table):
 
     file: str
     columns: list[str] | None = None
-    unit: Literal["m", "cm", "mm"] | None = None
+    unit: Unit | None = None
     fps: float | None = None
     delimiter: str | None = None
     begin: float | None = None
@@ -48,12 +52,16 @@ class TracksTable(Table):
             delimiter=self.delimiter,
         )  # fmt: skip
         begin, chosen = self._chosen(tracks, step, steps)
-        return [
+        actors = [
             track._replace(points=track.points + np.array(self.at)).actor(
                 begin, step, steps, shape=self.shape, still=self.still, ground=terrain.floor
             )
             for track in chosen
         ]
+        names, causes = [f"id {track.id}" for track in chosen], "unit, fps, step and all its rows"
+        if doubt := pace_doubt(names, actors, step, causes):
+            log.warning("%s: %s", self.file, doubt)
+        return actors
 
     def _chosen(self, tracks: list[Track], step: float, steps: int) -> tuple[float, list[Track]]:
         """Returns the time (s) of step 0, and the people who are filmed."""
@@ -95,16 +103,32 @@ class WalkTable(Table):
         terrain : the ground
         step : seconds between steps
         steps : horizon T
+
+        Raises
+        ------
+        ProblemError
+            If the way begins beyond its end, or nobody could be so fast.
         """
         points = self._along(step, steps)
         floor = [terrain.floor(x, y) for x, y in points.tolist()]
         yaw = Track.headings(points, STILL * step)
-        return Actor(poses=np.column_stack([points, floor, yaw]), shape=self.shape)
+        actor = Actor(poses=np.column_stack([points, floor, yaw]), shape=self.shape)
+        x, y = self.points[0]
+        if doubt := pace_doubt(
+            [f"the walk from ({x:g}, {y:g}) m"], [actor], step, "speed and step"
+        ):
+            log.warning("%s", doubt)
+        return actor
 
     def _along(self, step: float, steps: int) -> FloatArray:
         """Returns the points [T+1, 2] (m) at the steps."""
         corners = np.array(self.points)
         behind = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])
+        if self.first > behind[-1]:
+            raise ProblemError(
+                f"first: must be at most {behind[-1]:.6g} m, the length of the way, not "
+                f"{self.first:g}"
+            )
         done = self.first + self.speed * step * np.arange(steps + 1)
         return np.column_stack([np.interp(done, behind, axis) for axis in corners.T])
 

@@ -60,7 +60,7 @@ base = 50.0                 # altitude of their foot; left out: the lowest groun
 [[tracks]]
 file = "people.txt"
 columns = ["id", "frame", "x", "y", "z"]   # left out: as the file says
-unit = "cm"                 # left out, as fps: as the file says
+unit = "cm"                 # "m", "cm", "mm" or "ft"; left out, as fps: as the file says
 fps = 16
 begin = 37.0                # time of step 0; left out: the first from which all are there
 ids = [12, 15, 16]          # or: count = 3, the first that are there at all steps

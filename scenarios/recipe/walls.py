@@ -5,7 +5,7 @@ They are polygons of the walkable area and of the obstacles in it, as the geomet
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import msgspec
 import numpy as np
@@ -15,8 +15,15 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from cocap_opt.data import FloatArray, ProblemError
-from cocap_opt.scenarios.recipe.meshes import PER_METRE
-from cocap_opt.scenarios.recipe.tables import Coordinate, Length, Point, Size, Table
+from cocap_opt.scenarios.recipe.tables import (
+    PER_METRE,
+    Coordinate,
+    Length,
+    Point,
+    Size,
+    Table,
+    Unit,
+)
 from cocap_opt.scenarios.text import naming, one_line, read_text
 from cocap_opt.world.workspace import Mesh
 
@@ -55,7 +62,7 @@ class WallsTable(Table):
     file: str
     height: Length
     name: str | None = None  # of a ground plan in the file; None: the only one
-    unit: Literal["m", "cm", "mm", "ft"] | None = None  # None: as the file says, else m
+    unit: Unit | None = None  # None: as the file says, else m
     border: Size = 0.0  # m, thickness of a wall around the walkable area; 0: there is none
     at: Point = (0.0, 0.0)  # m, where the plan's origin comes to lie
     base: Coordinate | None = None  # m, altitude of the walls' foot; None: the lowest ground

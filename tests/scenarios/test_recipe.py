@@ -205,6 +205,9 @@ def test_seeds_place_drones_and_nothing_else(tmp_path: Path) -> None:
         (("[[walk]]", "[[mesh]]\nfile = 'a.txt'\n[[walk]]"), r"mesh\[0\]: .*must be named \.obj"),
         (("[[walk]]", "[[tracks]]\nfile = 'no.csv'\nids = [1]\n[[walk]]"), r"tracks\[0\]: .*no"),
         (("points", "points = ["), "scene.toml: "),
+        (("speed = 1.5", "first = 11"), r"walk\[0\]: first: must be at most 10 m, the length of"),
+        (("[15, 6]]\nspeed = 1.5", "[900, 6]]\nspeed = 150"),
+         r"walk\[0\]: the walk from \(5, 6\) m must be slower than 100 m/s, but moves by 150 m"),
     ],
 )  # fmt: skip
 def test_mistakes_are_named(tmp_path: Path, change: tuple[str, str], message: str) -> None:
@@ -232,6 +235,28 @@ starts = [{{ x = {EAST + 9.5}, y = {NORTH + 6.5} }}]
         read(write(tmp_path, text))
     filled = text.replace('"map.tif"', '"map.tif"\nfill = 30')
     assert read(write(tmp_path, filled)).height_map.heights[3, 4] == 30
+
+
+def test_filmed_people_who_race_are_doubted(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Their speed is in m/s, whatever the step; who could not be so fast is refused."""
+    rows = [f"{k} {frame} {5 + 0.05 * frame + 9 * k * (frame > 30)} {k}\n"
+            for k in (1, 99) for frame in range(100)]  # fmt: skip
+    (tmp_path / "people.txt").write_text("id frame x y\n" + "".join(rows))
+    table = '[[tracks]]\nfile = "people.txt"\nunit = "m"\nfps = 25\nids = [1]\n'
+    read(write(tmp_path, "step = 0.5" + FLAT + table + DRONE))
+    assert caplog.messages[1] == (
+        "people.txt: id 1 moves by 9.625 m from step 2 to 3, 19.25 m/s: are unit, fps, step and "
+        "all its rows right?"
+    )
+    caplog.clear()
+    read(write(tmp_path, "step = 0.8" + FLAT + table + DRONE))
+    assert "12.5 m/s" in caplog.text
+    with pytest.raises(
+        ProblemError, match=r"tracks.0.: id 99 must be slower than 100 m/s, but mov"
+    ):
+        read(write(tmp_path, "step = 0.5" + FLAT + table.replace("[1]", "[99]") + DRONE))
 
 
 def test_people_who_are_not_there_are_named(parts: Path) -> None:
