@@ -12,7 +12,7 @@ from cocap_opt.problem import Actor, Shape
 from cocap_opt.scenarios.recipe.pace import pace_doubt
 from cocap_opt.scenarios.recipe.tables import Count, Point, Size, Table, Unit
 from cocap_opt.scenarios.recipe.terrain import Terrain
-from cocap_opt.scenarios.recipe.tracks import BODY, STILL, Track
+from cocap_opt.scenarios.recipe.tracks import BODY, MOST_GAP, SLACK, STILL, Track
 
 log = logging.getLogger(__name__)
 
@@ -66,11 +66,12 @@ class TracksTable(Table):
     def _chosen(self, tracks: list[Track], step: float, steps: int) -> tuple[float, list[Track]]:
         """Returns the time (s) of step 0, and the people who are filmed."""
         if (self.ids is None) == (self.count is None):
-            raise ProblemError("must have either ids or a count")
+            present = _present(tracks, steps * step, self.begin)
+            raise ProblemError(f"must have either ids or a count; {present}")
         candidates = tracks if self.ids is None else _named(self.ids, tracks)
         wanted = self.count or len(candidates)
         # More people are there only from a time at which someone appears.
-        moments = sorted({time for track in candidates for time in track.appearances()})
+        moments = sorted({begin for track in candidates for begin, _ in track.spans()})
         most = 0
         for begin in moments if self.begin is None else [self.begin]:
             there = [track for track in candidates if track.is_there(begin, step, steps)]
@@ -78,13 +79,29 @@ class TracksTable(Table):
                 return begin, there[:wanted]
             most = max(most, len(there))
         when = "at no time" if self.begin is None else f"not from {self.begin:g} s on"
-        who = ""
-        if self.ids is not None:
-            who = "; " + "; ".join(f"{c.id} is there {c.presence()}" for c in candidates[:4])
         raise ProblemError(
             f"begin: must be a time from which on all of {wanted} are there for {steps * step:g} "
-            f"s, which they are {when}; at most {most} are{who}"
+            f"s, which they are {when}; at most {most} are; {self._why(candidates)}"
         )
+
+    def _why(self, tracks: list[Track]) -> str:
+        """Says why people are not there: their rows are too far apart, or when they come and go."""
+        rows = np.concatenate([np.diff(track.times) for track in tracks])
+        apart = float(np.median(rows)) if len(rows) else 0.0
+        if apart > MOST_GAP:
+            words = (
+                f"rows of a person are {apart:.6g} s apart, and people are followed over at most "
+                f"{MOST_GAP:g} s"
+            )
+            frames = 0 if self.fps is None else round(apart * self.fps)
+            return words + (
+                f", for frame numbers go in steps of {frames} at fps = {self.fps:g}: fps must be "
+                f"the rate at which the numbers count, {frames} times that of the rows"
+                if frames > 1 else ""
+            )  # fmt: skip
+        shown = tracks if self.ids else [track for track in tracks if len(track.spans()) > 1]
+        shown = shown or sorted(tracks, key=lambda track: track.times[0] - track.times[-1])
+        return "; ".join(f"{track.id} is there {track.presence()}" for track in shown[:4])
 
 
 class WalkTable(Table):
@@ -137,12 +154,35 @@ def _named(ids: list[int | str], tracks: list[Track]) -> list[Track]:
     by_id = {track.id: track for track in tracks}
     for name in ids:
         if name not in by_id:
-            raise ProblemError(f"ids: {name!r} is not in the file, which has {_listed(by_id)}")
+            raise ProblemError(f"ids: {name!r} is not in the file, which has {_listed(tracks)}")
     if len(set(ids)) != len(ids):
         raise ProblemError("ids: must differ")
     return [by_id[name] for name in ids]
 
 
-def _listed(names: dict[int | str, Track]) -> str:
-    shown = ", ".join(str(name) for name in list(names)[:5])
-    return shown + (f" and {len(names) - 5} more" if len(names) > 5 else "")
+def _present(tracks: list[Track], seconds: float, begin: float | None) -> str:
+    """Says who is in a file, and when most of them are there for some seconds."""
+    spans = np.array([span for track in tracks for span in track.spans()])
+    lasting = spans[spans[:, 1] - spans[:, 0] >= seconds - SLACK]
+    words = f"the file has {len(tracks)} people ({_listed(tracks)})"
+    moments = np.unique(lasting[:, 0]) if begin is None else np.array([begin])
+    # Who is there at a moment has come by then, and does not leave before the seconds are over.
+    counts = np.searchsorted(np.sort(lasting[:, 0]), moments + SLACK, side="right")
+    counts -= np.searchsorted(np.sort(lasting[:, 1]), moments + seconds - SLACK)
+    if not len(lasting) or counts.max() == 0:
+        return f"{words}; nobody is there for {seconds:g} s" + (
+            "" if begin is None else f" from {begin:g} s on"
+        )
+    best = float(moments[np.argmax(counts)])
+    there = [
+        track
+        for track in tracks
+        if any(a <= best + SLACK and best + seconds - SLACK <= b for a, b in track.spans())
+    ]
+    listed = f"{len(there)} ({_listed(there)})" if len(there) < len(tracks) else "all"
+    return f"{words}; {listed} are there for {seconds:g} s from {best:.12g} s on"
+
+
+def _listed(tracks: list[Track]) -> str:
+    shown = ", ".join(str(track.id) for track in tracks[:5])
+    return shown + (f" and {len(tracks) - 5} more" if len(tracks) > 5 else "")

@@ -18,7 +18,7 @@ from cocap_opt.scenarios.recipe.drones import DronesTable
 from cocap_opt.scenarios.recipe.meshes import MeshTable
 from cocap_opt.scenarios.recipe.people import TracksTable, WalkTable
 from cocap_opt.scenarios.recipe.tables import Flight, Table
-from cocap_opt.scenarios.recipe.terrain import MapTable, Terrain
+from cocap_opt.scenarios.recipe.terrain import MapTable, Terrain, area, ends
 from cocap_opt.scenarios.recipe.walls import WallsTable
 from cocap_opt.scenarios.text import naming, one_line, read_text
 from cocap_opt.world.workspace import HeightMap, Mesh, Workspace
@@ -174,14 +174,11 @@ def _meshes(recipe: _Recipe, folder: Path, terrain: Terrain) -> Iterator[Mesh]:
 def _require_on_map(meshes: list[Mesh], height_map: HeightMap) -> None:
     vertices = np.concatenate([mesh.vertices for mesh in meshes])
     low, high = vertices.min(axis=0)[:2], vertices.max(axis=0)[:2]
-    first = np.array(height_map.origin)
-    last = first + np.array(height_map.shape) * height_map.resolution
+    first, last = ends(height_map)
     if (high < first).any() or (low > last).any():
-        ends = zip((*low, *first), (*high, *last), strict=True)
-        x, y, map_x, map_y = (f"{a:.6g}..{b:.6g}" for a, b in ends)
         raise ProblemError(
-            f"must lie on the map, x {map_x} and y {map_y} m, not at x {x} and y {y} m; `at` "
-            "moves it, `unit` scales it"
+            f"must lie on the map, {area(first, last)}, not at {area(low, high)}; `at` moves it, "
+            "`unit` scales it"
         )
 
 

@@ -187,18 +187,15 @@ class Track(NamedTuple):
         yaw = np.arctan2(dy, dx)
         return np.where(yaw <= -math.pi, math.pi, yaw)
 
-    def appearances(self) -> list[float]:
-        """Returns the times (s) at which the person comes: the first, and after every gap."""
+    def spans(self) -> list[tuple[float, float]]:
+        """Returns the times (s) from when to when the person is there, between gaps."""
         gaps = np.flatnonzero(np.diff(self.times) > MOST_GAP + SLACK)
-        times: list[float] = self.times[[0, *(gaps + 1)]].tolist()
-        return times
+        begins, ends = self.times[[0, *(gaps + 1)]], self.times[[*gaps, -1]]
+        return list(zip(begins.tolist(), ends.tolist(), strict=True))
 
     def presence(self) -> str:
         """Says from when to when the person is there."""
-        gaps = np.flatnonzero(np.diff(self.times) > MOST_GAP + SLACK)
-        begins = self.appearances()
-        ends = self.times[[*gaps, -1]]
-        spans = [f"from {a:.12g} to {b:.12g} s" for a, b in zip(begins, ends, strict=True)]
+        spans = [f"from {a:.12g} to {b:.12g} s" for a, b in self.spans()]
         return " and ".join(
             spans if len(spans) < 5 else [*spans[:3], f"at {len(spans) - 3} more times"]
         )

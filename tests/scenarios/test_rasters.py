@@ -313,6 +313,20 @@ def test_a_grid_has_one_band(grid: Callable[[str], Path]) -> None:
     ("options", "message"),
     [
         ({"transform": None}, "geotransform: must be there"),
+        (
+            {"transform": None, "crs": "EPSG:25830"},
+            "geotransform: must be there.*`gdal_translate -a",
+        ),
+        (
+            {"crs": "EPSG:3857"},
+            r"web Mercator \(EPSG:3857\) are 0.7.* gdalwarp -t_srs EPSG:32631 m",
+        ),
+        ({"crs": "EPSG:3857", "transform": (2, 0, 0, 0, -3, 6)}, r"web Mercator .* EPSG:32631 map"),
+        ({"crs": "+proj=merc +datum=WGS84 +units=m"}, "must be true metres, but .* gdalwarp"),
+        (
+            {"crs": "EPSG:3395"},
+            r"EPSG:3395 are 0.7.* m long at latitude 39",
+        ),
         ({"transform": (2, 0.1, 0, 0.1, -2, 0)}, "neither rotated nor sheared"),
         ({"dtype": "complex64"}, "band 1: must hold real numbers, not complex64"),
         ({"crs": "EPSG:4326"}, "metres of a projection, not degrees"),
@@ -341,6 +355,14 @@ def test_control_points_are_no_geotransform(tiff: Write) -> None:
 def test_systems_in_metres(tiff: Write, crs: str) -> None:
     """Projected, compound and local systems in metres are taken."""
     assert_array_equal(read_raster(tiff(crs=crs)).values, VALUES)
+
+
+@pytest.mark.parametrize(
+    ("crs", "x", "y"), [("EPSG:2154", 650_000, 6_860_000), ("EPSG:3035", 4_321_000, 3_210_000)]
+)
+def test_projections_that_are_true_there(tiff: Write, crs: str, x: float, y: float) -> None:
+    """National and European systems are taken where their metres are as long as on the ground."""
+    assert_array_equal(read_raster(tiff(crs=crs, transform=(2, 0, x, 0, -3, y))).values, VALUES)
 
 
 @pytest.mark.parametrize("share", [0.02, 0.3, 0.99])

@@ -219,6 +219,17 @@ def test_mistakes_are_named(tmp_path: Path, change: tuple[str, str], message: st
     assert "\n" not in str(error.value)
 
 
+def test_people_off_the_map_are_the_cause(tmp_path: Path) -> None:
+    """Drones that find no place near them are not to blame."""
+    text = FLAT.replace("[[5, 6], [15, 6]]", "[[505, 6], [515, 6]]") + "[[drones]]\ncount = 1\n"
+    words = (
+        "all people are off the map, at x 505..511 and y 6..6 m, so that no drone can start near"
+    )
+    with pytest.raises(ProblemError, match=words) as error:
+        read(write(tmp_path, text))
+    assert "the map is x 0..20 and y 0..12 m" in str(error.value)
+
+
 def test_holes_are_refused_or_filled(tmp_path: Path) -> None:
     """A map with cells without data is used only if the recipe gives them a height."""
     values = np.zeros((20, 12))
@@ -266,10 +277,39 @@ def test_people_who_are_not_there_are_named(parts: Path) -> None:
         ("ids = [12, 99]", r"tracks\[0\]: ids: 99 is not in the file, which has 12, 15, 16"),
         ("count = 4", "begin: must be a time from which on all of 4 .* at no time; at most 3"),
         ("count = 3\nbegin = 70", "not from 70 s on; at most 0 are"),
-        ("", "must have either ids or a count"),
+        (
+            "",
+            r"either ids or a count; the file has 3 people \(12, 15, 16\); all are there for 4 s f",
+        ),
+        ("begin = 70", r"either ids or a count; .*; nobody is there for 4 s from 70 s on"),
     ):
         with pytest.raises(ProblemError, match=message):
             read(write(parts, FLAT + table + more + DRONE))
+
+
+def test_why_nobody_is_there_is_said(tmp_path: Path) -> None:
+    """Rows that are too far apart for the frame rate, and gaps, are causes that have names."""
+    table = '[[tracks]]\nfile = "people.txt"\nunit = "m"\n'
+    path = tmp_path / "people.txt"
+    rows = [(i, frame, 5 + 0.02 * frame, 3 * i) for i in (1, 2) for frame in range(0, 200, 10)]
+    path.write_text("id frame x y\n" + "".join(f"{i} {f} {x} {y}\n" for i, f, x, y in rows))
+    for more in ("count = 2", "ids = [1, 2]"):
+        with pytest.raises(
+            ProblemError, match=r"rows of a person are 4 s apart, .* steps of 10 at"
+        ):
+            read(write(tmp_path, FLAT + table + f"fps = 2.5\n{more}\n" + DRONE))
+    read(write(tmp_path, FLAT + table + "fps = 25\ncount = 2\n" + DRONE))
+    rows = [(i, frame, 5 + 0.02 * frame, 3 * i) for i in (1, 2, 3) for frame in range(40)]
+    kept = [row for row in rows if row[0] != 2 or not 10 < row[1] < 25]
+    path.write_text("id frame x y\n" + "".join(f"{i} {f} {x} {y}\n" for i, f, x, y in kept))
+    with pytest.raises(
+        ProblemError, match=r"at most 0 are; 2 is there from 0 to 1 s and from 2.5 "
+    ):
+        read(write(tmp_path, FLAT + table + "fps = 10\ncount = 3\nbegin = -1\n" + DRONE))
+    with pytest.raises(
+        ProblemError, match=r"3 people .*; 2 \(1, 3\) are there for 3.6 s from 0 s "
+    ):
+        read(write(tmp_path, "step = 0.9" + FLAT + table + "fps = 10\n" + DRONE))
 
 
 # -- meshes -------------------------------------------------------------------------------
