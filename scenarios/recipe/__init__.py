@@ -6,6 +6,7 @@
 __all__ = [
     "drones",
     "geotiff",
+    "ground_plans",
     "meshes",
     "pace",
     "people",

@@ -83,9 +83,11 @@ def _load(path: Path) -> tuple[FloatArray, IntArray]:
             warnings.simplefilter("ignore")
             with path.open("rb") as file:
                 scene = trimesh.load_scene(
-                    file, file_type=kind[1:], resolver=_Beside(path.parent), skip_materials=True
-                )
+                    file, file_type=kind[1:], resolver=_Beside(path.parent), skip_materials=True,
+                    process=False,  # which would leave out corners that are no numbers
+                )  # fmt: skip
             shape = scene.to_mesh()
+            finite = bool(np.isfinite(shape.vertices).all())
             shape.merge_vertices(merge_tex=True, merge_norm=True)
             vertices = np.array(shape.vertices, dtype=np.float64)
             triangles = np.array(shape.faces, dtype=np.int64)
@@ -95,10 +97,10 @@ def _load(path: Path) -> tuple[FloatArray, IntArray]:
         raise ProblemError(f"cannot be read as {kind}") from error
     except Exception as error:  # trimesh names no set of errors for a damaged file
         raise ProblemError(f"cannot be read as {kind}: {one_line(error)}") from error
+    if not finite or vertices.ndim != 2 or vertices.shape[1] != 3:
+        raise ProblemError("vertices: must be finite numbers x, y, z, not NaN or infinite")
     if not len(triangles):
         raise ProblemError("must hold at least one triangle")
-    if vertices.ndim != 2 or vertices.shape[1] != 3 or not np.isfinite(vertices).all():
-        raise ProblemError("vertices: must be finite numbers x, y, z")
     return vertices, triangles
 
 

@@ -14,7 +14,7 @@ from typing import BinaryIO
 
 import numpy as np
 
-from cocap_opt.data import FloatArray, ProblemError
+from cocap_opt.data import FloatArray, IntArray, ProblemError
 from cocap_opt.scenarios.recipe import geotiff
 from cocap_opt.scenarios.recipe.raster import Layout, Raster, Window
 from cocap_opt.scenarios.text import integer, naming, number
@@ -86,6 +86,7 @@ def _read_esri_ascii(path: Path, nodata: float | None, window: Window | None) ->
         (x, dx, width), (y, dy, height) = _axis(header, "x"), _axis(header, "y")
         layout = Layout((x, y), (dx, dy), (width, height))
         columns, rows = layout.met(window)
+        _require_rows(file, layout)
         values = _read_values(file, layout, columns, rows)
     return layout.cut(columns, rows).raster(values, (_nodata(header), nodata))
 
@@ -170,6 +171,46 @@ def _nodata(header: Header) -> float | None:
     except ValueError as error:
         text = header["nodata_value"][:40]
         raise ProblemError(f"nodata_value: must be a number, not {text!r}") from error
+
+
+def _require_rows(file: BinaryIO, layout: Layout) -> None:
+    """Raises a ProblemError if lines are rows and have other lengths than the header says.
+
+    Values may be wrapped as one likes; but if a line holds a row, each line must.
+    """
+    width, height = layout.cells
+    counts = _values_per_line(file)
+    if width != height and len(counts) == width and (counts == height).all():
+        raise ProblemError(
+            f"ncols and nrows: must be {height} and {width}, the values of a row and the rows, not "
+            f"{width} and {height}"
+        )
+    wrong = np.flatnonzero(counts[:height] != width)
+    if len(wrong) and (counts == width).any():
+        row = int(wrong[0])
+        raise ProblemError(
+            f"row {row + 1} from the north: must have ncols = {width} values, not {counts[row]}"
+        )
+
+
+def _values_per_line(file: BinaryIO) -> IntArray:
+    """Returns how many values the lines of the rest of a file have, those without any left out.
+
+    The file then stands where it stood.
+    """
+    start, counts, begun, in_word = file.tell(), [np.zeros(0, int)], 0, False
+    while chunk := file.read(CHUNK):
+        text = np.frombuffer(chunk, np.uint8)
+        inside = text > ord(" ")
+        before = np.concatenate([[in_word], inside[:-1]])
+        words = np.cumsum(inside & ~before)
+        ended = words[text == ord("\n")]
+        counts.append(np.diff(ended, prepend=-begun))
+        begun = int(words[-1] - ended[-1]) if len(ended) else begun + int(words[-1])
+        in_word = bool(inside[-1])
+    file.seek(start)
+    found: IntArray = np.concatenate([*counts, [begun]])
+    return found[found > 0]
 
 
 def _read_values(file: BinaryIO, layout: Layout, columns: range, rows: range) -> FloatArray:

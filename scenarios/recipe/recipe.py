@@ -13,6 +13,7 @@ import numpy as np
 from msgspec import Meta
 
 from cocap_opt.data import LARGEST, MOST_STEPS, ProblemError
+from cocap_opt.files.messages import in_words
 from cocap_opt.problem import Actor, CollisionRules, Objective, Problem, Robot
 from cocap_opt.scenarios.recipe.drones import DronesTable
 from cocap_opt.scenarios.recipe.meshes import MeshTable
@@ -20,7 +21,7 @@ from cocap_opt.scenarios.recipe.people import TracksTable, WalkTable
 from cocap_opt.scenarios.recipe.tables import Flight, Table
 from cocap_opt.scenarios.recipe.terrain import MapTable, Terrain, area, ends
 from cocap_opt.scenarios.recipe.walls import WallsTable
-from cocap_opt.scenarios.text import naming, one_line, read_text
+from cocap_opt.scenarios.text import naming, read_text
 from cocap_opt.world.workspace import HeightMap, Mesh, Workspace
 
 EXAMPLE = """\
@@ -49,9 +50,10 @@ turn = 90                   # counter-clockwise about its origin
 at = [35, 20, 0]            # where its origin comes to lie
 
 [[walls]]
-file = "geometry.json"      # polygons of the walkable area and of obstacles, as JSON
+file = "geometry.json"      # polygons of the walkable area and of obstacles: JSON, GeoJSON, WKT
 unit = "m"                  # "m", "cm", "mm" or "ft"; left out: as the file says, else m
 name = "bottleneck"         # which of them
+# polygons = "obstacles"    # or "walkable": what those of GeoJSON and WKT are
 height = 2.0
 border = 0.2                # thickness of walls around the walkable area; left out: none
 at = [30, 10]               # added to their points
@@ -152,10 +154,11 @@ def read(path: Path, seed: int = 0) -> Problem:
 
 
 def _decode(path: Path) -> _Recipe:
+    text = read_text(path)
     try:
-        return msgspec.toml.decode(read_text(path), type=_Recipe)
+        return msgspec.toml.decode(text, type=_Recipe)
     except (msgspec.MsgspecError, RecursionError) as error:
-        raise ProblemError(one_line(error)) from error
+        raise ProblemError(in_words(error, text, _Recipe)) from error
 
 
 def _meshes(recipe: _Recipe, folder: Path, terrain: Terrain) -> Iterator[Mesh]:

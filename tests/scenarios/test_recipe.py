@@ -189,6 +189,14 @@ def test_seeds_place_drones_and_nothing_else(tmp_path: Path) -> None:
     [
         (("steps = 4", "steps = 0"), r"\$\.steps"),
         (("steps = 4", "steps = 4\nmoves = 2"), "unknown field `moves`"),
+        (("steps = 4", "steps = 4\nflight = 'x'"), "flight: must be one of above-ground, above-s"),
+        (("[20, 12]", "[20, 12]\nheights = 'x'"), "map.heights: must be one of above-ground, abs"),
+        (("speed = 1.5", "shape = { type = 'ball' }"),
+         r"walk\[0\].shape.type: must be one of cuboid, prism, triangulated-cuboid, not 'ball'"),
+        (("[[walk]]", "[[mesh]]\nfile = 'a.obj'\nup = 'x'\n[[walk]]"),
+         r"mesh\[0\].up: must be one of y, z, not 'x'"),
+        (("[[walk]]", "[[tracks]]\nfile = 'a.txt'\nunit = 'yd'\n[[walk]]"),
+         r"tracks\[0\].unit: must be one of cm, ft, m, mm, not 'yd'"),
         (("[20, 12]", "[20, 12]\nfill = 1"), "map: fill: must be left out where the map has a s"),
         (("[20, 12]", "[1e6, 1e6]"), "map: size: must be at most 1000000 cells, not 1000000 x 1"),
         (("starts", "tilts = [100]\nstarts"), r"drones.0.: tilts: must be within .-90 degrees"),
@@ -363,6 +371,14 @@ def test_damaged_meshes_are_refused_in_a_line(tmp_path: Path, content: bytes, su
     assert "\n" not in str(error.value)
 
 
+def test_corners_that_are_no_numbers_are_named(tmp_path: Path) -> None:
+    """A mesh is not read without them, as if they were not there."""
+    solid = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 nan\nf 1 2 3\nf 1 2 4\n"
+    (tmp_path / "nan.obj").write_text(solid)
+    with pytest.raises(ProblemError, match=r"vertices: must be finite numbers x, y, z, not NaN"):
+        read_mesh(tmp_path / "nan.obj")
+
+
 @pytest.mark.parametrize(
     "text",
     ["v 0 0\nv 1 0\nv 0 1\nf 1 2 3", "v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3",
@@ -421,6 +437,87 @@ def test_walls_are_in_the_unit_that_their_file_states(tmp_path: Path) -> None:
         top("px")
     with pytest.raises(ProblemError, match="unit: is 'cm' in the file, but 'm' in the recipe"):
         top("cm", unit="m")
+
+
+SQUARE = "(1 1, 3 1, 3 3, 1 3, 1 1), (1.5 1.5, 2 1.5, 2 2, 1.5 2, 1.5 1.5)"
+RINGS = [
+    [[float(number) for number in point.split()] for point in ring.strip("() ").split(", ")]
+    for ring in SQUARE.split("), (")
+]
+FEATURE = {"type": "Feature", "properties": {},
+           "geometry": {"type": "Polygon", "coordinates": RINGS}}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        json.dumps({"type": "FeatureCollection", "features": [FEATURE]}),
+        json.dumps(FEATURE["geometry"]),
+        f"POLYGON ({SQUARE})",
+        f"SRID=25830;MULTIPOLYGON Z (({SQUARE.replace(',', ' 0,').replace(')', ' 0)')}))".replace(
+            ") 0,", "),"
+        ),
+        f"GEOMETRYCOLLECTION (POLYGON ({SQUARE}))",
+    ],
+)
+def test_walls_of_geojson_and_wkt(tmp_path: Path, text: str) -> None:
+    """Their polygons are obstacles, or walkable with holes that are: the recipe must say it."""
+    (tmp_path / "plan").write_text(text)
+
+    def volume(**fields: Any) -> float:
+        walls = WallsTable(file="plan", height=2.0, **fields).meshes(tmp_path, lowest=0.0)
+        assert all(wall.is_solid for wall in walls)
+        corners = [np.moveaxis(wall.corners, 1, 0) for wall in walls]
+        return sum(float((a * np.cross(b, c)).sum() / 6) for a, b, c in corners)
+
+    assert volume(polygons="obstacles") == pytest.approx((4 - 0.25) * 2)
+    assert volume(polygons="walkable") == pytest.approx(0.25 * 2)
+    assert volume(polygons="walkable", border=1.0) == pytest.approx((0.25 + 16 - 4) * 2)
+    assert volume(polygons="obstacles", unit="cm") == pytest.approx((4 - 0.25) * 2e-4)
+    with pytest.raises(ProblemError, match='polygons: must be "obstacles" or "walkable"'):
+        volume()
+    with pytest.raises(ProblemError, match="name: must be left out"):
+        volume(name="one", polygons="obstacles")
+    with pytest.raises(ProblemError, match="border: must be left out"):
+        volume(polygons="obstacles", border=1.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("POLYGON ((1 1, 3 3, 3 1, 1 3, 1 1))", r"polygon 1: must not cross itself, .* \(2, 2\) m"),
+        ("POLYGON ((2.1 48.1, 2.2 48.1, 2.2 48.2, 2.1 48.1))", "all lie at x 2.1.*, as degrees do"),
+        ('{"type": "Polygon", "crs": "EPSG:4326", "coordinates": []}', "must be metres of a proj"),
+        ("LINESTRING (0 0, 5 5)", "must hold polygons only, not a LineString"),
+        ("POLYGON ((0 0, 5 5)", "cannot be read as WKT"),
+        ("POLYGON EMPTY", "must hold at least one polygon"),
+        ("POLYGON ((0 0, 5 inf, 5 5, 0 0))", "finite numbers|cannot be read"),
+        ('{"type": "CityJSON", "version": "2.0"}', r"is CityJSON: .* \.obj"),
+        ('{"a": {"walkable": [[0, 0], [NaN, 1], [1, 1]]}}', "must hold finite numbers only, not N"),
+        ("", "is empty"),
+        ("[]", r'ground plans are {"name": {"walkable"'),
+        ('{"a": {"walkable": [[0, 0], [9, 0], [9, 9]], '
+         '"obstacles": [[[1, 1], [3, 3], [3, 1], [1, 3]]]}}',
+         r"obstacles.0.: must not cross itself, as it does at \(2, 2\) m"),
+        ("SQLite format 3\0...", "plan: is an SQLite database"),
+    ],
+)  # fmt: skip
+def test_plans_that_cannot_be_meant_are_refused(tmp_path: Path, text: str, words: str) -> None:
+    """Crossing rings, degrees, other geometries and other files: in one line."""
+    (tmp_path / "plan").write_text(text)
+    states_it = text.startswith('{"a"')
+    table = WallsTable(file="plan", height=2.0, polygons=None if states_it else "obstacles")
+    with pytest.raises(ProblemError, match=words) as error:
+        table.meshes(tmp_path, lowest=0.0)
+    assert "\n" not in str(error.value)
+
+
+def test_a_rounding_does_not_refuse_a_wall(tmp_path: Path) -> None:
+    """A ring that passes a point twice, or crosses itself by a millimetre, is meant."""
+    ring = [[0, 0], [4, 0], [4, 4], [2, 4], [2, 0], [2, 4], [0, 4]]
+    (tmp_path / "plan").write_text(json.dumps({"a": {"walkable": ring, "obstacles": [ring]}}))
+    (mesh,) = WallsTable(file="plan", height=2.0).meshes(tmp_path, lowest=0.0)
+    assert mesh.vertices[:, :2].max() == 4
 
 
 def test_walls_of_a_ground_plan(tmp_path: Path) -> None:
@@ -501,6 +598,29 @@ def test_what_is_hardly_meant_is_said(actor: Problem, words: str | None) -> None
         import re
 
         assert any(re.match(rf"actors\[0\] {words}", doubt) for doubt in found)
+
+
+@pytest.mark.parametrize(
+    ("size", "at", "words"),
+    [
+        ((2, 2, 2), (0, 0, 690), "is 682 m above all of the map: is its altitude right?"),
+        ((2, 2, 2000), (0, 0, 1000), "is 2000 m high: is its unit or height right?"),
+        ((0.02, 0.02, 0.02), (0, 0, 1), "is 0.02 m long, wide and high: is its unit right?"),
+        ((20, 2, 60), (0, 0, 90), None),
+    ],
+)
+def test_meshes_of_odd_sizes_are_doubted(
+    size: tuple[float, float, float], at: tuple[float, float, float], words: str | None
+) -> None:
+    """Nothing built is so high, hangs so far above the map, or is so small."""
+    problem = load_scene("bridge", 0)
+    box = trimesh.creation.box(size)
+    box.apply_translation((15, 15, 0))
+    box.apply_translation(at)
+    mesh = Mesh(vertices=np.array(box.vertices), triangles=np.array(box.faces))
+    found = doubts(problem.replace(meshes=(*problem.meshes, mesh)))
+    expected = [] if words is None else [f"meshes[1] {words}"]
+    assert [doubt for doubt in found if doubt.startswith("meshes[1]")] == expected
 
 
 def test_a_scene_without_people_is_doubted() -> None:
