@@ -7,8 +7,16 @@ from msgspec import inspect
 
 _MALFORMED = re.compile(r"malformed.*\(byte (\d+)\)")
 _NO_NUMBER = re.compile(r"-?(?:nan|inf(?:inity)?)", re.IGNORECASE)
-_UNKNOWN_WORD = re.compile(r"Invalid (?:enum )?value (.*) - at `\$\.?(.*)`")
+_PLACE = re.compile(r"(.*) - at `(?:key in )?\$\.?(.*)`")
+_UNKNOWN_WORD = re.compile(r"Invalid (?:enum )?value (.*)")
+_WRONG = re.compile(r"Expected `([^`]*)`(.*?)(?:, got `?(.*?)`?)?")
+_UNKNOWN_FIELD = re.compile(r"Object contains unknown field `(.*)`")
+_MISSING_FIELD = re.compile(r"Object missing required field `(.*)`")
 _PART = re.compile(r"([^.\[\]]+)|\[([^\]]*)\]")  # of a path such as tracks[0].unit
+_TYPES = {
+    "float": "a number", "int": "a whole number", "str": "text", "bool": "true or false",
+    "array": "a list", "object": "an object with fields", "null": "null",
+}  # fmt: skip
 
 
 def in_words(error: Exception, content: bytes | str, kind: object) -> str:
@@ -31,11 +39,29 @@ def in_words(error: Exception, content: bytes | str, kind: object) -> str:
         found = _NO_NUMBER.search(raw[max(byte - 1, 0) : byte + 10].decode(errors="replace"))
         if found and found.start() <= 1:
             return f"must hold finite numbers only, not {found[0]} (byte {byte})"
-    if unknown := _UNKNOWN_WORD.fullmatch(words):
-        value, path = unknown.groups()
-        if allowed := _allowed(inspect.type_info(kind), path):
-            return f"{path}: must be one of {', '.join(allowed)}, not {value}"
-    return words
+    placed = _PLACE.fullmatch(words)
+    said, path = placed.groups() if placed else (words, "")
+    said = _allowed_words(said, kind, path)
+    return f"{path}: {said}" if path else said
+
+
+def _allowed_words(said: str, kind: object, path: str) -> str:
+    """Returns what msgspec says of the value at a path as what is allowed there."""
+    if unknown := _UNKNOWN_WORD.fullmatch(said):
+        allowed = ", ".join(_allowed(inspect.type_info(kind), path))
+        return f"must be one of {allowed}, not {unknown[1]}" if allowed else said
+    if wrong := _WRONG.fullmatch(said):
+        expected, limits, found = wrong.groups()
+        # Where null is one of several, a field may be left out.
+        types = [word for word in expected.split(" | ") if word != "null"] or ["null"]
+        either = " or ".join(_TYPES.get(word, word) for word in types)
+        given = "a number with decimals" if found == "float" else _TYPES.get(found, found)
+        return f"must be {either}{limits}" + (f", not {given}" if found else "")
+    if field := _UNKNOWN_FIELD.fullmatch(said):
+        return f"must have no unknown field `{field[1]}`"
+    if field := _MISSING_FIELD.fullmatch(said):
+        return f"must have the field `{field[1]}`"
+    return said
 
 
 def _allowed(kind: inspect.Type, path: str) -> list[str]:

@@ -79,29 +79,32 @@ class TracksTable(Table):
                 return begin, there[:wanted]
             most = max(most, len(there))
         when = "at no time" if self.begin is None else f"not from {self.begin:g} s on"
+        self._require_dense(candidates)
+        shown = candidates if self.ids else [one for one in candidates if len(one.spans()) > 1]
+        shown = shown or sorted(candidates, key=lambda track: track.times[0] - track.times[-1])
+        who = "; ".join(f"{track.id} is there {track.presence()}" for track in shown[:4])
         raise ProblemError(
             f"begin: must be a time from which on all of {wanted} are there for {steps * step:g} "
-            f"s, which they are {when}; at most {most} are; {self._why(candidates)}"
+            f"s, which they are {when}; at most {most} are; {who}"
         )
 
-    def _why(self, tracks: list[Track]) -> str:
-        """Says why people are not there: their rows are too far apart, or when they come and go."""
-        rows = np.concatenate([np.diff(track.times) for track in tracks])
-        apart = float(np.median(rows)) if len(rows) else 0.0
-        if apart > MOST_GAP:
-            words = (
-                f"rows of a person are {apart:.6g} s apart, and people are followed over at most "
-                f"{MOST_GAP:g} s"
-            )
-            frames = 0 if self.fps is None else round(apart * self.fps)
-            return words + (
-                f", for frame numbers go in steps of {frames} at fps = {self.fps:g}: fps must be "
-                f"the rate at which the numbers count, {frames} times that of the rows"
-                if frames > 1 else ""
-            )  # fmt: skip
-        shown = tracks if self.ids else [track for track in tracks if len(track.spans()) > 1]
-        shown = shown or sorted(tracks, key=lambda track: track.times[0] - track.times[-1])
-        return "; ".join(f"{track.id} is there {track.presence()}" for track in shown[:4])
+    def _require_dense(self, tracks: list[Track]) -> None:
+        """Raises a ProblemError if rows of a person are too far apart for following anybody."""
+        ways = np.concatenate([np.zeros(0), *(np.diff(track.times) for track in tracks)])
+        apart = float(np.median(ways)) if len(ways) else 0.0
+        if apart <= MOST_GAP:
+            return
+        words = (
+            f"rows of a person are {apart:.6g} s apart, and people are followed over at most "
+            f"{MOST_GAP:g} s"
+        )
+        if self.fps is None or round(apart * self.fps) < 2:
+            raise ProblemError(f"file: {words}; are its times right?")
+        frames = round(apart * self.fps)
+        raise ProblemError(
+            f"fps: must be the rate at which frame numbers count, {frames} times that of the rows, "
+            f"for they go in steps of {frames}; at {self.fps:g} frames/s {words}"
+        )
 
 
 class WalkTable(Table):

@@ -187,7 +187,13 @@ def test_seeds_place_drones_and_nothing_else(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (("steps = 4", "steps = 0"), r"\$\.steps"),
+        (("steps = 4", "steps = 0"), "scene.toml: steps: must be a whole number >= 1"),
+        (("steps = 4", "steps = '4'"), "scene.toml: steps: must be a whole number, not text"),
+        (("steps = 4", "steps = 4.5"), "steps: must be a whole number, not a number with decimals"),
+        (("steps = 4", ""), "scene.toml: must have the field `steps`"),
+        (("speed = 1.5", "shape = { type = 'prism', sides = 2 }"),
+         r"walk\[0\].shape: sides: must be 3..64, not 2"),
+        (("[20, 12]", "[20, 12, 3]"), "map.size: must be a list of length 2, not 3"),
         (("steps = 4", "steps = 4\nmoves = 2"), "unknown field `moves`"),
         (("steps = 4", "steps = 4\nflight = 'x'"), "flight: must be one of above-ground, above-s"),
         (("[20, 12]", "[20, 12]\nheights = 'x'"), "map.heights: must be one of above-ground, abs"),
@@ -300,10 +306,13 @@ def test_why_nobody_is_there_is_said(tmp_path: Path) -> None:
     table = '[[tracks]]\nfile = "people.txt"\nunit = "m"\n'
     path = tmp_path / "people.txt"
     rows = [(i, frame, 5 + 0.02 * frame, 3 * i) for i in (1, 2) for frame in range(0, 200, 10)]
+    path.write_text("id frame x y\n1 0 5 5\n2 0 6 5\n")
+    with pytest.raises(ProblemError, match=r"at most 0 are; 1 is there from 0 to 0 s"):
+        read(write(tmp_path, FLAT + table + "fps = 25\ncount = 2\n" + DRONE))
     path.write_text("id frame x y\n" + "".join(f"{i} {f} {x} {y}\n" for i, f, x, y in rows))
     for more in ("count = 2", "ids = [1, 2]"):
         with pytest.raises(
-            ProblemError, match=r"rows of a person are 4 s apart, .* steps of 10 at"
+            ProblemError, match=r"fps: .* steps of 10; at 2.5 frames.s rows of a person are 4 s"
         ):
             read(write(tmp_path, FLAT + table + f"fps = 2.5\n{more}\n" + DRONE))
     read(write(tmp_path, FLAT + table + "fps = 25\ncount = 2\n" + DRONE))
