@@ -146,9 +146,10 @@ def read(
                     "layers": layers}  # fmt: skip
         return read(path, seed, wall=wall, **{**defaults, **chosen})
     with naming(path):
-        for name, value, least in (("seed", seed, 0), ("robots", robots, 1), ("actors", actors, 0)):
-            _require(value >= least, name, f"must be >= {least}, not {value}")
-        _require(steps >= 1, "steps", f"must be >= 1, not {steps}")
+        least = {"seed": (seed, 0), "robots": (robots, 1), "actors": (actors, 0),
+                 "steps": (steps, 1)}  # fmt: skip
+        for name, (value, low) in least.items():
+            _require(value >= low, name, f"must be >= {low}, not {value}")
         _require(math.isfinite(wall) and wall > 0, "wall", f"must be > 0 m, not {wall}")
     free, trips = _read_trips(path)
     order, motion = iter(_shuffled(trips, seed)), Motion(layers=layers)
@@ -161,12 +162,11 @@ def read(
     if near is not None:
         rows = list(_distinct_starts(order, free))
         starts = _nearest(rows, near, people, workspace, motion) if people else rows
+        why = "" if len(starts) >= robots else (
+            f"; only from {len(starts)} of the {len(rows)} free starts a drone comes within near = "
+            f"{near:g} m of somebody in sight in {steps} steps"
+        )  # fmt: skip
         starts = starts[:robots]
-        if len(starts) < min(robots, len(rows)):
-            why = (
-                f"; only from {len(starts)} of the {len(rows)} free starts a drone comes within "
-                f"near = {near:g} m of somebody in sight in {steps} steps"
-            )
     with naming(path):
         _require(
             (len(starts), len(walks)) == (robots, actors),

@@ -150,7 +150,11 @@ def test_map_is_found_at_the_stated_path(sequence: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("horizon: 3", "horizon: three", ("planner.world.time.horizon", "int")),
+        (
+            "horizon: 3",
+            "horizon: three",
+            ("planner.world.time.horizon", "must be a whole number, not text"),
+        ),
         ("horizon: 3", "horizon: 1", ("planner.world.time.horizon", ">= 2")),
         ("horizon: 3, ", "", ("planner.world.time", "`horizon`")),
         ("horizon: 3", "horizon: 5", ("actors[0].actor.trajectory", "5 steps", "not 4")),
@@ -177,7 +181,7 @@ def test_map_is_found_at_the_stated_path(sequence: Path) -> None:
         ("horizon: 3", "horizon: " + ":".join(["59"] * 300) + ".5", ("line 3", "float", "59:59")),
         ("4000, 3000]", f"{10**9}, 3000]", ("width", "1..100000 px")),
         ("planner:", "run: !!python/object/apply:os.getcwd []\nplanner:", ("tag",)),
-        (SEQUENCE, "", ("object",)),
+        (SEQUENCE, "", ("is empty",)),
         (SEQUENCE, "\0", ()),
     ],
 )
