@@ -113,6 +113,14 @@ class _Solution(msgspec.Struct):
         list[tuple[int, Annotated[list[_Entry], Meta(min_length=1)]]], Meta(min_length=1)
     ]
 
+    def __post_init__(self) -> None:
+        robots = [robot for robot, _ in self.elements]
+        if sorted(robots) != list(range(1, len(robots) + 1)):
+            raise ProblemError(
+                f"elements: must be the robots 1..{len(robots)}, each once, not "
+                f"{', '.join(map(str, robots[:8]))}"
+            )
+
     @property
     def is_on_grid(self) -> bool:
         """True if all states are cells."""
@@ -286,12 +294,6 @@ def _areas() -> list[float]:
 
 
 def _paths(solution: _Solution) -> tuple[tuple[State, ...], ...]:
-    robots = [robot for robot, _ in solution.elements]
-    if sorted(robots) != list(range(1, len(robots) + 1)):
-        raise ProblemError(
-            f"elements: must be the robots 1..{len(robots)}, each once, not "
-            f"{', '.join(map(str, robots[:8]))}"
-        )
     if not solution.is_on_grid:
         raise ProblemError(
             "elements: the states lie between the cells, so that they can be evaluated, which "

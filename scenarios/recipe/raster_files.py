@@ -8,6 +8,7 @@ documentation: a header of keys and values, then `nrows` times `ncols` numbers, 
 row first. As GDAL does, `dx` and `dy` are taken for cells that are not square.
 """
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
@@ -17,12 +18,14 @@ import numpy as np
 from cocap_opt.data import FloatArray, IntArray, ProblemError
 from cocap_opt.scenarios.recipe import geotiff
 from cocap_opt.scenarios.recipe.raster import Layout, Raster, Window
-from cocap_opt.scenarios.text import integer, naming, number
+from cocap_opt.scenarios.text import integer, naming, number, read_text
 
 KEYS = (
     "ncols", "nrows", "xllcorner", "yllcorner", "xllcenter", "yllcenter", "cellsize", "dx", "dy",
     "nodata_value",
 )  # fmt: skip
+WEB_MERCATOR = "Pseudo-Mercator", "Mercator_Auxiliary_Sphere"  # as WKT names it
+UNIT = re.compile(r'(?<![A-Z])UNIT\["([^"]*)",\s*([\d.]+(?:[eE][-+]?\d+)?)')
 CHUNK = 1 << 20  # bytes; a file is never held as text
 LONGEST = 200  # bytes, of a line of the header
 
@@ -73,10 +76,27 @@ def _read(path: Path, band: int | None, nodata: float | None, window: Window | N
         case ".asc":
             if band not in (None, 1):
                 raise ProblemError(f"band: must be 1 in an ESRI ASCII grid, not {band}")
+            _refuse_projection(path.with_suffix(".prj"))
             return _read_esri_ascii(path, nodata, window)
         case ".tif" | ".tiff":
             return geotiff.read(path, band, nodata, window)
     raise ProblemError("must be named .asc, .tif or .tiff")
+
+
+def _refuse_projection(path: Path) -> None:
+    """Raises a ProblemError if the projection that is told beside a grid is not in metres."""
+    if not path.is_file():
+        return
+    with naming(path):
+        text = read_text(path)
+        if any(name in text for name in WEB_MERCATOR):
+            raise ProblemError(
+                "must be a projection in true metres, not web Mercator; gdalwarp -t_srs "
+                "EPSG:326ZZ, with ZZ the zone of UTM, writes such a map"
+            )
+        units = UNIT.findall(text)  # the projection's own is the last
+        if units and float(units[-1][1]) != 1:
+            raise ProblemError(f"must be a projection in metres, not in {units[-1][0]}")
 
 
 def _read_esri_ascii(path: Path, nodata: float | None, window: Window | None) -> Raster:

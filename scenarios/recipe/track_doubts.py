@@ -15,7 +15,7 @@ from cocap_opt.scenarios.recipe.track_table import TrackTable
 # Limits beyond which a unit or a frame rate is likely to be wrong.
 HEIGHTS = 0.4, 2.6  # m
 SPEEDS = 0.2, 10.0  # m/s
-EXTENTS = 0.05, 1e5  # m, of all points
+EXTENTS = 0.5, 1e5  # m, of all points
 APART = 0.2, 5.0  # m, between people and those nearest to them
 
 _FASTEST = 12.0  # m/s, of people between two rows

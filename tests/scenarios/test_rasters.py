@@ -81,6 +81,28 @@ def refused(path: Path, message: str, **options: Any) -> None:
     assert text.startswith(f"{path}: ") and "\n" not in text
 
 
+@pytest.mark.parametrize(
+    ("projection", "message"),
+    [
+        ('PROJCS["UTM_Zone_30N",GEOGCS["GCS",UNIT["Degree",0.017]],UNIT["Meter",1.0]]', ""),
+        ('PROJCS["WGS_1984_Web_Mercator_Auxiliary_Sphere",UNIT["Meter",1.0]]', "true metres, not"),
+        ('PROJCS["NAD83",GEOGCS["GCS",UNIT["Degree",0.017]],UNIT["Foot_US",0.3048006096012192]]',
+         "metres, not in Foot_US"),
+        ('GEOGCS["WGS 84",UNIT["Degree",0.0174532925199433]]', "metres, not in Degree"),
+    ],
+)  # fmt: skip
+def test_the_projection_beside_a_grid_counts(
+    grid: Callable[[str], Path], projection: str, message: str
+) -> None:
+    """A grid of other units than metres is not read as one of metres."""
+    path = grid(HEADER + NUMBERS)
+    path.with_suffix(".prj").write_text(projection)
+    if message:
+        refused(path, rf"map\.prj: must be a projection in {message}")
+    else:
+        assert_array_equal(read_raster(path).values, VALUES)
+
+
 def test_rows_are_turned_north(grid: Callable[[str], Path]) -> None:
     """The first row of the file is the largest y, and the origin is the lower left corner."""
     raster = read_raster(grid(HEADER + NUMBERS))

@@ -319,7 +319,7 @@ def test_a_single_bad_row_is_named(tmp_path: Path, caplog: pytest.LogCaptureFixt
 
 def test_people_in_one_place_raise_doubts(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     """Nobody stands in another: metres read as centimetres are seen, though the room is long."""
-    text = "".join(f"{k} {t} {2 * k + 0.1 * t} {k}\n" for k in range(9) for t in range(60))
+    text = "".join(f"{k} {t} {2 * k + 0.1 * t} {k}\n" for k in range(60) for t in range(20))
     read(tmp_path, text, unit="m", fps=25)
     assert not caplog.messages
     read(tmp_path, text, unit="cm", fps=25)
