@@ -71,7 +71,8 @@ class DronesTable(Table):
             )
             state_apart = next(apart, None)
             if state_apart is None:
-                _require_people_on_map(workspace.height_map, actors, horizon)
+                if k == 0:
+                    _require_people_on_map(workspace.height_map, actors, horizon)
                 room = self._room(workspace, actors, horizon)
                 raise ProblemError(f"count: must be at most {k} here; {room}")
             team.append(Robot(start=state_apart, motion=self.motion, camera=camera))

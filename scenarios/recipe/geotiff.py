@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from cocap_opt.data import ProblemError
+from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.scenarios.recipe.raster import SLIVER, Layout, Raster, Window
 from cocap_opt.scenarios.text import one_line
 
@@ -98,15 +98,11 @@ def _refuse_stretched(dataset: Any) -> None:
     """
     if not (dataset.crs and dataset.crs.is_projected):
         return
-    from rasterio.warp import transform
-
     x, y = dataset.xy(dataset.height // 2, dataset.width // 2)
-    ends = [x, x + APART, x], [y, y, y + APART]
-    east, north = np.radians(transform(dataset.crs, "EPSG:4326", *ends))
+    east, north = _on_earth(dataset.crs, [x, x + APART, x], [y, y, y + APART])
     lengths = np.hypot((east - east[0]) * np.cos(north[0]), north - north[0])[1:] * EARTH / APART
     code = dataset.crs.to_epsg()
-    true = not np.isfinite(lengths).all() or (np.abs(lengths - 1) <= STRETCH).all()
-    if true and code != WEB_MERCATOR:
+    if (np.abs(lengths - 1) <= STRETCH).all() and code != WEB_MERCATOR:
         return
     longitude, latitude = math.degrees(east[0]), math.degrees(north[0])
     zone = (32700 if latitude < 0 else 32600) + min(int((longitude + 180) // 6) + 1, 60)
@@ -118,6 +114,25 @@ def _refuse_stretched(dataset: Any) -> None:
         f"at latitude {latitude:.1f}; make them true by: gdalwarp -t_srs EPSG:{zone} {name} "
         f"utm-{name}"
     )
+
+
+def _on_earth(crs: Any, x: list[float], y: list[float]) -> tuple[FloatArray, FloatArray]:
+    """Returns the longitudes and latitudes [n] (rad) of points in a system."""
+    from rasterio.warp import transform
+
+    try:
+        east, north = np.radians(transform(crs, "EPSG:4326", x, y))
+    except Exception as error:  # GDAL's own errors have no public base
+        raise ProblemError(
+            f"coordinates: must lie where their projection is defined, not at ({x[0]:.7g}, "
+            f"{y[0]:.7g}): {one_line(_first_cause(error))}"
+        ) from error
+    if not (np.isfinite(east).all() and np.isfinite(north).all()):
+        raise ProblemError(
+            f"coordinates: must lie where their projection is defined, not at ({x[0]:.7g}, "
+            f"{y[0]:.7g})"
+        )
+    return east, north
 
 
 def _layout(dataset: Any) -> Layout:

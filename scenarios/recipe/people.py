@@ -144,7 +144,7 @@ class WalkTable(Table):
         """Returns the points [T+1, 2] (m) at the steps."""
         corners = np.array(self.points)
         behind = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])
-        if self.first > behind[-1]:
+        if self.first > behind[-1] * (1 + 1e-9):
             raise ProblemError(
                 f"first: must be at most {behind[-1]:.6g} m, the length of the way, not "
                 f"{self.first:g}"

@@ -126,7 +126,7 @@ def _about_room(table: TrackTable) -> Iterator[str]:
 def _apart(table: TrackTable) -> float:
     """Returns the median distance (m) of people from those nearest to them; inf if all are alone.
 
-    It is measured at the moments with most people, by whom a moment is chosen as if at random.
+    It is measured at some of the moments at which several people are there, evenly spread.
     """
     moments, counts = np.unique(table.times, return_counts=True)
     crowded = moments[counts > 1]

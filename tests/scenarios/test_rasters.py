@@ -347,6 +347,10 @@ def test_a_grid_has_one_band(grid: Callable[[str], Path]) -> None:
             r"web Mercator \(EPSG:3857\) are 0.7.* gdalwarp -t_srs EPSG:32631 m",
         ),
         ({"crs": "EPSG:3857", "transform": (2, 0, 0, 0, -3, 6)}, r"web Mercator .* EPSG:32631 map"),
+        (
+            {"crs": "EPSG:25830", "transform": (2, 0, -3e7, 0, -3, 3e7)},
+            "projection is defined, not",
+        ),
         ({"crs": "+proj=merc +datum=WGS84 +units=m"}, "must be true metres, but .* gdalwarp"),
         (
             {"crs": "EPSG:3395"},
