@@ -120,10 +120,10 @@ def _of_polygons(
             f'polygons: must be "obstacles" or "walkable", whose holes are obstacles, for the '
             f"file is {kind} and does not say it"
         )
-    geometry = shapely.force_2d(_geometry(text, kind))
-    _require_metres(geometry)
-    metres = shapely.transform(geometry, lambda points: points / per_metre)
-    polygons = [_sound(part, f"polygon {k + 1}") for k, part in enumerate(_polygons(metres))]
+    given = shapely.MultiPolygon(list(_polygons(shapely.force_2d(_geometry(text, kind)))))
+    _require_metres(given)
+    metres = shapely.transform(given, lambda points: points / per_metre)
+    polygons = [_sound(part, f"polygon {k}") for k, part in enumerate(metres.geoms, start=1)]
     if meaning == "obstacles":
         return GroundPlan((), tuple(polygons))
     parts = [part for polygon in polygons for part in _polygons(polygon)]
@@ -137,8 +137,9 @@ def _geometry(text: str, kind: str) -> BaseGeometry:
     try:
         # PostGIS writes the number of the system first.
         plain = re.sub(r"^\s*SRID\s*=\s*\d+\s*;", "", text, flags=re.IGNORECASE)
-        return shapely.from_geojson(text) if kind == GEOJSON else shapely.from_wkt(plain)
-    except shapely.errors.ShapelyError as error:
+        with np.errstate(over="ignore"):  # what is infinite is refused later
+            return shapely.from_geojson(text) if kind == GEOJSON else shapely.from_wkt(plain)
+    except (shapely.errors.ShapelyError, NotImplementedError) as error:
         raise ProblemError(f"cannot be read as {kind}: {' '.join(str(error).split())}") from error
 
 
@@ -189,5 +190,7 @@ def _sound(polygon: Polygon, field: str) -> BaseGeometry:
         reason = shapely.is_valid_reason(polygon)
         at = re.search(r"\[(\S+) (\S+?)\]", reason)
         where = f" at ({float(at[1]):.6g}, {float(at[2]):.6g}) m" if at else ""
-        raise ProblemError(f"{field}: must not cross itself, as it does{where}")
+        if "ntersection" in reason:
+            raise ProblemError(f"{field}: must not cross itself, as it does{where}")
+        raise ProblemError(f"{field}: must be sound, but has: {reason.split('[')[0]}{where}")
     return mended
