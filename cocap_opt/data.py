@@ -19,6 +19,7 @@ BoolArray = NDArray[np.bool_]
 # Far beyond what any scene needs: a number outside is a mistake. Within them every coverage
 # and every J is a finite number, and a face at any place keeps some digits of its size.
 MOST_STEPS = 10_000
+MOST_LETTERS = 1_000  # of a name
 MOST_TURN = 10_000  # indices per step
 MOST_PIXELS = 100_000  # along an edge of the image
 FOCAL = 1e-3, 1e9  # px

@@ -20,6 +20,9 @@ _FLOATING = 1.0  # m, by which feet may be above the ground
 _PROBE = 1e-3  # m, width of the column that is looked at around a foot point
 _HEIGHTS = 0.3, 4.0  # m, of people and riders
 _FASTEST = 100.0  # m per step
+_HOVERING = 100.0  # m, of a mesh above the highest cell; bridges and cranes are lower
+_TALLEST = 830.0  # m, of buildings
+_SMALLEST = 0.1  # m, of what hides anybody
 _MOST_YAW = 4 * math.pi  # rad, two whole turns
 _FEW = 12  # cells, fewer than a drone needs to choose its view
 
@@ -38,11 +41,29 @@ def doubts(problem: Problem) -> list[str]:
         for k, mesh in enumerate(problem.meshes)
         if _below_ground(problem, mesh)
     ]
+    found += [
+        f"meshes[{k}] {doubt}"
+        for k, mesh in enumerate(problem.meshes)
+        for doubt in _about_mesh(problem, mesh)
+    ]
     if not problem.actors:
         found.append("there are no people to film, so that every view reward is 0")
     for j, actor in enumerate(problem.actors):
         found += [f"actors[{j}] {doubt}" for doubt in _about(problem, actor)]
     return [*found, *_in_the_way(problem), *_shut_in(problem)]
+
+
+def _about_mesh(problem: Problem, mesh: Mesh) -> Iterator[str]:
+    """Yields the doubts about the size of a mesh, and about how high above the map it is."""
+    low, high = float(mesh.vertices[:, 2].min()), float(mesh.vertices[:, 2].max())
+    above = low - float(problem.height_map.heights.max())
+    if above > _HOVERING:
+        yield f"is {above:.4g} m above all of the map: is its altitude right?"
+    if high - low > _TALLEST:
+        yield f"is {high - low:.4g} m high: is its unit or height right?"
+    largest = float(np.ptp(mesh.vertices, axis=0).max())
+    if largest < _SMALLEST:
+        yield f"is {largest:.2g} m long, wide and high: is its unit right?"
 
 
 def _not_closed(mesh: Mesh) -> str:

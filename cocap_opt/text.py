@@ -4,3 +4,9 @@
 def printable(text: str) -> str:
     """Returns the text with line breaks, control and other non-printable characters escaped."""
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
+def shortened(name: str, most: int = 60) -> str:
+    """Returns a name without its middle, if it has more than `most` characters."""
+    half = most // 2
+    return name if len(name) <= most else f"{name[: most - half - 1]}…{name[-half:]}"

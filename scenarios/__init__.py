@@ -118,6 +118,7 @@ FORMATS: dict[str, _Format] = {
 }
 
 
+_SMALL = 1000  # bytes
 _IN_A_RECIPE = "name it in a recipe, of which `cocap-opt recipe` prints an example"
 _WAYS_OUT = {  # what to do with a part of a scene that is named as one
     **dict.fromkeys((".tif", ".tiff", ".asc"), f"it is a map, for [map]: {_IN_A_RECIPE}"),
@@ -125,6 +126,9 @@ _WAYS_OUT = {  # what to do with a part of a scene that is named as one
     **dict.fromkeys((".txt", ".csv"), f"it may be people, for [[tracks]]: {_IN_A_RECIPE}"),
     **dict.fromkeys((".h5", ".hdf5"), "write its trajectories as text, and name that in a recipe"),
     ".xml": "write its ground plan as JSON, and name that in [[walls]] of a recipe",
+    **dict.fromkeys((".geojson", ".wkt"), f"it may be walls, for [[walls]]: {_IN_A_RECIPE}"),
+    **dict.fromkeys((".sqlite", ".sqlite3", ".db"),
+                    "write its trajectories as text, and name that in [[tracks]] of a recipe"),
     **dict.fromkeys((".obj", ".glb", ".gltf", ".stl", ".ply", ".off"),
                     f"it is a mesh, for [[mesh]]: {_IN_A_RECIPE}"),
 }  # fmt: skip
@@ -228,6 +232,8 @@ def _find_file(name_or_path: str) -> tuple[Path, _Format]:
         if path.suffix or len(path.parts) > 1:
             raise FileError(f"{name_or_path}: no such file")
         raise FileError(f"{name_or_path}: no such scene or file; scenes: {', '.join(SCENES)}")
+    if os.path.isfile(path) and _is_blank(path):
+        raise FileError(f"{path}: is empty, and no scene")
     found = next((kind for kind in FORMATS.values() if kind.scenes.has(path)), None)
     if found is None and (way := _WAYS_OUT.get(path.suffix.lower())):
         raise FileError(f"{path}: is no scene; {way}")
@@ -235,3 +241,11 @@ def _find_file(name_or_path: str) -> tuple[Path, _Format]:
         known = "; ".join(kind.description for kind in FORMATS.values())
         raise FileError(f"{path}: unknown kind of file, must be one of: {known}")
     return path, found
+
+
+def _is_blank(path: Path) -> bool:
+    """Returns True if a small file holds nothing but blanks."""
+    try:
+        return path.stat().st_size < _SMALL and not path.read_bytes().strip()
+    except OSError:
+        return False  # whoever reads it says why it cannot be read

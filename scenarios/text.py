@@ -7,7 +7,14 @@ from pathlib import Path
 
 from cocap_opt.data import ProblemError
 
-_HDF5 = b"\x89HDF\r\n\x1a\n"  # how such files begin
+# How files begin that are no text, and the way out.
+_NO_TEXT = {
+    b"\x89HDF\r\n\x1a\n": "is HDF5; write its dataset of trajectories as text, with the columns "
+    "id frame x y",
+    b"SQLite format 3\0": "is an SQLite database; trajectories of JuPedSim are written as text, in "
+    'm, by: sqlite3 -header -csv FILE "select id, frame, pos_x as x, pos_y as y from '
+    'trajectory_data"',
+}
 
 
 @contextmanager
@@ -47,11 +54,13 @@ def read_text(path: Path) -> str:
     _require_regular(path)
     try:
         with path.open("rb") as file:
-            begin = file.read(len(_HDF5))
-        if begin == _HDF5:
-            raise ProblemError(
-                "is HDF5; write its dataset of trajectories as text, with the columns id frame x y"
-            )
+            begin = file.read(max(map(len, _NO_TEXT)))
+    except OSError as error:
+        raise ProblemError(f"cannot be read: {error.strerror}") from error
+    for magic, words in _NO_TEXT.items():
+        if begin.startswith(magic):
+            raise ProblemError(words)
+    try:
         return path.read_text(encoding="utf-8-sig")
     except OSError as error:
         raise ProblemError(f"cannot be read: {error.strerror}") from error

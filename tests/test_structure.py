@@ -26,7 +26,7 @@ ORDER = {
         "certificates", "result", "early_bound", "simple_bounds", "brute_force", "relaxations",
         "column_generation", "integer_programs",
     ),
-    "scenarios": ("text", "cameras", "formats", "recipe", "built_in"),
+    "scenarios": ("text", "kinds", "cameras", "formats", "recipe", "built_in"),
     "experiments": ("console", "results", "sweeps", "report", "api", "studies", "notebooks", "cli"),
 }  # fmt: skip
 SOLVERS = {"cvxpy", "clarabel", "highspy", "ortools", "pyscipopt"}

@@ -12,6 +12,7 @@ import numpy as np
 
 from cocap_opt.data import ProblemError
 from cocap_opt.files.atomic_write import write_atomically
+from cocap_opt.files.messages import in_words
 from cocap_opt.problem import Plan, Problem
 
 
@@ -124,7 +125,7 @@ def _decode(content: bytes, kind: type[T], name: str) -> T:
     try:
         return msgspec.json.decode(content, type=kind, dec_hook=_decode_array)
     except (msgspec.MsgspecError, ProblemError, UnicodeDecodeError, RecursionError) as error:
-        raise FileError(f"{name}: {' '.join(str(error).split())}") from error
+        raise FileError(f"{name}: {in_words(error, content, kind)}") from error
 
 
 def decode_document(content: bytes, name: str, *kinds: type[D]) -> D:

@@ -22,6 +22,7 @@ import msgspec
 import numpy as np
 
 from cocap_opt.data import (
+    MOST_LETTERS,
     MOST_STEPS,
     Data,
     FloatArray,
@@ -91,6 +92,12 @@ class Problem(Data, frozen=True, eq=False, dict=True):
         super().__post_init__()
         require(isinstance(self.name, str), "name", f"must be text, not {self.name!r}")
         msgspec.structs.force_setattr(self, "name", printable(self.name))  # it may be a file's
+        letters = len(self.name)
+        require(
+            letters <= MOST_LETTERS,
+            "name",
+            f"must have at most {MOST_LETTERS} letters, not {letters}",
+        )
         whole(self.horizon, "horizon")
         whole(self.face_samples, "face_samples")
         within(self.horizon, 1, MOST_STEPS, "horizon", "steps")

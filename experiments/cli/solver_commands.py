@@ -192,7 +192,8 @@ class _Task(NamedTuple):
         problem, start = load(scene, seed), None
         about: Record = {"free": True} if free else {"rules": str(problem.rules)}
         if path is not None:
-            fitting, start = PlanReader(scene, problem).plan(path)
+            # A start is judged anew, so that it may come from other rules or another objective.
+            fitting, start = PlanReader(scene, problem).plan(path, any_scene=True)
             about |= {"seed": None, "starts": OWN_STARTS} if fitting is not problem else {}
             problem = fitting
         return cls(problem.without_rules() if free else problem, start, about)

@@ -2,6 +2,7 @@
 
 import csv
 import io
+import logging
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -19,7 +20,9 @@ from cocap_opt.formulations.certificates import CertificateFile, ProofFile
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.scenarios import read_foreign_plan, scene_of_plan
-from cocap_opt.text import printable
+from cocap_opt.text import printable, shortened
+
+log = logging.getLogger(__name__)
 
 # -- writing ------------------------------------------------------------------------------
 
@@ -118,13 +121,18 @@ class PlanReader(NamedTuple):
         assert isinstance(found, PlanFile | CertificateFile | ProofFile)
         return found
 
-    def plan(self, path: Path) -> tuple[Problem, Plan]:
-        """Reads a plan that can be flown, and finds the variant of the scene that it is for."""
+    def plan(self, path: Path, any_scene: bool = False) -> tuple[Problem, Plan]:
+        """Reads a plan that can be flown, and finds the variant of the scene that it is for.
+
+        A plan file must be of the scene, unless it may be of `any_scene`.
+        """
         content = self.claim(path)
         if isinstance(content, CertificateFile | ProofFile):
             raise FileError(f"{path}: must be a plan, not a certificate")
         plan = content.plan if isinstance(content, PlanFile) else content
         problem = scene_of_plan(self.scene, self.problem, plan)
+        if isinstance(content, PlanFile) and not any_scene:
+            _require_made_for(problem, content, path)
         verdict = check(problem, plan)
         if verdict.violations:
             raise FileError(f"{path}: {verdict.violations[0]}")
@@ -141,3 +149,17 @@ class PlanReader(NamedTuple):
                     "either (--option start-set=yaml or seed) to plan on"
                 )
         return found[0][0] if found else self.problem, [plan for _, plan in found]
+
+
+def _require_made_for(problem: Problem, file: PlanFile, path: Path) -> None:
+    """Raises a FileError if a plan was made for another scene; another name alone is logged."""
+    own, other = shortened(printable(problem.name)), shortened(printable(file.scene))
+    if file.digest != problem_digest(problem):
+        which = (
+            f"scene: the plan was made for {other}, not {own}"
+            if file.scene != problem.name
+            else f"digest: the plan was made for {own} of another seed, content, rules or objective"
+        )
+        raise FileError(f"{path}: {which}; name the scene and seed that it is for")
+    if file.scene != problem.name:
+        log.warning("%s: was made for %s, which is the same scene as %s", path, other, own)

@@ -8,6 +8,7 @@ from msgspec import UNSET
 from cocap_opt.experiments.results.printing import Listing, Marked, Record
 from cocap_opt.experiments.results.rows import SAMPLED_COVERAGE, Row
 from cocap_opt.result import Reason
+from cocap_opt.text import shortened
 
 _OPEN = "*"  # marks a bound that a limit stopped
 PROVED = ("optimal", "infeasible")
@@ -49,14 +50,14 @@ def _notes(rows: Sequence[Row], table: Sequence[Record]) -> Iterator[str]:
             "may be lower."
         )
     yield from _missing_bounds(rows)
-    sampled = [row.scene for row in rows if row.coverage == SAMPLED_COVERAGE]
+    sampled = [_name(row) for row in rows if row.coverage == SAMPLED_COVERAGE]
     if sampled:
         yield (
             f"Rays sample what is seen past the meshes of {_first(list(dict.fromkeys(sampled)))}; "
             "the gaps leave the error of that out."
         )
     without = [row for row in rows if row.reason in _WITHOUT_PLAN and row.message]
-    told = dict.fromkeys(f"{row.planner} on {row.scene}: {row.message}." for row in without)
+    told = dict.fromkeys(f"{row.planner} on {_name(row)}: {row.message}." for row in without)
     yield from list(told)[:_NAMED]
     if any(row.conflicts for row in rows):
         yield (
@@ -104,11 +105,16 @@ def _missing_bounds(rows: Sequence[Row]) -> list[str]:
         if value is not None:
             words, value, reason = "No bound without rules", row.bound_free, row.bound_free_reason
         if value is None and reason not in PROVED:
-            found.setdefault((words, reason), {})[f"{row.scene} seed {row.seed}"] = None
+            found.setdefault((words, reason), {})[f"{_name(row)} seed {row.seed}"] = None
     return [
         f"{words} for {_first(list(cases))}: {_MISSING.get(reason, reason)}."
         for (words, reason), cases in found.items()
     ]
+
+
+def _name(row: Row) -> str:
+    """Returns the name of a row's scene as sentences have it."""
+    return shortened(row.scene)
 
 
 def _first(names: Sequence[str]) -> str:

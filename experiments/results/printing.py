@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from cocap_opt.text import printable
+from cocap_opt.text import printable, shortened
 
 Record = dict[str, Any]  # a row of a small table, or the answer of a command
 
@@ -157,4 +157,4 @@ def _text(key: str, value: Any) -> str:
         if value and all(isinstance(item, float) for item in value):
             return "  ".join(f"{item:.2f}" for item in value)
         return "\n".join(_text("", item) for item in value) or "none"
-    return printable(str(value))
+    return shortened(printable(value)) if key == "scene" else printable(str(value))

@@ -34,6 +34,7 @@ import yaml
 from msgspec import Meta
 
 from cocap_opt.data import FloatArray, ProblemError
+from cocap_opt.files.messages import in_words
 from cocap_opt.problem import (
     Actor,
     Camera,
@@ -342,7 +343,7 @@ def _world(text: str) -> _World:
     try:
         return msgspec.convert(yaml.load(text, _Loader), _Sequence).planner.world
     except (yaml.YAMLError, ValueError, RecursionError) as error:
-        raise ProblemError(one_line(error)) from error
+        raise ProblemError(in_words(error, text, _Sequence)) from error
 
 
 def _starts(

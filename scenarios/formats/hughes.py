@@ -39,6 +39,7 @@ import numpy as np
 from msgspec import Meta
 
 from cocap_opt.data import LARGEST, MOST_WEIGHT, ProblemError
+from cocap_opt.files.messages import in_words
 from cocap_opt.problem import (
     NO_RULES,
     Actor,
@@ -51,7 +52,7 @@ from cocap_opt.problem import (
     State,
 )
 from cocap_opt.scenarios.formats.options import NO_YES, NOTHING, Options
-from cocap_opt.scenarios.text import naming, one_line, read_text
+from cocap_opt.scenarios.text import naming, read_text
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.world.workspace import HeightMap
 
@@ -111,6 +112,14 @@ class _Solution(msgspec.Struct):
     elements: Annotated[
         list[tuple[int, Annotated[list[_Entry], Meta(min_length=1)]]], Meta(min_length=1)
     ]
+
+    def __post_init__(self) -> None:
+        robots = [robot for robot, _ in self.elements]
+        if sorted(robots) != list(range(1, len(robots) + 1)):
+            raise ProblemError(
+                f"elements: must be the robots 1..{len(robots)}, each once, not "
+                f"{', '.join(map(str, robots[:8]))}"
+            )
 
     @property
     def is_on_grid(self) -> bool:
@@ -260,10 +269,11 @@ def _first_on_grid(path: Path, solutions: list[Path]) -> tuple[Path, _Solution]:
 
 
 def _decode(path: Path, kind: type[T]) -> T:
+    text = read_text(path)
     try:
-        return msgspec.json.decode(read_text(path), type=kind)
+        return msgspec.json.decode(text, type=kind)
     except (msgspec.MsgspecError, RecursionError) as error:
-        raise ProblemError(one_line(error)) from error
+        raise ProblemError(in_words(error, text, kind)) from error
 
 
 def _actor(frames: list[_Actor]) -> Actor:

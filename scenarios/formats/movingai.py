@@ -139,14 +139,17 @@ def read(
         used; one line, naming the file.
     """
     with naming(path):
-        if given := OPTIONS.chosen(options):
-            chosen = {_ARGUMENTS.get(name, name): value for name, value in given.items()}
-            defaults = {"robots": robots, "actors": actors, "steps": steps, "near": near,
-                        "layers": layers}  # fmt: skip
-            return read(path, seed, wall=wall, **{**defaults, **chosen})
-        for name, value, least in (("seed", seed, 0), ("robots", robots, 1), ("actors", actors, 0)):
-            _require(value >= least, name, f"must be >= {least}, not {value}")
-        _require(steps >= 1, "steps", f"must be >= 1, not {steps}")
+        given = OPTIONS.chosen(options)
+    if given:
+        chosen = {_ARGUMENTS.get(name, name): value for name, value in given.items()}
+        defaults = {"robots": robots, "actors": actors, "steps": steps, "near": near,
+                    "layers": layers}  # fmt: skip
+        return read(path, seed, wall=wall, **{**defaults, **chosen})
+    with naming(path):
+        least = {"seed": (seed, 0), "robots": (robots, 1), "actors": (actors, 0),
+                 "steps": (steps, 1)}  # fmt: skip
+        for name, (value, low) in least.items():
+            _require(value >= low, name, f"must be >= {low}, not {value}")
         _require(math.isfinite(wall) and wall > 0, "wall", f"must be > 0 m, not {wall}")
     free, trips = _read_trips(path)
     order, motion = iter(_shuffled(trips, seed)), Motion(layers=layers)
@@ -155,17 +158,21 @@ def read(
         starts = list(islice(_distinct_starts(order, free), robots))
     walks = list(islice(_walks(order, walking_graph(free)), actors))
     people = tuple(Actor(poses=_poses(walk, steps)) for walk in walks)
+    why = ""
     if near is not None:
-        rows = _distinct_starts(order, free)
-        starts = _nearest(rows, near, people, workspace, motion)[:robots] if people else [
-            *islice(rows, robots)
-        ]  # fmt: skip
+        rows = list(_distinct_starts(order, free))
+        starts = _nearest(rows, near, people, workspace, motion) if people else rows
+        why = "" if len(starts) >= robots else (
+            f"; only from {len(starts)} of the {len(rows)} free starts a drone comes within near = "
+            f"{near:g} m of somebody in sight in {steps} steps"
+        )  # fmt: skip
+        starts = starts[:robots]
     with naming(path):
         _require(
             (len(starts), len(walks)) == (robots, actors),
             "rows",
             f"must give {robots} drones a free start of their own and {actors} people a path to "
-            f"their goal, but give only {len(starts)} and {len(walks)}",
+            f"their goal, but give only {len(starts)} and {len(walks)}{why}",
         )
         return Problem(
             name=path.stem,

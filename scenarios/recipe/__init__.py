@@ -6,7 +6,9 @@
 __all__ = [
     "drones",
     "geotiff",
+    "ground_plans",
     "meshes",
+    "pace",
     "people",
     "raster",
     "raster_files",
@@ -14,6 +16,7 @@ __all__ = [
     "resample",
     "tables",
     "terrain",
+    "track_doubts",
     "track_table",
     "tracks",
     "walls",

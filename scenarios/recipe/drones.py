@@ -12,6 +12,7 @@ from cocap_opt.graph.motion import Window
 from cocap_opt.problem import Actor, Airspace, Camera, CollisionRules, Motion, Robot, State
 from cocap_opt.scenarios.cameras import CAMERAS
 from cocap_opt.scenarios.recipe.tables import Coordinate, Count, Length, Table
+from cocap_opt.scenarios.recipe.terrain import area, ends
 from cocap_opt.world.workspace import HeightMap, Workspace
 
 
@@ -72,6 +73,8 @@ class DronesTable(Table):
             )
             state_apart = next(apart, None)
             if state_apart is None:
+                if k == 0:
+                    _require_people_on_map(workspace.height_map, actors, horizon)
                 room = self._room(workspace, actors, horizon, rules)
                 raise ProblemError(f"count: must be at most {k} here; {room}")
             team.append(Robot(start=state_apart, motion=self.motion, camera=camera))
@@ -139,6 +142,20 @@ class DronesTable(Table):
             State(x, y, 0, _heading(yaw, self.motion))
             for (x, y), yaw in zip(cells, yaws, strict=True)
         ]
+
+
+def _require_people_on_map(height_map: HeightMap, actors: tuple[Actor, ...], horizon: int) -> None:
+    """Raises a ProblemError if people are filmed of whom nobody is ever on the map."""
+    if not actors:
+        return
+    points = np.concatenate([actor.poses[: horizon + 1, :2] for actor in actors])
+    first, last = ends(height_map)
+    if not ((first <= points) & (points < last)).all(axis=1).any():
+        raise ProblemError(
+            f"all people are off the map, at {area(points.min(axis=0), points.max(axis=0))}, so "
+            f"that no drone can start near them; the map is {area(first, last)}; `at` of the "
+            "tracks moves people"
+        )
 
 
 def _stated(start: _StartTable, motion: Motion, height_map: HeightMap) -> State:

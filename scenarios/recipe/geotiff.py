@@ -3,18 +3,22 @@
 Source of the format: Open Geospatial Consortium, "OGC GeoTIFF Standard", 19-008r4, 2019.
 """
 
+import math
 import warnings
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from cocap_opt.data import ProblemError
+from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.scenarios.recipe.raster import SLIVER, Layout, Raster, Window
 from cocap_opt.scenarios.text import one_line
 
 MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")  # TIFF and BigTIFF, in either byte order
 METRE = (None, "", "m", "metre", "metres", "meter", "meters")
+APART, EARTH = 100.0, 6_371_008.8  # m, between points that are compared; radius of the Earth
+STRETCH = 0.02  # by which lengths may differ from those on the ground
+WEB_MERCATOR = 3857  # EPSG
 CACHE = 64  # MB; GDAL's own choice is a share of all memory
 
 
@@ -43,6 +47,7 @@ def read(path: Path, band: int | None, nodata: float | None, window: Window | No
 def _read(dataset: Any, band: int | None, nodata: float | None, window: Window | None) -> Raster:
     band = _band(dataset, band)
     _refuse_units(dataset, band)
+    _refuse_stretched(dataset)
     layout = _layout(dataset)
     columns, rows = layout.met(window)
     a, e = dataset.transform.a, dataset.transform.e
@@ -86,9 +91,53 @@ def _refuse_units(dataset: Any, band: int) -> None:
         raise ProblemError(f"heights: must be metres, not {unit}")
 
 
+def _refuse_stretched(dataset: Any) -> None:
+    """Raises a ProblemError if metres of the projection are none on the ground, as in web maps.
+
+    Metres of web Mercator (EPSG:3857) are metres at the equator, and half as long at 60 degrees.
+    """
+    if not (dataset.crs and dataset.crs.is_projected):
+        return
+    x, y = dataset.xy(dataset.height // 2, dataset.width // 2)
+    east, north = _on_earth(dataset.crs, [x, x + APART, x], [y, y, y + APART])
+    lengths = np.hypot((east - east[0]) * np.cos(north[0]), north - north[0])[1:] * EARTH / APART
+    code = dataset.crs.to_epsg()
+    if (np.abs(lengths - 1) <= STRETCH).all() and code != WEB_MERCATOR:
+        return
+    longitude, latitude = math.degrees(east[0]), math.degrees(north[0])
+    zone = (32700 if latitude < 0 else 32600) + min(int((longitude + 180) // 6) + 1, 60)
+    name = Path(dataset.name).name
+    title = f"EPSG:{code}" if code else "this projection"
+    title = f"web Mercator ({title})" if code == WEB_MERCATOR else title
+    raise ProblemError(
+        f"coordinates: must be true metres, but those of {title} are {lengths.min():.3g} m long "
+        f"at latitude {latitude:.1f}; make them true by: gdalwarp -t_srs EPSG:{zone} {name} "
+        f"utm-{name}"
+    )
+
+
+def _on_earth(crs: Any, x: list[float], y: list[float]) -> tuple[FloatArray, FloatArray]:
+    """Returns the longitudes and latitudes [n] (rad) of points in a system."""
+    from rasterio.warp import transform
+
+    try:
+        east, north = np.radians(transform(crs, "EPSG:4326", x, y))
+    except Exception as error:  # GDAL's own errors have no public base
+        raise ProblemError(
+            f"coordinates: must lie where their projection is defined, not at ({x[0]:.7g}, "
+            f"{y[0]:.7g}): {one_line(_first_cause(error))}"
+        ) from error
+    if not (np.isfinite(east).all() and np.isfinite(north).all()):
+        raise ProblemError(
+            f"coordinates: must lie where their projection is defined, not at ({x[0]:.7g}, "
+            f"{y[0]:.7g})"
+        )
+    return east, north
+
+
 def _layout(dataset: Any) -> Layout:
     transform = dataset.transform
-    if transform.is_identity and (dataset.gcps[0] or dataset.rpcs):
+    if transform.is_identity:  # what GDAL gives, too, where the file has none
         raise _no_geotransform()
     turned = max(abs(transform.b) * dataset.height, abs(transform.d) * dataset.width)  # m
     if turned > SLIVER * min(abs(transform.a), abs(transform.e)):
@@ -108,7 +157,8 @@ def _in_file(met: range, cells: int, increasing: bool) -> range:
 
 def _no_geotransform() -> ProblemError:
     return ProblemError(
-        "geotransform: must be there, to say where the raster lies and how large its cells are"
+        "geotransform: must be there, to say where the raster lies and how large its cells are; "
+        "`gdal_translate -a_ullr WEST NORTH EAST SOUTH` writes a copy that has one"
     )
 
 

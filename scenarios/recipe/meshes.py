@@ -13,11 +13,10 @@ import trimesh
 from trimesh.resolvers import Resolver
 
 from cocap_opt.data import FloatArray, IntArray, ProblemError
-from cocap_opt.scenarios.recipe.tables import Coordinate, Table
+from cocap_opt.scenarios.recipe.tables import PER_METRE, Coordinate, Table, Unit
 from cocap_opt.scenarios.text import naming, one_line
 from cocap_opt.world.workspace import Mesh
 
-PER_METRE = {"m": 1.0, "cm": 100.0, "mm": 1000.0, "ft": 1 / 0.3048}
 UP = {".glb": "y", ".gltf": "y"}  # axis that is upwards; in other files it is z, as in surveys
 SUFFIXES = (".obj", ".glb", ".gltf", ".stl", ".ply", ".off")
 
@@ -26,7 +25,7 @@ class MeshTable(Table):
     """One of the tables `mesh` of a recipe, see `cocap_opt.scenarios.recipe.recipe.EXAMPLE`."""
 
     file: str
-    unit: Literal["m", "cm", "mm", "ft"] = "m"  # of its coordinates
+    unit: Unit = "m"  # of its coordinates
     up: Literal["y", "z"] | None = None  # axis that is upwards; None: y for glTF, z for others
     turn: Coordinate = 0.0  # degrees about its origin, counter-clockwise seen from above
     at: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)  # m, where its origin lies
@@ -84,9 +83,11 @@ def _load(path: Path) -> tuple[FloatArray, IntArray]:
             warnings.simplefilter("ignore")
             with path.open("rb") as file:
                 scene = trimesh.load_scene(
-                    file, file_type=kind[1:], resolver=_Beside(path.parent), skip_materials=True
-                )
+                    file, file_type=kind[1:], resolver=_Beside(path.parent), skip_materials=True,
+                    process=False,  # which would leave out corners that are no numbers
+                )  # fmt: skip
             shape = scene.to_mesh()
+            finite = bool(np.isfinite(shape.vertices).all())
             shape.merge_vertices(merge_tex=True, merge_norm=True)
             vertices = np.array(shape.vertices, dtype=np.float64)
             triangles = np.array(shape.faces, dtype=np.int64)
@@ -96,10 +97,10 @@ def _load(path: Path) -> tuple[FloatArray, IntArray]:
         raise ProblemError(f"cannot be read as {kind}") from error
     except Exception as error:  # trimesh names no set of errors for a damaged file
         raise ProblemError(f"cannot be read as {kind}: {one_line(error)}") from error
+    if not finite or vertices.ndim != 2 or vertices.shape[1] != 3:
+        raise ProblemError("vertices: must be finite numbers x, y, z, not NaN or infinite")
     if not len(triangles):
         raise ProblemError("must hold at least one triangle")
-    if vertices.ndim != 2 or vertices.shape[1] != 3 or not np.isfinite(vertices).all():
-        raise ProblemError("vertices: must be finite numbers x, y, z")
     return vertices, triangles
 
 

@@ -1,16 +1,20 @@
 """The people of a recipe, tracked by others or walking along given legs."""
 
+import logging
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import numpy as np
 from msgspec import Meta
 
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.problem import Actor, Shape
-from cocap_opt.scenarios.recipe.tables import Count, Point, Size, Table
+from cocap_opt.scenarios.recipe.pace import pace_doubt
+from cocap_opt.scenarios.recipe.tables import Count, Point, Size, Table, Unit
 from cocap_opt.scenarios.recipe.terrain import Terrain
-from cocap_opt.scenarios.recipe.tracks import BODY, STILL, Track
+from cocap_opt.scenarios.recipe.tracks import BODY, MOST_GAP, SLACK, STILL, Track
+
+log = logging.getLogger(__name__)
 
 
 class TracksTable(Table):
@@ -18,7 +22,7 @@ class TracksTable(Table):
 
     file: str
     columns: list[str] | None = None
-    unit: Literal["m", "cm", "mm"] | None = None
+    unit: Unit | None = None
     fps: float | None = None
     delimiter: str | None = None
     begin: float | None = None
@@ -48,21 +52,26 @@ class TracksTable(Table):
             delimiter=self.delimiter,
         )  # fmt: skip
         begin, chosen = self._chosen(tracks, step, steps)
-        return [
+        actors = [
             track._replace(points=track.points + np.array(self.at)).actor(
                 begin, step, steps, shape=self.shape, still=self.still, ground=terrain.floor
             )
             for track in chosen
         ]
+        names, causes = [f"id {track.id}" for track in chosen], "unit, fps, step and all its rows"
+        if doubt := pace_doubt(names, actors, step, causes):
+            log.warning("%s: %s", self.file, doubt)
+        return actors
 
     def _chosen(self, tracks: list[Track], step: float, steps: int) -> tuple[float, list[Track]]:
         """Returns the time (s) of step 0, and the people who are filmed."""
         if (self.ids is None) == (self.count is None):
-            raise ProblemError("must have either ids or a count")
+            present = _present(tracks, steps * step, self.begin)
+            raise ProblemError(f"must have either ids or a count; {present}")
         candidates = tracks if self.ids is None else _named(self.ids, tracks)
         wanted = self.count or len(candidates)
         # More people are there only from a time at which someone appears.
-        moments = sorted({time for track in candidates for time in track.appearances()})
+        moments = sorted({begin for track in candidates for begin, _ in track.spans()})
         most = 0
         for begin in moments if self.begin is None else [self.begin]:
             there = [track for track in candidates if track.is_there(begin, step, steps)]
@@ -70,12 +79,31 @@ class TracksTable(Table):
                 return begin, there[:wanted]
             most = max(most, len(there))
         when = "at no time" if self.begin is None else f"not from {self.begin:g} s on"
-        who = ""
-        if self.ids is not None:
-            who = "; " + "; ".join(f"{c.id} is there {c.presence()}" for c in candidates[:4])
+        self._require_dense(candidates)
+        shown = candidates if self.ids else [one for one in candidates if len(one.spans()) > 1]
+        shown = shown or sorted(candidates, key=lambda track: track.times[0] - track.times[-1])
+        who = "; ".join(f"{track.id} is there {track.presence()}" for track in shown[:4])
         raise ProblemError(
             f"begin: must be a time from which on all of {wanted} are there for {steps * step:g} "
-            f"s, which they are {when}; at most {most} are{who}"
+            f"s, which they are {when}; at most {most} are; {who}"
+        )
+
+    def _require_dense(self, tracks: list[Track]) -> None:
+        """Raises a ProblemError if rows of a person are too far apart for following anybody."""
+        ways = np.concatenate([np.zeros(0), *(np.diff(track.times) for track in tracks)])
+        apart = float(np.median(ways)) if len(ways) else 0.0
+        if apart <= MOST_GAP:
+            return
+        words = (
+            f"rows of a person are {apart:.6g} s apart, and people are followed over at most "
+            f"{MOST_GAP:g} s"
+        )
+        if self.fps is None or round(apart * self.fps) < 2:
+            raise ProblemError(f"file: {words}; are its times right?")
+        frames = round(apart * self.fps)
+        raise ProblemError(
+            f"fps: must be the rate at which frame numbers count, {frames} times that of the rows, "
+            f"for they go in steps of {frames}; at {self.fps:g} frames/s {words}"
         )
 
 
@@ -95,16 +123,32 @@ class WalkTable(Table):
         terrain : the ground
         step : seconds between steps
         steps : horizon T
+
+        Raises
+        ------
+        ProblemError
+            If the way begins beyond its end, or nobody could be so fast.
         """
         points = self._along(step, steps)
         floor = [terrain.floor(x, y) for x, y in points.tolist()]
         yaw = Track.headings(points, STILL * step)
-        return Actor(poses=np.column_stack([points, floor, yaw]), shape=self.shape)
+        actor = Actor(poses=np.column_stack([points, floor, yaw]), shape=self.shape)
+        x, y = self.points[0]
+        if doubt := pace_doubt(
+            [f"the walk from ({x:g}, {y:g}) m"], [actor], step, "speed and step"
+        ):
+            log.warning("%s", doubt)
+        return actor
 
     def _along(self, step: float, steps: int) -> FloatArray:
         """Returns the points [T+1, 2] (m) at the steps."""
         corners = np.array(self.points)
         behind = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])
+        if self.first > behind[-1] * (1 + 1e-9):
+            raise ProblemError(
+                f"first: must be at most {behind[-1]:.6g} m, the length of the way, not "
+                f"{self.first:g}"
+            )
         done = self.first + self.speed * step * np.arange(steps + 1)
         return np.column_stack([np.interp(done, behind, axis) for axis in corners.T])
 
@@ -113,12 +157,35 @@ def _named(ids: list[int | str], tracks: list[Track]) -> list[Track]:
     by_id = {track.id: track for track in tracks}
     for name in ids:
         if name not in by_id:
-            raise ProblemError(f"ids: {name!r} is not in the file, which has {_listed(by_id)}")
+            raise ProblemError(f"ids: {name!r} is not in the file, which has {_listed(tracks)}")
     if len(set(ids)) != len(ids):
         raise ProblemError("ids: must differ")
     return [by_id[name] for name in ids]
 
 
-def _listed(names: dict[int | str, Track]) -> str:
-    shown = ", ".join(str(name) for name in list(names)[:5])
-    return shown + (f" and {len(names) - 5} more" if len(names) > 5 else "")
+def _present(tracks: list[Track], seconds: float, begin: float | None) -> str:
+    """Says who is in a file, and when most of them are there for some seconds."""
+    spans = np.array([span for track in tracks for span in track.spans()])
+    lasting = spans[spans[:, 1] - spans[:, 0] >= seconds - SLACK]
+    words = f"the file has {len(tracks)} people ({_listed(tracks)})"
+    moments = np.unique(lasting[:, 0]) if begin is None else np.array([begin])
+    # Who is there at a moment has come by then, and does not leave before the seconds are over.
+    counts = np.searchsorted(np.sort(lasting[:, 0]), moments + SLACK, side="right")
+    counts -= np.searchsorted(np.sort(lasting[:, 1]), moments + seconds - SLACK)
+    if not len(lasting) or counts.max() == 0:
+        return f"{words}; nobody is there for {seconds:g} s" + (
+            "" if begin is None else f" from {begin:g} s on"
+        )
+    best = float(moments[np.argmax(counts)])
+    there = [
+        track
+        for track in tracks
+        if any(a <= best + SLACK and best + seconds - SLACK <= b for a, b in track.spans())
+    ]
+    listed = f"{len(there)} ({_listed(there)})" if len(there) < len(tracks) else "all"
+    return f"{words}; {listed} are there for {seconds:g} s from {best:.12g} s on"
+
+
+def _listed(tracks: list[Track]) -> str:
+    shown = ", ".join(str(track.id) for track in tracks[:5])
+    return shown + (f" and {len(tracks) - 5} more" if len(tracks) > 5 else "")

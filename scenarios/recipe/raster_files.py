@@ -8,21 +8,24 @@ documentation: a header of keys and values, then `nrows` times `ncols` numbers, 
 row first. As GDAL does, `dx` and `dy` are taken for cells that are not square.
 """
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
 
-from cocap_opt.data import FloatArray, ProblemError
+from cocap_opt.data import FloatArray, IntArray, ProblemError
 from cocap_opt.scenarios.recipe import geotiff
 from cocap_opt.scenarios.recipe.raster import Layout, Raster, Window
-from cocap_opt.scenarios.text import integer, naming, number
+from cocap_opt.scenarios.text import integer, naming, number, read_text
 
 KEYS = (
     "ncols", "nrows", "xllcorner", "yllcorner", "xllcenter", "yllcenter", "cellsize", "dx", "dy",
     "nodata_value",
 )  # fmt: skip
+WEB_MERCATOR = "Pseudo-Mercator", "Mercator_Auxiliary_Sphere"  # as WKT names it
+UNIT = re.compile(r'(?<![A-Z])UNIT\["([^"]*)",\s*([\d.]+(?:[eE][-+]?\d+)?)')
 CHUNK = 1 << 20  # bytes; a file is never held as text
 LONGEST = 200  # bytes, of a line of the header
 
@@ -73,10 +76,27 @@ def _read(path: Path, band: int | None, nodata: float | None, window: Window | N
         case ".asc":
             if band not in (None, 1):
                 raise ProblemError(f"band: must be 1 in an ESRI ASCII grid, not {band}")
+            _refuse_projection(path.with_suffix(".prj"))
             return _read_esri_ascii(path, nodata, window)
         case ".tif" | ".tiff":
             return geotiff.read(path, band, nodata, window)
     raise ProblemError("must be named .asc, .tif or .tiff")
+
+
+def _refuse_projection(path: Path) -> None:
+    """Raises a ProblemError if the projection that is told beside a grid is not in metres."""
+    if not path.is_file():
+        return
+    with naming(path):
+        text = read_text(path)
+        if any(name in text for name in WEB_MERCATOR):
+            raise ProblemError(
+                "must be a projection in true metres, not web Mercator; gdalwarp -t_srs "
+                "EPSG:326ZZ, with ZZ the zone of UTM, writes such a map"
+            )
+        units = UNIT.findall(text)  # the projection's own is the last
+        if units and float(units[-1][1]) != 1:
+            raise ProblemError(f"must be a projection in metres, not in {units[-1][0]}")
 
 
 def _read_esri_ascii(path: Path, nodata: float | None, window: Window | None) -> Raster:
@@ -86,6 +106,7 @@ def _read_esri_ascii(path: Path, nodata: float | None, window: Window | None) ->
         (x, dx, width), (y, dy, height) = _axis(header, "x"), _axis(header, "y")
         layout = Layout((x, y), (dx, dy), (width, height))
         columns, rows = layout.met(window)
+        _require_rows(file, layout)
         values = _read_values(file, layout, columns, rows)
     return layout.cut(columns, rows).raster(values, (_nodata(header), nodata))
 
@@ -170,6 +191,46 @@ def _nodata(header: Header) -> float | None:
     except ValueError as error:
         text = header["nodata_value"][:40]
         raise ProblemError(f"nodata_value: must be a number, not {text!r}") from error
+
+
+def _require_rows(file: BinaryIO, layout: Layout) -> None:
+    """Raises a ProblemError if lines are rows and have other lengths than the header says.
+
+    Values may be wrapped as one likes; but if a line holds a row, each line must.
+    """
+    width, height = layout.cells
+    counts = _values_per_line(file)
+    if width != height and len(counts) == width and (counts == height).all():
+        raise ProblemError(
+            f"ncols and nrows: must be {height} and {width}, the values of a row and the rows, not "
+            f"{width} and {height}"
+        )
+    wrong = np.flatnonzero(counts[:height] != width)
+    if len(wrong) and (counts == width).any():
+        row = int(wrong[0])
+        raise ProblemError(
+            f"row {row + 1} from the north: must have ncols = {width} values, not {counts[row]}"
+        )
+
+
+def _values_per_line(file: BinaryIO) -> IntArray:
+    """Returns how many values the lines of the rest of a file have, those without any left out.
+
+    The file then stands where it stood.
+    """
+    start, counts, begun, in_word = file.tell(), [np.zeros(0, int)], 0, False
+    while chunk := file.read(CHUNK):
+        text = np.frombuffer(chunk, np.uint8)
+        inside = text > ord(" ")
+        before = np.concatenate([[in_word], inside[:-1]])
+        words = np.cumsum(inside & ~before)
+        ended = words[text == ord("\n")]
+        counts.append(np.diff(ended, prepend=-begun))
+        begun = int(words[-1] - ended[-1]) if len(ended) else begun + int(words[-1])
+        in_word = bool(inside[-1])
+    file.seek(start)
+    found: IntArray = np.concatenate([*counts, [begun]])
+    return found[found > 0]
 
 
 def _read_values(file: BinaryIO, layout: Layout, columns: range, rows: range) -> FloatArray:

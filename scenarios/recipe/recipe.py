@@ -13,6 +13,7 @@ import numpy as np
 from msgspec import Meta
 
 from cocap_opt.data import LARGEST, MOST_STEPS, ProblemError
+from cocap_opt.files.messages import in_words
 from cocap_opt.problem import Actor, Objective, Problem, Robot
 from cocap_opt.scenarios.recipe.airspace import AirspaceTable, NoFlyTable
 from cocap_opt.scenarios.recipe.drones import DronesTable
@@ -20,9 +21,9 @@ from cocap_opt.scenarios.recipe.meshes import MeshTable
 from cocap_opt.scenarios.recipe.people import TracksTable, WalkTable
 from cocap_opt.scenarios.recipe.rules import RulesTable
 from cocap_opt.scenarios.recipe.tables import Flight, Table
-from cocap_opt.scenarios.recipe.terrain import MapTable, Terrain
+from cocap_opt.scenarios.recipe.terrain import MapTable, Terrain, area, ends
 from cocap_opt.scenarios.recipe.walls import WallsTable
-from cocap_opt.scenarios.text import naming, one_line, read_text
+from cocap_opt.scenarios.text import naming, read_text
 from cocap_opt.world.workspace import HeightMap, Mesh, Workspace
 
 EXAMPLE = """\
@@ -51,9 +52,10 @@ turn = 90                   # counter-clockwise about its origin
 at = [35, 20, 0]            # where its origin comes to lie
 
 [[walls]]
-file = "geometry.json"      # polygons of the walkable area and of obstacles, as JSON
+file = "geometry.json"      # polygons of the walkable area and of obstacles: JSON, GeoJSON, WKT
 unit = "m"                  # "m", "cm", "mm" or "ft"; left out: as the file says, else m
 name = "bottleneck"         # which of them
+# polygons = "obstacles"    # or "walkable": what those of GeoJSON and WKT are
 height = 2.0
 border = 0.2                # thickness of walls around the walkable area; left out: none
 at = [30, 10]               # added to their points
@@ -62,7 +64,7 @@ base = 50.0                 # altitude of their foot; left out: the lowest groun
 [[tracks]]
 file = "people.txt"
 columns = ["id", "frame", "x", "y", "z"]   # left out: as the file says
-unit = "cm"                 # left out, as fps: as the file says
+unit = "cm"                 # "m", "cm", "mm" or "ft"; left out, as fps: as the file says
 fps = 16
 begin = 37.0                # time of step 0; left out: the first from which all are there
 ids = [12, 15, 16]          # or: count = 3, the first that are there at all steps
@@ -174,10 +176,11 @@ def read(path: Path, seed: int = 0) -> Problem:
 
 
 def _decode(path: Path) -> _Recipe:
+    text = read_text(path)
     try:
-        return msgspec.toml.decode(read_text(path), type=_Recipe)
+        return msgspec.toml.decode(text, type=_Recipe)
     except (msgspec.MsgspecError, RecursionError) as error:
-        raise ProblemError(one_line(error)) from error
+        raise ProblemError(in_words(error, text, _Recipe)) from error
 
 
 def _meshes(recipe: _Recipe, folder: Path, terrain: Terrain) -> Iterator[Mesh]:
@@ -196,14 +199,11 @@ def _meshes(recipe: _Recipe, folder: Path, terrain: Terrain) -> Iterator[Mesh]:
 def _require_on_map(meshes: list[Mesh], height_map: HeightMap) -> None:
     vertices = np.concatenate([mesh.vertices for mesh in meshes])
     low, high = vertices.min(axis=0)[:2], vertices.max(axis=0)[:2]
-    first = np.array(height_map.origin)
-    last = first + np.array(height_map.shape) * height_map.resolution
+    first, last = ends(height_map)
     if (high < first).any() or (low > last).any():
-        ends = zip((*low, *first), (*high, *last), strict=True)
-        x, y, map_x, map_y = (f"{a:.6g}..{b:.6g}" for a, b in ends)
         raise ProblemError(
-            f"must lie on the map, x {map_x} and y {map_y} m, not at x {x} and y {y} m; `at` "
-            "moves it, `unit` scales it"
+            f"must lie on the map, {area(first, last)}, not at {area(low, high)}; `at` moves it, "
+            "`unit` scales it"
         )
 
 

@@ -20,6 +20,18 @@ SURFACE = "surface"  # in place of the ground's file
 DEEP = 1.0  # m below the ground; more in a map of heights above the ground is a mistake
 
 
+def ends(height_map: HeightMap) -> tuple[FloatArray, FloatArray]:
+    """Returns the lower left and the upper right corner [2] of a map, m."""
+    first = np.array(height_map.origin)
+    return first, first + np.array(height_map.shape) * height_map.resolution
+
+
+def area(low: FloatArray, high: FloatArray) -> str:
+    """Returns the words for a rectangle from one corner [2] to the other, m."""
+    x, y = (f"{a:.7g}..{b:.7g}" for a, b in zip(low.tolist(), high.tolist(), strict=True))
+    return f"x {x} and y {y} m"
+
+
 class Terrain(NamedTuple):
     """A height map, and the ground below the obstacles on it."""
 

@@ -21,11 +21,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cocap_opt.data import LARGEST, FloatArray, IntArray, ProblemError
+from cocap_opt.scenarios.recipe.tables import PER_METRE
 from cocap_opt.scenarios.text import read_text
 
 log = logging.getLogger(__name__)
 
-PER_METRE = {"m": 1.0, "cm": 100.0, "mm": 1000.0}
 DELIMITERS = (" ", "\t", ",", ";")
 MOST_FPS = 1e6
 MOST = 1e12  # of ids, frames and times, which may count seconds since 1970
@@ -46,8 +46,14 @@ _ANNOTATIONS = 10  # values in a row of annotations.txt; the last is a word
 _FAR_CLEARER = 10.0  # times farther apart are the rows of one id in the wrong order of columns
 _FASTEST = 12.0  # m/s, of people
 
-_UNIT = r"(mm|cm|m|(?:centi|milli)?met(?:re|er)s?)(?![\w/])"
-_UNIT_OF_NAME = re.compile(rf"[/\[(]\s*{_UNIT}", re.IGNORECASE)
+_SHORT = {"centim": "cm", "millim": "mm", "foot": "ft", "feet": "ft"}
+_UNIT = (
+    r"(mm|cm|m|ft|foot|feet|(?:centi|milli)?met(?:re|er)s?"
+    r"|px|pixels?|inch(?:es)?|yards?|dm|km)(?![\w/])"  # the last are refused
+)
+# As in "x/m", "x [m]" and "x_m", where any word but an axis is a unit.
+_UNIT_OF_NAME = re.compile(r"^(.*?)(?:\s*[/\[(]\s*([^\W_]+)|_(m|cm|mm|ft|px)$)", re.IGNORECASE)
+_DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+")
 _UNIT_OF_TIME = re.compile(r"[/\[(]\s*(\w+)")
 _UNIT_OF_COMMENT = re.compile(
     r"(?:\bunits?\s*[:=]\s*|(?<![\w/])[xyz]\s*[/\[(]\s*"
@@ -191,8 +197,7 @@ def _names(layout: _Layout, columns: Sequence[str] | None) -> Sequence[str]:
     count = len(layout.row)
     names = columns or layout.header
     if names is not None:
-        if len(names) != count:
-            raise ProblemError(f"line {layout.first}: must have {len(names)} values, not {count}")
+        _require_values(layout.first, len(names), layout.row, layout.delimiter)
         return names
     named = _names_of_comment(layout)
     if named is None and count == _ANNOTATIONS and not _is_number(layout.row[-1]):
@@ -217,7 +222,7 @@ def _names_of_comment(layout: _Layout) -> list[str] | None:
 
 
 def _role(name: str) -> str | None:
-    word = re.split(r"[/\[(]", name)[0]
+    word = found[1] if (found := _UNIT_OF_NAME.match(name)) else name
     return _ROLES.get(re.sub(r"[\s_-]", "", word).lower())
 
 
@@ -245,16 +250,21 @@ def _check_seconds(name: str) -> None:
 
 
 def _stated_units(layout: _Layout, names: Sequence[str]) -> set[str]:
+    """Returns the units of length that comments, the header and the names of columns state."""
     found = [unit for comment in layout.comments for unit in _UNIT_OF_COMMENT.findall(comment)]
-    for name in names:
-        if _role(name) in ("x", "y", "z"):
-            found += _UNIT_OF_NAME.findall(name)
-    return {_short(unit.lower()) for unit in found}
+    for name in (*names, *(layout.header or ())):
+        if _role(name) in ("x", "y", "z") and (stated := _UNIT_OF_NAME.match(name)):
+            found.append(stated[2] or stated[3])
+    units = {_short(unit.lower()) for unit in found}
+    for unit in sorted(units - PER_METRE.keys()):
+        raise ProblemError(f"unit: must be {', '.join(PER_METRE)}, but the file states {unit!r}")
+    return units
 
 
 def _short(unit: str) -> str:
     """Returns the short name of a unit, which may be spelt out."""
-    return "cm" if unit.startswith("c") else "mm" if unit.startswith(("mm", "mi")) else "m"
+    word = re.sub(r"met(re|er)s?$", "m", unit)
+    return _SHORT.get(word, word)
 
 
 def _rate(layout: _Layout, places: _Columns, fps: float | None) -> float | None:
@@ -326,15 +336,28 @@ def _row_lines(text: str, layout: _Layout) -> Iterator[tuple[int, str]]:
 def _rows(text: str, layout: _Layout, count: int) -> Iterator[tuple[int, list[str]]]:
     for line, content in _row_lines(text, layout):
         row = _fields(content, layout.delimiter)
-        if len(row) != count:
-            raise ProblemError(f"line {line}: must have {count} values, not {len(row)}")
+        _require_values(line, count, row, layout.delimiter)
         yield line, row
+
+
+def _require_values(line: int, count: int, row: list[str], delimiter: str | None) -> None:
+    if len(row) != count:
+        # A person has two or three coordinates, each of which a decimal comma cuts in two.
+        cut = delimiter == "," and len(row) - count in (2, 3)
+        raise ProblemError(
+            f"line {line}: must have {count} values, not {len(row)}"
+            + ("; are commas decimal? Decimals must have points" if cut else "")
+        )
 
 
 def _number(text: str, line: int, role: str) -> float:
     try:
         return float(text)
     except ValueError as error:
+        if _DECIMAL_COMMA.fullmatch(text):
+            raise ProblemError(
+                f"line {line}, {role}: must have a decimal point, not a comma: {text[:40]!r}"
+            ) from error
         raise ProblemError(f"line {line}, {role}: must be a number, not {text[:40]!r}") from error
 
 

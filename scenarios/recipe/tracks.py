@@ -15,15 +15,17 @@ there. Steps at the times of frames have the frames' points.
 
 import logging
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from cocap_opt.data import LARGEST, MOST_STEPS, BoolArray, FloatArray, IntArray, ProblemError
 from cocap_opt.problem import Actor, Prism, Shape
-from cocap_opt.scenarios.recipe.track_table import PER_METRE, TrackTable
+from cocap_opt.scenarios.recipe.tables import Unit
+from cocap_opt.scenarios.recipe.track_doubts import track_doubts
+from cocap_opt.scenarios.recipe.track_table import TrackTable
 from cocap_opt.scenarios.text import naming
 
 log = logging.getLogger(__name__)
@@ -32,11 +34,6 @@ BODY = Prism(sides=6, apothem=0.25, height=1.75)  # m, as wide as shoulders
 STILL = 0.1  # m/s, below which people keep their heading
 MOST_GAP = 1.0  # s, between frames
 SLACK = 1e-6  # s, by which rounding may shift times
-
-# Limits beyond which a unit or a frame rate is likely to be wrong.
-HEIGHTS = 0.4, 2.6  # m
-SPEEDS = 0.2, 10.0  # m/s
-EXTENTS = 0.05, 1e5  # m
 
 
 class Track(NamedTuple):
@@ -53,7 +50,7 @@ class Track(NamedTuple):
         path: Path,
         *,
         columns: Sequence[str] | None = None,
-        unit: Literal["m", "cm", "mm"] | None = None,
+        unit: Unit | None = None,
         fps: float | None = None,
         delimiter: str | None = None,
     ) -> list["Track"]:
@@ -86,7 +83,7 @@ class Track(NamedTuple):
         with naming(path):
             table = TrackTable.read(path, columns, unit, fps, delimiter)
             tracks = _tracks(table)
-        for doubt in _doubts(tracks, table.unit):
+        for doubt in track_doubts(table):
             log.warning("%s: %s", path, doubt)
         return tracks
 
@@ -190,18 +187,15 @@ class Track(NamedTuple):
         yaw = np.arctan2(dy, dx)
         return np.where(yaw <= -math.pi, math.pi, yaw)
 
-    def appearances(self) -> list[float]:
-        """Returns the times (s) at which the person comes: the first, and after every gap."""
+    def spans(self) -> list[tuple[float, float]]:
+        """Returns the times (s) from when to when the person is there, between gaps."""
         gaps = np.flatnonzero(np.diff(self.times) > MOST_GAP + SLACK)
-        times: list[float] = self.times[[0, *(gaps + 1)]].tolist()
-        return times
+        begins, ends = self.times[[0, *(gaps + 1)]], self.times[[*gaps, -1]]
+        return list(zip(begins.tolist(), ends.tolist(), strict=True))
 
     def presence(self) -> str:
         """Says from when to when the person is there."""
-        gaps = np.flatnonzero(np.diff(self.times) > MOST_GAP + SLACK)
-        begins = self.appearances()
-        ends = self.times[[*gaps, -1]]
-        spans = [f"from {a:.12g} to {b:.12g} s" for a, b in zip(begins, ends, strict=True)]
+        spans = [f"from {a:.12g} to {b:.12g} s" for a, b in self.spans()]
         return " and ".join(
             spans if len(spans) < 5 else [*spans[:3], f"at {len(spans) - 3} more times"]
         )
@@ -241,45 +235,6 @@ def _track(table: TrackTable, name: int | str, rows: IntArray) -> Track:
     points.setflags(write=False)
     height = 0.0 if table.heights is None else float(np.median(table.heights[rows]))
     return Track(name, times, points, height if height > 0 else None)
-
-
-def _doubts(tracks: Sequence[Track], unit: str) -> Iterator[str]:
-    """Yields the signs that the unit or the frame rate is wrong, each in words."""
-    speeds = [speed for track in tracks if (speed := _speed(track)) > 0]
-    speed = float(np.median(speeds)) if speeds else 0.0
-    known = [(track.height, track.id) for track in tracks if track.height is not None]
-    odd = [(height, name) for height, name in known if not HEIGHTS[0] <= height <= HEIGHTS[1]]
-    if speed > SPEEDS[1]:
-        # The unit is right where heights are.
-        unit_of = None if known and not odd else _likely(speed, unit, SPEEDS)
-        yield f"median speed {speed:.3g} m/s: is {unit_of or 'fps right'}?"
-    if odd:
-        height, name = odd[0]
-        yield (
-            f"height of {len(odd)} of {len(known)} people outside {HEIGHTS[0]:g}..{HEIGHTS[1]:g} "
-            f"m, {height:.3g} m of {name}: is "
-            f"{_likely(height, unit, HEIGHTS) or 'z a height above the floor'}?"
-        )
-    extent = float(np.ptp(np.concatenate([track.points for track in tracks]), axis=0).max())
-    if not EXTENTS[0] <= extent <= EXTENTS[1]:
-        yield f"all points lie within {extent:.3g} m: is the unit {unit} right?"
-
-
-def _speed(track: Track) -> float:
-    """Returns the mean speed of a person, m/s."""
-    if len(track.times) < 2:
-        return 0.0
-    way = np.hypot(*np.diff(track.points, axis=0).T).sum()
-    return float(way / (track.times[-1] - track.times[0]))
-
-
-def _likely(value: float, unit: str, limits: tuple[float, float]) -> str | None:
-    """Names the unit in which a length or speed, read in another, would be within limits."""
-    low, high = limits
-    for other, per_metre in PER_METRE.items():
-        if low <= value * PER_METRE[unit] / per_metre <= high:
-            return f"the unit {other}"
-    return None
 
 
 def _times(begin: float, step: float, steps: int) -> FloatArray:

@@ -1,61 +1,38 @@
-"""The ground plans of a recipe, from which walls are extruded to meshes.
+"""The ground plans of a recipe, from which walls are extruded to meshes."""
 
-They are polygons of the walkable area and of the obstacles in it, as the geometries of PedPy are.
-"""
-
-from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Literal
 
-import msgspec
 import numpy as np
 import shapely
-from msgspec import Meta
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from cocap_opt.data import FloatArray, ProblemError
-from cocap_opt.scenarios.recipe.meshes import PER_METRE
-from cocap_opt.scenarios.recipe.tables import Coordinate, Length, Point, Size, Table
-from cocap_opt.scenarios.text import naming, one_line, read_text
+from cocap_opt.scenarios.recipe.ground_plans import Meaning, ground_plan
+from cocap_opt.scenarios.recipe.tables import (
+    Coordinate,
+    Length,
+    Point,
+    Size,
+    Table,
+    Unit,
+)
+from cocap_opt.scenarios.text import naming, read_text
 from cocap_opt.world.workspace import Mesh
-
-Ring = Annotated[list[Point], Meta(min_length=3)]
-
-
-class _Plan(msgspec.Struct):
-    """One ground plan of a file."""
-
-    walkable: Ring
-    obstacles: list[Ring] = []
-    unit: str = ""  # the last word counts: "cm in file; polygon in m"
-
-    def polygon(self, ring: Sequence[Point], unit: str) -> BaseGeometry:
-        """Returns a ring in m."""
-        # Rings in such files may pass a point twice, or cross themselves by a rounding.
-        return shapely.make_valid(Polygon(np.array(ring) / PER_METRE[unit]))
-
-    def settled_unit(self, stated: str | None) -> str:
-        """Returns the unit that the file states, or else the recipe."""
-        own = self.unit.split()[-1:]
-        if own and own[0] not in PER_METRE:
-            raise ProblemError(f"unit: must be {', '.join(PER_METRE)}, not {self.unit!r}")
-        if own and stated and own[0] != stated:
-            raise ProblemError(f"unit: is {own[0]!r} in the file, but {stated!r} in the recipe")
-        return (own or [stated or "m"])[0]
 
 
 class WallsTable(Table):
     """One of the tables `walls` of a recipe, see `cocap_opt.scenarios.recipe.recipe.EXAMPLE`.
 
     The file is JSON: {name: {"walkable": [[x, y], ..], "obstacles": [[[x, y], ..], ..]}}, in m
-    unless it says "unit" there.
+    unless it says "unit" there, or GeoJSON or WKT.
     """
 
     file: str
     height: Length
     name: str | None = None  # of a ground plan in the file; None: the only one
-    unit: Literal["m", "cm", "mm", "ft"] | None = None  # None: as the file says, else m
+    polygons: Meaning | None = None  # what those of GeoJSON and WKT are
+    unit: Unit | None = None  # None: as the file says, else m
     border: Size = 0.0  # m, thickness of a wall around the walkable area; 0: there is none
     at: Point = (0.0, 0.0)  # m, where the plan's origin comes to lie
     base: Coordinate | None = None  # m, altitude of the walls' foot; None: the lowest ground
@@ -76,11 +53,13 @@ class WallsTable(Table):
         """
         base = lowest if self.base is None else self.base
         with naming(folder / self.file):
-            plan = self._plan(folder / self.file)
-            unit = plan.settled_unit(self.unit)
-            areas = [plan.polygon(ring, unit) for ring in plan.obstacles]
+            text = read_text(folder / self.file)
+            plan = ground_plan(text, self.name, self.unit, self.polygons)
+            areas = list(plan.obstacles)
             if self.border > 0:
-                inside = plan.polygon(plan.walkable, unit)
+                if not plan.walkable:
+                    raise ProblemError("border: must be left out where all polygons are obstacles")
+                inside = shapely.union_all(plan.walkable)
                 areas.append(inside.buffer(self.border, join_style="mitre").difference(inside))
             if not areas:
                 raise ProblemError(
@@ -88,25 +67,6 @@ class WallsTable(Table):
                 )
             walls = [extruded(area, base + self.height, base) for area in areas]
         return [wall.replace(vertices=wall.vertices + np.array([*self.at, 0.0])) for wall in walls]
-
-    def _plan(self, path: Path) -> _Plan:
-        text = read_text(path)
-        if text.lstrip().startswith("<"):
-            raise ProblemError(
-                "is XML, as JuPedSim keeps geometries; write the corners of its walkable area and "
-                'obstacles as JSON: {"name": {"walkable": [[x, y], ..], "obstacles": [..]}}, in m'
-            )
-        try:
-            plans = msgspec.json.decode(text, type=dict[str, _Plan])
-        except (msgspec.MsgspecError, RecursionError) as error:
-            raise ProblemError(one_line(error)) from error
-        if not plans:
-            raise ProblemError("holds no ground plan")
-        if self.name is None and len(plans) != 1:
-            raise ProblemError(f"name: must be one of {', '.join(plans)}")
-        if self.name is not None and self.name not in plans:
-            raise ProblemError(f"name: must be one of {', '.join(plans)}, not {self.name!r}")
-        return plans[self.name] if self.name is not None else next(iter(plans.values()))
 
 
 def extruded(area: BaseGeometry, height: float, bottom: float) -> Mesh:

@@ -336,6 +336,53 @@ def test_every_altered_number_of_a_plan_is_noticed(
             assert run.json["reward"] == pytest.approx(honest, rel=1e-9), path
 
 
+@pytest.mark.parametrize("words", [["show"], ["gap", "--plan"], ["render"]])
+def test_plans_of_other_scenes_are_not_shown_or_compared(
+    words: list[str],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """Even where it could be flown: J and pictures would be of a scene it was not made for."""
+    scene, plan = tmp_path / "scene.json", tmp_path / "plan.json"
+    Run(capsys, "export", "tiny-queue", "-o", scene)
+    Run(capsys, "plan", scene, "-o", plan)
+    content = json.loads(scene.read_text())
+    command, *option = words
+    output = {"show": ["-o", tmp_path / "a.html"], "render": ["-o", tmp_path / "a"]}.get(
+        command, []
+    )
+    if command != "gap":
+        assert Run(capsys, command, scene, plan, *output).code == 0
+    content["problem"]["name"] = "renamed"
+    scene.write_text(json.dumps(content))
+    run = Run(capsys, command, scene, *option, plan, *output)
+    assert run.code == 0
+    assert "was made for tiny-queue, which is the same scene as renamed" in caplog.text
+    content["problem"]["objective"]["stationarity"] = 5.0
+    scene.write_text(json.dumps(content))
+    run = Run(capsys, command, scene, *option, plan, *output)
+    assert (run.code, len(run.err.splitlines())) == (2, 1)
+    assert f"{plan}: scene: the plan was made for tiny-queue, not renamed" in run.err
+    content["problem"]["name"] = "tiny-queue"
+    scene.write_text(json.dumps(content))
+    run = Run(capsys, command, scene, *option, plan, *output)
+    assert f"{plan}: digest: the plan was made for tiny-queue of another seed" in run.err
+
+
+def test_long_names_are_shown_in_short(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A name of a thousand letters pushes no number off the table, and no longer one is read."""
+    scene = tmp_path / "scene.json"
+    Run(capsys, "export", "tiny-approach", "-o", scene)
+    text = scene.read_text()
+    scene.write_text(text.replace('"tiny-approach"', f'"begin{"a" * 900}end"'))
+    run = Run(capsys, "gap", scene, "--planner", "greedy")
+    assert max(map(len, run.out.splitlines())) < 200
+    assert re.search("begina+…a+end ", run.out)
+    scene.write_text(text.replace('"tiny-approach"', f'"{"a" * 1001}"'))
+    assert "name: must have at most 1000 letters, not 1001" in Run(capsys, "gap", scene).err
+
+
 def test_files_of_another_seed_are_refused(
     files: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -141,7 +141,7 @@ def test_wrong_options_are_one_line(options: dict[str, str], words: tuple[str, .
 
 def test_scenes_without_options_refuse_them(tmp_path: Path) -> None:
     """Nothing that a user asks for is left aside without a word."""
-    (tmp_path / "a.toml").write_text("")
+    (tmp_path / "a.toml").write_text("steps = 1\n")
     for scene in ("corridor", str(tmp_path / "a.toml")):
         with pytest.raises(FileError, match=r"'triangles': .* has no options"):
             load_scene(scene, 0, {"triangles": "no"})

@@ -148,6 +148,8 @@ def test_their_scenes_are_solved(folder: Path) -> None:
         ("scene.json", lambda scene: scene["actor_positions"][0][0].update(weight=-1), "weight"),
         ("scene.json", lambda scene: scene["actor_positions"][0][0].pop("rotation"), "rotation"),
         ("solution_greedy.json", lambda solved: solved["elements"].clear(), "elements"),
+        ("solution_greedy.json", lambda solved: solved["elements"][0].__setitem__(0, 99),
+         "elements: must be the robots 1.."),
         ("solution_greedy.json",
          lambda solved: solved["elements"][0][1][0]["state"].update(heading="UP"), "heading"),
         ("solution_greedy.json",

@@ -81,6 +81,28 @@ def refused(path: Path, message: str, **options: Any) -> None:
     assert text.startswith(f"{path}: ") and "\n" not in text
 
 
+@pytest.mark.parametrize(
+    ("projection", "message"),
+    [
+        ('PROJCS["UTM_Zone_30N",GEOGCS["GCS",UNIT["Degree",0.017]],UNIT["Meter",1.0]]', ""),
+        ('PROJCS["WGS_1984_Web_Mercator_Auxiliary_Sphere",UNIT["Meter",1.0]]', "true metres, not"),
+        ('PROJCS["NAD83",GEOGCS["GCS",UNIT["Degree",0.017]],UNIT["Foot_US",0.3048006096012192]]',
+         "metres, not in Foot_US"),
+        ('GEOGCS["WGS 84",UNIT["Degree",0.0174532925199433]]', "metres, not in Degree"),
+    ],
+)  # fmt: skip
+def test_the_projection_beside_a_grid_counts(
+    grid: Callable[[str], Path], projection: str, message: str
+) -> None:
+    """A grid of other units than metres is not read as one of metres."""
+    path = grid(HEADER + NUMBERS)
+    path.with_suffix(".prj").write_text(projection)
+    if message:
+        refused(path, rf"map\.prj: must be a projection in {message}")
+    else:
+        assert_array_equal(read_raster(path).values, VALUES)
+
+
 def test_rows_are_turned_north(grid: Callable[[str], Path]) -> None:
     """The first row of the file is the largest y, and the origin is the lower left corner."""
     raster = read_raster(grid(HEADER + NUMBERS))
@@ -130,7 +152,10 @@ def test_spellings_of_one_grid(grid: Callable[[str], Path], text: str) -> None:
         (HEADER.replace("cellsize 2.5", "cellsize 0.000833") + NUMBERS, "cell: must be >= 0.01"),
         (HEADER.replace("500000.5", "1e11") + NUMBERS, "xllcorner: must be a number within"),
         (HEADER + NUMBERS + "7", "values: must be 3 x 2, but there are more"),
-        (HEADER + NUMBERS[:-2], "values: must be 3 x 2 = 6, not 5"),
+        (HEADER + "1 2 3.5 4 5", "values: must be 3 x 2 = 6, not 5"),
+        (HEADER + NUMBERS[:-2], "row 2 from the north: must have ncols = 3 values, not 2"),
+        (HEADER + "1 2\n3.5 4 5\n6", "row 1 from the north: must have ncols = 3 values, not 2"),
+        (HEADER + "1 2\n3 4\n5 6", "ncols and nrows: must be 2 and 3, the values of a row and the"),
         (HEADER + "1 2 3,5\n4 5 6", "row 1, column 3 .* must be a number, not '3,5'"),
         (HEADER + "1 2 3.5\n4 five 6", "row 2, column 2 .* must be a number, not 'five'"),
         (HEADER + "1 2 3.5\n4 5 -", "row 2, column 3 .* must be a number, not '-'"),
@@ -313,6 +338,24 @@ def test_a_grid_has_one_band(grid: Callable[[str], Path]) -> None:
     ("options", "message"),
     [
         ({"transform": None}, "geotransform: must be there"),
+        (
+            {"transform": None, "crs": "EPSG:25830"},
+            "geotransform: must be there.*`gdal_translate -a",
+        ),
+        (
+            {"crs": "EPSG:3857"},
+            r"web Mercator \(EPSG:3857\) are 0.7.* gdalwarp -t_srs EPSG:32631 m",
+        ),
+        ({"crs": "EPSG:3857", "transform": (2, 0, 0, 0, -3, 6)}, r"web Mercator .* EPSG:32631 map"),
+        (
+            {"crs": "EPSG:25830", "transform": (2, 0, -3e7, 0, -3, 3e7)},
+            "projection is defined, not",
+        ),
+        ({"crs": "+proj=merc +datum=WGS84 +units=m"}, "must be true metres, but .* gdalwarp"),
+        (
+            {"crs": "EPSG:3395"},
+            r"EPSG:3395 are 0.7.* m long at latitude 39",
+        ),
         ({"transform": (2, 0.1, 0, 0.1, -2, 0)}, "neither rotated nor sheared"),
         ({"dtype": "complex64"}, "band 1: must hold real numbers, not complex64"),
         ({"crs": "EPSG:4326"}, "metres of a projection, not degrees"),
@@ -341,6 +384,14 @@ def test_control_points_are_no_geotransform(tiff: Write) -> None:
 def test_systems_in_metres(tiff: Write, crs: str) -> None:
     """Projected, compound and local systems in metres are taken."""
     assert_array_equal(read_raster(tiff(crs=crs)).values, VALUES)
+
+
+@pytest.mark.parametrize(
+    ("crs", "x", "y"), [("EPSG:2154", 650_000, 6_860_000), ("EPSG:3035", 4_321_000, 3_210_000)]
+)
+def test_projections_that_are_true_there(tiff: Write, crs: str, x: float, y: float) -> None:
+    """National and European systems are taken where their metres are as long as on the ground."""
+    assert_array_equal(read_raster(tiff(crs=crs, transform=(2, 0, x, 0, -3, y))).values, VALUES)
 
 
 @pytest.mark.parametrize("share", [0.02, 0.3, 0.99])

@@ -150,7 +150,11 @@ def test_map_is_found_at_the_stated_path(sequence: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("horizon: 3", "horizon: three", ("planner.world.time.horizon", "int")),
+        (
+            "horizon: 3",
+            "horizon: three",
+            ("planner.world.time.horizon", "must be a whole number, not text"),
+        ),
         ("horizon: 3", "horizon: 1", ("planner.world.time.horizon", ">= 2")),
         ("horizon: 3, ", "", ("planner.world.time", "`horizon`")),
         ("horizon: 3", "horizon: 5", ("actors[0].actor.trajectory", "5 steps", "not 4")),
@@ -177,7 +181,7 @@ def test_map_is_found_at_the_stated_path(sequence: Path) -> None:
         ("horizon: 3", "horizon: " + ":".join(["59"] * 300) + ".5", ("line 3", "float", "59:59")),
         ("4000, 3000]", f"{10**9}, 3000]", ("width", "1..100000 px")),
         ("planner:", "run: !!python/object/apply:os.getcwd []\nplanner:", ("tag",)),
-        (SEQUENCE, "", ("object",)),
+        (SEQUENCE, "", ("is empty",)),
         (SEQUENCE, "\0", ()),
     ],
 )
@@ -427,6 +431,20 @@ def test_wrong_scenario_is_one_line(
     assert old in SCENARIO
     scenario.write_text(SCENARIO.replace(old, new))
     _one_line(lambda: movingai.read(scenario, near=None), "tiny.scen: ", *words)
+
+
+def test_near_is_named_where_it_leaves_no_starts(tmp_path: Path) -> None:
+    """Whoever lacks drones because nobody is near learns it, once, whichever way it was chosen."""
+    wall = "." * 30 + "@" + "." * 9
+    (tmp_path / "long.map").write_text(f"type octile\nheight 1\nwidth 40\nmap\n{wall}\n")
+    rows = "".join(f"0\tlong.map\t40\t1\t{x}\t0\t{x + 1}\t0\t1\n" for x in (0, 2, 31, 33, 35))
+    path = tmp_path / "long.scen"
+    path.write_text(f"version 1\n{rows}")
+    words = "only from 0 of the 3 free starts a drone comes within near = {} m of somebody in sight"
+    _one_line(lambda: movingai.read(path), "long.scen: rows: ", words.format(15))
+    with pytest.raises(ProblemError, match=words.format(1)) as error:
+        movingai.read(path, options={"near": "1"})
+    assert str(error.value).count("long.scen") == 1
 
 
 @pytest.mark.parametrize(

@@ -159,7 +159,7 @@ def test_zones_and_people_are_kept_clear_of(tmp_path: Path) -> None:
     words = " ".join(check(problem, ahead).violations)
     assert "paths[0]: step 3 is blocked or outside" in words
     ahead = Plan(paths=(tuple(problem.robots[0].start._replace(x=x) for x in (2, 4, 6, 7, 7)),))
-    assert "step 2 is 1.5 m from actors[0]" in " ".join(check(problem, ahead).violations)
+    assert "step 2 is 1.58 m from actors[0]" in " ".join(check(problem, ahead).violations)
 
 
 @pytest.mark.parametrize(
@@ -258,8 +258,22 @@ def test_seeds_place_drones_and_nothing_else(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (("steps = 4", "steps = 0"), r"\$\.steps"),
+        (("steps = 4", "steps = 0"), "scene.toml: steps: must be a whole number >= 1"),
+        (("steps = 4", "steps = '4'"), "scene.toml: steps: must be a whole number, not text"),
+        (("steps = 4", "steps = 4.5"), "steps: must be a whole number, not a number with decimals"),
+        (("steps = 4", ""), "scene.toml: must have the field `steps`"),
+        (("speed = 1.5", "shape = { type = 'prism', sides = 2 }"),
+         r"walk\[0\].shape: sides: must be 3..64, not 2"),
+        (("[20, 12]", "[20, 12, 3]"), "map.size: must be a list of length 2, not 3"),
         (("steps = 4", "steps = 4\nmoves = 2"), "unknown field `moves`"),
+        (("steps = 4", "steps = 4\nflight = 'x'"), "flight: must be one of above-ground, above-s"),
+        (("[20, 12]", "[20, 12]\nheights = 'x'"), "map.heights: must be one of above-ground, abs"),
+        (("speed = 1.5", "shape = { type = 'ball' }"),
+         r"walk\[0\].shape.type: must be one of cuboid, prism, triangulated-cuboid, not 'ball'"),
+        (("[[walk]]", "[[mesh]]\nfile = 'a.obj'\nup = 'x'\n[[walk]]"),
+         r"mesh\[0\].up: must be one of y, z, not 'x'"),
+        (("[[walk]]", "[[tracks]]\nfile = 'a.txt'\nunit = 'yd'\n[[walk]]"),
+         r"tracks\[0\].unit: must be one of cm, ft, m, mm, not 'yd'"),
         (("[20, 12]", "[20, 12]\nfill = 1"), "map: fill: must be left out where the map has a s"),
         (("[20, 12]", "[1e6, 1e6]"), "map: size: must be at most 1000000 cells, not 1000000 x 1"),
         (("starts", "tilts = [100]\nstarts"), r"drones.0.: tilts: must be within .-90 degrees"),
@@ -276,6 +290,9 @@ def test_seeds_place_drones_and_nothing_else(tmp_path: Path) -> None:
         (("[[walk]]", "[[mesh]]\nfile = 'a.txt'\n[[walk]]"), r"mesh\[0\]: .*must be named \.obj"),
         (("[[walk]]", "[[tracks]]\nfile = 'no.csv'\nids = [1]\n[[walk]]"), r"tracks\[0\]: .*no"),
         (("points", "points = ["), "scene.toml: "),
+        (("speed = 1.5", "first = 11"), r"walk\[0\]: first: must be at most 10 m, the length of"),
+        (("[15, 6]]\nspeed = 1.5", "[900, 6]]\nspeed = 150"),
+         r"walk\[0\]: the walk from \(5, 6\) m must be slower than 100 m/s, but moves by 150 m"),
     ],
 )  # fmt: skip
 def test_mistakes_are_named(tmp_path: Path, change: tuple[str, str], message: str) -> None:
@@ -285,6 +302,17 @@ def test_mistakes_are_named(tmp_path: Path, change: tuple[str, str], message: st
     with pytest.raises(ProblemError, match=message) as error:
         read(write(tmp_path, text.replace(*change)))
     assert "\n" not in str(error.value)
+
+
+def test_people_off_the_map_are_the_cause(tmp_path: Path) -> None:
+    """Drones that find no place near them are not to blame."""
+    text = FLAT.replace("[[5, 6], [15, 6]]", "[[505, 6], [515, 6]]") + "[[drones]]\ncount = 1\n"
+    words = (
+        "all people are off the map, at x 505..511 and y 6..6 m, so that no drone can start near"
+    )
+    with pytest.raises(ProblemError, match=words) as error:
+        read(write(tmp_path, text))
+    assert "the map is x 0..20 and y 0..12 m" in str(error.value)
 
 
 def test_holes_are_refused_or_filled(tmp_path: Path) -> None:
@@ -305,6 +333,28 @@ starts = [{{ x = {EAST + 9.5}, y = {NORTH + 6.5} }}]
     assert read(write(tmp_path, filled)).height_map.heights[3, 4] == 30
 
 
+def test_filmed_people_who_race_are_doubted(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Their speed is in m/s, whatever the step; who could not be so fast is refused."""
+    rows = [f"{k} {frame} {5 + 0.05 * frame + 9 * k * (frame > 30)} {k}\n"
+            for k in (1, 99) for frame in range(100)]  # fmt: skip
+    (tmp_path / "people.txt").write_text("id frame x y\n" + "".join(rows))
+    table = '[[tracks]]\nfile = "people.txt"\nunit = "m"\nfps = 25\nids = [1]\n'
+    read(write(tmp_path, "step = 0.5" + FLAT + table + DRONE))
+    assert caplog.messages[1] == (
+        "people.txt: id 1 moves by 9.625 m from step 2 to 3, 19.25 m/s: are unit, fps, step and "
+        "all its rows right?"
+    )
+    caplog.clear()
+    read(write(tmp_path, "step = 0.8" + FLAT + table + DRONE))
+    assert "12.5 m/s" in caplog.text
+    with pytest.raises(
+        ProblemError, match=r"tracks.0.: id 99 must be slower than 100 m/s, but mov"
+    ):
+        read(write(tmp_path, "step = 0.5" + FLAT + table.replace("[1]", "[99]") + DRONE))
+
+
 def test_people_who_are_not_there_are_named(parts: Path) -> None:
     """Ids that a file lacks and times at which too few are there."""
     table = '[[tracks]]\nfile = "people.txt"\nunit = "cm"\nfps = 16\n'
@@ -312,10 +362,42 @@ def test_people_who_are_not_there_are_named(parts: Path) -> None:
         ("ids = [12, 99]", r"tracks\[0\]: ids: 99 is not in the file, which has 12, 15, 16"),
         ("count = 4", "begin: must be a time from which on all of 4 .* at no time; at most 3"),
         ("count = 3\nbegin = 70", "not from 70 s on; at most 0 are"),
-        ("", "must have either ids or a count"),
+        (
+            "",
+            r"either ids or a count; the file has 3 people \(12, 15, 16\); all are there for 4 s f",
+        ),
+        ("begin = 70", r"either ids or a count; .*; nobody is there for 4 s from 70 s on"),
     ):
         with pytest.raises(ProblemError, match=message):
             read(write(parts, FLAT + table + more + DRONE))
+
+
+def test_why_nobody_is_there_is_said(tmp_path: Path) -> None:
+    """Rows that are too far apart for the frame rate, and gaps, are causes that have names."""
+    table = '[[tracks]]\nfile = "people.txt"\nunit = "m"\n'
+    path = tmp_path / "people.txt"
+    rows = [(i, frame, 5 + 0.02 * frame, 3 * i) for i in (1, 2) for frame in range(0, 200, 10)]
+    path.write_text("id frame x y\n1 0 5 5\n2 0 6 5\n")
+    with pytest.raises(ProblemError, match=r"at most 0 are; 1 is there from 0 to 0 s"):
+        read(write(tmp_path, FLAT + table + "fps = 25\ncount = 2\n" + DRONE))
+    path.write_text("id frame x y\n" + "".join(f"{i} {f} {x} {y}\n" for i, f, x, y in rows))
+    for more in ("count = 2", "ids = [1, 2]"):
+        with pytest.raises(
+            ProblemError, match=r"fps: .* steps of 10; at 2.5 frames.s rows of a person are 4 s"
+        ):
+            read(write(tmp_path, FLAT + table + f"fps = 2.5\n{more}\n" + DRONE))
+    read(write(tmp_path, FLAT + table + "fps = 25\ncount = 2\n" + DRONE))
+    rows = [(i, frame, 5 + 0.02 * frame, 3 * i) for i in (1, 2, 3) for frame in range(40)]
+    kept = [row for row in rows if row[0] != 2 or not 10 < row[1] < 25]
+    path.write_text("id frame x y\n" + "".join(f"{i} {f} {x} {y}\n" for i, f, x, y in kept))
+    with pytest.raises(
+        ProblemError, match=r"at most 0 are; 2 is there from 0 to 1 s and from 2.5 "
+    ):
+        read(write(tmp_path, FLAT + table + "fps = 10\ncount = 3\nbegin = -1\n" + DRONE))
+    with pytest.raises(
+        ProblemError, match=r"3 people .*; 2 \(1, 3\) are there for 3.6 s from 0 s "
+    ):
+        read(write(tmp_path, "step = 0.9" + FLAT + table + "fps = 10\n" + DRONE))
 
 
 # -- meshes -------------------------------------------------------------------------------
@@ -367,6 +449,14 @@ def test_damaged_meshes_are_refused_in_a_line(tmp_path: Path, content: bytes, su
     with pytest.raises(ProblemError, match="bad") as error:
         read_mesh(path)
     assert "\n" not in str(error.value)
+
+
+def test_corners_that_are_no_numbers_are_named(tmp_path: Path) -> None:
+    """A mesh is not read without them, as if they were not there."""
+    solid = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 nan\nf 1 2 3\nf 1 2 4\n"
+    (tmp_path / "nan.obj").write_text(solid)
+    with pytest.raises(ProblemError, match=r"vertices: must be finite numbers x, y, z, not NaN"):
+        read_mesh(tmp_path / "nan.obj")
 
 
 @pytest.mark.parametrize(
@@ -427,6 +517,91 @@ def test_walls_are_in_the_unit_that_their_file_states(tmp_path: Path) -> None:
         top("px")
     with pytest.raises(ProblemError, match="unit: is 'cm' in the file, but 'm' in the recipe"):
         top("cm", unit="m")
+
+
+SQUARE = "(1 1, 3 1, 3 3, 1 3, 1 1), (1.5 1.5, 2 1.5, 2 2, 1.5 2, 1.5 1.5)"
+RINGS = [
+    [[float(number) for number in point.split()] for point in ring.strip("() ").split(", ")]
+    for ring in SQUARE.split("), (")
+]
+FEATURE = {"type": "Feature", "properties": {},
+           "geometry": {"type": "Polygon", "coordinates": RINGS}}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        json.dumps({"type": "FeatureCollection", "features": [FEATURE]}),
+        json.dumps(FEATURE["geometry"]),
+        f"POLYGON ({SQUARE})",
+        f"SRID=25830;MULTIPOLYGON Z (({SQUARE.replace(',', ' 0,').replace(')', ' 0)')}))".replace(
+            ") 0,", "),"
+        ),
+        f"GEOMETRYCOLLECTION (POLYGON ({SQUARE}))",
+    ],
+)
+def test_walls_of_geojson_and_wkt(tmp_path: Path, text: str) -> None:
+    """Their polygons are obstacles, or walkable with holes that are: the recipe must say it."""
+    (tmp_path / "plan").write_text(text)
+
+    def volume(**fields: Any) -> float:
+        walls = WallsTable(file="plan", height=2.0, **fields).meshes(tmp_path, lowest=0.0)
+        assert all(wall.is_solid for wall in walls)
+        corners = [np.moveaxis(wall.corners, 1, 0) for wall in walls]
+        return sum(float((a * np.cross(b, c)).sum() / 6) for a, b, c in corners)
+
+    assert volume(polygons="obstacles") == pytest.approx((4 - 0.25) * 2)
+    assert volume(polygons="walkable") == pytest.approx(0.25 * 2)
+    assert volume(polygons="walkable", border=1.0) == pytest.approx((0.25 + 16 - 4) * 2)
+    assert volume(polygons="obstacles", unit="cm") == pytest.approx((4 - 0.25) * 2e-4)
+    with pytest.raises(ProblemError, match='polygons: must be "obstacles" or "walkable"'):
+        volume()
+    with pytest.raises(ProblemError, match="name: must be left out"):
+        volume(name="one", polygons="obstacles")
+    with pytest.raises(ProblemError, match="border: must be left out"):
+        volume(polygons="obstacles", border=1.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("POLYGON ((1 1, 3 3, 3 1, 1 3, 1 1))", r"polygon 1: must not cross itself, .* \(2, 2\) m"),
+        ("POLYGON ((2.1 48.1, 2.2 48.1, 2.2 48.2, 2.1 48.1))", "all lie at x 2.1.*, as degrees do"),
+        ('{"type": "Polygon", "crs": "EPSG:4326", "coordinates": []}', "must be metres of a proj"),
+        ("LINESTRING (0 0, 5 5)", "must hold polygons only, not a LineString"),
+        ("POLYGON ((0 0, 5 5)", "cannot be read as WKT"),
+        ("POINT (1 1)", "must hold polygons only, not a Point"),
+        ("CURVEPOLYGON ((0 0, 1 1, 2 2, 0 0))", "cannot be read as WKT"),
+        ("POLYGON ((0 0, 9 0, 9 9, 0 0), (20 0, 21 0, 21 1, 20 0))", "must be sound, but has: Hol"),
+        ("POLYGON ((0 0, 1e400 0, 5 5, 0 0))", "must be finite numbers within"),
+        ("POLYGON EMPTY", "must hold at least one polygon"),
+        ("POLYGON ((0 0, 5 inf, 5 5, 0 0))", "finite numbers|cannot be read"),
+        ('{"type": "CityJSON", "version": "2.0"}', r"is CityJSON: .* \.obj"),
+        ('{"a": {"walkable": [[0, 0], [NaN, 1], [1, 1]]}}', "must hold finite numbers only, not N"),
+        ("", "is empty"),
+        ("[]", r'ground plans are {"name": {"walkable"'),
+        ('{"a": {"walkable": [[0, 0], [9, 0], [9, 9]], '
+         '"obstacles": [[[1, 1], [3, 3], [3, 1], [1, 3]]]}}',
+         r"obstacles.0.: must not cross itself, as it does at \(2, 2\) m"),
+        ("SQLite format 3\0...", "plan: is an SQLite database"),
+    ],
+)  # fmt: skip
+def test_plans_that_cannot_be_meant_are_refused(tmp_path: Path, text: str, words: str) -> None:
+    """Crossing rings, degrees, other geometries and other files: in one line."""
+    (tmp_path / "plan").write_text(text)
+    states_it = text.startswith('{"a"')
+    table = WallsTable(file="plan", height=2.0, polygons=None if states_it else "obstacles")
+    with pytest.raises(ProblemError, match=words) as error:
+        table.meshes(tmp_path, lowest=0.0)
+    assert "\n" not in str(error.value)
+
+
+def test_a_rounding_does_not_refuse_a_wall(tmp_path: Path) -> None:
+    """A ring that passes a point twice, or crosses itself by a millimetre, is meant."""
+    ring = [[0, 0], [4, 0], [4, 4], [2, 4], [2, 0], [2, 4], [0, 4]]
+    (tmp_path / "plan").write_text(json.dumps({"a": {"walkable": ring, "obstacles": [ring]}}))
+    (mesh,) = WallsTable(file="plan", height=2.0).meshes(tmp_path, lowest=0.0)
+    assert mesh.vertices[:, :2].max() == 4
 
 
 def test_walls_of_a_ground_plan(tmp_path: Path) -> None:
@@ -507,6 +682,29 @@ def test_what_is_hardly_meant_is_said(actor: Problem, words: str | None) -> None
         import re
 
         assert any(re.match(rf"actors\[0\] {words}", doubt) for doubt in found)
+
+
+@pytest.mark.parametrize(
+    ("size", "at", "words"),
+    [
+        ((2, 2, 2), (0, 0, 690), "is 682 m above all of the map: is its altitude right?"),
+        ((2, 2, 2000), (0, 0, 1000), "is 2000 m high: is its unit or height right?"),
+        ((0.02, 0.02, 0.02), (0, 0, 1), "is 0.02 m long, wide and high: is its unit right?"),
+        ((20, 2, 60), (0, 0, 90), None),
+    ],
+)
+def test_meshes_of_odd_sizes_are_doubted(
+    size: tuple[float, float, float], at: tuple[float, float, float], words: str | None
+) -> None:
+    """Nothing built is so high, hangs so far above the map, or is so small."""
+    problem = load_scene("bridge", 0)
+    box = trimesh.creation.box(size)
+    box.apply_translation((15, 15, 0))
+    box.apply_translation(at)
+    mesh = Mesh(vertices=np.array(box.vertices), triangles=np.array(box.faces))
+    found = doubts(problem.replace(meshes=(*problem.meshes, mesh)))
+    expected = [] if words is None else [f"meshes[1] {words}"]
+    assert [doubt for doubt in found if doubt.startswith("meshes[1]")] == expected
 
 
 def test_a_scene_without_people_is_doubted() -> None:

@@ -479,6 +479,49 @@ def test_what_cannot_be_loaded_is_said_in_one_line(
     assert all(word in str(caught.value) for word in words), caught.value
 
 
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("plan.json", '{"type": "FeatureCollection", "features": []}', "is GeoJSON, .* [[walls]]"),
+        ("plan.geojson", '{"type": "Point"}', "is no scene; it may be walls, for [[walls]]"),
+        ("plan.json", "POLYGON ((0 0, 1 0, 1 1, 0 0))", "is WKT, which is no scene: .* [[walls]]"),
+        ("plan.wkt", "POLYGON ((0 0, 1 0, 1 1, 0 0))", "is no scene; it may be walls"),
+        ("city.json", '{"type": "CityJSON", "version": "2.0"}', "is CityJSON, .* as .obj"),
+        ("geometry.json", '{"a": {"walkable": []}}', "is a ground plan in JSON, .* [[walls]]"),
+        ("empty.json", " \n", "is empty, and no scene"),
+        ("empty.toml", "", "is empty, and no scene"),
+        ("other.json", "[1]", "is JSON, but no scene: .* `cocap-opt export`"),
+        ("other.json", '{"x": 1}', "is JSON, but no scene"),
+        ("people.sqlite", "SQLite format 3\0", "is no scene; write its trajectories as text"),
+        ("people.json", "SQLite format 3\0", "is an SQLite database; .* sqlite3 -header -csv"),
+        ("scene.json", '{"format": "cocap-opt scene", "x": NaN}', "finite numbers only, not NaN"),
+        ("scene.json", '{"format": -Infinity}', "must hold finite numbers only, not -Infinity"),
+        ("scene.json", '{"format": "cocap-opt sc', "ends before its JSON is complete"),
+    ],
+)
+def test_parts_and_ruins_of_scenes_are_named(
+    tmp_path: Path, name: str, content: str, words: str
+) -> None:
+    """One line says what the file is, and where it belongs."""
+    (tmp_path / name).write_text(content)
+    pattern = words.replace("[", r"\[").replace("]", r"\]")
+    with pytest.raises(FileError, match=rf"^{tmp_path / name}: .*{pattern}") as error:
+        load_scene(str(tmp_path / name))
+    assert "\n" not in str(error.value)
+
+
+def test_words_that_are_not_known_are_told_with_those_that_are(tmp_path: Path) -> None:
+    """A scene file's words, such as the kind of a shape, are listed."""
+    path = tmp_path / "scene.json"
+    SceneFile(problem=load_scene("tiny-approach")).save(path)
+    text = path.read_text()
+    kind = next(kind for kind in ("cuboid", "prism") if f'"type": "{kind}"' in text)
+    path.write_text(text.replace(f'"type": "{kind}"', '"type": "ball"'))
+    words = r"problem\.actors\[0\]\.shape\.type: must be one of cuboid, prism, triangulated-cuboid"
+    with pytest.raises(FileError, match=words):
+        load_scene(str(path))
+
+
 def test_a_seed_is_not_negative() -> None:
     """The message names the field, for built-in scenes as for files."""
     with pytest.raises(FileError, match=r"^seed: must be >= 0, not -1$"):

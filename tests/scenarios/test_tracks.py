@@ -122,6 +122,23 @@ def test_columns_are_found_by_name(tmp_path: Path, text: str, ids: list[int | st
     assert max(t.times[-1] for t in tracks) <= 0.5
 
 
+@pytest.mark.parametrize(
+    ("header", "unit"),
+    [
+        ("id,frame,x/ft,y/ft", None),
+        ("id,frame,x [ft],y [ft]", None),
+        ("id,frame,x_ft,y_ft", None),
+        ("# id frame x_ft y_ft", None),
+        ("# x and y in feet\nid,frame,x,y", None),
+        ("id,frame,x,y", "ft"),
+    ],
+)
+def test_feet_are_read(tmp_path: Path, header: str, unit: Any) -> None:
+    """A file of feet, which says so or of which the recipe says so, comes out in metres."""
+    (found,) = read(tmp_path, header + "\n7,0,100,-50\n7,1,101,-50\n", unit=unit, fps=1)
+    assert found.points == pytest.approx(np.array([[30.48, -15.24], [30.7848, -15.24]]))
+
+
 def test_times_stand_for_frames(tmp_path: Path) -> None:
     """A column of seconds needs no frame rate; with frames beside it, the caller chooses."""
     text = "t,id,x,y\n1351038575.5,1,0,0\n1351038576,1,1,0\n"
@@ -150,8 +167,10 @@ def test_height_is_the_median_of_z(tmp_path: Path) -> None:
         ("1 0 1 2\n# c\n1 1 one 2\n", {}, "line 3, x: must be a number, not 'one'"),
         ("1 0 1 2\nBob 1 1 2\n", {}, "line 2, id: must be a number, not 'Bob'"),
         ("Bob,0,1,2\n,1,1,2\n", {}, "line 2, id: must not be empty"),
-        ("1;0;1,5;2\n", {}, "line 1, x: must be a number, not '1,5'"),
-        ("1 0 1,5 2\n", {}, "line 1, x: must be a number, not '1,5'"),
+        ("1;0;1,5;2\n", {}, "line 1, x: must have a decimal point, not a comma: '1,5'"),
+        ("1 0 1,5 2\n", {}, "line 1, x: must have a decimal point, not a comma: '1,5'"),
+        ("1\t0\t1,5\t2\n", {}, "line 1, x: must have a decimal point, not a comma: '1,5'"),
+        ("id,frame,x,y\n1,0,1,5,2,5\n", {}, "line 2: must have 4 values, not 6; are commas dec"),
         ("1 0 1 2\n\n1 1 nan 2\n", {}, "line 3, x: must be a number within +-1e+09, not nan"),
         ("1 0 1 2\n1 1 1 -inf\n", {}, "line 2, y: must be a number within +-1e+09, not -inf"),
         ("1 0 1e10 2\n", {}, "line 1, x: must be a number within +-1e+09, not 1e+10"),
@@ -177,7 +196,17 @@ def test_height_is_the_median_of_z(tmp_path: Path) -> None:
         ("# fps: 0\n" + HEADED, {"fps": None}, "fps: must be > 0"),
         (HEADED, {"fps": 0}, "fps: must be > 0"),
         (HEADED, {"fps": math.nan}, "fps: must be > 0"),
-        (HEADED, {"unit": "ft"}, "unit: must be m, cm, mm, not 'ft'"),
+        (HEADED, {"unit": "yd"}, "unit: must be m, cm, mm, ft, not 'yd'"),
+        (HEADED.replace("x,y", "x/ft,y/ft"), {}, "unit: must be ft, as the file states, not m"),
+        (HEADED.replace("x,y", "x_cm,y_cm"), {}, "unit: must be cm, as the file states, not m"),
+        (
+            HEADED.replace("x,y", "x/ft,y/ft"),
+            {"columns": ("id", "frame", "x", "y")},
+            "unit: must be ft, as the file states, not m",
+        ),
+        (HEADED.replace("x,y", "x [in],y [in]"), {}, "unit: must be m, cm, mm, ft, but the file"),
+        (HEADED.replace("x,y", "x_px,y_px"), {}, "unit: must be m, cm, mm, ft, but the file st"),
+        ("# x and y in pixels\n" + HEADED, {}, "unit: must be m, cm, mm, ft, but the file stat"),
         (HEADED, {"delimiter": "|"}, "delimiter: must be"),
         ("\ud800", {}, "must be a text file"),
     ],
@@ -250,6 +279,7 @@ def test_rows_in_any_order_and_among_words(
         ([(0, 0, 1.7), (15, 0, 1.7)], "m", ["median speed 15 m/s: is fps right?"]),
         ([(0, 0, 12.0), (1, 0, 12.0)], "m", ["is z a height above the floor?"]),
         ([(0, 0, 0), (5e5, 0, 0)], "m", ["median speed", "all points lie within 5e+05 m"]),
+        ([(0, 0, -1.7), (1, 0, -1.7)], "m", ["z of 1 of 1 people is below 0, -1.7 m of 1: does z"]),
     ],
 )  # fmt: skip
 def test_doubts_are_said(
@@ -275,6 +305,25 @@ def test_who_stands_does_not_make_the_rest_fast(
     standing = "".join(f"{k} {t} {k} 0\n" for k in range(5) for t in range(2))
     read(tmp_path, standing + "9 0 0 0\n9 1 130 0\n", unit="m", fps=1)
     assert "median speed 130 m/s" in caplog.text
+
+
+def test_a_single_bad_row_is_named(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """One wrong position, or an id that goes over to somebody else, is no matter of the unit."""
+    rows = [[1, frame, 5 + 0.05 * frame, 5.0] for frame in range(100)]
+    rows[30][2] = 1e6
+    text = "".join(" ".join(map(str, row)) + "\n" for row in rows)
+    read(tmp_path, text, unit="m", fps=25)
+    (message,) = caplog.messages
+    assert "line 31: 1 is 1e+06 m from where it was 0.04 s before, the first of 2" in message
+
+
+def test_people_in_one_place_raise_doubts(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """Nobody stands in another: metres read as centimetres are seen, though the room is long."""
+    text = "".join(f"{k} {t} {2 * k + 0.1 * t} {k}\n" for k in range(60) for t in range(20))
+    read(tmp_path, text, unit="m", fps=25)
+    assert not caplog.messages
+    read(tmp_path, text, unit="cm", fps=25)
+    assert "people are 0.022 m from the next, on the median: is the unit m?" in caplog.text
 
 
 # -- at steps -----------------------------------------------------------------------------

@@ -1,0 +1,96 @@
+"""Errors of msgspec's decoders in the words of this project: what is there, and what is allowed."""
+
+import re
+from collections.abc import Iterator
+
+from msgspec import inspect
+
+_MALFORMED = re.compile(r"malformed.*\(byte (\d+)\)")
+_NO_NUMBER = re.compile(r"-?(?:nan|inf(?:inity)?)", re.IGNORECASE)
+_PLACE = re.compile(r"(.*) - at `(?:key in )?\$\.?(.*)`")
+_UNKNOWN_WORD = re.compile(r"Invalid (?:enum )?value (.*)")
+_WRONG = re.compile(r"Expected `([^`]*)`(.*?)(?:, got `?(.*?)`?)?")
+_UNKNOWN_FIELD = re.compile(r"Object contains unknown field `(.*)`")
+_MISSING_FIELD = re.compile(r"Object missing required field `(.*)`")
+_PART = re.compile(r"([^.\[\]]+)|\[([^\]]*)\]")  # of a path such as tracks[0].unit
+_TYPES = {
+    "float": "a number", "int": "a whole number", "str": "text", "bool": "true or false",
+    "array": "a list", "object": "an object with fields", "null": "null",
+}  # fmt: skip
+
+
+def in_words(error: Exception, content: bytes | str, kind: object) -> str:
+    """Returns what an error says that decoding a file has raised, on one line.
+
+    Parameters
+    ----------
+    error : of msgspec, or any other
+    content : of the file
+    kind : the type that it should have
+    """
+    words = " ".join(str(error).split()) or type(error).__name__
+    raw = content.encode() if isinstance(content, str) else content
+    if not raw.strip():
+        return "is empty"
+    if words == "Input data was truncated":
+        return "ends before its JSON is complete"
+    if malformed := _MALFORMED.search(words):
+        byte = int(malformed[1])
+        found = _NO_NUMBER.search(raw[max(byte - 1, 0) : byte + 10].decode(errors="replace"))
+        if found and found.start() <= 1:
+            return f"must hold finite numbers only, not {found[0]} (byte {byte})"
+    placed = _PLACE.fullmatch(words)
+    said, path = placed.groups() if placed else (words, "")
+    said = _allowed_words(said, kind, path)
+    return f"{path}: {said}" if path else said
+
+
+def _allowed_words(said: str, kind: object, path: str) -> str:
+    """Returns what msgspec says of the value at a path as what is allowed there."""
+    if unknown := _UNKNOWN_WORD.fullmatch(said):
+        allowed = ", ".join(_allowed(inspect.type_info(kind), path))
+        return f"must be one of {allowed}, not {unknown[1]}" if allowed else said
+    if wrong := _WRONG.fullmatch(said):
+        expected, limits, found = wrong.groups()
+        # Where null is one of several, a field may be left out.
+        types = [word for word in expected.split(" | ") if word != "null"] or ["null"]
+        either = " or ".join(_TYPES.get(word, word) for word in types)
+        given = "a number with decimals" if found == "float" else _TYPES.get(found, found)
+        return f"must be {either}{limits}" + (f", not {given}" if found else "")
+    if field := _UNKNOWN_FIELD.fullmatch(said):
+        return f"must have no unknown field `{field[1]}`"
+    if field := _MISSING_FIELD.fullmatch(said):
+        return f"must have the field `{field[1]}`"
+    return said
+
+
+def _allowed(kind: inspect.Type, path: str) -> list[str]:
+    """Returns the words that may stand at a path; none where others than words may."""
+    kinds = [kind]
+    for field, _ in _PART.findall(path):
+        kinds = [part for whole in kinds for part in _parts(whole, field)]
+    found = [kind.values for kind in _alternatives(kinds) if isinstance(kind, inspect.LiteralType)]
+    return [str(value) for values in found for value in values]
+
+
+def _parts(kind: inspect.Type, field: str) -> Iterator[inspect.Type]:
+    """Yields the types of a field of a struct, or of the items of a sequence if it has no name."""
+    for one in _alternatives([kind]):
+        if isinstance(one, inspect.StructType) and field:
+            yield from (f.type for f in one.fields if f.encode_name == field)
+            if one.tag_field == field:
+                yield inspect.LiteralType((one.tag,))
+        elif isinstance(one, inspect.ListType | inspect.VarTupleType) and not field:
+            yield one.item_type
+        elif isinstance(one, inspect.TupleType) and not field:
+            yield from one.item_types
+        elif isinstance(one, inspect.DictType) and not field:
+            yield one.value_type
+
+
+def _alternatives(kinds: list[inspect.Type]) -> Iterator[inspect.Type]:
+    for kind in kinds:
+        if isinstance(kind, inspect.UnionType):
+            yield from _alternatives(list(kind.types))
+        else:
+            yield kind

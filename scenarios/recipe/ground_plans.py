@@ -1,0 +1,196 @@
+"""Ground plans in files: polygons of the walkable area and of the obstacles in it.
+
+They are JSON of PedPy's kind, {name: {"walkable": [[x, y], ..], "obstacles": [[[x, y], ..], ..]}},
+or GeoJSON or WKT, whose polygons are obstacles or walkable areas as the recipe says.
+"""
+
+import re
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal, NamedTuple
+
+import msgspec
+import numpy as np
+import shapely
+from msgspec import Meta
+from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
+
+from cocap_opt.data import LARGEST, ProblemError
+from cocap_opt.files.messages import in_words
+from cocap_opt.scenarios.kinds import CITYJSON, GEOJSON, WAYS_OUT, WKT, kind_of
+from cocap_opt.scenarios.recipe.tables import PER_METRE, Point
+
+Ring = Annotated[list[Point], Meta(min_length=3)]
+Meaning = Literal["obstacles", "walkable"]
+
+SLIVER = 0.01  # m2, which rings may enclose twice by rounding
+_SCHEME = '{"name": {"walkable": [[x, y], ..], "obstacles": [[[x, y], ..], ..]}}'
+_PROJECTED = "ogr2ogr -t_srs EPSG:326ZZ, with ZZ the zone of UTM, makes them so"
+DEGREES = ("4326", "CRS84", "4258", "4269")  # names of systems of longitude and latitude
+
+
+class GroundPlan(NamedTuple):
+    """A ground plan, in m."""
+
+    walkable: tuple[BaseGeometry, ...]
+    obstacles: tuple[BaseGeometry, ...]
+
+
+class _Plan(msgspec.Struct):
+    """One ground plan of a file."""
+
+    walkable: Ring
+    obstacles: list[Ring] = []
+    unit: str = ""  # the last word counts: "cm in file; polygon in m"
+
+    def settled_unit(self, stated: str | None) -> str:
+        """Returns the unit that the file states, or else the recipe."""
+        own = self.unit.split()[-1:]
+        if own and own[0] not in PER_METRE:
+            raise ProblemError(f"unit: must be {', '.join(PER_METRE)}, not {self.unit!r}")
+        if own and stated and own[0] != stated:
+            raise ProblemError(f"unit: is {own[0]!r} in the file, but {stated!r} in the recipe")
+        return (own or [stated or "m"])[0]
+
+
+def ground_plan(
+    text: str, name: str | None, unit: str | None, meaning: Meaning | None
+) -> GroundPlan:
+    """Reads a ground plan.
+
+    Parameters
+    ----------
+    text : of the file
+    name : of a ground plan in JSON; None: the only one
+    unit : of the coordinates; None: as the file says, else m
+    meaning : of the polygons of GeoJSON and WKT
+
+    Raises
+    ------
+    ProblemError
+        If the text is of another kind or has no such ground plan, a polygon crosses itself, or
+        coordinates are degrees.
+    """
+    if text.lstrip().startswith("<"):
+        raise ProblemError(
+            "is XML, as JuPedSim keeps geometries; write the corners of its walkable area and "
+            f"obstacles as JSON: {_SCHEME}, in m"
+        )
+    kind = kind_of(text)
+    if kind == CITYJSON:
+        raise ProblemError(f"is CityJSON: {WAYS_OUT[CITYJSON]}")
+    if kind in (GEOJSON, WKT):
+        return _of_polygons(text, kind, name, PER_METRE[unit or "m"], meaning)
+    plan = _named(text, name)
+    if meaning is not None:
+        raise ProblemError("polygons: must be left out where the file says which are obstacles")
+    per_metre = PER_METRE[plan.settled_unit(unit)]
+    obstacles = (
+        _sound(Polygon(np.array(ring) / per_metre), f"obstacles[{k}]")
+        for k, ring in enumerate(plan.obstacles)
+    )
+    walkable = _sound(Polygon(np.array(plan.walkable) / per_metre), "walkable")
+    return GroundPlan((walkable,), tuple(obstacles))
+
+
+def _named(text: str, name: str | None) -> _Plan:
+    """Returns the ground plan of this name in JSON."""
+    try:
+        plans = msgspec.json.decode(text, type=dict[str, _Plan])
+    except (msgspec.MsgspecError, RecursionError) as error:
+        words = in_words(error, text, dict[str, _Plan])
+        raise ProblemError(f"{words}; ground plans are {_SCHEME}") from error
+    if not plans:
+        raise ProblemError("holds no ground plan")
+    if name is None and len(plans) != 1:
+        raise ProblemError(f"name: must be one of {', '.join(plans)}")
+    if name is not None and name not in plans:
+        raise ProblemError(f"name: must be one of {', '.join(plans)}, not {name!r}")
+    return plans[name] if name is not None else next(iter(plans.values()))
+
+
+def _of_polygons(
+    text: str, kind: str, name: str | None, per_metre: float, meaning: Meaning | None
+) -> GroundPlan:
+    """Returns the ground plan of GeoJSON or WKT, all of whose polygons mean the same."""
+    if name is not None:
+        raise ProblemError(f"name: must be left out where the file is {kind}")
+    if meaning is None:
+        raise ProblemError(
+            f'polygons: must be "obstacles" or "walkable", whose holes are obstacles, for the '
+            f"file is {kind} and does not say it"
+        )
+    given = shapely.MultiPolygon(list(_polygons(shapely.force_2d(_geometry(text, kind)))))
+    _require_metres(given)
+    metres = shapely.transform(given, lambda points: points / per_metre)
+    polygons = [_sound(part, f"polygon {k}") for k, part in enumerate(metres.geoms, start=1)]
+    if meaning == "obstacles":
+        return GroundPlan((), tuple(polygons))
+    parts = [part for polygon in polygons for part in _polygons(polygon)]
+    holes = [Polygon(ring) for part in parts for ring in part.interiors]
+    return GroundPlan(tuple(Polygon(part.exterior) for part in parts), tuple(holes))
+
+
+def _geometry(text: str, kind: str) -> BaseGeometry:
+    if kind == GEOJSON:
+        _refuse_degrees(msgspec.json.decode(text))
+    try:
+        # PostGIS writes the number of the system first.
+        plain = re.sub(r"^\s*SRID\s*=\s*\d+\s*;", "", text, flags=re.IGNORECASE)
+        with np.errstate(over="ignore"):  # what is infinite is refused later
+            return shapely.from_geojson(text) if kind == GEOJSON else shapely.from_wkt(plain)
+    except (shapely.errors.ShapelyError, NotImplementedError) as error:
+        raise ProblemError(f"cannot be read as {kind}: {' '.join(str(error).split())}") from error
+
+
+def _refuse_degrees(content: Any) -> None:
+    """Raises a ProblemError if GeoJSON names a system whose coordinates are no metres."""
+    system = str(content.get("crs") or "")
+    if any(name in system for name in (*DEGREES, "3857")):
+        raise ProblemError(
+            "coordinates: must be metres of a projection, not degrees or web Mercator; "
+            + _PROJECTED
+        )
+
+
+def _require_metres(geometry: BaseGeometry) -> None:
+    """Raises a ProblemError if all is within a metre near 0, and so must be in degrees."""
+    if geometry.is_empty:
+        raise ProblemError("must hold at least one polygon")
+    x0, y0, x1, y1 = geometry.bounds
+    if not np.abs(shapely.get_coordinates(geometry)).max() <= LARGEST:  # true for nan, too
+        raise ProblemError(f"coordinates: must be finite numbers within +-{LARGEST:g} m")
+    if max(x1 - x0, y1 - y0) < 1 and max(-x0, x1) <= 180 and max(-y0, y1) <= 90:
+        raise ProblemError(
+            f"coordinates: must be metres of a projection, but all lie at x {x0:.6g}..{x1:.6g} and "
+            f"y {y0:.6g}..{y1:.6g}, as degrees do; {_PROJECTED}"
+        )
+
+
+def _polygons(geometry: BaseGeometry) -> Iterator[Polygon]:
+    if isinstance(geometry, Polygon):
+        yield geometry
+    elif hasattr(geometry, "geoms"):
+        for part in geometry.geoms:
+            yield from _polygons(part)
+    else:
+        raise ProblemError(f"must hold polygons only, not a {geometry.geom_type}")
+
+
+def _sound(polygon: Polygon, field: str) -> BaseGeometry:
+    """Returns a polygon (m) as it is meant, or raises a ProblemError if nobody can know that.
+
+    Rings may pass a point twice, or cross themselves by a rounding.
+    """
+    if shapely.is_valid(polygon):
+        return polygon
+    mended = shapely.make_valid(polygon)
+    # A loop that is run through the other way round counts negative, or twice, in the one area.
+    if abs(polygon.area - mended.area) > SLIVER:
+        reason = shapely.is_valid_reason(polygon)
+        at = re.search(r"\[(\S+) (\S+?)\]", reason)
+        where = f" at ({float(at[1]):.6g}, {float(at[2]):.6g}) m" if at else ""
+        if "ntersection" in reason:
+            raise ProblemError(f"{field}: must not cross itself, as it does{where}")
+        raise ProblemError(f"{field}: must be sound, but has: {reason.split('[')[0]}{where}")
+    return mended
