@@ -102,7 +102,8 @@ def _decode_array(kind: type, value: Any) -> Any:
     try:
         rows = msgspec.convert(value, list[list[float]])  # all arrays in files have two axes
     except msgspec.ValidationError as error:
-        raise ProblemError(str(error).replace("$", "row, column ")) from error
+        words = in_words(error, "array", list[list[float]])
+        raise ProblemError(f"row, column {words}" if words.startswith("[") else words) from error
     if len({len(row) for row in rows}) > 1:
         raise ProblemError("rows must have equal length")
     return np.array(rows, dtype=np.float64).reshape(len(rows), -1)

@@ -36,6 +36,7 @@ from cocap_opt.problem import (
     State,
     TriangulatedCuboid,
 )
+from cocap_opt.scenarios import load_scene
 from cocap_opt.world.workspace import HeightMap
 
 FINITE = st.floats(-LARGEST, LARGEST)
@@ -386,3 +387,36 @@ def test_files_are_as_readable_as_other_new_files(tmp_path: Path) -> None:
     SceneFile(problem=tiny()).save(path)
     other.write_text("")
     assert path.stat().st_mode == other.stat().st_mode
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('"horizon": 2', '"horizon": "two"', "problem.horizon: must be a whole number, not text"),
+        ('"horizon": 2', '"horizon": 2.5', "problem.horizon: must be a whole number, not a number"),
+        ('"horizon": 2', '"horizon": NaN', "must hold finite numbers only, not NaN (byte "),
+        ('"horizon": 2,', "", "problem: must have the field `horizon`"),
+        ('"horizon": 2', '"horizont": 2', "problem: must have no unknown field `horizont`"),
+        (
+            '"poses": [',
+            '"poses": [[1, null],',
+            "poses: row, column [0][1]: must be a number, not n",
+        ),
+        (
+            '"type": "',
+            '"type": "x',
+            "camera.type: must be one of pinhole, cone, not 'xpinhole'",
+        ),
+    ],
+)
+def test_wrong_values_are_said_as_fields(tmp_path: Path, old: str, new: str, words: str) -> None:
+    """The field first, then what is allowed in it, in words."""
+    path = tmp_path / "scene.json"
+    SceneFile(problem=load_scene("tiny-share").replace(horizon=2)).save(path)
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+    with pytest.raises(FileError) as error:
+        SceneFile.read(path)
+    assert words in str(error.value)
+    assert "\n" not in str(error.value)

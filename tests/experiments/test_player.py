@@ -328,7 +328,7 @@ def test_plans_of_other_starts_are_not_shown_together(
     page = tmp_path / "x.html"
     assert run("show", "bottleneck", plans / "cocap.json", other, "-o", page) == 2
     err = capsys.readouterr().err
-    assert "other.json" in err and "starts at" in err and not page.exists()
+    assert "other.json" in err and "of another seed" in err and not page.exists()
 
 
 def test_what_is_installed_has_the_page() -> None:
