@@ -214,6 +214,7 @@ class Problem(Data, frozen=True, eq=False, dict=True):
         altitude = self.height_map.altitudes((lowest,))
         columns = self.workspace.columns
         blocked = columns.solid(altitude - clearance, altitude + clearance)[0]
+        blocked |= self.workspace.forbidden.solid(altitude, altitude)[0]
         covered = np.isfinite(columns.low[1:]).any(axis=0)
         kinds = np.where(self.height_map.stands_out, 3, 0)
         kinds[covered] = 1
