@@ -171,10 +171,9 @@ class Model:
         @lru_cache(_KEPT)
         def near(number: int, move: tuple[Cell, Cell]) -> IntArray:
             rules, graph = self.problem.rules, self.classes[number].graph
-            (x, y, _), (u, v, _) = move
             reach = math.ceil(rules.separation / self.problem.height_map.resolution)
-            reach += graph.motion.radius + max(abs(u - x), abs(v - y))
-            tails, heads = graph.moves_around(x, y, reach)
+            (x, y, _), (u, v, _) = move
+            tails, heads = graph.moves_past((x, y), (u, v), reach)
             here, there = self.problem.positions(move)
             own = self.positions[number][tails], self.positions[number][heads]
             between = rules.conflict_between((here, there), own)

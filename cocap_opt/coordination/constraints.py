@@ -93,7 +93,7 @@ def _passing_middle(
         return _NOTHING[:, :2]
     (x, y, _), (u, v, _) = conflict.moves[0]
     reach = math.ceil(rules.separation / model.problem.height_map.resolution)
-    moves = graph.moves_around(x, y, reach + max(abs(u - x), abs(v - y)) + graph.motion.radius)
+    moves = graph.moves_past((x, y), (u, v), reach)
     before, after = (model.where(robot_class, places) for places in moves)
     ways = (1 - share) * before + share * after - (one + other) / 2
     return np.column_stack(moves)[rules.near_point(ways)]

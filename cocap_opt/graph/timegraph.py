@@ -231,6 +231,26 @@ class TimeGraph:
         tails = places[at]
         return tails, self.neighbours[move, tails]
 
+    def moves_past(
+        self, tail: tuple[int, int], head: tuple[int, int], reach: int
+    ) -> tuple[IntArray, IntArray]:
+        """Returns tails and heads [n] of all moves that may pass near one from cell to cell.
+
+        All others are more than `reach` cells from it along one axis all the time.
+        """
+        shift = head[0] - tail[0], head[1] - tail[1]
+        places = self.places_around(*tail, reach + self.motion.radius + max(map(abs, shift)))
+        _, *at = self.coordinates(places) - _column((0, *tail))
+        tails, heads = [], []
+        for k, (_, *move) in enumerate(self.moves):
+            near = self.neighbours[k, places] >= 0
+            for before, own, other in zip(at, move, shift, strict=True):
+                change = own - other  # of the way from one to the other
+                near &= (before + min(change, 0) <= reach) & (before + max(change, 0) >= -reach)
+            tails.append(places[near])
+            heads.append(self.neighbours[k, places[near]])
+        return np.concatenate(tails), np.concatenate(heads)
+
     # -- edges ---------------------------------------------------------------------------
 
     @cached_property

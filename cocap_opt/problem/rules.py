@@ -112,12 +112,28 @@ class CollisionRules(Data, frozen=True):
         ----------
         before, after : [.., 3] m, the ways from one robot to the other when it begins and ends
         """
+        found = np.zeros(np.broadcast_shapes(before.shape, after.shape)[:-1], dtype=np.bool_)
         if not self.separation:
-            return np.zeros(np.broadcast_shapes(before.shape, after.shape)[:-1], dtype=np.bool_)
+            return found
+        # Most are far apart along one axis all the time, which is quick to see.
+        before, after = np.broadcast_arrays(before, after)
+        some = self._may_pass_too_near(before, after)
+        before, after = before[some], after[some]
         if self.vertical:
             first, last = self._near_aside_and_above(before, after)
-            return np.asarray(first < last)
-        return np.asarray(_closest(before, after).distance < self._aside)
+            found[some] = first < last
+        else:
+            found[some] = _closest(before, after).distance < self._aside
+        return found
+
+    def _may_pass_too_near(self, before: FloatArray, after: FloatArray) -> BoolArray:
+        """Returns an array [..], false if robots are far apart along one axis all the time."""
+        may = np.ones(before.shape[:-1], dtype=np.bool_)
+        most = self.separation, self.separation, self.vertical or self.separation
+        for axis, far in enumerate(most):
+            one, other = before[..., axis], after[..., axis]
+            may &= ((one < far) | (other < far)) & ((one > -far) | (other > -far))
+        return may
 
     def moves_conflict(
         self, one: tuple[FloatArray, FloatArray], other: tuple[FloatArray, FloatArray]
@@ -213,13 +229,13 @@ class CollisionRules(Data, frozen=True):
         root = np.sqrt(np.maximum(b * b - a * c, 0.0))
         moving, crossing = a > 0, b * b > a * c
         some = np.where(moving, a, 1.0)
-        first = np.where(moving, np.where(crossing, (-b - root) / some, 2.0), np.where(c < 0, 0, 2))
-        last = np.where(
-            moving, np.where(crossing, (-b + root) / some, -1.0), np.where(c < 0, 1, -1)
-        )
         climbing = dz != 0
-        some = np.where(climbing, dz, 1.0)
-        ends = (-self._above - z) / some, (self._above - z) / some
+        slope = np.where(climbing, dz, 1.0)
+        with np.errstate(over="ignore"):  # what hardly moves gets there after ages
+            enter, leave = (-b - root) / some, (-b + root) / some
+            ends = (-self._above - z) / slope, (self._above - z) / slope
+        first = np.where(moving, np.where(crossing, enter, 2.0), np.where(c < 0, 0, 2))
+        last = np.where(moving, np.where(crossing, leave, -1.0), np.where(c < 0, 1, -1))
         level = np.abs(z) < self._above
         low = np.where(climbing, np.minimum(*ends), np.where(level, 0.0, 2.0))
         high = np.where(climbing, np.maximum(*ends), np.where(level, 1.0, -1.0))

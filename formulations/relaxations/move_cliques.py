@@ -44,7 +44,7 @@ class CliquesOfMoves:
         model, found = self._model, dict[_Move, float]()
         for number, robot_class in enumerate(model.classes):
             graph, cells = robot_class.graph, model.cells[number]
-            tails, heads = graph.moves_around(*point.cell, point.reach + graph.motion.radius)
+            tails, heads = graph.moves_past(*point.move, point.reach)
             at = model.positions[number]
             passing, far = self._passing(point, at[tails], at[heads])
             ends = zip(tails[passing].tolist(), heads[passing].tolist(), strict=True)
@@ -68,8 +68,8 @@ class CliquesOfMoves:
         share = float(self._rules.closest(c - a, d - b).share)
         (x, y, _), (u, v, _) = one
         reach = math.ceil(self._rules.separation / self._model.problem.height_map.resolution)
-        reach += max(abs(u - x), abs(v - y))
-        return _Point(((1 - share) * (a + c) + share * (b + d)) / 2, share, (x, y), reach)
+        middle = ((1 - share) * (a + c) + share * (b + d)) / 2
+        return _Point(middle, share, ((x, y), (u, v)), reach)
 
     def _passing(
         self, point: "_Point", tails: FloatArray, heads: FloatArray
@@ -86,5 +86,5 @@ class _Point(NamedTuple):
 
     middle: FloatArray  # [3] m
     share: float  # of the step
-    cell: tuple[int, int]  # of a place from which a move leads there
-    reach: int  # cells around it, and as many more as a move is long, where all others begin
+    move: tuple[tuple[int, int], tuple[int, int]]  # one of those that pass, from cell to cell
+    reach: int  # cells, in which all others pass that one

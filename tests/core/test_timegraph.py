@@ -396,3 +396,22 @@ def test_graphs_are_made_once() -> None:
     other = Workspace(HeightMap(heights=np.zeros((3, 3))))
     assert TimeGraph.of(other, motion, 1) is not TimeGraph.of(workspace, motion, 1)
     assert TimeGraph.of(workspace, motion, 2) is not TimeGraph.of(workspace, motion, 1)
+
+
+@examples(60)
+@given(cases(), st.integers(0, 2), st.integers(0, 2**32 - 1))
+def test_moves_that_may_pass_are_all_found(case: Case, reach: int, seed: int) -> None:
+    """Of all moves, those that are left out are farther than `reach` along x or y all the time."""
+    graph, rng = case.graph, np.random.default_rng(seed)
+    tails, heads = graph.moves_around(0, 0, max(graph.shape))
+    one = int(rng.integers(len(tails)))
+    ends = [graph.coordinates(places[one : one + 1])[1:, 0].tolist() for places in (tails, heads)]
+    found = set(zip(*(x.tolist() for x in graph.moves_past(*map(tuple, ends), reach)), strict=True))
+    before, after = (
+        graph.coordinates(places)[1:].T - end
+        for places, end in zip((tails, heads), ends, strict=True)
+    )
+    for k, move in enumerate(zip(tails.tolist(), heads.tolist(), strict=True)):
+        ways = np.array([before[k], after[k]])
+        apart = ((ways > reach).all(axis=0) | (ways < -reach).all(axis=0)).any()
+        assert (move in found) is not bool(apart)

@@ -6,6 +6,7 @@ from statistics import median
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from cocap_opt.experiments.report.figures import draw_frame
 from cocap_opt.experiments.studies.separation.points import Point
@@ -29,14 +30,18 @@ def separation_figure(points: Sequence[Point]) -> Figure:
         ax.set_title(title, fontsize=10)
         ax.set_ylabel("times that under the papers' rules")
         ax.set_yscale("log")
+        ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        ax.yaxis.set_minor_formatter(NullFormatter())
         ax.axhline(2, color="grey", lw=0.8, ls=":")
-        ax.annotate("goal: 2", (0.01, 2), xycoords=("axes fraction", "data"), fontsize=8,
-                    color="grey", va="bottom")  # fmt: skip
+        ax.annotate("goal: 2", (0.99, 2), xycoords=("axes fraction", "data"), fontsize=8,
+                    color="grey", va="bottom", ha="right")  # fmt: skip
     for ax in (price, plan, proof):
         ax.set_xlabel("separation (m)")
         ax.set_xticks(sorted({point.separation for point in points if point.separation}))
         ax.grid(True, lw=0.4, alpha=0.5)
         draw_frame(ax)
+    plan.set_ylim(bottom=0.5)
+    proof.set_ylim(0.1, 20)
     figure.legend(*price.get_legend_handles_labels(), loc="outside lower center", fontsize=9,
                   ncols=len(scenes), frameon=False)  # fmt: skip
     return figure

@@ -74,7 +74,7 @@ def _measured(scene: str, seed: int, apart: float, widest: float, limit: float) 
         say(f"{scene} seed {seed}, {apart:g} m: {error}")
         return None
     return Point(
-        scene=Path(scene).stem, seed=seed, separation=apart,
+        scene=build().name, seed=seed, separation=apart,
         cocap=plan.value, cocap_seconds=plan.processor, cocap_limit=str(plan.limit),
         best=max(plan.value, proof.value), bound=proof.bound,
         proof_seconds=proof.processor, proof_limit=str(proof.limit),
