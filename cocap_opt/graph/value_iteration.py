@@ -72,6 +72,7 @@ def best_path(
     start: int,
     bonuses: Bonuses = NO_BONUSES,
     charges: Charges = NO_CHARGES,
+    first: int = 0,
 ) -> list[int] | None:
     """Returns a path of T+1 states from `start` that attains `value`, or None if there is none.
 
@@ -83,14 +84,15 @@ def best_path(
     ----------
     graph, bonuses, charges : as in `backward_sweep`
     value : [T+1, S] the result of `backward_sweep`
-    start : number of the state at step 0
+    start : number of the state at the first step
+    first : step of the first row of `value`
     """
     if value[0, start] == CLOSED:
         return None
     path = [start]
-    for t in range(len(value) - 1):
+    for t in range(first, first + len(value) - 1):
         heads = graph.successors(t, path[-1])
-        ahead = value[t + 1, heads]
+        ahead = value[t + 1 - first, heads]
         if not bonuses.none:
             ahead = ahead + bonuses.of_edges(graph.shape, path[-1], heads)
         place = path[-1] % graph.n_places

@@ -79,7 +79,8 @@ def one_step(problem: Problem, stop: Stop = never) -> Result:
             _move(model, flights, robot, t + 1, heads)
     except LimitReached as reached:
         limit = reached.limit
-        _stay(model, flights)
+        if not _stay(model, flights):
+            return Result.stopped_without_plan(limit)
     at_goals = all(flight.leads_to_goal[-1, flight.path[-1]] for flight in flights)
     if limit is not None and not at_goals:
         return Result.stopped_without_plan(limit)
@@ -122,11 +123,17 @@ def _others(
             yield other, (flight.state(t), flight.state(-1))
 
 
-def _stay(model: Model, flights: list[_Flight]) -> None:
-    """Leave all robots where they are, from each one's last step to the horizon."""
+def _stay(model: Model, flights: list[_Flight]) -> bool:
+    """Leave all robots where they are, from each one's last step to the horizon.
+
+    False if a person sends one away.
+    """
     for robot, flight in enumerate(flights):
         for t in range(len(flight.path), model.problem.horizon + 1):
+            if flight.path[-1] not in flight.robot_class.graph.successors(t - 1, flight.path[-1]):
+                return False
             _move(model, flights, robot, t, np.array(flight.path[-1:]))
+    return True
 
 
 def _move(model: Model, flights: list[_Flight], robot: int, t: int, heads: IntArray) -> None:
@@ -140,6 +147,7 @@ def _move(model: Model, flights: list[_Flight], robot: int, t: int, heads: IntAr
     value = np.full((2, graph.n_states), CLOSED)
     value[0, flight.path[-1]] = 0.0
     value[1, heads] = gains.sum(axis=1)
-    _, head = best_path(graph, value, flight.path[-1], Bonuses.of(problem.objective)) or []
+    bonuses = Bonuses.of(problem.objective)
+    _, head = best_path(graph, value, flight.path[-1], bonuses, first=t - 1) or []
     flight.path.append(head)
     flight.pixels[view_sums] += coverage[np.flatnonzero(heads == head)[0]]

@@ -6,7 +6,7 @@ import numpy as np
 
 from cocap_opt.data import LARGEST, BoolArray, Data, FloatArray, require, within
 from cocap_opt.problem.actor import Actor
-from cocap_opt.problem.rules import CollisionRules
+from cocap_opt.problem.rules import TOLERANCE, CollisionRules
 from cocap_opt.world.workspace import Mesh
 
 
@@ -22,7 +22,8 @@ class Airspace(Data, frozen=True):
     no_fly : solids that no drone enters; they hide nobody
     ceiling : m above the datum of the map, as `Motion.layers` are; None: there is none
     people_aside : m, least distance to the middle of a person, seen from above; 0: none
-    people_above : m above a head from which on drones may fly over people; None: they may not
+    people_above : m over a head, or below the feet, from which on that does not count; None: it
+        counts at any height
     """
 
     no_fly: tuple[Mesh, ...] = ()
@@ -35,6 +36,9 @@ class Airspace(Data, frozen=True):
         if self.ceiling is not None:
             within(self.ceiling, -LARGEST, LARGEST, "ceiling", "m")
         within(self.people_aside, 0, LARGEST, "people_aside", "m")
+        least = 2 * TOLERANCE
+        kept = self.people_aside == 0 or self.people_aside > least
+        require(kept, "people_aside", f"must be 0 or more than {least:g} m")
         if self.people_above is not None:
             within(self.people_above, 0, LARGEST, "people_above", "m")
             require(self.people_aside > 0, "people_above", "must be None where people_aside is 0")
@@ -72,4 +76,4 @@ class Airspace(Data, frozen=True):
         """Returns the rules that hold between a drone and the middle of a person's body."""
         half = actor.shape.height / 2
         over = LARGEST if self.people_above is None else self.people_above + half
-        return CollisionRules(separation=self.people_aside, vertical=over)
+        return CollisionRules(separation=self.people_aside, vertical=min(over, LARGEST))

@@ -24,10 +24,10 @@ from cocap_opt.planners.circles import Circle, _distance_in_view, _Places
 from cocap_opt.planners.formation import STANDOFF, formation
 from cocap_opt.planners.myopic import myopic
 from cocap_opt.planners.one_step import one_step
-from cocap_opt.problem import Actor, Camera, Cone, Motion, Plan, Problem, Robot, State
+from cocap_opt.problem import Actor, Airspace, Camera, Cone, Motion, Plan, Problem, Robot, State
 from cocap_opt.referee import check
 from cocap_opt.result import Reason
-from cocap_opt.stop import Limit, never
+from cocap_opt.stop import Limit, TimeLimit, never
 from cocap_opt.world.workspace import HeightMap
 
 NEIGHBOURS = Motion()
@@ -407,3 +407,26 @@ def test_myopic_robots_do_not_look_at_one_another(problem: Problem) -> None:
         alone = myopic(problem.replace(robots=(spec,))).plan
         if together is not None and alone is not None:
             assert together.paths[robot] == alone.paths[0]
+
+
+def beside_a_walker(
+    size: tuple[int, int], poses: list[tuple[float, float]], start: tuple[int, int], aside: float
+) -> Problem:
+    """One drone that looks down, and one person to whom it keeps a distance."""
+    camera = Camera(width=500, height=400, focal=100.0, tilts=(1.5,))
+    robot = Robot(start=State(*start), motion=Motion(headings=1), camera=camera)
+    rows = np.array([(x, y, 0.0, 0.0) for x, y in poses])
+    return Problem(
+        name="", height_map=HeightMap(heights=np.zeros(size)), robots=(robot,),
+        actors=(Actor(poses=rows),), horizon=len(poses) - 1, airspace=Airspace(people_aside=aside),
+    )  # fmt: skip
+
+
+def test_one_step_at_a_time_people_are_where_they_are_then() -> None:
+    """What people close at step 0 is open later, and a drone that is left behind has no plan."""
+    problem = beside_a_walker((3, 1), [(1.5, 0.9), (3, 3.9), (3, 3.9)], (2, 0), 0.6)
+    plan = one_step(problem).plan
+    assert plan is not None and check(problem, plan).valid
+    problem = beside_a_walker((7, 3), [(0.5 + 1.5 * t, 1.5) for t in range(5)], (3, 1), 0.9)
+    result = one_step(problem, TimeLimit(0))
+    assert (result.plan, result.reason) == (None, Reason.STOPPED)
