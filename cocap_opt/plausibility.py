@@ -25,6 +25,7 @@ _TALLEST = 830.0  # m, of buildings
 _SMALLEST = 0.1  # m, of what hides anybody
 _MOST_YAW = 4 * math.pi  # rad, two whole turns
 _FEW = 12  # cells, fewer than a drone needs to choose its view
+_WIDEST = 60  # cells around a start in which a pocket that shuts a drone in is looked for
 
 _Pose = tuple[float, float, float, float]
 
@@ -79,12 +80,11 @@ def _not_closed(mesh: Mesh) -> str:
 
 def _shut_in(problem: Problem) -> Iterator[str]:
     """Yields a doubt for each robot that can get nowhere, or to nobody."""
-    known: dict[tuple[Motion, int], Encounters] = {}
+    known: dict[Motion, Encounters] = {}
     for i, robot in enumerate(problem.robots):
-        kind = robot.motion, len(robot.camera.tilts)
-        if kind not in known:
-            known[kind] = _around_robots(problem, *kind)
-        encounters, start = known[kind], robot.start
+        if robot.motion not in known:
+            known[robot.motion] = _around_robots(problem, robot.motion)
+        encounters, start = known[robot.motion], robot.start
         graph = encounters.graph
         outing = encounters.outing(graph.place(start.layer, start.x, start.y))
         if not outing.closed:
@@ -99,18 +99,14 @@ def _shut_in(problem: Problem) -> Iterator[str]:
             )
 
 
-def _around_robots(problem: Problem, motion: Motion, pitches: int) -> Encounters:
-    """Returns the places near people that robots of one motion can reach in the time they have."""
-    starts = [
-        (robot.start.x, robot.start.y)
-        for robot in problem.robots
-        if (robot.motion, len(robot.camera.tilts)) == (motion, pitches)
-    ]
+def _around_robots(problem: Problem, motion: Motion) -> Encounters:
+    """Returns the places near people around the starts of robots of one motion."""
+    robots = (robot for robot in problem.robots if robot.motion == motion)
+    starts = [(robot.start.x, robot.start.y) for robot in robots]
     # One step more, for it must show whether there is a way on from where the last one leads.
-    window = Window.around(starts, (problem.horizon + 1) * motion.radius, problem.workspace)
-    return Encounters(
-        problem.workspace, motion, problem.actors, problem.horizon, NEAR, pitches, window
-    )
+    reach = min((problem.horizon + 1) * motion.radius, _WIDEST)
+    window = Window.around(starts, reach, problem.workspace)
+    return Encounters(problem.workspace, motion, problem.actors, problem.horizon, NEAR, window)
 
 
 def _below_ground(problem: Problem, mesh: Mesh) -> bool:

@@ -37,7 +37,6 @@ class Encounters:
     ----------
     actors, horizon : the people, and the last step that counts
     near : m
-    pitches : number of gimbal pitches; places do not depend on it, but a graph that is there does
     window : the part of the map that is looked at; all if not given
 
     Attributes
@@ -52,10 +51,10 @@ class Encounters:
         actors: tuple[Actor, ...],
         horizon: int,
         near: float = NEAR,
-        pitches: int = 1,
         window: Window | None = None,
     ) -> None:
-        self.graph = TimeGraph.of(workspace, motion, pitches, window)
+        # A graph of its own, which is freed again: that of the team has another window.
+        self.graph = TimeGraph(workspace, motion, 1, window)
         self._workspace, self._actors, self._horizon = workspace, actors, horizon
         self._near = near
 
@@ -70,7 +69,18 @@ class Encounters:
             meets = meets or (t in near and bool(reached[near[t]].any()))
             found = heads[:, new].ravel()
             new = np.unique(found[(found >= 0) & ~reached[found]])
-        return _Outing(size, closed=not len(new), meets=meets)
+        closed = not len(new) and not self._leaves(np.flatnonzero(reached))
+        return _Outing(size, closed, meets)
+
+    def _leaves(self, places: IntArray) -> bool:
+        """Returns True if a move from one of some places [n] might lead out of the window."""
+        _, x, y = self.graph.coordinates(places)
+        x0, y0, x1, y1 = self.graph.window
+        width, depth = self._workspace.height_map.shape
+        far = self.graph.motion.radius
+        out = ((x - far < x0) & (x0 > 0)) | ((x + far >= x1) & (x1 < width))
+        out |= ((y - far < y0) & (y0 > 0)) | ((y + far >= y1) & (y1 < depth))
+        return bool(out.any())
 
     def can_meet(self) -> BoolArray:
         """Returns the places [P] from which a robot comes near somebody by the last step."""

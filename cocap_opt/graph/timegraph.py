@@ -30,10 +30,10 @@ CLOSED = -np.inf  # value of a state that must not or cannot be entered
 
 
 class _Irregular(NamedTuple):
-    """The n states from which a move to a free place is hidden, by an obstacle in between."""
+    """The n places from which a move to a free place is hidden, by an obstacle in between."""
 
-    states: IntArray  # [n]
-    heads: IntArray  # [K, n] states that the moves lead to; the state itself if one is hidden
+    places: IntArray  # [n]
+    heads: IntArray  # [K, n] places that the moves lead to; the place itself if one is hidden
     hidden: BoolArray  # [K, n]
 
 
@@ -48,7 +48,7 @@ class TimeGraph:
     moves : the K cell moves of one step, the first is to stay
     neighbours : [K, P] place that each move leads to; -1 if the move is hidden
     free : [P] true for places where a robot may be
-    irregular : states from which a move to a free place is hidden
+    irregular : places from which a move to a free place is hidden
     closed : places and moves that are closed at some steps only, since people are near
     """
 
@@ -136,12 +136,8 @@ class TimeGraph:
         places = np.flatnonzero(hidden)
         # A hidden move is listed as staying, which is always allowed.
         heads = self.neighbours[:, places]
-        heads = np.where(heads < 0, places, heads)
-        states = self._all_orientations(places)
-        state_heads = np.stack([self._all_orientations(row) for row in heads])
-        stays = state_heads == states
-        stays[0] = False
-        return _Irregular(states, state_heads, stays)
+        is_hidden = heads < 0
+        return _Irregular(places, np.where(is_hidden, places, heads), is_hidden)
 
     def _closed(self, people: People, height_map: HeightMap) -> Charges:
         """Returns charges that close all places and moves that are too near to somebody."""
@@ -158,11 +154,6 @@ class TimeGraph:
                 pairs = np.column_stack(ends)[pass_near]
                 moves.append(np.column_stack([np.full(len(pairs), one.t), pairs]))
         return Charges.closing(*(np.unique(np.concatenate(x), axis=0) for x in (places, moves)))
-
-    def _all_orientations(self, places: IntArray) -> IntArray:
-        """Returns the states of places [n] in every orientation, orientation by orientation."""
-        origins = np.arange(self.n_orientations) * self.n_places
-        return (origins[:, None] + places[None, :]).ravel()
 
     # -- numbering -----------------------------------------------------------------------
 

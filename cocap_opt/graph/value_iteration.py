@@ -14,6 +14,8 @@ from cocap_opt.graph.move_rewards import NO_BONUSES, Bonuses
 from cocap_opt.graph.timegraph import CLOSED, TimeGraph
 from cocap_opt.stop import Stop, never
 
+_AT_ONCE = 2_000_000  # values of moves, to bound the memory
+
 
 def backward_sweep(
     graph: TimeGraph,
@@ -144,9 +146,8 @@ class _Step:
         self._window()
         if self._rates is not None:
             self._reward_moves(self._rates)
-        irregular = self._graph.irregular
-        if irregular.states.size:
-            self._best[irregular.states] = self._best_irregular()
+        if self._graph.irregular.places.size:
+            self._redo_irregular()
         if len(tails):
             self._charge_moves(tails, heads, costs)
         if self._bonuses.stationarity:
@@ -220,14 +221,18 @@ class _Step:
                 np.add(self._after_turn[heads], rate, out=pair[tails])
                 np.maximum(out[tails], pair[tails], out=out[tails])
 
-    def _best_irregular(self) -> FloatArray:
-        """Returns the maximum over the moves of irregular states, with their rewards."""
-        _, heads, hidden = self._graph.irregular
-        ahead = self._after_turn[heads]
-        if self._rates is not None:
-            ahead += np.where(hidden, 0.0, self._rates[:, None])
-        best: FloatArray = ahead.max(axis=0)
-        return best
+    def _redo_irregular(self) -> None:
+        """Computes the maximum over the moves of irregular places again, with their rewards."""
+        places, heads, hidden = self._graph.irregular
+        shape = self._graph.n_orientations, self._graph.n_places
+        after, best = self._after_turn.reshape(shape), self._best.reshape(shape)
+        size = max(1, _AT_ONCE // (heads.shape[0] * shape[0]))
+        for first in range(0, len(places), size):
+            part = slice(first, first + size)
+            ahead = after.take(heads[:, part], axis=1)
+            if self._rates is not None:
+                ahead += np.where(hidden[:, part], 0.0, self._rates[:, None])
+            best[:, places[part]] = np.maximum.reduce(ahead, axis=1)
 
     def _charge_moves(self, tails: IntArray, heads: IntArray, costs: FloatArray) -> None:
         """Computes the places again of which some moves are charged or closed."""

@@ -111,9 +111,7 @@ class DronesTable(Table):
         poses = np.concatenate([actor.poses[: horizon + 1, :2] for actor in actors]).tolist()
         reach = math.ceil(NEAR / height_map.resolution) + 1 + horizon * motion.radius
         window = Window.around((height_map.cell_of(x, y) for x, y in poses), reach, workspace)
-        encounters = Encounters(
-            workspace, motion, actors, horizon, NEAR, len(self.tilts), window=window
-        )
+        encounters = Encounters(workspace, motion, actors, horizon, NEAR, window)
         found = np.zeros(height_map.shape, dtype=np.bool_)
         window.of(found)[...] = encounters.graph.without_border(encounters.can_meet())[0]
         return found
