@@ -86,10 +86,12 @@ class Encounters:
         """Returns the places [P] from which a robot comes near somebody by the last step."""
         near, heads = self._near_by_step, self.graph.neighbours
         good = np.zeros(self.graph.n_places + 1, dtype=bool)  # the last one stands for no place
+        new = np.zeros(0, dtype=np.int64)
         for t in range(self._horizon, -1, -1):
-            good[:-1] |= good[heads].any(axis=0)
-            if t in near:
-                good[near[t]] = True
+            before = good.copy()
+            good[heads[:, new]] = True  # there is a way back along every move
+            good[near.get(t, new[:0])] = True
+            new = np.flatnonzero(good[:-1] & ~before[:-1])
         return np.logical_and(good[:-1], self.graph.free)
 
     def moves_to_meet(self) -> IntArray:
