@@ -18,7 +18,7 @@ _MISSING = {  # why there is no bound
     "exceeded": "its search took longer than a cell may",
     "died": "the process of its search died",
 }
-_WITHOUT_PLAN = (Reason.UNSUPPORTED, Reason.FAILED, Reason.INFEASIBLE)
+_UNFINISHED = (Reason.UNSUPPORTED, Reason.FAILED, Reason.INFEASIBLE, Reason.STOPPED)
 _NAMED = 3  # cases that are named in a sentence
 _MEANS = ("reward", "bound", "gap", "gap_free", "seconds")
 
@@ -56,8 +56,8 @@ def _notes(rows: Sequence[Row], table: Sequence[Record]) -> Iterator[str]:
             f"Rays sample what is seen past the meshes of {_first(list(dict.fromkeys(sampled)))}; "
             "the gaps leave the error of that out."
         )
-    without = [row for row in rows if row.reason in _WITHOUT_PLAN and row.message]
-    told = dict.fromkeys(f"{row.planner} on {_name(row)}: {row.message}." for row in without)
+    remarked = [row for row in rows if row.reason in _UNFINISHED and row.message]
+    told = dict.fromkeys(f"{row.planner} on {_name(row)}: {row.message}." for row in remarked)
     yield from list(told)[:_NAMED]
     if any(row.conflicts for row in rows):
         yield (
