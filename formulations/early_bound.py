@@ -32,6 +32,7 @@ __all__ = ["early_bound"]
 
 METHOD = "step-multipliers"
 _ROUNDING = 1e-9  # relative, much more than that of the sums here and in a certificate's pricing
+_MANY = 10_000_000  # states at steps from which on only one bound is computed
 _STEP_DOWN = 0.4  # from one share of what could be seen to the next
 
 
@@ -42,14 +43,10 @@ def early_bound(problem: Problem, limit: Limit) -> CertifiedResult:
     """
     model = compiled(problem)
     prices = _Prices.of(model)
-    best = prices.file(prices.alone())
-    lowest = math.inf
-    for tangents in prices.tangents():
-        file = prices.file(tangents)
-        best = min(best, file, key=lambda one: one.proved)
-        if not file.proved < lowest:
-            break
-        lowest = file.proved
+    if prices.are_dear:
+        best = prices.file(min((prices.alone(), *prices.tangents()), key=prices.without_motion))
+    else:
+        best = prices.best_file()
     if best.proved == math.inf:
         return CertifiedResult.without_bound(limit)
     if best.proved < 0:  # a drone has no path
@@ -114,6 +111,39 @@ class _Prices:
             yield _Steps(alpha, beta)
             share *= _STEP_DOWN
 
+    @property
+    def are_dear(self) -> bool:
+        """True if a single bound takes long: value iteration over so many states."""
+        return sum(sums.roots.size for sums in self._sums) > _MANY
+
+    def best_file(self) -> CertificateFile:
+        """Returns the certificate of the best multipliers that are tried."""
+        best, lowest = self.file(self.alone()), math.inf
+        for tangents in self.tangents():
+            file = self.file(tangents)
+            best = min(best, file, key=lambda one: one.proved)
+            if not file.proved < lowest:
+                break
+            lowest = file.proved
+        return best
+
+    def without_motion(self, steps: _Steps) -> float:
+        """Returns the bound of multipliers for drones that are anywhere at any step."""
+        total = self._constants(steps)
+        for robot_class, sums in zip(self._model.classes, self._sums, strict=True):
+            alpha, beta = (np.broadcast_to(x, len(sums.roots)) for x in steps)
+            total += len(robot_class.robots) * sum(
+                float((a * roots if not b else a * roots + b * pixels).max())
+                for roots, pixels, a, b in zip(*sums, alpha, beta, strict=True)
+            )
+        return total
+
+    def _constants(self, steps: _Steps) -> float:
+        """Returns the part of the bound that no drone decides."""
+        tangent = steps.beta > 0
+        constants = (1 - steps.alpha[tangent]) ** 2 / (4 * steps.beta[tangent])
+        return float(self._weights[tangent] @ constants)
+
     def file(self, steps: _Steps) -> CertificateFile:
         """Returns the certificate of multipliers, with the bound that they prove."""
         problem, faces = self._model.problem, self._model.n_faces
@@ -129,9 +159,7 @@ class _Prices:
         )
 
     def _bound(self, steps: _Steps) -> float:
-        tangent = steps.beta > 0
-        constants = (1 - steps.alpha[tangent]) ** 2 / (4 * steps.beta[tangent])
-        total = float(self._weights[tangent] @ constants)
+        total = self._constants(steps)
         bonuses = Bonuses.of(self._model.problem.objective)
         for robot_class, sums in zip(self._model.classes, self._sums, strict=True):
             reward = robot_class.graph.no_reward(self._model.problem.horizon)
