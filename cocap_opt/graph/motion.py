@@ -74,7 +74,7 @@ class Window(NamedTuple):
 
 
 class _Room(NamedTuple):
-    """What lies in a window."""
+    """The solid matter, the altitudes and the limits in a window."""
 
     free: BoolArray  # [layer, X, Y] true where a robot may be
     altitudes: FloatArray  # [layer, X, Y] m, where it flies

@@ -201,7 +201,7 @@ class Workspace(NamedTuple):
 
     @property
     def forbidden(self) -> Columns:
-        """What no-fly zones and the ceiling close above every cell, solid matter left aside."""
+        """The altitudes that no-fly zones and the ceiling close above every cell, matter aside."""
         return _forbidden(self)
 
 

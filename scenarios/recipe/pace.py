@@ -1,4 +1,4 @@
-"""How fast the people are who are filmed: a wrong unit, frame rate or step shows in it."""
+"""The speeds of the people who are filmed: a wrong unit, frame rate or step shows in them."""
 
 from collections.abc import Sequence
 

@@ -12,6 +12,9 @@ from studies import rows_of, study
 from cocap_opt.experiments.studies import app as app_module
 from cocap_opt.experiments.studies.app import app
 from cocap_opt.experiments.studies.gamma import _measured
+from cocap_opt.experiments.studies.separation.points import Point
+from cocap_opt.experiments.studies.separation.separation import built
+from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.planners import view_search
 
 ROOT = Path(__file__).parents[2]
@@ -130,3 +133,52 @@ def test_pictures_say_where_they_cannot_be_written(
     path.write_text("")
     assert study("pictures", path) == 2
     assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+# -- the price of separation ----------------------------------------------------------------
+
+SEPARATION = ROOT / "experiments" / "studies" / "stored" / "separation.csv"
+
+
+def stored_points() -> list[Point]:
+    """The stored measurements."""
+    words = {"scene", "cocap_limit", "proof_limit"}
+    return [
+        Point(**{key: value if key in words else float(value) for key, value in row.items()})
+        for row in rows_of(SEPARATION)
+    ]
+
+
+def test_the_readme_quotes_the_stored_prices() -> None:
+    """Each cell of its table of separations is that of the stored runs."""
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    table = text.split("| price of |")[1].split("\n\n")[0].splitlines()
+    wide = [float(cell.strip().removesuffix(" m")) for cell in table[0].split("|")[:-1]]
+    points = stored_points()
+    listed = Point.listed(points)
+    assert {point.scene for point in points} == {row.split("|")[1].strip() for row in table[2:]}
+    for line in table[2:]:
+        scene, *cells = (cell.strip() for cell in line.split("|")[1:-1])
+        prices = {
+            point.separation: row["price %"]
+            for point, row in zip(points, listed, strict=True)
+            if point.scene == scene
+        }
+        assert cells == [f"{prices[apart]} %" for apart in wide]
+
+
+def test_stored_prices_are_those_of_the_methods() -> None:
+    """The corridor's optima, proved again, are the stored ones."""
+    for point in stored_points():
+        if point.scene == "corridor" and point.separation in (0, 2):
+            problem = built("corridor", 0, point.separation, 3.0)
+            assert branch_and_price(problem).value == pytest.approx(point.best, rel=1e-9)
+
+
+def test_separations_are_measured(tmp_path: Path) -> None:
+    """A row and a point for each separation, under the same starts; wider is never better."""
+    done = study("separation", "--scene", "tiny-approach", "--seeds", "0", "--metres", 1,
+                 "--limit", 5, "--out", tmp_path)  # fmt: skip
+    assert done == 0
+    assert [row["separation"] for row in rows_of(tmp_path / "separation.csv")] == ["0.0", "1.0"]
+    assert (tmp_path / "separation.png").stat().st_size > 10_000

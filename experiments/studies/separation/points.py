@@ -10,7 +10,7 @@ from cocap_opt.stop import Limit
 
 
 class Point(NamedTuple):
-    """What was measured at one separation of one instance."""
+    """The measurements at one separation of one instance."""
 
     scene: str
     seed: int
