@@ -32,7 +32,9 @@ def naming(place: Path | str) -> Iterator[None]:
 
 
 def _require_regular(path: Path) -> None:
-    """Raises ProblemError if a path is a pipe or a device, whose reading may not end."""
+    """Raises ProblemError if a path is no name, or a pipe or a device, which may not end."""
+    if "\0" in str(path):
+        raise ProblemError("must be the name of a file, in which no character is NUL")
     if path.exists() and not (path.is_file() or path.is_dir()):
         raise ProblemError("must be a regular file, no pipe or device")
 

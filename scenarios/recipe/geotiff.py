@@ -19,6 +19,7 @@ METRE = (None, "", "m", "metre", "metres", "meter", "meters")
 APART, EARTH = 100.0, 6_371_008.8  # m, between points that are compared; radius of the Earth
 STRETCH = 0.02  # by which lengths may differ from those on the ground
 WEB_MERCATOR = 3857  # EPSG
+FULL, STEEP = 255, 50  # the largest byte, and by how much it may stand out as a height
 CACHE = 64  # MB; GDAL's own choice is a share of all memory
 
 
@@ -56,6 +57,8 @@ def _read(dataset: Any, band: int | None, nodata: float | None, window: Window |
     part = ((down.start, down.stop), (across.start, across.stop))
     values = dataset.read(band, window=part, out_dtype="float64")
     values[dataset.read_masks(band, window=part) == 0] = np.nan
+    if dataset.dtypes[band - 1] == "uint8" and nodata != FULL:
+        _refuse_full_bytes(values)
     northernmost_first = values[:: -1 if e > 0 else 1, :: -1 if a < 0 else 1]
     return layout.cut(columns, rows).raster(
         northernmost_first,
@@ -63,6 +66,23 @@ def _read(dataset: Any, band: int | None, nodata: float | None, window: Window |
         scale=dataset.scales[band - 1],
         offset=dataset.offsets[band - 1],
     )
+
+
+def _refuse_full_bytes(values: FloatArray) -> None:
+    """Raises a ProblemError if 255 in a raster of bytes must mean that there is no data.
+
+    Parameters
+    ----------
+    values : stored, [Y, X]; nan where there is no data
+    """
+    others = values[values != FULL]
+    below = float(np.fmax.reduce(others, initial=-np.inf))
+    if len(others) < values.size and below < FULL - STEEP:
+        raise ProblemError(
+            f"heights: must not jump from {max(below, 0.0):g} to {FULL}, the largest byte, which "
+            f"looks like a code for no data; nodata={FULL} says that it is one; where it is a "
+            "height, gdal_translate -ot Int16 writes a copy in which it counts"
+        )
 
 
 def _band(dataset: Any, band: int | None) -> int:

@@ -27,6 +27,11 @@ SLIVER = 0.01  # m2, which rings may enclose twice by rounding
 _SCHEME = '{"name": {"walkable": [[x, y], ..], "obstacles": [[[x, y], ..], ..]}}'
 _PROJECTED = "ogr2ogr -t_srs EPSG:326ZZ, with ZZ the zone of UTM, makes them so"
 DEGREES = ("4326", "CRS84", "4258", "4269")  # names of systems of longitude and latitude
+MERCATOR = ("3857", "900913")
+_GEOGRAPHIC = range(4000, 5000)
+_LARGEST_ANGLE = 360.0  # degrees
+_DIGITS = 9  # of a code, more than any has
+_SYSTEM = re.compile(r"\s*SRID\s*=\s*([0-9]+)\s*;", re.IGNORECASE)  # as PostGIS writes it first
 
 
 class GroundPlan(NamedTuple):
@@ -122,6 +127,8 @@ def _of_polygons(
         )
     given = shapely.MultiPolygon(list(_polygons(shapely.force_2d(_geometry(text, kind)))))
     _require_metres(given)
+    if kind == WKT and (system := _SYSTEM.match(text)):
+        _refuse_system(int(system[1][:_DIGITS]), given)
     metres = shapely.transform(given, lambda points: points / per_metre)
     polygons = [_sound(part, f"polygon {k}") for k, part in enumerate(metres.geoms, start=1)]
     if meaning == "obstacles":
@@ -135,9 +142,8 @@ def _geometry(text: str, kind: str) -> BaseGeometry:
     if kind == GEOJSON:
         _refuse_degrees(msgspec.json.decode(text))
     try:
-        # PostGIS writes the number of the system first.
-        plain = re.sub(r"^\s*SRID\s*=\s*\d+\s*;", "", text, flags=re.IGNORECASE)
-        with np.errstate(over="ignore"):  # what is infinite is refused later
+        plain = text[found.end() :] if (found := _SYSTEM.match(text)) else text
+        with np.errstate(over="ignore", invalid="ignore"):  # what is infinite is refused later
             return shapely.from_geojson(text) if kind == GEOJSON else shapely.from_wkt(plain)
     except (shapely.errors.ShapelyError, NotImplementedError) as error:
         raise ProblemError(f"cannot be read as {kind}: {' '.join(str(error).split())}") from error
@@ -146,10 +152,24 @@ def _geometry(text: str, kind: str) -> BaseGeometry:
 def _refuse_degrees(content: Any) -> None:
     """Raises a ProblemError if GeoJSON names a system whose coordinates are no metres."""
     system = str(content.get("crs") or "")
-    if any(name in system for name in (*DEGREES, "3857")):
+    if any(name in system for name in (*DEGREES, *MERCATOR)):
         raise ProblemError(
             "coordinates: must be metres of a projection, not degrees or web Mercator; "
             + _PROJECTED
+        )
+
+
+def _refuse_system(code: int, geometry: BaseGeometry) -> None:
+    """Raises a ProblemError if the EPSG code before WKT is of a system that has no metres.
+
+    Most systems of longitude and latitude have codes of 4000 to 4999, as have a few in metres,
+    whose coordinates are larger.
+    """
+    small = bool(np.abs(shapely.get_coordinates(geometry)).max() <= _LARGEST_ANGLE)
+    if str(code) in (*DEGREES, *MERCATOR) or (code in _GEOGRAPHIC and small):
+        what = "web Mercator" if str(code) in MERCATOR else "degrees"
+        raise ProblemError(
+            f"SRID: must be of a projection in metres, not {code}, {what}; {_PROJECTED}"
         )
 
 

@@ -26,6 +26,7 @@ KEYS = (
 )  # fmt: skip
 WEB_MERCATOR = "Pseudo-Mercator", "Mercator_Auxiliary_Sphere"  # as WKT names it
 UNIT = re.compile(r'(?<![A-Z])UNIT\["([^"]*)",\s*([\d.]+(?:[eE][-+]?\d+)?)')
+TINY_CELL, TINY_MAP = 0.05, 10.0  # m; of degrees, 3 minutes and a tile of ten degrees
 CHUNK = 1 << 20  # bytes; a file is never held as text
 LONGEST = 200  # bytes, of a line of the header
 
@@ -76,17 +77,23 @@ def _read(path: Path, band: int | None, nodata: float | None, window: Window | N
         case ".asc":
             if band not in (None, 1):
                 raise ProblemError(f"band: must be 1 in an ESRI ASCII grid, not {band}")
-            _refuse_projection(path.with_suffix(".prj"))
-            return _read_esri_ascii(path, nodata, window)
+            in_metres = _refuse_projection(path.with_suffix(".prj"))
+            return _read_esri_ascii(path, nodata, window, in_metres)
         case ".tif" | ".tiff":
             return geotiff.read(path, band, nodata, window)
     raise ProblemError("must be named .asc, .tif or .tiff")
 
 
-def _refuse_projection(path: Path) -> None:
-    """Raises a ProblemError if the projection that is told beside a grid is not in metres."""
+def _refuse_projection(path: Path) -> bool:
+    """Returns True if the projection that is told beside a grid is in metres.
+
+    Raises
+    ------
+    ProblemError
+        If it is in something else.
+    """
     if not path.is_file():
-        return
+        return False
     with naming(path):
         text = read_text(path)
         if any(name in text for name in WEB_MERCATOR):
@@ -97,18 +104,37 @@ def _refuse_projection(path: Path) -> None:
         units = UNIT.findall(text)  # the projection's own is the last
         if units and float(units[-1][1]) != 1:
             raise ProblemError(f"must be a projection in metres, not in {units[-1][0]}")
+        return bool(units)
 
 
-def _read_esri_ascii(path: Path, nodata: float | None, window: Window | None) -> Raster:
+def _read_esri_ascii(
+    path: Path, nodata: float | None, window: Window | None, in_metres: bool
+) -> Raster:
     """Reads an ESRI ASCII grid."""
     with path.open("rb") as file:
         header = _read_header(file)
         (x, dx, width), (y, dy, height) = _axis(header, "x"), _axis(header, "y")
         layout = Layout((x, y), (dx, dy), (width, height))
+        if not in_metres:
+            _refuse_degrees(layout)
         columns, rows = layout.met(window)
         _require_rows(file, layout)
         values = _read_values(file, layout, columns, rows)
     return layout.cut(columns, rows).raster(values, (_nodata(header), nodata))
+
+
+def _refuse_degrees(layout: Layout) -> None:
+    """Raises a ProblemError if a grid of tiny cells lies where degrees do."""
+    low, high = np.array(layout.lower), np.array(layout.upper)
+    on_globe = bool((low >= (-180, -90)).all() and (high <= (180, 90)).all())
+    if on_globe and max(layout.cell) < TINY_CELL and (high - low).max() < TINY_MAP:
+        (x, y), (upper_x, upper_y) = layout.lower, layout.upper
+        raise ProblemError(
+            f"coordinates: must be metres of a projection, but cells of {max(layout.cell):.6g} at "
+            f"x {x:.6g}..{upper_x:.6g} and y {y:.6g}..{upper_y:.6g} look like degrees; gdalwarp "
+            "-t_srs EPSG:326ZZ, with ZZ the zone of UTM, writes such a map; if they are metres, a "
+            ".prj file beside it must say so"
+        )
 
 
 def _read_header(file: BinaryIO) -> Header:

@@ -26,6 +26,8 @@ from cocap_opt.scenarios.recipe.walls import WallsTable
 from cocap_opt.scenarios.text import naming, read_text
 from cocap_opt.world.workspace import HeightMap, Mesh, Workspace
 
+MOST_DIGITS = 4300  # of a whole number, that Python reads
+
 EXAMPLE = """\
 name = "example"            # left out: that of the file
 steps = 20                  # number of moves
@@ -155,6 +157,9 @@ def read(path: Path, seed: int = 0) -> Problem:
         with naming("rules"):
             rules = recipe.rules.rules()
         airspace = recipe.airspace.airspace(recipe.no_fly)
+        for k, zone in enumerate(airspace.no_fly):
+            with naming(f"no_fly[{k}]"), naming("polygon"):
+                _require_on_map([zone], terrain.height_map, "it has coordinates of the map")
         workspace = Workspace(terrain.height_map, solid, airspace.no_fly, airspace.ceiling)
         rng = np.random.default_rng(seed)
         team: list[Robot] = []
@@ -181,6 +186,8 @@ def _decode(path: Path) -> _Recipe:
         return msgspec.toml.decode(text, type=_Recipe)
     except (msgspec.MsgspecError, RecursionError) as error:
         raise ProblemError(in_words(error, text, _Recipe)) from error
+    except ValueError as error:  # Python's own, of numbers of thousands of digits
+        raise ProblemError(f"must hold whole numbers of at most {MOST_DIGITS} digits") from error
 
 
 def _meshes(recipe: _Recipe, folder: Path, terrain: Terrain) -> Iterator[Mesh]:
@@ -196,14 +203,15 @@ def _meshes(recipe: _Recipe, folder: Path, terrain: Terrain) -> Iterator[Mesh]:
         yield from walls
 
 
-def _require_on_map(meshes: list[Mesh], height_map: HeightMap) -> None:
+def _require_on_map(
+    meshes: list[Mesh], height_map: HeightMap, way_out: str = "`at` moves it, `unit` scales it"
+) -> None:
     vertices = np.concatenate([mesh.vertices for mesh in meshes])
     low, high = vertices.min(axis=0)[:2], vertices.max(axis=0)[:2]
     first, last = ends(height_map)
     if (high < first).any() or (low > last).any():
         raise ProblemError(
-            f"must lie on the map, {area(first, last)}, not at {area(low, high)}; `at` moves it, "
-            "`unit` scales it"
+            f"must lie on the map, {area(first, last)}, not at {area(low, high)}; {way_out}"
         )
 
 

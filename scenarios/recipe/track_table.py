@@ -61,8 +61,15 @@ _UNIT_OF_COMMENT = re.compile(
     + _UNIT,
     re.IGNORECASE,
 )
+_PER_SECOND = r"(?:fps|hz|frames?\s*(?:per|/)\s*s(?:ec(?:onds?)?)?)\b"
 _FRAME_RATE = re.compile(
-    r"\b(?:frame[\s_-]?rate|fps)\s*[:=]\s*([-+]?[\d.]+(?:e[-+]?\d+)?)", re.IGNORECASE
+    rf"\b(?:frame[\s_-]?rate|{_PER_SECOND})\s*[:=]\s*([-+]?[\d.]+(?:,\d+|e[-+]?\d+)?)",
+    re.IGNORECASE,
+)
+_RATE_IN_WORDS = re.compile(rf"(?<![\w.,/])(\d+(?:[.,]\d+)?)\s*{_PER_SECOND}", re.IGNORECASE)
+_OTHER_RATE = re.compile(r"filter|smooth|cut-?off|low-?pass|camera", re.IGNORECASE)
+_PLAIN_NUMBER = re.compile(
+    r"[-+]?(?:(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[-+]?[0-9]+)?|nan|inf(?:inity)?)", re.IGNORECASE
 )
 
 
@@ -185,11 +192,8 @@ def _fields(line: str, delimiter: str | None) -> list[str]:
 
 
 def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
+    """Returns True for what other programs read as a number, too, unlike 1_0 in Python."""
+    return _PLAIN_NUMBER.fullmatch(text) is not None
 
 
 def _names(layout: _Layout, columns: Sequence[str] | None) -> Sequence[str]:
@@ -273,13 +277,27 @@ def _rate(layout: _Layout, places: _Columns, fps: float | None) -> float | None:
         if fps is not None:
             raise ProblemError("fps: must be left out where times stand in place of frames")
         return None
-    rates = [rate for comment in layout.comments for rate in _FRAME_RATE.findall(comment)]
-    stated = {float(rate) for rate in rates if _is_number(rate)}
+    stated = _stated_rates(layout)
     if fps is not None:  # 29.97 is 29.97003
         fps = next((rate for rate in stated if math.isclose(fps, rate, rel_tol=1e-5)), float(fps))
     settled = _settled("fps", stated, fps)
     _check_rate(settled)
     return settled
+
+
+def _stated_rates(layout: _Layout) -> set[float]:
+    """Returns the rates that comments state by name, or else in words: 10 frames per second."""
+    named = [rate for comment in layout.comments for rate in _FRAME_RATE.findall(comment)]
+    rates = named or [
+        rate
+        for comment in layout.comments
+        if not _OTHER_RATE.search(comment)
+        for rate in _RATE_IN_WORDS.findall(comment)
+    ]
+    for rate in rates:
+        if "," in rate:
+            raise ProblemError(f"fps: must have a decimal point, not a comma: {rate[:40]!r}")
+    return {float(rate) for rate in rates if _is_number(rate)}
 
 
 def _settled(field: str, stated: set[T], given: T | None) -> T:
@@ -351,14 +369,13 @@ def _require_values(line: int, count: int, row: list[str], delimiter: str | None
 
 
 def _number(text: str, line: int, role: str) -> float:
-    try:
+    if _is_number(text):
         return float(text)
-    except ValueError as error:
-        if _DECIMAL_COMMA.fullmatch(text):
-            raise ProblemError(
-                f"line {line}, {role}: must have a decimal point, not a comma: {text[:40]!r}"
-            ) from error
-        raise ProblemError(f"line {line}, {role}: must be a number, not {text[:40]!r}") from error
+    if _DECIMAL_COMMA.fullmatch(text):
+        raise ProblemError(
+            f"line {line}, {role}: must have a decimal point, not a comma: {text[:40]!r}"
+        )
+    raise ProblemError(f"line {line}, {role}: must be a number, not {text[:40]!r}")
 
 
 def _word(text: str, line: int) -> str:

@@ -103,6 +103,17 @@ def test_the_projection_beside_a_grid_counts(
         assert_array_equal(read_raster(path).values, VALUES)
 
 
+def test_a_grid_of_tiny_cells_in_degrees_is_refused(grid: Callable[[str], Path]) -> None:
+    """Cells of 45 arc seconds would be 12.5 mm; a projection beside the grid settles it."""
+    header = "ncols 3\nnrows 2\nxllcorner {}\nyllcorner 43.2\ncellsize 0.0125\n"
+    path = grid(header.format(-2.9) + NUMBERS)
+    refused(path, "coordinates: must be metres of a projection, .* look like degrees; gdalwarp")
+    path.with_suffix(".prj").write_text('PROJCS["Lab",UNIT["Meter",1.0]]')
+    assert read_raster(path).cell == (0.0125, 0.0125)
+    path.with_suffix(".prj").unlink()
+    assert read_raster(grid(header.format(500) + NUMBERS)).cell == (0.0125, 0.0125)
+
+
 def test_rows_are_turned_north(grid: Callable[[str], Path]) -> None:
     """The first row of the file is the largest y, and the origin is the lower left corner."""
     raster = read_raster(grid(HEADER + NUMBERS))
@@ -299,6 +310,15 @@ def test_tiff_nodata_tag(tiff: Write, dtype: str, nodata: float) -> None:
     """The file's nodata value becomes holes in any type."""
     values = read_raster(tiff([[1, nodata], [3, 4]], dtype, nodata=nodata)).values
     assert_array_equal(values, [[3, 1], [4, math.nan]])
+
+
+def test_the_largest_byte_beside_low_ones_is_refused(tiff: Write) -> None:
+    """It is a code for no data, unless heights near it are there, too."""
+    path = tiff([[1, 255], [3, 4]], "uint8")
+    refused(path, "heights: must not jump from 4 to 255, the largest byte, .*nodata=255 says")
+    assert_array_equal(read_raster(path, nodata=255).values, [[3, 1], [4, math.nan]])
+    assert read_raster(tiff([[1, 255], [3, 240]], "uint8")).values.max() == 255
+    assert read_raster(tiff([[1, 255], [3, 4]], "int16")).values.max() == 255
 
 
 def test_tiff_mask(tiff: Write) -> None:

@@ -90,6 +90,10 @@ def test_the_example_in_the_manual_is_read(parts: Path) -> None:
         ("at = [30, 10]", f"at = [{EAST + 30}, {NORTH + 10}]"),
         ("at = [40, 20]", f"at = [{EAST + 20}, {NORTH + 20}]"),
         ("[[20, 20], [60, 22]]", str([[EAST + 20, NORTH + 20], [EAST + 60, NORTH + 22]])),
+        (
+            "[[40, 10], [50, 10], [50, 20]]",
+            str([[EAST + x, NORTH + y] for x, y in ((40, 10), (50, 10), (50, 20))]),
+        ),
         ("x = 30, y = 20,", f"x = {EAST + 45}, y = {NORTH + 40},"),
         ("starts = [", "motion = { layers = [4] }\nstarts = ["),
     ):
@@ -498,6 +502,71 @@ def test_a_mesh_elsewhere_is_refused(tmp_path: Path) -> None:
     text = FLAT + '[[mesh]]\nfile = "box.stl"\nat = [500, 0, 0]\n' + DRONE
     with pytest.raises(ProblemError, match=r"mesh\[0\]: must lie on the map, x 0\.\.20 "):
         read(write(tmp_path, text))
+
+
+def test_a_zone_elsewhere_is_refused(tmp_path: Path) -> None:
+    """A zone that lies wholly off the map closes nothing, and must be in other coordinates."""
+    zone = "[[no_fly]]\npolygon = [[500, 5], [510, 5], [510, 9]]\n"
+    with pytest.raises(
+        ProblemError, match=r"no_fly\[0\]: polygon: must lie on the map, x 0\.\.20 "
+    ):
+        read(write(tmp_path, FLAT + DRONE + zone))
+
+
+@pytest.mark.parametrize(
+    "table",
+    [
+        '[[tracks]]\nfile = "a\\u0000b"\nids = [1]\n',
+        '[[walls]]\nfile = "a\\u0000b"\nheight = 2\n',
+        '[[mesh]]\nfile = "a\\u0000b.obj"\n',
+    ],
+)
+def test_names_hold_no_nul(tmp_path: Path, table: str) -> None:
+    """No file can have such a name, and Python raises an error of its own."""
+    with pytest.raises(ProblemError, match="must be the name of a file, in which no character is"):
+        read(write(tmp_path, FLAT + DRONE + table))
+
+
+def test_numbers_of_too_many_digits_are_refused(tmp_path: Path) -> None:
+    """Python does not read them, which is no error of msgspec's."""
+    text = (FLAT + DRONE).replace("steps = 4", "steps = 4" + 4300 * "0")
+    with pytest.raises(ProblemError, match="toml: must hold whole numbers of at most 4300 digits"):
+        read(write(tmp_path, text))
+
+
+@pytest.mark.parametrize(
+    ("code", "size", "message"),
+    [
+        (4326, 40, "SRID: must be of a projection in metres, not 4326, degrees; ogr2ogr"),
+        (4674, 40, "SRID: must be of a projection in metres, not 4674, degrees; ogr2ogr"),
+        (3857, 4e5, "SRID: must be of a projection in metres, not 3857, web Mercator; ogr2ogr"),
+        (4647, 4e5, None),  # UTM, with the zone before the easting
+        (25830, 40, None),
+    ],
+)
+def test_systems_of_wkt_are_in_metres(
+    tmp_path: Path, code: int, size: float, message: str | None
+) -> None:
+    """What PostGIS writes before WKT says whether coordinates are degrees."""
+    ring = f"0 0, {size} 0, {size} {size}, 0 0"
+    (tmp_path / "walls.wkt").write_text(f"SRID={code};POLYGON (({ring}))")
+    table = WallsTable(file="walls.wkt", height=2.0, polygons="obstacles")
+    if message is None:
+        assert table.meshes(tmp_path, 0.0)[0].vertices.max() == size
+        return
+    with pytest.raises(ProblemError, match=message):
+        table.meshes(tmp_path, 0.0)
+
+
+def test_what_is_no_number_in_wkt_is_said_once(
+    tmp_path: Path, recwarn: pytest.WarningsRecorder
+) -> None:
+    """The error alone says it; no library warns besides."""
+    (tmp_path / "walls.wkt").write_text("POLYGON ((0 0, nan 5, 5 5, 0 0))")
+    table = WallsTable(file="walls.wkt", height=2.0, polygons="obstacles")
+    with pytest.raises(ProblemError, match="coordinates: must be finite numbers"):
+        table.meshes(tmp_path, 0.0)
+    assert not recwarn.list
 
 
 def test_walls_are_in_the_unit_that_their_file_states(tmp_path: Path) -> None:

@@ -88,6 +88,8 @@ def rows(separator: str = " ", end: str = "\n") -> str:
         ("a b c d\n" + rows(), {"columns": ("id", "frame", "x", "y")}),
         (rows(), {"columns": ("person", "FR", "X", "pos_y")}),
         ("# framerate: 8.00\n" + rows(), {"fps": 8.00004}),
+        ("# framerate: 8, of a camera of 50 fps\n" + rows(), {"fps": None}),
+        ("# 8 frames/s\n# smoothed at 2 Hz\n" + rows(), {"fps": None}),
     ],
 )
 def test_one_scene_in_many_spellings(tmp_path: Path, text: str, options: dict[str, Any]) -> None:
@@ -193,6 +195,18 @@ def test_height_is_the_median_of_z(tmp_path: Path) -> None:
         ("# framerate: 8\n" + HEADED, {}, "fps: must be 8.0, as the file states, not 1.0"),
         ("# unit: cm\n# x in mm\n" + HEADED, {}, "unit: must be one, but the file states cm and"),
         ("# fps: 8\n# fps: 9\n" + HEADED, {}, "fps: must be one, but the file states 8.0 and 9.0"),
+        (
+            "# framerate: 12,5 fps\n" + HEADED,
+            {},
+            "fps: must have a decimal point, not a comma: '12,5",
+        ),
+        ("# 12,5 Hz\n" + HEADED, {}, "fps: must have a decimal point, not a comma: '12,5'"),
+        ("# 10 frames per second\n" + HEADED, {}, "fps: must be 10.0, as the file states, not 1.0"),
+        ("# Hz = 10\n" + HEADED, {}, "fps: must be 10.0, as the file states, not 1.0"),
+        ("# recorded at 10 Hz\n" + HEADED, {}, "fps: must be 10.0, as the file states, not 1.0"),
+        ("# 25fps\n" + HEADED, {}, "fps: must be 25.0, as the file states, not 1.0"),
+        (HEADED + "1,2,1_0,2\n", {}, "line 4, x: must be a number, not '1_0'"),
+        (HEADED + "1,2,\u0661,2\n", {}, "line 4, x: must be a number, not '\u0661'"),
         ("# fps: 0\n" + HEADED, {"fps": None}, "fps: must be > 0"),
         (HEADED, {"fps": 0}, "fps: must be > 0"),
         (HEADED, {"fps": math.nan}, "fps: must be > 0"),
