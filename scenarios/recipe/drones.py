@@ -11,9 +11,12 @@ from cocap_opt.graph.encounters import NEAR, Encounters
 from cocap_opt.graph.motion import Window
 from cocap_opt.problem import Actor, Airspace, Camera, CollisionRules, Motion, Robot, State
 from cocap_opt.scenarios.cameras import CAMERAS
+from cocap_opt.scenarios.recipe.pace import IMPOSSIBLE
 from cocap_opt.scenarios.recipe.tables import Coordinate, Count, Length, Table
 from cocap_opt.scenarios.recipe.terrain import area, ends
 from cocap_opt.world.workspace import HeightMap, Workspace
+
+Heading = Annotated[float, Meta(ge=-360, le=360)]  # degrees
 
 
 class _StartTable(Table):
@@ -22,7 +25,7 @@ class _StartTable(Table):
     x: Coordinate
     y: Coordinate
     height: Coordinate | None = None  # one of the layers; None: the lowest
-    heading: Coordinate = 0.0
+    heading: Heading = 0.0
 
 
 class DronesTable(Table):
@@ -79,6 +82,22 @@ class DronesTable(Table):
                 raise ProblemError(f"count: must be at most {k} here; {room}")
             team.append(Robot(start=state_apart, motion=self.motion, camera=camera))
         return team
+
+    def require_pace(self, resolution: float, step: float) -> None:
+        """Raises a ProblemError if no drone could be so fast.
+
+        Parameters
+        ----------
+        resolution : edge of the map's cells, m
+        step : seconds between steps
+        """
+        speed = self.motion.radius * resolution / step
+        if speed > IMPOSSIBLE:
+            raise ProblemError(
+                f"motion.radius: must allow at most {IMPOSSIBLE:g} m/s, but {self.motion.radius} "
+                f"cells of {resolution:g} m in a step of {step:g} s are {speed:.4g} m/s: are "
+                "resolution and step right?"
+            )
 
     def _camera(self) -> Camera:
         if self.camera not in CAMERAS:

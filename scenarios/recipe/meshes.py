@@ -4,6 +4,7 @@ trimesh reads them: OBJ, STL, PLY and OFF, and glTF (GLB), whose y axis is upwar
 """
 
 import math
+import re
 import warnings
 from pathlib import Path
 from typing import Literal
@@ -81,16 +82,21 @@ def _load(path: Path) -> tuple[FloatArray, IntArray]:
         # trimesh warns of numbers that are refused below.
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")
+            if kind == ".ply":
+                _require_rows(path)
             with path.open("rb") as file:
                 scene = trimesh.load_scene(
                     file, file_type=kind[1:], resolver=_Beside(path.parent), skip_materials=True,
                     process=False,  # which would leave out corners that are no numbers
                 )  # fmt: skip
             shape = scene.to_mesh()
+            _require_vertices(shape.faces, len(shape.vertices))
             finite = bool(np.isfinite(shape.vertices).all())
             shape.merge_vertices(merge_tex=True, merge_norm=True)
             vertices = np.array(shape.vertices, dtype=np.float64)
             triangles = np.array(shape.faces, dtype=np.int64)
+    except ProblemError:
+        raise
     except OSError as error:
         raise ProblemError(f"cannot be read: {error.strerror or one_line(error)}") from error
     except ImportError as error:  # trimesh asks for another reader when a text is damaged
@@ -102,6 +108,26 @@ def _load(path: Path) -> tuple[FloatArray, IntArray]:
     if not len(triangles):
         raise ProblemError("must hold at least one triangle")
     return vertices, triangles
+
+
+def _require_vertices(triangles: IntArray, vertices: int) -> None:
+    """Raises a ProblemError if corners [M, 3] are no numbers of vertices; -1 is none."""
+    wrong = (triangles < 0) | (triangles >= vertices)
+    if wrong.any():
+        raise ProblemError(
+            f"faces: must name vertices 0..{vertices - 1}, not {triangles[wrong][0]}"
+        )
+
+
+def _require_rows(path: Path) -> None:
+    """Raises a ProblemError if a PLY file of text has fewer rows than its header says."""
+    head, _, body = path.read_bytes().partition(b"end_header")
+    if not re.search(rb"^\s*format\s+ascii\b", head, re.MULTILINE):
+        return  # trimesh compares the lengths of others
+    wanted = sum(map(int, re.findall(rb"^\s*element\s+\S+\s+(\d{1,18})\s*$", head, re.MULTILINE)))
+    rows = sum(1 for line in body.splitlines() if line.strip())
+    if rows < wanted:
+        raise ProblemError(f"must have {wanted} rows, as its header says, but ends after {rows}")
 
 
 def _placed(vertices: FloatArray, turn: float, at: tuple[float, float, float]) -> FloatArray:

@@ -9,7 +9,7 @@ from msgspec import Meta
 
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.problem import Actor, Shape
-from cocap_opt.scenarios.recipe.pace import pace_doubt
+from cocap_opt.scenarios.recipe.pace import IMPOSSIBLE, pace_doubt
 from cocap_opt.scenarios.recipe.tables import Count, Point, Size, Table, Unit
 from cocap_opt.scenarios.recipe.terrain import Terrain
 from cocap_opt.scenarios.recipe.tracks import BODY, MOST_GAP, SLACK, STILL, Track
@@ -129,6 +129,8 @@ class WalkTable(Table):
         ProblemError
             If the way begins beyond its end, or nobody could be so fast.
         """
+        if self.speed > IMPOSSIBLE:  # a short way may end before it shows
+            raise ProblemError(f"speed: must be at most {IMPOSSIBLE:g} m/s, not {self.speed:g}")
         points = self._along(step, steps)
         floor = [terrain.floor(x, y) for x, y in points.tolist()]
         yaw = Track.headings(points, STILL * step)

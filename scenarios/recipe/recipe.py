@@ -165,6 +165,7 @@ def read(path: Path, seed: int = 0) -> Problem:
         team: list[Robot] = []
         for k, given in enumerate(recipe.drones):
             with naming(f"drones[{k}]"):
+                given.require_pace(terrain.height_map.resolution, recipe.step)
                 team = given.added_to(team, workspace, actors, recipe.steps, rules, airspace, rng)
         return Problem(
             name=recipe.name or path.stem,

@@ -287,6 +287,10 @@ def test_seeds_place_drones_and_nothing_else(tmp_path: Path) -> None:
         (("size = [20, 12]", "file = 'a.tif'"), r"map: .*a\.tif: cannot be read"),
         (("size = [20, 12]", "file = 'a.tif'\nheights = 'absolute'"), "map: ground: must be given"),
         (("x = 2.5", "x = 25"), r"drones\[0\]: starts: must lie on the map, not at \(25, 6.5\)"),
+        (("heading = 0", "heading = 1e9"), r"drones\[0\].starts\[0\].heading: must be a number <="),
+        (("steps = 4", "steps = 4\nstep = 1e-9"),
+         r"drones\[0\]: motion.radius: must allow at most 100 m/s, but 1 cells of 1 m in a"),
+        (("speed = 1.5", "speed = 500"), r"walk\[0\]: speed: must be at most 100 m/s, not 500"),
         (("heading = 0", "height = 3"), r"drones\[0\]: starts.height: must be one of the layers 5"),
         (("starts", "camera = 'gopro'\nstarts"), r"drones\[0\]: camera: must be one of px4-mono"),
         (("starts", "count = 1\nstarts"), r"drones\[0\]: must have either starts or a count"),
@@ -296,7 +300,7 @@ def test_seeds_place_drones_and_nothing_else(tmp_path: Path) -> None:
         (("points", "points = ["), "scene.toml: "),
         (("speed = 1.5", "first = 11"), r"walk\[0\]: first: must be at most 10 m, the length of"),
         (("[15, 6]]\nspeed = 1.5", "[900, 6]]\nspeed = 150"),
-         r"walk\[0\]: the walk from \(5, 6\) m must be slower than 100 m/s, but moves by 150 m"),
+         r"walk\[0\]: speed: must be at most 100 m/s, not 150"),
     ],
 )  # fmt: skip
 def test_mistakes_are_named(tmp_path: Path, change: tuple[str, str], message: str) -> None:
@@ -494,6 +498,26 @@ def test_a_mesh_reads_no_pipes(tmp_path: Path) -> None:
     for name, content in gltf.items():
         (tmp_path / name).write_bytes(content)
     assert read_mesh(tmp_path / "model.gltf").is_solid
+
+
+@pytest.mark.parametrize(
+    ("faces", "message"),
+    [
+        ("3 0 1 2\n3 0 1 -1\n", r"a\.ply: faces: must name vertices 0\.\.3, not -1"),
+        ("3 0 1 2\n3 0 1 4\n", r"a\.ply: "),
+        ("3 0 1 2\n", r"a\.ply: must have 6 rows, as its header says, but ends after 5"),
+    ],
+)
+def test_faces_of_ply_name_vertices_and_are_all_there(
+    tmp_path: Path, faces: str, message: str
+) -> None:
+    """An index below 0 is not counted from the end, and a file that was cut is not read."""
+    head = "ply\nformat ascii 1.0\nelement vertex 4\n"
+    head += "".join(f"property float {axis}\n" for axis in "xyz")
+    head += "element face 2\nproperty list uchar int vertex_indices\nend_header\n"
+    (tmp_path / "a.ply").write_text(head + "0 0 0\n1 0 0\n0 1 0\n0 0 1\n" + faces)
+    with pytest.raises(ProblemError, match=message):
+        read_mesh(tmp_path / "a.ply")
 
 
 def test_a_mesh_elsewhere_is_refused(tmp_path: Path) -> None:
