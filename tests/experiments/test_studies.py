@@ -175,6 +175,7 @@ def test_stored_prices_are_those_of_the_methods() -> None:
             assert branch_and_price(problem).value == pytest.approx(point.best, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_separations_are_measured(tmp_path: Path) -> None:
     """A row and a point for each separation, under the same starts; wider is never better."""
     done = study("separation", "--scene", "tiny-approach", "--seeds", "0", "--metres", 1,
