@@ -159,8 +159,7 @@ class Model:
         @lru_cache(_KEPT)
         def near(number: int, cell: Cell) -> IntArray:
             rules, graph = self.problem.rules, self.classes[number].graph
-            reach = math.ceil(rules.separation / self.problem.height_map.resolution)
-            places = graph.places_around(cell.x, cell.y, reach)
+            places = graph.places_around(cell.x, cell.y, self.problem.cells_apart)
             ways = self.positions[number][places] - self.problem.positions([cell])
             return places[rules.too_near(ways)]
 
@@ -171,9 +170,8 @@ class Model:
         @lru_cache(_KEPT)
         def near(number: int, move: tuple[Cell, Cell]) -> IntArray:
             rules, graph = self.problem.rules, self.classes[number].graph
-            reach = math.ceil(rules.separation / self.problem.height_map.resolution)
             (x, y, _), (u, v, _) = move
-            tails, heads = graph.moves_past((x, y), (u, v), reach)
+            tails, heads = graph.moves_past((x, y), (u, v), self.problem.cells_apart)
             here, there = self.problem.positions(move)
             own = self.positions[number][tails], self.positions[number][heads]
             between = rules.conflict_between((here, there), own)

@@ -1,6 +1,5 @@
 """Constraints of one robot, as charges on its graph: from other robots' paths, or one conflict."""
 
-import math
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
 
@@ -75,9 +74,8 @@ def _near_middle(model: Model, robot_class: RobotClass, conflict: VertexConflict
     one, other = model.problem.positions(conflict.cells)
     if not rules.near_point((other - one) / 2):
         return _NOTHING[:, 0]
-    reach = math.ceil(rules.separation / model.problem.height_map.resolution)
     x, y, _ = conflict.cells[0]
-    places = graph.places_around(x, y, reach)
+    places = graph.places_around(x, y, model.problem.cells_apart)
     return places[rules.near_point(model.where(robot_class, places) - (one + other) / 2)]
 
 
@@ -92,8 +90,7 @@ def _passing_middle(
     if not rules.near_point((other - one) / 2):
         return _NOTHING[:, :2]
     (x, y, _), (u, v, _) = conflict.moves[0]
-    reach = math.ceil(rules.separation / model.problem.height_map.resolution)
-    moves = graph.moves_past((x, y), (u, v), reach)
+    moves = graph.moves_past((x, y), (u, v), model.problem.cells_apart)
     before, after = (model.where(robot_class, places) for places in moves)
     ways = (1 - share) * before + share * after - (one + other) / 2
     return np.column_stack(moves)[rules.near_point(ways)]

@@ -304,6 +304,11 @@ class Problem(Data, frozen=True, eq=False, dict=True):
         rows = [(c.x * size, c.y * size, altitude(c.x, c.y, self.layers[c.layer])) for c in cells]
         return np.array(rows).reshape(-1, 3)
 
+    @property
+    def cells_apart(self) -> int:
+        """Number of cells along an axis from which on no two robots are too near."""
+        return math.ceil(self.rules.separation / self.height_map.resolution)
+
     def too_close(self, a: Cell, b: Cell) -> bool:
         """Returns True if two robots in cells `a` and `b` at one step break a rule."""
         one, other = self.positions([a, b])

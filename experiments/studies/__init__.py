@@ -5,6 +5,6 @@ the cost and the accuracy of coverage, and the speed of planners.
 """
 
 __all__ = [
-    "app", "coverage", "gamma", "growth", "notebooks", "paper", "pictures", "runs", "solvers",
-    "speed", "start_sets", "views",
+    "app", "coverage", "gamma", "growth", "notebooks", "paper", "pictures", "runs",
+    "separation", "solvers", "speed", "start_sets", "views",
 ]  # fmt: skip

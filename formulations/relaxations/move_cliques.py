@@ -4,7 +4,6 @@ All moves that are at one moment of a step nearer to one point than half the sep
 clique (`CollisionRules.near_point`).
 """
 
-import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -44,7 +43,7 @@ class CliquesOfMoves:
         model, found = self._model, dict[_Move, float]()
         for number, robot_class in enumerate(model.classes):
             graph, cells = robot_class.graph, model.cells[number]
-            tails, heads = graph.moves_past(*point.move, point.reach)
+            tails, heads = graph.moves_past(*point.move, model.problem.cells_apart)
             at = model.positions[number]
             passing, far = self._passing(point, at[tails], at[heads])
             ends = zip(tails[passing].tolist(), heads[passing].tolist(), strict=True)
@@ -67,9 +66,8 @@ class CliquesOfMoves:
         a, b, c, d = self._model.problem.positions([*one, *other])
         share = float(self._rules.closest(c - a, d - b).share)
         (x, y, _), (u, v, _) = one
-        reach = math.ceil(self._rules.separation / self._model.problem.height_map.resolution)
         middle = ((1 - share) * (a + c) + share * (b + d)) / 2
-        return _Point(middle, share, ((x, y), (u, v)), reach)
+        return _Point(middle, share, ((x, y), (u, v)))
 
     def _passing(
         self, point: "_Point", tails: FloatArray, heads: FloatArray
@@ -87,4 +85,3 @@ class _Point(NamedTuple):
     middle: FloatArray  # [3] m
     share: float  # of the step
     move: tuple[tuple[int, int], tuple[int, int]]  # one of those that pass, from cell to cell
-    reach: int  # cells, in which all others pass that one

@@ -4,6 +4,7 @@
 """
 
 __all__ = [
+    "airspace",
     "drones",
     "geotiff",
     "ground_plans",
@@ -14,6 +15,7 @@ __all__ = [
     "raster_files",
     "recipe",
     "resample",
+    "rules",
     "tables",
     "terrain",
     "track_doubts",
