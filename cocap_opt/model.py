@@ -8,6 +8,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from itertools import pairwise
 
 import numpy as np
 
@@ -36,6 +37,7 @@ _BYTES_PER_STATE, _BYTES_PER_FACE = 33, 2
 
 
 _KEPT = 20_000  # cells and moves for which the places and moves that conflict are kept
+_KEPT_PATHS = 500  # the same of paths
 
 
 def _tell_nobody(done: int, total: int) -> None:
@@ -142,6 +144,21 @@ class Model:
         """
         return self._moves_too_close(self.classes.index(robot_class), move)
 
+    def cells_along(self, robot: int, path: Path) -> tuple[Cell, ...]:
+        """Returns the cells of a robot's path of state numbers, step by step."""
+        return self._cells_along(robot, path)
+
+    def path_too_close(
+        self, robot_class: RobotClass, cells: tuple[Cell, ...]
+    ) -> tuple[IntArray, IntArray]:
+        """Returns what conflicts with a robot that is in these cells at the steps 0..T.
+
+        Returns
+        -------
+        Places of the class as (t, place) [n, 2], and its moves as (t, tail, head) [m, 3].
+        """
+        return self._path_too_close(self.classes.index(robot_class), cells)
+
     @cached_property
     def positions(self) -> tuple[FloatArray, ...]:
         """Where robots are in every place [P, 3] of every class, in m from the map's corner.
@@ -176,6 +193,25 @@ class Model:
             own = self.positions[number][tails], self.positions[number][heads]
             between = rules.conflict_between((here, there), own)
             return np.column_stack([tails, heads])[between]
+
+        return near
+
+    @cached_property
+    def _cells_along(self) -> Callable[[int, Path], tuple[Cell, ...]]:
+        @lru_cache(_KEPT_PATHS)
+        def cells(robot: int, path: Path) -> tuple[Cell, ...]:
+            state = self.class_of[robot].graph.state
+            return tuple(self.problem.cell(robot, state(number)) for number in path)
+
+        return cells
+
+    @cached_property
+    def _path_too_close(self) -> Callable[[int, tuple[Cell, ...]], tuple[IntArray, IntArray]]:
+        @lru_cache(_KEPT_PATHS)
+        def near(number: int, cells: tuple[Cell, ...]) -> tuple[IntArray, IntArray]:
+            places = [self._places_too_close(number, cell) for cell in cells]
+            moves = [self._moves_too_close(number, move) for move in pairwise(cells)]
+            return _at_steps([some[:, None] for some in places], 1), _at_steps(moves, 2)
 
         return near
 
@@ -468,6 +504,12 @@ class _Coverage:
         part = _Coverage(self.problem, self._use_cache)
         part._tables = {_sight(spec): self.known(spec) for spec in self.problem.robots}
         return part
+
+
+def _at_steps(what: list[IntArray], width: int) -> IntArray:
+    """Returns rows [n_t, width] of the steps t = 0.. as one array [n, 1 + width], t before each."""
+    steps = np.repeat(np.arange(len(what)), [len(some) for some in what])
+    return np.column_stack([steps, np.concatenate([np.empty((0, width), np.int64), *what])])
 
 
 def _sight(spec: Robot) -> Sight:

@@ -62,6 +62,12 @@ def marginal_reward(model: Model, robot_class: RobotClass, pixels: FloatArray) -
     pixels : [Z] that the other robots have
     """
     table = model.coverage(robot_class)
-    gain = marginal_gain(pixels[table.view_sums], table.pixels)
-    gain *= model.problem.view_sum_weights[table.view_sums]
+    # As `marginal_gain`, times the weights, in few arrays of the table's size: it takes most of
+    # the time of planning in large scenes. Without the check of bounds `take` is twice as quick.
+    gain = np.take(pixels, table.view_sums, mode="clip")
+    gain += table.pixels
+    np.sqrt(gain, out=gain)
+    other = np.take(np.sqrt(pixels), table.view_sums, mode="clip")
+    gain -= other
+    gain *= np.take(model.problem.view_sum_weights, table.view_sums, mode="clip", out=other)
     return model.spread(robot_class, table.row_sums(gain))

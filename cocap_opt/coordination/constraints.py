@@ -1,35 +1,31 @@
 """Constraints of one robot, as charges on its graph: from other robots' paths, or one conflict."""
 
-from collections.abc import Iterable, Sequence
-from itertools import pairwise
+from collections.abc import Iterable
 
 import numpy as np
 
 from cocap_opt.data import IntArray
 from cocap_opt.graph.charges import NO_CHARGES, Charges
 from cocap_opt.model import Model, RobotClass
-from cocap_opt.problem import Conflict, PassConflict, State, SwapConflict, VertexConflict
+from cocap_opt.problem import Cell, Conflict, PassConflict, SwapConflict, VertexConflict
 
 
 def avoid_paths(
-    model: Model, robot_class: RobotClass, others: Iterable[tuple[int, Sequence[State]]]
+    model: Model, robot_class: RobotClass, others: Iterable[tuple[Cell, ...]]
 ) -> Charges:
     """Returns charges that close all places and moves in conflict with other robots' paths.
 
     Parameters
     ----------
-    others : (robot number, its T+1 states)
+    others : the T+1 cells of each of them
     """
-    problem = model.problem
-    if problem.rules.none:
+    if model.problem.rules.none:
         return NO_CHARGES
     places, moves = [_NOTHING[:, :2]], [_NOTHING]
-    for robot, path in others:
-        cells = [problem.cell(robot, state) for state in path]
-        for t, cell in enumerate(cells):
-            places.append(_at(t, model.places_too_close(robot_class, cell)[:, None]))
-        for t, move in enumerate(pairwise(cells)):
-            moves.append(_at(t, model.moves_too_close(robot_class, move)))
+    for cells in others:
+        near, passing = model.path_too_close(robot_class, cells)
+        places.append(near)
+        moves.append(passing)
     return Charges.closing(np.concatenate(places), np.concatenate(moves))
 
 

@@ -2,13 +2,20 @@
 
 from typing import Protocol
 
-from cocap_opt.planners.cocap import cocap, cocap_vs, cocap_vs_undiscounted
+from cocap_opt.planners.cocap import (
+    cocap,
+    cocap_focal,
+    cocap_rounds,
+    cocap_vs,
+    cocap_vs_undiscounted,
+)
+from cocap_opt.planners.cocap_lns import cocap_lns
 from cocap_opt.planners.formation import formation
 from cocap_opt.planners.greedy import greedy, greedy_rounds
 from cocap_opt.planners.joint import joint
 from cocap_opt.planners.myopic import myopic
 from cocap_opt.planners.one_step import one_step
-from cocap_opt.planners.sequential import sequential
+from cocap_opt.planners.sequential import best_of_orders, sequential, sequential_rounds
 from cocap_opt.problem import Problem
 from cocap_opt.result import Result
 from cocap_opt.stop import Stop, never
@@ -27,9 +34,14 @@ PLANNERS: dict[str, Planner] = {
     "greedy": greedy,
     "greedy-rounds": greedy_rounds,
     "sequential": sequential,
+    "sequential-rounds": sequential_rounds,
+    "best-of-orders": best_of_orders,
     "cocap": cocap,
     "cocap-vs": cocap_vs,
     "cocap-vs-undiscounted": cocap_vs_undiscounted,
+    "cocap-rounds": cocap_rounds,
+    "cocap-focal": cocap_focal,
+    "cocap-lns": cocap_lns,
     "joint": joint,
     "formation": formation,
     "myopic": myopic,

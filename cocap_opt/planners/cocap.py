@@ -21,7 +21,7 @@ paper's background section speaks of least cost. Limits, statistics and the plan
 time runs out are in `constraint_tree`.
 """
 
-from cocap_opt.planners.constraint_tree import ConstraintTree, Node, OpenNodes
+from cocap_opt.planners.constraint_tree import ConstraintTree, FocalNodes, Node, OpenNodes
 from cocap_opt.planners.low_level import LowLevel, value_iteration
 from cocap_opt.planners.team import Team
 from cocap_opt.planners.view_search import Undiscounted, ViewSearch
@@ -82,3 +82,31 @@ def cocap_vs(problem: Problem, stop: Stop = never) -> Result:
 def cocap_vs_undiscounted(problem: Problem, stop: Stop = never) -> Result:
     """Plan as `cocap-vs` does, with a discount in the queue's order only, not in the rewards."""
     return cocap(problem, stop, low_level=ViewSearch(Undiscounted()))
+
+
+@timed
+def cocap_rounds(problem: Problem, stop: Stop = never) -> Result:
+    """Plan as `cocap` does, from a root that is planned in rounds of best responses."""
+    return _from_rounds(problem, stop, OpenNodes())
+
+
+@timed
+def cocap_focal(problem: Problem, stop: Stop = never) -> Result:
+    """Plan as `cocap-rounds` does, with a focal list, and with rounds that obey the rules at last.
+
+    Of the open nodes within 1 % of the greatest J that of the fewest conflicts comes first.
+    """
+    return _from_rounds(problem, stop, FocalNodes(), polish=True)
+
+
+def _from_rounds(
+    problem: Problem, stop: Stop, open_nodes: OpenNodes, polish: bool = False
+) -> Result:
+    """Return the result of Alg. 1 from a root that is planned in rounds."""
+    team = Team.of(problem, value_iteration, stop)
+    tree = ConstraintTree(team, value_iteration, stop, open_nodes, rounds=True)
+    try:
+        found = algorithm_1(tree, open_nodes)
+    except LimitReached as reached:
+        return tree.stopped(reached.limit)
+    return tree.polished(found) if polish and found else tree.result(found)

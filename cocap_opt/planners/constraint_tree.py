@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 
 from cocap_opt.coordination.constraints import forbid
 from cocap_opt.graph.charges import NO_CHARGES, Charges
-from cocap_opt.planners.low_level import LowLevel, SingleRobotPath, SingleRobotTask
+from cocap_opt.planners.low_level import LowLevel
+from cocap_opt.planners.responses import Responses, followed, in_rounds, one_by_one
 from cocap_opt.planners.sequential import sequential
 from cocap_opt.planners.team import Team
 from cocap_opt.problem import Conflict
@@ -24,6 +25,11 @@ class Node:
     constraints: tuple[Charges, ...]  # per robot
     value: float  # J
     depth: int = 0  # number of constraints on the way from the root
+
+    @property
+    def conflicts(self) -> tuple[Conflict, ...]:
+        """Conflicts of the node's plan, earliest step first."""
+        return self.team.conflicts
 
 
 class OpenNodes:
@@ -55,30 +61,78 @@ class OpenNodes:
         return self.last
 
 
-class ConstraintTree:
-    """Makes the nodes of a constraint tree, and keeps what a result says of the search."""
+class FocalNodes(OpenNodes):
+    """Queue that takes of the nodes of nearly the greatest J the one with the fewest conflicts.
 
-    def __init__(self, team: Team, low_level: LowLevel, stop: Stop, open_nodes: OpenNodes) -> None:
+    It gives up a little J to come to a plan without conflicts sooner: where many robots meet, the
+    node of greatest J nearly always has conflicts left. Source: focal search as in Enhanced
+    Conflict-Based Search (Barer et al. 2014), there for the least cost.
+
+    Parameters
+    ----------
+    within : share of the greatest J that a node may lack, 0..1
+    """
+
+    def __init__(self, within: float = 0.01) -> None:
+        super().__init__()
+        self._within = within
+        self._nodes: list[Node] = []
+
+    def __bool__(self) -> bool:
+        return bool(self._nodes)
+
+    def push(self, node: Node) -> None:
+        """Add a node."""
+        self._nodes.append(node)
+        self.pushed += 1
+
+    def pop(self) -> Node:
+        """Take the node with the fewest conflicts, of those the greatest J, then the oldest."""
+        least = max(node.value for node in self._nodes) * (1 - self._within)
+        focal = [n for n, node in enumerate(self._nodes) if node.value >= least]
+        first = min(focal, key=lambda n: (len(self._nodes[n].conflicts), -self._nodes[n].value, n))
+        self.popped += 1
+        self.last = self._nodes.pop(first)
+        return self.last
+
+
+class ConstraintTree:
+    """Makes the nodes of a constraint tree, and keeps what a result says of the search.
+
+    Parameters
+    ----------
+    team : of which nobody is planned yet, or the first robots are
+    rounds : the root is planned in rounds of best responses; else once, as published
+    """
+
+    def __init__(
+        self,
+        team: Team,
+        low_level: LowLevel,
+        stop: Stop,
+        open_nodes: OpenNodes,
+        rounds: bool = False,
+    ) -> None:
         self._model, self._low_level, self._stop = team.model, low_level, stop
-        self._open = open_nodes
+        self._responses = Responses(low_level, stop, rules=False)
+        self._open, self._rounds = open_nodes, rounds
         self._team = team  # of the root, as far as it is planned
         self._spare: Result | None = None  # of sequential planning, once the tree is large
-        self._evaluated = 0  # states whose coverage was needed by a lazy low level
 
     def root(self) -> Node | None:
         """Node of every robot's best path given the earlier ones; None where one has no path."""
-        robots = range(len(self._model.problem.robots))
-        for robot in robots:
-            single = self._planned(self._team, robot, NO_CHARGES)
-            if single.path is None:
-                return None
-            self._team = self._team.with_path(robot, single)
-        return Node(self._team, (NO_CHARGES,) * len(robots), self._team.value)
+        for team in one_by_one(self._team, self._responses):
+            self._team = team
+        if not self._team.is_whole:
+            return None
+        if self._rounds:
+            for team in in_rounds(self._team, self._responses):
+                self._team = team
+        return Node(self._team, (NO_CHARGES,) * self._team.size, self._team.value)
 
     def first_conflict(self, node: Node) -> Conflict | None:
         """Earliest conflict of a node's plan, of the first robots."""
-        plan = self._model.plan(node.team.paths)
-        return next(plan.conflicts(self._model.problem), None)
+        return next(iter(node.conflicts), None)
 
     def child(self, node: Node, conflict: Conflict, robot: int) -> Node | None:
         """Node in which a robot of the conflict gives way; None where that leaves it no path.
@@ -89,24 +143,18 @@ class ConstraintTree:
         self._stop.begin_work()
         which = conflict.robots.index(robot)
         charges = forbid(self._model, conflict, which, node.constraints[robot])
-        single = self._planned(node.team, robot, charges)
+        single = self._responses.charged(node.team, robot, charges)
         if single.path is None:
             return None
         team = node.team.with_path(robot, single)
         constraints = (*node.constraints[:robot], charges, *node.constraints[robot + 1 :])
         return Node(team, constraints, team.value, node.depth + 1)
 
-    def _planned(self, team: Team, robot: int, charges: Charges) -> SingleRobotPath:
-        task = SingleRobotTask(self._model, robot, team.others(robot), charges, self._stop)
-        single = self._low_level(task)
-        self._evaluated += single.evaluated
-        return single
-
     def _keep_spare_plan(self) -> None:
         """Plan sequentially once the tree is large: a plan for the case that time runs out."""
         if self._spare is None and self._open.pushed >= SPARE_FROM:
             self._spare = sequential(self._model.problem, self._stop, self._low_level)
-            self._evaluated += int(self._spare.statistics.get("evaluated", 0))
+            self._responses.evaluated += int(self._spare.statistics.get("evaluated", 0))
 
     # -- results --------------------------------------------------------------------------
 
@@ -118,6 +166,16 @@ class ConstraintTree:
                 Reason.INFEASIBLE, words, self._statistics(self._open.popped)
             )
         return found.team.result(statistics=self._statistics(self._open.popped - 1))
+
+    def polished(self, found: Node) -> Result:
+        """Result of a search that ran to its end, after rounds of best responses.
+
+        These obey the rules, and end where no robot alone can gain.
+        """
+        responses = Responses(self._low_level, self._stop)
+        team, limit = followed(found.team, in_rounds(found.team, responses))
+        self._responses.evaluated += responses.evaluated
+        return team.result(limit, self._statistics(self._open.popped - 1))
 
     def stopped(self, limit: Limit) -> Result:
         """Result of a search that a limit has stopped."""
@@ -133,5 +191,5 @@ class ConstraintTree:
             "generated": self._open.pushed,
             "expanded": expanded,
             "depth": self._open.last.depth if self._open.last else 0,
-            "evaluated": self._evaluated,
+            "evaluated": self._responses.evaluated,
         }

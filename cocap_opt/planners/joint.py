@@ -49,7 +49,7 @@ def joint(problem: Problem, stop: Stop = never) -> Result:
     except LimitReached as reached:
         if reached.limit is Limit.MEMORY:
             return Result.stopped_without_plan(reached.limit)
-        return Team(model).without_conflicts(reached.limit, {})
+        return Team.nobody(model).without_conflicts(reached.limit, {})
     if paths is None:
         return Result.without_plan(
             Reason.INFEASIBLE, "no plan obeys the rules: no pair of paths is left"

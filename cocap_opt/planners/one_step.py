@@ -19,7 +19,7 @@ from cocap_opt.objective import marginal_gain
 from cocap_opt.planners.lazy_coverage import LazyCoverage
 from cocap_opt.planners.low_level import SingleRobotPath
 from cocap_opt.planners.team import Team
-from cocap_opt.problem import Problem, State
+from cocap_opt.problem import Cell, Problem, State
 from cocap_opt.result import Reason, Result
 from cocap_opt.stop import LimitReached, Stop, never
 from cocap_opt.timing import timed
@@ -105,7 +105,7 @@ def _at_starts(model: Model) -> list[_Flight]:
 def _open_heads(model: Model, flights: list[_Flight], robot: int, t: int) -> IntArray:
     """States that a robot may go to from step t, those before it having moved."""
     flight = flights[robot]
-    others = _others(flights, robot, t)
+    others = _others(model.problem, flights, robot, t)
     closed = avoid_paths(model, flight.robot_class, others)
     graph, tail = flight.robot_class.graph, flight.path[-1]
     heads = graph.successors(t, tail)
@@ -115,12 +115,12 @@ def _open_heads(model: Model, flights: list[_Flight], robot: int, t: int) -> Int
 
 
 def _others(
-    flights: list[_Flight], robot: int, t: int
-) -> Iterable[tuple[int, tuple[State, State]]]:
-    """Places of the others at step t and at the next: there still, if they have not moved."""
+    problem: Problem, flights: list[_Flight], robot: int, t: int
+) -> Iterable[tuple[Cell, Cell]]:
+    """Cells of the others at step t and at the next: there still, if they have not moved."""
     for other, flight in enumerate(flights):
         if other != robot:
-            yield other, (flight.state(t), flight.state(-1))
+            yield problem.cell(other, flight.state(t)), problem.cell(other, flight.state(-1))
 
 
 def _stay(model: Model, flights: list[_Flight]) -> bool:

@@ -1,19 +1,22 @@
 """Sequential planning with earlier robots as moving obstacles (prioritised planning).
 
 Source: Greedy Perspectives, "sequential planning with inter-robot collision constraints".
+Rounds of best responses and several orders of the robots are what is usually added to it.
 """
 
-from cocap_opt.coordination.constraints import avoid_paths
-from cocap_opt.planners.low_level import (
-    LowLevel,
-    SingleRobotTask,
-    value_iteration,
-)
+from collections.abc import Iterator
+
+import numpy as np
+
+from cocap_opt.planners.low_level import LowLevel, value_iteration
+from cocap_opt.planners.responses import Responses, followed, in_rounds, one_by_one
 from cocap_opt.planners.team import Team
-from cocap_opt.problem import Problem, State
+from cocap_opt.problem import Problem
 from cocap_opt.result import Reason, Result
-from cocap_opt.stop import LimitReached, Stop, never
+from cocap_opt.stop import Limit, Stop, never
 from cocap_opt.timing import timed
+
+ORDERS = 10  # of `best_of_orders`
 
 
 @timed
@@ -26,24 +29,63 @@ def sequential(
     so that a robot for which no time is left can stay there. A robot for which no path is left
     ends the attempt: that is a failure of the order, and proves nothing.
     """
-    team, limit = Team.of(problem, low_level, stop), None
-    model = team.model
-    others: dict[int, tuple[State, ...]] = {
-        i: (robot.start,) * (problem.horizon + 1) for i, robot in enumerate(problem.robots)
-    }
-    try:
-        for robot in range(len(problem.robots)):
-            del others[robot]
-            charges = avoid_paths(model, model.class_of[robot], others.items())
-            single = low_level(SingleRobotTask(model, robot, team.others(robot), charges, stop))
-            if single.path is None:
-                words = f"drone {robot} has no path left beside the drones before it"
-                return Result.without_plan(Reason.FAILED, words, {"failed_robot": robot})
-            team = team.with_path(robot, single)
-            others[robot] = tuple(map(model.class_of[robot].graph.state, single.path))
-    except LimitReached as reached:
-        first, team, limit = len(team.found), team.hovering(), reached.limit
-        for robot in range(first, len(team.found)):
-            if team.found[robot].path is None:
-                return Result.stopped_without_plan(limit, {"failed_robot": robot})
-    return team.result(limit)
+    team = Team.of(problem, low_level, stop)
+    return _result(*followed(team, one_by_one(team, Responses(low_level, stop))))
+
+
+@timed
+def sequential_rounds(
+    problem: Problem, stop: Stop = never, low_level: LowLevel = value_iteration
+) -> Result:
+    """Plan as `sequential` does, then in rounds of best responses that obey the rules.
+
+    In a round each robot in turn is planned again, clear of all others and for what it adds to
+    what they see. It ends with a plan that no robot alone can better.
+    """
+    team = Team.of(problem, low_level, stop)
+    return _result(*followed(team, then_in_rounds(team, Responses(low_level, stop))))
+
+
+@timed
+def best_of_orders(problem: Problem, stop: Stop = never, orders: int = ORDERS) -> Result:
+    """Plan sequentially in several orders, and keep the best plan.
+
+    Parameters
+    ----------
+    orders : how many; the first is that of the robots' numbers, the others are random
+    """
+    team = Team.of(problem, value_iteration, stop)
+    return _result(*followed(team, _in_orders(team, Responses(value_iteration, stop), orders)))
+
+
+def then_in_rounds(nobody: Team, responses: Responses) -> Iterator[Team]:
+    """Yield the team after each robot is planned, and then after each best response that gains."""
+    team = nobody
+    for team in one_by_one(nobody, responses):
+        yield team
+    if team.is_whole:
+        yield from in_rounds(team, responses)
+
+
+def _in_orders(nobody: Team, responses: Responses, orders: int) -> Iterator[Team]:
+    """Yield each better team; before there is a whole one, also the teams that lead to it."""
+    rng, best = np.random.default_rng(0), None
+    for n in range(orders):
+        order = rng.permutation(nobody.size).tolist() if n else None
+        for team in one_by_one(nobody, responses, order):
+            if best is None or (team.is_whole and team.gains_over(best)):
+                yield team
+                best = team if team.is_whole else None
+
+
+def _result(team: Team, limit: Limit | None) -> Result:
+    """Return the result of a team that is planned as far as a limit or the others let it be."""
+    if not team.is_whole and limit is None:
+        robot = team.found.index(None)
+        words = f"drone {robot} has no path left beside the drones before it"
+        return Result.without_plan(Reason.FAILED, words, {"failed_robot": robot})
+    whole = team.hovering()
+    if not whole.is_whole:
+        robot = next(i for i, single in enumerate(whole.found) if single and not single.path)
+        return Result.stopped_without_plan(limit or Limit.NONE, {"failed_robot": robot})
+    return whole.result(limit)

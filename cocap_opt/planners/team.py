@@ -1,14 +1,16 @@
 """Paths of a team as they are found robot by robot, and the results made of them."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+from cocap_opt.coordination.constraints import avoid_paths
 from cocap_opt.data import FloatArray
+from cocap_opt.graph.charges import Charges
 from cocap_opt.model import Model, Path, compiled
 from cocap_opt.objective import objective
-from cocap_opt.planners.low_level import LowLevel, SingleRobotPath
-from cocap_opt.problem import Cell, Problem
+from cocap_opt.planners.low_level import LowLevel, SingleRobotPath, SingleRobotTask
+from cocap_opt.problem import Cell, Conflict, Problem
 from cocap_opt.result import Reason, Result
 from cocap_opt.stop import Limit, Stop
 
@@ -20,10 +22,15 @@ ONE_STEP_AT_A_TIME = (
 
 @dataclass(frozen=True)
 class Team:
-    """Paths found so far and the pixels along them, robot by robot."""
+    """Paths found so far and the pixels along them, robot by robot.
+
+    Attributes
+    ----------
+    found : [R] a path of each robot; None where it is not planned yet
+    """
 
     model: Model
-    found: tuple[SingleRobotPath, ...] = ()
+    found: tuple[SingleRobotPath | None, ...]
 
     @classmethod
     def of(cls, problem: Problem, low_level: LowLevel, stop: Stop) -> "Team":
@@ -33,43 +40,89 @@ class Team:
         (`Model.covered_by`).
         """
         model = compiled(problem)
-        return cls(model if getattr(low_level, "is_lazy", False) else model.covered_by(stop))
+        is_lazy = getattr(low_level, "is_lazy", False)
+        return cls.nobody(model if is_lazy else model.covered_by(stop))
+
+    @classmethod
+    def nobody(cls, model: Model) -> "Team":
+        """Return a team of which nobody is planned."""
+        return cls(model, (None,) * len(model.problem.robots))
+
+    @property
+    def size(self) -> int:
+        """R, the number of robots, planned or not."""
+        return len(self.found)
+
+    @property
+    def is_whole(self) -> bool:
+        """True if every robot has a path."""
+        return all(single is not None and single.path is not None for single in self.found)
 
     def others(self, robot: int) -> FloatArray:
         """Pixels [Z] of all robots but one (or of EVERYBODY)."""
         pixels = self.model.problem.no_pixels()
         for i, single in enumerate(self.found):
-            if i != robot:
+            if i != robot and single is not None:
                 pixels = pixels + single.pixels
         return pixels
+
+    def task(self, robot: int, charges: Charges, stop: Stop) -> SingleRobotTask:
+        """Return the task to plan a robot for what it adds to what the planned others see."""
+        return SingleRobotTask(self.model, robot, self.others(robot), charges, stop)
+
+    def avoiding(self, robot: int, waiting: Iterable[int] = ()) -> Charges:
+        """Return charges that keep a robot clear of the paths of all others that are planned.
+
+        Parameters
+        ----------
+        waiting : robots that stay at their starts all the time, beside those that are planned
+        """
+        problem = self.model.problem
+        paths = [self.cells(i) for i in range(self.size) if i != robot and self.found[i]]
+        starts = (problem.cell(i, problem.robots[i].start) for i in waiting)
+        paths += [(cell,) * (problem.horizon + 1) for cell in starts]
+        return avoid_paths(self.model, self.model.class_of[robot], paths)
 
     @property
     def paths(self) -> list[Path]:
         """Paths of all robots, which must all have been found."""
-        return [single.path for single in self.found if single.path is not None]
+        return [single.path for single in self.found if single is not None and single.path]
+
+    def cells(self, robot: int) -> tuple[Cell, ...]:
+        """Cells of a robot's path, which must have been found."""
+        single = self.found[robot]
+        return () if single is None else self.model.cells_along(robot, single.path or ())
 
     @cached_property
     def value(self) -> float:
         """J."""
         return objective(self.model, self.paths, self.others(EVERYBODY))
 
-    def _cells(self, robot: int) -> list[Cell]:
-        """Cells of a robot's path, which must have been found."""
-        graph = self.model.class_of[robot].graph
-        path = self.found[robot].path or ()
-        return [self.model.problem.cell(robot, graph.state(state)) for state in path]
+    @cached_property
+    def conflicts(self) -> tuple[Conflict, ...]:
+        """Conflicts of the whole team, earliest step first."""
+        return tuple(self.model.plan(self.paths).conflicts(self.model.problem))
 
-    def with_path(self, robot: int, single: SingleRobotPath) -> "Team":
-        """Return the team with another path for one robot, or with the next robot's first one."""
+    def with_path(self, robot: int, single: SingleRobotPath | None) -> "Team":
+        """Return the team with a first or another path for one robot; with None, with no path."""
         return Team(self.model, (*self.found[:robot], single, *self.found[robot + 1 :]))
+
+    def without(self, robots: Collection[int]) -> "Team":
+        """Return the team in which some robots are not planned."""
+        found = (None if i in robots else single for i, single in enumerate(self.found))
+        return Team(self.model, tuple(found))
+
+    def gains_over(self, other: "Team") -> bool:
+        """Returns True if J is greater than another team's by more than rounding."""
+        return self.value > other.value * (1 + 1e-9)
 
     def hovering(self) -> "Team":
         """Return the team in which all robots without a path stay at their starts.
 
         A robot whose goal is elsewhere has no path then.
         """
-        robots = range(len(self.found), len(self.model.problem.robots))
-        return Team(self.model, (*self.found, *map(self._hover, robots)))
+        found = (single or self._hover(i) for i, single in enumerate(self.found))
+        return Team(self.model, tuple(found))
 
     def _hover(self, robot: int) -> SingleRobotPath:
         """The path that stays at the start, which needs no time to be found."""
@@ -89,9 +142,9 @@ class Team:
 
         There is no plan where a robot has no path, since it may not stay at its start.
         """
-        if any(single.path is None for single in self.found):
+        if not self.is_whole:
             return Result.stopped_without_plan(limit or Limit.NONE, statistics)
-        evaluated = sum(single.evaluated for single in self.found)
+        evaluated = sum(single.evaluated for single in self.found if single is not None)
         model = self.model
         messages = [ONE_STEP_AT_A_TIME] if model.problem.objective.over_time else []
         if model.cut_short_by:
@@ -116,22 +169,24 @@ class Team:
         its path, where that collides with nobody and increases J. There is no plan where a
         robot has a goal elsewhere.
         """
-        team = Team(self.model).hovering()
-        if any(single.path is None for single in team.found):
+        team = self.nobody(self.model).hovering()
+        if not team.is_whole:
             return team.result(limit, statistics)
-        cells = [team._cells(robot) for robot in range(len(team.found))]
+        cells = [team.cells(robot) for robot in range(team.size)]
         for robot, single in enumerate(self.found):
-            own, others = self._cells(robot), cells[:robot] + cells[robot + 1 :]
+            if single is None:
+                continue
+            own, others = self.cells(robot), cells[:robot] + cells[robot + 1 :]
             if any(self.model.problem.paths_conflict(own, other) for other in others):
                 continue
             changed = team.with_path(robot, single)
             if changed.value > team.value:
                 team, cells[robot] = changed, own
         result = team.result(limit, statistics)
-        staying = sum(len(set(single.path or ())) == 1 for single in team.found)
-        if not staying or staying == len(team.found):  # the latter is said of any plan
+        staying = sum(len(set(path)) == 1 for path in team.paths)
+        if not staying or staying == team.size:  # the latter is said of any plan
             return result
-        words = f"{staying} of {len(team.found)} drones stay at their starts, clear of the others"
+        words = f"{staying} of {team.size} drones stay at their starts, clear of the others"
         return replace(result, message="; ".join(filter(None, (result.message, words))))
 
     @staticmethod

@@ -93,6 +93,4 @@ class Column(NamedTuple):
     @staticmethod
     def avoid(model: Model, robot_class: RobotClass, columns: "Iterable[Column]") -> Charges:
         """Returns charges that keep robots of a class clear of the paths of columns."""
-        graphs = [robot_class.graph for robot_class in model.class_of]
-        paths = ((c.robot, [graphs[c.robot].state(state) for state in c.path]) for c in columns)
-        return avoid_paths(model, robot_class, paths)
+        return avoid_paths(model, robot_class, (column.flight.cells for column in columns))

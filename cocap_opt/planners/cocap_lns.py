@@ -1,0 +1,89 @@
+"""The planner that is recommended: constraint tree and rounds, then large neighbourhood search.
+
+It is made of the others' parts: sequential planning and rounds of best responses give a first
+plan; CoCap's tree with a focal list, from a root planned in rounds, gives another one if it finds
+one in few nodes; the better one is improved by large neighbourhood search. Where sequential
+planning fails, the tree goes on until it finds a plan, or has proved that there is none.
+"""
+
+import sys
+from collections.abc import Iterator
+
+import numpy as np
+
+from cocap_opt.planners.cocap import algorithm_1
+from cocap_opt.planners.constraint_tree import ConstraintTree, FocalNodes
+from cocap_opt.planners.low_level import value_iteration
+from cocap_opt.planners.neighbourhoods import neighbourhood_search
+from cocap_opt.planners.responses import Responses, followed, in_rounds, one_by_one
+from cocap_opt.planners.sequential import then_in_rounds
+from cocap_opt.planners.team import Team
+from cocap_opt.problem import Problem
+from cocap_opt.result import Reason, Result
+from cocap_opt.stop import FirstOf, LimitReached, Stop, WorkLimit, never
+from cocap_opt.timing import timed
+
+NODES = 4  # of the tree, for each robot, where there is a plan already
+RESPONSES = 14  # of the first plan and the search, for each robot
+
+
+@timed
+def cocap_lns(problem: Problem, stop: Stop = never, responses: int = RESPONSES) -> Result:
+    """Plan by sequential planning, constraint tree and large neighbourhood search.
+
+    Parameters
+    ----------
+    responses : paths per robot that value iteration is asked for, the tree apart; more of them
+        take longer and come nearer to the optimum
+
+    Returns
+    -------
+    Result
+        No robot alone can better its plan, unless a limit has stopped it: then it is the best plan
+        so far. `statistics` holds the number of `responses`.
+    """
+    team = Team.of(problem, value_iteration, stop)
+    asked = Responses(value_iteration, stop)
+    team, limit = followed(team, _better_and_better(team, asked, stop, responses * team.size))
+    if limit is None and not team.is_whole:
+        words = "no plan obeys the rules: the constraint tree is exhausted"
+        return Result.without_plan(Reason.INFEASIBLE, words)
+    return team.hovering().result(limit, {"responses": asked.asked})
+
+
+def _better_and_better(
+    nobody: Team, responses: Responses, stop: Stop, asked: int
+) -> Iterator[Team]:
+    """Yield the team as it is planned, and then each better one."""
+    team = nobody
+    for team in then_in_rounds(nobody, responses):
+        yield team
+    nodes = NODES * team.size if team.is_whole else sys.maxsize
+    other = _from_tree(nobody, responses, stop, nodes)
+    if other is not None and not (team.is_whole and team.value >= other.value):
+        yield (team := other)
+    if team.is_whole:
+        rng = np.random.default_rng(0)
+        yield from neighbourhood_search(team, responses, asked, rng)
+
+
+def _from_tree(nobody: Team, responses: Responses, stop: Stop, nodes: int) -> Team | None:
+    """Return the plan of CoCap's tree after rounds; None if it needs more nodes, or has none.
+
+    A tree whose root has more conflicts than it may have nodes is not begun.
+    """
+    alone = Responses(value_iteration, stop, rules=False)
+    root = followed(nobody, one_by_one(nobody, alone))[0]
+    stop.check()
+    if root.is_whole and len(root.conflicts) > nodes:
+        return None
+    open_nodes, enough = FocalNodes(), FirstOf(stop, WorkLimit(nodes))
+    tree = ConstraintTree(root, value_iteration, enough, open_nodes, rounds=True)
+    try:
+        found = algorithm_1(tree, open_nodes)
+    except LimitReached:
+        stop.check()
+        return None
+    if found is None:
+        return None
+    return followed(found.team, in_rounds(found.team, responses))[0]

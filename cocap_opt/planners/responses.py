@@ -1,0 +1,114 @@
+"""Best responses: a robot of a team is planned for what it adds to what the others see.
+
+All planners that plan one robot after the other are made of these: `one_by_one` plans those that
+are not planned yet, `in_rounds` plans each again against all others until nobody gains.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import cycle
+
+from cocap_opt.graph.charges import NO_CHARGES, Charges
+from cocap_opt.planners.low_level import LowLevel, SingleRobotPath
+from cocap_opt.planners.team import Team
+from cocap_opt.stop import Limit, LimitReached, Stop
+
+
+class Responses:
+    """Finds the best path of one robot against its team, and remembers it.
+
+    Parameters
+    ----------
+    rules : the robot keeps clear of the others' paths; if False, collisions are ignored
+
+    Attributes
+    ----------
+    asked : number of paths that the low level was asked for
+    evaluated : states whose coverage it needed
+    """
+
+    def __init__(self, low_level: LowLevel, stop: Stop, rules: bool = True) -> None:
+        self._low_level, self._stop, self._rules = low_level, stop, rules
+        self._known: dict[tuple[object, ...], SingleRobotPath] = {}
+        self.asked = self.evaluated = 0
+
+    def best(self, team: Team, robot: int) -> SingleRobotPath:
+        """Return a robot's best path against all others that are planned.
+
+        Raises
+        ------
+        LimitReached
+            If the low level is stopped.
+        """
+        others = tuple(single and single.path for single in team.without((robot,)).found)
+        if (robot, others) not in self._known:
+            self._known[robot, others] = self.charged(team, robot, NO_CHARGES)
+        return self._known[robot, others]
+
+    def charged(
+        self, team: Team, robot: int, charges: Charges, waiting: Iterable[int] = ()
+    ) -> SingleRobotPath:
+        """Return a robot's best path under charges, and clear of robots that wait at their starts.
+
+        Raises
+        ------
+        LimitReached
+            If the low level is stopped.
+        """
+        if self._rules:
+            charges = Charges.joined([team.avoiding(robot, waiting), charges])
+        single = self._low_level(team.task(robot, charges, self._stop))
+        self.asked += 1
+        self.evaluated += single.evaluated
+        return single
+
+
+def one_by_one(
+    team: Team, responses: Responses, order: Sequence[int] | None = None
+) -> Iterator[Team]:
+    """Yield the team after each robot is planned, until all are or one has no path left.
+
+    Those that are not planned yet wait at their starts, out of the way of nobody.
+
+    Parameters
+    ----------
+    order : of the robots to be planned; if None, those that are not planned yet, by number
+    """
+    todo = [i for i, single in enumerate(team.found) if not single] if order is None else [*order]
+    for n, robot in enumerate(todo):
+        single = responses.charged(team, robot, NO_CHARGES, waiting=todo[n + 1 :])
+        if single.path is None:
+            return
+        team = team.with_path(robot, single)
+        yield team
+
+
+def in_rounds(
+    team: Team, responses: Responses, order: Sequence[int] | None = None
+) -> Iterator[Team]:
+    """Yield the team after each best response that gains, until no robot has one.
+
+    Parameters
+    ----------
+    order : of the robots that respond, again and again; all by number if None
+    """
+    robots = list(range(team.size)) if order is None else list(order)
+    quiet = 0  # robots in a row that could gain nothing
+    for robot in cycle(robots):
+        if quiet == len(robots):
+            return
+        quiet += 1
+        single = responses.best(team, robot)
+        changed = team.with_path(robot, single)
+        if single.path is not None and changed.gains_over(team):
+            team, quiet = changed, 1
+            yield team
+
+
+def followed(team: Team, changes: Iterator[Team]) -> tuple[Team, Limit | None]:
+    """Return the last of a team's changes, and the limit that has stopped them, if one has."""
+    try:
+        for changed in changes:
+            team = changed
+    except LimitReached as reached:
+        return team, reached.limit
+    return team, None

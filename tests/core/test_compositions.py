@@ -1,0 +1,173 @@
+"""Planners that are made of best responses: what each part adds, and what the best of them is."""
+
+import numpy as np
+import pytest
+from brute_force import all_paths
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from strategies import examples, meetings, problems, tiny
+
+from cocap_opt.graph.charges import NO_CHARGES
+from cocap_opt.model import compiled
+from cocap_opt.planners import PLANNERS
+from cocap_opt.planners.cocap import cocap
+from cocap_opt.planners.cocap_lns import cocap_lns
+from cocap_opt.planners.constraint_tree import FocalNodes, Node, OpenNodes
+from cocap_opt.planners.low_level import value_iteration
+from cocap_opt.planners.neighbourhoods import neighbourhood_search
+from cocap_opt.planners.responses import Responses, followed, one_by_one
+from cocap_opt.planners.sequential import best_of_orders, sequential, sequential_rounds
+from cocap_opt.planners.team import Team
+from cocap_opt.problem import Plan, Problem
+from cocap_opt.referee import check
+from cocap_opt.result import Reason, Result
+from cocap_opt.scenarios import load_scene
+from cocap_opt.stop import Limit, LimitReached, Stop, WorkLimit, never
+
+SETTLED = ("sequential-rounds", "cocap-focal", "cocap-lns")
+crowds = st.one_of(problems(), meetings(), meetings(team=3))
+
+
+class Asked(Stop):
+    """Stopping criterion that is reached after so many questions."""
+
+    def __init__(self, calls: int) -> None:
+        self.left = calls
+
+    def reached(self) -> Limit | None:
+        """Count down."""
+        self.left -= 1
+        return Limit.TIME if self.left < 0 else None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SETTLED)
+@examples(4)
+@given(problem=crowds)
+def test_no_robot_alone_can_gain(name: str, problem: Problem) -> None:
+    """After rounds that obey the rules no other path of any one robot is better, and obeys them."""
+    assume(not problem.objective.over_time)
+    result = PLANNERS[name](problem, never)
+    assume(result.plan is not None)
+    for robot in range(len(problem.robots)):
+        for path in all_paths(problem, robot):
+            paths = list(result.plan.paths)
+            paths[robot] = path
+            changed = check(problem, Plan(paths=tuple(paths)))
+            if changed.valid and not changed.conflicts:
+                assert changed.reward <= result.value * (1 + 1e-8) + 1e-9
+
+
+@examples(12)
+@given(problem=crowds)
+def test_what_is_added_never_loses(problem: Problem) -> None:
+    """Rounds, further orders and neighbourhoods start from the sequential plan, and only gain."""
+    first = sequential(problem)
+    for planner in (sequential_rounds, best_of_orders, cocap_lns):
+        result = planner(problem)
+        assert result.value >= first.value
+        if first.plan is not None:
+            assert result.plan is not None
+    assert cocap_lns(problem).value >= sequential_rounds(problem).value
+
+
+def test_a_second_order_finds_what_the_first_does_not() -> None:
+    """On these two scenes the first order is not the best, and no order is as good as a search."""
+    for scene in ("corridor-tight", "tiny-trap"):
+        problem = load_scene(scene, 0, {})
+        values = [p(problem).value for p in (sequential, best_of_orders, cocap_lns)]
+        assert values == sorted(values)
+        assert values[0] < values[-1]
+
+
+@pytest.mark.parametrize("scene", ["corridor", "corridor-tight"])
+def test_the_recommended_planner_is_near_the_optimum(scene: str) -> None:
+    """Within 0.1 % of the proved optimum, and not below CoCap, on scenes of two drones."""
+    for seed in range(2):
+        problem = load_scene(scene, seed, {})
+        best = PLANNERS["joint"](problem, never).value
+        found = cocap_lns(problem).value
+        assert 0.999 * best <= found <= best * (1 + 1e-9)
+        assert found >= 0.999 * cocap(problem).value
+
+
+@examples(20)
+@given(problem=crowds, calls=st.integers(0, 60), name=st.sampled_from(SETTLED))
+def test_stopped_anywhere(problem: Problem, calls: int, name: str) -> None:
+    """Stopped after any number of questions, the plan obeys the rules, and the result says so."""
+    stop = Asked(calls)
+    result = PLANNERS[name](problem, stop)
+    if stop.left >= 0:
+        assert result.reason is not Reason.STOPPED
+    if result.plan is not None:
+        verdict = check(problem, result.plan)
+        assert verdict.valid
+        assert not verdict.conflicts
+
+
+def test_more_responses_are_never_worse() -> None:
+    """The search goes the same way however long it may go on."""
+    problem = load_scene("corridor-tight", 3, {})
+    values = [cocap_lns(problem, never, responses).value for responses in (2, 6, 14, 30)]
+    assert values == sorted(values)
+
+
+def test_the_search_asks_no_more_than_it_may() -> None:
+    """A neighbourhood that has begun is finished; no other begins."""
+    problem = load_scene("bottleneck-tight", 0, {})
+    responses = Responses(value_iteration, never)
+    nobody = Team.nobody(compiled(problem))
+    team, _ = followed(nobody, one_by_one(nobody, responses))
+    for _ in neighbourhood_search(team, responses, 30, np.random.default_rng(1)):
+        assert responses.asked <= 30 + 8 * team.size
+    assert 30 <= responses.asked <= 30 + 8 * team.size
+
+
+def test_what_was_answered_is_not_asked_again() -> None:
+    """The same robot beside the same paths has the same answer, without the low level."""
+    calls: list[int] = []
+
+    def counted(task: object) -> object:
+        calls.append(task.robot)
+        return value_iteration(task)
+
+    nobody = Team.nobody(compiled(tiny()))
+    responses = Responses(counted, never)
+    assert responses.best(nobody, 0) == responses.best(nobody, 0)
+    assert calls == [0]
+    team = nobody.with_path(0, responses.best(nobody, 0))
+    assert responses.best(team, 0) == responses.best(nobody, 0)  # its own path is no matter
+    assert calls == [0]
+    responses.best(team, 1)
+    responses.best(nobody, 1)
+    assert calls == [0, 1, 1]
+
+
+def _node(value: float, conflicts: int) -> Node:
+    """A node of this value; its conflicts are only counted."""
+    team = Team.nobody(compiled(tiny()))
+    team.__dict__["conflicts"] = (None,) * conflicts
+    return Node(team, (NO_CHARGES,) * team.size, value)
+
+
+def test_a_focal_list_takes_the_fewest_conflicts_within_a_share_of_the_best() -> None:
+    """Best first takes the greatest J; the focal list gives up at most 1 % of it."""
+    nodes = [_node(100.0, 5), _node(99.5, 1), _node(99.2, 1), _node(98.0, 0)]
+    focal, best = FocalNodes(), OpenNodes()
+    for node in nodes:
+        focal.push(node)
+        best.push(node)
+    assert [best.pop().value for _ in nodes] == [100.0, 99.5, 99.2, 98.0]
+    assert [focal.pop().value for _ in nodes] == [99.5, 99.2, 100.0, 98.0]
+    assert not focal
+    assert (focal.pushed, focal.popped) == (4, 4)
+
+
+def test_a_work_limit_counts_the_nodes_of_the_tree_only() -> None:
+    """A plan that sequential planning has is kept, and the result names the limit."""
+    problem = load_scene("bottleneck-tight", 0, {})
+    result: Result = cocap_lns(problem, WorkLimit(0))
+    assert result.limit is Limit.WORK
+    assert result.value >= sequential_rounds(problem).value
+    with pytest.raises(LimitReached):
+        Asked(0).check()
