@@ -14,7 +14,7 @@ from cocap_opt.experiments.console.progress import Watch
 from cocap_opt.experiments.results.explained import Explained
 from cocap_opt.experiments.results.files import PlanReader
 from cocap_opt.experiments.results.judging import Judged
-from cocap_opt.experiments.results.printing import Record, print_result
+from cocap_opt.experiments.results.printing import Record, print_result, print_texts
 from cocap_opt.experiments.results.rows import OWN_STARTS
 from cocap_opt.experiments.results.verification import Verified
 from cocap_opt.files.documents import FileError, PlanFile
@@ -74,8 +74,8 @@ def _verify(
     if explain and json:
         answer["explanation"] = explained.record if explained else None
     print_result(answer, json)
-    for listing in explained.listings if explained and not json else ():
-        listing.print()
+    if explained and not json:
+        print_texts(explained.tables, explained.sentences)
     return 1 if verified.violations else 0
 
 

@@ -1,14 +1,16 @@
 """The terms of a gap for people: tables that add up, sentences, and plain data."""
 
 from collections.abc import Iterable, Sequence
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import msgspec
 import numpy as np
 
 from cocap_opt.coordination.replans import Replan, replans
 from cocap_opt.data import FloatArray
-from cocap_opt.experiments.results.printing import Listing, Record, counted
+from cocap_opt.experiments.results.printing import Record, counted
 from cocap_opt.experiments.results.verification import Verified
 from cocap_opt.formulations.certificates import Cells, Move, Moves, Resource, Swap, Visit
 from cocap_opt.formulations.explanation import Explanation, Kind, Term, explain
@@ -17,30 +19,25 @@ from cocap_opt.problem import Cell, Problem
 SHOWN = 5e-6  # of the bound; less is a dot in tables and not worth a sentence
 _TOLD = 6  # sentences on single terms
 _LINES = 20  # of a table
-_COLUMNS = 9  # steps of a table, so that a line has 80 characters
+_COLUMNS = 9  # steps of a table, so that a line has no more than 80 characters
+_WIDTH = 5  # of a number
 _PARTS: dict[str, tuple[Kind, ...]] = {
-    "drones leave their best paths": ("path",),
-    "faces are paid more than they give": ("face",),
-    "rules have a price": ("row",),
-    "decisions of the plan's leaf have a price": ("decision",),
+    "drones leave the best paths that it knows": ("path",),
+    "it pays more for faces than they give": ("face",),
+    "rules with a price are not used, or broken": ("row",),
+    "decisions of the plan's leaf have prices": ("decision",),
     "another leaf of the proof has a larger bound": ("leaves",),
-    "the file claims more than its numbers prove": ("claim",),
-    "rounding is covered": ("rounding",),
+    "it claims more than its numbers prove": ("claim",),
+    "it covers rounding": ("rounding",),
 }
 
 
-class Explained(NamedTuple):
-    """The gap of a verified plan, its terms, and the single re-plans that would lessen it.
+@dataclass(frozen=True)
+class Explained:
+    """The gap of a verified plan, its terms, and the single re-plans that would lessen it."""
 
-    Attributes
-    ----------
-    leaves : bounds of a proof's leaves, in order
-    """
-
-    problem: Problem
+    verified: Verified
     explanation: Explanation
-    leaves: tuple[float, ...]
-    replans: list[Replan]
 
     @classmethod
     def of(cls, verified: Verified) -> "Explained | None":
@@ -51,9 +48,23 @@ class Explained(NamedTuple):
         plan, file = verified.plan, verified.file
         if plan is None or file is None or file.bound is None or not verified.reward >= 0:
             return None
-        model, leaves = verified.model, verified.pricing.leaves if verified.pricing else ()
-        found = explain(model, plan, verified.reward, file)
-        return cls(verified.problem, found, leaves, replans(model, plan))
+        return cls(verified, explain(verified.model, plan, verified.reward, file))
+
+    @property
+    def problem(self) -> Problem:
+        """The problem of the plan."""
+        return self.verified.problem
+
+    @property
+    def leaves(self) -> tuple[float, ...]:
+        """Bounds of a proof's leaves, in order."""
+        return self.verified.pricing.leaves if self.verified.pricing else ()
+
+    @cached_property
+    def replans(self) -> list[Replan]:
+        """The plan with one robot planned again, robot by robot."""
+        assert self.verified.plan is not None
+        return replans(self.verified.model, self.verified.plan)
 
     # -- data -----------------------------------------------------------------------------
 
@@ -68,13 +79,13 @@ class Explained(NamedTuple):
                 "robot": term.robot,
                 "actor": term.actor,
                 "face": term.face,
+                "amount": term.amount,
+                "share": found.share(term.amount),
                 "resource": None if term.resource is None else self._named(term.resource),
                 "sense": term.sense,
                 "robots": term.robots,
                 "used": None if term.users is None else len(term.users),
                 "price": term.price,
-                "amount": term.amount,
-                "share": found.share(term.amount),
             }
             for term in found.terms
         ]
@@ -105,98 +116,109 @@ class Explained(NamedTuple):
     # -- tables ---------------------------------------------------------------------------
 
     @property
-    def listings(self) -> list[Listing]:
-        """The tables: parts that add up, drones and people by step, and rows with prices."""
-        found = [self._parts(), *self._drones(), *self._people(), *self._rows()]
-        return [*found, Listing("In words", [], self.sentences)]
+    def tables(self) -> list[str]:
+        """The tables as text: parts that add up, drones and people by step, rows with prices."""
+        return [self._parts(), *self._drones(), *self._people(), *self._rows()]
 
-    def _parts(self) -> Listing:
+    def _parts(self) -> str:
         found = self.explanation
         rows = [
-            self._part(words, found.total(*kinds))
+            (words, found.total(*kinds))
             for words, kinds in _PARTS.items()
             if found.of_kind(*kinds) and (kinds != ("claim",) or found.total("claim"))
         ]
-        ends = (("sum", found.total()), ("bound - J", found.gap))
-        return Listing("The gap", [*rows, *(self._part(*end) for end in ends)])
-
-    def _part(self, words: str, amount: float) -> Record:
-        return {
-            "what the bound has more": words,
-            "amount": amount,
-            "% of bound": self._percent(amount),
-        }
+        rows += [("sum", found.total()), ("bound - J", found.gap)]
+        return _table(
+            "The gap, by what the bound has more than the plan",
+            ["", "amount", "% of bound"],
+            [[words, _money(amount), self._percent(amount)] for words, amount in rows],
+        )
 
     def _percent(self, amount: float) -> str:
-        return f"{100 * self.explanation.share(amount):8.4f}"
+        return f"{round(100 * self.explanation.share(amount), 4) + 0.0:.4f}"
 
-    def _drones(self) -> list[Listing]:
+    def _drones(self) -> list[str]:
         losses = self.explanation.losses()
-        title = "What drones lose by leaving a step as they do (% of the bound)"
-        return self._grid(title, "drone", losses, list(range(losses.shape[1])))
+        title = "What drones lose by leaving a step as they do, % of the bound"
+        names = [str(robot) for robot in range(len(losses))]
+        return self._grid(title, "drone", names, losses, list(range(losses.shape[1])))
 
-    def _people(self) -> list[Listing]:
-        """Returns what is paid for people beyond what all drones get, by person and step."""
-        terms, problem = self.explanation.of_kind("face"), self.problem
+    def _people(self) -> list[str]:
+        """Returns what is paid for people beyond what all drones get, by side and step."""
+        problem = self.problem
         steps = [None] if problem.objective.over_time else list(range(problem.horizon + 1))
-        paid = np.zeros((len(problem.actors), len(steps)))
-        for term in terms:
+        sides = [(j, name) for j, a in enumerate(problem.actors) for name in a.shape.face_names]
+        first = np.searchsorted(problem.face_owner, np.arange(len(problem.actors)))
+        paid = np.zeros((len(sides), len(steps)))
+        for term in self.explanation.of_kind("face"):
             assert term.actor is not None
-            paid[term.actor, term.step or 0] += term.amount
-        title = "What the bound pays for people beyond what drones get (% of the bound)"
-        return self._grid(title, "person", paid, steps)
+            assert term.face is not None
+            paid[first[term.actor] + term.face, term.step or 0] += term.amount
+        title = "What the bound pays for people's sides beyond what the drones get, % of the bound"
+        return self._grid(title, "person", [f"{j} {name}" for j, name in sides], paid, steps)
 
     def _grid(
-        self, title: str, noun: str, amounts: FloatArray, steps: Sequence[int | None]
-    ) -> list[Listing]:
-        """Returns amounts [n, steps] as tables of so many steps, without lines of nothing."""
-        shares = np.array([[self.explanation.share(x) for x in row] for row in amounts.tolist()])
-        shares = shares.reshape(amounts.shape)
+        self,
+        title: str,
+        noun: str,
+        names: Sequence[str],
+        amounts: FloatArray,
+        steps: Sequence[int | None],
+    ) -> list[str]:
+        """Returns amounts [n, steps] as tables of so many steps each, without lines of nothing."""
+        bound = self.explanation.bound
+        shares = amounts / bound if bound > 0 else np.zeros_like(amounts)
+        sums = shares.sum(axis=1)
         heavy = np.flatnonzero(np.abs(shares).max(axis=1, initial=0.0) >= SHOWN)
-        most = heavy[np.argsort(-shares[heavy].sum(axis=1), kind="stable")][:_LINES]
-        notes = []
-        if len(most) < len(shares):
-            rest = shares.sum() - shares[most].sum()
-            others = counted(len(shares) - len(most), "other " + noun).replace("persons", "people")
-            notes = [f"{others}: {100 * rest:.4f} %"]
-        if not len(most):
+        lines = sorted(heavy[np.argsort(-sums[heavy], kind="stable")][:_LINES].tolist())
+        if not lines:
             return []
+        note = ""
+        if others := len(shares) - len(lines):
+            rest = 100 * (sums.sum() - sums[lines].sum())
+            note = f"{counted(others, 'other line')}: {rest:.3f}"
         parts = [range(n, min(n + _COLUMNS, len(steps))) for n in range(0, len(steps), _COLUMNS)]
-        found = []
-        for part in parts:
-            rows = [
-                {noun: str(one)}
-                | {_step(steps[t]): _cell(shares[one, t]) for t in part}
-                | ({"sum": _cell(shares[one].sum())} if part is parts[-1] else {})
-                for one in sorted(most.tolist())
-            ]
-            found.append(Listing(title, rows, notes if part is parts[-1] else ()))
-            title = ""
-        return found
+        return [
+            _table(
+                title if part is parts[0] else "",
+                [noun, *(_step(steps[t]) for t in part), *(["sum"] if part is parts[-1] else [])],
+                [
+                    [names[one], *(_cell(shares[one, t]) for t in part)]
+                    + ([_cell(sums[one])] if part is parts[-1] else [])
+                    for one in lines
+                ],
+                note if part is parts[-1] else "",
+            )
+            for part in parts
+        ]
 
-    def _rows(self) -> list[Listing]:
-        """Returns the rules and decisions with a price, those that cost most first."""
+    def _rows(self) -> list[str]:
+        """Returns the rules and decisions with a price, the dearest first."""
         terms = self.explanation.of_kind("row", "decision")
         if not terms:
             return []
         order = sorted(terms, key=lambda term: (-abs(term.amount), -(term.price or 0.0)))
-        rows = [
-            {
-                "step": "-" if term.step is None else str(term.step),
-                "rule": f"{term.sense} {term.robots}: {self._named(term.resource)}",
-                "used by": ", ".join(map(str, term.users or ())) or "nobody",
-                "price": term.price,
-                "amount": term.amount,
-                "% of bound": self._percent(term.amount),
-            }
+        shown = [
+            term
             for term in order[:_LINES]
+            if self.explanation.share(max(abs(term.amount), term.price or 0.0)) >= SHOWN
         ]
-        more = order[_LINES:]
-        notes = [
-            f"{counted(len(more), 'more row')}, {sum(bool(term.amount) for term in more)} of them "
-            f"with an amount: {self._percent(sum(term.amount for term in more)).strip()} %"
+        rows = [
+            [
+                f"{term.sense} {term.robots}: {self._named(term.resource)}",
+                str(term.step),
+                ",".join(map(str, term.users or ())) or "nobody",
+                _money(term.price or 0.0),
+                _money(term.amount),
+                self._percent(term.amount),
+            ]
+            for term in shown
         ]
-        return [Listing("Rules and decisions with a price", rows, notes if more else ())]
+        more = order[len(shown) :]
+        rest = sum(term.amount for term in more)
+        note = f"{counted(len(more), 'more row')}: {self._percent(rest)}" if more else ""
+        title = "Rules and decisions that the bound has a price on, % of the bound"
+        return [_table(title, ["", "step", "used by", "price", "amount", "%"], rows, note)]
 
     # -- words ----------------------------------------------------------------------------
 
@@ -204,39 +226,42 @@ class Explained(NamedTuple):
     def sentences(self) -> list[str]:
         """Plain sentences: what is broken, what costs most, the leaf, and the way back."""
         found = self.explanation
+        broken = sorted((term for term in found.terms if term.is_broken), key=lambda x: x.amount)
         costly = sorted(found.of_kind("path", "face", "row", "decision"), key=lambda x: -x.amount)
         costly = [term for term in costly if found.share(term.amount) >= SHOWN]
-        broken = [term for term in found.terms if term.is_broken]
-        return [
-            f"{words[0].upper()}{words[1:]}."
-            for words in (
-                *(self._told(term) for term in broken),
-                *(self._told(term) for term in costly[:_TOLD]),
-                *self._told_leaves(),
-                *self._told_replans(),
-            )
-        ]
+        nothing = f"no single term is above {100 * SHOWN:g} % of the bound"
+        told = [self._told(term) for term in broken[:_TOLD]]
+        if more := broken[_TOLD:]:
+            amount = self._amount(sum(term.amount for term in more))
+            told.append(f"{counted(len(more), 'more rule')} with a price are broken: {amount}")
+        told += [self._told(term) for term in costly[:_TOLD]]
+        told = [*(told or [nothing]), *self._told_leaves(), *self._told_replans()]
+        return [f"{words[0].upper()}{words[1:]}." for words in told]
+
+    def _amount(self, amount: float) -> str:
+        share = round(100 * self.explanation.share(amount), 3) + 0.0
+        return f"{share:.3f} % of the bound ({_money(amount)})"
 
     def _told(self, term: Term) -> str:
-        share = f"{100 * self.explanation.share(term.amount):.3f} % of the bound"
-        amount = f"{share} ({term.amount:,.2f})"
+        amount = self._amount(term.amount)
         if term.kind == "path":
             return f"drone {term.robot}, leaving step {term.step}, costs {amount}"
         if term.actor is not None and term.face is not None:
             name = self.problem.actors[term.actor].shape.face_names[term.face]
             when = "over all steps" if term.step is None else f"at step {term.step}"
             return (
-                f"person {term.actor}'s {name} {when} costs {amount}: the bound pays for more than "
-                "the drones together get"
+                f"person {term.actor}'s {name} {when} is paid {amount} more than the drones "
+                "get for it"
             )
-        where = f"{self._named(term.resource)} from step {term.step} on"
-        if isinstance(term.resource, Cells | Visit):
-            where = f"{self._named(term.resource)} at step {term.step}"
+        at = "at" if isinstance(term.resource, Cells | Visit) else "from"
+        where = f"{self._named(term.resource)} {at} step {term.step}"
+        who = _listed(term.users or ())
         if term.is_broken:
-            users = _listed(term.users or ())
-            return f"{users} use {where}, which breaks a rule: {amount}"
-        who = f"{counted(len(term.users or ()), 'drone')} of {term.sense} {term.robots} use"
-        return f"{who} {where}, which has the price {term.price:,.2f}: {amount}"
+            return f"{who} use {where}, which breaks a rule: {amount}"
+        return (
+            f"{who} use{'' if len(term.users or ()) > 1 else 's'} {where}, where {term.sense} "
+            f"{term.robots} may at the price {_money(term.price or 0.0)}: it costs {amount}"
+        )
 
     def _told_leaves(self) -> Iterable[str]:
         leaf, leaves = self.explanation.leaf, self.leaves
@@ -251,15 +276,17 @@ class Explained(NamedTuple):
 
     def _told_replans(self) -> Iterable[str]:
         found = self.explanation
-        for one in sorted(self.replans, key=lambda one: -one.gain):
-            if found.share(one.gain) >= SHOWN:
-                share = f"{100 * found.share(one.gain):.3f} % of the bound"
-                yield (
-                    f"planned again past the others, drone {one.robot} alone would gain {share} "
-                    f"({one.gain:,.2f})"
-                )
-        if not any(found.share(one.gain) >= SHOWN for one in self.replans):
-            yield "no drone alone would gain anything by another path that obeys the rules"
+        gaining = [one for one in self.replans if found.share(one.gain) >= SHOWN]
+        gaining.sort(key=lambda one: -one.gain)
+        for one in gaining[:_TOLD]:
+            yield (
+                f"planned again past the others, drone {one.robot} would gain "
+                f"{self._amount(one.gain)}"
+            )
+        if len(gaining) > _TOLD:
+            yield f"{counted(len(gaining) - _TOLD, 'more drone')} would gain less, each alone"
+        if not gaining:
+            yield "no drone alone can gain by another path that obeys the rules"
 
     def _named(self, resource: Resource | None) -> str:
         """Returns a resource in words."""
@@ -280,6 +307,20 @@ class Explained(NamedTuple):
         return ""
 
 
+def _table(title: str, head: list[str], rows: list[list[str]], note: str = "") -> str:
+    """Returns a table as text: the first column to the left, the others to the right."""
+    widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
+    widths[1:] = [max(width, _WIDTH) for width in widths[1:]]
+    lines = [
+        "  ".join(
+            [line[0].ljust(widths[0])]
+            + [cell.rjust(width) for cell, width in zip(line[1:], widths[1:], strict=True)]
+        )
+        for line in (head, *rows)
+    ]
+    return "\n".join(line for line in (title, *lines, note) if line)
+
+
 def _cells(cells: Sequence[Cell]) -> str:
     layers = any(cell.layer for cell in cells)
     shown = [f"({c.x}, {c.y}, layer {c.layer})" if layers else f"({c.x}, {c.y})" for c in cells[:3]]
@@ -288,9 +329,13 @@ def _cells(cells: Sequence[Cell]) -> str:
 
 def _listed(robots: Sequence[int]) -> str:
     if not robots:
-        return "no drones"
+        return "nobody"
     *first, last = map(str, robots)
     return f"drones {', '.join(first)} and {last}" if first else f"drone {last}"
+
+
+def _money(amount: float) -> str:
+    return f"{round(amount, 2) + 0.0:,.2f}"
 
 
 def _step(step: int | None) -> str:

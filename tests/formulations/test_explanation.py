@@ -3,14 +3,13 @@ import math
 import msgspec
 import numpy as np
 import pytest
-from brute_force import all_paths, optimum
+from brute_force import all_paths
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from random_certificates import as_rows, random_multipliers, random_proof, some_model
 from strategies import examples, meetings, problems, tiny
 
 from cocap_opt.coordination.replans import replans
-from cocap_opt.formulations import BOUNDS
 from cocap_opt.formulations.certificates import (
     Cells,
     CertificateFile,
@@ -56,10 +55,10 @@ def random_file(model: Model, rng: np.random.Generator) -> CertificateFile | Pro
     return msgspec.structs.replace(file, bound=file.bound + more) if file.bound else file
 
 
-any_problem = st.one_of(problems(most_plans=2000, over_time=True), meetings(), meetings(3))
+any_problem = st.one_of(problems(most_plans=300, over_time=True), meetings(), meetings(3))
 
 
-@examples(40)
+@examples(32)
 @given(problem=any_problem, seed=st.integers(0, 100_000))
 def test_the_terms_add_up_and_show_what_is_broken(problem: Problem, seed: int) -> None:
     """Whatever the numbers, plan and rules: the sum is bound - J, and below 0 is a broken rule."""
@@ -103,7 +102,7 @@ def test_a_broken_rule_is_a_negative_term() -> None:
     assert found.total() == pytest.approx(found.gap, rel=ROUNDING)
 
 
-@examples(16)
+@examples(12)
 @given(problem=meetings(), seed=st.integers(0, 1000))
 def test_replans_gain_what_going_through_all_paths_gains(problem: Problem, seed: int) -> None:
     """Each drone's gain is the largest of any of its paths that keeps the rules with the others."""
@@ -128,16 +127,3 @@ def test_replans_gain_what_going_through_all_paths_gains(problem: Problem, seed:
 def conflicts_without(problem: Problem, plan: Plan, robot: int) -> list[tuple[int, int]]:
     """Pairs of other robots than this one that conflict."""
     return [c.robots for c in plan.conflicts(problem) if robot not in c.robots]
-
-
-def test_a_gap_at_the_bounds_own_plan_is_its_relaxation() -> None:
-    """The optimum leaves no path: what remains is paid for faces or charged for rows."""
-    problem = tiny()
-    best = optimum(problem)
-    assert best.plan is not None
-    file = BOUNDS["column-generation"](problem).certificate
-    assert file is not None
-    found = explain(compiled(problem), best.plan, best.value, file)
-    assert found.total() == pytest.approx(found.gap, abs=ROUNDING * found.bound)
-    assert found.share(found.gap) < 0.02
-    assert found.leaf is None
