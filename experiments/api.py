@@ -324,14 +324,10 @@ def explain(
     from cocap_opt.experiments.results.explained import Explained
 
     _require_problem(problem)
-    claim = plan if certificate is None else certificate
-    words = "a certificate, a proof, or a result that has one"
-    _require(claim, "certificate", words, CertificateFile, ProofFile, CertifiedResult)
-    file, own = _bound_in(claim), _plan_of(plan)
+    own = _plan_of(plan)
+    file = _required_bound(plan if certificate is None else certificate)
     if own is None:
         raise ValueError("plan: the result has no plan that could be explained")
-    if file is None:
-        raise ValueError("certificate: the result has none")
     verified = Verified(problem)
     verified.verify_plan(own)
     if verified.verdict is not None:
@@ -492,7 +488,9 @@ def gap(
     return DataFrame(Row.records(rows))
 
 
-def show(problem: Problem, *plans: Plan | Result) -> "Player":
+def show(
+    problem: Problem, *plans: Plan | Result, certificate: Bound | CertifiedResult | None = None
+) -> "Player":
     """Play plans side by side, inline in a notebook; `.save("plans.html")` writes the page.
 
     Parameters
@@ -500,6 +498,8 @@ def show(problem: Problem, *plans: Plan | Result) -> "Player":
     problem : that the plans are for
     plans : plans, or results that have one, whose J is in their titles; without any the drones are
         shown at their starts
+    certificate : a certificate, a proof or a result that has one, by which the player tells what
+        is lost by leaving each step
 
     Returns
     -------
@@ -507,16 +507,23 @@ def show(problem: Problem, *plans: Plan | Result) -> "Player":
 
     Raises
     ------
+    CertificateError
+        If the certificate belongs to another problem, is not valid, or claims too low a bound.
     ValueError
         If a plan cannot be flown in this problem; one that breaks collision rules is shown.
     """
+    from cocap_opt.experiments.report.explaining import gaps_of
     from cocap_opt.experiments.report.player import Player
 
     _require_problem(problem)
     known = [(given, own) for given in plans if (own := _plan_of(given)) is not None]
     for n, (_, own) in enumerate(known, 1):
         _require_flown(f"plan {n}", judge_plan(problem, own))
-    return Player(problem, [(_title(n, given), own) for n, (given, own) in enumerate(known, 1)])
+    gaps = []
+    if certificate is not None and known:
+        gaps = gaps_of(problem, [own for _, own in known], _required_bound(certificate))
+    titled = [(_title(n, given), own) for n, (given, own) in enumerate(known, 1)]
+    return Player(problem, titled, gaps)
 
 
 def save(
@@ -680,6 +687,17 @@ def _bound_in(claim: Plan | Result | Bound) -> Bound | None:
     if isinstance(claim, CertifiedResult):
         return claim.certificate
     return None if isinstance(claim, Plan | Result) else claim
+
+
+def _required_bound(claim: object) -> Bound:
+    """Returns a certificate or a proof, of a result its own; refuses all else in words."""
+    words = "a certificate, a proof, or a result that has one"
+    _require(claim, "certificate", words, CertificateFile, ProofFile, CertifiedResult)
+    assert isinstance(claim, CertificateFile | ProofFile | CertifiedResult)
+    file = _bound_in(claim)
+    if file is None:
+        raise ValueError("certificate: the result has none")
+    return file
 
 
 def _require_checkable(claims: Sequence[Plan | Result | Bound], plans: Sequence[Plan]) -> None:

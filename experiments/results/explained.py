@@ -14,7 +14,8 @@ from cocap_opt.experiments.results.printing import Record, counted
 from cocap_opt.experiments.results.verification import Verified
 from cocap_opt.formulations.certificates import Cells, Move, Moves, Resource, Swap, Visit
 from cocap_opt.formulations.explanation import Explanation, Kind, Term, explain
-from cocap_opt.problem import Cell, Problem
+from cocap_opt.model import Model
+from cocap_opt.problem import Cell, Plan, Problem
 
 SHOWN = 5e-6  # of the bound; less is a dot in tables and not worth a sentence
 _TOLD = 6  # sentences on single terms
@@ -34,10 +35,17 @@ _PARTS: dict[str, tuple[Kind, ...]] = {
 
 @dataclass(frozen=True)
 class Explained:
-    """The gap of a verified plan, its terms, and the single re-plans that would lessen it."""
+    """The gap of a plan, its terms, and the single re-plans that would lessen it.
 
-    verified: Verified
+    Attributes
+    ----------
+    leaves : bounds of a proof's leaves, in order, if they are known
+    """
+
+    model: Model
+    plan: Plan
     explanation: Explanation
+    leaves: tuple[float, ...] = ()
 
     @classmethod
     def of(cls, verified: Verified) -> "Explained | None":
@@ -48,23 +56,18 @@ class Explained:
         plan, file = verified.plan, verified.file
         if plan is None or file is None or file.bound is None or not verified.reward >= 0:
             return None
-        return cls(verified, explain(verified.model, plan, verified.reward, file))
+        found = explain(verified.model, plan, verified.reward, file)
+        return cls(verified.model, plan, found, verified.pricing.leaves if verified.pricing else ())
 
     @property
     def problem(self) -> Problem:
         """The problem of the plan."""
-        return self.verified.problem
-
-    @property
-    def leaves(self) -> tuple[float, ...]:
-        """Bounds of a proof's leaves, in order."""
-        return self.verified.pricing.leaves if self.verified.pricing else ()
+        return self.model.problem
 
     @cached_property
     def replans(self) -> list[Replan]:
         """The plan with one robot planned again, robot by robot."""
-        assert self.verified.plan is not None
-        return replans(self.verified.model, self.verified.plan)
+        return replans(self.model, self.plan)
 
     # -- data -----------------------------------------------------------------------------
 
@@ -122,11 +125,7 @@ class Explained:
 
     def _parts(self) -> str:
         found = self.explanation
-        rows = [
-            (words, found.total(*kinds))
-            for words, kinds in _PARTS.items()
-            if found.of_kind(*kinds) and (kinds != ("claim",) or found.total("claim"))
-        ]
+        rows = list(self.parts().items())
         rows += [("sum", found.total()), ("bound - J", found.gap)]
         return _table(
             "The gap, by what the bound has more than the plan",
@@ -227,8 +226,7 @@ class Explained:
         """Plain sentences: what is broken, what costs most, the leaf, and the way back."""
         found = self.explanation
         broken = sorted((term for term in found.terms if term.is_broken), key=lambda x: x.amount)
-        costly = sorted(found.of_kind("path", "face", "row", "decision"), key=lambda x: -x.amount)
-        costly = [term for term in costly if found.share(term.amount) >= SHOWN]
+        costly = self._costly
         nothing = f"no single term is above {100 * SHOWN:g} % of the bound"
         told = [self._told(term) for term in broken[:_TOLD]]
         if more := broken[_TOLD:]:
@@ -237,6 +235,27 @@ class Explained:
         told += [self._told(term) for term in costly[:_TOLD]]
         told = [*(told or [nothing]), *self._told_leaves(), *self._told_replans()]
         return [f"{words[0].upper()}{words[1:]}." for words in told]
+
+    @property
+    def _costly(self) -> list[Term]:
+        """Terms that are worth a sentence, the largest first."""
+        terms = self.explanation.of_kind("path", "face", "row", "decision")
+        some = [term for term in terms if self.explanation.share(term.amount) >= SHOWN]
+        return sorted(some, key=lambda term: -term.amount)
+
+    @property
+    def costliest(self) -> str:
+        """A few words on the largest term; empty where none is worth a sentence."""
+        return self._told(self._costly[0]) if self._costly else ""
+
+    def parts(self) -> dict[str, float]:
+        """Returns the sums of the terms by what they are, which add up to the gap."""
+        found = self.explanation
+        return {
+            words: found.total(*kinds)
+            for words, kinds in _PARTS.items()
+            if found.of_kind(*kinds) and (kinds != ("claim",) or found.total("claim"))
+        }
 
     def _amount(self, amount: float) -> str:
         share = round(100 * self.explanation.share(amount), 3) + 0.0
