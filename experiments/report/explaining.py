@@ -1,21 +1,28 @@
-"""What gaps are made of, for the report: a table, a figure, and the terms for the player."""
+"""Gaps explained, for the report and the player: the terms of each plan, and their table."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from cocap_opt.experiments.results.explained import Explained
+from cocap_opt.experiments.results.explained import SHOWN, Explained
 from cocap_opt.experiments.results.files import PlanReader
 from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.results.tables import Table
 from cocap_opt.experiments.results.verification import Verified
 from cocap_opt.files.documents import FileError, problem_digest
 from cocap_opt.formulations.certificates import CertificateError, CertificateFile, ProofFile
-from cocap_opt.formulations.explanation import Explanation, explain
+from cocap_opt.formulations.explanation import Explanation, Kind, explain
 from cocap_opt.model import compiled
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
 
 _MOST_STATES = 400_000  # whose coverage is computed for a scene, some seconds
+_PARTS: dict[str, tuple[Kind, ...]] = {
+    "paths": ("path",),
+    "faces": ("face",),
+    "rules": ("row", "decision"),
+    "other leaves": ("leaves",),
+    "rounding": ("claim", "rounding"),
+}
 
 
 def explained_plans(
@@ -23,8 +30,8 @@ def explained_plans(
 ) -> dict[str, Explained]:
     """Returns the gaps of plans by their planners, told apart with the folder's certificate.
 
-    Left out are plans without a gap, and all of them where the certificate is not in the folder or
-    the scene has too many states.
+    Left out are plans without a gap to speak of, and all of them where the certificate is not in
+    the folder or the scene has too many states.
 
     Parameters
     ----------
@@ -35,7 +42,7 @@ def explained_plans(
     FileError
         If the certificate's file is damaged.
     """
-    bounded = [row for row in rows if row.gap is not None and row.certificate]
+    bounded = [row for row in rows if row.certificate and (row.gap or 0.0) >= SHOWN]
     if not bounded or not (folder / bounded[0].certificate).is_file():
         return {}
     path = folder / bounded[0].certificate
@@ -80,12 +87,11 @@ def gaps_of(
 
 
 def parts_table(explained: Mapping[str, Explained]) -> Table:
-    """Returns the parts of each gap in % of the bound, and the largest single term in words."""
-    names = dict.fromkeys(name for one in explained.values() for name in one.parts())
+    """Returns the parts of each gap in % of the bound; they add up to it."""
     return [
         {"planner": planner}
-        | {name: _percent(one, one.parts().get(name, 0.0)) for name in names}
-        | {"gap (%)": _percent(one, one.explanation.gap), "most of all": one.costliest or "-"}
+        | {name: _percent(one, one.explanation.total(*kinds)) for name, kinds in _PARTS.items()}
+        | {"gap": _percent(one, one.explanation.gap)}
         for planner, one in explained.items()
     ]
 

@@ -23,7 +23,7 @@ from cocap_opt.experiments.report.figures import picture
 from cocap_opt.experiments.report.limitations import limitations
 from cocap_opt.experiments.report.pages import PageFile
 from cocap_opt.experiments.report.player import Player
-from cocap_opt.experiments.results.explained import Explained
+from cocap_opt.experiments.results.explained import SHOWN, Explained
 from cocap_opt.experiments.results.files import PlanReader
 from cocap_opt.experiments.results.layout import Paths
 from cocap_opt.experiments.results.printing import counted
@@ -164,18 +164,24 @@ def _gaps_explained(name: str, explained: Mapping[str, Explained]) -> str:
     if not explained:
         return ""
     losses = {
-        planner: 100 * one.explanation.losses() / one.explanation.bound
+        planner: 100 * one.explanation.share(1.0) * one.explanation.losses()
         for planner, one in explained.items()
-        if one.explanation.bound > 0
     }
     words = (
         f"{name}: what each drone loses by leaving a step as it does, against the best path that "
-        "the bound knows from there. With what the bound pays for faces beyond what drones get "
-        "and charges for rules that nobody uses, it adds up to the gap."
+        "the bound knows from there."
     )
-    drawn = _image(losses_figure(losses), words) if losses else ""
+    lost = any(own.max() >= 100 * SHOWN for own in losses.values())
+    drawn = _image(losses_figure(losses), words) if lost else ""
     table = {"What the gaps are made of (% of the bound)": parts_table(explained)}
-    return drawn + Tables(table).html(level=4)
+    most = [f"{planner}: {one.costliest}." for planner, one in explained.items() if one.costliest]
+    about = (
+        "Drones lose by their paths, the bound pays for faces beyond what the drones get, it "
+        "charges for rules that nobody uses, and other leaves of a proof may have larger bounds. "
+        "The largest single terms are these."
+    )
+    listed = f"<p>{about}</p>{_list(most)}" if most else ""
+    return drawn + Tables(table).html(level=4) + listed
 
 
 def _telling_seed(rows: Sequence[Row]) -> tuple[int | None, list[Row]]:

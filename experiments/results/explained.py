@@ -20,7 +20,7 @@ from cocap_opt.problem import Cell, Plan, Problem
 SHOWN = 5e-6  # of the bound; less is a dot in tables and not worth a sentence
 _TOLD = 6  # sentences on single terms
 _LINES = 20  # of a table
-_COLUMNS = 9  # steps of a table, so that a line has no more than 80 characters
+_CHARACTERS = 80  # of a line at most
 _WIDTH = 5  # of a number
 _PARTS: dict[str, tuple[Kind, ...]] = {
     "drones leave the best paths that it knows": ("path",),
@@ -153,7 +153,7 @@ class Explained:
             assert term.actor is not None
             assert term.face is not None
             paid[first[term.actor] + term.face, term.step or 0] += term.amount
-        title = "What the bound pays for people's sides beyond what the drones get, % of the bound"
+        title = "What people's sides are paid beyond what the drones get, % of the bound"
         return self._grid(title, "person", [f"{j} {name}" for j, name in sides], paid, steps)
 
     def _grid(
@@ -164,9 +164,8 @@ class Explained:
         amounts: FloatArray,
         steps: Sequence[int | None],
     ) -> list[str]:
-        """Returns amounts [n, steps] as tables of so many steps each, without lines of nothing."""
-        bound = self.explanation.bound
-        shares = amounts / bound if bound > 0 else np.zeros_like(amounts)
+        """Returns amounts [n, steps] as tables of some steps each, without lines of nothing."""
+        shares = self.explanation.share(1.0) * amounts
         sums = shares.sum(axis=1)
         heavy = np.flatnonzero(np.abs(shares).max(axis=1, initial=0.0) >= SHOWN)
         lines = sorted(heavy[np.argsort(-sums[heavy], kind="stable")][:_LINES].tolist())
@@ -174,18 +173,20 @@ class Explained:
             return []
         note = ""
         if others := len(shares) - len(lines):
-            rest = 100 * (sums.sum() - sums[lines].sum())
+            rest = round(100 * (sums.sum() - sums[lines].sum()), 3) + 0.0
             note = f"{counted(others, 'other line')}: {rest:.3f}"
-        parts = [range(n, min(n + _COLUMNS, len(steps))) for n in range(0, len(steps), _COLUMNS)]
+        head = [*(["sum"] if len(steps) > 1 else []), *map(_step, steps)]
+        cells = [
+            (names[line], [_cell(x) for x in (sums[line], *shares[line])][-len(head) :])
+            for line in lines
+        ]
+        most = (_CHARACTERS - max(len(noun), *(len(names[line]) for line in lines))) // (_WIDTH + 2)
+        parts = [slice(n, n + most) for n in range(0, len(head), most)]
         return [
             _table(
                 title if part is parts[0] else "",
-                [noun, *(_step(steps[t]) for t in part), *(["sum"] if part is parts[-1] else [])],
-                [
-                    [names[one], *(_cell(shares[one, t]) for t in part)]
-                    + ([_cell(sums[one])] if part is parts[-1] else [])
-                    for one in lines
-                ],
+                [noun, *head[part]],
+                [[name, *own[part]] for name, own in cells],
                 note if part is parts[-1] else "",
             )
             for part in parts

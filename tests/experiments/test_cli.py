@@ -669,6 +669,11 @@ def test_a_gap_is_explained(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     assert total == difference
     words = " ".join(text.split())
     assert all(sentence in words for sentence in told["sentences"])
+    page, show = tmp_path / "plan.html", ("show", "tiny-share", plan, "-o", tmp_path / "plan.html")
+    assert Run(capsys, *show, "--certificate", proof).code == 0
+    assert '"losses":[[' in page.read_text()
+    refused = Run(capsys, *show, "--certificate", plan)
+    assert (refused.code, "must be a certificate or a proof" in refused.err) == (2, True)
     alone = Run(capsys, "verify", "tiny-share", plan, "--explain")
     assert (alone.code, "certificate or a proof" in alone.err) == (2, True)
 
