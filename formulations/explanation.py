@@ -42,6 +42,7 @@ from cocap_opt.graph.charges import Charges
 from cocap_opt.model import Model, Path
 from cocap_opt.problem import Objective, Plan, State
 
+_NOTHING = 1e-9  # bound of a scene in which there is nothing to be had, but for rounding
 Kind = Literal["path", "face", "row", "decision", "leaves", "claim", "rounding"]
 
 
@@ -113,8 +114,8 @@ class Explanation:
         return math.fsum(term.amount for term in self.terms if not kinds or term.kind in kinds)
 
     def share(self, amount: float) -> float:
-        """Returns an amount as a share of the bound."""
-        return amount / self.bound if self.bound > 0 else 0.0
+        """Returns an amount as a share of the bound; 0 where nothing can be seen."""
+        return amount / self.bound if self.bound > _NOTHING else 0.0
 
     def losses(self) -> FloatArray:
         """Returns what each robot loses by leaving each step, in units of J [R, T]."""

@@ -205,7 +205,7 @@ class Explained:
         ]
         rows = [
             [
-                f"{term.sense} {term.robots}: {self._named(term.resource)}",
+                self._row(term),
                 str(term.step),
                 ",".join(map(str, term.users or ())) or "nobody",
                 _money(term.price or 0.0),
@@ -219,6 +219,15 @@ class Explained:
         note = f"{counted(len(more), 'more row')}: {self._percent(rest)}" if more else ""
         title = "Rules and decisions that the bound has a price on, % of the bound"
         return [_table(title, ["", "step", "used by", "price", "amount", "%"], rows, note)]
+
+    def _row(self, term: Term) -> str:
+        """Returns a rule, or a decision with the number of drones, in a few characters."""
+        sign = (
+            ""
+            if term.kind == "row"
+            else f"{'≤' if term.sense == 'at most' else '≥'} {term.robots} "
+        )
+        return f"{sign}{self._named(term.resource)}"
 
     # -- words ----------------------------------------------------------------------------
 
@@ -311,20 +320,25 @@ class Explained:
     def _named(self, resource: Resource | None) -> str:
         """Returns a resource in words."""
         if isinstance(resource, Cells):
-            cells = _cells(resource.cells)
-            return f"cell {cells}" if len(resource.cells) == 1 else f"cells {cells}"
+            return f"cell{'s' if len(resource.cells) > 1 else ''} {self._cells(resource.cells)}"
         if isinstance(resource, Swap):
-            return f"swap of {_cells(resource.cells)}"
+            return f"swap {self._cells(resource.cells)}"
         if isinstance(resource, Move):
-            return f"move {_cells(resource.cells)}"
+            return f"move {self._cells(resource.cells)}"
         if isinstance(resource, Moves):
-            first = _cells(resource.moves[0])
             more = len(resource.moves) - 1
-            return f"move {first}" + (f" or {more} near it" if more else "")
+            return f"move {self._cells(resource.moves[0])}" + (f" +{more}" if more else "")
         if isinstance(resource, Visit):
-            x, y, *_, heading, pitch = resource.state
-            return f"cell ({x}, {y}) with heading {heading}" + (f", pitch {pitch}" if pitch else "")
+            x, y, layer, heading, pitch = resource.state
+            aim = f"heading {heading}" + (f", pitch {pitch}" if pitch else "")
+            return f"{aim} in cell {self._cells([Cell(x, y, layer)])}"
         return ""
+
+    def _cells(self, cells: Sequence[Cell]) -> str:
+        """Returns up to two cells, with their layers if there are several, and how many more."""
+        layers = len(self.problem.layers) > 1
+        shown = [f"({c.x}, {c.y}, {c.layer})" if layers else f"({c.x}, {c.y})" for c in cells[:2]]
+        return " ".join(shown) + (f" +{len(cells) - 2}" if len(cells) > 2 else "")
 
 
 def _table(title: str, head: list[str], rows: list[list[str]], note: str = "") -> str:
@@ -339,12 +353,6 @@ def _table(title: str, head: list[str], rows: list[list[str]], note: str = "") -
         for line in (head, *rows)
     ]
     return "\n".join(line for line in (title, *lines, note) if line)
-
-
-def _cells(cells: Sequence[Cell]) -> str:
-    layers = any(cell.layer for cell in cells)
-    shown = [f"({c.x}, {c.y}, layer {c.layer})" if layers else f"({c.x}, {c.y})" for c in cells[:3]]
-    return " ".join(shown) + (f" and {len(cells) - 3} more" if len(cells) > 3 else "")
 
 
 def _listed(robots: Sequence[int]) -> str:
