@@ -1,5 +1,6 @@
 """The terms of a gap for people: tables that add up, sentences, and plain data."""
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -217,17 +218,15 @@ class Explained:
         more = order[len(shown) :]
         rest = sum(term.amount for term in more)
         note = f"{counted(len(more), 'more row')}: {self._percent(rest)}" if more else ""
-        title = "Rules and decisions that the bound has a price on, % of the bound"
+        title = "Rules (at most one drone) and decisions with a price, % of the bound"
         return [_table(title, ["", "step", "used by", "price", "amount", "%"], rows, note)]
 
     def _row(self, term: Term) -> str:
         """Returns a rule, or a decision with the number of drones, in a few characters."""
-        sign = (
-            ""
-            if term.kind == "row"
-            else f"{'≤' if term.sense == 'at most' else '≥'} {term.robots} "
-        )
-        return f"{sign}{self._named(term.resource)}"
+        if term.kind == "row":
+            return self._named(term.resource)
+        sign = "<=" if term.sense == "at most" else ">="
+        return f"{sign} {term.robots} {self._named(term.resource)}"
 
     # -- words ----------------------------------------------------------------------------
 
@@ -241,7 +240,7 @@ class Explained:
         told = [self._told(term) for term in broken[:_TOLD]]
         if more := broken[_TOLD:]:
             amount = self._amount(sum(term.amount for term in more))
-            told.append(f"{counted(len(more), 'more rule')} with a price are broken: {amount}")
+            told.append(f"{counted(len(more), 'more broken rule')} with a price: {amount}")
         told += [self._told(term) for term in costly[:_TOLD]]
         told = [*(told or [nothing]), *self._told_leaves(), *self._told_replans()]
         return [f"{words[0].upper()}{words[1:]}." for words in told]
@@ -296,11 +295,11 @@ class Explained:
         leaf, leaves = self.explanation.leaf, self.leaves
         if leaf is None or len(leaves) < 2:
             return
-        others = [bound for n, bound in enumerate(leaves) if n != leaf.position]
+        most = max(bound for n, bound in enumerate(leaves) if n != leaf.position)
+        others = f"bounds of up to {most:,.2f}" if math.isfinite(most) else "no plans"
         yield (
             f"the plan belongs to leaf {leaf.position + 1} of {len(leaves)}, of bound "
-            f"{leaf.bound:,.2f}; the others have bounds of {min(others):,.2f} to "
-            f"{max(others):,.2f}"
+            f"{leaf.bound:,.2f}; the others have {others}"
         )
 
     def _told_replans(self) -> Iterable[str]:
@@ -315,7 +314,9 @@ class Explained:
         if len(gaining) > _TOLD:
             yield f"{counted(len(gaining) - _TOLD, 'more drone')} would gain less, each alone"
         if not gaining:
-            yield "no drone alone can gain by another path that obeys the rules"
+            # Where pixels add up over time, the path that is found is not always the best.
+            can = "was found to" if self.problem.objective.over_time else "can"
+            yield f"no drone alone {can} gain by another path that obeys the rules"
 
     def _named(self, resource: Resource | None) -> str:
         """Returns a resource in words."""
