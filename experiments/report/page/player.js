@@ -210,9 +210,15 @@ function hint(view, plan, tip, { offsetX: x, offsetY: y }) {
   if (!found) return;
   const [j, f, face] = found, pixels = plan.seen[Math.round(state.time)][face];
   const seen = pixels > 0 ? `${density(pixels)} ${data.unit}` : "not seen";
-  put(tip, `person ${j}, ${data.people[j].names[f]}: ${seen}`);
-  tip.style.left = `${Math.min(x + 12, view.canvas.clientWidth - 190)}px`;
+  put(tip, `person ${j}, ${data.people[j].names[f]}: ${seen}${overpaid(plan.gap, face)}`);
+  tip.style.left = `${Math.max(Math.min(x + 12, view.canvas.clientWidth - tip.clientWidth - 4), 4)}px`;
   tip.style.top = `${Math.max(y - 30, 4)}px`;
+}
+
+// What the bound pays for a face beyond the reward for it.
+function overpaid(gap, face) {
+  const share = gap ? gap.faces[Math.min(Math.round(state.time), gap.faces.length - 1)][face] : 0;
+  return share < 5e-6 ? "" : `; the bound pays ${digits(100 * share, 3)} % more`;
 }
 
 // -- the rest of the page -------------------------------------------------------------------
