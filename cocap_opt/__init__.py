@@ -18,10 +18,12 @@ if TYPE_CHECKING:
     from cocap_opt.experiments.api import (
         bound,
         check,
+        explain,
         gap,
         load,
         plan,
         read,
+        replans,
         save,
         show,
         solve,
@@ -66,8 +68,8 @@ _MODULES = {
     "cocap_opt.data": ("ProblemError",),
     "cocap_opt.experiments.results.verification": ("Verified",),
     "cocap_opt.experiments.api": (
-        "bound", "check", "gap", "load", "plan", "read", "save", "show", "solve",
-        "verify",
+        "bound", "check", "explain", "gap", "load", "plan", "read", "replans", "save", "show",
+        "solve", "verify",
     ),
     "cocap_opt.experiments.report.player": ("Player",),
     "cocap_opt.files.documents": ("FileError",),

@@ -29,6 +29,7 @@ from cocap_opt.formulations.result import (
     Report,
     silent,
 )
+from cocap_opt.model import compiled
 from cocap_opt.planners import PLANNERS, Planner
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import Verdict
@@ -283,6 +284,108 @@ def verify(problem: Problem, *claims: Plan | Result | Bound) -> Verified:
     return verified
 
 
+def explain(
+    problem: Problem, plan: Plan | Result, certificate: Bound | CertifiedResult | None = None
+) -> "pd.DataFrame":
+    """Tell what the gap between a plan and a bound is made of, as terms that add up to it.
+
+    Each drone loses something by leaving a step as it does, the bound pays for faces beyond what
+    the drones get, and charges for rules that nobody uses. No amount is below 0, but for that of a
+    rule which the plan breaks. `cocap-opt verify --explain` tells it in words.
+
+    Parameters
+    ----------
+    problem : that the plan is for
+    plan : a plan that can be flown, or a result that has one
+    certificate : the certificate or proof of the bound, or a result that has one; if not given,
+        that of `plan`
+
+    Returns
+    -------
+    DataFrame
+        A row per term: `kind` (path, face, row, decision, leaves, claim, rounding), `step`,
+        `robot`, `actor`, `face` (of the actor), `amount` in units of J, `share` of the bound, and
+        of rows and decisions `resource`, `sense` and `robots` (at most, or at least, so many may
+        use it), `used` and `price`. `attrs` has `bound`, `reward`, and their `difference`.
+
+    Raises
+    ------
+    CertificateError
+        If the certificate belongs to another problem, is not valid, or claims too low a bound.
+    ValueError
+        If the plan cannot be flown, or the certificate proves that there is no plan.
+
+    Examples
+    --------
+    >>> co.explain(problem, result, best).nlargest(5, "amount")
+    """
+    from pandas import DataFrame
+
+    from cocap_opt.experiments.results.explained import Explained
+
+    _require_problem(problem)
+    own = _plan_of(plan)
+    file = _required_bound(plan if certificate is None else certificate)
+    if own is None:
+        raise ValueError("plan: the result has no plan that could be explained")
+    verified = Verified(problem)
+    verified.verify_plan(own)
+    if verified.verdict is not None:
+        _require_flown("plan", verified.verdict)
+    verified.verify_bound(file)
+    explained = Explained.of(verified)
+    if explained is None:
+        raise ValueError("certificate: it proves that there is no plan, so there is no gap")
+    frame = DataFrame(explained.records)
+    whole = ["step", "robot", "actor", "face", "robots", "used"]
+    frame = frame.astype({**dict.fromkeys(whole, "Int64"), "price": "float64"})
+    found = explained.explanation
+    frame.attrs = {"bound": found.bound, "reward": found.reward, "difference": found.gap}
+    return frame
+
+
+def replans(problem: Problem, plan: Plan | Result) -> "pd.DataFrame":
+    """Plan each drone again past all others, which keep their paths, and tell what that gains.
+
+    Parameters
+    ----------
+    problem : that the plan is for
+    plan : a plan that can be flown, or a result that has one
+
+    Returns
+    -------
+    DataFrame
+        A row per drone that has such a path, the largest gain first: `robot`, `gain` of J, `share`
+        (of the plan's J), and the new `plan`. A gain is below 0 where the drone gives up a conflict
+        for it. Where pixels add up over time, the path is not always the drone's best.
+
+    Raises
+    ------
+    ValueError
+        If the plan cannot be flown.
+
+    Examples
+    --------
+    >>> better = co.replans(problem, result).plan[0]
+    """
+    from pandas import DataFrame
+
+    from cocap_opt.coordination.replans import replans as replanned
+
+    verdict = check(problem, plan)
+    _require_flown("plan", verdict)
+    own = _plan_of(plan)
+    assert own is not None
+    found = sorted(replanned(compiled(problem), own), key=lambda one: -one.gain)
+    value = verdict.reward
+    return DataFrame({
+        "robot": [one.robot for one in found],
+        "gain": [one.gain for one in found],
+        "share": [one.gain / value if value > 0 else 0.0 for one in found],
+        "plan": [one.plan for one in found],
+    })  # fmt: skip
+
+
 def _verify_bound(verified: Verified, claim: Plan | Result | Bound) -> None:
     """Checks the bound of a claim, and what a result says of its plan and bound besides."""
     bound = _bound_in(claim)
@@ -385,7 +488,9 @@ def gap(
     return DataFrame(Row.records(rows))
 
 
-def show(problem: Problem, *plans: Plan | Result) -> "Player":
+def show(
+    problem: Problem, *plans: Plan | Result, certificate: Bound | CertifiedResult | None = None
+) -> "Player":
     """Play plans side by side, inline in a notebook; `.save("plans.html")` writes the page.
 
     Parameters
@@ -393,6 +498,8 @@ def show(problem: Problem, *plans: Plan | Result) -> "Player":
     problem : that the plans are for
     plans : plans, or results that have one, whose J is in their titles; without any the drones are
         shown at their starts
+    certificate : a certificate, a proof or a result that has one, by which the player tells what
+        is lost by leaving each step
 
     Returns
     -------
@@ -400,16 +507,23 @@ def show(problem: Problem, *plans: Plan | Result) -> "Player":
 
     Raises
     ------
+    CertificateError
+        If the certificate belongs to another problem, is not valid, or claims too low a bound.
     ValueError
         If a plan cannot be flown in this problem; one that breaks collision rules is shown.
     """
+    from cocap_opt.experiments.report.explaining import gaps_of
     from cocap_opt.experiments.report.player import Player
 
     _require_problem(problem)
     known = [(given, own) for given in plans if (own := _plan_of(given)) is not None]
     for n, (_, own) in enumerate(known, 1):
         _require_flown(f"plan {n}", judge_plan(problem, own))
-    return Player(problem, [(_title(n, given), own) for n, (given, own) in enumerate(known, 1)])
+    gaps = []
+    if certificate is not None and known:
+        gaps = gaps_of(problem, [own for _, own in known], _required_bound(certificate))
+    titled = [(_title(n, given), own) for n, (given, own) in enumerate(known, 1)]
+    return Player(problem, titled, gaps)
 
 
 def save(
@@ -573,6 +687,17 @@ def _bound_in(claim: Plan | Result | Bound) -> Bound | None:
     if isinstance(claim, CertifiedResult):
         return claim.certificate
     return None if isinstance(claim, Plan | Result) else claim
+
+
+def _required_bound(claim: object) -> Bound:
+    """Returns a certificate or a proof, of a result its own; refuses all else in words."""
+    words = "a certificate, a proof, or a result that has one"
+    _require(claim, "certificate", words, CertificateFile, ProofFile, CertifiedResult)
+    assert isinstance(claim, CertificateFile | ProofFile | CertifiedResult)
+    file = _bound_in(claim)
+    if file is None:
+        raise ValueError("certificate: the result has none")
+    return file
 
 
 def _require_checkable(claims: Sequence[Plan | Result | Bound], plans: Sequence[Plan]) -> None:

@@ -17,7 +17,10 @@ from cocap_opt.files.documents import PlanFile, problem_digest
 from cocap_opt.scenarios import load_scene
 
 ROOT = Path(__file__).parents[1]
-FUNCTIONS = ("load", "plan", "bound", "solve", "check", "verify", "gap", "show", "save", "read")
+FUNCTIONS = (
+    "load", "plan", "bound", "solve", "check", "verify", "explain", "replans", "gap", "show",
+    "save", "read",
+)  # fmt: skip
 
 
 def test_every_name_is_what_type_checkers_see() -> None:
@@ -89,6 +92,11 @@ def test_a_scene_of_ones_own_in_fifteen_lines(tmp_path: Path) -> None:
     verified = co.verify(problem, result, best.certificate)
     assert 0 <= verified.gap < 1 and verified.reward == pytest.approx(result.value)
     assert co.check(problem, result).valid
+    terms = co.explain(problem, result, best)
+    assert terms.amount.sum() == pytest.approx(best.bound - result.value, abs=1e-9 * best.bound)
+    gains = co.replans(problem, result)
+    assert gains.gain.max() <= best.bound - result.value + 1e-9 * best.bound
+    assert co.check(problem, gains.plan[0]).reward >= result.value
     for content, name in ((problem, "scene"), (best, "plan"), (best.certificate, "proof")):
         co.save(tmp_path / f"{name}.json", content)
     assert co.read(tmp_path / "plan.json") == best.plan
@@ -127,6 +135,10 @@ def test_claims_that_cannot_be_verified_are_refused() -> None:
         co.verify(problem)
     with pytest.raises(ValueError, match="claims: must hold"):
         co.verify(problem, co.Result.without_plan(co.Reason.FAILED, "none was found"))
+    with pytest.raises(ValueError, match="certificate: the result has none"):
+        co.explain(problem, best)
+    with pytest.raises(TypeError, match="certificate: must be a certificate, a proof"):
+        co.explain(problem, co.plan(problem, "greedy"))
     with pytest.raises(ValueError, match="claims: brute-force's bound has no certificate"):
         co.verify(problem, best)
     assert co.verify(problem, best.plan).bound == float("inf")

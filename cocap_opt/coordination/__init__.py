@@ -1,3 +1,3 @@
-"""Relations between robots: constraints, best responses, and value iteration over pairs."""
+"""Relations between robots: constraints, best responses, re-plans, value iteration over pairs."""
 
-__all__ = ["best_response", "constraints", "pair_iteration"]
+__all__ = ["best_response", "constraints", "pair_iteration", "replans"]

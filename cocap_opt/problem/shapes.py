@@ -6,6 +6,8 @@ import numpy as np
 
 from cocap_opt.data import LARGEST, SMALLEST, Data, FloatArray, whole, within
 
+_BOX_FACES = ("front", "left", "back", "right", "top")
+
 
 class Cuboid(Data, frozen=True, tag="cuboid"):
     """A box with four sides and a top; its bottom stands on the ground and is never seen.
@@ -33,6 +35,11 @@ class Cuboid(Data, frozen=True, tag="cuboid"):
         x, y, z = self.length / 2, self.width / 2, self.height
         base = np.array([[x, -y, 0.0], [x, y, 0.0], [-x, y, 0.0], [-x, -y, 0.0]])
         return _prism_faces(base, z)
+
+    @property
+    def face_names(self) -> tuple[str, ...]:
+        """Names of the faces, in their order, as people read them."""
+        return _BOX_FACES
 
 
 class Prism(Data, frozen=True, tag="prism"):
@@ -66,6 +73,11 @@ class Prism(Data, frozen=True, tag="prism"):
             [corner * np.cos(angles), corner * np.sin(angles), np.zeros(self.sides)]
         )
         return _prism_faces(base, self.height)
+
+    @property
+    def face_names(self) -> tuple[str, ...]:
+        """Names of the faces, in their order, as people read them."""
+        return (*(f"side {k}" for k in range(self.sides)), "top")
 
 
 class TriangulatedCuboid(Data, frozen=True, tag="triangulated-cuboid"):
@@ -104,6 +116,11 @@ class TriangulatedCuboid(Data, frozen=True, tag="triangulated-cuboid"):
         return [
             quad[list(corners)] for quad, cut in zip(quads, cuts, strict=True) for corners in cut
         ]
+
+    @property
+    def face_names(self) -> tuple[str, ...]:
+        """Names of the faces, in their order, as people read them."""
+        return tuple(f"{side}, half {k}" for side in _BOX_FACES for k in (1, 2))
 
 
 Shape = Cuboid | Prism | TriangulatedCuboid

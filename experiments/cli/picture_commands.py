@@ -17,6 +17,9 @@ from cocap_opt.experiments.results.files import (
     save_bytes,
 )
 from cocap_opt.experiments.results.printing import print_result
+from cocap_opt.files.documents import FileError
+from cocap_opt.formulations.certificates import CertificateFile, ProofFile
+from cocap_opt.formulations.explanation import Explanation
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import UnsupportedError
 
@@ -25,8 +28,17 @@ SHOWN = (".html", ".png", ".pdf", ".svg", ".gif")
 
 
 def _show(
-    scene: Scene, /, *plan: Path, output: Output = None, seed: Seed = 0, json: Json = False
-) -> int:  # fmt: skip
+    scene: Scene,
+    /,
+    *plan: Path,
+    output: Output = None,
+    seed: Seed = 0,
+    certificate: Annotated[
+        Path | None,
+        Parameter(help="certificate or proof; the player tells what is lost by leaving each step"),
+    ] = None,
+    json: Json = False,
+) -> int:
     """Play plans side by side in an HTML file, or draw one from above.
 
     The HTML file needs no network and no other file. PNG, PDF and SVG show the last step, a GIF
@@ -41,9 +53,12 @@ def _show(
         raise UsageError("PLAN: name a plan, such as plan.json; nothing moves without one")
     if suffix != ".html" and len(plan) > 1:
         raise UsageError(f"PLAN: a {suffix} file shows one plan, not {len(plan)}; .html takes more")
-    check_output(output, scene, *plan)
+    if certificate and (suffix != ".html" or not plan):
+        raise UsageError("--certificate: needs a plan, and a file that ends in .html")
+    check_output(output, scene, *plan, certificate)
     problem, plans = PlanReader(scene, load(scene, seed)).plans(plan)
-    save_bytes(output, _shown(problem, plans, PlanReader.titles(plan), suffix))
+    gaps = _gaps(problem, plans, certificate) if certificate else []
+    save_bytes(output, _shown(problem, plans, PlanReader.titles(plan), suffix, gaps))
     print_result({"scene": problem.name, "seed": seed, "file": output}, json)
     return 0
 
@@ -86,13 +101,32 @@ def _render(
     return 0
 
 
-def _shown(problem: Problem, plans: Sequence[Plan], names: Sequence[str], suffix: str) -> bytes:
+def _gaps(problem: Problem, plans: Sequence[Plan], path: Path) -> list[Explanation]:
+    """Returns what the gaps of plans are made of, by a certificate or a proof in a file."""
+    from cocap_opt.experiments.report.explaining import gaps_of
+
+    file = PlanReader(problem.name, problem).claim(path)
+    if not isinstance(file, CertificateFile | ProofFile):
+        raise FileError(f"{path}: must be a certificate or a proof, not a plan")
+    try:
+        return gaps_of(problem, plans, file)
+    except ValueError as error:
+        raise FileError(f"{path}: {error}") from error
+
+
+def _shown(
+    problem: Problem,
+    plans: Sequence[Plan],
+    names: Sequence[str],
+    suffix: str,
+    gaps: Sequence[Explanation],
+) -> bytes:
     """Returns the file that shows plans: a player, or a picture of the only one or the starts."""
     from cocap_opt.experiments.report.figures import plan_picture  # matplotlib is slow to import
     from cocap_opt.experiments.report.player import Player
 
     if suffix == ".html":
-        return Player(problem, list(zip(names, plans, strict=True))).page().encode()
+        return Player(problem, list(zip(names, plans, strict=True)), gaps).page().encode()
     return plan_picture(problem, plans[0] if plans else None, suffix)
 
 

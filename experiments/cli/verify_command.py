@@ -8,12 +8,13 @@ from typing import Annotated, NamedTuple
 from cyclopts import Parameter
 
 from cocap_opt.data import ProblemError
-from cocap_opt.experiments.cli.options import Json, Scene, Seed, load
+from cocap_opt.experiments.cli.options import FLAG, Json, Scene, Seed, load
 from cocap_opt.experiments.console.options import UsageError
 from cocap_opt.experiments.console.progress import Watch
+from cocap_opt.experiments.results.explained import Explained
 from cocap_opt.experiments.results.files import PlanReader
 from cocap_opt.experiments.results.judging import Judged
-from cocap_opt.experiments.results.printing import Record, print_result
+from cocap_opt.experiments.results.printing import Record, print_result, print_texts
 from cocap_opt.experiments.results.rows import OWN_STARTS
 from cocap_opt.experiments.results.verification import Verified
 from cocap_opt.files.documents import FileError, PlanFile
@@ -39,18 +40,24 @@ def _verify(
             negative="", show_default=False, help="the scene without collisions between drones"
         ),
     ] = False,
+    explain: Annotated[
+        bool,
+        FLAG(name="--explain", help="say what the gap is made of, term by term; it adds up"),
+    ] = False,
     json: Json = False,
 ) -> int:
     """Check a plan, certificates and proofs, trusting nobody: exit 0 only if all claims hold.
 
     The plan may also be in a scene format's own plan format. Of several
-    bounds the lowest is shown.
+    bounds the lowest is shown, and explained.
 
-    Example: cocap-opt verify corridor plan.json certificate.json --seed 0
+    Example: cocap-opt verify corridor plan.json certificate.json --explain
     """
     if not file:
         raise UsageError("FILE: name a plan, a certificate or a proof")
     claims = _Claims.read(scene, seed, free, file)
+    if explain and (claims.plan is None or not claims.bounds):
+        raise UsageError("--explain: name a plan, and a certificate or a proof")
     verified = Verified(claims.problem)
     if claims.plan is not None:
         verified.verify_plan(claims.plan, claims.plan_file)
@@ -62,7 +69,13 @@ def _verify(
             except CertificateError as error:
                 verified.violations.append(f"{name}: {error}")
     verified.conclude()
-    print_result({"scene": claims.problem.name, "seed": seed, **claims.answer(verified)}, json)
+    answer = {"scene": claims.problem.name, "seed": seed, **claims.answer(verified)}
+    explained = Explained.of(verified) if explain else None
+    if explain and json:
+        answer["explanation"] = explained.record if explained else None
+    print_result(answer, json)
+    if explained and not json:
+        print_texts(explained.tables, explained.sentences)
     return 1 if verified.violations else 0
 
 

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
 from cocap_opt.data import FloatArray
@@ -21,6 +22,9 @@ from cocap_opt.formulations.result import OPTIMALITY, Snapshot
 from cocap_opt.problem import Conflict, Plan, Problem, VertexConflict
 
 _DPI = 130
+_LOSSES = "Reds"
+_WRITTEN_ROBOTS, _WRITTEN_STEPS = 12, 20  # at most, where numbers are written on colours
+_LEAST_WRITTEN = 0.005  # %
 _BLUE, _AMBER, _RED, _GREY = "#30638e", "#edae49", "#d1495b", "#8d99ae"
 _LINEAR = 1.0  # %, up to which the axis of gaps is linear; from there on it is logarithmic
 _GAP_TICKS = (0, 0.25, 0.5, 0.75, 1, 2, 5, 10, 20, 50, 100)
@@ -186,6 +190,46 @@ def _time_axis(ax: Axes) -> None:
 
 def _with_gap(trace: Trace) -> list[Snapshot]:
     return [s for s in trace.snapshots if math.isfinite(s.gap) and s.seconds > 0]
+
+
+# -- gaps explained -----------------------------------------------------------------------
+
+
+def losses_figure(losses: Mapping[str, FloatArray]) -> Figure:
+    """Draws what drones lose by leaving steps as they do, a panel per plan.
+
+    Parameters
+    ----------
+    losses : % of the bound [R, T], by the plans' names
+    """
+    rows = max(len(own) for own in losses.values())
+    height = 0.8 + 0.22 * min(max(rows, 3), 24)
+    figure = Figure(figsize=(6.4, 0.3 + height * len(losses)), layout="constrained", dpi=_DPI)
+    panels = figure.subplots(len(losses), 1, sharex=True, squeeze=False)[:, 0]
+    most = max(float(own.max(initial=0.0)) for own in losses.values())
+    for ax, (name, own) in zip(panels, losses.items(), strict=True):
+        drawn = _draw_losses(ax, own, most)
+        ax.set_title(f"{name}: {own.sum():.3f} %", fontsize=9, loc="left")
+        ax.label_outer()
+    figure.colorbar(drawn, ax=panels.tolist(), label="% of the bound")
+    return figure
+
+
+def _draw_losses(ax: Axes, losses: FloatArray, most: float) -> AxesImage:
+    """Draws losses [R, T] as a field of colours, with the numbers where there is room."""
+    drawn = ax.imshow(losses, cmap=_LOSSES, vmin=0.0, vmax=most or 1.0, aspect="auto")
+    robots, steps = losses.shape
+    if robots <= _WRITTEN_ROBOTS and steps <= _WRITTEN_STEPS:
+        for robot, t in np.argwhere(losses >= _LEAST_WRITTEN).tolist():
+            loss = losses[robot, t]
+            ax.text(t, robot, f"{loss:.2f}", ha="center", va="center", fontsize=6,
+                    color="white" if loss > 0.6 * most else "black")  # fmt: skip
+    every = max(1, math.ceil(robots / 16))
+    ax.set_yticks(range(0, robots, every))
+    ax.xaxis.set_major_locator(MaxNLocator(integer=True))
+    ax.set_xlabel("step that is left")
+    ax.set_ylabel("drone")
+    return drawn
 
 
 # -- conflicts ----------------------------------------------------------------------------

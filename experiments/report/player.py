@@ -17,6 +17,7 @@ from cocap_opt.experiments.report.pages import PageFile
 from cocap_opt.experiments.report.player_scene import SceneData
 from cocap_opt.experiments.results.files import save_bytes
 from cocap_opt.files.documents import FileError
+from cocap_opt.formulations.explanation import Explanation
 from cocap_opt.model import compiled
 from cocap_opt.problem import (
     CollisionRules,
@@ -45,15 +46,22 @@ class Player:
     ----------
     plans : with titles, none with violations by `check`; without any plan the drones are shown at
         their starts
+    gaps : what the gap of each plan is made of, None where it is not known; none if not given
 
     Examples
     --------
     >>> Player(problem, [("greedy", greedy.plan), ("CoCap", cocap.plan)]).save("plans.html")
     """
 
-    def __init__(self, problem: Problem, plans: Sequence[Titled] = ()) -> None:
+    def __init__(
+        self,
+        problem: Problem,
+        plans: Sequence[Titled] = (),
+        gaps: Sequence[Explanation | None] = (),
+    ) -> None:
         self._problem = problem if plans else _without_goals(problem)
         self._plans = plans or [("drones at their starts", _waiting(problem))]
+        self._gaps = gaps or [None] * len(self._plans)
 
     def page(self) -> str:
         """Returns the text of the HTML file."""
@@ -69,14 +77,17 @@ class Player:
 
         Lengths are in m, angles in rad, positions those of `SceneData`. Of each plan, `seen[t][f]`
         is the coverage that all drones together have of face f at step t (px/m2; 1/m2 for cones),
-        and `rewards[t]` the referee's view reward of step t, 0 if the step does not count.
+        and `rewards[t]` the referee's view reward of step t, 0 if the step does not count. Where
+        it is known what a plan's gap is made of, `gap` has it as shares of the bound:
+        `losses[i][t]` of drone i by leaving step t, `faces[t][f]` of what is paid for faces, and
+        the rest.
         """
         problem, plans = self._problem, [plan for _, plan in self._plans]
         scene = SceneData(problem)
         seen = [_seen_pixels(problem, plan) for plan in plans]
         shown = [
-            _plan_data(scene, titled, pixels)
-            for titled, pixels in zip(self._plans, seen, strict=True)
+            _plan_data(scene, titled, pixels) | {"gap": None if gap is None else _gap(problem, gap)}
+            for titled, pixels, gap in zip(self._plans, seen, self._gaps, strict=True)
         ]
         return {
             "name": problem.name,
@@ -163,6 +174,23 @@ def _plan_data(scene: SceneData, titled: Titled, seen: FloatArray) -> Data:
             for robot, path in zip(robots, plan.paths, strict=True)
         ],
         "conflicts": [_conflict(problem, conflict) for conflict in plan.conflicts(problem)],
+    }
+
+
+def _gap(problem: Problem, gap: Explanation) -> Data:
+    """Returns what a gap is made of, as shares of the bound."""
+    first = np.searchsorted(problem.face_owner, np.arange(len(problem.actors)))
+    faces = np.zeros((problem.view_sum_steps, len(problem.face_weights)))
+    for term in gap.of_kind("face"):
+        assert term.actor is not None
+        assert term.face is not None
+        faces[term.step or 0, first[term.actor] + term.face] += gap.share(term.amount)
+    return {
+        "total": gap.share(gap.gap),
+        "losses": [[_digits(gap.share(x)) for x in row] for row in gap.losses().tolist()],
+        "faces": [[_digits(value) for value in row] for row in faces.tolist()],
+        "rules": gap.share(gap.total("row", "decision")),
+        "rest": gap.share(gap.total("leaves", "claim", "rounding")),
     }
 
 

@@ -16,13 +16,10 @@ from cocap_opt.experiments.report.figures import VIEW_LENGTH, robot_colour
 from cocap_opt.problem import (
     Actor,
     Camera,
-    Cuboid,
     Plan,
     Problem,
     Robot,
-    Shape,
     State,
-    TriangulatedCuboid,
 )
 from cocap_opt.world.workspace import Workspace
 
@@ -32,7 +29,6 @@ _DIGITS = 5  # of the map's size
 _GROUND, _LOW, _BLOCKS = 0, 1, 2  # kinds of cells; the last blocks the lowest flight height
 _SLAB = 0.012  # of the map's size, height of its edge as it is drawn
 _MARGIN = 4.0  # m, from all flights and walks to the edge of the picture
-_SIDES = ("front", "left", "back", "right")
 
 Data = dict[str, Any]
 
@@ -158,7 +154,7 @@ class SceneData:
         faces = actor.shape.faces()
         return {
             "faces": [self.rounded(face) for face in faces],
-            "names": _face_names(actor.shape),
+            "names": actor.shape.face_names,
             "height": self.rounded(np.array(actor.shape.height)),
             "poses": self.rounded(poses),
         }
@@ -185,12 +181,3 @@ def _blocked_cells(problem: Problem, workspace: Workspace) -> BoolArray:
     free = [motion.replace(layers=lowest).free_places(workspace)[0] for motion in set(low)]
     blocked: BoolArray = ~np.any(free, axis=0)
     return blocked
-
-
-def _face_names(shape: Shape) -> list[str]:
-    """Returns the names of the faces of a shape, in their order."""
-    if isinstance(shape, Cuboid):
-        return [*_SIDES, "top"]
-    if isinstance(shape, TriangulatedCuboid):
-        return [f"{side}, half {k}" for side in (*_SIDES, "top") for k in (1, 2)]
-    return [*(f"side {k}" for k in range(shape.sides)), "top"]

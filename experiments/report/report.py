@@ -6,17 +6,24 @@ It is made of the files in the sweep's folder alone, so that any machine can mak
 import base64
 import math
 import shlex
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from cocap_opt.experiments.report.charts import conflicts_figure, gaps_figure, progress_figure
+from cocap_opt.experiments.report.charts import (
+    conflicts_figure,
+    gaps_figure,
+    losses_figure,
+    progress_figure,
+)
+from cocap_opt.experiments.report.explaining import explained_plans, parts_table
 from cocap_opt.experiments.report.figures import picture
 from cocap_opt.experiments.report.limitations import limitations
 from cocap_opt.experiments.report.pages import PageFile
 from cocap_opt.experiments.report.player import Player
+from cocap_opt.experiments.results.explained import SHOWN, Explained
 from cocap_opt.experiments.results.files import PlanReader
 from cocap_opt.experiments.results.layout import Paths
 from cocap_opt.experiments.results.printing import counted
@@ -140,14 +147,41 @@ def _scene_plans(folder: Path, rows: Sequence[Row]) -> str:
     if not shown:
         return ""
     plans = {row.planner or "": _plan(folder, row, problem) for row in shown}
-    player = escape(Player(problem, list(plans.items())).page())
+    explained = explained_plans(folder, shown, problem, plans)
+    terms = [explained[name].explanation if name in explained else None for name in plans]
+    player = escape(Player(problem, list(plans.items()), terms).page())
     name = escape(problem.name if seed is None else f"{problem.name}, seed {seed}")
     charts = _image(conflicts_figure(problem, plans), f"{name}: who collides with whom, and when.")
     return (
         f"<h3>{name}</h3>\n<p>{escape(_story(shown))}</p>\n"
         f'<iframe class="player" loading="lazy" title="plans of {name}" srcdoc="{player}">'
-        f"</iframe>\n{charts}"
+        f"</iframe>\n{charts}{_gaps_explained(name, explained)}"
     )
+
+
+def _gaps_explained(name: str, explained: Mapping[str, Explained]) -> str:
+    """Returns a figure and a table of what the gaps of plans are made of, in % of the bound."""
+    if not explained:
+        return ""
+    losses = {
+        planner: 100 * one.explanation.share(1.0) * one.explanation.losses()
+        for planner, one in explained.items()
+    }
+    words = (
+        f"{name}: what each drone loses by leaving a step as it does, against the best path that "
+        "the bound knows from there."
+    )
+    lost = any(own.max() >= 100 * SHOWN for own in losses.values())
+    drawn = _image(losses_figure(losses), words) if lost else ""
+    table = {"What the gaps are made of (% of the bound)": parts_table(explained)}
+    most = [f"{planner}: {one.costliest}." for planner, one in explained.items() if one.costliest]
+    about = (
+        "Drones lose by their paths, the bound pays for faces beyond what the drones get, it "
+        "charges for rules that nobody uses, and other leaves of a proof may have larger bounds. "
+        "The largest single terms are these."
+    )
+    listed = f"<p>{about}</p>{_list(most)}" if most else ""
+    return drawn + Tables(table).html(level=4) + listed
 
 
 def _telling_seed(rows: Sequence[Row]) -> tuple[int | None, list[Row]]:

@@ -70,6 +70,16 @@ def print_result(row: Record, json: bool) -> None:
     _console().print(table)
 
 
+def print_texts(tables: Sequence[str], sentences: Sequence[str]) -> None:
+    """Prints tables as they are, and sentences below each other."""
+    console = _console()
+    for text in tables:
+        console.print(f"\n{text}", markup=False, highlight=False, soft_wrap=True)
+    console.print()
+    for text in sentences:
+        console.print(text, markup=False, highlight=False)
+
+
 class Listing(NamedTuple):
     """A small table to be printed; its rows all have the keys of the first.
 

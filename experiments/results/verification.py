@@ -3,15 +3,18 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 
 from cocap_opt.experiments.results.judging import ROUNDING
 from cocap_opt.files.documents import PlanFile, problem_digest
 from cocap_opt.formulations.certificates import (
     CertificateFile,
+    Pricing,
     ProofFile,
     verify,
 )
 from cocap_opt.formulations.result import OPTIMALITY
+from cocap_opt.model import Model
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import Verdict, check
 from cocap_opt.result import relative_gap
@@ -36,6 +39,9 @@ class Verified:
     reward : J of the plan; -infinite without one
     verdict : of the referee on the plan; None without one
     violations : what does not hold, in words
+    plan : that was checked
+    file : that proves the bound
+    pricing : what its numbers prove
     """
 
     problem: Problem = field(repr=False)
@@ -45,6 +51,14 @@ class Verified:
     reward: float = -math.inf
     verdict: Verdict | None = None
     violations: list[str] = field(default_factory=list)
+    plan: Plan | None = field(default=None, repr=False)
+    file: CertificateFile | ProofFile | None = field(default=None, repr=False)
+    pricing: Pricing | None = field(default=None, repr=False)
+
+    @cached_property
+    def model(self) -> Model:
+        """The compiled problem, whose coverage is computed afresh, once for all files."""
+        return Model(self.problem, use_cache=False)
 
     @property
     def gap(self) -> float:
@@ -67,7 +81,8 @@ class Verified:
 
     def verify_plan(self, plan: Plan, claimed: PlanFile | None = None) -> None:
         """Has the referee judge a plan, and compares that with what its file claims."""
-        self.verdict = verdict = check(self.problem, plan)
+        self.plan, self.verdict = plan, check(self.problem, plan)
+        verdict = self.verdict
         self.violations += [*verdict.violations, *verdict.conflicts]
         if claimed is not None and claimed.digest != problem_digest(self.problem):
             other = "scene, seed, rules or objective"
@@ -98,10 +113,11 @@ class Verified:
         CertificateError
             If it proves nothing, or less than it claims.
         """
-        verify(self.problem, file, progress)
+        pricing = verify(self.problem, file, progress, self.model)
         # What has been proved is what the file claims.
         if file.proved < self.bound:
             self.bound, self.method = file.proved, file.method
+            self.file, self.pricing = file, pricing
             self.optimistic = isinstance(file, CertificateFile) and bool(file.coverage)
 
     def conclude(self) -> None:

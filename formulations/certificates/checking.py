@@ -39,6 +39,7 @@ def verify(
     problem: Problem,
     file: CertificateFile | ProofFile,
     progress: Callable[[int, int], None] = lambda done, total: None,
+    model: Model | None = None,
 ) -> Pricing:
     """Recomputes the bound of a certificate or a proof from the problem alone.
 
@@ -47,6 +48,7 @@ def verify(
     Parameters
     ----------
     progress : told how many leaves of a proof are done, and of how many
+    model : of the problem, made without the cache; so that several files share its coverage
 
     Raises
     ------
@@ -59,7 +61,7 @@ def verify(
         raise CertificateError(
             f"digest: the {'proof' if proof else 'certificate'} belongs to another scene"
         )
-    model = Model(problem, use_cache=False)
+    model = Model(problem, use_cache=False) if model is None else model
     model = model.disaggregated() if file.classes == "single" else model
     if isinstance(file, ProofFile):
         pricing = Pricing.of_proof(model, file, progress)

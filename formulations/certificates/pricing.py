@@ -54,6 +54,7 @@ from cocap_opt.formulations.certificates.format import (
 )
 from cocap_opt.formulations.certificates.resources import Resource, charges_of
 from cocap_opt.formulations.certificates.sweep import plain_sweep
+from cocap_opt.graph.charges import Charges
 from cocap_opt.model import Model
 from cocap_opt.objective import marginal_gain
 
@@ -65,6 +66,7 @@ class Pricing(NamedTuple):
 
     bound: float  # rigorous upper bound on J, rounding included
     rounding: float  # the part of it that covers rounding errors
+    leaves: tuple[float, ...] = ()  # of a proof, the bounds of its leaves, in order
 
     @classmethod
     def of(
@@ -82,11 +84,8 @@ class Pricing(NamedTuple):
             If a number is negative or not finite, an array has the wrong shape, or a row is not
             one that every plan obeys.
         """
-        if isinstance(certificate, Multipliers):
-            payment = _payment_of_multipliers(model, certificate)
-            charge = _charge_of(model, certificate, decisions)
-        else:
-            payment, charge = _payment_of_reference(model, certificate), _Charge(0.0, 0.0, [])
+        prices = Prices.of(model, certificate, decisions)
+        payment, charge = prices.payment, prices.charge
         total = payment.constant + charge.constant
         magnitude = payment.magnitude + charge.magnitude
         if not math.isfinite(magnitude):
@@ -94,7 +93,7 @@ class Pricing(NamedTuple):
         # The same with all numbers counted as positive: the sum of absolute values along a path.
         sizes = [(r, -abs(c) if math.isfinite(c) else c) for r, c in charge.costs]
         for number, robot_class in enumerate(model.classes):
-            reward = _node_rewards(model, number, payment)
+            reward = prices.rewards(number)
             values, made_of = (
                 plain_sweep(model.problem, robot_class, reward, charges_of(model, number, costs))
                 for costs in (charge.costs, sizes)
@@ -128,17 +127,44 @@ class Pricing(NamedTuple):
             If the nodes are no tree, a resource does not exist, or a leaf is not valid.
         """
         _check_branches(model, proof)
-        worst = cls(-math.inf, 0.0)
+        worst, bounds = cls(-math.inf, 0.0), []
         total = sum(isinstance(node, Leaf) for node in proof.nodes)
         for done, (n, leaf, decisions) in enumerate(proof.leaves()):
             try:
                 pricing = cls.of(model, leaf.certificate, decisions)
             except CertificateError as error:
                 raise CertificateError(f"nodes[{n}].{error}") from error
+            bounds.append(pricing.bound)
             if not pricing.bound <= worst.bound:
                 worst = pricing
             progress(done + 1, total)
-        return worst
+        return worst._replace(leaves=tuple(bounds))
+
+
+class Prices(NamedTuple):
+    """The prices that a certificate puts on pixels and resources: all that its bound is made of."""
+
+    model: Model
+    payment: "_Payment"
+    charge: "_Charge"
+
+    @classmethod
+    def of(
+        cls, model: Model, certificate: Certificate, decisions: Sequence[Decision] = ()
+    ) -> "Prices":
+        """Returns the prices of a certificate; raises CertificateError as `Pricing.of` does."""
+        if isinstance(certificate, Multipliers):
+            payment = _payment_of_multipliers(model, certificate)
+            return cls(model, payment, _charge_of(model, certificate, decisions))
+        return cls(model, _payment_of_reference(model, certificate), _Charge(0.0, 0.0, []))
+
+    def rewards(self, number: int) -> FloatArray:
+        """Returns the payment to a robot of class `number` for being in a state [T+1, S]."""
+        return _node_rewards(self.model, number, self.payment)
+
+    def charges(self, number: int) -> Charges:
+        """Returns what the robots of class `number` are charged."""
+        return charges_of(self.model, number, self.charge.costs)
 
 
 def _rounding_factor(model: Model, n_costs: int, n_cuts: int) -> float:
@@ -163,6 +189,7 @@ class _Payment(NamedTuple):
     """The payment that a certificate offers for pixels, and the constants that go with it."""
 
     constant: float
+    constants: FloatArray  # [Z] the same by view sum
     magnitude: float  # sum of the absolute values that the constant is made of
     # Number of a class, view sums [n], pixels [n] -> payment for them, before weights [n].
     pay: Callable[[int, IntArray, FloatArray], FloatArray]
@@ -182,6 +209,9 @@ def _payment_of_multipliers(model: Model, certificate: Multipliers) -> _Payment:
         kappa = (rest[needed] - alpha[needed]) ** 2 / (4 * beta[needed])
     terms = (weights[needed] * kappa).tolist()
     terms += [float(weights[cut.view_sum]) * share * cut.constant for cut, share in cuts]
+    constants = np.zeros(len(weights))
+    owners = np.array([*needed.tolist(), *(cut.view_sum for cut, _ in cuts)], dtype=np.int64)
+    np.add.at(constants, owners, terms)
     # The cuts' constants are made of norms of as many roots as there are robots.
     made_of = [
         float(weights[cut.view_sum])
@@ -205,7 +235,7 @@ def _payment_of_multipliers(model: Model, certificate: Multipliers) -> _Payment:
                 paid[entries] += share * cut.phi(number, roots[entries])
         return paid
 
-    return _Payment(sum(terms), sum(terms) + sum(made_of), pay, len(cuts))
+    return _Payment(sum(terms), constants, sum(terms) + sum(made_of), pay, len(cuts))
 
 
 def _left_by(cuts: list[tuple[Cut, float]], n_view_sums: int) -> FloatArray:
@@ -238,7 +268,7 @@ def _payment_of_reference(model: Model, certificate: ReferencePixels) -> _Paymen
     def pay(number: int, view_sums: IntArray, seen: FloatArray) -> FloatArray:
         return marginal_gain(pixels[view_sums], seen)
 
-    return _Payment(constant, (gains + 1) * constant, pay)
+    return _Payment(constant, roots, (gains + 1) * constant, pay)
 
 
 def _node_rewards(model: Model, number: int, payment: _Payment) -> FloatArray:

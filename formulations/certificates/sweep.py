@@ -5,6 +5,8 @@ iteration that planners and pricing use. Rewards for moves are taken from the ob
 definition.
 """
 
+from collections import deque
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -26,6 +28,17 @@ def plain_sweep(
     reward : [T+1, S] for being in a state; the objective's rewards for moves are added here
     charges : costs of places, states and moves, by which the value is less
     """
+    (first,) = deque(values_to_go(problem, robot_class, reward, charges), maxlen=1)
+    return first
+
+
+def values_to_go(
+    problem: Problem, robot_class: RobotClass, reward: FloatArray, charges: Charges
+) -> Iterator[FloatArray]:
+    """Yields the value of the best path from every state [S], at step T first, at step 0 last.
+
+    Parameters are those of `plain_sweep`.
+    """
     graph, objective = robot_class.graph, problem.objective
     shape = (graph.n_orientations, graph.n_places)
     stay = objective.stationarity + objective.keep_cell
@@ -37,6 +50,7 @@ def plain_sweep(
         _, x, y = graph.coordinates(np.arange(graph.n_places))
         value = np.where((x == robot_class.goal[0]) & (y == robot_class.goal[1]), value, -np.inf)
     value = value - places.get(problem.horizon, 0.0) - states.get(problem.horizon, 0.0)
+    yield value.reshape(-1)
     for t in range(problem.horizon - 1, -1, -1):
         turned = _plain_turns(graph, value, objective.keep_heading)
         best = np.full(shape, -np.inf)
@@ -52,7 +66,7 @@ def plain_sweep(
             # To stay is the first of the moves.
             best = np.maximum(best, value + stay - moves.get((t, 0), 0.0))
         value = best + reward[t].reshape(shape) - places.get(t, 0.0) - states.get(t, 0.0)
-    return value.reshape(-1)
+        yield value.reshape(-1)
 
 
 def _plain_turns(graph: TimeGraph, value: FloatArray, keep_heading: float) -> FloatArray:

@@ -16,10 +16,12 @@ from strategies import examples, plate, tiny
 
 from cocap_opt.experiments.cli.main import main
 from cocap_opt.experiments.report import player_scene
+from cocap_opt.experiments.report.explaining import gaps_of
 from cocap_opt.experiments.report.figures import robot_colour
 from cocap_opt.experiments.report.player import Player, _seen_pixels
 from cocap_opt.experiments.studies.pictures import _Browser
 from cocap_opt.files.documents import PlanFile
+from cocap_opt.formulations import BOUNDS
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import Actor, Camera, Cone, Motion, Plan, Prism, Problem, Robot, State
 from cocap_opt.referee import check
@@ -591,3 +593,18 @@ def test_no_name_is_run_and_nothing_is_asked_for(player: Any, tmp_path: Path) ->
     assert value(player, "performance.getEntriesByType('resource').length") == 0
     assert player.get_log("browser") == []
     player.get(before)
+
+
+def test_a_gap_is_told_as_shares_of_the_bound() -> None:
+    """With its explanation a plan has what drones lose by step, faces, and the rest; it adds up."""
+    problem = load_scene("tiny-share", 0)
+    plans, proof = planned(problem, "cocap"), BOUNDS["alone"](problem).certificate
+    assert proof is not None
+    (gap,) = gaps_of(problem, [plans[0][1]], proof)
+    (shown,) = Player(problem, plans, [gap]).data()["plans"]
+    told = shown["gap"]
+    assert told["total"] == pytest.approx(gap.gap / gap.bound)
+    assert np.shape(told["losses"]) == (2, problem.horizon)
+    parts = [*np.ravel(told["losses"]), *np.ravel(told["faces"]), told["rules"], told["rest"]]
+    assert sum(parts) == pytest.approx(told["total"], rel=1e-4)
+    assert [plan["gap"] for plan in Player(problem, plans).data()["plans"]] == [None]

@@ -41,6 +41,7 @@ class Chart {
     this.ticks(context, y, most, w);
     this.bars(context, y, Math.round(time));
     if (this.other) this.outline(context, y);
+    if (this.plan.gap) this.losses(context, h - MARGIN.bottom + 1);
     this.conflicts(context);
     context.strokeStyle = OTHER;
     context.lineWidth = 1;
@@ -89,6 +90,19 @@ class Chart {
       context.lineTo(this.x(step) + half, y(reward));
     });
     context.stroke();
+  }
+
+  // A strip below the bars: the redder, the more is lost by leaving a step.
+  losses(context, y) {
+    const { losses } = this.plan.gap, steps = losses[0].map((_, t) => losses.reduce((sum, row) => sum + row[t], 0));
+    const most = Math.max(...steps), wide = this.width / (this.data.steps + 1);
+    if (most < 5e-6) return;
+    context.fillStyle = RED;
+    steps.forEach((lost, step) => {
+      context.globalAlpha = Math.max(lost, 0) / most;
+      context.fillRect(this.x(step) - wide / 2, y, wide, 4);
+    });
+    context.globalAlpha = 1;
   }
 
   conflicts(context) {

@@ -27,6 +27,8 @@ function makePanel(plan, index) {
   const facts = make("div", "facts");
   const now = make("b", "now"), sum = make("b", "sum");
   facts.append(fact("reward at this step", now), fact("so far", sum));
+  const lost = make("b", "lost");
+  if (plan.gap) facts.append(fact("lost by leaving it", lost));
   const next = make("button", "next");
   facts.append(next);
   const canvas = make("canvas", "view"), bars = make("canvas", "chart");
@@ -54,7 +56,7 @@ function makePanel(plan, index) {
   next.title = count ? "go to the next one (C)" : "";
   next.disabled = !count;
   next.addEventListener("click", () => jump(nextConflict([plan])));
-  const panel = { plan, view, chart, now, sum, words, chips, tip, canvas };
+  const panel = { plan, view, chart, now, sum, lost, words, chips, tip, canvas };
   steer(panel);
   return panel;
 }
@@ -124,14 +126,24 @@ function draw(resting) {
   find("step").textContent = `step ${step} of ${data.steps}`;
 }
 
-function describe({ plan, now, sum, words, chips, canvas }) {
+function describe({ plan, now, sum, lost, words, chips, canvas }) {
   const step = Math.round(state.time);
   put(now, step < data.first ? "not counted" : reward(plan.rewards[step]));
   now.dataset.value = String(plan.rewards[step]);
   put(sum, reward(plan.rewards.slice(0, step + 1).reduce((a, b) => a + b, 0)));
+  if (plan.gap) put(lost, losses(plan.gap, step));
   const most = canvas.clientWidth < NARROW ? 1 : MOST_WORDS;
   put(words, several(conflictsAt(plan, state.time).map((c) => c.words), most));
   chips.forEach((chip, i) => put(chip, `${plan.heights[i][step]} m`));
+}
+
+// What drones lose by leaving a step as they do, the one that loses most named.
+function losses(gap, step) {
+  const lost = gap.losses.map((row) => row[step] ?? 0), most = Math.max(...lost);
+  if (most < 5e-6) return "nothing";
+  const all = lost.reduce((a, b) => a + b, 0), percent = (share) => `${digits(100 * share, 3)} %`;
+  const rest = all - most < 5e-6 ? "" : ` of ${percent(all)}`;
+  return `${percent(most)}${rest} by drone ${lost.indexOf(most)}`;
 }
 
 function several(words, most) {
@@ -198,9 +210,15 @@ function hint(view, plan, tip, { offsetX: x, offsetY: y }) {
   if (!found) return;
   const [j, f, face] = found, pixels = plan.seen[Math.round(state.time)][face];
   const seen = pixels > 0 ? `${density(pixels)} ${data.unit}` : "not seen";
-  put(tip, `person ${j}, ${data.people[j].names[f]}: ${seen}`);
-  tip.style.left = `${Math.min(x + 12, view.canvas.clientWidth - 190)}px`;
+  put(tip, `person ${j}, ${data.people[j].names[f]}: ${seen}${overpaid(plan.gap, face)}`);
+  tip.style.left = `${Math.max(Math.min(x + 12, view.canvas.clientWidth - tip.clientWidth - 4), 4)}px`;
   tip.style.top = `${Math.max(y - 30, 4)}px`;
+}
+
+// What the bound pays for a face beyond the reward for it.
+function overpaid(gap, face) {
+  const share = gap ? gap.faces[Math.min(Math.round(state.time), gap.faces.length - 1)][face] : 0;
+  return share < 5e-6 ? "" : `; the bound pays ${digits(100 * share, 3)} % more`;
 }
 
 // -- the rest of the page -------------------------------------------------------------------

@@ -1,0 +1,100 @@
+"""Gaps explained, for the report and the player: the terms of each plan, and their table."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from cocap_opt.experiments.results.explained import SHOWN, Explained
+from cocap_opt.experiments.results.files import PlanReader
+from cocap_opt.experiments.results.rows import Row
+from cocap_opt.experiments.results.tables import Table
+from cocap_opt.experiments.results.verification import Verified
+from cocap_opt.files.documents import FileError, problem_digest
+from cocap_opt.formulations.certificates import CertificateError, CertificateFile, ProofFile
+from cocap_opt.formulations.explanation import Explanation, Kind, explain
+from cocap_opt.model import compiled
+from cocap_opt.problem import Plan, Problem
+from cocap_opt.referee import check
+
+_MOST_STATES = 400_000  # whose coverage is computed for a scene, some seconds
+_PARTS: dict[str, tuple[Kind, ...]] = {
+    "paths": ("path",),
+    "faces": ("face",),
+    "rules": ("row", "decision"),
+    "other leaves": ("leaves",),
+    "rounding": ("claim", "rounding"),
+}
+
+
+def explained_plans(
+    folder: Path, rows: Sequence[Row], problem: Problem, plans: Mapping[str, Plan]
+) -> dict[str, Explained]:
+    """Returns the gaps of plans by their planners, told apart with the folder's certificate.
+
+    Left out are plans without a gap to speak of, and all of them where the certificate is not in
+    the folder or the scene has too many states.
+
+    Parameters
+    ----------
+    rows : of these plans
+
+    Raises
+    ------
+    FileError
+        If the certificate's file is damaged.
+    """
+    bounded = [row for row in rows if row.certificate and (row.gap or 0.0) >= SHOWN]
+    if not bounded or not (folder / bounded[0].certificate).is_file():
+        return {}
+    path = folder / bounded[0].certificate
+    file = PlanReader(problem.name, problem).claim(path)
+    if not isinstance(file, CertificateFile | ProofFile) or file.digest != problem_digest(problem):
+        return {}
+    model = compiled(problem)
+    if sum(int(model.reachable(one).sum()) for one in model.classes) > _MOST_STATES:
+        return {}
+    found = {}
+    for row in bounded:
+        assert row.planner is not None
+        assert row.reward is not None
+        plan = plans[row.planner]
+        try:
+            gap = explain(model, plan, row.reward, file)
+        except CertificateError as error:
+            raise FileError(f"{path}: {error}") from error
+        found[row.planner] = Explained(model, plan, gap)
+    return found
+
+
+def gaps_of(
+    problem: Problem, plans: Sequence[Plan], file: CertificateFile | ProofFile
+) -> list[Explanation]:
+    """Returns what the gaps of plans that can be flown are made of, the file being verified.
+
+    Raises
+    ------
+    CertificateError
+        If the file belongs to another problem, is not valid, or claims too low a bound.
+    ValueError
+        If it proves that there is no plan.
+    """
+    verified = Verified(problem)
+    verified.verify_bound(file)
+    rewards = [check(problem, plan).reward for plan in plans]
+    return [
+        explain(verified.model, plan, reward, file)
+        for plan, reward in zip(plans, rewards, strict=True)
+    ]
+
+
+def parts_table(explained: Mapping[str, Explained]) -> Table:
+    """Returns the parts of each gap in % of the bound; they add up to it."""
+    return [
+        {"planner": planner}
+        | {name: _percent(one, one.explanation.total(*kinds)) for name, kinds in _PARTS.items()}
+        | {"gap": _percent(one, one.explanation.gap)}
+        for planner, one in explained.items()
+    ]
+
+
+def _percent(one: Explained, amount: float) -> str:
+    return f"{round(100 * one.explanation.share(amount), 3) + 0.0:.3f}"

@@ -1,0 +1,292 @@
+"""A gap explained: the terms that the difference between a bound and a plan's J is made of.
+
+Let V_t be the values to go of the priced graphs, r_t their rewards with charges and rewards for
+moves, and pay_i what robot i is paid for a view sum. For a plan P and a certificate of bound B,
+
+    B - J(P) = sum over robots and steps of V_t(x_t) - r_t(x_t) - V_t+1(x_t+1)        path
+             + sum over view sums of w (constant + sum_i pay_i(c_i) - sqrt(sum_i c_i))   face
+             + sum over conflict rows of mu (1 - used)                                    row
+             + sum over decisions of +-nu (k - used)                                 decision
+             + the largest bound of a proof's leaves - that of the plan's own leaf     leaves
+             + what the file claims above its numbers, and what covers rounding.
+
+The first holds step by step, since a path's rewards telescope against V; the rest is the bound's
+own sum with the plan's numbers put in. No term is below 0 for a plan that obeys the rules: V is
+the best that any path gets, and `certificates.pricing` proves the others. A broken rule that has a
+price shows as a negative row. All terms are computed by the certificates' own sweep.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from cocap_opt.data import FloatArray
+from cocap_opt.formulations.certificates import (
+    Branch,
+    Certificate,
+    CertificateFile,
+    Decision,
+    Flight,
+    Multipliers,
+    Pricing,
+    ProofFile,
+    Resource,
+)
+from cocap_opt.formulations.certificates.pricing import Prices
+from cocap_opt.formulations.certificates.sweep import values_to_go
+from cocap_opt.graph.charges import Charges
+from cocap_opt.model import Model, Path
+from cocap_opt.problem import Objective, Plan, State
+
+_NOTHING = 1e-9  # bound of a scene in which there is nothing to be had, but for rounding
+Kind = Literal["path", "face", "row", "decision", "leaves", "claim", "rounding"]
+
+
+class Term(NamedTuple):
+    """A part of a gap; what does not belong to its kind is None.
+
+    A path's term is what a robot loses by the move that it makes from `step` on. A face's term is
+    what the certificate pays for a block, which is a face of an actor at a step, beyond what the
+    robots together get for it; where pixels add up over time it has no step.
+    """
+
+    kind: Kind
+    amount: float
+    step: int | None = None
+    robot: int | None = None
+    actor: int | None = None
+    face: int | None = None  # number among the actor's own
+    resource: Resource | None = None  # of a row or a decision
+    sense: Literal["at most", "at least"] | None = None
+    robots: int | None = None  # at most, or at least, so many may use the resource
+    price: float | None = None  # mu or nu
+    users: tuple[int, ...] | None = None  # robots that use it
+
+    @property
+    def is_broken(self) -> bool:
+        """True where the plan breaks the rule or the decision that the term is about."""
+        if self.robots is None or self.users is None:
+            return False
+        excess = len(self.users) - self.robots
+        return excess > 0 if self.sense == "at most" else excess < 0
+
+
+class OwnLeaf(NamedTuple):
+    """The leaf of a proof whose decisions a plan obeys."""
+
+    node: int  # its number in the file
+    position: int  # among the leaves
+    bound: float
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """The terms of the gap between a bound and a plan.
+
+    Attributes
+    ----------
+    bound : as the file claims it
+    reward : J of the plan
+    terms : all but faces that add nothing and rows without a price
+    leaf : of a proof, the one that the plan belongs to
+    """
+
+    bound: float
+    reward: float
+    terms: tuple[Term, ...]
+    leaf: OwnLeaf | None = None
+
+    @property
+    def gap(self) -> float:
+        """The difference between bound and J, in units of J."""
+        return self.bound - self.reward
+
+    def of_kind(self, *kinds: Kind) -> list[Term]:
+        """Returns the terms of these kinds, in order."""
+        return [term for term in self.terms if term.kind in kinds]
+
+    def total(self, *kinds: Kind) -> float:
+        """Returns the sum of the terms of these kinds, of all if none is named."""
+        return math.fsum(term.amount for term in self.terms if not kinds or term.kind in kinds)
+
+    def share(self, amount: float) -> float:
+        """Returns an amount as a share of the bound; 0 where nothing can be seen."""
+        return amount / self.bound if self.bound > _NOTHING else 0.0
+
+    def losses(self) -> FloatArray:
+        """Returns what each robot loses by leaving each step, in units of J [R, T]."""
+        paths = self.of_kind("path")
+        size = 1 + max(term.robot or 0 for term in paths)
+        return np.array([term.amount for term in paths]).reshape(size, -1)
+
+
+def explain(
+    model: Model, plan: Plan, reward: float, file: CertificateFile | ProofFile
+) -> Explanation:
+    """Returns the terms of the gap between the bound of a file and J of a plan.
+
+    The file's claim and the other leaves of a proof are taken as they are; `verify` checks them.
+
+    Parameters
+    ----------
+    plan : one that can be flown; it may break collision rules
+    reward : J of the plan, by the referee
+
+    Raises
+    ------
+    CertificateError
+        If the file's numbers are not valid.
+    ValueError
+        If the file claims that there is no plan.
+    """
+    if not math.isfinite(file.proved):
+        raise ValueError("certificate: it proves that there is no plan, so there is no gap")
+    model = model.disaggregated() if file.classes == "single" else model
+    paths = model.paths(plan)
+    flights = [Flight.of(model, robot, path) for robot, path in enumerate(paths)]
+    certificate, decisions, leaf = _of_plan(model, file, flights)
+    pricing = Pricing.of(model, certificate, decisions)
+    prices = Prices.of(model, certificate, decisions)
+    rest = file.proved - pricing.bound
+    terms = (
+        *_path_terms(prices, plan, paths),
+        *_face_terms(prices, paths),
+        *_row_terms(model, certificate, decisions, flights),
+        Term("leaves" if leaf else "claim", rest),
+        Term("rounding", pricing.rounding),
+    )
+    own = leaf._replace(bound=pricing.bound) if leaf else None
+    return Explanation(file.proved, reward, terms, own)
+
+
+def _of_plan(
+    model: Model, file: CertificateFile | ProofFile, flights: Sequence[Flight]
+) -> tuple[Certificate, tuple[Decision, ...], OwnLeaf | None]:
+    """Returns the certificate that bounds a plan; of a proof, with its decisions and its leaf."""
+    if isinstance(file, CertificateFile):
+        return file.certificate, (), None
+    own = 0
+    while isinstance(node := file.nodes[own], Branch):
+        used = sum(node.resource.used_by(model, flight) for flight in flights)
+        own = node.at_most if used <= node.robots else node.at_least
+    leaves = enumerate(file.leaves())
+    position, (_, leaf, decisions) = next(found for found in leaves if found[1][0] == own)
+    return leaf.certificate, decisions, OwnLeaf(own, position, math.nan)
+
+
+# -- paths --------------------------------------------------------------------------------
+
+
+def _path_terms(prices: Prices, plan: Plan, paths: Sequence[Path]) -> Iterator[Term]:
+    """Yields what each robot loses by leaving each step as it does."""
+    model = prices.model
+    losses: dict[int, list[float]] = {}
+    for number, robot_class in enumerate(model.classes):
+        reward, charges = prices.rewards(number), prices.charges(number)
+        sweep = values_to_go(model.problem, robot_class, reward, charges)
+        own = np.array([paths[robot] for robot in robot_class.robots])  # [robots, T+1]
+        steps = range(model.problem.horizon, -1, -1)
+        ahead = [values[own[:, t]] for t, values in zip(steps, sweep, strict=True)][::-1]
+        for k, robot in enumerate(robot_class.robots):
+            path, states = paths[robot], plan.paths[robot]
+            worth = [float(values[k]) for values in ahead]
+            gains = _gains(charges, reward, path, robot_class.graph.n_places)
+            moves = [_reward_of_move(model.problem.objective, *move) for move in pairwise(states)]
+            losses[robot] = [
+                worth[t] - gains[t] - moves[t] - worth[t + 1] for t in range(len(moves))
+            ]
+    for robot in range(len(paths)):
+        for t, loss in enumerate(losses[robot]):
+            yield Term("path", loss, step=t, robot=robot)
+
+
+def _gains(charges: Charges, reward: FloatArray, path: Path, n_places: int) -> list[float]:
+    """Returns the priced reward at each step, charges for the move that follows included [T+1]."""
+    gains = []
+    for t, state in enumerate(path):
+        place = state % n_places
+        cost = charges.places.get((t, place), 0.0) + charges.states.get((t, state), 0.0)
+        if t + 1 < len(path):
+            cost += charges.moves.get((t, place, path[t + 1] % n_places), 0.0)
+        gains.append(float(reward[t, state]) - cost)
+    return gains
+
+
+def _reward_of_move(objective: Objective, a: State, b: State) -> float:
+    """Returns the reward of one move, by the objective's definition."""
+    same_cell = (a.x, a.y, a.layer) == (b.x, b.y, b.layer)
+    return (
+        objective.stationarity * (a == b)
+        + objective.keep_cell * same_cell
+        + objective.keep_heading * (a.heading == b.heading)
+        + objective.balanced * ((b.x - a.x) + (b.y - a.y) == 0)
+    )
+
+
+# -- faces --------------------------------------------------------------------------------
+
+
+def _face_terms(prices: Prices, paths: Sequence[Path]) -> Iterator[Term]:
+    """Yields what the certificate pays for each face at each step beyond the reward for it."""
+    model, problem = prices.model, prices.model.problem
+    weights, paid = problem.view_sum_weights, prices.payment.constants.copy()
+    seen = problem.no_pixels()
+    for robot, path in enumerate(paths):
+        robot_class = model.class_of[robot]
+        table, number = model.coverage(robot_class), model.classes.index(robot_class)
+        nodes = np.arange(len(path)) * robot_class.graph.n_states + np.array(path)
+        _, entries = table.entries(nodes)
+        view_sums, pixels = table.view_sums[entries], table.pixels[entries]
+        np.add.at(
+            paid, view_sums, weights[view_sums] * prices.payment.pay(number, view_sums, pixels)
+        )
+        np.add.at(seen, view_sums, pixels)
+    slack = paid - weights * np.sqrt(seen)
+    first = np.searchsorted(problem.face_owner, problem.face_owner)  # face of the same actor
+    for view_sum in np.flatnonzero(slack).tolist():
+        step, face = divmod(view_sum, model.n_faces)
+        yield Term(
+            "face",
+            float(slack[view_sum]),
+            step=None if problem.objective.over_time else step,
+            actor=int(problem.face_owner[face]),
+            face=face - int(first[face]),
+        )
+
+
+# -- rows and decisions -------------------------------------------------------------------
+
+
+def _row_terms(
+    model: Model,
+    certificate: Certificate,
+    decisions: Sequence[Decision],
+    flights: Sequence[Flight],
+) -> Iterator[Term]:
+    """Yields what is charged for resources and not used, row by row and decision by decision."""
+    if not isinstance(certificate, Multipliers):
+        return
+
+    def users(resource: Resource) -> tuple[int, ...]:
+        return tuple(i for i, flight in enumerate(flights) if resource.used_by(model, flight))
+
+    for row in certificate.rows:
+        if row.multiplier > 0:
+            own = users(row.resource)
+            yield Term(
+                "row", row.multiplier * (1 - len(own)), step=row.resource.t, resource=row.resource,
+                sense="at most", robots=1, price=row.multiplier, users=own,
+            )  # fmt: skip
+    for decision, price in zip(decisions, certificate.decisions, strict=True):
+        own = users(decision.resource)
+        # What is closed has no price, and nobody in this leaf uses it.
+        price = 0.0 if decision.closes else price
+        amount = decision.sign * price * (decision.robots - len(own))
+        yield Term(
+            "decision", amount, step=decision.resource.t, resource=decision.resource,
+            sense=decision.sense, robots=decision.robots, price=price, users=own,
+        )  # fmt: skip
