@@ -4,6 +4,7 @@ They are JSON with a format and a version, read strictly, and written whole or n
 """
 
 import hashlib
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, ClassVar, Literal, Self, TypeVar, get_args, get_type_hints
 
@@ -167,6 +168,7 @@ def read_bytes(path: Path) -> bytes:
         raise FileError(f"{path}: {error.strerror}") from error
 
 
+@lru_cache(maxsize=16)
 def problem_digest(problem: Problem) -> str:
     """Digest of everything in a problem but its name."""
     content = msgspec.json.encode(problem.replace(name=""), enc_hook=_encode_array)
