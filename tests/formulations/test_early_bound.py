@@ -105,7 +105,7 @@ def test_a_certificate_says_which_coverage_it_was_made_with() -> None:
 
 
 def test_coverage_is_computed_once_with_rules_and_without() -> None:
-    """Rules change nothing of what is seen: a search under rules goes on where one without ended."""
+    """Rules change nothing of what is seen: one search goes on where the other had to end."""
     problem = load_scene("passage", 0)
     model = covered_in_part(problem, 20)
     free = compiled(problem.without_rules())
