@@ -255,9 +255,9 @@ def verify(problem: Problem, *claims: Plan | Result | Bound) -> Verified:
         numbers prove.
     ValueError
         If a plan is for another problem, breaks a rule or cannot be flown, its J is not the one
-        claimed or above the bound, a result claims a lower bound than its certificate, there are two plans, nothing to check,
-        or a result has a bound, such as that of brute force, and no certificate is among the
-        claims. Its plan alone, `result.plan`, can be checked.
+        claimed or above the bound, a result claims a lower bound than its certificate, there are
+        two plans, nothing to check, or a result has a bound, such as that of brute force, and no
+        certificate is among the claims. Its plan alone, `result.plan`, can be checked.
 
     Examples
     --------
