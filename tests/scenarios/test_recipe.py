@@ -292,6 +292,8 @@ def test_seeds_place_drones_and_nothing_else(tmp_path: Path) -> None:
          r"drones\[0\]: motion.radius: must allow at most 100 m/s, but 1 cells of 1 m in a"),
         (("speed = 1.5", "speed = 500"), r"walk\[0\]: speed: must be at most 100 m/s, not 500"),
         (("heading = 0", "height = 3"), r"drones\[0\]: starts.height: must be one of the layers 5"),
+        (("heading = 0", "heading = 33"), r"starts.heading: must be .* 8 .*, such as 0 and 45, not 33"),
+        (("heading = 0", "heading = -10"), r"starts.heading: .*, such as 0 and 315, not -10"),
         (("starts", "camera = 'gopro'\nstarts"), r"drones\[0\]: camera: must be one of px4-mono"),
         (("starts", "count = 1\nstarts"), r"drones\[0\]: must have either starts or a count"),
         (("[[walk]]", "[[mesh]]\nfile = 'no.obj'\n[[walk]]"), r"mesh\[0\]: .*no\.obj: cannot be"),
