@@ -37,6 +37,7 @@ face_samples = 3            # squared: rays to each triangle of what meshes may 
 
 [map]
 file = "houses.tif"         # .tif or .asc; in place of it: size = [60, 40], origin = [0, 0]
+unit = "m"                  # "m", "cm", "mm" or "ft": of the heights in files
 heights = "above-ground"    # or "absolute", which needs a ground
 ground = "terrain.tif"      # bare terrain; "surface": the map itself is that; left out: flat, 0
 resolution = 1.0            # m, cells of the plan; left out: those of the file
