@@ -323,7 +323,7 @@ def _read_table(path: Path, columns: tuple[str, ...]) -> list[tuple[int, dict[st
 
 
 class _Loader(yaml.SafeLoader):
-    """PyYAML's safe loader, made to fail in one way at a scalar of the wrong form.
+    """PyYAML's safe loader, made to fail in one way at a scalar of the wrong form or a key twice.
 
     The loader in C, which msgspec.yaml takes, crashes on text that is nested too deeply.
     """
@@ -337,6 +337,14 @@ class _Loader(yaml.SafeLoader):
             raise yaml.constructor.ConstructorError(
                 problem=problem, problem_mark=node.start_mark
             ) from error
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        keys = [key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode)]
+        if len(set(keys)) < len(keys):
+            twice = next(key for k, key in enumerate(keys) if key in keys[:k])
+            raise ProblemError(f"{twice[:40]}: must be given once in a mapping, not twice")
+        mapping: dict[Any, Any] = super().construct_mapping(node, deep)
+        return mapping
 
 
 def _world(text: str) -> _World:

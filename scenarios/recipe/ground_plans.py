@@ -17,6 +17,7 @@ from shapely.geometry.base import BaseGeometry
 
 from cocap_opt.data import LARGEST, ProblemError
 from cocap_opt.files.messages import in_words
+from cocap_opt.files.strict_json import decode_json
 from cocap_opt.scenarios.kinds import CITYJSON, GEOJSON, WAYS_OUT, WKT, kind_of
 from cocap_opt.scenarios.recipe.geotiff import is_geographic
 from cocap_opt.scenarios.recipe.tables import PER_METRE, Point
@@ -103,7 +104,7 @@ def ground_plan(
 def _named(text: str, name: str | None) -> _Plan:
     """Returns the ground plan of this name in JSON."""
     try:
-        plans = msgspec.json.decode(text, type=dict[str, _Plan])
+        plans = decode_json(text, dict[str, _Plan])
     except (msgspec.MsgspecError, RecursionError) as error:
         words = in_words(error, text, dict[str, _Plan])
         raise ProblemError(f"{words}; ground plans are {_SCHEME}") from error
@@ -127,12 +128,12 @@ def _of_polygons(
             f'polygons: must be "obstacles" or "walkable", whose holes are obstacles, for the '
             f"file is {kind} and does not say it"
         )
+    named = _named_system(text) if kind == GEOJSON else ""
+    _refuse_degrees(named)
     given = shapely.MultiPolygon(list(_polygons(shapely.force_2d(_geometry(text, kind)))))
     _require_metres(given)
-    if kind == WKT and (system := _SYSTEM.match(text)):
-        _refuse_system("SRID", int(system[1][:_DIGITS]), given)
-    if kind == GEOJSON and (system := _NAMED_SYSTEM.search(_named_system(text))):
-        _refuse_system("crs", int(system[1][:_DIGITS]), given)
+    if system := _NAMED_SYSTEM.search(named) if kind == GEOJSON else _SYSTEM.match(text):
+        _refuse_system("crs" if named else "SRID", int(system[1][:_DIGITS]), given)
     metres = shapely.transform(given, lambda points: points / per_metre)
     polygons = [_sound(part, f"polygon {k}") for k, part in enumerate(metres.geoms, start=1)]
     if meaning == "obstacles":
@@ -143,8 +144,6 @@ def _of_polygons(
 
 
 def _geometry(text: str, kind: str) -> BaseGeometry:
-    if kind == GEOJSON:
-        _refuse_degrees(_named_system(text))
     try:
         plain = text[found.end() :] if (found := _SYSTEM.match(text)) else text
         with np.errstate(over="ignore", invalid="ignore"):  # what is infinite is refused later
@@ -155,7 +154,7 @@ def _geometry(text: str, kind: str) -> BaseGeometry:
 
 def _named_system(text: str) -> str:
     """Returns what GeoJSON says of the system of its coordinates; it may say nothing."""
-    content: Any = msgspec.json.decode(text)
+    content = decode_json(text, dict[str, Any])
     return str(content.get("crs") or "")
 
 

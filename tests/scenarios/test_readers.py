@@ -183,6 +183,7 @@ def test_map_is_found_at_the_stated_path(sequence: Path) -> None:
         ("planner:", "run: !!python/object/apply:os.getcwd []\nplanner:", ("tag",)),
         (SEQUENCE, "", ("is empty",)),
         (SEQUENCE, "\0", ()),
+        ("time: {", "time: {horizon: 9, ", ("horizon: must be given once",)),
     ],
 )
 def test_wrong_sequence_is_one_line(

@@ -232,8 +232,8 @@ starts = [{{ x = {EAST + 2.5}, y = {NORTH + 6.5} }}]
         20 * surface.max() * 0.3048
     )
     assert doubts(read(write(tmp_path, text))) == [
-        "the map rises by 8.42 m a metre at half of its cells: are its heights in centimetres? In a "
-        "recipe `unit` of [map] says so"
+        "the map rises by 8.42 m a metre at half of its cells: are its heights in centimetres? "
+        "In a recipe `unit` of [map] says so"
     ]
     write_tif(tmp_path / "dtm.tif", ground)
     write_tif(tmp_path / "dsm.tif", surface)
@@ -693,6 +693,10 @@ def test_walls_of_geojson_and_wkt(tmp_path: Path, text: str) -> None:
         ("POLYGON ((1 1, 3 3, 3 1, 1 3, 1 1))", r"polygon 1: must not cross itself, .* \(2, 2\) m"),
         ("POLYGON ((2.1 48.1, 2.2 48.1, 2.2 48.2, 2.1 48.1))", "all lie at x 2.1.*, as degrees do"),
         ('{"type": "Polygon", "crs": "EPSG:4326", "coordinates": []}', "must be metres of a proj"),
+        ('{"type": "Polygon", "coordinates": [], "type": "Polygon"}', "type: must be given once"),
+        ('{"a": {"walkable": [[0, 0], [2, 0], [2, 2]]}, "a": {"walkable": []}}', "must"),
+        ('{"a": {"unit": "m", "walkable": [[0, 0], [2, 0], [2, 2]], "unit": "cm"}}',
+         "unit: must be given once"),
         ("LINESTRING (0 0, 5 5)", "must hold polygons only, not a LineString"),
         ("POLYGON ((0 0, 5 5)", "cannot be read as WKT"),
         ("POINT (1 1)", "must hold polygons only, not a Point"),
