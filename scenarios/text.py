@@ -11,9 +11,8 @@ from cocap_opt.data import ProblemError
 _NO_TEXT = {
     b"\x89HDF\r\n\x1a\n": "is HDF5; write its dataset of trajectories as text, with the columns "
     "id frame x y",
-    b"SQLite format 3\0": "is an SQLite database; trajectories of JuPedSim are written as text, in "
-    'm, by: sqlite3 -header -csv FILE "select id, frame, pos_x as x, pos_y as y from '
-    'trajectory_data"',
+    b"SQLite format 3\0": "is an SQLite database; as JuPedSim writes them, they are people, for "
+    "[[tracks]] of a recipe",
 }
 
 

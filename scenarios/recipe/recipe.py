@@ -65,7 +65,7 @@ at = [30, 10]               # added to their points
 base = 50.0                 # altitude of their foot; left out: the lowest ground
 
 [[tracks]]
-file = "people.txt"
+file = "people.txt"         # or a database of JuPedSim
 columns = ["id", "frame", "x", "y", "z"]   # left out: as the file says
 unit = "cm"                 # "m", "cm", "mm" or "ft"; left out, as fps: as the file says
 fps = 16
