@@ -38,11 +38,6 @@ def _require_regular(path: Path) -> None:
         raise ProblemError("must be a regular file, no pipe or device")
 
 
-def one_line(error: Exception) -> str:
-    """Returns the message of another library's error on one line (PyYAML's have several)."""
-    return " ".join(str(error).split()) or type(error).__name__
-
-
 def read_text(path: Path) -> str:
     """Returns the text of a UTF-8 file, without a byte order mark.
 
@@ -65,8 +60,11 @@ def read_text(path: Path) -> str:
         return path.read_text(encoding="utf-8-sig")
     except OSError as error:
         raise ProblemError(f"cannot be read: {error.strerror}") from error
-    except ValueError as error:
-        raise ProblemError(f"must be a text file: {one_line(error)}") from error
+    except UnicodeDecodeError as error:
+        line = error.object[: error.start].count(b"\n") + 1
+        raise ProblemError(
+            f"must be a text file in UTF-8, but byte {error.start + 1}, in line {line}, is not"
+        ) from error
 
 
 def integer(text: str, field: str) -> int:

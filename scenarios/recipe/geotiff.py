@@ -13,7 +13,6 @@ import numpy as np
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.scenarios.recipe.raster import SLIVER, Layout, Raster, Window
 from cocap_opt.scenarios.recipe.tables import PER_METRE, Unit
-from cocap_opt.scenarios.text import one_line
 
 MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")  # TIFF and BigTIFF, in either byte order
 SPELT = {"metre": "m", "metres": "m", "meter": "m", "meters": "m", "centimetre": "cm",
@@ -47,7 +46,9 @@ def read(
     except NotGeoreferencedWarning as error:
         raise _no_geotransform() from error
     except (RasterioError, CRSError, UnicodeError) as error:
-        raise ProblemError(f"cannot be read: {one_line(_first_cause(error))}") from error
+        raise ProblemError(
+            "cannot be read as GeoTIFF: it is damaged, cut off, or packed in an unknown way"
+        ) from error
 
 
 def _read(
@@ -172,7 +173,7 @@ def _on_earth(crs: Any, x: list[float], y: list[float]) -> tuple[FloatArray, Flo
     except Exception as error:  # GDAL's own errors have no public base
         raise ProblemError(
             f"coordinates: must lie where their projection is defined, not at ({x[0]:.7g}, "
-            f"{y[0]:.7g}): {one_line(_first_cause(error))}"
+            f"{y[0]:.7g})"
         ) from error
     if not (np.isfinite(east).all() and np.isfinite(north).all()):
         raise ProblemError(
@@ -207,9 +208,3 @@ def _no_geotransform() -> ProblemError:
         "geotransform: must be there, to say where the raster lies and how large its cells are; "
         "`gdal_translate -a_ullr WEST NORTH EAST SOUTH` writes a copy that has one"
     )
-
-
-def _first_cause(error: BaseException) -> Exception:
-    while isinstance(error.__cause__, Exception):
-        error = error.__cause__
-    return error if isinstance(error, Exception) else Exception(str(error))

@@ -32,6 +32,10 @@ DEGREES = ("4326", "CRS84", "4258", "4269")  # names of systems of longitude and
 MERCATOR = ("3857", "900913")
 _GEOGRAPHIC = range(4000, 5000)  # codes, of which most are; newer ones are elsewhere
 _LARGEST_ANGLE = 360.0  # degrees
+_SOUND = {
+    GEOJSON: '{"type": "Polygon", "coordinates": [[[0, 0], [4, 0], [4, 3], [0, 0]]]}',
+    WKT: "POLYGON ((0 0, 4 0, 4 3, 0 0))",
+}
 _DIGITS = 9  # of a code, more than any has
 _SYSTEM = re.compile(r"\s*SRID\s*=\s*([0-9]+)\s*;", re.IGNORECASE)  # as PostGIS writes it first
 _NAMED_SYSTEM = re.compile(r"EPSG[:/]+(?:[0-9.]*[:/])?([0-9]+)", re.IGNORECASE)
@@ -104,9 +108,13 @@ def ground_plan(
 def _named(text: str, name: str | None) -> _Plan:
     """Returns the ground plan of this name in JSON."""
     try:
-        plans = decode_json(text, dict[str, _Plan])
+        decode_json(text, msgspec.Raw)  # first of all it must be JSON
     except (msgspec.MsgspecError, RecursionError) as error:
-        words = in_words(error, text, dict[str, _Plan])
+        raise ProblemError(in_words(error, text, msgspec.Raw)) from error
+    try:
+        plans = msgspec.json.decode(text, type=dict[str, _Plan])
+    except msgspec.MsgspecError as error:
+        words = in_words(error, text, dict[str, _Plan]).replace("[...].", "").replace("[...]: ", "")
         raise ProblemError(f"{words}; ground plans are {_SCHEME}") from error
     if not plans:
         raise ProblemError("holds no ground plan")
@@ -149,7 +157,9 @@ def _geometry(text: str, kind: str) -> BaseGeometry:
         with np.errstate(over="ignore", invalid="ignore"):  # what is infinite is refused later
             return shapely.from_geojson(text) if kind == GEOJSON else shapely.from_wkt(plain)
     except (shapely.errors.ShapelyError, NotImplementedError) as error:
-        raise ProblemError(f"cannot be read as {kind}: {' '.join(str(error).split())}") from error
+        if "closed" in str(error):
+            raise ProblemError(f"{kind}: rings must end at the point where they begin") from error
+        raise ProblemError(f"cannot be read as {kind}, which is such as {_SOUND[kind]}") from error
 
 
 def _named_system(text: str) -> str:

@@ -108,7 +108,8 @@ def _refuse_projection(path: Path) -> bool:
             )
         units = UNIT.findall(text)  # the projection's own is the last
         if units and float(units[-1][1]) != 1:
-            raise ProblemError(f"must be a projection in metres, not in {units[-1][0]}")
+            name, metres = units[-1]
+            raise ProblemError(f"must be a projection in metres, not in {name} of {metres}")
         return bool(units)
 
 

@@ -698,7 +698,7 @@ def test_walls_of_geojson_and_wkt(tmp_path: Path, text: str) -> None:
         ('{"a": {"unit": "m", "walkable": [[0, 0], [2, 0], [2, 2]], "unit": "cm"}}',
          "unit: must be given once"),
         ("LINESTRING (0 0, 5 5)", "must hold polygons only, not a LineString"),
-        ("POLYGON ((0 0, 5 5)", "cannot be read as WKT"),
+        ("POLYGON ((0 0, 5 5)", "WKT: rings must end at the point where they begin"),
         ("POINT (1 1)", "must hold polygons only, not a Point"),
         ("CURVEPOLYGON ((0 0, 1 1, 2 2, 0 0))", "cannot be read as WKT"),
         ("POLYGON ((0 0, 9 0, 9 9, 0 0), (20 0, 21 0, 21 1, 20 0))", "must be sound, but has: Hol"),
