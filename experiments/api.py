@@ -19,6 +19,7 @@ from cocap_opt.files.documents import (
     problem_digest,
     read_bytes,
 )
+from cocap_opt.files.messages import in_words
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.certificates.format import CertificateFile, ProofFile
 from cocap_opt.formulations.result import (
@@ -567,7 +568,7 @@ def _plan_of(given: Plan | Result | None) -> Plan | None:
     try:
         return msgspec.convert(msgspec.to_builtins(given, enc_hook=_plain_number), Plan)
     except msgspec.ValidationError as error:
-        raise ValueError(f"plan: {error}") from None
+        raise ValueError(f"plan: {in_words(error, 'plan', Plan)}") from None
 
 
 def _plain_number(value: object) -> object:

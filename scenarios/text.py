@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from cocap_opt.data import ProblemError
+from cocap_opt.files.messages import no_text
 
 # How files begin that are no text, and the way out.
 _NO_TEXT = {
@@ -61,10 +62,7 @@ def read_text(path: Path) -> str:
     except OSError as error:
         raise ProblemError(f"cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
-        line = error.object[: error.start].count(b"\n") + 1
-        raise ProblemError(
-            f"must be a text file in UTF-8, but byte {error.start + 1}, in line {line}, is not"
-        ) from error
+        raise ProblemError(no_text(error)) from error
 
 
 def integer(text: str, field: str) -> int:

@@ -169,7 +169,7 @@ def read_bytes(path: Path) -> bytes:
         raise FileError(f"{path}: {error.strerror}") from error
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=8)
 def problem_digest(problem: Problem) -> str:
     """Digest of everything in a problem but its name."""
     content = msgspec.json.encode(problem.replace(name=""), enc_hook=_encode_array)

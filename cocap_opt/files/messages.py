@@ -32,6 +32,8 @@ def in_words(error: Exception, content: bytes | str, kind: object) -> str:
     """
     if isinstance(error, RecursionError):
         return "must not be nested so deeply"
+    if isinstance(error, UnicodeDecodeError):
+        return no_text(error)
     words = " ".join(str(error).split()) or type(error).__name__
     raw = content.encode() if isinstance(content, str) else content
     if not raw.strip():
@@ -55,6 +57,12 @@ def in_words(error: Exception, content: bytes | str, kind: object) -> str:
     said = _allowed_words(said, kind, path)
     said = f"its keys {said}" if key else said
     return f"{path}: {said}" if path else said
+
+
+def no_text(error: UnicodeDecodeError) -> str:
+    """Returns where a file is no text."""
+    line = error.object[: error.start].count(b"\n") + 1
+    return f"must be a text file in UTF-8, but byte {error.start + 1}, in line {line}, is not"
 
 
 def _no_toml(said: str, line: str | None, column: str | None) -> str:
