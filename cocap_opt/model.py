@@ -6,13 +6,14 @@ start, share one graph and one coverage table, and one sweep prices them all.
 
 import math
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import pairwise
 
 import numpy as np
 
-from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.data import BoolArray, FloatArray, IntArray, read_only
 from cocap_opt.graph.motion import Window
 from cocap_opt.graph.people import People
 from cocap_opt.graph.timegraph import TimeGraph
@@ -37,7 +38,8 @@ _BYTES_PER_STATE, _BYTES_PER_FACE = 33, 2
 
 
 _KEPT = 20_000  # cells and moves for which the places and moves that conflict are kept
-_KEPT_PATHS = 500  # the same of paths
+_KEPT_PATHS = 500  # for which cells, the places and moves that conflict are kept
+_KEPT_SUMS = 128  # paths whose view sums are kept: planners let the same robots stay
 
 
 def _tell_nobody(done: int, total: int) -> None:
@@ -83,18 +85,23 @@ class Model:
     _known_steps: int | None = None  # of a model that is cut short
 
     def __init__(self, problem: Problem, use_cache: bool = True) -> None:
-        self._divide(_Coverage(problem, use_cache), is_disaggregated=False)
+        self._divide(problem, _Coverage(problem, use_cache), is_disaggregated=False)
+
+    def under_rules_of(self, problem: Problem) -> "Model":
+        """Return the model of a problem that differs in its rules only; coverage is shared."""
+        other = object.__new__(Model)
+        other._divide(problem, self._coverage, self.is_disaggregated)
+        return other
 
     def disaggregated(self) -> "Model":
         """Return a model in which every robot is a class of its own; coverage is shared."""
         other = object.__new__(Model)
-        other._divide(self._coverage, is_disaggregated=True)
+        other._divide(self.problem, self._coverage, is_disaggregated=True)
         return other
 
-    def _divide(self, coverage: "_Coverage", is_disaggregated: bool) -> None:
+    def _divide(self, problem: Problem, coverage: "_Coverage", is_disaggregated: bool) -> None:
         """Put the robots into classes."""
-        self._coverage = coverage
-        self.problem = problem = coverage.problem
+        self.problem, self._coverage = problem, coverage
         self.is_disaggregated = is_disaggregated
         members: dict[tuple[object, ...], list[int]] = {}
         for i, robot in enumerate(problem.robots):
@@ -283,7 +290,7 @@ class Model:
         if limit is None:
             return self
         part = object.__new__(Model)
-        part._divide(self._coverage.so_far(), self.is_disaggregated)
+        part._divide(self.problem, self._coverage.so_far(), self.is_disaggregated)
         part.cut_short_by, part._known_steps = limit, self.covered_steps
         return part
 
@@ -323,12 +330,8 @@ class Model:
         return pixels
 
     def evaluated_pixels(self, robot: int, path: Path) -> FloatArray:
-        """View sums [Z] along a path, each view of which is evaluated anew."""
-        pixels, first = self.problem.no_pixels(), self.problem.first_step
-        views = self.views(self.class_of[robot])
-        for t, coverage in enumerate(views.along(first, np.array(path[first:])), start=first):
-            pixels[self.problem.view_sums_at(t)] += coverage
-        return pixels
+        """View sums [Z] along a path, read-only; the last paths are kept."""
+        return self._coverage.along(self.class_of[robot].spec, path)
 
     def spread(self, robot_class: RobotClass, values: FloatArray) -> FloatArray:
         """Make a reward array [T+1, S] of the values at the nodes of a class's coverage table."""
@@ -374,6 +377,7 @@ class _Coverage:
     def __init__(self, problem: Problem, use_cache: bool) -> None:
         self.problem = problem
         self.seconds = 0.0
+        self.along = lru_cache(maxsize=_KEPT_SUMS)(self._along)
         self._use_cache = use_cache
         self._geometry = FaceGeometry(problem)
         self._tables: dict[Sight, CoverageTable] = {}
@@ -384,6 +388,14 @@ class _Coverage:
     def views(self, spec: Robot) -> Views:
         graph = _graph(self.problem, spec)
         return Views.of(self._geometry, self.problem, graph, spec.camera)
+
+    def _along(self, spec: Robot, path: Path) -> FloatArray:
+        """View sums [Z] along a path, each view of which is evaluated anew."""
+        pixels, first = self.problem.no_pixels(), self.problem.first_step
+        views = self.views(spec).along(first, np.array(path[first:]))
+        for t, coverage in enumerate(views, start=first):
+            pixels[self.problem.view_sums_at(t)] += coverage
+        return read_only(pixels)
 
     def reachable(self, spec: Robot) -> BoolArray:
         if _sight(spec) not in self._reachable:
@@ -501,7 +513,7 @@ class _Coverage:
 
     def so_far(self) -> "_Coverage":
         """Return a copy in which nobody sees anything at the steps that are not known."""
-        part = _Coverage(self.problem, self._use_cache)
+        part = copy(self)
         part._tables = {_sight(spec): self.known(spec) for spec in self.problem.robots}
         return part
 
@@ -557,6 +569,7 @@ def compiled(problem: Problem) -> Model:
     """Return the model of a problem, made once per process and shared by all that ask for it.
 
     A model changes only by keeping the coverage that it has computed, so sharing shows nowhere
-    but in the time it takes.
+    but in the time it takes. A problem shares its coverage with the same one without rules.
     """
-    return Model(problem)
+    free = problem.without_rules()
+    return Model(problem) if free is problem else compiled(free).under_rules_of(problem)

@@ -13,7 +13,7 @@ from cocap_opt.graph.encounters import NEAR, Encounters
 from cocap_opt.graph.motion import Window
 from cocap_opt.problem import Actor, Motion, Problem, Robot
 from cocap_opt.world.columns import Spans
-from cocap_opt.world.workspace import Mesh, Workspace
+from cocap_opt.world.workspace import HeightMap, Mesh, Workspace
 
 _SUNK = 0.3  # m, by which feet may be below the ground
 _FLOATING = 1.0  # m, by which feet may be above the ground
@@ -22,6 +22,8 @@ _HEIGHTS = 0.3, 4.0  # m, of people and riders
 _FASTEST = 100.0  # m per step
 _HOVERING = 100.0  # m, of a mesh above the highest cell; bridges and cranes are lower
 _TALLEST = 830.0  # m, of buildings
+_USUAL = 150.0  # m, of half of the built-up cells; no town of towers is higher
+_STEEPEST = 2.0  # of half of the land; cliffs are steeper
 _SMALLEST = 0.1  # m, of what hides anybody
 _MOST_YAW = 4 * math.pi  # rad, two whole turns
 _FEW = 12  # cells, fewer than a drone needs to choose its view
@@ -32,7 +34,8 @@ _Pose = tuple[float, float, float, float]
 
 def doubts(problem: Problem) -> list[str]:
     """Returns all likely mistakes in a problem, in words, one line each."""
-    found = [
+    found = [*_about_heights(problem.height_map)]
+    found += [
         f"meshes[{k}] {_not_closed(mesh)}"
         for k, mesh in enumerate(problem.meshes)
         if not mesh.is_solid
@@ -52,6 +55,25 @@ def doubts(problem: Problem) -> list[str]:
     for j, actor in enumerate(problem.actors):
         found += [f"actors[{j}] {doubt}" for doubt in _about(problem, actor)]
     return [*found, *_in_the_way(problem), *_shut_in(problem)]
+
+
+def _about_heights(height_map: HeightMap) -> Iterator[str]:
+    """Yields a doubt if heights are those of no buildings, or slopes those of no land."""
+    ground = height_map.ground
+    above = (height_map.heights - ground)[height_map.stands_out]
+    highest, usual = (float(f(above)) if len(above) else 0.0 for f in (np.max, np.median))
+    steps = [np.abs(np.diff(ground, axis=axis)).ravel() for axis in (0, 1)]
+    slope = float(np.median(np.concatenate([*steps, [0.0]]))) / height_map.resolution
+    what = (
+        f"has obstacles of {highest:.4g} m" if highest > _TALLEST
+        else f"has obstacles that are {usual:.4g} m high on the median" if usual > _USUAL
+        else f"rises by {slope:.3g} m a metre at half of its cells" if slope > _STEEPEST
+        else ""
+    )  # fmt: skip
+    if what:
+        yield (
+            f"the map {what}: are its heights in centimetres? In a recipe `unit` of [map] says so"
+        )
 
 
 def _about_mesh(problem: Problem, mesh: Mesh) -> Iterator[str]:

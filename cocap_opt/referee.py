@@ -8,6 +8,7 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import lru_cache
 
 import numpy as np
 
@@ -44,8 +45,12 @@ class Verdict:
         return not self.violations and not self.conflicts
 
 
+@lru_cache(maxsize=16)
 def check(problem: Problem, plan: Plan) -> Verdict:
-    """Returns the verdict on a plan; its rewards are nan if it cannot be flown."""
+    """Returns the verdict on a plan; its rewards are nan if it cannot be flown.
+
+    The last verdicts are kept, for one plan passes from method to method.
+    """
     return _Referee(problem).verdict(plan)
 
 

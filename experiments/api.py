@@ -19,6 +19,7 @@ from cocap_opt.files.documents import (
     problem_digest,
     read_bytes,
 )
+from cocap_opt.files.messages import in_words
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.certificates.format import CertificateFile, ProofFile
 from cocap_opt.formulations.result import (
@@ -226,12 +227,13 @@ def check(problem: Problem, plan: Plan | Result) -> Verdict:
     Raises
     ------
     ValueError
-        If the result has no plan.
+        If the result has no plan, or the plan's file says that it is for another problem.
     """
     _require_problem(problem)
     own = _plan_of(plan)
     if own is None:
         raise ValueError("plan: the result has no plan that could be checked")
+    _require_made_for("plan", plan, problem)
     return judge_plan(problem, own)
 
 
@@ -254,10 +256,10 @@ def verify(problem: Problem, *claims: Plan | Result | Bound) -> Verified:
         If a certificate belongs to another problem, is not valid, or claims a lower bound than its
         numbers prove.
     ValueError
-        If a plan breaks a rule or cannot be flown, its J is not the one claimed or above the bound,
-        a result claims a lower bound than its certificate, there are two plans, nothing to check,
-        or a result has a bound, such as that of brute force, and no certificate is among the
-        claims. Its plan alone, `result.plan`, can be checked.
+        If a plan is for another problem, breaks a rule or cannot be flown, its J is not the one
+        claimed or above the bound, a result claims a lower bound than its certificate, there are
+        two plans, nothing to check, or a result has a bound, such as that of brute force, and no
+        certificate is among the claims. Its plan alone, `result.plan`, can be checked.
 
     Examples
     --------
@@ -267,6 +269,7 @@ def verify(problem: Problem, *claims: Plan | Result | Bound) -> Verified:
     for claim in claims:
         words = "a plan, a result, a certificate or a proof; `read` reads files of them"
         _require(claim, "claims", words, Plan, Result, CertificateFile, ProofFile)
+        _require_made_for("plan", claim, problem)
     plans = [p for p in map(_plan_in, claims) if p is not None]
     bounds = [b for b in map(_bound_in, claims) if b is not None]
     if len(plans) > 1:
@@ -510,14 +513,16 @@ def show(
     CertificateError
         If the certificate belongs to another problem, is not valid, or claims too low a bound.
     ValueError
-        If a plan cannot be flown in this problem; one that breaks collision rules is shown.
+        If a plan cannot be flown in this problem, or its file says that it is for another; one
+        that breaks collision rules is shown.
     """
     from cocap_opt.experiments.report.explaining import gaps_of
     from cocap_opt.experiments.report.player import Player
 
     _require_problem(problem)
     known = [(given, own) for given in plans if (own := _plan_of(given)) is not None]
-    for n, (_, own) in enumerate(known, 1):
+    for n, (given, own) in enumerate(known, 1):
+        _require_made_for(f"plan {n}", given, problem)
         _require_flown(f"plan {n}", judge_plan(problem, own))
     gaps = []
     if certificate is not None and known:
@@ -542,7 +547,8 @@ def save(
     FileError
         If the file cannot be written.
     ValueError
-        If a plan comes without its problem or cannot be flown in it, or a result has no plan.
+        If a plan comes without its problem, is for another or cannot be flown in it, or a result
+        has no plan.
     """
     words = "a problem, a plan, a result, a certificate or a proof"
     _require(content, "content", words, Problem, Plan, Result, CertificateFile, ProofFile)
@@ -566,7 +572,8 @@ def read(path: str | Path) -> Problem | Plan | Bound:
     Returns
     -------
     Problem, Plan, CertificateFile or ProofFile
-        Whatever the file holds.
+        Whatever the file holds. A plan knows which problem it was made for (`Plan.made_for`), and
+        is refused as one for any other.
 
     Raises
     ------
@@ -580,7 +587,7 @@ def read(path: str | Path) -> Problem | Plan | Bound:
     if isinstance(found, SceneFile):
         return found.problem
     if isinstance(found, PlanFile):
-        return found.plan
+        return found.plan.of_problem(found.digest)
     assert isinstance(found, CertificateFile | ProofFile)
     return found
 
@@ -596,6 +603,15 @@ def _require(value: object, name: str, allowed: str, *kinds: type) -> None:
 
 def _require_problem(problem: object) -> None:
     _require(problem, "problem", "a Problem; `load` makes one of a scene's name or file", Problem)
+
+
+def _require_made_for(name: str, given: object, problem: Problem) -> None:
+    """Raises ValueError if a plan was read from a file that says it is for another problem."""
+    if isinstance(given, Plan) and given.made_for not in ("", problem_digest(problem)):
+        raise ValueError(
+            f"{name}: its file says that it was made for another problem (scene, seed, rules or "
+            "objective); Plan(paths=plan.paths) is the same plan, made for none"
+        )
 
 
 def _require_flown(name: str, verdict: Verdict) -> None:
@@ -666,7 +682,7 @@ def _plan_of(given: Plan | Result | None) -> Plan | None:
     try:
         return msgspec.convert(msgspec.to_builtins(given, enc_hook=_plain_number), Plan)
     except msgspec.ValidationError as error:
-        raise ValueError(f"plan: {error}") from None
+        raise ValueError(f"plan: {in_words(error, 'plan', Plan)}") from None
 
 
 def _plain_number(value: object) -> object:
@@ -717,6 +733,7 @@ def _plan_file(content: Plan | Result, problem: Problem | None) -> PlanFile:
     if problem is None:
         raise ValueError("problem: a plan is written with the problem that it is for")
     _require_problem(problem)
+    _require_made_for("plan", content, problem)
     verdict = judge_plan(problem, own)
     _require_flown("plan", verdict)
     planner = content.method if isinstance(content, Result) else ""

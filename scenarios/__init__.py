@@ -123,12 +123,11 @@ _IN_A_RECIPE = "name it in a recipe, of which `cocap-opt recipe` prints an examp
 _WAYS_OUT = {  # what to do with a part of a scene that is named as one
     **dict.fromkeys((".tif", ".tiff", ".asc"), f"it is a map, for [map]: {_IN_A_RECIPE}"),
     ".map": "name a .scen of the MovingAI benchmark that belongs to the map",
-    **dict.fromkeys((".txt", ".csv"), f"it may be people, for [[tracks]]: {_IN_A_RECIPE}"),
+    **dict.fromkeys((".txt", ".csv", ".sqlite", ".sqlite3", ".db"),
+                    f"it may be people, for [[tracks]]: {_IN_A_RECIPE}"),
     **dict.fromkeys((".h5", ".hdf5"), "write its trajectories as text, and name that in a recipe"),
     ".xml": "write its ground plan as JSON, and name that in [[walls]] of a recipe",
     **dict.fromkeys((".geojson", ".wkt"), f"it may be walls, for [[walls]]: {_IN_A_RECIPE}"),
-    **dict.fromkeys((".sqlite", ".sqlite3", ".db"),
-                    "write its trajectories as text, and name that in [[tracks]] of a recipe"),
     **dict.fromkeys((".obj", ".glb", ".gltf", ".stl", ".ply", ".off"),
                     f"it is a mesh, for [[mesh]]: {_IN_A_RECIPE}"),
 }  # fmt: skip

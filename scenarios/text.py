@@ -6,14 +6,14 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from cocap_opt.data import ProblemError
+from cocap_opt.files.messages import no_text
 
 # How files begin that are no text, and the way out.
 _NO_TEXT = {
     b"\x89HDF\r\n\x1a\n": "is HDF5; write its dataset of trajectories as text, with the columns "
     "id frame x y",
-    b"SQLite format 3\0": "is an SQLite database; trajectories of JuPedSim are written as text, in "
-    'm, by: sqlite3 -header -csv FILE "select id, frame, pos_x as x, pos_y as y from '
-    'trajectory_data"',
+    b"SQLite format 3\0": "is an SQLite database; as JuPedSim writes them, they are people, for "
+    "[[tracks]] of a recipe",
 }
 
 
@@ -39,11 +39,6 @@ def _require_regular(path: Path) -> None:
         raise ProblemError("must be a regular file, no pipe or device")
 
 
-def one_line(error: Exception) -> str:
-    """Returns the message of another library's error on one line (PyYAML's have several)."""
-    return " ".join(str(error).split()) or type(error).__name__
-
-
 def read_text(path: Path) -> str:
     """Returns the text of a UTF-8 file, without a byte order mark.
 
@@ -66,8 +61,8 @@ def read_text(path: Path) -> str:
         return path.read_text(encoding="utf-8-sig")
     except OSError as error:
         raise ProblemError(f"cannot be read: {error.strerror}") from error
-    except ValueError as error:
-        raise ProblemError(f"must be a text file: {one_line(error)}") from error
+    except UnicodeDecodeError as error:
+        raise ProblemError(no_text(error)) from error
 
 
 def integer(text: str, field: str) -> int:

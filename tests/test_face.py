@@ -332,6 +332,25 @@ def test_a_plan_of_another_problem_is_not_shown_or_written(tmp_path: Path) -> No
     assert co.check(co.load("tiny-queue"), tuples).reward == pytest.approx(result.value)
 
 
+def test_a_plan_that_was_read_is_for_the_problem_of_its_file(tmp_path: Path) -> None:
+    """Where it happens to fit another one, it is refused there, unless one says it is of none."""
+    problem = co.load("tiny-share")
+    other = problem.replace(objective=problem.objective.replace(stationarity=1.0))
+    made = co.plan(problem, "greedy")
+    co.save(tmp_path / "plan.json", made)
+    plan = co.read(tmp_path / "plan.json")
+    assert isinstance(plan, co.Plan) and plan == made.plan
+    assert co.check(problem, plan).reward == made.value
+    co.verify(problem.replace(name="other"), plan)
+    for use in (co.show, co.check, co.verify):
+        with pytest.raises(ValueError, match=r"plan.*: its file says that it was made for another"):
+            use(other, plan)
+    with pytest.raises(ValueError, match="made for another problem"):
+        co.save(tmp_path / "again.json", plan, other)
+    assert not (tmp_path / "again.json").exists()
+    assert co.check(other, co.Plan(paths=plan.paths)).valid
+
+
 def test_the_planner_of_contributing_is_one() -> None:
     """The example of a planner in CONTRIBUTING works, obeys a stop and is as good as it says."""
     block = (ROOT / "CONTRIBUTING.md").read_text().split("```python\n")[1].split("```")[0]

@@ -1,8 +1,8 @@
 """Files of this project: JSON with a version, written whole or not at all.
 
 `documents` is the one scheme of all kinds of files, `atomic_write` how they are written,
-`messages` what errors in them are called, and `code` the digest of code by which stored results
-are known.
+`strict_json` how JSON is read, `messages` what errors in it are called, and `code` the digest of
+code by which stored results are known.
 """
 
-__all__ = ["atomic_write", "code", "documents", "messages"]
+__all__ = ["atomic_write", "code", "documents", "messages", "strict_json"]

@@ -4,6 +4,7 @@ They are JSON with a format and a version, read strictly, and written whole or n
 """
 
 import hashlib
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, ClassVar, Literal, Self, TypeVar, get_args, get_type_hints
 
@@ -13,6 +14,7 @@ import numpy as np
 from cocap_opt.data import ProblemError
 from cocap_opt.files.atomic_write import write_atomically
 from cocap_opt.files.messages import in_words
+from cocap_opt.files.strict_json import decode_json
 from cocap_opt.problem import Plan, Problem
 
 
@@ -124,7 +126,7 @@ def _decode(content: bytes, kind: type[T], name: str) -> T:
         One line with the file's name, the field and what is allowed.
     """
     try:
-        return msgspec.json.decode(content, type=kind, dec_hook=_decode_array)
+        return decode_json(content, kind, _decode_array)
     except (msgspec.MsgspecError, ProblemError, UnicodeDecodeError, RecursionError) as error:
         raise FileError(f"{name}: {in_words(error, content, kind)}") from error
 
@@ -167,6 +169,7 @@ def read_bytes(path: Path) -> bytes:
         raise FileError(f"{path}: {error.strerror}") from error
 
 
+@lru_cache(maxsize=8)
 def problem_digest(problem: Problem) -> str:
     """Digest of everything in a problem but its name."""
     content = msgspec.json.encode(problem.replace(name=""), enc_hook=_encode_array)

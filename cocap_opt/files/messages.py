@@ -6,8 +6,10 @@ from collections.abc import Iterator
 from msgspec import inspect
 
 _MALFORMED = re.compile(r"malformed.*\(byte (\d+)\)")
+_NO_TOML = re.compile(r"(.*) \(at (?:end of document|line (\d+), column (\d+))\)")
+_TWICE = "Cannot overwrite", "Cannot declare", "Cannot mutate", "Cannot define", "Duplicate"
 _NO_NUMBER = re.compile(r"-?(?:nan|inf(?:inity)?)", re.IGNORECASE)
-_PLACE = re.compile(r"(.*) - at `(?:key in )?\$\.?(.*)`")
+_PLACE = re.compile(r"(.*) - at `(key` in `|key in )?\$\.?(.*)`")
 _UNKNOWN_WORD = re.compile(r"Invalid (?:enum )?value (.*)")
 _WRONG = re.compile(r"Expected `([^`]*)`(.*?)(?:, got `?([^`]*)`?)?")
 _UNKNOWN_FIELD = re.compile(r"Object contains unknown field `(.*)`")
@@ -28,6 +30,10 @@ def in_words(error: Exception, content: bytes | str, kind: object) -> str:
     content : of the file
     kind : the type that it should have
     """
+    if isinstance(error, RecursionError):
+        return "must not be nested so deeply"
+    if isinstance(error, UnicodeDecodeError):
+        return no_text(error)
     words = " ".join(str(error).split()) or type(error).__name__
     raw = content.encode() if isinstance(content, str) else content
     if not raw.strip():
@@ -39,10 +45,34 @@ def in_words(error: Exception, content: bytes | str, kind: object) -> str:
         found = _NO_NUMBER.search(raw[max(byte - 1, 0) : byte + 10].decode(errors="replace"))
         if found and found.start() <= 1:
             return f"must hold finite numbers only, not {found[0]} (byte {byte})"
+        line = raw[:byte].count(b"\n") + 1
+        return (
+            f"line {line}, byte {byte}: must be JSON; a bracket, a quotation mark or a comma is "
+            "missing, or one too many"
+        )
+    if no_toml := _NO_TOML.fullmatch(words):
+        return _no_toml(*no_toml.groups())
     placed = _PLACE.fullmatch(words)
-    said, path = placed.groups() if placed else (words, "")
+    said, key, path = placed.groups() if placed else (words, None, "")
     said = _allowed_words(said, kind, path)
+    said = f"its keys {said}" if key else said
     return f"{path}: {said}" if path else said
+
+
+def no_text(error: UnicodeDecodeError) -> str:
+    """Returns where a file is no text."""
+    line = error.object[: error.start].count(b"\n") + 1
+    return f"must be a text file in UTF-8, but byte {error.start + 1}, in line {line}, is not"
+
+
+def _no_toml(said: str, line: str | None, column: str | None) -> str:
+    """Returns what is wrong in TOML, of which the decoder of Python says where."""
+    place = f"line {line}, column {column}" if line else "at the end"
+    if said.startswith(_TWICE):
+        return f"{place}: each key and each table must be given once"
+    if line is None:
+        return "ends before its TOML is complete: a value or a closing mark is missing"
+    return f"{place}: must be TOML; a bracket, a quotation mark, = or a value may be missing"
 
 
 def _allowed_words(said: str, kind: object, path: str) -> str:
@@ -57,6 +87,8 @@ def _allowed_words(said: str, kind: object, path: str) -> str:
         either = " or ".join(_TYPES.get(word, word) for word in types)
         given = "a number with decimals" if found == "float" else _TYPES.get(found, found)
         return f"must be {either}{limits}" + (f", not {given}" if found else "")
+    if said == "Number out of range":
+        return "must be a number within +-1.8e308"
     if field := _UNKNOWN_FIELD.fullmatch(said):
         return f"must have no unknown field `{field[1]}`"
     if field := _MISSING_FIELD.fullmatch(said):

@@ -34,6 +34,7 @@ from cocap_opt.problem import Problem
 from cocap_opt.result import Result
 from cocap_opt.stop import LimitReached, Stop, never
 from cocap_opt.timing import timed
+from cocap_opt.world.workspace import HeightMap
 
 STANDOFF = 5.0  # m, from the outermost actor (Greedy Perspectives)
 HEIGHT = 5.0  # m, of flight (Greedy Perspectives)
@@ -73,8 +74,8 @@ def formation(
             rewards = circle.rewards(model, around, views, stop)
             turns = circle.best_turns(problem, around, rewards)
             for seat, robot in enumerate(circle.robots):
-                places[robot][:, :2] = around.at[seat, np.arange(len(turns)), turns]
-                places[robot][:, 2] = around.flight[seat]
+                at = around.at[seat, np.arange(len(turns)), turns]
+                places[robot] = _flown(problem.height_map, at, around.flight[seat])
 
     result = sequential(problem, stop, _Formation(places, views))
     evaluated = sum(source.evaluated for source in set(views))
@@ -83,11 +84,17 @@ def formation(
 
 
 def _starts(problem: Problem, robot: int) -> FloatArray:
-    """Where a robot is that stays at its start [T+1, 3]: x, y and flight height in m."""
+    """Where a robot is that stays at its start [T+1, 3]: x, y and altitude in m."""
     spec = problem.robots[robot]
-    x, y = problem.height_map.centre(spec.start.x, spec.start.y)
-    height = spec.motion.layers[spec.start.layer]
-    return np.tile([x, y, height], (problem.horizon + 1, 1))
+    return np.repeat(problem.where(spec, [spec.start]), problem.horizon + 1, axis=0)
+
+
+def _flown(height_map: HeightMap, at: FloatArray, height: float) -> FloatArray:
+    """Returns points [n, 3] (m) at a flight height over [n, 2]; off the map over its edge."""
+    x, y = np.floor((at - height_map.origin) / height_map.resolution).astype(int).T
+    width, depth = height_map.shape
+    altitudes = height_map.altitudes((height,))[0]
+    return np.column_stack([at, altitudes[x.clip(0, width - 1), y.clip(0, depth - 1)]])
 
 
 @dataclass(frozen=True)
@@ -119,12 +126,12 @@ class _Formation:
 def _nearest(task: SingleRobotTask, places: FloatArray) -> Path | None:
     """Path of least distance from the places [T+1, 3] (m), summed over the steps."""
     problem, robot_class = task.model.problem, task.model.class_of[task.robot]
-    graph, start = robot_class.graph, task.model.start(task.robot)
+    graph, start, height_map = robot_class.graph, task.model.start(task.robot), problem.height_map
     layer, *cell = graph.coordinates(np.arange(graph.n_places))
-    ground = np.column_stack(cell) + 0.5
-    at = problem.height_map.origin + problem.height_map.resolution * ground
-    flights = np.array(graph.motion.layers)[np.clip(layer, 0, len(graph.motion.layers) - 1)]
-    at = np.column_stack([at, flights])  # [P, 3] m; the border is closed anyway
+    ground = height_map.origin + height_map.resolution * (np.column_stack(cell) + 0.5)
+    at = np.zeros((graph.n_places, 3))
+    for k, height in enumerate(graph.motion.layers):  # the border has none, and is closed anyway
+        at[layer == k] = _flown(height_map, ground[layer == k], height)
     reward = graph.no_reward(problem.horizon)
     for row, place in zip(reward, places, strict=True):
         row -= np.tile(np.linalg.norm(at - place, axis=1), graph.n_orientations)

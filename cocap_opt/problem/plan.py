@@ -44,10 +44,21 @@ class SwapConflict(NamedTuple):
 Conflict = VertexConflict | SwapConflict | PassConflict
 
 
-class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, dict=True):
     """One path per robot: `paths[i][t]` is robot i's state at step t = 0..T."""
 
     paths: tuple[tuple[State, ...], ...]
+
+    @property
+    def made_for(self) -> str:
+        """Digest of the problem that the plan's file says it is for; empty if nobody says it."""
+        return str(vars(self).get("_made_for", ""))
+
+    def of_problem(self, digest: str) -> "Plan":
+        """Returns the same plan, which says what problem it was made for; it stays equal."""
+        plan = Plan(paths=self.paths)
+        vars(plan)["_made_for"] = digest  # no field, for it is no part of what is flown
+        return plan
 
     def __repr__(self) -> str:
         steps = max(map(len, self.paths), default=1) - 1

@@ -249,6 +249,8 @@ class Problem(Data, frozen=True, eq=False, dict=True):
         robot, steps = self.robots[i], self.horizon + 1
         if robot.goal not in (None, (robot.start.x, robot.start.y)):
             return False
+        if not self.airspace.people_aside:
+            return True
         (at,) = self.where(robot, [robot.start])
         return not any(
             self.airspace.near_person(actor, t, at)
@@ -285,8 +287,15 @@ class Problem(Data, frozen=True, eq=False, dict=True):
         return f"height {height:g} m and meshes at {spans}"
 
     def without_rules(self) -> "Problem":
-        """Returns the problem without inter-robot collisions; the same one if it has no rules."""
-        return self if self.rules.none else self.replace(rules=NO_RULES)
+        """Returns the problem without inter-robot collisions; the same one if it has no rules.
+
+        It is the same object each time, so that what is computed of it once is found again.
+        """
+        return self if self.rules.none else self._without_rules
+
+    @cached_property
+    def _without_rules(self) -> "Problem":
+        return self.replace(rules=NO_RULES)
 
     @cached_property
     def layers(self) -> tuple[float, ...]:

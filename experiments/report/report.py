@@ -150,8 +150,9 @@ def _scene_plans(folder: Path, rows: Sequence[Row]) -> str:
     explained = explained_plans(folder, shown, problem, plans)
     terms = [explained[name].explanation if name in explained else None for name in plans]
     player = escape(Player(problem, list(plans.items()), terms).page())
-    name = escape(problem.name if seed is None else f"{problem.name}, seed {seed}")
-    charts = _image(conflicts_figure(problem, plans), f"{name}: who collides with whom, and when.")
+    title = problem.name if seed is None else f"{problem.name}, seed {seed}"
+    charts = _image(conflicts_figure(problem, plans), f"{title}: who collides with whom, and when.")
+    name = escape(title)
     return (
         f"<h3>{name}</h3>\n<p>{escape(_story(shown))}</p>\n"
         f'<iframe class="player" loading="lazy" title="plans of {name}" srcdoc="{player}">'

@@ -36,7 +36,8 @@ def load_results(folder: Path) -> list[Row]:
                 raise FileError(f"{path}: has no column {name!r}")
         rows = [_row(fields, f"{path}: line {table.line_num}") for fields in table]
     except csv.Error as error:
-        raise FileError(f"{path}: line {table.line_num}: {error}") from None
+        words = "must be short values with commas between them"
+        raise FileError(f"{path}: line {table.line_num}: {words}") from error
     if not rows:
         raise FileError(f"{path}: has no results yet")
     return rows

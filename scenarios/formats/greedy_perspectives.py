@@ -48,9 +48,10 @@ from cocap_opt.problem import (
 )
 from cocap_opt.scenarios.formats.conventions import Conventions
 from cocap_opt.scenarios.formats.options import NOTHING
-from cocap_opt.scenarios.text import integer, naming, number, one_line, read_text
+from cocap_opt.scenarios.text import integer, naming, number, read_text
 from cocap_opt.world.workspace import HeightMap
 
+_CANNOT = "cannot be read as"
 _MOST_CELLS = 100_000_000  # of a map
 BONUS = 100.0  # that their planner adds for each move with dx + dy = 0
 
@@ -312,18 +313,21 @@ def _read_table(path: Path, columns: tuple[str, ...]) -> list[tuple[int, dict[st
     try:
         names = list(reader.fieldnames or ())
         if not set(columns) <= set(names):
-            raise ProblemError(f"header: must name the columns {','.join(columns)}, not {names}")
+            found = ", ".join(names) or "nothing"
+            raise ProblemError(f"header: must name the columns {', '.join(columns)}, not {found}")
         for row in reader:
             if None in row or None in row.values():
                 raise ProblemError(f"line {reader.line_num}: must have {len(names)} values")
             rows.append((reader.line_num, row))
     except csv.Error as error:
-        raise ProblemError(f"line {reader.line_num}: {one_line(error)}") from error
+        raise ProblemError(
+            f"line {reader.line_num}: must be short values with commas between them"
+        ) from error
     return rows
 
 
 class _Loader(yaml.SafeLoader):
-    """PyYAML's safe loader, made to fail in one way at a scalar of the wrong form.
+    """PyYAML's safe loader, made to fail in one way at a scalar of the wrong form or a key twice.
 
     The loader in C, which msgspec.yaml takes, crashes on text that is nested too deeply.
     """
@@ -333,17 +337,40 @@ class _Loader(yaml.SafeLoader):
             return super().construct_object(node, deep)
         except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
             kind = node.tag.rpartition(":")[2]
-            problem = f"cannot be read as {kind}: {str(node.value)[:40]!r}"
+            problem = f"{_CANNOT} {kind}: {str(node.value)[:40]!r}"
             raise yaml.constructor.ConstructorError(
                 problem=problem, problem_mark=node.start_mark
             ) from error
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        pairs = node.value if isinstance(node, yaml.MappingNode) else []
+        keys = [key.value for key, _ in pairs if isinstance(key, yaml.ScalarNode)]
+        if len(set(keys)) < len(keys):
+            twice = next(key for k, key in enumerate(keys) if key in keys[:k])
+            raise ProblemError(f"{twice[:40]}: must be given once in a mapping, not twice")
+        mapping: dict[Any, Any] = super().construct_mapping(node, deep)
+        return mapping
 
 
 def _world(text: str) -> _World:
     try:
         return msgspec.convert(yaml.load(text, _Loader), _Sequence).planner.world
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
+    except yaml.YAMLError as error:
+        raise ProblemError(_yaml_in_words(error) if text.strip() else "is empty") from error
+    except (ValueError, RecursionError) as error:
         raise ProblemError(in_words(error, text, _Sequence)) from error
+
+
+def _yaml_in_words(error: yaml.YAMLError) -> str:
+    """Returns where a text is no YAML."""
+    if not isinstance(error, yaml.MarkedYAMLError) or error.problem_mark is None:
+        return "must be YAML, without control characters"
+    place = f"line {error.problem_mark.line + 1}, column {error.problem_mark.column + 1}"
+    if (error.problem or "").startswith(_CANNOT):
+        return f"{place}: {error.problem}"
+    if isinstance(error, yaml.constructor.ConstructorError):
+        return f"{place}: must be a plain value, without a tag"
+    return f"{place}: must be YAML; a bracket, a quotation mark or the indent may be wrong"
 
 
 def _starts(
@@ -415,7 +442,9 @@ def _heights(path: Path) -> FloatArray:
     except ProblemError:
         raise
     except Exception as error:  # NumPy names no set of errors for a damaged file
-        raise ProblemError(f"must be a .npy array of numbers: {one_line(error)}") from error
+        raise ProblemError(
+            "must be a .npy array of numbers, as numpy.save writes it; it is damaged or cut off"
+        ) from error
     if heights.dtype.kind not in "iuf":
         raise ProblemError(f"must be a .npy array of numbers, not of {heights.dtype}")
     return heights.astype(np.float64)

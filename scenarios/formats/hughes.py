@@ -40,6 +40,7 @@ from msgspec import Meta
 
 from cocap_opt.data import LARGEST, MOST_WEIGHT, ProblemError
 from cocap_opt.files.messages import in_words
+from cocap_opt.files.strict_json import decode_json
 from cocap_opt.problem import (
     NO_RULES,
     Actor,
@@ -271,7 +272,7 @@ def _first_on_grid(path: Path, solutions: list[Path]) -> tuple[Path, _Solution]:
 def _decode(path: Path, kind: type[T]) -> T:
     text = read_text(path)
     try:
-        return msgspec.json.decode(text, type=kind)
+        return decode_json(text, kind)
     except (msgspec.MsgspecError, RecursionError) as error:
         raise ProblemError(in_words(error, text, kind)) from error
 

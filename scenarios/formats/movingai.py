@@ -139,47 +139,86 @@ def read(
         used; one line, naming the file.
     """
     with naming(path):
-        given = OPTIONS.chosen(options)
-    if given:
-        chosen = {_ARGUMENTS.get(name, name): value for name, value in given.items()}
-        defaults = {"robots": robots, "actors": actors, "steps": steps, "near": near,
-                    "layers": layers}  # fmt: skip
-        return read(path, seed, wall=wall, **{**defaults, **chosen})
-    with naming(path):
-        least = {"seed": (seed, 0), "robots": (robots, 1), "actors": (actors, 0),
-                 "steps": (steps, 1)}  # fmt: skip
-        for name, (value, low) in least.items():
-            _require(value >= low, name, f"must be >= {low}, not {value}")
+        chosen = {_ARGUMENTS.get(k, k): value for k, value in OPTIONS.chosen(options).items()}
+        cast = _Cast(robots, actors, steps, layers, near)._replace(**chosen)
+        cast.require_possible()
+        _require(seed >= 0, "seed", f"must be >= 0, not {seed}")
         _require(math.isfinite(wall) and wall > 0, "wall", f"must be > 0 m, not {wall}")
     free, trips = _read_trips(path)
-    order, motion = iter(_shuffled(trips, seed)), Motion(layers=layers)
-    workspace = Workspace(HeightMap(heights=np.where(free, 0.0, wall)))
-    if near is None:
-        starts = list(islice(_distinct_starts(order, free), robots))
-    walks = list(islice(_walks(order, walking_graph(free)), actors))
-    people = tuple(Actor(poses=_poses(walk, steps)) for walk in walks)
-    why = ""
-    if near is not None:
-        rows = list(_distinct_starts(order, free))
-        starts = _nearest(rows, near, people, workspace, motion) if people else rows
-        why = "" if len(starts) >= robots else (
-            f"; only from {len(starts)} of the {len(rows)} free starts a drone comes within near = "
-            f"{near:g} m of somebody in sight in {steps} steps"
-        )  # fmt: skip
-        starts = starts[:robots]
+    height_map = HeightMap(heights=np.where(free, 0.0, wall))
     with naming(path):
-        _require(
-            (len(starts), len(walks)) == (robots, actors),
-            "rows",
-            f"must give {robots} drones a free start of their own and {actors} people a path to "
-            f"their goal, but give only {len(starts)} and {len(walks)}{why}",
-        )
+        starts, walks = cast.placed(_shuffled(trips, seed), free, height_map)
         return Problem(
             name=path.stem,
-            height_map=workspace.height_map,
-            robots=tuple(_robot(start, walks, motion) for start in starts),
-            actors=people,
-            horizon=steps,
+            height_map=height_map,
+            robots=tuple(_robot(start, walks, cast.motion) for start in starts),
+            actors=cast.people(walks),
+            horizon=cast.steps,
+        )
+
+
+class _Cast(NamedTuple):
+    """The robots and actors that are wanted; the fields are the arguments of `read`."""
+
+    robots: int
+    actors: int
+    steps: int
+    layers: tuple[float, ...]
+    near: float | None
+
+    @property
+    def motion(self) -> Motion:
+        """The motion of all robots."""
+        return Motion(layers=self.layers)
+
+    def require_possible(self) -> None:
+        """Raises a ProblemError if there cannot be so few."""
+        least = {"robots": (self.robots, 1), "actors": (self.actors, 0), "steps": (self.steps, 1)}
+        for name, (value, low) in least.items():
+            _require(value >= low, name, f"must be >= {low}, not {value}")
+
+    def people(self, walks: Iterable[list[GridCell]]) -> tuple[Actor, ...]:
+        """Returns the actors on their walks."""
+        return tuple(Actor(poses=_poses(walk, self.steps)) for walk in walks)
+
+    def placed(
+        self, trips: list[_Trip], free: BoolArray, height_map: HeightMap
+    ) -> tuple[list[GridCell], list[list[GridCell]]]:
+        """Returns the robots' starts and the actors' walks, from rows in their order.
+
+        Raises
+        ------
+        ProblemError
+            If the rows have too few of either.
+        """
+        order, graph, why = iter(trips), walking_graph(free), ""
+        if self.near is None:
+            starts = list(islice(_distinct_starts(order, free), self.robots))
+            walks = list(islice(_walks(order, graph), self.actors))
+        else:
+            walks = list(islice(_walks(order, graph), self.actors))
+            rows = list(_distinct_starts(order, free))
+            starts, why = self._near_people(rows, walks, height_map)
+        _require(
+            (len(starts), len(walks)) == (self.robots, self.actors),
+            "rows",
+            f"must give {self.robots} drones a free start of their own and {self.actors} people a "
+            f"path to their goal, but give only {len(starts)} and {len(walks)}{why}",
+        )
+        return starts, walks
+
+    def _near_people(
+        self, rows: list[GridCell], walks: list[list[GridCell]], height_map: HeightMap
+    ) -> tuple[list[GridCell], str]:
+        """Returns the starts that are soonest near somebody, and why they are too few."""
+        assert self.near is not None
+        workspace, people = Workspace(height_map), self.people(walks)
+        starts = _nearest(rows, self.near, people, workspace, self.motion) if people else rows
+        if len(starts) >= self.robots:
+            return starts[: self.robots], ""
+        return starts, (
+            f"; only from {len(starts)} of the {len(rows)} free starts a drone comes within near = "
+            f"{self.near:g} m of somebody in sight in {self.steps} steps"
         )
 
 

@@ -17,6 +17,7 @@ from cocap_opt.scenarios.recipe.terrain import area, ends
 from cocap_opt.world.workspace import HeightMap, Workspace
 
 Heading = Annotated[float, Meta(ge=-360, le=360)]  # degrees
+_OFF = 0.5  # degrees, by which a stated heading may be rounded
 
 
 class _StartTable(Table):
@@ -183,7 +184,18 @@ def _stated(start: _StartTable, motion: Motion, height_map: HeightMap) -> State:
         layers = ", ".join(f"{height:g}" for height in motion.layers)
         raise ProblemError(f"starts.height: must be one of the layers {layers} m")
     layer = 0 if start.height is None else motion.layers.index(start.height)
-    return State(x, y, layer, _heading(math.radians(start.heading), motion))
+    heading = _heading(math.radians(start.heading), motion)
+    step = 360 / motion.headings
+    off = math.remainder(start.heading - heading * step, 360)
+    if abs(off) > _OFF:
+        beside = (heading + (1 if off > 0 else -1)) % motion.headings
+        near = " and ".join(f"{k * step:.6g}" for k in sorted((heading, beside)))
+        raise ProblemError(
+            f"starts.heading: must be one of the {motion.headings} directions, {step:.6g} degrees "
+            f"apart from 0 on, such as {near}, not {start.heading:g}; motion.headings sets how "
+            "many there are"
+        )
+    return State(x, y, layer, heading)
 
 
 def _heading(yaw: float, motion: Motion) -> int:

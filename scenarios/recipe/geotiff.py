@@ -12,10 +12,12 @@ import numpy as np
 
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.scenarios.recipe.raster import SLIVER, Layout, Raster, Window
-from cocap_opt.scenarios.text import one_line
+from cocap_opt.scenarios.recipe.tables import PER_METRE, Unit
 
 MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")  # TIFF and BigTIFF, in either byte order
-METRE = (None, "", "m", "metre", "metres", "meter", "meters")
+SPELT = {"metre": "m", "metres": "m", "meter": "m", "meters": "m", "centimetre": "cm",
+         "centimetres": "cm", "centimeter": "cm", "centimeters": "cm", "foot": "ft",
+         "feet": "ft"}  # fmt: skip
 APART, EARTH = 100.0, 6_371_008.8  # m, between points that are compared; radius of the Earth
 STRETCH = 0.02  # by which lengths may differ from those on the ground
 WEB_MERCATOR = 3857  # EPSG
@@ -23,7 +25,9 @@ FULL, STEEP = 255, 50  # the largest byte, and by how much it may stand out as a
 CACHE = 64  # MB; GDAL's own choice is a share of all memory
 
 
-def read(path: Path, band: int | None, nodata: float | None, window: Window | None) -> Raster:
+def read(
+    path: Path, band: int | None, nodata: float | None, window: Window | None, unit: Unit
+) -> Raster:
     """Reads a band; see `cocap_opt.scenarios.recipe.raster_files.read_raster`."""
     with path.open("rb") as file:
         if file.read(4) not in MAGIC:
@@ -38,18 +42,24 @@ def read(path: Path, band: int | None, nodata: float | None, window: Window | No
             warnings.simplefilter("ignore")
             warnings.simplefilter("error", NotGeoreferencedWarning)
             with rasterio.open(path, driver="GTiff") as dataset:
-                return _read(dataset, band, nodata, window)
+                return _read(dataset, band, nodata, window, unit)
     except NotGeoreferencedWarning as error:
         raise _no_geotransform() from error
     except (RasterioError, CRSError, UnicodeError) as error:
-        raise ProblemError(f"cannot be read: {one_line(_first_cause(error))}") from error
+        raise ProblemError(
+            "cannot be read as GeoTIFF: it is damaged, cut off, or packed in an unknown way"
+        ) from error
 
 
-def _read(dataset: Any, band: int | None, nodata: float | None, window: Window | None) -> Raster:
+def _read(
+    dataset: Any, band: int | None, nodata: float | None, window: Window | None, unit: Unit
+) -> Raster:
     band = _band(dataset, band)
-    _refuse_units(dataset, band)
+    _refuse_units(dataset, band, unit)
     _refuse_stretched(dataset)
     layout = _layout(dataset)
+    if not dataset.crs:
+        layout.refuse_degrees("gdal_translate -a_srs EPSG:326ZZ writes a copy that says so")
     columns, rows = layout.met(window)
     a, e = dataset.transform.a, dataset.transform.e
     across = _in_file(columns, layout.cells[0], a > 0)
@@ -63,8 +73,8 @@ def _read(dataset: Any, band: int | None, nodata: float | None, window: Window |
     return layout.cut(columns, rows).raster(
         northernmost_first,
         (nodata,),
-        scale=dataset.scales[band - 1],
-        offset=dataset.offsets[band - 1],
+        scale=dataset.scales[band - 1] / PER_METRE[unit],
+        offset=dataset.offsets[band - 1] / PER_METRE[unit],
     )
 
 
@@ -97,18 +107,21 @@ def _band(dataset: Any, band: int | None) -> int:
     return band
 
 
-def _refuse_units(dataset: Any, band: int) -> None:
-    """Raises a ProblemError unless both coordinates and heights are in metres."""
+def _refuse_units(dataset: Any, band: int, unit: Unit) -> None:
+    """Raises a ProblemError unless coordinates are in metres, and heights as the recipe says."""
     crs = dataset.crs
     if crs and crs.is_geographic:
         raise ProblemError("coordinates: must be metres of a projection, not degrees")
     if crs:
-        unit, factor = crs.units_factor
+        other, factor = crs.units_factor
         if factor != 1:
-            raise ProblemError(f"coordinates: must be metres, not {unit} ({factor:.9g} m)")
-    unit = dataset.units[band - 1]
-    if unit not in METRE:
-        raise ProblemError(f"heights: must be metres, not {unit}")
+            raise ProblemError(f"coordinates: must be metres, not {other} ({factor:.9g} m)")
+    stated = dataset.units[band - 1]
+    short = SPELT.get(stated.lower(), stated) if stated else unit
+    if short != unit:
+        way_out = f'; unit = "{short}" reads them' if short in PER_METRE else ""
+        wanted = "metres" if unit == "m" else f"{unit}, as the field unit says"
+        raise ProblemError(f"heights: must be {wanted}, not {stated}{way_out}")
 
 
 def _refuse_stretched(dataset: Any) -> None:
@@ -136,6 +149,21 @@ def _refuse_stretched(dataset: Any) -> None:
     )
 
 
+def is_geographic(code: int) -> bool | None:
+    """Returns True if an EPSG code is of a system of degrees; None if nobody here knows it."""
+    try:
+        import rasterio
+        from rasterio.crs import CRS
+        from rasterio.errors import CRSError
+    except ImportError:
+        return None
+    try:
+        with rasterio.Env():  # which keeps GDAL from printing
+            return bool(CRS.from_epsg(code).is_geographic)
+    except CRSError:
+        return None
+
+
 def _on_earth(crs: Any, x: list[float], y: list[float]) -> tuple[FloatArray, FloatArray]:
     """Returns the longitudes and latitudes [n] (rad) of points in a system."""
     from rasterio.warp import transform
@@ -145,7 +173,7 @@ def _on_earth(crs: Any, x: list[float], y: list[float]) -> tuple[FloatArray, Flo
     except Exception as error:  # GDAL's own errors have no public base
         raise ProblemError(
             f"coordinates: must lie where their projection is defined, not at ({x[0]:.7g}, "
-            f"{y[0]:.7g}): {one_line(_first_cause(error))}"
+            f"{y[0]:.7g})"
         ) from error
     if not (np.isfinite(east).all() and np.isfinite(north).all()):
         raise ProblemError(
@@ -180,9 +208,3 @@ def _no_geotransform() -> ProblemError:
         "geotransform: must be there, to say where the raster lies and how large its cells are; "
         "`gdal_translate -a_ullr WEST NORTH EAST SOUTH` writes a copy that has one"
     )
-
-
-def _first_cause(error: BaseException) -> Exception:
-    while isinstance(error.__cause__, Exception):
-        error = error.__cause__
-    return error if isinstance(error, Exception) else Exception(str(error))

@@ -17,7 +17,9 @@ from shapely.geometry.base import BaseGeometry
 
 from cocap_opt.data import LARGEST, ProblemError
 from cocap_opt.files.messages import in_words
+from cocap_opt.files.strict_json import decode_json
 from cocap_opt.scenarios.kinds import CITYJSON, GEOJSON, WAYS_OUT, WKT, kind_of
+from cocap_opt.scenarios.recipe.geotiff import is_geographic
 from cocap_opt.scenarios.recipe.tables import PER_METRE, Point
 
 Ring = Annotated[list[Point], Meta(min_length=3)]
@@ -28,10 +30,15 @@ _SCHEME = '{"name": {"walkable": [[x, y], ..], "obstacles": [[[x, y], ..], ..]}}
 _PROJECTED = "ogr2ogr -t_srs EPSG:326ZZ, with ZZ the zone of UTM, makes them so"
 DEGREES = ("4326", "CRS84", "4258", "4269")  # names of systems of longitude and latitude
 MERCATOR = ("3857", "900913")
-_GEOGRAPHIC = range(4000, 5000)
+_GEOGRAPHIC = range(4000, 5000)  # codes, of which most are; newer ones are elsewhere
 _LARGEST_ANGLE = 360.0  # degrees
+_SOUND = {
+    GEOJSON: '{"type": "Polygon", "coordinates": [[[0, 0], [4, 0], [4, 3], [0, 0]]]}',
+    WKT: "POLYGON ((0 0, 4 0, 4 3, 0 0))",
+}
 _DIGITS = 9  # of a code, more than any has
 _SYSTEM = re.compile(r"\s*SRID\s*=\s*([0-9]+)\s*;", re.IGNORECASE)  # as PostGIS writes it first
+_NAMED_SYSTEM = re.compile(r"EPSG[:/]+(?:[0-9.]*[:/])?([0-9]+)", re.IGNORECASE)
 
 
 class GroundPlan(NamedTuple):
@@ -101,9 +108,13 @@ def ground_plan(
 def _named(text: str, name: str | None) -> _Plan:
     """Returns the ground plan of this name in JSON."""
     try:
-        plans = msgspec.json.decode(text, type=dict[str, _Plan])
+        decode_json(text, msgspec.Raw)  # first of all it must be JSON
     except (msgspec.MsgspecError, RecursionError) as error:
-        words = in_words(error, text, dict[str, _Plan])
+        raise ProblemError(in_words(error, text, msgspec.Raw)) from error
+    try:
+        plans = msgspec.json.decode(text, type=dict[str, _Plan])
+    except msgspec.MsgspecError as error:
+        words = in_words(error, text, dict[str, _Plan]).replace("[...].", "").replace("[...]: ", "")
         raise ProblemError(f"{words}; ground plans are {_SCHEME}") from error
     if not plans:
         raise ProblemError("holds no ground plan")
@@ -125,10 +136,12 @@ def _of_polygons(
             f'polygons: must be "obstacles" or "walkable", whose holes are obstacles, for the '
             f"file is {kind} and does not say it"
         )
+    named = _named_system(text) if kind == GEOJSON else ""
+    _refuse_degrees(named)
     given = shapely.MultiPolygon(list(_polygons(shapely.force_2d(_geometry(text, kind)))))
     _require_metres(given)
-    if kind == WKT and (system := _SYSTEM.match(text)):
-        _refuse_system(int(system[1][:_DIGITS]), given)
+    if system := _NAMED_SYSTEM.search(named) if kind == GEOJSON else _SYSTEM.match(text):
+        _refuse_system("crs" if named else "SRID", int(system[1][:_DIGITS]), given)
     metres = shapely.transform(given, lambda points: points / per_metre)
     polygons = [_sound(part, f"polygon {k}") for k, part in enumerate(metres.geoms, start=1)]
     if meaning == "obstacles":
@@ -139,19 +152,24 @@ def _of_polygons(
 
 
 def _geometry(text: str, kind: str) -> BaseGeometry:
-    if kind == GEOJSON:
-        _refuse_degrees(msgspec.json.decode(text))
     try:
         plain = text[found.end() :] if (found := _SYSTEM.match(text)) else text
         with np.errstate(over="ignore", invalid="ignore"):  # what is infinite is refused later
             return shapely.from_geojson(text) if kind == GEOJSON else shapely.from_wkt(plain)
     except (shapely.errors.ShapelyError, NotImplementedError) as error:
-        raise ProblemError(f"cannot be read as {kind}: {' '.join(str(error).split())}") from error
+        if "closed" in str(error):
+            raise ProblemError(f"{kind}: rings must end at the point where they begin") from error
+        raise ProblemError(f"cannot be read as {kind}, which is such as {_SOUND[kind]}") from error
 
 
-def _refuse_degrees(content: Any) -> None:
+def _named_system(text: str) -> str:
+    """Returns what GeoJSON says of the system of its coordinates; it may say nothing."""
+    content = decode_json(text, dict[str, Any])
+    return str(content.get("crs") or "")
+
+
+def _refuse_degrees(system: str) -> None:
     """Raises a ProblemError if GeoJSON names a system whose coordinates are no metres."""
-    system = str(content.get("crs") or "")
     if any(name in system for name in (*DEGREES, *MERCATOR)):
         raise ProblemError(
             "coordinates: must be metres of a projection, not degrees or web Mercator; "
@@ -159,18 +177,23 @@ def _refuse_degrees(content: Any) -> None:
         )
 
 
-def _refuse_system(code: int, geometry: BaseGeometry) -> None:
-    """Raises a ProblemError if the EPSG code before WKT is of a system that has no metres.
+def _refuse_system(field: str, code: int, geometry: BaseGeometry) -> None:
+    """Raises a ProblemError if an EPSG code is of a system that has no metres.
 
-    Most systems of longitude and latitude have codes of 4000 to 4999, as have a few in metres,
-    whose coordinates are larger.
+    Without rasterio, which knows them all, systems of longitude and latitude are those with codes
+    of 4000 to 4999, as have a few in metres, whose coordinates are larger.
     """
     small = bool(np.abs(shapely.get_coordinates(geometry)).max() <= _LARGEST_ANGLE)
-    if str(code) in (*DEGREES, *MERCATOR) or (code in _GEOGRAPHIC and small):
+    if str(code) in (*DEGREES, *MERCATOR) or (small and _is_geographic(code)):
         what = "web Mercator" if str(code) in MERCATOR else "degrees"
         raise ProblemError(
-            f"SRID: must be of a projection in metres, not {code}, {what}; {_PROJECTED}"
+            f"{field}: must be of a projection in metres, not {code}, {what}; {_PROJECTED}"
         )
+
+
+def _is_geographic(code: int) -> bool:
+    known = is_geographic(code)
+    return code in _GEOGRAPHIC if known is None else known
 
 
 def _require_metres(geometry: BaseGeometry) -> None:

@@ -15,7 +15,7 @@ from trimesh.resolvers import Resolver
 
 from cocap_opt.data import FloatArray, IntArray, ProblemError
 from cocap_opt.scenarios.recipe.tables import PER_METRE, Coordinate, Table, Unit
-from cocap_opt.scenarios.text import naming, one_line
+from cocap_opt.scenarios.text import naming
 from cocap_opt.world.workspace import Mesh
 
 UP = {".glb": "y", ".gltf": "y"}  # axis that is upwards; in other files it is z, as in surveys
@@ -98,11 +98,11 @@ def _load(path: Path) -> tuple[FloatArray, IntArray]:
     except ProblemError:
         raise
     except OSError as error:
-        raise ProblemError(f"cannot be read: {error.strerror or one_line(error)}") from error
-    except ImportError as error:  # trimesh asks for another reader when a text is damaged
-        raise ProblemError(f"cannot be read as {kind}") from error
+        raise ProblemError(f"cannot be read: {error.strerror or error}") from error
     except Exception as error:  # trimesh names no set of errors for a damaged file
-        raise ProblemError(f"cannot be read as {kind}: {one_line(error)}") from error
+        raise ProblemError(
+            f"cannot be read as {kind}: it is damaged, cut off, or of another format"
+        ) from error
     if not finite or vertices.ndim != 2 or vertices.shape[1] != 3:
         raise ProblemError("vertices: must be finite numbers x, y, z, not NaN or infinite")
     if not len(triangles):

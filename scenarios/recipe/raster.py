@@ -17,6 +17,7 @@ MOST_READ = 200_000_000  # cells, 1.6 GB: a small compressed file can spell far 
 LEAST_CELL = 0.01  # m; an edge of 10 to 30 arc seconds, taken for metres, is smaller
 LOWEST, HIGHEST = -500.0, 9000.0  # m; all land on Earth lies between -430 and 8849
 SLIVER = 1e-6  # cells; less than what rounding of large coordinates leaves
+TINY_CELL, TINY_MAP = 0.05, 10.0  # m; of degrees, 3 minutes and a tile of ten degrees
 
 Window = tuple[float, float, float, float]  # m: x0, y0, x1, y1
 
@@ -82,6 +83,24 @@ class Layout(NamedTuple):
             f"window: must hold at most {MOST_READ} cells, not {len(columns)} x {len(rows)}",
         )
         return columns, rows
+
+    def refuse_degrees(self, way_out: str) -> None:
+        """Raises a ProblemError if tiny cells lie where degrees do.
+
+        Parameters
+        ----------
+        way_out : what to do if they are metres all the same
+        """
+        low, high = np.array(self.lower), np.array(self.upper)
+        on_globe = bool((low >= (-180, -90)).all() and (high <= (180, 90)).all())
+        if on_globe and max(self.cell) < TINY_CELL and (high - low).max() < TINY_MAP:
+            (x, y), (upper_x, upper_y) = self.lower, self.upper
+            raise ProblemError(
+                f"coordinates: must be metres of a projection, but cells of {max(self.cell):.6g} "
+                f"at x {x:.6g}..{upper_x:.6g} and y {y:.6g}..{upper_y:.6g} look like degrees; "
+                "gdalwarp -s_srs EPSG:4326 -t_srs EPSG:326ZZ, with ZZ the zone of UTM, writes such "
+                f"a map; if they are metres, {way_out}"
+            )
 
     def cut(self, columns: range, rows: range) -> "Layout":
         """Returns the layout of only these cells along x and along y."""
@@ -156,7 +175,7 @@ class Layout(NamedTuple):
         raise ProblemError(
             f"heights: must lie within {LOWEST:g}..{HIGHEST:g} m, but the raster holds {value}, "
             f"and the first such cell is at ({x:.3f}, {y:.3f}) m; nodata={value} says that it "
-            "means no data"
+            "means no data" + ("" if low < least else "; unit, that heights are not in metres")
         )
 
 

@@ -18,6 +18,7 @@ import numpy as np
 from cocap_opt.data import FloatArray, IntArray, ProblemError
 from cocap_opt.scenarios.recipe import geotiff
 from cocap_opt.scenarios.recipe.raster import Layout, Raster, Window
+from cocap_opt.scenarios.recipe.tables import PER_METRE, Unit
 from cocap_opt.scenarios.text import integer, naming, number, read_text
 
 KEYS = (
@@ -26,7 +27,6 @@ KEYS = (
 )  # fmt: skip
 WEB_MERCATOR = "Pseudo-Mercator", "Mercator_Auxiliary_Sphere"  # as WKT names it
 UNIT = re.compile(r'(?<![A-Z])UNIT\["([^"]*)",\s*([\d.]+(?:[eE][-+]?\d+)?)')
-TINY_CELL, TINY_MAP = 0.05, 10.0  # m; of degrees, 3 minutes and a tile of ten degrees
 CHUNK = 1 << 20  # bytes; a file is never held as text
 LONGEST = 200  # bytes, of a line of the header
 
@@ -39,6 +39,7 @@ def read_raster(
     band: int | None = None,
     nodata: float | None = None,
     window: Window | None = None,
+    unit: Unit = "m",
 ) -> Raster:
     """Reads a height map (`.asc`, `.tif`, `.tiff`) as float64, whatever numbers the file holds.
 
@@ -57,6 +58,8 @@ def read_raster(
     window
         x0, y0, x1, y1 in m: only cells that overlap it are kept, and of a GeoTIFF only those are
         read. None: all.
+    unit
+        Unit of the heights in the file; those of the raster are in m.
 
     Raises
     ------
@@ -67,20 +70,22 @@ def read_raster(
     """
     with naming(path):
         try:
-            return _read(path, band, nodata, window)
+            return _read(path, band, nodata, window, unit)
         except OSError as error:
             raise ProblemError(f"cannot be read: {error.strerror}") from error
 
 
-def _read(path: Path, band: int | None, nodata: float | None, window: Window | None) -> Raster:
+def _read(
+    path: Path, band: int | None, nodata: float | None, window: Window | None, unit: Unit
+) -> Raster:
     match path.suffix.lower():
         case ".asc":
             if band not in (None, 1):
                 raise ProblemError(f"band: must be 1 in an ESRI ASCII grid, not {band}")
             in_metres = _refuse_projection(path.with_suffix(".prj"))
-            return _read_esri_ascii(path, nodata, window, in_metres)
+            return _read_esri_ascii(path, nodata, window, unit, in_metres)
         case ".tif" | ".tiff":
-            return geotiff.read(path, band, nodata, window)
+            return geotiff.read(path, band, nodata, window, unit)
     raise ProblemError("must be named .asc, .tif or .tiff")
 
 
@@ -103,12 +108,13 @@ def _refuse_projection(path: Path) -> bool:
             )
         units = UNIT.findall(text)  # the projection's own is the last
         if units and float(units[-1][1]) != 1:
-            raise ProblemError(f"must be a projection in metres, not in {units[-1][0]}")
+            name, metres = units[-1]
+            raise ProblemError(f"must be a projection in metres, not in {name} of {metres}")
         return bool(units)
 
 
 def _read_esri_ascii(
-    path: Path, nodata: float | None, window: Window | None, in_metres: bool
+    path: Path, nodata: float | None, window: Window | None, unit: Unit, in_metres: bool
 ) -> Raster:
     """Reads an ESRI ASCII grid."""
     with path.open("rb") as file:
@@ -116,25 +122,12 @@ def _read_esri_ascii(
         (x, dx, width), (y, dy, height) = _axis(header, "x"), _axis(header, "y")
         layout = Layout((x, y), (dx, dy), (width, height))
         if not in_metres:
-            _refuse_degrees(layout)
+            layout.refuse_degrees("a .prj file beside it must say so")
         columns, rows = layout.met(window)
         _require_rows(file, layout)
         values = _read_values(file, layout, columns, rows)
-    return layout.cut(columns, rows).raster(values, (_nodata(header), nodata))
-
-
-def _refuse_degrees(layout: Layout) -> None:
-    """Raises a ProblemError if a grid of tiny cells lies where degrees do."""
-    low, high = np.array(layout.lower), np.array(layout.upper)
-    on_globe = bool((low >= (-180, -90)).all() and (high <= (180, 90)).all())
-    if on_globe and max(layout.cell) < TINY_CELL and (high - low).max() < TINY_MAP:
-        (x, y), (upper_x, upper_y) = layout.lower, layout.upper
-        raise ProblemError(
-            f"coordinates: must be metres of a projection, but cells of {max(layout.cell):.6g} at "
-            f"x {x:.6g}..{upper_x:.6g} and y {y:.6g}..{upper_y:.6g} look like degrees; gdalwarp "
-            "-t_srs EPSG:326ZZ, with ZZ the zone of UTM, writes such a map; if they are metres, a "
-            ".prj file beside it must say so"
-        )
+    part = layout.cut(columns, rows)
+    return part.raster(values, (_nodata(header), nodata), scale=1 / PER_METRE[unit])
 
 
 def _read_header(file: BinaryIO) -> Header:

@@ -37,6 +37,7 @@ face_samples = 3            # squared: rays to each triangle of what meshes may 
 
 [map]
 file = "houses.tif"         # .tif or .asc; in place of it: size = [60, 40], origin = [0, 0]
+unit = "m"                  # "m", "cm", "mm" or "ft": of the heights in files
 heights = "above-ground"    # or "absolute", which needs a ground
 ground = "terrain.tif"      # bare terrain; "surface": the map itself is that; left out: flat, 0
 resolution = 1.0            # m, cells of the plan; left out: those of the file
@@ -64,7 +65,7 @@ at = [30, 10]               # added to their points
 base = 50.0                 # altitude of their foot; left out: the lowest ground
 
 [[tracks]]
-file = "people.txt"
+file = "people.txt"         # or a database of JuPedSim
 columns = ["id", "frame", "x", "y", "z"]   # left out: as the file says
 unit = "cm"                 # "m", "cm", "mm" or "ft"; left out, as fps: as the file says
 fps = 16

@@ -5,13 +5,22 @@ import math
 from pathlib import Path
 from typing import Literal, NamedTuple
 
+import msgspec
 import numpy as np
 
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.scenarios.recipe.raster import Raster
 from cocap_opt.scenarios.recipe.raster_files import read_raster
 from cocap_opt.scenarios.recipe.resample import MOST_CELLS, Grid
-from cocap_opt.scenarios.recipe.tables import Coordinate, Flight, Length, Point, Size, Table
+from cocap_opt.scenarios.recipe.tables import (
+    Coordinate,
+    Flight,
+    Length,
+    Point,
+    Size,
+    Table,
+    Unit,
+)
 from cocap_opt.world.workspace import HeightMap
 
 log = logging.getLogger(__name__)
@@ -49,8 +58,9 @@ class MapTable(Table):
     """Table `map` of a recipe, see `cocap_opt.scenarios.recipe.recipe.EXAMPLE`."""
 
     file: str | None = None
+    unit: Unit = "m"  # of the heights in files
     size: tuple[Length, Length] | None = None
-    origin: Point = (0.0, 0.0)
+    origin: Point | None = None
     heights: Literal["above-ground", "absolute"] = "above-ground"
     ground: str | None = None
     resolution: Length | None = None
@@ -81,6 +91,8 @@ class MapTable(Table):
             raise ProblemError("must have either a file or a size")
         if self.size is not None:
             return self._flat(self.size)
+        if self.origin is not None:
+            raise ProblemError("origin: must be left out where the map has a file, which says it")
         if self.heights == "absolute" and self.ground is None:
             raise ProblemError(
                 'ground: must be given where heights are absolute: a file, or "surface" if the '
@@ -100,8 +112,8 @@ class MapTable(Table):
         return Terrain(height_map, ground)
 
     def _flat(self, size: tuple[float, float]) -> Terrain:
-        for field in ("ground", "window", "band", "nodata", "fill"):
-            if getattr(self, field) is not None:
+        for field in ("heights", "unit", "ground", "window", "band", "nodata", "fill", "lowest"):
+            if getattr(self, field) != _FLAT_HAS[field]:
                 raise ProblemError(
                     f"{field}: must be left out where the map has a size and no file"
                 )
@@ -113,13 +125,15 @@ class MapTable(Table):
                 f"{resolution:g} m"
             )
         flat = np.zeros(cells)
-        return Terrain(HeightMap(heights=flat, resolution=resolution, origin=self.origin), flat)
+        origin = self.origin or (0.0, 0.0)
+        return Terrain(HeightMap(heights=flat, resolution=resolution, origin=origin), flat)
 
     def _surface(self, folder: Path) -> Raster:
         """Reads the map's own file, with `fill` where it has no data."""
         raster = read_raster(
-            folder / str(self.file), band=self.band, nodata=self.nodata, window=self.window
-        )
+            folder / str(self.file), band=self.band, nodata=self.nodata, window=self.window,
+            unit=self.unit,
+        )  # fmt: skip
         if self.fill is None:
             return raster
         return raster._replace(values=np.where(np.isnan(raster.values), self.fill, raster.values))
@@ -132,7 +146,9 @@ class MapTable(Table):
             return surface.values
         (ox, oy), (dx, dy), (width, depth) = surface.origin, surface.cell, surface.values.shape
         around = ox, oy, ox + width * dx, oy + depth * dy
-        terrain = read_raster(folder / self.ground, nodata=self.nodata, window=around)
+        terrain = read_raster(
+            folder / self.ground, nodata=self.nodata, window=around, unit=self.unit
+        )
         x, y = ox + (np.arange(width) + 0.5) * dx, oy + (np.arange(depth) + 0.5) * dy
         return terrain.sample(x[:, None], y[None, :])
 
@@ -152,3 +168,7 @@ class MapTable(Table):
             )  # fmt: skip
         result: FloatArray = np.where(above < self.lowest, 0.0, np.maximum(above, 0.0))
         return result
+
+
+# What the fields are of which a flat map has none: their defaults.
+_FLAT_HAS = {field.name: field.default for field in msgspec.structs.fields(MapTable)}

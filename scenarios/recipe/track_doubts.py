@@ -80,7 +80,7 @@ def _jump(table: TrackTable, moves: _Moves, jumps: IntArray) -> str:
     row, way, seconds = int(moves.rows[first]), moves.ways[first], moves.seconds[first]
     more = f", the first of {len(jumps)} such rows" if len(jumps) > 1 else ""
     return (
-        f"line {table.line(row)}: {table.ids[row]} is {way:.4g} m from where it was {seconds:.3g} "
+        f"{table.where(row)}: {table.ids[row]} is {way:.4g} m from where it was {seconds:.3g} "
         f"s before{more}: are its id and position right?"
     )
 

@@ -1,8 +1,8 @@
 """People whom others tracked, as actors: tracks from files, their points at steps, and headings.
 
 Source of the formats: text files of PeTrack and JuPedSim (ped.fz-juelich.de), whose columns are
-id, frame, x, y, z with z the height of the head above the floor, and CSV files like them. A track
-is the way of one person:
+id, frame, x, y, z with z the height of the head above the floor, CSV files like them, and the
+databases of JuPedSim. A track is the way of one person:
 
     tracks = Track.read_all(Path("walk.txt"), unit="cm", fps=16)
     there = [track for track in tracks if track.is_there(begin=5.0, step=0.5, steps=20)]
@@ -62,7 +62,8 @@ class Track(NamedTuple):
         Parameters
         ----------
         path
-            A text file; `cocap_opt.scenarios.recipe.track_table` says how its lines look.
+            A text file, or a database; `cocap_opt.scenarios.recipe.track_table` says how its lines
+            look.
         columns
             Names of all its columns: id, frame or time (s), x, y and, if there, z; others are not
             read. None: the names in its header or in a comment, or else id, frame, x, y, z.
@@ -224,8 +225,8 @@ def _require_distinct(table: TrackTable, order: IntArray) -> None:
     if same.any():
         k = int(np.argmax(same))
         raise ProblemError(
-            f"line {table.line(int(order[k + 1]))}: must not be a second row for id {ids[k]} at "
-            f"{times[k]:.12g} s, which line {table.line(int(order[k]))} has"
+            f"{table.where(int(order[k + 1]))}: must not be a second row for id {ids[k]} at "
+            f"{times[k]:.12g} s, which {table.where(int(order[k]))} has"
         )
 
 

@@ -21,7 +21,8 @@ from cocap_opt.graph.motion import time_expanded_graph
 from cocap_opt.model import Model, compiled
 from cocap_opt.planners import PLANNERS, Planner
 from cocap_opt.planners.circles import Circle, _distance_in_view, _Places
-from cocap_opt.planners.formation import STANDOFF, formation
+from cocap_opt.planners.formation import STANDOFF, _flown, _nearest, formation
+from cocap_opt.planners.low_level import SingleRobotTask
 from cocap_opt.planners.myopic import myopic
 from cocap_opt.planners.one_step import one_step
 from cocap_opt.problem import Actor, Airspace, Camera, Cone, Motion, Plan, Problem, Robot, State
@@ -393,6 +394,24 @@ def test_heights_are_those_that_can_be_flown() -> None:
         plan = formation(problem, height=height).plan
         assert plan is not None
         assert plan.paths[0][-1].layer == layer
+
+
+@pytest.mark.parametrize("lower", [0, 2])
+def test_nearness_to_a_place_counts_the_ground_below(lower: int) -> None:
+    """Of two cells beside a place that is blocked, the one at its altitude is nearer."""
+    datum, walls = np.zeros((3, 3)), np.zeros((3, 3))
+    datum[lower], walls[1, 1:] = -3.0, WALL
+    motion = Motion(headings=1, corner_cutting=True)
+    problem = Problem(
+        name="slope", height_map=HeightMap(heights=datum + walls, datum=datum), actors=(),
+        robots=(Robot(start=State(1, 0), motion=motion),), horizon=3,
+    )  # fmt: skip
+    places = _flown(problem.height_map, np.array([[1.5, 2.5]] * 4), motion.layers[0])
+    task = SingleRobotTask(compiled(problem), 0, problem.no_pixels())
+    path = _nearest(task, places)
+    assert path is not None
+    end = task.model.plan([path]).paths[0][-1]
+    assert (end.x, end.y) == (2 - lower, 2)
 
 
 # -- myopic ---------------------------------------------------------------------------------

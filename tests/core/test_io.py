@@ -420,3 +420,27 @@ def test_wrong_values_are_said_as_fields(tmp_path: Path, old: str, new: str, wor
         SceneFile.read(path)
     assert words in str(error.value)
     assert "\n" not in str(error.value)
+
+
+def test_what_is_no_text_is_said_with_its_place(tmp_path: Path) -> None:
+    """In our words, as of all files."""
+    path = tmp_path / "scene.json"
+    SceneFile(problem=tiny()).save(path)
+    path.write_bytes(path.read_bytes().replace(b"tiny", b"tin\xff"))
+    words = r"scene.json: must be a text file in UTF-8, but byte \d+, in line \d+, is not"
+    with pytest.raises(FileError, match=words):
+        SceneFile.read(path)
+
+
+def test_a_key_that_is_there_twice_is_refused(tmp_path: Path) -> None:
+    """Nobody knows which of the two values was meant, at the top or inside, read or not."""
+    path = tmp_path / "scene.json"
+    SceneFile(problem=tiny()).save(path)
+    text = path.read_text()
+    for old, new in (('"version"', '"format": "cocap-opt scene", "version"'),
+                     ('"horizon": 2', '"horizon": 2, "horizon": 1')):  # fmt: skip
+        assert old in text
+        path.write_text(text.replace(old, new, 1))
+        key = new.split('"')[1]
+        with pytest.raises(FileError, match=rf"scene.json: {key}: must be given once in an object"):
+            SceneFile.read(path)

@@ -16,7 +16,7 @@ from cocap_opt.formulations.certificates import CertificateFile, verify
 from cocap_opt.formulations.early_bound import early_bound
 from cocap_opt.model import Model, compiled
 from cocap_opt.planners import LAZY, PLANNERS
-from cocap_opt.problem import Problem
+from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.result import Reason
 from cocap_opt.scenarios import load_scene
@@ -102,6 +102,28 @@ def test_a_certificate_says_which_coverage_it_was_made_with() -> None:
         assert (certificate.coverage == "optimistic") is not whole
         bounds.append(certificate.proved)
     assert bounds == sorted(bounds, reverse=True) and len(set(bounds)) == 3
+
+
+def test_coverage_is_computed_once_with_rules_and_without() -> None:
+    """Rules change nothing of what is seen: one search goes on where the other had to end."""
+    problem = load_scene("passage", 0)
+    model = covered_in_part(problem, 20)
+    free = compiled(problem.without_rules())
+    assert free.problem.rules.none and not model.problem.rules.none
+    assert 0 < free.covered_steps == model.covered_steps <= problem.horizon
+    free.prepare_all()
+    assert model.covered_steps == problem.horizon + 1
+    assert model.coverage_seconds == free.coverage_seconds
+
+
+def test_a_plan_is_judged_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It passes from planner to bound, and each has it judged."""
+    problem = load_scene("tiny-share", 0)
+    plan = Plan.hovering(problem)
+    assert plan is not None
+    verdict = check(problem, plan)
+    monkeypatch.delattr("cocap_opt.referee._Referee")
+    assert check(problem, Plan(paths=plan.paths)) is verdict
 
 
 @pytest.mark.parametrize("planner", sorted(set(PLANNERS) - LAZY - {"joint"}))

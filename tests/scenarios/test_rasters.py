@@ -380,8 +380,12 @@ def test_a_grid_has_one_band(grid: Callable[[str], Path]) -> None:
         ({"dtype": "complex64"}, "band 1: must hold real numbers, not complex64"),
         ({"crs": "EPSG:4326"}, "metres of a projection, not degrees"),
         ({"crs": "EPSG:2263"}, r"metres, not US survey foot \(0.30480061 m\)"),
-        ({"crs": "EPSG:25830+8228"}, "heights: must be metres, not foot"),
-        ({"transform": (1e-4, 0, -3, 0, -1e-4, 43)}, "cell: must be >= 0.01 m"),
+        ({"crs": "EPSG:25830+8228"}, 'heights: must be metres, not foot; unit = "ft" reads them'),
+        (
+            {"transform": (1e-4, 0, -3, 0, -1e-4, 43)},
+            "coordinates: .* look like degrees; gdalwarp .* if they are metres, gdal_translate -a",
+        ),
+        ({"transform": (1e-4, 0, 5e5, 0, -1e-4, 4.3e6)}, "cell: must be >= 0.01 m"),
         ({"transform": (2, 0, 1e12, 0, -2, 0)}, "origin: must lie"),
     ],
 )
@@ -406,6 +410,18 @@ def test_systems_in_metres(tiff: Write, crs: str) -> None:
     assert_array_equal(read_raster(tiff(crs=crs)).values, VALUES)
 
 
+def test_heights_may_be_centimetres(tiff: Write, grid: Callable[[str], Path]) -> None:
+    """They are scaled where the recipe says so; codes for no data are not."""
+    stored = [[120, 65535], [300, 25000]]
+    raster = read_raster(tiff(stored, "uint16", nodata=65535), unit="cm")
+    assert_array_equal(raster.values, [[3, 1.2], [250, math.nan]])
+    refused(tiff(stored, "uint16", nodata=65535), "holds 25000.*; unit, that heights are not in m")
+    refused(tiff(crs="EPSG:25830+5703"), "must be cm, as the field unit says, not metre", unit="cm")
+    assert read_raster(tiff([[10.0, 20.0]], crs="EPSG:25830+8228"), unit="ft").values.max() == 6.096
+    text = "ncols 2\nnrows 1\nxllcorner 0\nyllcorner 0\ncellsize 2\nnodata_value 9\n100 9"
+    assert_array_equal(read_raster(grid(text), unit="cm").values, [[1.0], [math.nan]])
+
+
 @pytest.mark.parametrize(
     ("crs", "x", "y"), [("EPSG:2154", 650_000, 6_860_000), ("EPSG:3035", 4_321_000, 3_210_000)]
 )
@@ -420,7 +436,7 @@ def test_truncated_tiff(tiff: Write, share: float, capfd: pytest.CaptureFixture[
     path = tiff(np.random.default_rng(0).random((80, 90)), crs="EPSG:25830")
     data = path.read_bytes()
     path.write_bytes(data[: int(share * len(data))])
-    refused(path, "cannot be read: ")
+    refused(path, "cannot be read as GeoTIFF: it is damaged, cut off")
     assert capfd.readouterr() == ("", "")
 
 
@@ -429,7 +445,7 @@ def test_tiff_with_text_of_another_encoding(tiff: Write) -> None:
     path = tiff(change=lambda dataset: setattr(dataset, "units", ["metreXX"]))
     refused(path, "heights: must be metres, not metreXX")
     path.write_bytes(path.read_bytes().replace(b"metreXX", b"metre\xa1\xa1"))
-    refused(path, "cannot be read: .*utf-8")
+    refused(path, "cannot be read as GeoTIFF: it is damaged")
 
 
 @pytest.mark.parametrize("name", ["map.tif", "map.asc"])

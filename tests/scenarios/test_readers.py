@@ -183,6 +183,7 @@ def test_map_is_found_at_the_stated_path(sequence: Path) -> None:
         ("planner:", "run: !!python/object/apply:os.getcwd []\nplanner:", ("tag",)),
         (SEQUENCE, "", ("is empty",)),
         (SEQUENCE, "\0", ()),
+        ("time: {", "time: {horizon: 9, ", ("horizon: must be given once",)),
     ],
 )
 def test_wrong_sequence_is_one_line(
@@ -201,8 +202,8 @@ def test_wrong_sequence_is_one_line(
         (STARTS, -1, ("seed", "0..1")),
         (STARTS + "3,3,5,0\n", 0, ("sets of 2 rows", "not 5")),
         ("x,y,z,theta\n", 0, ("sets of 2 rows", "not 0")),
-        ("", 0, ("header", "x,y,z,theta")),
-        (STARTS.replace("theta", "yaw"), 0, ("header", "x,y,z,theta")),
+        ("", 0, ("header", "x, y, z, theta")),
+        (STARTS.replace("theta", "yaw"), 0, ("header", "x, y, z, theta")),
         (STARTS.replace("1,0,5,0", "1,0,5"), 0, ("line 3", "4 values")),
         (STARTS.replace("1,0,5,0", "1,0,5,0,0"), 0, ("line 3", "4 values")),
         (STARTS.replace("1,0,5,0", "1,zero,5,0"), 0, ("line 3, y", "'zero'")),

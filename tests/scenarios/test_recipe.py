@@ -225,6 +225,18 @@ starts = [{{ x = {EAST + 2.5}, y = {NORTH + 6.5} }}]
     x, y, z, _ = problem.actors[0].poses[2].tolist()
     assert z == pytest.approx(heights.heights[heights.cell_of(x, y)])
     assert doubts(problem) == []
+    write_tif(tmp_path / "dtm.tif", 20 * ground)
+    write_tif(tmp_path / "dsm.tif", 20 * surface)
+    in_feet = text.replace("[map]", '[map]\nunit = "ft"')
+    assert read(write(tmp_path, in_feet)).height_map.heights.max() == pytest.approx(
+        20 * surface.max() * 0.3048
+    )
+    assert doubts(read(write(tmp_path, text))) == [
+        "the map rises by 8.42 m a metre at half of its cells: are its heights in centimetres? "
+        "In a recipe `unit` of [map] says so"
+    ]
+    write_tif(tmp_path / "dtm.tif", ground)
+    write_tif(tmp_path / "dsm.tif", surface)
     above_sea = text.replace("steps = 3", 'steps = 3\nflight = "above-sea"')
     with pytest.raises(ProblemError, match="is blocked"):
         read(write(tmp_path, above_sea))
@@ -285,6 +297,10 @@ def test_seeds_place_drones_and_nothing_else(tmp_path: Path) -> None:
          r"drones.0.: count: must be at most 1 here; 240 of 240 .* 0.8 m at step 0; rules: sep"),
         (("size = [20, 12]", "size = [20, 12]\nfile = 'a.tif'"), "map: must have either"),
         (("size = [20, 12]", "file = 'a.tif'"), r"map: .*a\.tif: cannot be read"),
+        (("size = [20, 12]", "file = 'a.tif'\norigin = [1, 2]"), "map: origin: must be left out"),
+        (("size = [20, 12]", "size = [20, 12]\nheights = 'absolute'"),
+         "map: heights: must be left out where the map has a size and no file"),
+        (("size = [20, 12]", "size = [20, 12]\nlowest = 1"), "map: lowest: must be left out"),
         (("size = [20, 12]", "file = 'a.tif'\nheights = 'absolute'"), "map: ground: must be given"),
         (("x = 2.5", "x = 25"), r"drones\[0\]: starts: must lie on the map, not at \(25, 6.5\)"),
         (("heading = 0", "heading = 1e9"), r"drones\[0\].starts\[0\].heading: must be a number <="),
@@ -292,6 +308,8 @@ def test_seeds_place_drones_and_nothing_else(tmp_path: Path) -> None:
          r"drones\[0\]: motion.radius: must allow at most 100 m/s, but 1 cells of 1 m in a"),
         (("speed = 1.5", "speed = 500"), r"walk\[0\]: speed: must be at most 100 m/s, not 500"),
         (("heading = 0", "height = 3"), r"drones\[0\]: starts.height: must be one of the layers 5"),
+        (("heading = 0", "heading = 33"), "starts.heading: must be .* as 0 and 45, not 33"),
+        (("heading = 0", "heading = -10"), r"starts.heading: .*, such as 0 and 315, not -10"),
         (("starts", "camera = 'gopro'\nstarts"), r"drones\[0\]: camera: must be one of px4-mono"),
         (("starts", "count = 1\nstarts"), r"drones\[0\]: must have either starts or a count"),
         (("[[walk]]", "[[mesh]]\nfile = 'no.obj'\n[[walk]]"), r"mesh\[0\]: .*no\.obj: cannot be"),
@@ -563,6 +581,7 @@ def test_numbers_of_too_many_digits_are_refused(tmp_path: Path) -> None:
     [
         (4326, 40, "SRID: must be of a projection in metres, not 4326, degrees; ogr2ogr"),
         (4674, 40, "SRID: must be of a projection in metres, not 4674, degrees; ogr2ogr"),
+        (6318, 40, "SRID: must be of a projection in metres, not 6318, degrees; ogr2ogr"),
         (3857, 4e5, "SRID: must be of a projection in metres, not 3857, web Mercator; ogr2ogr"),
         (4647, 4e5, None),  # UTM, with the zone before the easting
         (25830, 40, None),
@@ -579,6 +598,19 @@ def test_systems_of_wkt_are_in_metres(
         assert table.meshes(tmp_path, 0.0)[0].vertices.max() == size
         return
     with pytest.raises(ProblemError, match=message):
+        table.meshes(tmp_path, 0.0)
+
+
+@pytest.mark.parametrize("system", ["urn:ogc:def:crs:EPSG::7844", "EPSG:7844",
+                                    "http://www.opengis.net/def/crs/EPSG/0/7844"])  # fmt: skip
+def test_systems_of_geojson_are_in_metres(tmp_path: Path, system: str) -> None:
+    """Any system of longitude and latitude is refused, whatever its number."""
+    ring = [[0, 0], [40, 0], [40, 40], [0, 0]]
+    crs = {"type": "name", "properties": {"name": system}}
+    plan = {"type": "Polygon", "crs": crs, "coordinates": [ring]}
+    (tmp_path / "walls.geojson").write_text(json.dumps(plan))
+    table = WallsTable(file="walls.geojson", height=2.0, polygons="obstacles")
+    with pytest.raises(ProblemError, match="crs: must be of a projection in metres, not 7844"):
         table.meshes(tmp_path, 0.0)
 
 
@@ -661,8 +693,12 @@ def test_walls_of_geojson_and_wkt(tmp_path: Path, text: str) -> None:
         ("POLYGON ((1 1, 3 3, 3 1, 1 3, 1 1))", r"polygon 1: must not cross itself, .* \(2, 2\) m"),
         ("POLYGON ((2.1 48.1, 2.2 48.1, 2.2 48.2, 2.1 48.1))", "all lie at x 2.1.*, as degrees do"),
         ('{"type": "Polygon", "crs": "EPSG:4326", "coordinates": []}', "must be metres of a proj"),
+        ('{"type": "Polygon", "coordinates": [], "type": "Polygon"}', "type: must be given once"),
+        ('{"a": {"walkable": [[0, 0], [2, 0], [2, 2]]}, "a": {"walkable": []}}', "must"),
+        ('{"a": {"unit": "m", "walkable": [[0, 0], [2, 0], [2, 2]], "unit": "cm"}}',
+         "unit: must be given once"),
         ("LINESTRING (0 0, 5 5)", "must hold polygons only, not a LineString"),
-        ("POLYGON ((0 0, 5 5)", "cannot be read as WKT"),
+        ("POLYGON ((0 0, 5 5)", "WKT: rings must end at the point where they begin"),
         ("POINT (1 1)", "must hold polygons only, not a Point"),
         ("CURVEPOLYGON ((0 0, 1 1, 2 2, 0 0))", "cannot be read as WKT"),
         ("POLYGON ((0 0, 9 0, 9 9, 0 0), (20 0, 21 0, 21 1, 20 0))", "must be sound, but has: Hol"),

@@ -3,6 +3,8 @@
 import logging
 import math
 import os
+import sqlite3
+from contextlib import closing
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -648,3 +650,75 @@ def test_a_pipe_is_refused(tmp_path: Path) -> None:
     os.mkfifo(path)
     with pytest.raises(ProblemError, match="regular file"):
         Track.read_all(path, unit="m", fps=25.0)
+
+
+def database(folder: Path, *statements: str) -> Path:
+    """A database that some statements have made."""
+    path = folder / "people #1.sqlite"
+    with closing(sqlite3.connect(path)) as connection, connection:
+        for statement in statements:
+            connection.execute(statement)
+    return path
+
+
+TRAJECTORIES = (
+    "create table trajectory_data (frame integer, id integer, pos_x real, pos_y real, ori_x real)"
+)
+PEOPLE = "insert into trajectory_data values (0, 7, 1.5, 2, 0), (1, 7, 1.75, 2, 0), (0, 3, 9, 9, 0)"
+METADATA = "create table metadata (key text, value text)"
+RATE = "insert into metadata values ('version', '2'), ('fps', '10.0')"
+
+
+def test_databases_of_jupedsim_are_read(tmp_path: Path) -> None:
+    """They are in metres, and state their frame rate, which is held against ours."""
+    path = database(tmp_path, TRAJECTORIES, PEOPLE, METADATA, RATE)
+    three, seven = Track.read_all(path)
+    assert (three.id, seven.id, seven.height) == (3, 7, None)
+    assert seven.times.tolist() == [0, 0.1] and seven.points.tolist() == [[1.5, 2], [1.75, 2]]
+    assert [track.id for track in Track.read_all(path, unit="m", fps=10.00001)] == [3, 7]
+    for options, words in (
+        ({"fps": 25}, "fps: must be 10.0, as the file states, not 25"),
+        ({"unit": "cm"}, "unit: must be m, as the file states, not cm"),
+        ({"columns": ["id", "frame", "x", "y"]}, "columns: must be left out for a database"),
+        ({"delimiter": ","}, "delimiter: must be left out for a database"),
+    ):
+        with pytest.raises(ProblemError, match=words):
+            Track.read_all(path, **options)
+
+
+@pytest.mark.parametrize(
+    ("statements", "words"),
+    [
+        ((TRAJECTORIES, PEOPLE), "fps: must be given, for the file does not state it"),
+        ((TRAJECTORIES, METADATA, RATE), "trajectory_data: must hold at least one row"),
+        ((METADATA, RATE), "must have the table trajectory_data, .*, not only metadata"),
+        (("create view trajectory_data as select 1",), "must have the table trajectory_data"),
+        (("create table trajectory_data (id, frame, x, y)",), "must have the column pos_x"),
+        ((TRAJECTORIES, PEOPLE.replace("1.75", "'far'"), METADATA, RATE),
+         "trajectory_data, row 2, pos_x: must be a number, not 'far'"),
+        ((TRAJECTORIES, PEOPLE.replace("1.75", "null"), METADATA, RATE), "a number, not nothing"),
+        ((TRAJECTORIES, PEOPLE.replace("(1, 7", "(0.5, 7"), METADATA, RATE),
+         "trajectory_data, row 2, frame: must be a whole number"),
+        ((TRAJECTORIES, PEOPLE.replace("(1, 7", "(0, 7"), METADATA, RATE),
+         "row 2: must not be a second row for id 7 at 0 s, which trajectory_data, row 1 has"),
+        ((TRAJECTORIES, PEOPLE, METADATA, RATE.replace("10.0", "ten")), "fps: must be a number, n"),
+    ],
+)  # fmt: skip
+def test_other_databases_are_refused(
+    tmp_path: Path, statements: tuple[str, ...], words: str
+) -> None:
+    """In our words, which name the table, the row and the column."""
+    path = database(tmp_path, *statements)
+    with pytest.raises(ProblemError, match=words) as caught:
+        Track.read_all(path)
+    assert str(caught.value).startswith(f"{path}: ")
+
+
+def test_a_damaged_database_is_refused(tmp_path: Path) -> None:
+    """In our words, not in those of SQLite."""
+    path = database(tmp_path, TRAJECTORIES, PEOPLE, METADATA, RATE)
+    content = path.read_bytes()
+    for damaged in (content[:100], content[:5000], content[:16] + b"x" * 5000):
+        path.write_bytes(damaged)
+        with pytest.raises(ProblemError, match="is an SQLite database that cannot be read"):
+            Track.read_all(path)

@@ -130,8 +130,10 @@ def _read(path: Path) -> list[Record]:
             return [dict(row) for row in csv.DictReader(file)]
     except FileNotFoundError:
         return []
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise FileError(f"{path}: cannot be read: {error}") from error
+    except OSError as error:
+        raise FileError(f"{path}: cannot be read: {error.strerror}") from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise FileError(f"{path}: must be a table that this study has written") from error
 
 
 def _commit() -> str:

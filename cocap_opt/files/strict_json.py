@@ -1,0 +1,45 @@
+"""JSON as this project reads it: of a given type, and without a key that an object has twice.
+
+Decoders take the last of such values and say nothing, so that nobody knows which was meant.
+"""
+
+import json
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import msgspec
+
+from cocap_opt.data import ProblemError
+
+T = TypeVar("T")
+
+
+def decode_json(
+    content: bytes | str, kind: type[T], hook: Callable[[type, Any], Any] | None = None
+) -> T:
+    """Returns the value that JSON holds.
+
+    Parameters
+    ----------
+    kind : type of the value
+    hook : makes values of types that msgspec does not know, as its `dec_hook`
+
+    Raises
+    ------
+    MsgspecError, UnicodeDecodeError, RecursionError
+        If it is no such value.
+    ProblemError
+        If an object has a key twice.
+    """
+    value = msgspec.json.decode(content, type=kind, dec_hook=hook)
+    text = content if isinstance(content, str) else content.decode(errors="replace")
+    # Numbers are not made; they may have thousands of digits where nobody reads them.
+    json.loads(text, object_pairs_hook=_require_distinct, parse_int=str, parse_float=str)
+    return value
+
+
+def _require_distinct(pairs: list[tuple[str, Any]]) -> None:
+    keys = [key for key, _ in pairs]
+    if len(set(keys)) < len(keys):
+        twice = next(key for k, key in enumerate(keys) if key in keys[:k])
+        raise ProblemError(f"{twice[:40]}: must be given once in an object, not twice")

@@ -1,0 +1,103 @@
+"""Trajectories as JuPedSim writes them: an SQLite database, in metres, with its frame rate.
+
+Source of the format: JuPedSim (jupedsim.org), whose table trajectory_data has a row for each person
+at each frame, and whose table metadata has the frames per second under the key fps.
+"""
+
+import sqlite3
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+from typing import NamedTuple
+from urllib.parse import quote
+
+import numpy as np
+
+from cocap_opt.data import FloatArray, ProblemError
+
+DATABASE_COLUMNS = {"id": "id", "frame": "frame", "x": "pos_x", "y": "pos_y"}  # by role
+_MAGIC = b"SQLite format 3\0"
+_TABLE = "trajectory_data"
+
+
+class Database(NamedTuple):
+    """The rows of a database, and what it says of them."""
+
+    values: dict[str, FloatArray]  # role -> [n]
+    rates: set[float]  # frames per second; none where it states none
+    unit: str = "m"
+
+    @staticmethod
+    def is_one(path: Path) -> bool:
+        """Returns True if a file is an SQLite database; False, too, if it cannot be read."""
+        try:
+            with path.open("rb") as file:
+                return file.read(len(_MAGIC)) == _MAGIC
+        except OSError:
+            return False
+
+    @classmethod
+    def read(cls, path: Path) -> "Database":
+        """Reads the trajectories of a database, which stays as it is.
+
+        Raises
+        ------
+        ProblemError
+            If it is damaged, no database of JuPedSim, or has a row that is not of numbers.
+        """
+        with _opened(path) as connection:
+            tables = dict(connection.execute("select name, type from sqlite_master").fetchall())
+            if tables.get(_TABLE) != "table":  # a view may run for ever
+                raise ProblemError(
+                    f"must have the table {_TABLE}, as databases of JuPedSim do, not only "
+                    f"{', '.join(sorted(map(str, tables))[:5]) or 'none'}"
+                )
+            found = {row[1] for row in connection.execute(f"pragma table_info({_TABLE})")}
+            for column in DATABASE_COLUMNS.values():
+                if column not in found:
+                    raise ProblemError(f"{_TABLE}: must have the column {column}")
+            columns = ", ".join(DATABASE_COLUMNS.values())
+            rows = connection.execute(f"select {columns} from {_TABLE}").fetchall()
+            return cls(_values(rows), _rates(connection, tables))
+
+    @staticmethod
+    def where(row: int) -> str:
+        """Names a row."""
+        return f"{_TABLE}, row {row + 1}"
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[sqlite3.Connection]:
+    """Opens a database for reading only."""
+    try:
+        with closing(sqlite3.connect(f"file:{quote(str(path))}?mode=ro", uri=True)) as connection:
+            yield connection
+    except (sqlite3.Error, UnicodeDecodeError) as error:
+        raise ProblemError(
+            "is an SQLite database that cannot be read; it is damaged, or still being written"
+        ) from error
+
+
+def _values(rows: list[tuple[object, ...]]) -> dict[str, FloatArray]:
+    if not rows:
+        raise ProblemError(f"{_TABLE}: must hold at least one row")
+    for k, row in enumerate(rows):
+        for name, value in zip(DATABASE_COLUMNS.values(), row, strict=True):
+            if not isinstance(value, int | float):
+                what = "nothing" if value is None else repr(value)[:40]
+                raise ProblemError(f"{Database.where(k)}, {name}: must be a number, not {what}")
+    table = np.array(rows, dtype=np.float64)
+    return dict(zip(DATABASE_COLUMNS, table.T, strict=True))
+
+
+def _rates(connection: sqlite3.Connection, tables: dict[str, str]) -> set[float]:
+    """Returns the frame rate that the database states, if it does."""
+    if tables.get("metadata") != "table":
+        return set()
+    stated = connection.execute("select value from metadata where key = 'fps'").fetchall()
+    try:
+        return {float(rate) for (rate,) in stated}
+    except (TypeError, ValueError):
+        raise ProblemError(
+            f"metadata, fps: must be a number, not {str(stated[0][0])[:40]!r}"
+        ) from None
