@@ -46,7 +46,7 @@ def test_the_sources_are_found() -> None:
     """These tests look at the real files: every package is there, and imports are seen."""
     assert {package_of(name) for name in sources()} == set(ALLOWED)
     assert "cocap_opt.problem" in imports("cocap_opt.graph.motion")
-    assert "networkx" in imports("cocap_opt.graph.motion")
+    assert "networkx" in imports("cocap_opt.graph.networks")
     assert "cocap_opt.problem.problem" in reached("cocap_opt.planners.greedy")
 
 

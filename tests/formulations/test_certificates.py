@@ -43,7 +43,7 @@ from cocap_opt.formulations.certificates import (
 )
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.formulations.relaxations.separation import Seen
-from cocap_opt.graph.motion import time_expanded_graph
+from cocap_opt.graph.networks import time_expanded_graph
 from cocap_opt.model import Model, compiled
 from cocap_opt.problem import NO_RULES, Cell, Objective, Plan, Problem, State
 from cocap_opt.referee import _Referee
