@@ -7,6 +7,7 @@ directly from what is in reach: of the product of places, orientations and steps
 from __future__ import annotations  # networkx graphs take type arguments in stubs only
 
 from collections.abc import Collection, Iterator
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import networkx as nx
@@ -135,6 +136,7 @@ class _Steps:
         self._moves = list(allowed_moves(problem.workspace, self._spec.motion, window))
         self._heads: dict[Place, list[Place]] = {}
         self._open: dict[tuple[int, Place], list[Place]] = {}
+        self._turned: dict[tuple[int, int], list[tuple[int, int]]] = {}
         self._after: dict[State | tuple[int, State], list[State]] = {}
 
     def after(self, t: int, state: State) -> list[State]:
@@ -144,14 +146,24 @@ class _Steps:
         if key not in self._after:
             here = state.layer, state.x, state.y
             places = self._open_heads(t, here) if people else self._heads_of(here)
-            pitches = len(self._spec.camera.tilts)
             self._after[key] = [
                 State(x, y, layer, heading, pitch)
                 for layer, x, y in places
-                for heading in sorted(self._spec.motion.headings_after(state.heading))
-                for pitch in sorted(self._spec.motion.pitches_after(state.pitch, pitches))
+                for heading, pitch in self._turns(state.heading, state.pitch)
             ]
         return self._after[key]
+
+    def _turns(self, heading: int, pitch: int) -> list[tuple[int, int]]:
+        """Returns the headings and pitches to which one step can turn."""
+        if (heading, pitch) not in self._turned:
+            motion, pitches = self._spec.motion, len(self._spec.camera.tilts)
+            self._turned[heading, pitch] = list(
+                product(
+                    sorted(motion.headings_after(heading)),
+                    sorted(motion.pitches_after(pitch, pitches)),
+                )
+            )
+        return self._turned[heading, pitch]
 
     def _heads_of(self, place: Place) -> list[Place]:
         """Returns the places to which a move leads, whoever is near."""

@@ -8,7 +8,7 @@ from typing import Annotated, NamedTuple
 from cyclopts import Parameter
 
 from cocap_opt.data import ProblemError
-from cocap_opt.experiments.cli.options import Json, Scene, Seed, load
+from cocap_opt.experiments.cli.options import FLAG, Json, Scene, Seed, load
 from cocap_opt.experiments.console.options import UsageError
 from cocap_opt.experiments.console.progress import Watch
 from cocap_opt.experiments.results.files import PlanReader
@@ -18,6 +18,7 @@ from cocap_opt.experiments.results.rows import OWN_STARTS
 from cocap_opt.experiments.results.verification import Verified
 from cocap_opt.files.documents import FileError, PlanFile
 from cocap_opt.formulations.certificates import CertificateError, CertificateFile, ProofFile
+from cocap_opt.formulations.second_opinion import TooLargeError
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.scenarios import FORMATS, scene_of_plan
 from cocap_opt.text import printable
@@ -39,6 +40,10 @@ def _verify(
             negative="", show_default=False, help="the scene without collisions between drones"
         ),
     ] = False,
+    networkx: Annotated[
+        bool,
+        FLAG(help="price bounds a second time, by networkx alone; invalid if the two part"),
+    ] = False,
     json: Json = False,
 ) -> int:
     """Check a plan, certificates and proofs, trusting nobody: exit 0 only if all claims hold.
@@ -51,7 +56,7 @@ def _verify(
     if not file:
         raise UsageError("FILE: name a plan, a certificate or a proof")
     claims = _Claims.read(scene, seed, free, file)
-    verified = Verified(claims.problem)
+    verified = Verified(claims.problem, by_networkx=networkx)
     if claims.plan is not None:
         verified.verify_plan(claims.plan, claims.plan_file)
     for path, content in claims.bounds.items():
@@ -61,9 +66,15 @@ def _verify(
                 verified.verify_bound(content, watch.counter("leaf"))
             except CertificateError as error:
                 verified.violations.append(f"{name}: {error}")
+            except TooLargeError as error:
+                raise UsageError(f"--networkx: {error}") from error
     verified.conclude()
     print_result({"scene": claims.problem.name, "seed": seed, **claims.answer(verified)}, json)
     return 1 if verified.violations else 0
+
+
+def _finite(bound: float) -> float | None:
+    return bound if math.isfinite(bound) else None
 
 
 def _between_cells(path: Path, problem: Problem) -> tuple[float, ...] | None:
@@ -134,6 +145,11 @@ class _Claims(NamedTuple):
         if self.bounds:
             proved = math.isfinite(verified.bound)
             found |= {"method": verified.method, "bound": verified.bound if proved else None}
+            if verified.second_opinion is not None and verified.pricing is not None:
+                found |= {
+                    "bound_by_sweep": _finite(verified.pricing.bound),
+                    "bound_by_networkx": _finite(verified.second_opinion.bound),
+                }
             if verified.no_plan:
                 found["message"] = _NO_PLAN
             elif verified.optimistic:
