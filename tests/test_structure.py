@@ -23,8 +23,8 @@ ORDER = {
         "planners",
     ),
     "formulations": (
-        "certificates", "result", "early_bound", "simple_bounds", "brute_force", "relaxations",
-        "column_generation", "integer_programs",
+        "certificates", "second_opinion", "result", "early_bound", "simple_bounds", "brute_force",
+        "relaxations", "column_generation", "integer_programs",
     ),
     "scenarios": ("text", "kinds", "cameras", "formats", "recipe", "built_in"),
     "experiments": ("console", "results", "sweeps", "report", "api", "studies", "notebooks", "cli"),

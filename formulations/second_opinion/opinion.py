@@ -1,18 +1,16 @@
 """The second opinion on a file, and what is too large for one."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import NamedTuple
 
 from cocap_opt.formulations.certificates import (
+    Branch,
     CertificateFile,
-    Decision,
-    Leaf,
     Pricing,
     ProofFile,
 )
-from cocap_opt.formulations.certificates.format import Certificate
-from cocap_opt.formulations.second_opinion.prices import Prices, TooLargeError
+from cocap_opt.formulations.second_opinion.prices import Leaf, Prices, TooLargeError
 from cocap_opt.graph.networks import edges_in_reach
 from cocap_opt.problem import Problem
 
@@ -39,7 +37,7 @@ class SecondOpinion(NamedTuple):
         Parameters
         ----------
         file : valid, as `certificates.verify` finds it
-        progress : told how many leaves are done, and of how many
+        progress : told how many best paths are found, and of how many
 
         Raises
         ------
@@ -47,13 +45,12 @@ class SecondOpinion(NamedTuple):
             If that would take longer than some minutes, or more than a gigabyte for a drone.
         """
         require_small(problem, file)
-        prices = Prices(problem, file.classes == "single")
-        worst, leaves = cls(-math.inf, 0.0), _leaves(file)
-        for done, (certificate, decisions) in enumerate(leaves, start=1):
-            found = prices.of(certificate, decisions)
-            worst = cls(*found) if found.value > worst.bound else worst
-            progress(done, len(leaves))
-        return worst
+        leaves: list[Leaf] = (
+            [(file.certificate, ())]
+            if isinstance(file, CertificateFile)
+            else [(leaf.certificate, decisions) for _, leaf, decisions in file.leaves()]
+        )
+        return cls(*max(Prices(problem, file.classes == "single").of(leaves, progress)))
 
     def agrees(self, pricing: Pricing) -> bool:
         """Returns True if the sweep finds the same bound.
@@ -63,15 +60,8 @@ class SecondOpinion(NamedTuple):
         """
         if math.inf in (abs(self.bound), abs(pricing.bound)):
             return self.bound == pricing.bound
-        allowed = TOLERANCE * self.magnitude + pricing.rounding
-        return abs(self.bound - pricing.bound) <= allowed
-
-
-def _leaves(file: CertificateFile | ProofFile) -> list[tuple[Certificate, Sequence[Decision]]]:
-    """Returns the certificates of a file, each with the decisions that hold where it does."""
-    if isinstance(file, CertificateFile):
-        return [(file.certificate, ())]
-    return [(leaf.certificate, decisions) for _, leaf, decisions in file.leaves()]
+        rounding = math.nextafter(pricing.rounding, math.inf) * (1 + TOLERANCE)  # even that of 0
+        return abs(self.bound - pricing.bound) <= TOLERANCE * self.magnitude + rounding
 
 
 def require_small(problem: Problem, file: CertificateFile | ProofFile) -> None:
@@ -90,7 +80,7 @@ def require_small(problem: Problem, file: CertificateFile | ProofFile) -> None:
         edges += known[alike]
     leaves = 1
     if isinstance(file, ProofFile):
-        leaves = sum(isinstance(node, Leaf) for node in file.nodes)
+        leaves = sum(not isinstance(node, Branch) for node in file.nodes)
     if edges * leaves > MOST_WORK:
         raise TooLargeError(
             f"networkx would price {edges:,} edges at {leaves:,} "

@@ -1,22 +1,27 @@
-"""The sums of a certificate, in plain loops over what drones reach and see."""
+"""The sums of certificates, in plain loops over what drones reach and see."""
+
+from __future__ import annotations  # networkx graphs take type arguments in stubs only
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 from cocap_opt.formulations.certificates import (
     ClassCurve,
     Decision,
     EnvelopeCut,
-    Multipliers,
     ReferencePixels,
 )
 from cocap_opt.formulations.certificates.format import Certificate
 from cocap_opt.formulations.second_opinion.paths import Worth, longest_path
-from cocap_opt.formulations.second_opinion.sight import seen_by_robots
+from cocap_opt.formulations.second_opinion.sight import Sight
 from cocap_opt.formulations.second_opinion.uses import uses_of
 from cocap_opt.graph.networks import reached_graph
 from cocap_opt.problem import Problem
+
+if TYPE_CHECKING:
+    from cocap_opt.graph.networks import Graph
 
 MOST_CORNERS = 50_000  # of a cut, that are gone through in plain loops
 
@@ -25,93 +30,113 @@ class TooLargeError(ValueError):
     """The graphs are larger than networkx can price in minutes; the message says how large."""
 
 
-def _classes(problem: Problem, single: bool) -> list[int]:
-    """Returns the number of each robot's class [R]: alike but for the start, or one each."""
-    kinds: dict[object, int] = {}
-    for i, robot in enumerate(problem.robots):
-        kinds.setdefault(i if single else (robot.motion, robot.camera, robot.goal), len(kinds))
-    return [
-        kinds[i if single else (robot.motion, robot.camera, robot.goal)]
-        for i, robot in enumerate(problem.robots)
-    ]
-
-
-def class_sizes(problem: Problem, single: bool) -> dict[int, int]:
-    """Returns the number of robots of each class."""
-    numbers = _classes(problem, single)
-    return {number: numbers.count(number) for number in numbers}
+Leaf = tuple[Certificate, Sequence[Decision]]  # and the decisions that hold where it does
 
 
 class Prices:
-    """The prices of a problem's nodes and moves under certificates."""
+    """The sums of a problem's certificates.
+
+    Parameters
+    ----------
+    single : every robot is a class of its own; else those are alike that differ in their start only
+    """
 
     def __init__(self, problem: Problem, single: bool) -> None:
         self._problem = problem
-        self._classes = _classes(problem, single)
-        self._sizes = class_sizes(problem, single)
-        self._graphs = [reached_graph(problem, i) for i in range(len(problem.robots))]
-        self._seen = seen_by_robots(problem, self._graphs)
-        self._visible = {
-            (self._row(t), face)
-            for seen in self._seen for (_, t), faces in seen.items() for face, _ in faces
-        }  # fmt: skip
+        kinds: list[object] = [
+            i if single else (robot.motion, robot.camera, robot.goal)
+            for i, robot in enumerate(problem.robots)
+        ]
+        numbers = {kind: number for number, kind in enumerate(dict.fromkeys(kinds))}
+        self._classes = [numbers[kind] for kind in kinds]  # [R] number of each robot's class
+        self._weights = problem.view_sum_weights.reshape(problem.view_sum_steps, -1).tolist()
 
-    def of(self, certificate: Certificate, decisions: Sequence[Decision]) -> Worth:
-        """Returns the bound on plans that obey the decisions."""
-        if isinstance(certificate, Multipliers):
-            terms = list(self._constants(certificate, decisions))
-        else:
-            terms = list(self._constants_at_reference(certificate))
-        total, magnitude = math.fsum(terms), math.fsum(map(abs, terms))
-        for robot, number in enumerate(self._classes):
-            pay = self._payment(certificate, number)
-            paid = {
-                (state, t): math.fsum(
-                    self._weight(t, face) * pay(self._row(t), face, pixels)
-                    for face, pixels in faces
-                )
-                for (state, t), faces in self._seen[robot].items()
-            }
-            uses = uses_of(certificate, decisions, number)
-            best = longest_path(self._problem, robot, self._graphs[robot], paid, uses)
-            total, magnitude = total + best.value, magnitude + best.magnitude
-        return Worth(total, magnitude)
+    def of(self, leaves: Sequence[Leaf], progress: Callable[[int, int], None]) -> list[Worth]:
+        """Returns the bounds that some leaves prove.
+
+        The robots come one by one, since a graph by networkx is large.
+
+        Parameters
+        ----------
+        progress : told how many best paths are found, and of how many
+        """
+        terms = [list(self._constants(*leaf)) for leaf in leaves]
+        paths: list[list[Worth]] = [[] for _ in leaves]
+        sights: dict[object, Sight] = {}
+        for robot, spec in enumerate(self._problem.robots):
+            graph = reached_graph(self._problem, robot)
+            alike = spec.motion, spec.camera
+            sight = sights.setdefault(alike, Sight(self._problem, spec))
+            sight.look(graph)
+            for n, leaf in enumerate(leaves):
+                paths[n].append(self._best_path(robot, graph, sight, leaf))
+                progress(robot * len(leaves) + n + 1, len(leaves) * len(self._problem.robots))
+        visible = {
+            (self._row(t), face)
+            for sight in sights.values() for (_, t), faces in sight.seen.items()
+            for face, _ in faces
+        }  # fmt: skip
+        for own, (certificate, _) in zip(terms, leaves, strict=True):
+            own += self._kappas(certificate, visible)
+        return [
+            Worth(
+                math.fsum(own) + sum(path.value for path in best),
+                math.fsum(map(abs, own)) + sum(path.magnitude for path in best),
+            )
+            for own, best in zip(terms, paths, strict=True)
+        ]
+
+    def _best_path(self, robot: int, graph: Graph, sight: Sight, leaf: Leaf) -> Worth:
+        """Returns the worth of a robot's best path through all that it can reach."""
+        certificate, decisions = leaf
+        number = self._classes[robot]
+        pay = self._payment(certificate, number)
+        paid = {
+            node: math.fsum(
+                self._weights[self._row(node[1])][face] * pay(self._row(node[1]), face, pixels)
+                for face, pixels in sight.seen[node]
+            )
+            for node in graph
+            if node in sight.seen
+        }
+        uses = uses_of(certificate, decisions, number)
+        return longest_path(self._problem, robot, graph, paid, uses)
 
     def _row(self, t: int) -> int:
         """Returns the row of a table in which the pixels of step t count."""
         return 0 if self._problem.objective.over_time else t
 
-    def _weight(self, t: int, face: int) -> float:
-        """Returns the weight of a face at a step, 0 where the step does not count."""
-        if self._problem.objective.over_time:
-            return float(self._problem.step_weights[0, face])
-        return float(self._problem.step_weights[t, face]) * (t >= self._problem.first_step)
-
     def _constants(
-        self, certificate: Multipliers, decisions: Sequence[Decision]
+        self, certificate: Certificate, decisions: Sequence[Decision]
     ) -> Iterator[float]:
-        """Yields what multipliers cost whatever is flown: kappa, cuts, rows and decisions."""
-        shares: dict[tuple[int, int], list[float]] = {}
+        """Yields what is to be added whatever is flown and seen: cuts, rows and decisions."""
+        if isinstance(certificate, ReferencePixels):
+            for weights, pixels in zip(self._weights, certificate.pixels, strict=True):
+                yield from (w * math.sqrt(z) for w, z in zip(weights, pixels, strict=True))
+            return
+        sizes = tuple(map(self._classes.count, range(max(self._classes) + 1)))
         for cut in certificate.cuts:
-            shares.setdefault((cut.t, cut.face), []).append(cut.share)
-            most = _highest_corner(cut.curves, tuple(self._sizes.items()))
-            yield self._weight(cut.t, cut.face) * cut.share * most
-        for row, face in self._visible:
-            alpha, beta = certificate.alpha[row][face], certificate.beta[row][face]
-            rest = 1 - math.fsum(shares.get((row, face), []))
-            if self._weight(row, face) > 0 and alpha < rest:
-                yield self._weight(row, face) * (rest - alpha) ** 2 / (4 * beta)
-        for mu in certificate.rows:
-            yield mu.multiplier
+            yield self._weights[cut.t][cut.face] * cut.share * _highest_corner(cut.curves, sizes)
+        for row in certificate.rows:
+            yield row.multiplier
         for decision, nu in zip(decisions, certificate.decisions, strict=True):
             if not decision.closes:
                 yield decision.sign * nu * decision.robots
 
-    def _constants_at_reference(self, certificate: ReferencePixels) -> Iterator[float]:
-        """Yields the roots of the reference pixels."""
-        for row, faces in enumerate(certificate.pixels):
-            for face, pixels in enumerate(faces):
-                yield self._weight(row, face) * math.sqrt(pixels)
+    def _kappas(
+        self, certificate: Certificate, visible: Iterable[tuple[int, int]]
+    ) -> Iterator[float]:
+        """Yields what is to be added for each view sum (row, face) that somebody can see."""
+        if isinstance(certificate, ReferencePixels):
+            return
+        shares: dict[tuple[int, int], list[float]] = {}
+        for cut in certificate.cuts:
+            shares.setdefault((cut.t, cut.face), []).append(cut.share)
+        for row, face in visible:
+            alpha, beta = certificate.alpha[row][face], certificate.beta[row][face]
+            rest = 1 - math.fsum(shares.get((row, face), []))
+            if self._weights[row][face] > 0 and alpha < rest:
+                yield self._weights[row][face] * (rest - alpha) ** 2 / (4 * beta)
 
     def _payment(self, certificate: Certificate, number: int) -> Callable[[int, int, float], float]:
         """Returns what a class is paid for pixels of a face in a row, before weights."""
@@ -149,16 +174,20 @@ def _phi(curves: Sequence[ClassCurve], number: int, root: float) -> float:
 
 
 @lru_cache(maxsize=4096)  # the leaves of a proof share most of their cuts
-def _highest_corner(curves: tuple[ClassCurve, ...], sizes: tuple[tuple[int, int], ...]) -> float:
+def _highest_corner(curves: tuple[ClassCurve, ...], sizes: tuple[int, ...]) -> float:
     """Returns the least constant of a cut: its largest excess at a corner, or 0.
 
     A corner has every robot of the curves' classes at a breakpoint, or at 0: robot by robot, those
     are kept that no other betters in both pixels and value.
+
+    Parameters
+    ----------
+    sizes : number of robots of each class
     """
     corners = [(0.0, 0.0)]
     for curve in curves:
         points = [(0.0, 0.0), *zip((r * r for r in curve.roots), curve.values, strict=True)]
-        for _ in range(dict(sizes)[curve.class_number]):
+        for _ in range(sizes[curve.class_number]):
             corners = _unbettered((p + q, v + w) for p, v in corners for q, w in points)
             if len(corners) > MOST_CORNERS:
                 raise TooLargeError(

@@ -1,4 +1,4 @@
-"""What a certificate charges for: cells, states and moves, spelt out one by one."""
+"""The uses that a certificate charges for, spelt out: being in cells and states, and moves."""
 
 import math
 from collections.abc import Iterator, Sequence

@@ -12,6 +12,14 @@ import pytest
 from brute_force import all_paths, bonus_of, optimum, pixels_of, views_of, weights_of
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from random_certificates import (
+    as_rows,
+    random_cuts,
+    random_multipliers,
+    random_resource,
+    random_rows,
+    some_model,
+)
 from scipy.optimize import linprog
 from strategies import examples, problems, tiny
 
@@ -33,7 +41,6 @@ from cocap_opt.formulations.certificates import (
     Pricing,
     ProofFile,
     ReferencePixels,
-    Resource,
     Row,
     Swap,
     Visit,
@@ -47,96 +54,6 @@ from cocap_opt.graph.networks import time_expanded_graph
 from cocap_opt.model import Model, compiled
 from cocap_opt.problem import NO_RULES, Cell, Objective, Plan, Problem, State
 from cocap_opt.referee import _Referee
-
-Rows = tuple[tuple[float, ...], ...]
-
-
-def as_rows(array: np.ndarray) -> Rows:
-    """Nested tuples of a 2-D array."""
-    return tuple(map(tuple, array.tolist()))
-
-
-def all_cells(problem: Problem) -> list[Cell]:
-    """All cells of a problem's map and layers."""
-    width, depth = problem.height_map.shape
-    layers = range(len(problem.layers))
-    return [Cell(*at) for at in product(range(width), range(depth), layers)]
-
-
-def random_rows(problem: Problem, rng: np.random.Generator) -> list[Row]:
-    """Valid conflict rows with random multipliers."""
-    if problem.rules.none:
-        return []
-    cells, rows = all_cells(problem), []
-    for cell in cells:
-        clique = [cell]
-        for other in cells:
-            if other not in clique and all(problem.too_close(other, c) for c in clique):
-                clique.append(other)
-        t = int(rng.integers(problem.horizon + 1))
-        rows.append(Row(Cells(t, tuple(clique)), float(rng.choice([0.0, 1.0, 50.0]))))
-        if problem.rules.swap and len(cells) > 1:
-            other = cells[(cells.index(cell) + 1) % len(cells)]
-            t = int(rng.integers(problem.horizon))
-            rows.append(Row(Swap(t, (cell, other)), float(rng.choice([0.5, 20.0]))))
-    return rows
-
-
-def some_model(problem: Problem, rng: np.random.Generator) -> Model:
-    """A problem with its robots in classes, or each a class of its own."""
-    return compiled(problem).disaggregated() if rng.integers(2) else compiled(problem)
-
-
-def random_curve(number: int, top: float, rng: np.random.Generator) -> ClassCurve:
-    """A curve with random breakpoints up to somewhere near a root."""
-    roots = np.sort(rng.uniform(0.05, 1.2, rng.integers(1, 5))) * top
-    return ClassCurve(
-        number, tuple(roots.tolist()), tuple(rng.uniform(0, top, len(roots)).tolist())
-    )
-
-
-def random_cuts(model: Model, rng: np.random.Generator) -> list[EnvelopeCut]:
-    """Envelope cuts of some view sums, with random values and shares."""
-    if model.problem.objective.over_time:
-        return []
-    largest = model.largest_roots().max(axis=0).reshape(model.problem.horizon + 1, -1)
-    cuts = []
-    for t, face in np.argwhere(largest > 0).tolist():
-        for _ in range(int(rng.integers(3))):
-            numbers = np.flatnonzero(rng.random(len(model.classes)) < 0.8).tolist()
-            curves = tuple(random_curve(k, float(largest[t, face]), rng) for k in numbers)
-            cuts.append(EnvelopeCut(t, face, curves, float(rng.choice([0.0, 0.2, 0.5]))))
-    return cuts
-
-
-def random_resource(model: Model, rng: np.random.Generator) -> Resource:
-    """Something that robots can use."""
-    problem = model.problem
-    cells = all_cells(problem)
-    one, other = (cells[int(k)] for k in rng.integers(len(cells), size=2))
-    number = int(rng.integers(len(model.classes)))
-    graph = model.classes[number].graph
-    t = int(rng.integers(problem.horizon + 1))
-    kind = rng.integers(4)
-    if kind == 0 or (kind > 1 and (one == other or t == problem.horizon)):
-        return Cells(t, (one,), None if rng.integers(2) else number)
-    if kind == 1:
-        free = np.flatnonzero(np.tile(graph.free, graph.n_orientations))
-        return Visit(t, graph.state(int(rng.choice(free))), number)
-    return Swap(t, (one, other)) if kind == 2 else Move(t, (one, other), number)
-
-
-def random_multipliers(model: Model, rng: np.random.Generator, decisions: int = 0) -> Multipliers:
-    """Multipliers of all kinds, none of them good."""
-    problem = model.problem
-    shape = (problem.view_sum_steps, len(problem.face_weights))
-    return Multipliers(
-        alpha=as_rows(rng.choice([0.0, 0.3, 1.0, 2.0], size=shape)),
-        beta=as_rows(rng.choice([1e-4, 0.01, 1.0], size=shape)),
-        rows=tuple(random_rows(problem, rng)),
-        cuts=tuple(random_cuts(model, rng)),
-        decisions=tuple(rng.choice([0.0, 0.5, 30.0], size=decisions).tolist()),
-    )
 
 
 def optimum_under(model: Model, decisions: tuple[Decision, ...]) -> float:
