@@ -111,8 +111,9 @@ def _through_few_cells(problem: Problem, around: dict[Motion, Encounters]) -> It
     }
     if choke := choke_point(problem, near):
         share = "most" if 2 * choke.behind > choke.wanted else "some"
+        who = "all" if choke.drones == len(problem.robots) else f"{choke.drones} of"
         yield (
-            f"all {len(problem.robots)} drones must pass through {choke} on their way to {share} "
+            f"{who} {len(problem.robots)} drones must pass through {choke} on their way to {share} "
             "cells from which somebody is near at the last step"
         )
 

@@ -1,7 +1,7 @@
 """Choke points: few cells through which all ways of the drones to somebody lead.
 
-Where there are fewer of them than drones, drones must queue there, and what collision rules cost is
-decided there. They are minimum vertex cuts of the graph of cells.
+Where more drones want to pass than there are cells, they must queue, and what collision rules cost
+is decided there. They are minimum vertex cuts of the graph of cells.
 """
 
 from __future__ import annotations  # networkx graphs take type arguments in stubs only
@@ -34,6 +34,7 @@ class ChokePoint(NamedTuple):
     """A few cells, and how much lies behind them."""
 
     cells: tuple[Cell, ...]
+    drones: int  # number of drones that can reach what is behind them by the last step
     behind: int  # number of wanted cells that drones reach by the last step through these only
     wanted: int  # number of wanted cells that they reach at all
 
@@ -46,7 +47,7 @@ class ChokePoint(NamedTuple):
 def choke_point(
     problem: Problem, wanted: Collection[Cell], most: int = MOST_CELLS
 ) -> ChokePoint | None:
-    """Returns the cells, fewer than drones, behind which most of the wanted cells lie.
+    """Returns the cells behind which most of the wanted cells lie, fewer than drones go there.
 
     From most starts somebody is in sight already, so that no few cells part all starts from all
     wanted cells. Cuts are therefore taken to one wanted cell at a time, the one that takes the most
@@ -63,23 +64,21 @@ def choke_point(
     ChokePoint or None
         None if there is none with a tenth of the wanted cells behind it, or too much is in reach.
     """
-    robots = len(problem.robots)
-    ways = _Ways.of(problem, most) if robots > 1 and wanted else None
+    ways = _Ways.of(problem, most) if len(problem.robots) > 1 and wanted else None
     if ways is None:
         return None
     steps = ways.steps()
     reached = {cell for cell in wanted if cell in steps}
     left = reached - ways.starts
-    best = ChokePoint((), 0, len(reached))
+    best = ChokePoint((), 0, 0, len(reached))
     for _ in range(_MOST_CUTS):
         if not left or 2 * best.behind > len(reached):
             break
         farthest = max(left, key=lambda cell: (steps[cell], cell))
-        cut = ways.cut_before(farthest)
-        behind = reached - cut - ways.steps(cut).keys() if len(cut) < robots else set()
-        if len(behind) > best.behind:
-            best = ChokePoint(tuple(sorted(cut)), len(behind), len(reached))
-        left -= {farthest, *ways.graph[farthest], *behind}
+        found = ways.choke_point_before(farthest, reached)
+        if len(found.cells) < found.drones and found.behind > best.behind:
+            best = found
+        left -= {farthest, *ways.graph[farthest]} | ways.behind(found.cells, reached)
     return best if best.behind >= _LEAST_SHARE * len(reached) > 0 else None
 
 
@@ -127,13 +126,18 @@ class _Ways:
         left = self.graph.subgraph(self.graph.nodes - set(without)) if without else self.graph
         return _steps(left, self.starts - set(without), self._horizon)
 
-    def cut_before(self, cell: Cell) -> set[Cell]:
-        """Returns the fewest cells that part the starts from a cell; empty where none do."""
-        return set(
-            minimum_st_node_cut(
-                self._back, cell, _STARTS, auxiliary=self._auxiliary, residual=self._residual
-            )
+    def behind(self, cells: Collection[Cell], wanted: set[Cell]) -> set[Cell]:
+        """Returns the wanted cells that are reached by the last step through some cells only."""
+        return wanted - set(cells) - self.steps(cells).keys()
+
+    def choke_point_before(self, cell: Cell, wanted: set[Cell]) -> ChokePoint:
+        """Returns the fewest cells that part the starts from a cell, and what is behind them."""
+        cut = minimum_st_node_cut(
+            self._back, cell, _STARTS, auxiliary=self._auxiliary, residual=self._residual
         )
+        behind = self.behind(cut, wanted)
+        drones = self.starts & _steps(self._back, behind, self._horizon).keys()
+        return ChokePoint(tuple(sorted(cut)), len(drones), len(behind), len(wanted))
 
 
 def _window(problem: Problem, motion: Motion) -> Window:
