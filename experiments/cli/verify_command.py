@@ -56,6 +56,8 @@ def _verify(
     if not file:
         raise UsageError("FILE: name a plan, a certificate or a proof")
     claims = _Claims.read(scene, seed, free, file)
+    if networkx and not claims.bounds:
+        raise UsageError("--networkx: name a certificate or a proof")
     verified = Verified(claims.problem, by_networkx=networkx)
     if claims.plan is not None:
         verified.verify_plan(claims.plan, claims.plan_file)
@@ -63,7 +65,9 @@ def _verify(
         name = printable(str(path))
         with Watch.on_terminal(name) as watch:
             try:
-                verified.verify_bound(content, watch.counter("leaf"))
+                verified.verify_bound(
+                    content, watch.counter("leaf"), watch.counter("best path by networkx")
+                )
             except CertificateError as error:
                 verified.violations.append(f"{name}: {error}")
             except TooLargeError as error:

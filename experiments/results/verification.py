@@ -94,13 +94,17 @@ class Verified:
             self.violations.append(words)
 
     def verify_bound(
-        self, file: CertificateFile | ProofFile, progress: Progress = _tell_nobody
+        self,
+        file: CertificateFile | ProofFile,
+        progress: Progress = _tell_nobody,
+        second: Progress = _tell_nobody,
     ) -> None:
         """Prices a certificate, or all leaves of a proof, and compares that with its claim.
 
         Parameters
         ----------
         progress : told how many leaves are done, and of how many
+        second : told how many best paths networkx has found, and of how many
 
         Raises
         ------
@@ -112,11 +116,11 @@ class Verified:
         if self.by_networkx:
             require_small(self.problem, file)
         pricing = verify(self.problem, file, progress)
-        second = self._ask_networkx(file, pricing, progress) if self.by_networkx else None
+        opinion = self._ask_networkx(file, pricing, second) if self.by_networkx else None
         # What has been proved is what the file claims.
         if file.proved < self.bound:
             self.bound, self.method = file.proved, file.method
-            self.pricing, self.second_opinion = pricing, second
+            self.pricing, self.second_opinion = pricing, opinion
             self.optimistic = isinstance(file, CertificateFile) and bool(file.coverage)
 
     def _ask_networkx(

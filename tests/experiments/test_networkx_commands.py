@@ -77,6 +77,11 @@ def test_verify_asks_networkx(
     assert found["valid"]
     assert found["bound_by_sweep"] == pytest.approx(found["bound_by_networkx"], rel=1e-12)
     assert "bound_by_networkx" not in Run(capsys, "verify", "tiny-share", path, "--json").json
+    plan = tmp_path / "plan.json"
+    Run(capsys, "plan", "tiny-share", "-o", plan)
+    run = Run(capsys, "verify", "tiny-share", plan, "--networkx")
+    assert run.code == 2
+    assert run.err == "cocap-opt: --networkx: name a certificate or a proof\n"
     with monkeypatch.context() as patch:
         patch.setattr("cocap_opt.formulations.second_opinion.opinion.TOLERANCE", -1.0)
         run = Run(capsys, "verify", "tiny-share", path, "--networkx", "--json")
