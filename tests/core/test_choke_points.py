@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from strategies import WALL, examples
+from strategies import WALL, examples, tiny
 
 from cocap_opt.graph.choke_points import choke_point
-from cocap_opt.graph.networks import place_graph
+from cocap_opt.graph.networks import place_graph, time_expanded_graph
+from cocap_opt.model import compiled
 from cocap_opt.problem import Cell, Motion, Problem, Robot, State
 from cocap_opt.scenarios import load_scene
 from cocap_opt.world.workspace import HeightMap
@@ -91,13 +92,28 @@ def test_what_is_too_large_is_not_looked_at() -> None:
     ("name", "cells"), [("passage", [(8, 15)]), ("bottleneck", [(17, 14), (17, 15)])]
 )
 def test_the_passages_of_built_in_scenes_are_found(name: str, cells: list[tuple[int, int]]) -> None:
-    """Of the wide rooms beyond, every cell is behind the mouth of the passage."""
-    problem = load_scene(name, 3)
-    beyond = {Cell(x, y) for x in range(19, 30) for y in range(30)}
-    found = choke_point(problem, beyond)
+    """Of all cells from which somebody is seen at the last step, some are behind the mouth."""
+    problem = load_scene(name, 0)
+    found = choke_point(problem, compiled(problem).cells_with_a_view(problem.horizon))
     assert found is not None
     assert found.cells == tuple(Cell(x, y) for x, y in cells)
-    assert found.behind == found.wanted
+    assert found.drones == len(problem.robots)
+
+
+def test_views_of_cells_are_those_of_states() -> None:
+    """A cell has a view at a step where some state in it sees a face."""
+    problem = tiny()
+    model = compiled(problem)
+    expected = {
+        problem.cell(robot, state)
+        for robot in range(2)
+        for state, t in time_expanded_graph(problem, robot)
+        if t == 2 and model.coverage_at(
+            model.class_of[robot], 2, np.array([model.class_of[robot].graph.index(state)])
+        ).any()
+    }  # fmt: skip
+    assert model.cells_with_a_view(2) == expected
+    assert expected
 
 
 @st.composite

@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 from random_certificates import (
     as_rows,
     random_cuts,
+    random_decisions,
     random_multipliers,
-    random_resource,
     random_rows,
     some_model,
 )
@@ -37,6 +37,7 @@ from cocap_opt.formulations.certificates import (
     Flight,
     Leaf,
     Move,
+    Moves,
     Multipliers,
     Pricing,
     ProofFile,
@@ -99,14 +100,7 @@ def test_any_multipliers_bound_the_plans_of_their_leaf(problem: Problem, seed: i
     """Under decisions the bound holds for the plans that obey them: cells, states, moves."""
     rng = np.random.default_rng(seed)
     model = some_model(problem, rng)
-    decisions = tuple(
-        Decision(
-            random_resource(model, rng),
-            "at most" if rng.integers(2) else "at least",
-            int(rng.integers(3)),
-        )
-        for _ in range(int(rng.integers(1, 4)))
-    )
+    decisions = random_decisions(model, rng)
     bound = Pricing.of(model, random_multipliers(model, rng, len(decisions)), decisions).bound
     assert bound >= optimum_under(model, decisions)
 
@@ -338,8 +332,13 @@ def exact_price(problem: Problem, certificate: Multipliers) -> Fraction:
                      if isinstance(row.resource, Swap) and row.resource.t == t and other != cell
                      and {other, cell} == set(row.resource.cells)), Fraction(0)
                 )  # fmt: skip
+                moved = sum(
+                    (Fraction(row.multiplier) for row in certificate.rows
+                     if isinstance(row.resource, Moves) and row.resource.t == t
+                     and (cell, other) in row.resource.moves), Fraction(0)
+                )  # fmt: skip
                 bonus = exact_bonus(problem, state, head)
-                ahead.append(worth[head, t + 1] + bonus - swap)
+                ahead.append(worth[head, t + 1] + bonus - swap - moved)
             worth[state, t] = paid(state, t) - charge + max(ahead, default=Fraction(0))
         total += worth[spec.start, 0]
     return total

@@ -2,67 +2,26 @@
 
 import math
 
-import msgspec
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from random_certificates import (
-    all_cells,
-    as_rows,
-    random_multipliers,
-    random_resource,
-    some_model,
-)
+from random_certificates import as_rows, random_multipliers, random_proof, some_model
 from strategies import examples, problems, tiny
 
 from cocap_opt.experiments.results.verification import Verified
-from cocap_opt.files.documents import problem_digest
 from cocap_opt.formulations.certificates import (
-    Branch,
     CertificateError,
     CertificateFile,
-    Leaf,
-    Moves,
-    Multipliers,
     Pricing,
     ProofFile,
     ReferencePixels,
-    Resource,
-    Row,
     certify,
     pricing,
 )
 from cocap_opt.formulations.second_opinion import SecondOpinion, TooLargeError, prices
 from cocap_opt.model import Model
-from cocap_opt.problem import Cell, Problem
-
-
-def clique_of_moves(problem: Problem, rng: np.random.Generator) -> Moves | None:
-    """Moves of which no two robots can make two at once, by the rules; None without rules."""
-    cells = all_cells(problem)
-    moves = [(a, b) for a in cells for b in cells if max(abs(a.x - b.x), abs(a.y - b.y)) <= 1]
-    kept: list[tuple[Cell, Cell]] = []
-    t = int(rng.integers(problem.horizon))
-    for k in rng.permutation(len(moves))[:30].tolist():
-        wider = Moves(t, (*kept, moves[k]))
-        if not wider.why_shared(problem):
-            kept.append(moves[k])
-    return Moves(t, tuple(kept)) if kept else None
-
-
-def some_multipliers(model: Model, rng: np.random.Generator, decisions: int = 0) -> Multipliers:
-    """Random multipliers, with a row of moves where the rules allow one."""
-    found = random_multipliers(model, rng, decisions)
-    moves = clique_of_moves(model.problem, rng)
-    rows = () if moves is None else (Row(moves, float(rng.choice([0.5, 30.0]))),)
-    return msgspec.structs.replace(found, rows=(*found.rows, *rows))
-
-
-def any_resource(model: Model, rng: np.random.Generator) -> Resource:
-    """Something that robots can use, now and then one of some moves."""
-    moves = clique_of_moves(model.problem, rng)
-    return random_resource(model, rng) if moves is None or rng.integers(4) else moves
+from cocap_opt.problem import Problem
 
 
 def assert_same(problem: Problem, file: CertificateFile | ProofFile, swept: Pricing) -> None:
@@ -84,7 +43,7 @@ def test_networkx_prices_certificates_as_the_sweep_does(problem: Problem, seed: 
     model = some_model(problem, rng)
     shape = (problem.view_sum_steps, len(problem.face_weights))
     reference = ReferencePixels(as_rows(rng.choice([0.0, 10.0, 1e4], size=shape)))
-    for certificate in (some_multipliers(model, rng), reference):
+    for certificate in (random_multipliers(model, rng), reference):
         file = certify(problem, model, "test", certificate)
         assert_same(problem, file, Pricing.of(model, certificate))
 
@@ -95,18 +54,7 @@ def test_networkx_prices_every_leaf_of_a_proof(problem: Problem, seed: int) -> N
     """Decisions close, charge or reward what robots use; the worst leaf's bound is the proof's."""
     rng = np.random.default_rng(seed)
     model = some_model(problem, rng)
-
-    def leaf(decisions: int) -> Leaf:
-        return Leaf(some_multipliers(model, rng, decisions))
-
-    most = len(problem.robots) + 1
-    first, second = (Branch(any_resource(model, rng), int(rng.integers(most)), *children)
-                     for children in ((1, 2), (3, 4)))  # fmt: skip
-    proof = ProofFile(
-        scene="", digest=problem_digest(problem), method="test", bound=None,
-        classes="single" if model.is_disaggregated else "alike",
-        nodes=(first, leaf(1), second, leaf(2), leaf(2)),
-    )  # fmt: skip
+    proof = random_proof(model, rng)
     assert_same(problem, proof, Pricing.of_proof(model, proof))
 
 
@@ -114,7 +62,7 @@ def small() -> tuple[Problem, CertificateFile]:
     """The tiny instance with a certificate."""
     problem, rng = tiny(), np.random.default_rng(1)
     model = Model(problem, use_cache=False)
-    return problem, certify(problem, model, "test", some_multipliers(model, rng))
+    return problem, certify(problem, model, "test", random_multipliers(model, rng))
 
 
 def test_a_sweep_that_is_wrong_is_found(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,15 +1,21 @@
-"""Random certificates: multipliers, cuts, rows and decisions, valid and none of them good."""
+"""Random certificates: multipliers, rows, cuts, decisions and proofs of all kinds, none good."""
 
 from itertools import product
 
 import numpy as np
 
+from cocap_opt.files.documents import problem_digest
 from cocap_opt.formulations.certificates import (
+    Branch,
     Cells,
     ClassCurve,
+    Decision,
     EnvelopeCut,
+    Leaf,
     Move,
+    Moves,
     Multipliers,
+    ProofFile,
     Resource,
     Row,
     Swap,
@@ -49,7 +55,23 @@ def random_rows(problem: Problem, rng: np.random.Generator) -> list[Row]:
             other = cells[(cells.index(cell) + 1) % len(cells)]
             t = int(rng.integers(problem.horizon))
             rows.append(Row(Swap(t, (cell, other)), float(rng.choice([0.5, 20.0]))))
+    if problem.rules.separation:
+        rows += [Row(moves, float(rng.choice([0.5, 20.0]))) for moves in random_moves(problem, rng)]
     return rows
+
+
+def random_moves(problem: Problem, rng: np.random.Generator) -> list[Moves]:
+    """Moves of which any two come too near to each other."""
+    pairs = [(a, b) for a, b in product(all_cells(problem), repeat=2) if abs(a.x - b.x) < 2]
+    found = []
+    for _ in range(3):
+        clique: list[tuple[Cell, Cell]] = []
+        t = int(rng.integers(problem.horizon))
+        for k in rng.permutation(len(pairs))[:8].tolist():
+            moves = Moves(t, (*clique, pairs[k]))
+            clique += [] if moves.why_shared(problem) else [pairs[k]]
+        found.append(Moves(t, tuple(clique)))
+    return found
 
 
 def some_model(problem: Problem, rng: np.random.Generator) -> Model:
@@ -106,4 +128,42 @@ def random_multipliers(model: Model, rng: np.random.Generator, decisions: int = 
         rows=tuple(random_rows(problem, rng)),
         cuts=tuple(random_cuts(model, rng)),
         decisions=tuple(rng.choice([0.0, 0.5, 30.0], size=decisions).tolist()),
+    )
+
+
+def random_decisions(model: Model, rng: np.random.Generator) -> tuple[Decision, ...]:
+    """One to three decisions."""
+    return tuple(
+        Decision(
+            random_resource(model, rng),
+            "at most" if rng.integers(2) else "at least",
+            int(rng.integers(3)),
+        )
+        for _ in range(int(rng.integers(1, 4)))
+    )
+
+
+def random_proof(model: Model, rng: np.random.Generator) -> ProofFile:
+    """A tree of random decisions with random multipliers; it claims nothing yet."""
+    nodes: list[Branch | Leaf] = []
+
+    def grow(depth: int) -> int:
+        own = len(nodes)
+        if len(nodes) > 12 or (depth > 1 and rng.integers(2)):
+            nodes.append(Leaf(random_multipliers(model, rng, depth)))
+            return own
+        nodes.append(Leaf(random_multipliers(model, rng)))  # until its children are there
+        resource, robots = random_resource(model, rng), int(rng.integers(3))
+        sides = grow(depth + 1), grow(depth + 1)
+        nodes[own] = Branch(resource, min(robots, len(model.problem.robots)), *sides)
+        return own
+
+    grow(0)
+    return ProofFile(
+        scene=model.problem.name,
+        digest=problem_digest(model.problem),
+        method="random",
+        classes="single" if model.is_disaggregated else "alike",
+        bound=0.0,
+        nodes=tuple(nodes),
     )
