@@ -47,12 +47,13 @@ class ChokePoint(NamedTuple):
 def choke_point(
     problem: Problem, wanted: Collection[Cell], most: int = MOST_CELLS
 ) -> ChokePoint | None:
-    """Returns the cells behind which most of the wanted cells lie, fewer than drones go there.
+    """Returns the cells, fewer than drones want to pass, behind which most wanted cells lie.
 
     From most starts somebody is in sight already, so that no few cells part all starts from all
     wanted cells. Cuts are therefore taken to one wanted cell at a time, the one that takes the most
-    steps first, and the nearest to the starts of the smallest cuts. Only ways that end by the last
-    step count; people who close cells are left aside.
+    steps first, and the nearest to the starts of the smallest cuts. Cells are behind a cut if they
+    cannot be reached in time without it; the cut itself parts longer ways, too. People who close
+    cells are left aside.
 
     Parameters
     ----------

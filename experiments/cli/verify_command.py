@@ -42,7 +42,7 @@ def _verify(
     ] = False,
     networkx: Annotated[
         bool,
-        FLAG(help="price bounds a second time, by networkx alone; invalid if the two part"),
+        FLAG(help="price bounds, leaf by leaf, again by networkx alone; they must not part"),
     ] = False,
     json: Json = False,
 ) -> int:
