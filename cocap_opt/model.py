@@ -311,6 +311,17 @@ class Model:
         spec = robot_class.spec
         return self._coverage.known(spec), self._coverage.steps(spec)
 
+    def cells_with_a_view(self, t: int) -> set[Cell]:
+        """Returns the cells from which some robot can see somebody at step t."""
+        found: set[Cell] = set()
+        for number, robot_class in enumerate(self.classes):
+            n_states, n_places = robot_class.graph.n_states, robot_class.graph.n_places
+            nodes = self.coverage(robot_class).nodes
+            first, end = np.searchsorted(nodes, [t * n_states, (t + 1) * n_states])
+            places = np.unique(nodes[first:end] % n_states % n_places)
+            found |= {self.cells[number][place] for place in places.tolist()}
+        return found
+
     def coverage_at(self, robot_class: RobotClass, t: int, states: IntArray) -> FloatArray:
         """Returns the coverage [n, F] of a class's states [n] at step t in px/m2."""
         table, coverage = self.coverage(robot_class), np.zeros((len(states), self.n_faces))

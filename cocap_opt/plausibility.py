@@ -1,4 +1,4 @@
-"""Likely mistakes in problems that are allowed: mixed-up units, people inside walls.
+"""Likely mistakes in problems that are allowed: mixed-up units, people inside walls, narrow ways.
 
 Nothing here changes a result. A scene in which nobody can be seen has J = 0 and a proof of it;
 the doubts say why.
@@ -9,9 +9,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cocap_opt.graph.encounters import NEAR, Encounters
+from cocap_opt.graph.choke_points import MOST_CELLS, choke_point
+from cocap_opt.graph.encounters import NEAR, Encounters, Outing
 from cocap_opt.graph.motion import Window
-from cocap_opt.problem import Actor, Motion, Problem, Robot
+from cocap_opt.problem import Actor, Cell, Motion, Problem, Robot
 from cocap_opt.world.columns import Spans
 from cocap_opt.world.workspace import HeightMap, Mesh, Workspace
 
@@ -54,7 +55,13 @@ def doubts(problem: Problem) -> list[str]:
         found.append("there are no people to film, so that every view reward is 0")
     for j, actor in enumerate(problem.actors):
         found += [f"actors[{j}] {doubt}" for doubt in _about(problem, actor)]
-    return [*found, *_in_the_way(problem), *_shut_in(problem)]
+    motions = dict.fromkeys(robot.motion for robot in problem.robots)
+    around = {motion: _around_robots(problem, motion) for motion in motions}
+    outings = [around[robot.motion].outing(robot.start) for robot in problem.robots]
+    found += [*_in_the_way(problem), *_shut_in(problem, outings)]
+    if max(outing.size for outing in outings) <= MOST_CELLS:
+        found += _through_few_cells(problem, around)
+    return found
 
 
 def _about_heights(height_map: HeightMap) -> Iterator[str]:
@@ -100,15 +107,9 @@ def _not_closed(mesh: Mesh) -> str:
     return "is not closed, so that only its surface is solid"
 
 
-def _shut_in(problem: Problem) -> Iterator[str]:
+def _shut_in(problem: Problem, outings: list[Outing]) -> Iterator[str]:
     """Yields a doubt for each robot that can get nowhere, or to nobody."""
-    known: dict[Motion, Encounters] = {}
-    for i, robot in enumerate(problem.robots):
-        if robot.motion not in known:
-            known[robot.motion] = _around_robots(problem, robot.motion)
-        encounters, start = known[robot.motion], robot.start
-        graph = encounters.graph
-        outing = encounters.outing(graph.place(start.layer, start.x, start.y))
+    for i, (robot, outing) in enumerate(zip(problem.robots, outings, strict=True)):
         if not outing.closed:
             continue
         free = robot.motion.free_places(problem.workspace)
@@ -119,6 +120,24 @@ def _shut_in(problem: Problem) -> Iterator[str]:
                 f"robots[{i}] is shut in a pocket of {outing.size} cells, from which it cannot "
                 f"come within {NEAR:g} m of anybody in sight"
             )
+
+
+def _through_few_cells(problem: Problem, around: dict[Motion, Encounters]) -> Iterator[str]:
+    """Yields a doubt if robots must queue at fewer cells than there are of them."""
+    if problem.rules.none:
+        return
+    near = {
+        Cell(x, y, problem.layers.index(motion.layers[layer]))
+        for motion, encounters in around.items()
+        for layer, x, y in encounters.graph.coordinates(encounters.near_at_the_end()).T.tolist()
+    }
+    if choke := choke_point(problem, near):
+        share = "most" if 2 * choke.behind > choke.wanted else "some"
+        who = "all" if choke.drones == len(problem.robots) else f"{choke.drones} of"
+        yield (
+            f"{who} {len(problem.robots)} drones must pass through {choke} on their way to {share} "
+            "cells from which somebody is near at the last step"
+        )
 
 
 def _around_robots(problem: Problem, motion: Motion) -> Encounters:

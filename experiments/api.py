@@ -237,7 +237,7 @@ def check(problem: Problem, plan: Plan | Result) -> Verdict:
     return judge_plan(problem, own)
 
 
-def verify(problem: Problem, *claims: Plan | Result | Bound) -> Verified:
+def verify(problem: Problem, *claims: Plan | Result | Bound, networkx: bool = False) -> Verified:
     """Check plans, certificates and proofs, trusting nobody and calling no solver.
 
     Parameters
@@ -245,6 +245,7 @@ def verify(problem: Problem, *claims: Plan | Result | Bound) -> Verified:
     problem : that the claims are about
     claims : a plan, certificates, proofs, or results, of which plan, value, bound and certificate
         are checked
+    networkx : price bounds a second time, by networkx alone, which takes seconds
 
     Returns
     -------
@@ -254,7 +255,9 @@ def verify(problem: Problem, *claims: Plan | Result | Bound) -> Verified:
     ------
     CertificateError
         If a certificate belongs to another problem, is not valid, or claims a lower bound than its
-        numbers prove.
+        numbers prove, or networkx finds another bound.
+    TooLargeError
+        If networkx would take longer than some minutes.
     ValueError
         If a plan is for another problem, breaks a rule or cannot be flown, its J is not the one
         claimed or above the bound, a result claims a lower bound than its certificate, there are
@@ -276,7 +279,7 @@ def verify(problem: Problem, *claims: Plan | Result | Bound) -> Verified:
         raise ValueError("claims: name at most one plan")
     if not bounds:
         _require_checkable(claims, plans)
-    verified = Verified(problem)
+    verified = Verified(problem, by_networkx=networkx)
     for plan in plans:
         verified.verify_plan(plan)
     for claim in claims:

@@ -23,7 +23,8 @@ ORDER = {
         "planners",
     ),
     "formulations": (
-        "certificates", "explanation", "result", "early_bound", "simple_bounds", "brute_force",
+        "certificates", "explanation", "second_opinion", "result", "early_bound", "simple_bounds",
+        "brute_force",
         "relaxations", "column_generation", "integer_programs",
     ),
     "scenarios": ("text", "kinds", "cameras", "formats", "recipe", "built_in"),
@@ -46,7 +47,7 @@ def test_the_sources_are_found() -> None:
     """These tests look at the real files: every package is there, and imports are seen."""
     assert {package_of(name) for name in sources()} == set(ALLOWED)
     assert "cocap_opt.problem" in imports("cocap_opt.graph.motion")
-    assert "networkx" in imports("cocap_opt.graph.motion")
+    assert "networkx" in imports("cocap_opt.graph.networks")
     assert "cocap_opt.problem.problem" in reached("cocap_opt.planners.greedy")
 
 

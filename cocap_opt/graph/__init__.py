@@ -1,8 +1,9 @@
-"""Motion of robots: networkx graphs, the time-expanded graph compiled to arrays, and best paths.
+"""Motion of robots: the time-expanded graph compiled to arrays, best paths, and networkx graphs.
 
-The modules are `motion` (the graphs by networkx), `timegraph` (their compiled form), `charges` and
-`move_rewards` (costs and rewards on it) and `value_iteration` (best paths through it). Certificates
-use the others, so this front does not import `value_iteration`: it is no part of what they trust.
+The modules are `motion` (the moves of a step), `timegraph` (the compiled graph), `charges` and
+`move_rewards` (costs and rewards on it), `value_iteration` (best paths through it) and `networks`
+(the same graphs by networkx). This front imports neither of the last two: they are no part of what
+certificates trust.
 """
 
 from cocap_opt.graph.charges import NO_CHARGES, Charges

@@ -14,7 +14,7 @@ import numpy as np
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.graph.motion import Window
 from cocap_opt.graph.timegraph import TimeGraph
-from cocap_opt.problem import Actor, Motion
+from cocap_opt.problem import Actor, Motion, State
 from cocap_opt.world.workspace import Workspace
 
 NEAR = 15.0  # m
@@ -22,7 +22,7 @@ _MOST = 100  # people at steps that are looked at, evenly spread, to bound the t
 _PER_CELL, _MOST_POINTS = 2, 200  # points of a line of sight
 
 
-class _Outing(NamedTuple):
+class Outing(NamedTuple):
     """The places that a robot can reach by the last step."""
 
     size: int  # number of places
@@ -58,8 +58,9 @@ class Encounters:
         self._workspace, self._actors, self._horizon = workspace, actors, horizon
         self._near = near
 
-    def outing(self, place: int) -> "_Outing":
-        """Returns what a robot that starts at a place can reach by the last step."""
+    def outing(self, start: State) -> Outing:
+        """Returns what a robot that starts in a state can reach by the last step."""
+        place = self.graph.place(start.layer, start.x, start.y)
         near, heads = self._near_by_step, self.graph.neighbours
         reached = np.zeros(self.graph.n_places, dtype=bool)
         new, size, meets = np.array([place]), 0, False
@@ -70,7 +71,7 @@ class Encounters:
             found = heads[:, new].ravel()
             new = np.unique(found[(found >= 0) & ~reached[found]])
         closed = not len(new) and not self._leaves(np.flatnonzero(reached))
-        return _Outing(size, closed, meets)
+        return Outing(size, closed, meets)
 
     def _leaves(self, places: IntArray) -> bool:
         """Returns True if a move from one of some places [n] might lead out of the window."""
@@ -115,19 +116,29 @@ class Encounters:
     def _near_by_step(self) -> dict[int, IntArray]:
         """Returns the places near somebody, at the steps that are looked at."""
         cases = [(t, a) for t in range(self._horizon + 1) for a in range(len(self._actors))]
-        step, height_map = -(-len(cases) // _MOST), self._workspace.height_map
-        reach = math.ceil(self._near / height_map.resolution) + 1
+        step = -(-len(cases) // _MOST)
         found: dict[int, list[IntArray]] = {}
         for t, a in cases[:: max(step, 1)]:
-            actor = self._actors[a]
-            target = actor.poses[t, :3] + [0.0, 0.0, actor.shape.height / 2]
-            cell = height_map.cell_of(target[0], target[1])
-            places = self.graph.places_around(*cell, reach)
-            eyes = self.graph.positions(height_map, places)
-            some = np.flatnonzero(np.hypot(*(eyes[:, :2] - target[:2]).T) <= self._near)
-            seen = some[self._sees(eyes[some], target)]
-            found.setdefault(t, []).append(places[seen])
+            found.setdefault(t, []).append(self._near_to(self._actors[a], t))
         return {t: np.concatenate(parts) for t, parts in found.items()}
+
+    def near_at_the_end(self) -> IntArray:
+        """Returns the places [n] from which somebody is near at the last step, each once."""
+        actors = self._actors[:: max(-(-len(self._actors) // _MOST), 1)]
+        parts = [self._near_to(actor, self._horizon) for actor in actors]
+        return np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *parts]))
+
+    def _near_to(self, actor: Actor, t: int) -> IntArray:
+        """Returns the places [n] from which an actor is near at a step."""
+        height_map = self._workspace.height_map
+        reach = math.ceil(self._near / height_map.resolution) + 1
+        target = actor.poses[t, :3] + [0.0, 0.0, actor.shape.height / 2]
+        cell = height_map.cell_of(target[0], target[1])
+        places = self.graph.places_around(*cell, reach)
+        eyes = self.graph.positions(height_map, places)
+        some = np.flatnonzero(np.hypot(*(eyes[:, :2] - target[:2]).T) <= self._near)
+        seen: IntArray = places[some[self._sees(eyes[some], target)]]
+        return seen
 
     def _sees(self, eyes: FloatArray, target: FloatArray) -> BoolArray:
         """Returns True [n] where nothing solid is on the line from an eye [n, 3] to a point."""

@@ -1,32 +1,24 @@
-"""Motion of one robot as networkx graphs: the moves and the turns of one step.
+"""Moves of one step on the map, as arrays: where each may begin.
 
-Moving and turning do not depend on each other, so the motion graph is the tensor product of
-a place graph (cells) and an orientation graph (headings and gimbal pitches), both with
-self-loops. Here are the graphs themselves, as networkx has them; `timegraph` compiles the same
-moves to arrays for planners and bounds, which need neither edges one by one nor the product.
+Moving and turning do not depend on each other. `networks` has the moves and turns as networkx
+graphs, `timegraph` compiles them for planners and bounds, which need no edges one by one.
 """
 
-from __future__ import annotations  # networkx graphs take type arguments in stubs only
+from __future__ import annotations  # a window's own methods return windows
 
 from collections.abc import Iterable, Iterator
-from itertools import product
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, cast
+from typing import NamedTuple, TypeVar
 
-import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
 
 from cocap_opt.data import BoolArray, FloatArray
-from cocap_opt.problem import AnyCamera, Motion, Problem, State
+from cocap_opt.problem import Motion
 from cocap_opt.problem.motion import Move
 from cocap_opt.world.columns import Columns
 from cocap_opt.world.workspace import Workspace
 
 T = TypeVar("T", bound=np.generic)
-Place = tuple[int, int, int]  # (layer, x, y)
-Orientation = tuple[int, int]  # (heading, pitch)
-if TYPE_CHECKING:
-    Graph = nx.DiGraph[Any]
 
 
 class Window(NamedTuple):
@@ -137,84 +129,3 @@ def _shifted(values: NDArray[T], move: Move, outside: float) -> NDArray[T]:
         target.append(slice(max(0, -step), max(0, size - max(0, step))))
     result[tuple(target)] = values[tuple(source)]
     return result
-
-
-def place_graph(workspace: Workspace, motion: Motion) -> Graph:
-    """Returns the directed graph of places (layer, x, y) and moves, self-loops included."""
-    graph: Graph = nx.DiGraph()
-    for (climb, dx, dy), starts in allowed_moves(workspace, motion):
-        graph.add_edges_from(
-            ((layer, x, y), (layer + climb, x + dx, y + dy))
-            for layer, x, y in np.argwhere(starts).tolist()
-        )
-    return graph
-
-
-def _orientation_graph(motion: Motion, camera: AnyCamera) -> Graph:
-    """Returns the directed graph of orientations (heading, pitch), self-loops included.
-
-    Headings are a ring, pitches a line.
-    """
-    graph: Graph = nx.DiGraph()
-    for heading, pitch in product(range(motion.headings), range(len(camera.tilts))):
-        graph.add_edges_from(
-            ((heading, pitch), (next_heading, next_pitch))
-            for next_heading in motion.headings_after(heading)
-            for next_pitch in motion.pitches_after(pitch, len(camera.tilts))
-        )
-    return graph
-
-
-def _motion_graph(problem: Problem, robot: int) -> Graph:
-    """Returns the motion graph of one robot; nodes are `State`, an edge is one step."""
-    motion, camera = problem.robots[robot].motion, problem.robots[robot].camera
-    graph = nx.tensor_product(
-        place_graph(problem.workspace, motion), _orientation_graph(motion, camera)
-    )
-    # The stubs of both functions say Graph where they return the type they are given.
-    return cast("Graph", nx.relabel_nodes(graph, {node: _state(*node) for node in graph}))
-
-
-def _state(place: Place, orientation: Orientation) -> State:
-    layer, x, y = place
-    return State(x, y, layer, *orientation)
-
-
-def time_expanded_graph(problem: Problem, robot: int) -> Graph:
-    """Returns the time-expanded graph of one robot; nodes (State, t) lie on a path from its start.
-
-    It is the tensor product of the motion graph and the directed path 0..T, pruned to nodes that
-    the start reaches and, if there is a goal, that reach the goal. Every planner searches this
-    graph; `timegraph.TimeGraph` is its compiled form.
-    """
-    steps: Graph = nx.path_graph(problem.horizon + 1, create_using=nx.DiGraph)
-    graph = cast("Graph", nx.tensor_product(_motion_graph(problem, robot), steps))
-    _remove_near_people(graph, problem, robot)
-    spec = problem.robots[robot]
-    source = (spec.start, 0)
-    keep = {source} | nx.descendants(graph, source)
-    ends = [node for node in keep if node[1] == problem.horizon and _at_goal(node[0], spec.goal)]
-    keep &= set(_reached(graph.reverse(copy=False), ends))
-    pruned: Graph = graph.subgraph(keep).copy()
-    return pruned
-
-
-def _remove_near_people(graph: Graph, problem: Problem, robot: int) -> None:
-    """Removes the nodes and edges at which a robot is too near to somebody."""
-
-    def near(t: int, *states: State) -> bool:
-        at = problem.where(problem.robots[robot], states)
-        return any(bool(problem.airspace.near_person(actor, t, *at)) for actor in problem.actors)
-
-    if problem.airspace.people_aside:
-        graph.remove_nodes_from([(s, t) for s, t in graph if near(t, s)])
-        graph.remove_edges_from([(a, b) for a, b in graph.edges if near(a[1], a[0], b[0])])
-
-
-def _at_goal(state: State, goal: tuple[int, int] | None) -> bool:
-    return goal is None or (state.x, state.y) == goal
-
-
-def _reached(graph: Graph, sources: list[tuple[State, int]]) -> Iterator[tuple[State, int]]:
-    for layer in nx.bfs_layers(graph, sources):
-        yield from layer

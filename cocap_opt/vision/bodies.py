@@ -146,9 +146,9 @@ def _merged_cells(heights: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
     for x, y in np.argwhere(free).tolist():
         if not free[x, y]:
             continue
-        same = free[x:, y:] & (heights[x:, y:] == heights[x, y])
-        depth = _run(same[0])
-        width = _run(same[:, :depth].all(axis=1))
+        depth = _run(free[x, y:] & (heights[x, y:] == heights[x, y]))
+        strip = slice(x, None), slice(y, y + depth)
+        width = _run((free[strip] & (heights[strip] == heights[x, y])).all(axis=1))
         free[x : x + width, y : y + depth] = False
         rectangles.append((x, y, x + width - 1, y + depth - 1))
     cells = np.array(rectangles)

@@ -6,11 +6,13 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from cocap_opt.experiments.cli.options import Json, Output, Scene, Seed, load
+from cocap_opt.experiments.cli.options import Json, Output, Scene, Seed, Whole, load
 from cocap_opt.experiments.console.options import Option, UsageError
 from cocap_opt.experiments.results.files import check_output, save_bytes
-from cocap_opt.experiments.results.printing import Listing, print_result
+from cocap_opt.experiments.results.graphml import graphml
+from cocap_opt.experiments.results.printing import Listing, Record, print_result
 from cocap_opt.files.documents import SceneFile, encode
+from cocap_opt.problem import Problem
 from cocap_opt.scenarios import FORMATS, SCENES
 from cocap_opt.scenarios.cameras import CAMERAS, with_cameras
 
@@ -93,14 +95,23 @@ def _export(
             help="NAME=VALUE, how a file is read; may be repeated; `cocap-opt scenes` lists them",
         ),
     ] = None,
+    drone: Annotated[
+        Whole | None, Parameter(help="whose graph is written as GraphML; 0 if not given")
+    ] = None,
     json: Json = False,
 ) -> int:
-    """Write any scene as a cocap-opt scene file.
+    """Write any scene as a cocap-opt scene file, or a drone's time-expanded graph as GraphML.
+
+    A file whose name ends with .graphml gets the graph: one node for each state at each step that a
+    path of the drone can pass, with step, x, y, z (m), heading, tilt (rad) and reward.
 
     Example: cocap-opt export corridor --seed 3 -o corridor-3.json
     """
     if output is None:
         raise UsageError("-o: name the file to write")
+    as_graph = output.suffix.lower() == ".graphml"
+    if drone is not None and not as_graph:
+        raise UsageError("--drone: is for a file whose name ends with .graphml")
     check_output(output, scene)
     problem = load(scene, seed, Option("--option").values(option or []))
     if over_time:
@@ -109,9 +120,22 @@ def _export(
     if camera is not None or tilts is not None:
         degrees = None if tilts is None else _angles("--tilts", tilts)
         problem = with_cameras(problem, camera, degrees)
-    save_bytes(output, encode(SceneFile(problem=problem)))
-    print_result({"scene": problem.name, "seed": seed, "file": output}, json)
+    answer: Record = {"scene": problem.name, "seed": seed}
+    if as_graph:
+        answer["drone"] = _drone(drone or 0, problem)
+        save_bytes(output, graphml(problem, answer["drone"]))
+    else:
+        save_bytes(output, encode(SceneFile(problem=problem)))
+    print_result({**answer, "file": output}, json)
     return 0
+
+
+def _drone(number: int, problem: Problem) -> int:
+    """Returns the number of a drone, if the scene has it."""
+    last = len(problem.robots) - 1
+    if not 0 <= number <= last:
+        raise UsageError(f"--drone: must be 0..{last}, not {number}")
+    return number
 
 
 def _angles(option: str, text: str) -> tuple[float, ...]:

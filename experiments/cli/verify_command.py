@@ -19,6 +19,7 @@ from cocap_opt.experiments.results.rows import OWN_STARTS
 from cocap_opt.experiments.results.verification import Verified
 from cocap_opt.files.documents import FileError, PlanFile
 from cocap_opt.formulations.certificates import CertificateError, CertificateFile, ProofFile
+from cocap_opt.formulations.second_opinion import TooLargeError
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.scenarios import FORMATS, scene_of_plan
 from cocap_opt.text import printable
@@ -44,6 +45,10 @@ def _verify(
         bool,
         FLAG(name="--explain", help="say what the gap is made of, term by term; it adds up"),
     ] = False,
+    networkx: Annotated[
+        bool,
+        FLAG(help="price bounds, leaf by leaf, again by networkx alone; they must not part"),
+    ] = False,
     json: Json = False,
 ) -> int:
     """Check a plan, certificates and proofs, trusting nobody: exit 0 only if all claims hold.
@@ -58,16 +63,22 @@ def _verify(
     claims = _Claims.read(scene, seed, free, file)
     if explain and (claims.plan is None or not claims.bounds):
         raise UsageError("--explain: name a plan, and a certificate or a proof")
-    verified = Verified(claims.problem)
+    if networkx and not claims.bounds:
+        raise UsageError("--networkx: name a certificate or a proof")
+    verified = Verified(claims.problem, by_networkx=networkx)
     if claims.plan is not None:
         verified.verify_plan(claims.plan, claims.plan_file)
     for path, content in claims.bounds.items():
         name = printable(str(path))
         with Watch.on_terminal(name) as watch:
             try:
-                verified.verify_bound(content, watch.counter("leaf"))
+                verified.verify_bound(
+                    content, watch.counter("leaf"), watch.counter("best path by networkx")
+                )
             except CertificateError as error:
                 verified.violations.append(f"{name}: {error}")
+            except TooLargeError as error:
+                raise UsageError(f"--networkx: {error}") from error
     verified.conclude()
     answer = {"scene": claims.problem.name, "seed": seed, **claims.answer(verified)}
     explained = Explained.of(verified) if explain else None
@@ -77,6 +88,10 @@ def _verify(
     if explained and not json:
         print_texts(explained.tables, explained.sentences)
     return 1 if verified.violations else 0
+
+
+def _finite(bound: float) -> float | None:
+    return bound if math.isfinite(bound) else None
 
 
 def _between_cells(path: Path, problem: Problem) -> tuple[float, ...] | None:
@@ -147,6 +162,11 @@ class _Claims(NamedTuple):
         if self.bounds:
             proved = math.isfinite(verified.bound)
             found |= {"method": verified.method, "bound": verified.bound if proved else None}
+            if verified.second_opinion is not None and verified.pricing is not None:
+                found |= {
+                    "bound_by_sweep": _finite(verified.pricing.bound),
+                    "bound_by_networkx": _finite(verified.second_opinion.bound),
+                }
             if verified.no_plan:
                 found["message"] = _NO_PLAN
             elif verified.optimistic:

@@ -8,12 +8,14 @@ from functools import cached_property
 from cocap_opt.experiments.results.judging import ROUNDING
 from cocap_opt.files.documents import PlanFile, problem_digest
 from cocap_opt.formulations.certificates import (
+    CertificateError,
     CertificateFile,
     Pricing,
     ProofFile,
     verify,
 )
 from cocap_opt.formulations.result import OPTIMALITY
+from cocap_opt.formulations.second_opinion import SecondOpinion, require_small
 from cocap_opt.model import Model
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import Verdict, check
@@ -33,21 +35,25 @@ class Verified:
     Attributes
     ----------
     problem : that the claims are about
+    by_networkx : bounds are added up a second time, with networkx
     bound : the lowest bound that is proved, as its file claims it; infinite without a certificate
     method : the method that made it
     optimistic : that bound was computed with coverage as if nothing hid anybody, at some steps
+    second_opinion : what networkx finds of it; None where nobody has asked
     reward : J of the plan; -infinite without one
     verdict : of the referee on the plan; None without one
     violations : what does not hold, in words
     plan : that was checked
     file : that proves the bound
-    pricing : what its numbers prove
+    pricing : what the sweep finds of it
     """
 
     problem: Problem = field(repr=False)
+    by_networkx: bool = False
     bound: float = math.inf
     method: str | None = None
     optimistic: bool = False
+    second_opinion: SecondOpinion | None = None
     reward: float = -math.inf
     verdict: Verdict | None = None
     violations: list[str] = field(default_factory=list)
@@ -100,25 +106,46 @@ class Verified:
             self.violations.append(words)
 
     def verify_bound(
-        self, file: CertificateFile | ProofFile, progress: Progress = _tell_nobody
+        self,
+        file: CertificateFile | ProofFile,
+        progress: Progress = _tell_nobody,
+        second: Progress = _tell_nobody,
     ) -> None:
         """Prices a certificate, or all leaves of a proof, and compares that with its claim.
 
         Parameters
         ----------
         progress : told how many leaves are done, and of how many
+        second : told how many best paths networkx has found, and of how many
 
         Raises
         ------
         CertificateError
-            If it proves nothing, or less than it claims.
+            If it proves nothing, or less than it claims, or networkx finds another bound.
+        TooLargeError
+            If it is to be priced by networkx, and is too large for that.
         """
+        if self.by_networkx:
+            require_small(self.problem, file)
         pricing = verify(self.problem, file, progress, self.model)
+        opinion = self._ask_networkx(file, pricing, second) if self.by_networkx else None
         # What has been proved is what the file claims.
         if file.proved < self.bound:
             self.bound, self.method = file.proved, file.method
-            self.file, self.pricing = file, pricing
+            self.file, self.pricing, self.second_opinion = file, pricing, opinion
             self.optimistic = isinstance(file, CertificateFile) and bool(file.coverage)
+
+    def _ask_networkx(
+        self, file: CertificateFile | ProofFile, pricing: Pricing, progress: Progress
+    ) -> SecondOpinion:
+        """Returns the second opinion on a bound; CertificateError if it is another one."""
+        second = SecondOpinion.of(self.problem, file, progress)
+        if not second.agrees(pricing):
+            raise CertificateError(
+                f"bound: the sweep finds {pricing.bound!r}, networkx {second.bound!r}, so one of "
+                "the two is wrong"
+            )
+        return second
 
     def conclude(self) -> None:
         """Compares the plan with the bound."""

@@ -17,7 +17,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from strategies import WALL, Calls, examples, meetings, problems, standing, tiny
 
-from cocap_opt.graph.motion import time_expanded_graph
+from cocap_opt.graph.networks import time_expanded_graph
 from cocap_opt.model import Model, compiled
 from cocap_opt.planners import PLANNERS, Planner
 from cocap_opt.planners.circles import Circle, _distance_in_view, _Places

@@ -53,7 +53,7 @@ def test_an_outing_ends_at_walls_or_at_the_last_step() -> None:
         encounters(courtyard(), standing(10.5, 0.5, 0.0, 0.0, steps=steps), steps=steps).outing
         for steps in (2, STEPS, 40)
     ]
-    yard, street = (1 + 9) * 22 + 1 + 9, (1 + 0) * 22 + 1 + 0  # with a border around the map
+    yard, street = State(9, 9), State(0, 0)
     assert outings[1](yard) == (16, True, False)
     assert outings[0](street) == (9, False, True)
     assert outings[2](street) == (400 - 36, True, True)

@@ -8,10 +8,16 @@ import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
+from product_graph import motion_graph, pruned_product
 from strategies import WALL, cameras, examples, height_maps, motions, problems, tiny
 
 from cocap_opt.data import MOST_TURN
-from cocap_opt.graph.motion import _motion_graph, place_graph, time_expanded_graph
+from cocap_opt.graph.networks import (
+    edges_in_reach,
+    place_graph,
+    reached_graph,
+    time_expanded_graph,
+)
 from cocap_opt.problem import Camera, Motion, Plan, Problem, Robot, State
 from cocap_opt.referee import _Referee
 from cocap_opt.world.workspace import HeightMap, Workspace
@@ -44,7 +50,7 @@ def all_states(problem: Problem) -> list[State]:
 def test_default_actions() -> None:
     """The default action set is Greedy Perspectives': 3x3 cells times three turns, 27 in all."""
     problem = one_robot(HeightMap(heights=np.zeros((5, 5))), State(2, 2), Motion())
-    heads = set(_motion_graph(problem, 0)[State(2, 2)])
+    heads = set(motion_graph(problem, 0)[State(2, 2)])
     assert heads == {
         State(x, y, 0, heading) for x in (1, 2, 3) for y in (1, 2, 3) for heading in (7, 0, 1)
     }
@@ -77,7 +83,7 @@ def test_graph_and_referee_agree_on_every_move(
         actors=(),
         horizon=1,
     )
-    graph, states = _motion_graph(problem, 0), all_states(problem)
+    graph, states = motion_graph(problem, 0), all_states(problem)
     assert set(graph) == set(states)
     for tail in states:
         team = (problem.robots[0].replace(start=tail),)
@@ -178,7 +184,7 @@ def test_headings_are_a_ring_and_pitches_a_line() -> None:
     assert Motion().pitches_after(0, 3) == {0, 1}
     assert Motion().pitches_after(2, 3) == {1, 2}
     problem = one_robot(PILLAR, State(0, 0), Motion(), tilts=(0.1, 0.2, 0.3))
-    heads = _motion_graph(problem, 0)[State(0, 0)]
+    heads = motion_graph(problem, 0)[State(0, 0)]
     assert State(0, 0, heading=7, pitch=1) in heads
     assert State(0, 0, pitch=2) not in heads
     assert State(0, 0, heading=2) not in heads
@@ -214,7 +220,7 @@ def test_a_robot_that_turns_freely() -> None:
 def test_time_expanded_graph_holds_what_lies_on_a_path(problem: Problem) -> None:
     """A node is kept exactly where a path from the start to a legal end passes through it."""
     graph = time_expanded_graph(problem, 0)
-    steps, robot = _motion_graph(problem, 0), problem.robots[0]
+    steps, robot = motion_graph(problem, 0), problem.robots[0]
     forward = [{robot.start}]
     for _ in range(problem.horizon):
         forward.append({head for state in forward[-1] for head in steps[state]})
@@ -229,6 +235,24 @@ def test_time_expanded_graph_holds_what_lies_on_a_path(problem: Problem) -> None
     for t, (now, following) in enumerate(pairwise(expected)):
         inside = sum(1 for a in now for b in steps[a] if b in following)
         assert inside == sum(1 for (_, u), _ in graph.edges if u == t)
+
+
+@examples(25)
+@given(problems(robots=st.just(1)))
+def test_time_expanded_graph_is_the_pruned_product(problem: Problem) -> None:
+    """Built step by step it has the nodes and edges of the product, people and goals included."""
+    graph = time_expanded_graph(problem, 0)
+    assert nx.utils.graphs_equal(graph, pruned_product(problem, 0))
+    assert [t for _, t in graph] == sorted(t for _, t in graph)
+
+
+@examples(25)
+@given(problems(robots=st.just(1)))
+def test_edges_are_counted_before_they_are_made(problem: Problem) -> None:
+    """The estimate is never too low, and exact where people close nothing."""
+    edges = reached_graph(problem, 0).number_of_edges()
+    estimate = edges_in_reach(problem, 0, 10**9)
+    assert estimate == edges if not problem.airspace.people_aside else estimate >= edges
 
 
 def test_unreachable_goal_leaves_no_graph() -> None:

@@ -21,7 +21,7 @@ from hypothesis import strategies as st
 from strategies import WALL, examples, meetings, number_of_plans, problems, standing, tiny
 
 from cocap_opt.graph.charges import Charges
-from cocap_opt.graph.motion import time_expanded_graph
+from cocap_opt.graph.networks import time_expanded_graph
 from cocap_opt.model import Model
 from cocap_opt.objective import objective
 from cocap_opt.planners import PLANNERS, Planner, constraint_tree

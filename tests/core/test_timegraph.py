@@ -10,12 +10,14 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from product_graph import motion_graph
 from strategies import WALL, cameras, examples, height_maps, motions
 
 from cocap_opt.data import FloatArray
 from cocap_opt.graph.charges import NO_CHARGES, Charges
-from cocap_opt.graph.motion import Window, _motion_graph, time_expanded_graph
+from cocap_opt.graph.motion import Window
 from cocap_opt.graph.move_rewards import Bonuses
+from cocap_opt.graph.networks import time_expanded_graph
 from cocap_opt.graph.timegraph import CLOSED, TimeGraph
 from cocap_opt.graph.value_iteration import backward_sweep, best_path
 from cocap_opt.problem import Camera, Motion, Problem, Robot, State
@@ -70,7 +72,7 @@ def cases(draw: st.DrawFn, goals: bool = False) -> Case:
 @given(cases())
 def test_successors_are_those_of_networkx(case: Case) -> None:
     """Every state has the same successors in the compiled graph as in the networkx graph."""
-    graph = _motion_graph(case.problem, 0)
+    graph = motion_graph(case.problem, 0)
     for state in graph:
         expected = sorted(case.graph.index(head) for head in graph[state])
         assert case.graph.successors(0, case.graph.index(state)).tolist() == expected
@@ -125,7 +127,7 @@ def test_cells_outside_a_window_have_no_number() -> None:
 @given(cases(), st.data())
 def test_reachable_of_several_starts_is_the_union(case: Case, data: st.DataObject) -> None:
     """What several robots reach is the union of what each reaches."""
-    states = [case.graph.index(state) for state in _motion_graph(case.problem, 0)]
+    states = [case.graph.index(state) for state in motion_graph(case.problem, 0)]
     starts = data.draw(st.lists(st.sampled_from(states), min_size=1, max_size=3))
     together = case.graph.reachable(starts, 2)
     alone = [case.graph.reachable([start], 2) for start in starts]
@@ -137,7 +139,7 @@ def test_reachable_of_several_starts_is_the_union(case: Case, data: st.DataObjec
 def test_numbering_is_one_to_one(case: Case) -> None:
     """State numbers and states, and places and their coordinates, map back to each other."""
     graph = case.graph
-    for state in _motion_graph(case.problem, 0):
+    for state in motion_graph(case.problem, 0):
         index = graph.index(state)
         assert 0 <= index < graph.n_states
         assert graph.state(index) == state

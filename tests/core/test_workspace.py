@@ -10,7 +10,7 @@ from scipy.optimize import linprog
 from strategies import examples, plate, problems
 
 from cocap_opt.data import FloatArray, ProblemError
-from cocap_opt.graph.motion import place_graph
+from cocap_opt.graph.networks import place_graph
 from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import (

@@ -37,6 +37,7 @@ from cocap_opt.formulations.certificates import (
     Flight,
     Leaf,
     Move,
+    Moves,
     Multipliers,
     Pricing,
     ProofFile,
@@ -50,7 +51,7 @@ from cocap_opt.formulations.certificates import (
 )
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.formulations.relaxations.separation import Seen
-from cocap_opt.graph.motion import time_expanded_graph
+from cocap_opt.graph.networks import time_expanded_graph
 from cocap_opt.model import Model, compiled
 from cocap_opt.problem import NO_RULES, Cell, Objective, Plan, Problem, State
 from cocap_opt.referee import _Referee
@@ -331,8 +332,13 @@ def exact_price(problem: Problem, certificate: Multipliers) -> Fraction:
                      if isinstance(row.resource, Swap) and row.resource.t == t and other != cell
                      and {other, cell} == set(row.resource.cells)), Fraction(0)
                 )  # fmt: skip
+                moved = sum(
+                    (Fraction(row.multiplier) for row in certificate.rows
+                     if isinstance(row.resource, Moves) and row.resource.t == t
+                     and (cell, other) in row.resource.moves), Fraction(0)
+                )  # fmt: skip
                 bonus = exact_bonus(problem, state, head)
-                ahead.append(worth[head, t + 1] + bonus - swap)
+                ahead.append(worth[head, t + 1] + bonus - swap - moved)
             worth[state, t] = paid(state, t) - charge + max(ahead, default=Fraction(0))
         total += worth[spec.start, 0]
     return total

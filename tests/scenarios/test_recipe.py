@@ -843,8 +843,17 @@ def test_a_scene_without_people_is_doubted() -> None:
 
 @pytest.mark.parametrize("name", [name for name in SCENES if not name.startswith("tiny")])
 def test_built_in_scenes_leave_no_doubt(name: str) -> None:
-    """Nobody is in a wall, off the map or of a wrong size."""
-    assert doubts(load_scene(name, 1)) == []
+    """Nobody is in a wall, off the map or of a wrong size; narrow ways are meant."""
+    narrow = {
+        "passage": "(8, 15)",
+        "bottleneck": "(17, 14), (17, 15)",
+        "bottleneck-tight": "(16, 15)",
+        "corridor-tight": "(8, 15)",
+    }
+    found = doubts(load_scene(name, 1))
+    assert len(found) == (name in narrow)
+    assert all("drones must pass through cell" in doubt for doubt in found)
+    assert all(f" {narrow[name]} on their way to " in doubt for doubt in found)
 
 
 # -- the bridge ---------------------------------------------------------------------------

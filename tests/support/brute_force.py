@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.data import FloatArray
-from cocap_opt.graph.motion import time_expanded_graph
+from cocap_opt.graph.networks import time_expanded_graph
 from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.problem import Plan, Problem, State
 from cocap_opt.referee import _Referee

@@ -9,7 +9,7 @@ from hypothesis import assume, settings
 from hypothesis import strategies as st
 
 from cocap_opt.data import ProblemError
-from cocap_opt.graph.motion import time_expanded_graph
+from cocap_opt.graph.networks import time_expanded_graph
 from cocap_opt.problem import (
     NO_RULES,
     PAPER_RULES,

@@ -1,0 +1,158 @@
+"""Choke points: few cells through which all ways of the drones to somebody lead.
+
+Where more drones want to pass than there are cells, they must queue, and what collision rules cost
+is decided there. They are minimum vertex cuts of the graph of cells.
+"""
+
+from __future__ import annotations  # networkx graphs take type arguments in stubs only
+
+from collections.abc import Collection, Iterable
+from typing import TYPE_CHECKING, NamedTuple
+
+import networkx as nx
+from networkx.algorithms.connectivity import (
+    build_auxiliary_node_connectivity,
+    minimum_st_node_cut,
+)
+from networkx.algorithms.flow import build_residual_network
+
+from cocap_opt.graph.motion import Window
+from cocap_opt.graph.networks import place_graph
+from cocap_opt.problem import Cell, Motion, Problem
+
+if TYPE_CHECKING:
+    from cocap_opt.graph.networks import Graph
+
+MOST_CELLS = 700  # in reach of the drones, for which cuts take a tenth of a second
+_MARGIN = 4  # times as many cells may be in the window around what is in reach
+_LEAST_SHARE = 0.1  # of the cells that drones want to reach, which a choke point parts from them
+_MOST_CUTS = 4  # that are looked at
+_STARTS = "starts"  # the node from which all drones start
+
+
+class ChokePoint(NamedTuple):
+    """A few cells, and how much lies behind them."""
+
+    cells: tuple[Cell, ...]
+    drones: int  # number of drones that can reach what is behind them by the last step
+    behind: int  # number of wanted cells that drones reach by the last step through these only
+    wanted: int  # number of wanted cells that they reach at all
+
+    def __str__(self) -> str:
+        flat = not any(cell.layer for cell in self.cells)
+        names = (str(tuple(cell[:2] if flat else cell)) for cell in self.cells)
+        return f"cell{'s' if len(self.cells) > 1 else ''} {', '.join(names)}"
+
+
+def choke_point(
+    problem: Problem, wanted: Collection[Cell], most: int = MOST_CELLS
+) -> ChokePoint | None:
+    """Returns the cells, fewer than drones want to pass, behind which most wanted cells lie.
+
+    From most starts somebody is in sight already, so that no few cells part all starts from all
+    wanted cells. Cuts are therefore taken to one wanted cell at a time, the one that takes the most
+    steps first, and the nearest to the starts of the smallest cuts. Cells are behind a cut if they
+    cannot be reached in time without it; the cut itself parts longer ways, too. People who close
+    cells are left aside.
+
+    Parameters
+    ----------
+    wanted : such as the cells from which somebody is seen at the last step
+    most : cells in reach, from which on it is not looked for
+
+    Returns
+    -------
+    ChokePoint or None
+        None if there is none with a tenth of the wanted cells behind it, or too much is in reach.
+    """
+    ways = _Ways.of(problem, most) if len(problem.robots) > 1 and wanted else None
+    if ways is None:
+        return None
+    steps = ways.steps()
+    reached = {cell for cell in wanted if cell in steps}
+    left = reached - ways.starts
+    best = ChokePoint((), 0, 0, len(reached))
+    for _ in range(_MOST_CUTS):
+        if not left or 2 * best.behind > len(reached):
+            break
+        farthest = max(left, key=lambda cell: (steps[cell], cell))
+        found = ways.choke_point_before(farthest, reached)
+        if len(found.cells) < found.drones and found.behind > best.behind:
+            best = found
+        left -= {farthest, *ways.graph[farthest]} | ways.behind(found.cells, reached)
+    return best if best.behind >= _LEAST_SHARE * len(reached) > 0 else None
+
+
+class _Ways:
+    """The cells in reach of the drones, and the moves between them.
+
+    Attributes
+    ----------
+    graph : its nodes are cells
+    starts : cells of the drones at step 0
+    """
+
+    def __init__(self, graph: Graph, starts: Collection[Cell], horizon: int) -> None:
+        self.graph, self.starts, self._horizon = graph, set(starts), horizon
+        # Of all smallest cuts networkx finds the one nearest to its sink.
+        self._back = graph.reverse()
+        self._back.add_edges_from((start, _STARTS) for start in self.starts)
+        self._auxiliary = build_auxiliary_node_connectivity(self._back)
+        self._residual = build_residual_network(self._auxiliary, "capacity")
+
+    @classmethod
+    def of(cls, problem: Problem, most: int) -> _Ways | None:
+        """Returns the ways of all drones; None if more than `most` cells are in reach."""
+        graph: Graph = nx.DiGraph()
+        for motion in dict.fromkeys(robot.motion for robot in problem.robots):
+            window = _window(problem, motion)
+            width, depth = window.shape
+            if width * depth * len(motion.layers) > _MARGIN * most:
+                return None
+            layers = [problem.layers.index(height) for height in motion.layers]
+            graph.add_edges_from(
+                (Cell(x, y, layers[k]), Cell(u, v, layers[m]))
+                for (k, x, y), (m, u, v) in place_graph(problem.workspace, motion, window).edges
+                if (k, x, y) != (m, u, v)
+            )
+        starts = [problem.cell(i, robot.start) for i, robot in enumerate(problem.robots)]
+        graph.add_nodes_from(starts)
+        near = _steps(graph, starts, problem.horizon)
+        if len(near) > most:
+            return None
+        return cls(graph.subgraph(near).copy(), starts, problem.horizon)
+
+    def steps(self, without: Collection[Cell] = ()) -> dict[Cell, int]:
+        """Returns the least number of steps to each cell that is reached without some cells."""
+        left = self.graph.subgraph(self.graph.nodes - set(without)) if without else self.graph
+        return _steps(left, self.starts - set(without), self._horizon)
+
+    def behind(self, cells: Collection[Cell], wanted: set[Cell]) -> set[Cell]:
+        """Returns the wanted cells that are reached by the last step through some cells only."""
+        return wanted - set(cells) - self.steps(cells).keys()
+
+    def choke_point_before(self, cell: Cell, wanted: set[Cell]) -> ChokePoint:
+        """Returns the fewest cells that part the starts from a cell, and what is behind them."""
+        cut = minimum_st_node_cut(
+            self._back, cell, _STARTS, auxiliary=self._auxiliary, residual=self._residual
+        )
+        behind = self.behind(cut, wanted)
+        drones = self.starts & _steps(self._back, behind, self._horizon).keys()
+        return ChokePoint(tuple(sorted(cut)), len(drones), len(behind), len(wanted))
+
+
+def _window(problem: Problem, motion: Motion) -> Window:
+    """Returns the cells that drones of one motion can reach."""
+    starts = [(r.start.x, r.start.y) for r in problem.robots if r.motion == motion]
+    return Window.around(starts, motion.radius * problem.horizon, problem.workspace)
+
+
+def _steps(graph: Graph, starts: Iterable[Cell], horizon: int) -> dict[Cell, int]:
+    """Returns the least number of steps from a start to each cell that is reached in time."""
+    steps = dict.fromkeys(starts, 0)
+    new = list(steps)
+    for t in range(1, horizon + 1):
+        heads = dict.fromkeys(head for cell in new for head in graph[cell])
+        new = [head for head in heads if head not in steps]
+        steps |= dict.fromkeys(new, t)
+    return steps

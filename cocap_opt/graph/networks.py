@@ -1,0 +1,195 @@
+"""Motion of one robot as networkx graphs, for whoever wants to see, count or check paths.
+
+Planners and bounds use the compiled form, `timegraph`. Here are the graphs node by node, built
+directly from what is in reach: of the product of places, orientations and steps most is not.
+"""
+
+from __future__ import annotations  # networkx graphs take type arguments in stubs only
+
+from collections.abc import Collection, Iterator
+from itertools import product
+from typing import TYPE_CHECKING, Any
+
+import networkx as nx
+import numpy as np
+
+from cocap_opt.graph.motion import Window, allowed_moves
+from cocap_opt.graph.timegraph import TimeGraph
+from cocap_opt.problem import Motion, Problem, State
+from cocap_opt.world.workspace import Workspace
+
+Place = tuple[int, int, int]  # (layer, x, y)
+Node = tuple[State, int]  # (state, step)
+if TYPE_CHECKING:
+    Graph = nx.DiGraph[Any]
+
+
+def place_graph(workspace: Workspace, motion: Motion, window: Window | None = None) -> Graph:
+    """Returns the directed graph of places (layer, x, y) and moves, self-loops included.
+
+    Parameters
+    ----------
+    window : the part of the map that robots do not leave; all if not given
+    """
+    window = window or Window.all_of(workspace)
+    graph: Graph = nx.DiGraph()
+    for (climb, dx, dy), starts in allowed_moves(workspace, motion, window):
+        graph.add_edges_from(
+            ((layer, x, y), (layer + climb, x + dx, y + dy))
+            for layer, x, y in (np.argwhere(starts) + np.array([0, window.x0, window.y0])).tolist()
+        )
+    return graph
+
+
+def reached_graph(problem: Problem, robot: int) -> Graph:
+    """Returns all that one robot can reach from its start, step by step.
+
+    Nodes are (State, t), in the order of their steps t = 0..T; an edge is a step that the robot
+    can take. It may be a way to nowhere: at the goal, or at all, no path need end.
+    """
+    steps, start = _Steps(problem, robot), problem.robots[robot].start
+    graph: Graph = nx.DiGraph()
+    graph.add_node((start, 0))
+    states = [start]
+    for t in range(problem.horizon):
+        heads = {state: steps.after(t, state) for state in states}
+        graph.add_edges_from(
+            ((state, t), (head, t + 1)) for state, own in heads.items() for head in own
+        )
+        states = list(dict.fromkeys(head for own in heads.values() for head in own))
+    return graph
+
+
+def time_expanded_graph(problem: Problem, robot: int) -> Graph:
+    """Returns the time-expanded graph of one robot; nodes (State, t) lie on a path from its start.
+
+    The path lasts until step T and ends at the robot's goal, if it has one; where there is none,
+    the graph is empty. Every planner searches this graph; `timegraph.TimeGraph` is its compiled
+    form.
+    """
+    graph = reached_graph(problem, robot)
+    keep_ways_to(graph, ends(graph, problem, robot))
+    return graph
+
+
+def ends(graph: Graph, problem: Problem, robot: int) -> list[Node]:
+    """Returns the nodes of step T at which a path of a robot may end."""
+    goal = problem.robots[robot].goal
+    return [
+        (state, t) for state, t in graph
+        if t == problem.horizon and goal in (None, (state.x, state.y))
+    ]  # fmt: skip
+
+
+def keep_ways_to(graph: Graph, ends: Collection[Node]) -> None:
+    """Removes the nodes from which no way leads to one of the ends.
+
+    Parameters
+    ----------
+    graph : its nodes are in the order of their steps, as `reached_graph` has them
+    """
+    kept = set(ends)
+    for node in reversed(list(graph)):
+        if any(head in kept for head in graph[node]):
+            kept.add(node)
+    graph.remove_nodes_from([node for node in graph if node not in kept])
+
+
+def edges_in_reach(problem: Problem, robot: int, most: int) -> int:
+    """Returns the number of edges of `reached_graph`, or more, without making it.
+
+    People count as if they closed nothing. The count ends where it is above `most`.
+    """
+    spec = problem.robots[robot]
+    window = _reach(problem, robot)
+    graph = TimeGraph.of(problem.workspace, spec.motion, len(spec.camera.tilts), window)
+    degrees = np.count_nonzero(graph.neighbours >= 0, axis=0)
+    orientation, place = divmod(graph.index(spec.start), graph.n_places)
+    turned = {orientation}
+    reached = np.zeros(graph.n_places, dtype=bool)
+    new, moves, edges = np.array([place]), 0, 0
+    for _ in range(problem.horizon):
+        reached[new] = True
+        moves += int(degrees[new].sum())
+        edges += moves * sum(len(graph.turns[k]) for k in turned)
+        if edges > most:
+            break
+        heads = graph.neighbours[:, new].ravel()
+        new = np.unique(heads[(heads >= 0) & ~reached[heads]])
+        turned |= {head for k in turned for head in graph.turns[k]}
+    return edges
+
+
+def _reach(problem: Problem, robot: int) -> Window:
+    """Returns the cells that a robot can reach."""
+    spec = problem.robots[robot]
+    cell = spec.start.x, spec.start.y
+    return Window.around([cell], spec.motion.radius * problem.horizon, problem.workspace)
+
+
+class _Steps:
+    """The steps that one robot can take, found when they are first asked for, and kept."""
+
+    def __init__(self, problem: Problem, robot: int) -> None:
+        self._problem, self._spec = problem, problem.robots[robot]
+        self._window = window = _reach(problem, robot)
+        self._moves = list(allowed_moves(problem.workspace, self._spec.motion, window))
+        self._heads: dict[Place, list[Place]] = {}
+        self._open: dict[tuple[int, Place], list[Place]] = {}
+        self._turned: dict[tuple[int, int], list[tuple[int, int]]] = {}
+        self._after: dict[State | tuple[int, State], list[State]] = {}
+
+    def after(self, t: int, state: State) -> list[State]:
+        """Returns the states at step t+1 to which one step leads from a state at t."""
+        people = self._problem.airspace.people_aside > 0
+        key = (t, state) if people else state
+        if key not in self._after:
+            here = state.layer, state.x, state.y
+            places = self._open_heads(t, here) if people else self._heads_of(here)
+            self._after[key] = [
+                State(x, y, layer, heading, pitch)
+                for layer, x, y in places
+                for heading, pitch in self._turns(state.heading, state.pitch)
+            ]
+        return self._after[key]
+
+    def _turns(self, heading: int, pitch: int) -> list[tuple[int, int]]:
+        """Returns the headings and pitches to which one step can turn."""
+        if (heading, pitch) not in self._turned:
+            motion, pitches = self._spec.motion, len(self._spec.camera.tilts)
+            self._turned[heading, pitch] = list(
+                product(
+                    sorted(motion.headings_after(heading)),
+                    sorted(motion.pitches_after(pitch, pitches)),
+                )
+            )
+        return self._turned[heading, pitch]
+
+    def _heads_of(self, place: Place) -> list[Place]:
+        """Returns the places to which a move leads, whoever is near."""
+        if place not in self._heads:
+            layer, x, y = place
+            at = layer, x - self._window.x0, y - self._window.y0
+            self._heads[place] = [
+                (layer + climb, x + dx, y + dy)
+                for (climb, dx, dy), starts in self._moves
+                if starts[at]
+            ]
+        return self._heads[place]
+
+    def _open_heads(self, t: int, place: Place) -> list[Place]:
+        """Returns the places to which a move leads from step t on without coming near anybody."""
+        if (t, place) not in self._open:
+            self._open[t, place] = [
+                head for head in self._heads_of(place) if not any(self._too_near(t, place, head))
+            ]
+        return self._open[t, place]
+
+    def _too_near(self, t: int, tail: Place, head: Place) -> Iterator[bool]:
+        """Yields for each person if a move comes too near, on the way or when it ends."""
+        states = [State(x, y, layer) for layer, x, y in (tail, head)]
+        here, there = self._problem.where(self._spec, states)
+        airspace = self._problem.airspace
+        for actor in self._problem.actors:
+            yield bool(airspace.near_person(actor, t, here, there))
+            yield bool(airspace.near_person(actor, t + 1, there))

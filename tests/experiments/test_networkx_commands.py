@@ -1,0 +1,93 @@
+"""Commands that give networkx work: graphs as GraphML, and bounds priced a second time."""
+
+import io
+import math
+from pathlib import Path
+
+import networkx as nx
+import pytest
+from strategies import tiny
+from test_cli import Run
+
+from cocap_opt.experiments.results.graphml import graphml
+from cocap_opt.graph.networks import time_expanded_graph
+from cocap_opt.planners import PLANNERS
+from cocap_opt.problem import Objective
+
+
+def test_graphml_holds_the_graph_and_its_rewards() -> None:
+    """Read back, its longest path is worth what value iteration finds; places are in metres."""
+    problem = tiny()
+    rewarded = Objective(stationarity=3.0, keep_heading=1.0, count_start=True)
+    problem = problem.replace(robots=problem.robots[1:], objective=rewarded)
+    graph = nx.read_graphml(io.BytesIO(graphml(problem, 0)))
+    expanded = time_expanded_graph(problem, 0)
+    assert [graph.graph[key] for key in ("scene", "robot", "horizon")] == ["tiny", 0, 2]
+    assert (len(graph), graph.number_of_edges()) == (len(expanded), expanded.number_of_edges())
+    for state, t in expanded:
+        found = graph.nodes[f"{t}/{state.x}/{state.y}/0/{state.heading}/0"]
+        assert (found["step"], found["x"], found["y"]) == (t, 4 * state.x + 2, 4 * state.y + 2)
+        assert (found["z"], found["tilt"]) == (5.0, 0.6)
+        assert found["heading"] == pytest.approx(math.tau * state.heading / 4)
+    for _, head, data in graph.edges(data=True):
+        data["weight"] = data["reward"] + graph.nodes[head]["reward"]
+    start = graph.nodes["0/3/2/0/2/0"]["reward"]
+    best = PLANNERS["greedy"](problem).value
+    assert nx.dag_longest_path_length(graph) + start == pytest.approx(best, rel=1e-12)
+
+
+def test_export_writes_the_graph_of_a_drone(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The name's ending decides; which drone is an option of such files only."""
+    path = tmp_path / "graph.GRAPHML"
+    run = Run(capsys, "export", "tiny-share", "-o", path, "--drone", 1, "--json")
+    assert run.json == {"scene": "tiny-share", "seed": 0, "drone": 1, "file": str(path)}
+    assert nx.read_graphml(path).graph["robot"] == 1
+    for words, message in (
+        (("-o", tmp_path / "a.graphml", "--drone", 2), "--drone: must be 0..1, not 2"),
+        (("-o", tmp_path / "a.json", "--drone", 1), "--drone: is for a file whose name ends with"),
+    ):
+        run = Run(capsys, "export", "tiny-share", *words)
+        assert (run.code, run.err.count("\n")) == (2, 1)
+        assert message in run.err
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_graphs_that_cannot_be_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is too large is refused before it is made, in one line that names the drone."""
+    monkeypatch.setattr("cocap_opt.experiments.results.graphml.MOST_EDGES", 3)
+    run = Run(capsys, "export", "tiny-share", "-o", tmp_path / "a.graphml")
+    assert run.code == 2
+    assert (
+        run.err == "cocap-opt: robots[0]: the graph has more than 3 edges; GraphML is for fewer\n"
+    )
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_verify_asks_networkx(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Both bounds are printed; where they part the claim is false; too large a graph is refused."""
+    path = tmp_path / "c.json"
+    Run(capsys, "bound", "tiny-share", "-o", path)
+    found = Run(capsys, "verify", "tiny-share", path, "--networkx", "--json").json
+    assert found["valid"]
+    assert found["bound_by_sweep"] == pytest.approx(found["bound_by_networkx"], rel=1e-12)
+    assert "bound_by_networkx" not in Run(capsys, "verify", "tiny-share", path, "--json").json
+    plan = tmp_path / "plan.json"
+    Run(capsys, "plan", "tiny-share", "-o", plan)
+    run = Run(capsys, "verify", "tiny-share", plan, "--networkx")
+    assert run.code == 2
+    assert run.err == "cocap-opt: --networkx: name a certificate or a proof\n"
+    with monkeypatch.context() as patch:
+        patch.setattr("cocap_opt.formulations.second_opinion.opinion.TOLERANCE", -1.0)
+        run = Run(capsys, "verify", "tiny-share", path, "--networkx", "--json")
+    assert (run.code, run.json["valid"]) == (1, False)
+    assert "the sweep finds" in run.json["violations"][0]
+    monkeypatch.setattr("cocap_opt.formulations.second_opinion.opinion.MOST_EDGES", 3)
+    run = Run(capsys, "verify", "tiny-share", path, "--networkx")
+    assert run.code == 2
+    assert run.err.startswith("cocap-opt: --networkx: the graph of robots[0] has more than 3 edges")

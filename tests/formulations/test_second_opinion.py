@@ -1,0 +1,98 @@
+"""The second opinion: plain loops and networkx find the bound that the sweep finds."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from random_certificates import as_rows, random_multipliers, random_proof, some_model
+from strategies import examples, problems, tiny
+
+from cocap_opt.experiments.results.verification import Verified
+from cocap_opt.formulations.certificates import (
+    CertificateError,
+    CertificateFile,
+    Pricing,
+    ProofFile,
+    ReferencePixels,
+    certify,
+    pricing,
+)
+from cocap_opt.formulations.second_opinion import SecondOpinion, TooLargeError, prices
+from cocap_opt.model import Model
+from cocap_opt.problem import Problem
+
+
+def assert_same(problem: Problem, file: CertificateFile | ProofFile, swept: Pricing) -> None:
+    """Networkx finds the sweep's bound, as nearly as both can say."""
+    second = SecondOpinion.of(problem, file)
+    assert second.agrees(swept)
+    if math.isfinite(swept.bound):
+        near = 1.001 * swept.rounding + 1e-11 * second.magnitude + 1e-300
+        assert second.bound == pytest.approx(swept.bound, abs=near)
+        wrong = swept._replace(bound=swept.bound + 1e-6 * (1 + second.magnitude))
+        assert not second.agrees(wrong)
+
+
+@examples(8)
+@given(problem=problems(over_time=True), seed=st.integers(0, 1000))
+def test_networkx_prices_certificates_as_the_sweep_does(problem: Problem, seed: int) -> None:
+    """Rows of cells, swaps and moves, cuts, rewards for moves, goals and people in the way."""
+    rng = np.random.default_rng(seed)
+    model = some_model(problem, rng)
+    shape = (problem.view_sum_steps, len(problem.face_weights))
+    reference = ReferencePixels(as_rows(rng.choice([0.0, 10.0, 1e4], size=shape)))
+    for certificate in (random_multipliers(model, rng), reference):
+        file = certify(problem, model, "test", certificate)
+        assert_same(problem, file, Pricing.of(model, certificate))
+
+
+@examples(8)
+@given(problem=problems(over_time=True), seed=st.integers(0, 1000))
+def test_networkx_prices_every_leaf_of_a_proof(problem: Problem, seed: int) -> None:
+    """Decisions close, charge or reward what robots use; the worst leaf's bound is the proof's."""
+    rng = np.random.default_rng(seed)
+    model = some_model(problem, rng)
+    proof = random_proof(model, rng)
+    assert_same(problem, proof, Pricing.of_proof(model, proof))
+
+
+def small() -> tuple[Problem, CertificateFile]:
+    """The tiny instance with a certificate."""
+    problem, rng = tiny(), np.random.default_rng(1)
+    model = Model(problem, use_cache=False)
+    return problem, certify(problem, model, "test", random_multipliers(model, rng))
+
+
+def test_a_sweep_that_is_wrong_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A value that the sweep finds too small would be a false bound: networkx contradicts it."""
+    problem, file = small()
+    verified = Verified(problem, by_networkx=True)
+    verified.verify_bound(file)
+    assert verified.second_opinion is not None
+    assert verified.second_opinion.bound == pytest.approx(file.proved, rel=1e-12)
+    sweep = pricing.plain_sweep
+    monkeypatch.setattr(pricing, "plain_sweep", lambda *args: sweep(*args) * (1 - 1e-6))
+    Verified(problem).verify_bound(file)
+    with pytest.raises(CertificateError, match=r"^bound: the sweep finds .*, networkx "):
+        verified.verify_bound(file)
+
+
+@pytest.mark.parametrize(
+    ("limit", "number", "words"),
+    [
+        ("opinion.MOST_EDGES", 5, r"the graph of robots\[0\] has more than 5 edges"),
+        ("opinion.MOST_WORK", 5, r"networkx would price 291 edges at 1 leaf; at most 5 in all"),
+        ("prices.MOST_CORNERS", 1, r"a cut has more than 1 corners"),
+    ],
+)
+def test_what_is_too_large_is_refused_in_words(
+    limit: str, number: int, words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The number that is too large is said, and the largest that is not."""
+    problem, file = small()
+    prices._highest_corner.cache_clear()
+    monkeypatch.setattr(f"cocap_opt.formulations.second_opinion.{limit}", number)
+    with pytest.raises(TooLargeError, match=words):
+        SecondOpinion.of(problem, file)
