@@ -90,6 +90,7 @@ class Player:
             **scene.scope(plans),
             "terrain": scene.terrain(),
             **scene.meshes(),
+            "airspace": scene.airspace(),
             "people": [scene.person(actor) for actor in problem.actors],
             "drones": [scene.drone(number) for number in range(len(problem.robots))],
             "plans": shown,
