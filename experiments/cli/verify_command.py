@@ -3,12 +3,10 @@
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, NamedTuple
-
-from cyclopts import Parameter
+from typing import NamedTuple
 
 from cocap_opt.data import ProblemError
-from cocap_opt.experiments.cli.options import Json, Scene, Seed, load
+from cocap_opt.experiments.cli.options import Free, Json, Scene, Seed, load
 from cocap_opt.experiments.console.options import UsageError
 from cocap_opt.experiments.console.progress import Watch
 from cocap_opt.experiments.results.files import PlanReader
@@ -33,12 +31,7 @@ def _verify(
     /,
     *file: Path,
     seed: Seed = 0,
-    free: Annotated[
-        bool,
-        Parameter(
-            negative="", show_default=False, help="the scene without collisions between drones"
-        ),
-    ] = False,
+    free: Free = False,
     json: Json = False,
 ) -> int:
     """Check a plan, certificates and proofs, trusting nobody: exit 0 only if all claims hold.
