@@ -10,6 +10,7 @@ tree in different ways, so digests are the same under one version, and need not 
 import ast
 import hashlib
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 _PACKAGE = "cocap_opt"
@@ -33,7 +34,7 @@ def code_digest(*modules: str) -> str:
     """
     digest = hashlib.sha256()
     for module in sorted({inner for name in modules for inner in _modules(name)}):
-        digest.update(f"\n# module {module}\n{_normal_form(_path(module))}".encode())
+        digest.update(f"\n# module {module}\n{_normal_form(_text(module))}".encode())
     return digest.hexdigest()
 
 
@@ -58,9 +59,14 @@ def _path(name: str) -> Path:
     return path if path.is_dir() else path.with_suffix(".py")
 
 
-def _normal_form(path: Path) -> str:
-    """Returns the code of a file without docstrings, comments and its own layout."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
+def _text(module: str) -> str:
+    return _path(module).read_text(encoding="utf-8")
+
+
+@cache
+def _normal_form(text: str) -> str:
+    """Returns code without docstrings, comments and its own layout."""
+    tree = ast.parse(text)
     for node in ast.walk(tree):
         if isinstance(node, _DOCUMENTED) and ast.get_docstring(node, clean=False) is not None:
             node.body = node.body[1:] or [ast.Pass()]
