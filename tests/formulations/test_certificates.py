@@ -13,7 +13,7 @@ from brute_force import all_paths, bonus_of, optimum, pixels_of, views_of, weigh
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.optimize import linprog
-from strategies import examples, problems, tiny
+from strategies import examples, meetings, problems, tiny
 
 from cocap_opt.files.documents import FileError, decode_document, encode, read_bytes
 from cocap_opt.formulations import BOUNDS
@@ -29,6 +29,7 @@ from cocap_opt.formulations.certificates import (
     Flight,
     Leaf,
     Move,
+    Moves,
     Multipliers,
     Pricing,
     ProofFile,
@@ -42,6 +43,7 @@ from cocap_opt.formulations.certificates import (
     verify,
 )
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
+from cocap_opt.formulations.relaxations.move_cliques import CliquesOfMoves
 from cocap_opt.formulations.relaxations.separation import Seen
 from cocap_opt.graph.motion import time_expanded_graph
 from cocap_opt.model import Model, compiled
@@ -164,7 +166,7 @@ def optimum_under(model: Model, decisions: tuple[Decision, ...]) -> float:
     return best
 
 
-@examples(40)
+@examples(25)
 @given(problem=problems(over_time=True), seed=st.integers(0, 1000))
 def test_any_multipliers_give_a_bound(problem: Problem, seed: int) -> None:
     """However badly a solver converged: non-negative multipliers are a valid certificate."""
@@ -192,6 +194,50 @@ def test_any_multipliers_bound_the_plans_of_their_leaf(problem: Problem, seed: i
     )
     bound = Pricing.of(model, random_multipliers(model, rng, len(decisions)), decisions).bound
     assert bound >= optimum_under(model, decisions)
+
+
+@examples(8)
+@given(problem=st.one_of(meetings(), meetings(team=3)), seed=st.integers(0, 1000))
+def test_rows_that_two_drones_may_use_at_once_are_refused(problem: Problem, seed: int) -> None:
+    """Places and moves of two drones of the best plan, alone or added to a true clique of moves.
+
+    All else that is accepted gives a bound, however much is altered: the clique's moves, its step
+    or its multiplier.
+    """
+    best, model, rng = optimum(problem), compiled(problem), np.random.default_rng(seed)
+    assume(best.plan is not None and not problem.rules.none)
+    some = msgspec.structs.replace(random_multipliers(model, rng), cuts=())
+    cells = [[problem.cell(i, s) for s in path] for i, path in enumerate(best.plan.paths)]
+    t = int(rng.integers(problem.horizon))
+    flown = tuple(own[t : t + 2] for own in map(tuple, cells))
+    clique = tuple(dict.fromkeys([*some_clique(model, rng), flown[0]]))
+    for resource in (
+        Moves(t, flown[:2]),
+        Moves(t, tuple(dict.fromkeys([*clique, *flown]))),
+        Cells(t, (cells[0][t], cells[1][t])),
+    ):
+        forged = msgspec.structs.replace(some, rows=(Row(resource, 50.0),))
+        with pytest.raises(CertificateError, match="two drones may"):
+            Pricing.of(model, forged)
+    for moves in (clique, clique[1:], tuple((head, tail) for tail, head in clique)):
+        row = Row(Moves(int(rng.integers(problem.horizon)), moves), float(rng.choice([1.0, 50.0])))
+        try:
+            bound = Pricing.of(model, msgspec.structs.replace(some, rows=(row,))).bound
+        except CertificateError:
+            continue
+        assert bound >= best.value
+
+
+def some_clique(model: Model, rng: np.random.Generator) -> tuple[tuple[Cell, Cell], ...]:
+    """Moves of which any two break a rule, or one move alone."""
+    cells = all_cells(model.problem)
+    moves = [(a, b) for a, b in product(cells, repeat=2) if max(abs(a.x - b.x), abs(a.y - b.y)) < 2]
+    near, _ = CliquesOfMoves(model).conflicts(moves)
+    clique, order = list[int](), rng.permutation(len(moves)).tolist()
+    for k in order:
+        if near[k, clique].all():
+            clique.append(k)
+    return tuple(moves[k] for k in clique)
 
 
 # -- envelope cuts ------------------------------------------------------------------------
