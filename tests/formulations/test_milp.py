@@ -189,14 +189,22 @@ def test_an_interrupt_ends_a_long_solve(method: str) -> None:
 
 
 INTERRUPTED = """
-import os, signal, threading
-from cocap_opt.stop import Interrupt
+import os, signal, threading, time
 from cocap_opt.formulations import EXACT
+from cocap_opt.model import compiled
 from cocap_opt.scenarios import load_scene
+from cocap_opt.stop import Interrupt
+
+def press():
+    while not any(thread.name.startswith("ThreadPool") for thread in threading.enumerate()):
+        time.sleep(0.05)  # the solver has not begun
+    time.sleep(0.5)
+    os.kill(os.getpid(), signal.SIGINT)
 
 problem = load_scene("bottleneck").replace(horizon=9)
+compiled(problem).prepare_all()
 with Interrupt.caught() as interrupt:
-    threading.Timer(3.0, os.kill, (os.getpid(), signal.SIGINT)).start()
+    threading.Thread(target=press, daemon=True).start()
     result = EXACT[{method!r}](problem, interrupt, root=None)
 print(result.reason, result.limit, result.statistics["rounds"])
 """
