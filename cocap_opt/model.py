@@ -19,6 +19,7 @@ from cocap_opt.graph.people import People
 from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.memory import require_memory
 from cocap_opt.problem import AnyCamera, Cell, Motion, Plan, Problem, Robot
+from cocap_opt.problem.rules import Meeting
 from cocap_opt.stop import Clock, Limit, LimitReached, Stop, never
 from cocap_opt.vision.cache import TableCache
 from cocap_opt.vision.coverage import CoverageTable, GrowingTable, Progress
@@ -165,6 +166,26 @@ class Model:
         Places of the class as (t, place) [n, 2], and its moves as (t, tail, head) [m, 3].
         """
         return self._path_too_close(self.classes.index(robot_class), cells)
+
+    def moves_through(
+        self, robot_class: RobotClass, meeting: Meeting, move: tuple[Cell, Cell]
+    ) -> tuple[IntArray, FloatArray]:
+        """Returns the moves of a class that pass nearer to a point than half the separation.
+
+        Parameters
+        ----------
+        move : one of the two that meet there
+
+        Returns
+        -------
+        tails and heads [n, 2], and the distances [n] (m)
+        """
+        (x, y, _), (u, v, _) = move
+        moves = robot_class.graph.moves_past((x, y), (u, v), self.problem.cells_apart)
+        tails, heads = (self.where(robot_class, places) for places in moves)
+        ways = meeting.ways(tails, heads)
+        near = self.problem.rules.near_point(ways)
+        return np.column_stack(moves)[near], np.linalg.norm(ways[near], axis=1)
 
     @cached_property
     def positions(self) -> tuple[FloatArray, ...]:

@@ -258,6 +258,7 @@ def test_types_are_known() -> None:
         assert "return" in get_type_hints(getattr(co, name))
 
 
+@pytest.mark.slow
 def test_the_readme_lives_on_the_face(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The README's Python runs as it stands, and imports nothing else of the project.
 
@@ -388,6 +389,7 @@ def test_verify_compares_what_a_result_claims(changes: dict[str, float], field: 
         co.verify(problem, dataclasses.replace(best, **changes))
 
 
+@pytest.mark.slow
 def test_workers_need_a_guard(tmp_path: Path) -> None:
     """A script that every worker would run from its first line on is refused in a sentence."""
     script = tmp_path / "script.py"

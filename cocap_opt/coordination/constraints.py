@@ -79,17 +79,12 @@ def _passing_middle(
     model: Model, robot_class: RobotClass, conflict: SwapConflict | PassConflict
 ) -> IntArray:
     """Returns the moves [n, 2] of a class that pass where and when two robots are nearest."""
-    rules, graph = model.problem.rules, robot_class.graph
+    rules = model.problem.rules
     tails, heads = (model.problem.positions(cells) for cells in zip(*conflict.moves, strict=True))
-    share = rules.closest(tails[1] - tails[0], heads[1] - heads[0]).share
-    one, other = (1 - share) * tails + share * heads
-    if not rules.near_point((other - one) / 2):
+    meeting = rules.meeting(tails, heads)
+    if not rules.near_point(meeting.ways(tails, heads)).all():
         return _NOTHING[:, :2]
-    (x, y, _), (u, v, _) = conflict.moves[0]
-    moves = graph.moves_past((x, y), (u, v), model.problem.cells_apart)
-    before, after = (model.where(robot_class, places) for places in moves)
-    ways = (1 - share) * before + share * after - (one + other) / 2
-    return np.column_stack(moves)[rules.near_point(ways)]
+    return model.moves_through(robot_class, meeting, conflict.moves[0])[0]
 
 
 _NOTHING = np.zeros((0, 3), dtype=np.int64)

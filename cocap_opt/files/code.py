@@ -34,8 +34,7 @@ def code_digest(*modules: str) -> str:
     """
     digest = hashlib.sha256()
     for module in sorted({inner for name in modules for inner in _modules(name)}):
-        text = _path(module).read_text(encoding="utf-8")
-        digest.update(f"\n# module {module}\n{_normal_form(text)}".encode())
+        digest.update(f"\n# module {module}\n{_normal_form(_text(module))}".encode())
     return digest.hexdigest()
 
 
@@ -58,6 +57,10 @@ def _path(name: str) -> Path:
     """Returns the file of a module, or the folder of a package."""
     path = _FOLDER.joinpath(*name.removeprefix(_PACKAGE).split("."))
     return path if path.is_dir() else path.with_suffix(".py")
+
+
+def _text(module: str) -> str:
+    return _path(module).read_text(encoding="utf-8")
 
 
 @cache  # coverage and results each have a digest, of modules that are largely the same

@@ -22,6 +22,17 @@ class _Closest(NamedTuple):
     distance: FloatArray  # [..] m, in space
 
 
+class Meeting(NamedTuple):
+    """The point in the middle between two robots, at the moment of a step when they are nearest."""
+
+    point: FloatArray  # [3] m
+    share: float  # of the step, 0..1
+
+    def ways(self, tails: FloatArray, heads: FloatArray) -> FloatArray:
+        """Returns the ways [n, 3] (m) from the point to robots that move from tails to heads."""
+        return (1 - self.share) * tails + self.share * heads - self.point
+
+
 class CollisionRules(Data, frozen=True):
     """The conflicts between robots that are forbidden.
 
@@ -203,6 +214,17 @@ class CollisionRules(Data, frozen=True):
         share = np.where(first < last, np.clip(nearest.share, first, last), nearest.share)
         at = before + share[..., None] * (after - before)
         return _Closest(share, np.sqrt((at * at).sum(axis=-1)))
+
+    def meeting(self, tails: FloatArray, heads: FloatArray) -> Meeting:
+        """Returns where and when two robots are nearest in a step.
+
+        Parameters
+        ----------
+        tails, heads : [2, 3] m, where their moves begin and end
+        """
+        share = float(self.closest(tails[1] - tails[0], heads[1] - heads[0]).share)
+        one, other = (1 - share) * tails + share * heads
+        return Meeting((one + other) / 2, share)
 
     @property
     def _aside(self) -> float:

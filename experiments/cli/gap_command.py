@@ -8,6 +8,7 @@ from cyclopts import Parameter
 
 from cocap_opt.experiments.cli.options import (
     DEFAULT_SECONDS,
+    FLAG,
     Json,
     Scene,
     Seconds,
@@ -71,9 +72,7 @@ def _gap(
     ] = None,
     retry: Annotated[
         bool,
-        Parameter(
-            negative="", show_default=False, help="try again what has failed in the folder of --out"
-        ),
+        FLAG(help="try again what has failed in the folder of --out"),
     ] = False,
     json: Json = False,
 ) -> int:

@@ -46,6 +46,7 @@ Workers = Annotated[
     Parameter(converter=_whole, help="processes, each on a core of its own; this one if not given"),
 ]
 Json = Annotated[bool, FLAG(name="--json", help="print one JSON object")]
+Free = Annotated[bool, FLAG(help="the scene without collisions between drones")]
 Output = Annotated[Path | None, Parameter(name=["-o", "--output"], help="file to write")]
 OfScenes = Annotated[
     list[str] | None,

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from cocap_opt.experiments.cli.options import Json, Output, Scene, Seed, Whole, load
+from cocap_opt.experiments.cli.options import FLAG, Json, Output, Scene, Seed, Whole, load
 from cocap_opt.experiments.console.options import Option, UsageError
 from cocap_opt.experiments.results.files import check_output, save_bytes
 from cocap_opt.experiments.results.graphml import graphml
@@ -77,9 +77,7 @@ def _export(
     seed: Seed = 0,
     over_time: Annotated[
         bool,
-        Parameter(
-            negative="", show_default=False, help="pixels add up over time as well as over drones"
-        ),
+        FLAG(help="pixels add up over time as well as over drones"),
     ] = False,
     camera: Annotated[
         str | None, Parameter(help="another camera on all drones; `cocap-opt scenes` lists them")

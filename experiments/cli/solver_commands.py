@@ -11,7 +11,7 @@ from cyclopts import Parameter
 
 from cocap_opt.experiments.cli.options import (
     DEFAULT_SECONDS,
-    FLAG,
+    Free,
     Json,
     Output,
     Scene,
@@ -48,10 +48,6 @@ from cocap_opt.stop import Interrupt, Stop
 AT_THE_ROOT = "column-generation"  # a bound that comes with a plan
 _SOLVE_METHODS = (*EXACT, AT_THE_ROOT)
 
-_Free = Annotated[
-    bool,
-    FLAG(help="the scene without collisions between drones"),
-]
 _Start = Annotated[Path | None, Parameter(help="file of a plan to start from")]
 _TraceFile = Annotated[
     Path | None, Parameter(name="--trace", help="CSV to write value and bound over time to")
@@ -64,7 +60,7 @@ def _plan(
     *,
     planner: Annotated[str, Parameter(help=f"one of {', '.join(SOLVERS)}")] = "cocap",
     seed: Seed = 0,
-    free: _Free = False,
+    free: Free = False,
     time_limit: Seconds = DEFAULT_SECONDS,
     work_limit: Work = None,
     output: Output = None,
@@ -100,7 +96,7 @@ def _bound(
     method: Annotated[str, Parameter(help=f"one of {', '.join(BOUNDS)}")] = "column-generation",
     seed: Seed = 0,
     start: _Start = None,
-    free: _Free = False,
+    free: Free = False,
     time_limit: Seconds = DEFAULT_SECONDS,
     work_limit: Work = None,
     output: Output = None,
@@ -136,7 +132,7 @@ def _solve(
         Parameter(help=f"(bound - J) / bound to stop at; 0 means {OPTIMALITY:g}, called optimal"),
     ] = 0.0,
     start: _Start = None,
-    free: _Free = False,
+    free: Free = False,
     time_limit: Seconds = DEFAULT_SECONDS,
     work_limit: Work = None,
     output: Output = None,

@@ -5,10 +5,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
-from cyclopts import Parameter
-
 from cocap_opt.data import ProblemError
-from cocap_opt.experiments.cli.options import FLAG, Json, Scene, Seed, load
+from cocap_opt.experiments.cli.options import FLAG, Free, Json, Scene, Seed, load
 from cocap_opt.experiments.console.options import UsageError
 from cocap_opt.experiments.console.progress import Watch
 from cocap_opt.experiments.results.explained import Explained
@@ -35,12 +33,7 @@ def _verify(
     /,
     *file: Path,
     seed: Seed = 0,
-    free: Annotated[
-        bool,
-        Parameter(
-            negative="", show_default=False, help="the scene without collisions between drones"
-        ),
-    ] = False,
+    free: Free = False,
     explain: Annotated[
         bool,
         FLAG(name="--explain", help="say what the gap is made of, term by term; it adds up"),

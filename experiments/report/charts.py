@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
-from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import FixedLocator, LogLocator, MaxNLocator, NullFormatter
 
 from cocap_opt.data import FloatArray
 from cocap_opt.experiments.report.figures import draw_frame, robot_colour
@@ -112,7 +112,7 @@ def _gap_axis(ax: Axes, most: float) -> None:
     ticks = [tick for tick in _GAP_TICKS if tick <= high]
     ax.set_xlim(-0.04, high)
     ax.xaxis.set_major_locator(FixedLocator(ticks))
-    ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    ax.xaxis.set_major_formatter("{x:g}")
     ax.xaxis.set_minor_locator(FixedLocator([]))
     ax.set_xlabel("gap to the best certified bound (%, logarithmic above 1)")
 
@@ -155,7 +155,7 @@ def _draw_progress(ax: Axes, traces: Mapping[str, Trace]) -> Axes:
     ax.set_yscale("log")
     ax.axhline(_LEAST_GAP, color=_GREY, lw=0.8, ls=":")
     ax.set_ylabel("gap (%)")
-    ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    ax.yaxis.set_major_formatter("{x:g}")
     _time_axis(ax)
     ax.grid(alpha=0.25)
     if 1 < len(shown) <= _NAMED:
@@ -173,7 +173,7 @@ def _draw_bounds(ax: Axes, trace: Trace) -> Axes:
     ax.set_xscale("log")
     _time_axis(ax)
     ax.set_ylabel("J")
-    ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.0f}"))
+    ax.yaxis.set_major_formatter("{x:,.0f}")
     ax.grid(alpha=0.25)
     ax.legend(fontsize=8)
     draw_frame(ax)
@@ -184,7 +184,7 @@ def _time_axis(ax: Axes) -> None:
     """Makes a logarithmic axis of seconds, with numbers in between if it spans little."""
     ax.set_xlabel("time (s)")
     ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=9))
-    ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    ax.xaxis.set_major_formatter("{x:g}")
     ax.xaxis.set_minor_formatter(NullFormatter())
 
 

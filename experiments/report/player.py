@@ -101,6 +101,7 @@ class Player:
             **scene.scope(plans),
             "terrain": scene.terrain(),
             **scene.meshes(),
+            "airspace": scene.airspace(),
             "people": [scene.person(actor) for actor in problem.actors],
             "drones": [scene.drone(number) for number in range(len(problem.robots))],
             "plans": shown,
@@ -209,10 +210,9 @@ def _words(problem: Problem, conflict: Conflict) -> str:
     if isinstance(conflict, SwapConflict):
         return "swap cells"
     if isinstance(conflict, PassConflict):
-        a, b, c, d = problem.positions([*conflict.moves[0], *conflict.moves[1]])
-        share = float(rules.closest(c - a, d - b).share)
-        way = (1 - share) * (c - a) + share * (d - b)
-        return f"pass {_apart(rules, way)}"
+        tails, heads = map(problem.positions, zip(*conflict.moves, strict=True))
+        one, other = rules.meeting(tails, heads).ways(tails, heads)
+        return f"pass {_apart(rules, other - one)}"
     one, other = problem.positions(conflict.cells)
     return f"are {_apart(rules, other - one)}" if (one != other).any() else "are in one cell"
 

@@ -21,7 +21,7 @@ from cocap_opt.problem import (
     Robot,
     State,
 )
-from cocap_opt.world.workspace import Workspace
+from cocap_opt.world.workspace import Mesh, Workspace
 
 MOST_CELLS = 128  # along an edge of the map, as it is drawn
 MOST_TRIANGLES = 10_000  # of all meshes; finer meshes are drawn as the cells that they fill
@@ -29,6 +29,7 @@ _DIGITS = 5  # of the map's size
 _GROUND, _LOW, _BLOCKS = 0, 1, 2  # kinds of cells; the last blocks the lowest flight height
 _SLAB = 0.012  # of the map's size, height of its edge as it is drawn
 _MARGIN = 4.0  # m, from all flights and walks to the edge of the picture
+_SKY = 4.0  # m, above the highest flight, up to which closed airspace is drawn
 
 Data = dict[str, Any]
 
@@ -108,9 +109,47 @@ class SceneData:
 
     def meshes(self) -> Data:
         """Returns meshes as triangles, or as boxes: cells x, y and the altitudes that they fill."""
-        meshes = self.problem.meshes
+        return self._solids(self.problem.meshes)
+
+    def airspace(self) -> Data | None:
+        """Returns what is closed to drones, as far up as the picture shows it; None: nothing.
+
+        `zones` are like meshes; `lid` has the ceiling's height in each cell as it is drawn, and is
+        empty where the ceiling is higher than that; `aside` and `above` are the distances (m) to
+        people, None where there is no such rule.
+        """
+        airspace = self.problem.airspace
+        if not str(airspace):
+            return None
+        zones = [
+            zone.replace(vertices=np.clip(zone.vertices, [-np.inf, -np.inf, self._corner[2]],
+                                          [np.inf, np.inf, self._sky]))
+            for zone in airspace.no_fly
+        ]  # fmt: skip
+        return {
+            "words": str(airspace),
+            "zones": self._solids(tuple(zones)),
+            "lid": self._lid(airspace.ceiling),
+            "aside": airspace.people_aside or None,
+            "above": airspace.people_above,
+            "sky": self.rounded(self._sky - self._corner[2]),
+        }
+
+    def _lid(self, ceiling: float | None) -> list[float]:
+        if ceiling is None:
+            return []
+        tops = self._coarse(self.problem.height_map.altitudes((ceiling,))[0], np.minimum)
+        shown: list[float] = self.rounded(tops.ravel() - self._corner[2])
+        return shown if tops.min() <= self._sky else []
+
+    @property
+    def _sky(self) -> float:
+        """Altitude up to which closed airspace is drawn: it may reach as high as numbers do."""
+        return float(self.problem.height_map.altitudes(self.problem.layers).max()) + _SKY
+
+    def _solids(self, meshes: tuple[Mesh, ...]) -> Data:
         if sum(len(mesh.triangles) for mesh in meshes) > MOST_TRIANGLES:
-            return {"meshes": [], "boxes": self._boxes()}
+            return {"meshes": [], "boxes": self._boxes(meshes)}
         shown = [
             {
                 "vertices": self.rounded(self.local(mesh.vertices).ravel()),
@@ -120,8 +159,8 @@ class SceneData:
         ]
         return {"meshes": shown, "boxes": []}
 
-    def _boxes(self) -> list[list[float]]:
-        columns = self.problem.workspace.columns
+    def _boxes(self, meshes: tuple[Mesh, ...]) -> list[list[float]]:
+        columns = Workspace(self.problem.height_map, meshes).columns
         low = self._coarse(columns.low[1:], np.minimum) - self._corner[2]
         high = self._coarse(columns.high[1:], np.maximum) - self._corner[2]
         filled = np.argwhere(low <= high)

@@ -16,6 +16,9 @@ app = App(
     version_flags=[],
 )
 _Out = Annotated[Path | None, Parameter(help="folder for the results")]
+_Scenes = Annotated[
+    list[str] | None, Parameter(negative="", consume_multiple=True, help="scenes or files")
+]
 _Seeds = Annotated[str | None, Parameter(help="such as 0-4; without it, each row has its own")]
 _INTERRUPTED = 130  # exit code after Ctrl-C
 
@@ -109,9 +112,7 @@ def _growth(
 @app.command(name="views")
 def _views(
     *,
-    scene: Annotated[
-        list[str] | None, Parameter(negative="", consume_multiple=True, help="scenes or files")
-    ] = None,
+    scene: _Scenes = None,
     poses: Annotated[int, Parameter(help="random poses in each scene")] = 1000,
     out: _Out = None,
 ) -> int:
@@ -180,9 +181,7 @@ def _coverage(
 @app.command(name="gamma")
 def _gamma(
     *,
-    scene: Annotated[
-        list[str] | None, Parameter(negative="", consume_multiple=True, help="scenes or files")
-    ] = None,
+    scene: _Scenes = None,
     seeds: Annotated[str, Parameter(help="of each scene")] = "0-4",
     limit: Annotated[float, Parameter(help="seconds for each run")] = 60.0,
     out: _Out = None,
@@ -201,9 +200,7 @@ def _gamma(
 @app.command(name="separation")
 def _separation(
     *,
-    scene: Annotated[
-        list[str] | None, Parameter(negative="", consume_multiple=True, help="scenes or files")
-    ] = None,
+    scene: _Scenes = None,
     seeds: Annotated[str, Parameter(help="of each scene")] = "0-2",
     metres: Annotated[
         list[float] | None,

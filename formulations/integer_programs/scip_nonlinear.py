@@ -81,6 +81,8 @@ class _Translated:
         self.model: Any = Model()
         self.model.hideOutput()
         self.model.setPresolve(SCIP_PARAMSETTING.OFF)  # takes longer than all the rest
+        # Its search for symmetries (dejavu) may never end, and hears of no limit.
+        self.model.setParam("misc/usesymmetry", 0)
         kinds = np.where(linear.integral, "I", "C").tolist()
         self.variables = [
             self.model.addVar(lb=low, ub=None if math.isinf(high) else high, vtype=kind, obj=gain)

@@ -5,7 +5,6 @@ clique (`CollisionRules.near_point`).
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.formulations.certificates import MOST_MOVES
 from cocap_opt.model import Model
 from cocap_opt.problem import Cell
+from cocap_opt.problem.rules import Meeting
 
 _Move = tuple[Cell, Cell]
 
@@ -39,16 +39,12 @@ class CliquesOfMoves:
 
         It has the moves of all classes, those nearest to that point where they are too many.
         """
-        point = self._point(one, other)
-        model, found = self._model, dict[_Move, float]()
-        for number, robot_class in enumerate(model.classes):
-            graph, cells = robot_class.graph, model.cells[number]
-            tails, heads = graph.moves_past(*point.move, model.problem.cells_apart)
-            at = model.positions[number]
-            passing, far = self._passing(point, at[tails], at[heads])
-            ends = zip(tails[passing].tolist(), heads[passing].tolist(), strict=True)
-            moves = ((cells[tail], cells[head]) for tail, head in ends)
-            found |= dict(zip(moves, far.tolist(), strict=True))
+        meeting, found = self._meeting(one, other), dict[_Move, float]()
+        for number, robot_class in enumerate(self._model.classes):
+            cells = self._model.cells[number]
+            moves, far = self._model.moves_through(robot_class, meeting, one)
+            between = ((cells[tail], cells[head]) for tail, head in moves.tolist())
+            found |= dict(zip(between, far.tolist(), strict=True))
         nearest = sorted(found, key=lambda move: (found[move], move))[:MOST_MOVES]
         return tuple(sorted(nearest)) if {one, other} <= set(nearest) else (one, other)
 
@@ -59,29 +55,9 @@ class CliquesOfMoves:
         ----------
         tails, heads : [n, 3] m, where the moves begin and end
         """
-        return self._passing(self._point(one, other), tails, heads)[0]
+        ways = self._meeting(one, other).ways(tails, heads)
+        return np.flatnonzero(self._rules.near_point(ways))
 
-    def _point(self, one: _Move, other: _Move) -> "_Point":
-        """Returns the point in the middle between two moves, when they are nearest."""
-        a, b, c, d = self._model.problem.positions([*one, *other])
-        share = float(self._rules.closest(c - a, d - b).share)
-        (x, y, _), (u, v, _) = one
-        middle = ((1 - share) * (a + c) + share * (b + d)) / 2
-        return _Point(middle, share, ((x, y), (u, v)))
-
-    def _passing(
-        self, point: "_Point", tails: FloatArray, heads: FloatArray
-    ) -> tuple[IntArray, FloatArray]:
-        """Returns which moves pass nearer to a point than half the separation, and how near (m)."""
-        ways = (1 - point.share) * tails + point.share * heads - point.middle
-        near, far = self._rules.near_point(ways), np.linalg.norm(ways, axis=1)
-        passing = np.flatnonzero(near)
-        return passing, far[passing]
-
-
-class _Point(NamedTuple):
-    """A point at a moment of a step, near which moves pass."""
-
-    middle: FloatArray  # [3] m
-    share: float  # of the step
-    move: tuple[tuple[int, int], tuple[int, int]]  # one of those that pass, from cell to cell
+    def _meeting(self, one: _Move, other: _Move) -> Meeting:
+        ends = zip(one, other, strict=True)
+        return self._rules.meeting(*(self._model.problem.positions(cells) for cells in ends))

@@ -1,10 +1,10 @@
 """The tables of a recipe that say where drones may not fly though nothing is there."""
 
-import shapely
 from shapely import Polygon
 
 from cocap_opt.data import LARGEST, ProblemError
 from cocap_opt.problem import Airspace
+from cocap_opt.scenarios.recipe.ground_plans import sound
 from cocap_opt.scenarios.recipe.tables import Coordinate, Point, Size, Table
 from cocap_opt.scenarios.recipe.walls import extruded
 from cocap_opt.scenarios.text import naming
@@ -29,9 +29,7 @@ class NoFlyTable(Table):
         """
         if len(self.polygon) < 3:
             raise ProblemError(f"polygon: must have at least 3 corners, not {len(self.polygon)}")
-        area = Polygon(self.polygon)
-        if not area.is_valid:
-            raise ProblemError(f"polygon: must not cross itself: {shapely.is_valid_reason(area)}")
+        area = sound(Polygon(self.polygon), "polygon")
         if not self.bottom < self.top:
             raise ProblemError(f"top: must be above bottom, {self.bottom:g} m, not {self.top:g}")
         return extruded(area, self.top, self.bottom)

@@ -98,11 +98,34 @@ def ground_plan(
         raise ProblemError("polygons: must be left out where the file says which are obstacles")
     per_metre = PER_METRE[plan.settled_unit(unit)]
     obstacles = (
-        _sound(Polygon(np.array(ring) / per_metre), f"obstacles[{k}]")
+        sound(Polygon(np.array(ring) / per_metre), f"obstacles[{k}]")
         for k, ring in enumerate(plan.obstacles)
     )
-    walkable = _sound(Polygon(np.array(plan.walkable) / per_metre), "walkable")
+    walkable = sound(Polygon(np.array(plan.walkable) / per_metre), "walkable")
     return GroundPlan((walkable,), tuple(obstacles))
+
+
+def sound(polygon: Polygon, field: str) -> BaseGeometry:
+    """Returns a polygon (m) as it is meant, or raises a ProblemError if nobody can know that.
+
+    Rings may pass a point twice, or cross themselves by a rounding.
+
+    Parameters
+    ----------
+    field : as the message names it
+    """
+    if shapely.is_valid(polygon):
+        return polygon
+    mended = shapely.make_valid(polygon)
+    # A loop that is run through the other way round counts negative, or twice, in the one area.
+    if abs(polygon.area - mended.area) > SLIVER:
+        reason = shapely.is_valid_reason(polygon)
+        at = re.search(r"\[(\S+) (\S+?)\]", reason)
+        where = f" at ({float(at[1]):.6g}, {float(at[2]):.6g}) m" if at else ""
+        if "ntersection" in reason:
+            raise ProblemError(f"{field}: must not cross itself, as it does{where}")
+        raise ProblemError(f"{field}: must be sound, but has: {reason.split('[')[0]}{where}")
+    return mended
 
 
 def _named(text: str, name: str | None) -> _Plan:
@@ -143,7 +166,7 @@ def _of_polygons(
     if system := _NAMED_SYSTEM.search(named) if kind == GEOJSON else _SYSTEM.match(text):
         _refuse_system("crs" if named else "SRID", int(system[1][:_DIGITS]), given)
     metres = shapely.transform(given, lambda points: points / per_metre)
-    polygons = [_sound(part, f"polygon {k}") for k, part in enumerate(metres.geoms, start=1)]
+    polygons = [sound(part, f"polygon {k}") for k, part in enumerate(metres.geoms, start=1)]
     if meaning == "obstacles":
         return GroundPlan((), tuple(polygons))
     parts = [part for polygon in polygons for part in _polygons(polygon)]
@@ -218,22 +241,3 @@ def _polygons(geometry: BaseGeometry) -> Iterator[Polygon]:
             yield from _polygons(part)
     else:
         raise ProblemError(f"must hold polygons only, not a {geometry.geom_type}")
-
-
-def _sound(polygon: Polygon, field: str) -> BaseGeometry:
-    """Returns a polygon (m) as it is meant, or raises a ProblemError if nobody can know that.
-
-    Rings may pass a point twice, or cross themselves by a rounding.
-    """
-    if shapely.is_valid(polygon):
-        return polygon
-    mended = shapely.make_valid(polygon)
-    # A loop that is run through the other way round counts negative, or twice, in the one area.
-    if abs(polygon.area - mended.area) > SLIVER:
-        reason = shapely.is_valid_reason(polygon)
-        at = re.search(r"\[(\S+) (\S+?)\]", reason)
-        where = f" at ({float(at[1]):.6g}, {float(at[2]):.6g}) m" if at else ""
-        if "ntersection" in reason:
-            raise ProblemError(f"{field}: must not cross itself, as it does{where}")
-        raise ProblemError(f"{field}: must be sound, but has: {reason.split('[')[0]}{where}")
-    return mended

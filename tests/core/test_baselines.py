@@ -165,7 +165,7 @@ def open_states(
     return [head for head in heads if not any(clashes(head, other) for other in others)]
 
 
-@examples(20)
+@examples(12)
 @given(st.one_of(problems(over_time=True), meetings(), meetings(team=3)))
 def test_one_step_takes_the_best_of_the_next_step(problem: Problem) -> None:
     """Each robot in turn: no state that it could go to adds more to J, by trying all.
@@ -324,7 +324,7 @@ def test_the_distance_is_the_nearest_at_which_the_image_holds_it(
     assert _distance_in_view(robot.replace(camera=Cone()), above, wanted) == wanted
 
 
-@examples(12)
+@examples(8)
 @given(problems(robots=st.just(1)))
 def test_one_robot_is_as_near_to_its_place_as_can_be(problem: Problem) -> None:
     """Of all paths none is nearer in all; of those through the same cells none has a greater J."""

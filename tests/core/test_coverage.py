@@ -410,7 +410,7 @@ def _flies(height: float) -> bool:
     return height > -LARGEST
 
 
-@examples(60)
+@examples(35)
 @given(extreme_scenes())
 def test_extreme_numbers_have_a_finite_reward(problem: Problem) -> None:
     """Whatever numbers a problem may hold, each J is a number, and nothing warns on the way."""

@@ -193,7 +193,7 @@ def hills(draw: st.DrawFn) -> Problem:
     )
 
 
-@examples(40)
+@examples(25)
 @given(hills(), st.data())
 def test_hills_lose_nothing(problem: Problem, data: st.DataObject) -> None:
     """Where many columns hide somebody together, what is seen is the same as face by face."""

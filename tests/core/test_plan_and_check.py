@@ -2,6 +2,8 @@
 
 import math
 import re
+from collections import Counter
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from strategies import WALL, examples, tiny
 
+from cocap_opt.planners.greedy import greedy
 from cocap_opt.problem import (
     NO_RULES,
     PAPER_RULES,
@@ -26,7 +29,9 @@ from cocap_opt.problem import (
     SwapConflict,
     VertexConflict,
 )
+from cocap_opt.problem.rules import TOLERANCE
 from cocap_opt.referee import Verdict, _Referee, check
+from cocap_opt.scenarios import SCENES, load_scene
 from cocap_opt.world.workspace import HeightMap
 
 HEADINGS = 8
@@ -397,3 +402,48 @@ def test_verdict_of_the_tiny_instance() -> None:
     assert len(verdict.reward_per_step) == problem.horizon
     assert len(verdict.face_reward) == 5
     assert verdict.reward > 0
+
+
+SAMPLES = np.linspace(0.0, 1.0, 81)  # drones that move to a neighbouring cell are nearest at one
+APART = (CollisionRules(separation=2.0), CollisionRules(separation=2.5, vertical=1.5))
+TAKING_LONG = ("corridor", "bridge", "bottleneck", "passage", "field")
+
+
+def sampled_conflicts(problem: Problem, plan: Plan, rules: CollisionRules) -> Counter[str]:
+    """Steps and pairs of drones that are too near one another at one of many moments."""
+    flown = [problem.where(r, p) for r, p in zip(problem.robots, plan.paths, strict=True)]
+    found: Counter[str] = Counter()
+    for (i, one), (k, other) in combinations(enumerate(flown), 2):
+        for t in range(problem.horizon + 1):
+            last = min(t + 1, problem.horizon)
+            begin, end = other[t] - one[t], other[last] - one[last]
+            ways = begin + SAMPLES[:, None] * (end - begin)
+            near = np.linalg.norm(ways[:, : 2 if rules.vertical else 3], axis=1)
+            low = near < max(rules.separation - TOLERANCE, TOLERANCE)
+            if rules.vertical:
+                low &= np.abs(ways[:, 2]) < rules.vertical - TOLERANCE
+            if low[0]:
+                found[f"step {t}: drones {i} and {k}"] += 1
+            swap = np.allclose(one[t], other[last]) and np.allclose(one[last], other[t])
+            between = rules.separation and low.any() and not (low[0] or low[-1])
+            if (swap and not np.allclose(begin, 0)) or between:
+                found[f"step {t} to {last}: drones {i} and {k}"] += 1
+    return found
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [
+        *(name for name in SCENES if not name.startswith(TAKING_LONG)),
+        *(pytest.param(name, marks=pytest.mark.slow) for name in ("corridor-tight", *TAKING_LONG)),
+    ],
+)
+def test_conflicts_of_greedy_plans_are_those_that_samples_find(scene: str) -> None:
+    """Under the scene's rules and under separations, pair by pair and step by step."""
+    problem = load_scene(scene, 0)
+    plan = greedy(problem).plan
+    assert plan is not None
+    for rules in (problem.rules, *APART):
+        said = _Referee(_with_rules(problem, rules)).conflicts(plan)
+        named = Counter(re.split(" are| swap| pass", words)[0] for words in said)
+        assert named == sampled_conflicts(problem, plan, rules), rules

@@ -71,7 +71,7 @@ def without_goals(problem: Problem) -> Problem:
     return problem.replace(robots=tuple(robot.replace(goal=None) for robot in problem.robots))
 
 
-@examples(40)
+@examples(25)
 @given(flown(TEAMS.map(without_goals)))
 def test_objective_is_the_referees(run: Flown) -> None:
     """J of the planners, of the referee and from scratch are one number."""
@@ -102,7 +102,7 @@ def test_breakdowns_sum_to_the_objective(run: Flown) -> None:
     assert by_face == pytest.approx(verdict.reward, rel=1e-12, abs=1e-12)
 
 
-@examples(40)
+@examples(25)
 @given(flown(), st.data())
 def test_monotone_and_submodular(run: Flown, data: st.DataObject) -> None:
     """One more robot never costs, and gains the less the more robots are there already."""

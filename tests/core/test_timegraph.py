@@ -232,7 +232,7 @@ class Priced(NamedTuple):
         return value
 
 
-@examples(80)
+@examples(50)
 @given(cases(goals=True), st.data())
 def test_backward_sweep_is_dynamic_programming(case: Case, data: st.DataObject) -> None:
     """The sweep's values are those of plain dynamic programming over the networkx graph.

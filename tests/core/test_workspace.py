@@ -71,7 +71,7 @@ def altitudes_in_cell(vertices: FloatArray, x: int, y: int) -> tuple[float, floa
 coordinates = st.floats(-1.5, 6.5, allow_nan=False, width=32)
 
 
-@examples(60)
+@examples(30)
 @given(st.lists(st.tuples(coordinates, coordinates, coordinates), min_size=4, max_size=4))
 def test_a_tetrahedron_is_solid_where_linear_programs_find_it(
     corners: list[tuple[float, float, float]],
@@ -374,7 +374,7 @@ def without_sides(problem: Problem) -> Problem:
     return problem.replace(robots=tuple(robots), actors=tuple(actors))
 
 
-@examples(40)
+@examples(25)
 @given(problems(), st.integers(0, 3), st.booleans())
 def test_copies_of_problems_have_the_same_j(problem: Problem, quarters: int, mirror: bool) -> None:
     """The same of random problems, for the plan of one planner."""

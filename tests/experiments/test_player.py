@@ -23,11 +23,22 @@ from cocap_opt.experiments.studies.pictures import _Browser
 from cocap_opt.files.documents import PlanFile
 from cocap_opt.formulations import BOUNDS
 from cocap_opt.planners import PLANNERS
-from cocap_opt.problem import Actor, Camera, Cone, Motion, Plan, Prism, Problem, Robot, State
+from cocap_opt.problem import (
+    Actor,
+    Airspace,
+    Camera,
+    Cone,
+    Motion,
+    Plan,
+    Prism,
+    Problem,
+    Robot,
+    State,
+)
 from cocap_opt.referee import check
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import never
-from cocap_opt.world.workspace import HeightMap
+from cocap_opt.world.workspace import HeightMap, Mesh
 
 ROOT = Path(__file__).parents[2]
 SCENES = ["bottleneck", "bridge", "tiny-give-way", "tiny-hover"]
@@ -179,6 +190,34 @@ def test_fine_meshes_and_large_maps_are_drawn_by_cells(monkeypatch: pytest.Monke
     terrain = data["terrain"]
     assert (terrain["cell"], terrain["cells"], terrain["size"]) == (4.0, [3, 3], [12, 10])
     assert np.reshape(terrain["heights"], (3, 3)).max(axis=1).tolist() == [2, 13, 10]
+
+
+def shut_in() -> Problem:
+    """The hills with a zone to the sky and far below, a ceiling, and people kept clear of."""
+    x, y = hills().height_map.origin
+    zone = Mesh.box((x + 6, y + 6, -1e9), (x + 8, y + 8, 1e9))
+    limits = Airspace(no_fly=(zone,), ceiling=9.0, people_aside=1.0, people_above=2.0)
+    return hills().replace(airspace=limits, meshes=())
+
+
+def test_closed_airspace_is_in_the_data(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Zones from the lowest ground to 4 m above the highest flight, the ceiling over the ground."""
+    problem = shut_in()
+    closed = Player(problem).data()["airspace"]
+    assert closed["words"] == str(problem.airspace)
+    (zone,) = closed["zones"]["meshes"]
+    low, high = np.reshape(zone["vertices"], (-1, 3))[[0, -1]].tolist()
+    sky = 8 + 2 * 5 + 4
+    assert (low, high, closed["sky"]) == ([6, 6, 0], [8, 8, sky], sky)
+    assert np.reshape(closed["lid"], (6, 5))[:, 0].tolist() == [9, 11, 13, 15, 17, 19]
+    assert (closed["aside"], closed["above"]) == (1, 2)
+    high_lid = problem.airspace.replace(ceiling=120.0, people_aside=0.0, people_above=None)
+    closed = Player(problem.replace(airspace=high_lid)).data()["airspace"]
+    assert (closed["lid"], closed["aside"], closed["above"]) == ([], None, None)
+    assert Player(hills()).data()["airspace"] is None
+    monkeypatch.setattr(player_scene, "MOST_TRIANGLES", 1)
+    drawn = Player(problem).data()["airspace"]["zones"]
+    assert drawn == {"meshes": [], "boxes": [[3, 3, 0, sky]]}
 
 
 def test_nothing_to_see_is_no_error() -> None:
@@ -570,6 +609,28 @@ def test_a_phone_shows_one_plan_above_the_other(player: Any) -> None:
     assert tops[1] > tops[0] + 200
     assert value(player, INKED % ("view", 0)) > 0.1
     player.resize((1280, 800))
+
+
+@pytest.mark.slow
+def test_closed_airspace_is_drawn_and_can_be_switched_off(player: Any, tmp_path: Path) -> None:
+    """In red, with its limits in the legend; where nothing is closed there is no entry for it."""
+    dark, red = "d[i] + d[i + 1] + d[i + 2] < 750", "d[i] > 25 + Math.max(d[i + 1], d[i + 2])"
+    assert dark in INKED
+    red = INKED.replace(dark, red) % ("view", 0)
+    wide = "['airspace', 'closing'].map((id) => document.getElementById(id).offsetWidth)"
+    assert value(player, wide) == [0, 0]
+    problem, page, before = shut_in(), tmp_path / "page.html", player.current_url
+    Player(problem).save(page)
+    player.get(page.as_uri())
+    player.go_to(1)
+    said = value(player, "document.getElementById('airspace').innerText")
+    assert said == f"closed to drones: {problem.airspace}"
+    shown = value(player, red)
+    player.execute_script("document.getElementById('closed').click()")
+    player.go_to(1)
+    assert shown > 0.02 + 2 * value(player, red)
+    assert player.get_log("browser") == []
+    player.get(before)
 
 
 @pytest.mark.slow

@@ -41,7 +41,7 @@ def covered_in_part(problem: Problem, looks: int) -> Model:
     return model
 
 
-@examples(60)
+@examples(40)
 @given(problem=st.one_of(problems(over_time=True), meetings()), looks=st.integers(0, 6))
 def test_a_bound_holds_whatever_coverage_is_known(problem: Problem, looks: int) -> None:
     """It is no less than the optimum, and its numbers prove it on the true coverage."""
@@ -55,7 +55,7 @@ def test_a_bound_holds_whatever_coverage_is_known(problem: Problem, looks: int) 
     assert best.value - SLACK * abs(best.value) <= proved <= result.bound
 
 
-@examples(60)
+@examples(40)
 @given(problem=problems())
 def test_nobody_sees_more_than_the_ceiling(problem: Problem) -> None:
     """State by state, of the sums of pixels and of their roots; faces not marked are not seen."""

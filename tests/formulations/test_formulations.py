@@ -1,3 +1,4 @@
+import hashlib
 import inspect
 import math
 import os
@@ -6,6 +7,7 @@ import subprocess
 import sys
 from itertools import pairwise
 
+import msgspec
 import numpy as np
 import pytest
 from brute_force import objective_from_scratch, optimum
@@ -69,7 +71,7 @@ def assert_sandwich(problem: Problem, result: CertifiedResult) -> None:
 
 
 @pytest.mark.parametrize("method", [slow(m) if m in TAKING_LONG else m for m in OWN])
-@examples(15)
+@examples(12)
 @given(problem=problems(over_time=True))
 def test_sandwich(method: str, problem: Problem) -> None:
     """plan <= optimum <= bound, for every method, rule, class of robots and goal."""
@@ -120,7 +122,7 @@ def test_single_view_cuts_are_exact_for_one_robot(problem: Problem) -> None:
         assert bound < 0
 
 
-@examples(25)
+@examples(16)
 @given(problem=problems())
 def test_brute_force_equals_the_independent_oracle(problem: Problem) -> None:
     """The product's brute force and the tests' own, which shares no code with it, agree."""
@@ -155,7 +157,7 @@ def test_a_search_stopped_anywhere_has_a_valid_proof(name: str) -> None:
     whole = branch_and_price(problem, calls)
     assert whole.statistics["leaves"] > 2
     nodes = set()
-    for most in range(0, calls.asked, max(calls.asked // 20, 1)):
+    for most in range(0, calls.asked, max(calls.asked // 8, 1)):
         result = branch_and_price(problem, Calls(most))
         assert_sandwich(problem, result)
         assert result.reason in (Reason.STOPPED, whole.reason)
@@ -222,14 +224,12 @@ def test_results_do_not_depend_on_the_process() -> None:
         "assert result.statistics['nodes'] > 1;"
         "print(hashlib.sha256(msgspec.json.encode(result.certificate)).hexdigest())"
     )
-    said = [
-        subprocess.run(
-            [sys.executable, "-c", code], env=os.environ | {"PYTHONHASHSEED": seed}, check=True,
-            capture_output=True, text=True,
-        ).stdout
-        for seed in ("1", "2")
-    ]  # fmt: skip
-    assert said[0] == said[1] != ""
+    said = subprocess.run(
+        [sys.executable, "-c", code], env=os.environ | {"PYTHONHASHSEED": "2"}, check=True,
+        capture_output=True, text=True,
+    ).stdout  # fmt: skip
+    here = branch_and_price(load_scene("tiny-give-way")).certificate
+    assert said.strip() == hashlib.sha256(msgspec.json.encode(here)).hexdigest()
 
 
 def test_a_start_that_breaks_a_rule_is_rejected_in_words() -> None:

@@ -172,7 +172,7 @@ def test_zones_and_people_are_kept_clear_of(tmp_path: Path) -> None:
         ("[[no_fly]]\npolygon = [[0, 0], [1, 1]]", r"no_fly.0.: polygon: must have at least 3"),
         (
             "[[no_fly]]\npolygon = [[0, 0], [2, 2], [2, 0], [0, 2]]",
-            r"no_fly.0.: polygon: must not cross itself: Self-intersection.1 1",
+            r"no_fly.0.: polygon: must not cross itself, as it does at \(1, 1\) m",
         ),
         ("[[no_fly]]\npolygon = [[0, 0], [2, 0], [2, 2]]\ntop = 1\nbottom = 2", "top: must be ab"),
         ("[airspace]\nover_people = 3", "airspace: over_people: must be left out where people is"),

@@ -35,6 +35,7 @@ from cocap_opt.world.workspace import HeightMap, Mesh, Workspace
 WALL = 20.0  # m, higher than anything flies
 MOST_PLANS = 20_000  # combinations of paths that brute force goes through
 
+QUICK = "COCAP_OPT_QUICK" in os.environ  # slow tests are left out
 _FACTOR = int(os.environ.get("COCAP_OPT_EXAMPLES", "1"))
 
 
@@ -53,10 +54,10 @@ class Calls(Stop):
 def examples(count: int) -> settings:
     """Settings for a property test: so many examples, times COCAP_OPT_EXAMPLES.
 
-    Without slow tests it is an eighth of them, but for a few.
+    Without slow tests it is a tenth of them, but for a few.
     """
-    if "COCAP_OPT_QUICK" in os.environ:
-        count = min(count, max(4, count // 8))
+    if QUICK:
+        count = min(count, max(3, count // 10))
     return settings(max_examples=count * _FACTOR)
 
 

@@ -4,6 +4,8 @@ const TAU = 2 * Math.PI;
 const UNSEEN = "#565c66", WALK = rgb("#c2364a"), SHADOW = rgb("#8d8a82");
 const SCALE = ["#472a78", "#8e2f8e", "#cc4778", "#f0804e", "#fdc328", "#fcf6a4"]; // little to much
 
+const SIDES = 28; // of a cylinder
+
 // Colour of px/m2: even steps of its root, which is what J sums.
 function seenColour(pixels, most) {
   if (!(pixels > 0)) return UNSEEN;
@@ -89,6 +91,22 @@ class Bodies {
       if (area(flat) <= 0) return; // turned away
       view.raster.fillMoving(flat, corners.length, rgb(seenColour(seen[face], this.data.most)));
       view.outline(flat, corners.length, INK, 0.8);
+    });
+  }
+
+  // Where drones are too near to people: upright cylinders.
+  keptFrom(view, time) {
+    const { aside, above, sky } = this.data.airspace;
+    if (aside === null) return;
+    this.data.people.forEach((person, j) => {
+      const [x, y, z] = this.person(j, time), top = above === null ? sky : z + person.height + above;
+      const low = ring(SIDES, aside, x, y, z + 0.05), high = ring(SIDES, aside, x, y, Math.max(top, z));
+      view.veil(high, 0.09);
+      low.forEach((p, k) => {
+        const next = (k + 1) % SIDES;
+        view.veil([p, low[next], high[next], high[k]], 0.09);
+        for (const end of [low, high]) view.rim(end[k], end[next]);
+      });
     });
   }
 

@@ -11,7 +11,7 @@ const make = (name, cls, text) => {
 
 const MOST_WORDS = 3; // conflicts that are said at once, on a phone one
 const NARROW = 500; // px
-const SHOWN = ["sights", "tracks", "solid"]; // check boxes
+const SHOWN = ["sights", "tracks", "solid", "closed"]; // check boxes
 const state = { time: 0, playing: false, speed: 2, last: 0, dirty: true, moved: -Infinity, slow: false };
 const camera = new Camera(data);
 const world = new World(data);
@@ -112,8 +112,8 @@ function tick(now) {
 // While something moves, a slow machine gets coarser pictures.
 function draw(resting) {
   state.quality = resting || !state.slow ? FINE : COARSE;
-  const [sights, tracks, solid] = SHOWN.map((name) => find(name).checked);
-  const options = { quality: state.quality, sights, tracks, solid };
+  const checked = SHOWN.map((name) => [name, find(name).checked]);
+  const options = { quality: state.quality, ...Object.fromEntries(checked) };
   const begin = performance.now();
   for (const panel of panels) {
     panel.view.draw(state.time, options);
@@ -224,6 +224,8 @@ function overpaid(gap, face) {
 // -- the rest of the page -------------------------------------------------------------------
 
 function legend() {
+  find("airspace").hidden = find("closing").hidden = !data.airspace;
+  if (data.airspace) find("limits").textContent = data.airspace.words;
   find("unseen").style.background = UNSEEN;
   if (!data.plans.some((plan) => plan.seen.flat().some((pixels) => pixels > 0))) {
     find("bar").hidden = find("unit").hidden = true; // nothing is seen at any step

@@ -7,6 +7,7 @@
 const NOWHERE = Math.fround(-1e30); // depth where nothing is
 const HIDDEN = 0.34; // how much is seen of what moves through what is solid
 const EDGE = 0xff60524b;
+const LINE = 0.25; // of what is hatched is lines
 const GLASS = 0.3; // how much of what is behind them obstacles hide where they are glass
 
 function mixed(a, b, share) {
@@ -160,17 +161,22 @@ class Raster {
   }
 
   // Something translucent, once the rest is composed; it hides nothing.
-  blend(p, n, colour, share) {
+  // `aside`: it leaves out what moves, whose colours say something. Hatched, it has a line every so
+  // many samples, and little in between.
+  blend(p, n, colour, share, { aside = false, hatch = 0 } = {}) {
     if (!this.scan(p, n)) return;
     const { out, ground, glass, moving } = this;
     const front = Math.round(share * 256), behind = this.solid ? 0 : Math.round(front * (1 - GLASS));
+    const line = hatch * LINE;
     const redBlue = colour & 0xff00ff, green = (colour >> 8) & 0xff;
     for (let y = this.top; y <= this.bottom; y++) {
       const x = this.begins(y), end = y * this.width + this.ends(y);
       let w = this.atOrigin + this.alongX * (x + 0.5) + this.alongY * (y + 0.5);
       for (let at = y * this.width + x; at < end; at++, w += this.alongX) {
-        if (w > ground.depth[at] && w > moving.depth[at]) {
-          const k = w > glass.depth[at] ? front : behind, under = out[at];
+        if (w > ground.depth[at] && w > moving.depth[at] && !(aside && moving.depth[at] > NOWHERE)) {
+          let k = w > glass.depth[at] ? front : behind;
+          if (hatch && (at - y * this.width + y) % hatch >= line) k >>= 2;
+          const under = out[at];
           const rb = (((under & 0xff00ff) * (256 - k) + redBlue * k) >>> 8) & 0xff00ff;
           const g = (((under >> 8) & 0xff) * (256 - k) + green * k) & 0xff00;
           out[at] = (0xff000000 | rb | g) >>> 0;

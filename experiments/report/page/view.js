@@ -4,6 +4,7 @@ const DEGREE = Math.PI / 180;
 const FINE = 2, COARSE = 1; // samples per pixel of the page along x and y
 const MOST_SAMPLES = 3.2e6;
 const RED = "#d0021b";
+const HATCH = 9; // px from line to line
 
 class Camera {
   constructor(data) {
@@ -108,9 +109,18 @@ class View {
     this.raster.fillMoving(q, 4, colour);
   }
 
-  ray(a, b, colour) {
+  ray(a, b, colour, how) {
     const q = this.raster.stroke(this.flat([a, b]), 0, 3, 0.8 * this.quality, 0);
-    this.raster.blend(q, 4, colour, 0.5);
+    this.raster.blend(q, 4, colour, 0.5, how);
+  }
+
+  // A polygon of what is closed to drones.
+  veil(points, share, hatch = 0) {
+    this.raster.blend(this.flat(points), points.length, CLOSED, share, { aside: true, hatch });
+  }
+
+  rim(a, b) {
+    this.ray(a, b, CLOSED, { aside: true });
   }
 
   // Radius of a drone (m): its own, but never so small that nobody sees it.
@@ -130,12 +140,27 @@ class View {
     this.bodies.people(this, time);
     this.bodies.drones(this, time);
     raster.compose();
+    if (options.closed && this.data.airspace) this.closed(time);
     if (options.sights) this.bodies.sights(this, time, this.data.reach);
     const context = this.canvas.getContext("2d");
     context.setTransform(1, 0, 0, 1, 0, 0);
     context.drawImage(raster.finish(), 0, 0, this.canvas.width, this.canvas.height);
     context.setTransform(this.canvas.width / width, 0, 0, this.canvas.height / height, 0, 0);
     this.write(context, time, width, height);
+  }
+
+  // Where drones may not fly: see-through, so that it hides nothing. From above the ceiling is all
+  // over the picture.
+  closed(time) {
+    this.see(this.world.zones, 0.34, Math.round(HATCH * this.quality));
+    this.see(this.world.lid, this.camera.elevation < 80 ? 0.05 : 0);
+    this.bodies.keptFrom(this, time);
+  }
+
+  see({ corners, edges }, share, hatch) {
+    const at = (array, k) => [array[k], array[k + 1], array[k + 2]];
+    for (let i = 0; i < corners.length; i += 12) this.veil([0, 3, 6, 9].map((k) => at(corners, i + k)), share, hatch);
+    for (let i = 0; i < edges.length; i += 6) this.rim(at(edges, i), at(edges, i + 3));
   }
 
   // What stands still is drawn again only where the camera has moved.

@@ -8,6 +8,7 @@ const PAPER = rgb("#ffffff"), INK = rgb("#2b2f36");
 const LOW_GROUND = rgb("#eeebe2"), HIGH_GROUND = rgb("#c9c2a6");
 const LOW_THING = rgb("#d3c6a8"), WALL = rgb("#8f9aad"), MESH = rgb("#b07d55");
 const LOW_PLAN = rgb("#d9cdb0"), WALL_PLAN = rgb("#c3c7ce"); // on the ground below them
+const CLOSED = rgb("#d0021b"); // to drones
 const LIGHT = [0.35, -0.5, 0.79]; // where it comes from; unit length
 const LEAST_EDGE = 0.8; // of a cell, steps in the terrain that get an outline
 const SLOPE = 1.2; // how much of the light from above the sides of the ground's steps take
@@ -52,11 +53,19 @@ class World {
     new Columns(terrain, grounds, null, (k) => colours[kinds[k]]?.[0] ?? ground(k), this.ground);
     this.things = new Polygons();
     new Columns(terrain, heights, grounds, (k) => colours[kinds[k]]?.[1] ?? ground(k), this.things);
-    for (const mesh of data.meshes) addMesh(this.things, mesh);
-    for (const box of data.boxes) addBox(this.things, terrain, box);
-    this.ground.done();
-    this.things.done();
+    addSolids(this.things, terrain, data, MESH);
+    // What is closed to drones: no-fly zones, and the ceiling.
+    this.zones = new Polygons();
+    this.lid = new Polygons();
+    if (data.airspace) addSolids(this.zones, terrain, data.airspace.zones, CLOSED);
+    if (data.airspace?.lid.length) new Lid(terrain, data.airspace.lid, null, () => CLOSED, this.lid);
+    for (const some of [this.ground, this.things, this.zones, this.lid]) some.done();
   }
+}
+
+function addSolids(into, terrain, { meshes, boxes }, colour) {
+  for (const mesh of meshes) addMesh(into, mesh, colour);
+  for (const box of boxes) addBox(into, terrain, box, colour);
 }
 
 // Edges of cells along an axis, in m; the last cell may be cut.
@@ -67,6 +76,10 @@ class Columns {
   constructor(terrain, heights, floors, colour, into) {
     Object.assign(this, { terrain, heights, floors, colour, into });
     this.tops();
+    this.sides();
+  }
+
+  sides() {
     this.walls(0);
     this.walls(1);
   }
@@ -153,15 +166,28 @@ class Columns {
   }
 }
 
+// Tops of columns that have no sides, with an edge where the map ends.
+class Lid extends Columns {
+  sides() {}
+
+  top(xs, ys, z, colour) {
+    super.top(xs, ys, z, colour);
+    const { cells } = this.terrain, at = (i, j) => [edgeOf(this.terrain, 0, i), edgeOf(this.terrain, 1, j), z];
+    const edge = (p, q) => this.into.edges.push(...p, ...q);
+    for (const i of xs) if (i === 0 || i === cells[0]) edge(at(i, ys[0]), at(i, ys[1]));
+    for (const j of ys) if (j === 0 || j === cells[1]) edge(at(xs[0], j), at(xs[1], j));
+  }
+}
+
 // Triangles, and the edges at which they bend or end.
-function addMesh(into, { vertices, triangles }) {
+function addMesh(into, { vertices, triangles }, colour) {
   const at = (k) => vertices.slice(3 * k, 3 * k + 3), sides = new Map();
   for (let t = 0; t < triangles.length; t += 3) {
     const numbers = triangles.slice(t, t + 3), [a, b, c] = numbers.map(at);
     const u = b.map((v, i) => v - a[i]), v = c.map((w, i) => w - a[i]);
     const n = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
     const length = Math.hypot(...n) || 1, normal = n.map((w) => w / length);
-    into.add([a, b, c, c], [0, 0, 0], lit(MESH, normal));
+    into.add([a, b, c, c], [0, 0, 0], lit(colour, normal));
     numbers.forEach((k, i) => {
       const key = [k, numbers[(i + 1) % 3]].sort((p, q) => p - q).join();
       sides.set(key, [...(sides.get(key) ?? []), normal]);
@@ -174,9 +200,9 @@ function addMesh(into, { vertices, triangles }) {
 }
 
 // A part of a column: what a mesh too fine to be drawn fills of a cell.
-function addBox(into, terrain, [i, j, low, high]) {
+function addBox(into, terrain, [i, j, low, high], colour) {
   const [a, b] = [i, i + 1].map((k) => edgeOf(terrain, 0, k)), [c, d] = [j, j + 1].map((k) => edgeOf(terrain, 1, k));
-  const side = (normal, ...points) => into.add(points, normal, lit(MESH, normal));
+  const side = (normal, ...points) => into.add(points, normal, lit(colour, normal));
   side([0, 0, 1], [a, c, high], [b, c, high], [b, d, high], [a, d, high]);
   side([0, 0, -1], [a, c, low], [b, c, low], [b, d, low], [a, d, low]);
   side([-1, 0, 0], [a, c, low], [a, d, low], [a, d, high], [a, c, high]);

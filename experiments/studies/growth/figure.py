@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, NullFormatter, NullLocator
+from matplotlib.ticker import NullFormatter, NullLocator
 
 from cocap_opt.experiments.report.figures import draw_frame
 from cocap_opt.experiments.studies.growth.points import (
@@ -112,7 +112,7 @@ def _sizes_as_ticks(ax: Axes, points: Sequence[Point]) -> None:
 def _finish(ax: Axes, spoilt: bool) -> Axes:
     ax.set_xscale("log")
     ax.set_yscale("log")
-    ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    ax.yaxis.set_major_formatter("{x:g}")
     ax.yaxis.set_minor_formatter(NullFormatter())
     ax.grid(True, which="major", lw=0.4, alpha=0.5)
     draw_frame(ax)

@@ -6,7 +6,7 @@ from statistics import median
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, NullFormatter
+from matplotlib.ticker import NullFormatter
 
 from cocap_opt.experiments.report.figures import draw_frame
 from cocap_opt.experiments.studies.separation.points import Point
@@ -30,7 +30,7 @@ def separation_figure(points: Sequence[Point]) -> Figure:
         ax.set_title(title, fontsize=10)
         ax.set_ylabel("times that under the papers' rules")
         ax.set_yscale("log")
-        ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        ax.yaxis.set_major_formatter("{x:g}")
         ax.yaxis.set_minor_formatter(NullFormatter())
         ax.axhline(2, color="grey", lw=0.8, ls=":")
         ax.annotate("goal: 2", (0.99, 2), xycoords=("axes fraction", "data"), fontsize=8,
