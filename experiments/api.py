@@ -31,7 +31,7 @@ from cocap_opt.formulations.result import (
     silent,
 )
 from cocap_opt.model import compiled
-from cocap_opt.planners import PLANNERS, Planner
+from cocap_opt.planners import PLANNERS, RECOMMENDED, Planner
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import Verdict
 from cocap_opt.referee import check as judge_plan
@@ -80,7 +80,7 @@ def load(scene: str | Path, seed: int = 0, **options: str) -> Problem:
 
 def plan(
     problem: Problem,
-    planner: str | Planner = "cocap",
+    planner: str | Planner = RECOMMENDED,
     *,
     time_limit: float | None = None,
     stop: Stop = never,
@@ -110,7 +110,7 @@ def plan(
 
     Examples
     --------
-    >>> result = co.plan(problem, "cocap", time_limit=10)
+    >>> result = co.plan(problem, time_limit=10)
     >>> result.plot()
     """
     call, clock = _named("planner", planner, PLANNERS), Clock()
@@ -431,7 +431,7 @@ def gap(
     ----------
     scenes : names, files or problems; one, or several
     planners : names in `PLANNERS` or `EXACT`; if not given greedy, sequential, cocap, cocap-vs,
-        and with one or two drones joint
+        cocap-lns, and with one or two drones joint
     seeds : of the scenes; a scene that is the same for several seeds is taken once, and so is a
         problem, whose seed is 0
     time_limit : seconds for each plan, and for each of the two bounds of a scene and seed

@@ -20,7 +20,7 @@ from cocap_opt.problem import Problem
 from cocap_opt.result import Result
 from cocap_opt.stop import Stop, never
 
-__all__ = ["LAZY", "PLANNERS", "Planner"]
+__all__ = ["LAZY", "PLANNERS", "RECOMMENDED", "Planner"]
 
 
 class Planner(Protocol):
@@ -47,6 +47,10 @@ PLANNERS: dict[str, Planner] = {
     "myopic": myopic,
     "one-step": one_step,
 }
+
+# The nearest to the optimum of those that take problems of any size, and what commands use if no
+# planner is named.
+RECOMMENDED = "cocap-lns"
 
 # Planners that evaluate only the views they touch, and so need no coverage of all states before.
 LAZY = frozenset({"cocap-vs", "cocap-vs-undiscounted", "formation", "one-step"})

@@ -79,8 +79,8 @@ def _gap(
     """Print the gap table: every planner's J against the best certified bound.
 
     gap is to the bound under the scene's rules, gap_free to that without any rules.
-    Planners, if none is named: greedy, sequential, cocap, cocap-vs, and with one or
-    two drones joint.
+    Planners, if none is named: greedy, sequential, cocap, cocap-vs, cocap-lns, and
+    with one or two drones joint.
     What is in the folder of --out already is not computed again; of a scene, seed
     and planner its table has the newest row, with the lowest bound that was proved.
     The exit code is 1 if a planner or a bound has ended by an error.

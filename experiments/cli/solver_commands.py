@@ -41,6 +41,7 @@ from cocap_opt.files.atomic_write import write_atomically
 from cocap_opt.files.documents import FileError, encode
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult
+from cocap_opt.planners import RECOMMENDED
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import Reason, Result, UnsupportedError
 from cocap_opt.stop import Interrupt, Stop
@@ -58,7 +59,7 @@ def _plan(
     scene: Scene,
     /,
     *,
-    planner: Annotated[str, Parameter(help=f"one of {', '.join(SOLVERS)}")] = "cocap",
+    planner: Annotated[str, Parameter(help=f"one of {', '.join(SOLVERS)}")] = RECOMMENDED,
     seed: Seed = 0,
     free: Free = False,
     time_limit: Seconds = DEFAULT_SECONDS,
@@ -68,7 +69,7 @@ def _plan(
 ) -> int:
     """Plan a scene, have the plan checked, and write it to a file.
 
-    Example: cocap-opt plan corridor --planner cocap --seed 0 -o plan.json
+    Example: cocap-opt plan corridor --seed 0 -o plan.json
     """
     Option("--planner").require_one_of(planner, SOLVERS)
     allowance = allowed(time_limit, work_limit)

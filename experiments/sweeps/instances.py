@@ -19,6 +19,7 @@ from cocap_opt.experiments.sweeps.start import BoundStart
 from cocap_opt.experiments.sweeps.work import Task
 from cocap_opt.files.documents import problem_digest
 from cocap_opt.formulations.result import OPTIMALITY
+from cocap_opt.planners import RECOMMENDED
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import Reason, Result, relative_gap
 from cocap_opt.stop import Limit
@@ -51,8 +52,8 @@ class Settings(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def _default_planners(problem: Problem) -> list[str]:
-    """Returns the planners of a gap table: those of the paper, and joint where it can be run."""
-    names = ["greedy", "sequential", "cocap", "cocap-vs"]
+    """Returns the planners of a gap table: the paper's, one more, and joint if it can run."""
+    names = ["greedy", "sequential", "cocap", "cocap-vs", RECOMMENDED]
     return [*names, "joint"] if len(problem.robots) <= 2 else names
 
 
@@ -61,7 +62,8 @@ class Instance:
 
     Parameters
     ----------
-    planners : None stands for those of the paper, and joint for one or two robots
+    planners : None stands for those of the paper, the recommended one, and joint for one or two
+        robots
     given : plans of others by name, which get rows of their own
     own_starts : the drones start where the scene's own file says, not where the seed has them
 
