@@ -23,6 +23,7 @@ time runs out are in `constraint_tree`.
 
 from cocap_opt.planners.constraint_tree import ConstraintTree, FocalNodes, Node, OpenNodes
 from cocap_opt.planners.low_level import LowLevel, value_iteration
+from cocap_opt.planners.responses import Responses
 from cocap_opt.planners.team import Team
 from cocap_opt.planners.view_search import Undiscounted, ViewSearch
 from cocap_opt.problem import Problem
@@ -67,7 +68,8 @@ def cocap(problem: Problem, stop: Stop = never, low_level: LowLevel = value_iter
         there is no path, and every plan meets at least one of the two constraints of a conflict.
     """
     open_nodes = OpenNodes()
-    tree = ConstraintTree(Team.of(problem, low_level, stop), low_level, stop, open_nodes)
+    team, responses = Team.of(problem, low_level, stop), Responses(low_level, stop)
+    tree = ConstraintTree(team, responses, stop, open_nodes)
     try:
         return tree.result(algorithm_1(tree, open_nodes))
     except LimitReached as reached:
@@ -103,8 +105,8 @@ def _from_rounds(
     problem: Problem, stop: Stop, open_nodes: OpenNodes, polish: bool = False
 ) -> Result:
     """Return the result of Alg. 1 from a root that is planned in rounds."""
-    team = Team.of(problem, value_iteration, stop)
-    tree = ConstraintTree(team, value_iteration, stop, open_nodes, rounds=True)
+    team, responses = Team.of(problem, value_iteration, stop), Responses(value_iteration, stop)
+    tree = ConstraintTree(team, responses, stop, open_nodes, rounds=True)
     try:
         found = algorithm_1(tree, open_nodes)
     except LimitReached as reached:

@@ -23,8 +23,9 @@ from cocap_opt.result import Reason, Result
 from cocap_opt.stop import FirstOf, LimitReached, Stop, WorkLimit, never
 from cocap_opt.timing import timed
 
-NODES = 4  # of the tree, for each robot, where there is a plan already
-RESPONSES = 14  # of the first plan and the search, for each robot
+NODES = 3  # of the tree, for each robot, where there is a plan already; at least:
+FEW_NODES = 20
+RESPONSES = 16  # for each robot
 
 
 @timed
@@ -33,8 +34,8 @@ def cocap_lns(problem: Problem, stop: Stop = never, responses: int = RESPONSES) 
 
     Parameters
     ----------
-    responses : paths per robot that value iteration is asked for, the tree apart; more of them
-        take longer and come nearer to the optimum
+    responses : paths per robot that value iteration is asked for before the search ends; more of
+        them take longer and come nearer to the optimum
 
     Returns
     -------
@@ -42,9 +43,9 @@ def cocap_lns(problem: Problem, stop: Stop = never, responses: int = RESPONSES) 
         No robot alone can better its plan, unless a limit has stopped it: then it is the best plan
         so far. `statistics` holds the number of `responses`.
     """
-    team = Team.of(problem, value_iteration, stop)
-    asked = Responses(value_iteration, stop)
-    team, limit = followed(team, _better_and_better(team, asked, stop, responses * team.size))
+    nobody, asked = Team.of(problem, value_iteration, stop), Responses(value_iteration, stop)
+    changes = _better_and_better(nobody, asked, stop, responses * nobody.size)
+    team, limit = followed(nobody, changes)
     if limit is None and not team.is_whole:
         words = "no plan obeys the rules: the constraint tree is exhausted"
         return Result.without_plan(Reason.INFEASIBLE, words)
@@ -58,7 +59,7 @@ def _better_and_better(
     team = nobody
     for team in then_in_rounds(nobody, responses):
         yield team
-    nodes = NODES * team.size if team.is_whole else sys.maxsize
+    nodes = max(NODES * team.size, FEW_NODES) if team.is_whole else sys.maxsize
     other = _from_tree(nobody, responses, stop, nodes)
     if other is not None and not (team.is_whole and team.value >= other.value):
         yield (team := other)
@@ -72,13 +73,12 @@ def _from_tree(nobody: Team, responses: Responses, stop: Stop, nodes: int) -> Te
 
     A tree whose root has more conflicts than it may have nodes is not begun.
     """
-    alone = Responses(value_iteration, stop, rules=False)
-    root = followed(nobody, one_by_one(nobody, alone))[0]
+    root = followed(nobody, one_by_one(nobody, responses, rules=False))[0]
     stop.check()
     if root.is_whole and len(root.conflicts) > nodes:
         return None
     open_nodes, enough = FocalNodes(), FirstOf(stop, WorkLimit(nodes))
-    tree = ConstraintTree(root, value_iteration, enough, open_nodes, rounds=True)
+    tree = ConstraintTree(root, responses, enough, open_nodes, rounds=True)
     try:
         found = algorithm_1(tree, open_nodes)
     except LimitReached:

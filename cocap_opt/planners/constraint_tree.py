@@ -6,9 +6,7 @@ from dataclasses import dataclass, replace
 
 from cocap_opt.coordination.constraints import forbid
 from cocap_opt.graph.charges import NO_CHARGES, Charges
-from cocap_opt.planners.low_level import LowLevel
 from cocap_opt.planners.responses import Responses, followed, in_rounds, one_by_one
-from cocap_opt.planners.sequential import sequential
 from cocap_opt.planners.team import Team
 from cocap_opt.problem import Conflict
 from cocap_opt.result import Reason, Result
@@ -108,25 +106,24 @@ class ConstraintTree:
     def __init__(
         self,
         team: Team,
-        low_level: LowLevel,
+        responses: Responses,
         stop: Stop,
         open_nodes: OpenNodes,
         rounds: bool = False,
     ) -> None:
-        self._model, self._low_level, self._stop = team.model, low_level, stop
-        self._responses = Responses(low_level, stop, rules=False)
+        self._model, self._responses, self._stop = team.model, responses, stop
         self._open, self._rounds = open_nodes, rounds
         self._team = team  # of the root, as far as it is planned
-        self._spare: Result | None = None  # of sequential planning, once the tree is large
+        self._spare: Team | None = None  # of sequential planning, once the tree is large
 
     def root(self) -> Node | None:
         """Node of every robot's best path given the earlier ones; None where one has no path."""
-        for team in one_by_one(self._team, self._responses):
+        for team in one_by_one(self._team, self._responses, rules=False):
             self._team = team
         if not self._team.is_whole:
             return None
         if self._rounds:
-            for team in in_rounds(self._team, self._responses):
+            for team in in_rounds(self._team, self._responses, rules=False):
                 self._team = team
         return Node(self._team, (NO_CHARGES,) * self._team.size, self._team.value)
 
@@ -153,8 +150,8 @@ class ConstraintTree:
     def _keep_spare_plan(self) -> None:
         """Plan sequentially once the tree is large: a plan for the case that time runs out."""
         if self._spare is None and self._open.pushed >= SPARE_FROM:
-            self._spare = sequential(self._model.problem, self._stop, self._low_level)
-            self._responses.evaluated += int(self._spare.statistics.get("evaluated", 0))
+            nobody = Team.nobody(self._model)
+            self._spare = followed(nobody, one_by_one(nobody, self._responses))[0].hovering()
 
     # -- results --------------------------------------------------------------------------
 
@@ -172,18 +169,16 @@ class ConstraintTree:
 
         These obey the rules, and end where no robot alone can gain.
         """
-        responses = Responses(self._low_level, self._stop)
-        team, limit = followed(found.team, in_rounds(found.team, responses))
-        self._responses.evaluated += responses.evaluated
+        team, limit = followed(found.team, in_rounds(found.team, self._responses))
         return team.result(limit, self._statistics(self._open.popped - 1))
 
     def stopped(self, limit: Limit) -> Result:
         """Result of a search that a limit has stopped."""
         team = self._open.last.team if self._open.last else self._team
         result = team.without_conflicts(limit, self._statistics(self._open.popped))
-        if self._spare is not None and self._spare.value > result.value:
+        if self._spare and self._spare.is_whole and self._spare.value > result.value:
             words = "stopped: this is the plan of sequential planning"
-            return replace(result, plan=self._spare.plan, value=self._spare.value, message=words)
+            return replace(self._spare.result(limit, result.statistics), message=words)
         return result
 
     def _statistics(self, expanded: int) -> Mapping[str, float]:

@@ -34,13 +34,13 @@ def greedy(
     Result
         At a limit, robots that are not planned yet stay at their starts.
     """
-    responses = Responses(low_level, stop, rules=False)
+    responses = Responses(low_level, stop)
     team = Team.of(problem, low_level, stop)
-    team, limit = followed(team, one_by_one(team, responses))
+    team, limit = followed(team, one_by_one(team, responses, rules=False))
     if limit is None and not team.is_whole:
         return Team.no_path(team.found.index(None))
     if limit is None and rounds:
-        team, limit = followed(team, in_rounds(team, responses))
+        team, limit = followed(team, in_rounds(team, responses, rules=False))
     return team.hovering().result(limit)
 
 

@@ -4,7 +4,7 @@ All planners that plan one robot after the other are made of these: `one_by_one`
 are not planned yet, `in_rounds` plans each again against all others until nobody gains.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import cycle
 
 from cocap_opt.graph.charges import NO_CHARGES, Charges
@@ -16,23 +16,23 @@ from cocap_opt.stop import Limit, LimitReached, Stop
 class Responses:
     """Finds the best path of one robot against its team, and remembers it.
 
-    Parameters
-    ----------
-    rules : the robot keeps clear of the others' paths; if False, collisions are ignored
-
     Attributes
     ----------
     asked : number of paths that the low level was asked for
     evaluated : states whose coverage it needed
     """
 
-    def __init__(self, low_level: LowLevel, stop: Stop, rules: bool = True) -> None:
-        self._low_level, self._stop, self._rules = low_level, stop, rules
+    def __init__(self, low_level: LowLevel, stop: Stop) -> None:
+        self._low_level, self._stop = low_level, stop
         self._known: dict[tuple[object, ...], SingleRobotPath] = {}
         self.asked = self.evaluated = 0
 
-    def best(self, team: Team, robot: int) -> SingleRobotPath:
+    def best(self, team: Team, robot: int, rules: bool = True) -> SingleRobotPath:
         """Return a robot's best path against all others that are planned.
+
+        Parameters
+        ----------
+        rules : it keeps clear of the others' paths; if False, collisions are ignored
 
         Raises
         ------
@@ -40,22 +40,20 @@ class Responses:
             If the low level is stopped.
         """
         others = tuple(single and single.path for single in team.without((robot,)).found)
-        if (robot, others) not in self._known:
-            self._known[robot, others] = self.charged(team, robot, NO_CHARGES)
-        return self._known[robot, others]
+        task = robot, others, rules
+        if task not in self._known:
+            charges = team.avoiding(robot) if rules else NO_CHARGES
+            self._known[task] = self.charged(team, robot, charges)
+        return self._known[task]
 
-    def charged(
-        self, team: Team, robot: int, charges: Charges, waiting: Iterable[int] = ()
-    ) -> SingleRobotPath:
-        """Return a robot's best path under charges, and clear of robots that wait at their starts.
+    def charged(self, team: Team, robot: int, charges: Charges) -> SingleRobotPath:
+        """Return a robot's best path under charges, be it clear of the others or not.
 
         Raises
         ------
         LimitReached
             If the low level is stopped.
         """
-        if self._rules:
-            charges = Charges.joined([team.avoiding(robot, waiting), charges])
         single = self._low_level(team.task(robot, charges, self._stop))
         self.asked += 1
         self.evaluated += single.evaluated
@@ -63,11 +61,11 @@ class Responses:
 
 
 def one_by_one(
-    team: Team, responses: Responses, order: Sequence[int] | None = None
+    team: Team, responses: Responses, order: Sequence[int] | None = None, rules: bool = True
 ) -> Iterator[Team]:
     """Yield the team after each robot is planned, until all are or one has no path left.
 
-    Those that are not planned yet wait at their starts, out of the way of nobody.
+    Under the rules each keeps clear of those before it, and of the starts of those after it.
 
     Parameters
     ----------
@@ -75,7 +73,8 @@ def one_by_one(
     """
     todo = [i for i, single in enumerate(team.found) if not single] if order is None else [*order]
     for n, robot in enumerate(todo):
-        single = responses.charged(team, robot, NO_CHARGES, waiting=todo[n + 1 :])
+        charges = team.avoiding(robot, waiting=todo[n + 1 :]) if rules else NO_CHARGES
+        single = responses.charged(team, robot, charges)
         if single.path is None:
             return
         team = team.with_path(robot, single)
@@ -83,7 +82,7 @@ def one_by_one(
 
 
 def in_rounds(
-    team: Team, responses: Responses, order: Sequence[int] | None = None
+    team: Team, responses: Responses, order: Sequence[int] | None = None, rules: bool = True
 ) -> Iterator[Team]:
     """Yield the team after each best response that gains, until no robot has one.
 
@@ -97,7 +96,7 @@ def in_rounds(
         if quiet == len(robots):
             return
         quiet += 1
-        single = responses.best(team, robot)
+        single = responses.best(team, robot, rules)
         changed = team.with_path(robot, single)
         if single.path is not None and changed.gains_over(team):
             team, quiet = changed, 1
