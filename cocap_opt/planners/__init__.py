@@ -2,13 +2,13 @@
 
 from typing import Protocol
 
-from cocap_opt.planners.cocap import cocap, cocap_vs, cocap_vs_undiscounted
+from cocap_opt.planners.cocap import cocap, cocap_lazy, cocap_vs, cocap_vs_undiscounted
 from cocap_opt.planners.formation import formation
-from cocap_opt.planners.greedy import greedy, greedy_rounds
+from cocap_opt.planners.greedy import greedy, greedy_lazy, greedy_rounds
 from cocap_opt.planners.joint import joint
 from cocap_opt.planners.myopic import myopic
 from cocap_opt.planners.one_step import one_step
-from cocap_opt.planners.sequential import sequential
+from cocap_opt.planners.sequential import sequential, sequential_lazy
 from cocap_opt.problem import Problem
 from cocap_opt.result import Result
 from cocap_opt.stop import Stop, never
@@ -28,6 +28,9 @@ PLANNERS: dict[str, Planner] = {
     "greedy-rounds": greedy_rounds,
     "sequential": sequential,
     "cocap": cocap,
+    "greedy-lazy": greedy_lazy,
+    "sequential-lazy": sequential_lazy,
+    "cocap-lazy": cocap_lazy,
     "cocap-vs": cocap_vs,
     "cocap-vs-undiscounted": cocap_vs_undiscounted,
     "joint": joint,
@@ -37,4 +40,14 @@ PLANNERS: dict[str, Planner] = {
 }
 
 # Planners that evaluate only the views they touch, and so need no coverage of all states before.
-LAZY = frozenset({"cocap-vs", "cocap-vs-undiscounted", "formation", "one-step"})
+LAZY = frozenset(
+    {
+        "greedy-lazy",
+        "sequential-lazy",
+        "cocap-lazy",
+        "cocap-vs",
+        "cocap-vs-undiscounted",
+        "formation",
+        "one-step",
+    }
+)

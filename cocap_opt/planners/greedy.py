@@ -4,6 +4,7 @@ Each robot in turn gets its best path given what the earlier ones see. Without c
 rules the plan has at least half the optimal J, if the low level is exact.
 """
 
+from cocap_opt.planners.lazy_value_iteration import LazyValueIteration
 from cocap_opt.planners.low_level import (
     LowLevel,
     SingleRobotTask,
@@ -56,6 +57,11 @@ def greedy(
 def greedy_rounds(problem: Problem, stop: Stop = never) -> Result:
     """Plan greedily, then in rounds of best responses until nobody gains; ignore collisions."""
     return greedy(problem, stop, rounds=ROUNDS)
+
+
+def greedy_lazy(problem: Problem, stop: Stop = never) -> Result:
+    """Plan as `greedy` does, the same plan, and evaluate only the views that decide it."""
+    return greedy(problem, stop, low_level=LazyValueIteration())
 
 
 def _task(team: Team, robot: int, stop: Stop) -> SingleRobotTask:

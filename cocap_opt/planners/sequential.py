@@ -4,6 +4,7 @@ Source: Greedy Perspectives, "sequential planning with inter-robot collision con
 """
 
 from cocap_opt.coordination.constraints import avoid_paths
+from cocap_opt.planners.lazy_value_iteration import LazyValueIteration
 from cocap_opt.planners.low_level import (
     LowLevel,
     SingleRobotTask,
@@ -47,3 +48,8 @@ def sequential(
             if team.found[robot].path is None:
                 return Result.stopped_without_plan(limit, {"failed_robot": robot})
     return team.result(limit)
+
+
+def sequential_lazy(problem: Problem, stop: Stop = never) -> Result:
+    """Plan as `sequential` does, the same plan, and evaluate only the views that decide it."""
+    return sequential(problem, stop, low_level=LazyValueIteration())
