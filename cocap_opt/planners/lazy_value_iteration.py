@@ -21,13 +21,14 @@ import numpy as np
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.timegraph import CLOSED, TimeGraph
-from cocap_opt.graph.value_iteration import backward_sweep, best_path
+from cocap_opt.graph.value_iteration import Swept, backward_sweep, best_path
 from cocap_opt.model import Model, Path
 from cocap_opt.planners.low_level import SingleRobotPath, SingleRobotTask
 from cocap_opt.planners.optimistic_coverage import OptimisticCoverage
 
-WIDTH = 8  # states of a step that are evaluated at most in the first round; later ever more
-MOST = 256  # at most in any round
+WIDTH = 4  # states of a step that are evaluated at most in the first round; later ever more
+MOST = 64  # at most in any round
+_MANY = 8  # times as many moves are looked at, since several lead to one state
 
 
 class LazyValueIteration:
@@ -64,17 +65,21 @@ def _best_path(task: SingleRobotTask, coverage: OptimisticCoverage) -> Path | No
     graph, goal = robot_class.graph, robot_class.goal
     bonuses = Bonuses.of(task.model.problem.objective)
     start, width, least = task.model.start(task.robot), WIDTH, CLOSED
+    earlier = None
     while True:
-        value = backward_sweep(graph, coverage.rewards, bonuses, task.charges, goal, task.stop)
+        value = backward_sweep(
+            graph, coverage.rewards, bonuses, task.charges, goal, task.stop, earlier
+        )
         path = best_path(graph, value, start, bonuses, task.charges)
         if path is None:
             return None
         nodes = np.arange(len(path)) * graph.n_states + np.array(path)
-        unknown = coverage.unknown(nodes)
-        if not len(unknown):
+        if not len(coverage.unknown(nodes)):
             return tuple(path)
         near = _near_best(graph, value, start, bonuses, width, value[0, start] - least)
-        coverage.evaluate(coverage.unknown(np.concatenate([nodes, near])), task.stop)
+        unknown = coverage.unknown(np.concatenate([nodes, near]))
+        coverage.evaluate(unknown, task.stop)
+        earlier = Swept(value, int(unknown[-1]) // graph.n_states)
         own = coverage.rewards.reshape(-1)[nodes].sum() + bonuses.of_path(graph.shape, path)
         least, width = max(least, own), min(2 * width, MOST)
 
@@ -102,9 +107,12 @@ def _near_best(
             tails = np.broadcast_to(states[:, None], heads.shape).ravel()
             best += bonuses.of_edges(graph.shape, tails, heads.ravel()).reshape(heads.shape)
         losses = (lost + best.max(axis=(0, 2)))[:, None] - best
-        kept = np.flatnonzero(losses <= most)
+        kept = np.flatnonzero((losses <= most) & (best > CLOSED))
         heads, losses = heads.ravel()[kept], losses.ravel()[kept]
-        order = np.argsort(losses, kind="stable")
+        if len(losses) > _MANY * width:
+            few = np.argpartition(losses, _MANY * width)[: _MANY * width]
+            heads, losses = heads[few], losses[few]
+        order = np.lexsort([heads, losses])
         first = np.sort(np.unique(heads[order], return_index=True)[1])[:width]
         states, lost = heads[order][first], losses[order][first]
         found.append((t + 1) * graph.n_states + states)
