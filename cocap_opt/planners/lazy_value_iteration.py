@@ -101,7 +101,7 @@ def _near_best(
     for t, ahead in enumerate(value[1:]):
         orientations, places = np.divmod(states, graph.n_places)
         to = graph.heads_at(t, places)  # [K, n]
-        heads = turns[orientations] * graph.n_places + to[..., None]  # [K, n, W]
+        heads = turns[orientations] * graph.n_places + np.maximum(to, 0)[..., None]  # [K, n, W]
         best = np.where((to < 0)[..., None], CLOSED, ahead[heads])
         if not bonuses.none:
             tails = np.broadcast_to(states[:, None], heads.shape).ravel()
