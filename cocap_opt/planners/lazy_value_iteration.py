@@ -25,33 +25,42 @@ from cocap_opt.graph.value_iteration import Swept, backward_sweep, best_path
 from cocap_opt.model import Model, Path
 from cocap_opt.planners.low_level import SingleRobotPath, SingleRobotTask
 from cocap_opt.planners.optimistic_coverage import OptimisticCoverage
+from cocap_opt.stop import Limit, Stop
 
 WIDTH = 4  # states of a step that are evaluated at most in the first round; later ever more
 MOST = 64  # at most in any round
 _MANY = 8  # times as many moves are looked at, since several lead to one state
+_HURRIED = 1.2e-7  # s, of planning past a limit, for each state at a step: measured, and rounded up
 
 
 class LazyValueIteration:
-    """Lazy value iteration as a low level. Each instance remembers the views it has evaluated."""
+    """Lazy value iteration as a low level. Each instance remembers the views it has evaluated.
+
+    Time is kept for planning every robot once by what is known then, but no more than half of what
+    there is: such a path is the best of those that are evaluated, and says which limit was near.
+    """
 
     is_lazy = True
 
     def __init__(self) -> None:
         self._coverage: dict[tuple[Model, int], OptimisticCoverage] = {}  # by class
+        self._reserve: float | None = None  # s
 
     def __call__(self, task: SingleRobotTask) -> SingleRobotPath:
         """Find the path that value iteration on all views finds; raises LimitReached."""
+        task.stop.check()
+        if self._reserve is None:
+            self._reserve = min(_seconds_in_a_hurry(task.model), task.stop.seconds_left / 2)
         coverage = self._coverage_of(task)
         before = coverage.evaluated
         coverage.put_on_top_of(task.pixels)
-        path = _best_path(task, coverage)
+        path, limit = _best_path(task, coverage, task.stop.before(self._reserve))
         evaluated = coverage.evaluated - before
         if path is None:
             return SingleRobotPath(None, task.model.problem.no_pixels(), evaluated)
-        return SingleRobotPath(path, coverage.pixels_along(path), evaluated)
+        return SingleRobotPath(path, coverage.pixels_along(path), evaluated, limit)
 
     def _coverage_of(self, task: SingleRobotTask) -> OptimisticCoverage:
-        task.stop.check()
         robot_class = task.model.class_of[task.robot]
         key = task.model, task.model.classes.index(robot_class)
         if key not in self._coverage:
@@ -59,12 +68,25 @@ class LazyValueIteration:
         return self._coverage[key]
 
 
-def _best_path(task: SingleRobotTask, coverage: OptimisticCoverage) -> Path | None:
-    """Returns the best path, all of which is evaluated; None if there is none."""
+def _seconds_in_a_hurry(model: Model) -> float:
+    """Returns the seconds, about, that planning every robot once takes without more rounds."""
+    states = sum(len(c.robots) * c.graph.n_states for c in model.classes)
+    return states * (model.problem.horizon + 1) * _HURRIED
+
+
+def _best_path(
+    task: SingleRobotTask, coverage: OptimisticCoverage, enough: Stop
+) -> tuple[Path | None, Limit | None]:
+    """Returns the best path, all of which is evaluated; None if there is none.
+
+    Parameters
+    ----------
+    enough : where it is reached, the best path that is evaluated is returned, and the limit
+    """
     robot_class = task.model.class_of[task.robot]
     graph, goal = robot_class.graph, robot_class.goal
     bonuses = Bonuses.of(task.model.problem.objective)
-    start, width, least = task.model.start(task.robot), WIDTH, CLOSED
+    start, width, best, least = task.model.start(task.robot), WIDTH, None, CLOSED
     earlier = None
     while True:
         value = backward_sweep(
@@ -72,16 +94,22 @@ def _best_path(task: SingleRobotTask, coverage: OptimisticCoverage) -> Path | No
         )
         path = best_path(graph, value, start, bonuses, task.charges)
         if path is None:
-            return None
+            return None, None
         nodes = np.arange(len(path)) * graph.n_states + np.array(path)
-        if not len(coverage.unknown(nodes)):
-            return tuple(path)
-        near = _near_best(graph, value, start, bonuses, width, value[0, start] - least)
-        unknown = coverage.unknown(np.concatenate([nodes, near]))
+        unknown, limit = coverage.unknown(nodes), enough.reached()
+        if not len(unknown):
+            return tuple(path), None
+        if not limit:
+            near = _near_best(graph, value, start, bonuses, width, value[0, start] - least)
+            unknown = coverage.unknown(np.concatenate([nodes, near]))
         coverage.evaluate(unknown, task.stop)
-        earlier = Swept(value, int(unknown[-1]) // graph.n_states)
         own = coverage.rewards.reshape(-1)[nodes].sum() + bonuses.of_path(graph.shape, path)
-        least, width = max(least, own), min(2 * width, MOST)
+        if own > least:
+            best, least = tuple(path), own
+        if limit:
+            return best, limit
+        earlier = Swept(value, int(unknown[-1]) // graph.n_states)
+        width = min(2 * width, MOST)
 
 
 def _near_best(

@@ -93,7 +93,8 @@ class OptimisticCoverage:
             at = some[seen.rows] // self._n_states * self._n_faces + seen.faces
             at %= max(len(self._pixels), 1)  # of fewer view sums, if pixels add up over time
             found = _Found(some, np.bincount(seen.rows, minlength=len(some)), at, seen.pixels)
-            self._rows |= zip(some.tolist(), range(self.evaluated, self.evaluated + len(some)))
+            rows = range(self.evaluated, self.evaluated + len(some))
+            self._rows |= zip(some.tolist(), rows, strict=True)
             self._new.append(found)
             self.evaluated += len(some)
             self._known[some] = True

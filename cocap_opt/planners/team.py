@@ -94,6 +94,12 @@ class Team:
         evaluated = sum(single.evaluated for single in self.found)
         model = self.model
         messages = [ONE_STEP_AT_A_TIME] if model.problem.objective.over_time else []
+        early = [single.limit for single in self.found if single.limit]
+        if early:
+            limit = limit or early[0]
+            messages.append(
+                f"{len(early)} of {len(self.found)} paths are the best that were known at the limit"
+            )
         if model.cut_short_by:
             limit = limit or model.cut_short_by
             messages.append(

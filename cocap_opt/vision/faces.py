@@ -94,8 +94,9 @@ class FaceGeometry:
         for actor, shape in zip(self._problem.actors, self._shapes, strict=True):
             turned = _Turned(actor.poses[t : t + 1] - [*self.origin, 0])
             parts.append((
-                turned.points(_padded(shape.polygons, size))[0], turned.ways(shape.normals)[0], turned.points(shape.centres)[0],
-                shape.areas, turned.points(shape.middle),
+                turned.points(_padded(shape.polygons, size))[0],
+                turned.ways(shape.normals)[0], turned.points(shape.centres)[0], shape.areas,
+                turned.points(shape.middle),
                 *(np.array([x + ROUNDING]) for x in (shape.reach, shape.radius, shape.half)),
             ))  # fmt: skip
         if not n:

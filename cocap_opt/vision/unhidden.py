@@ -63,9 +63,7 @@ class Unhidden(NamedTuple):
 class _Scene:
     """The faces at one step, as they are from some eyes [n]."""
 
-    def __init__(
-        self, camera: Camera, planes: Planes, owners: IntArray, eyes: FloatArray
-    ) -> None:
+    def __init__(self, camera: Camera, planes: Planes, owners: IntArray, eyes: FloatArray) -> None:
         self._planes, self._eyes, self._focal = planes, eyes, camera.focal
         self._slopes = camera.width / 2 / camera.focal, camera.height / 2 / camera.focal
         self._first_faces = np.searchsorted(owners, np.arange(len(planes.reaches)))

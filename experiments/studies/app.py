@@ -204,7 +204,7 @@ def _lazy(
     scene: Annotated[
         list[str] | None, Parameter(negative="", consume_multiple=True, help="scenes or files")
     ] = None,
-    seeds: Annotated[str, Parameter(help="of each scene")] = "0-2",
+    seeds: Annotated[str, Parameter(help="of each scene")] = "0",
     out: _Out = None,
 ) -> int:
     """Measure lazy value iteration: views, rewards and time against all coverage.

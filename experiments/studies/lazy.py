@@ -42,7 +42,8 @@ def _bridge(seed: int, is_pierced: bool = False, has_many_states: bool = False) 
     return problem.replace(
         robots=tuple(
             robot.replace(
-                motion=robot.motion.replace(layers=_LAYERS), camera=robot.camera.replace(tilts=_TILTS)
+                motion=robot.motion.replace(layers=_LAYERS),
+                camera=robot.camera.replace(tilts=_TILTS),
             )
             for robot in problem.robots
         )

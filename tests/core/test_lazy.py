@@ -20,8 +20,9 @@ from cocap_opt.planners.low_level import SingleRobotTask, value_iteration
 from cocap_opt.planners.optimistic_coverage import OptimisticCoverage
 from cocap_opt.problem import Problem
 from cocap_opt.referee import check
+from cocap_opt.result import Reason
 from cocap_opt.scenarios import load_scene
-from cocap_opt.stop import Limit, LimitReached, TimeLimit, never
+from cocap_opt.stop import Limit, LimitReached, Stop, TimeLimit, never
 from cocap_opt.vision import unhidden
 
 SLACK = 1e-9  # relative, of sums
@@ -167,6 +168,31 @@ def test_a_limit_ends_it(asked: int) -> None:
     assert low_level(task).path == value_iteration(task).path
     result = PLANNERS["cocap-lazy"](meadow(), TimeLimit(0))
     assert result.limit is Limit.TIME and result.plan is not None
+
+
+class Near(Stop):
+    """A time limit that is near from the third look at the clock on, and never reached."""
+
+    looks = 0
+
+    @property
+    def seconds_left(self) -> float:
+        """Much at first, and then nearly nothing."""
+        self.looks += 1
+        return 100.0 if self.looks < 3 else 1e-9
+
+
+def test_near_a_limit_the_best_path_that_is_known_is_returned() -> None:
+    """Every robot has a path whose views are evaluated, and the result says that time was short."""
+    problem = load_scene("bottleneck", 0)
+    for planner in ("greedy-lazy", "sequential-lazy", "cocap-lazy"):
+        result = PLANNERS[planner](problem, Near())
+        assert (result.reason, result.limit) == (Reason.STOPPED, Limit.TIME)
+        assert "paths are the best that were known at the limit" in result.message
+        assert result.plan is not None
+        verdict = check(problem, result.plan)
+        assert not verdict.violations and close(verdict.reward, result.value)
+        assert 0.5 < result.value / PLANNERS[planner.removesuffix("-lazy")](problem).value < 1.1
 
 
 def test_where_all_ways_are_closed_there_is_no_path() -> None:
