@@ -165,7 +165,7 @@ class _Entries(NamedTuple):
 
 
 class _Found(NamedTuple):
-    """What evaluated nodes see, in the order in which they were evaluated."""
+    """The pixels of evaluated nodes, in the order in which they were evaluated."""
 
     nodes: IntArray  # [n]
     counts: IntArray  # [n] number of view sums that each sees

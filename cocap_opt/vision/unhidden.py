@@ -21,7 +21,7 @@ from cocap_opt.vision.spans import spans
 
 _SLACK = 1e-7  # m, much more than the rounding of coordinates
 _ROUNDING = 1e-9  # relative, much more than that of areas
-_AT_ONCE = 200_000  # orientations times eyes times actors, for the processor's cache
+_AT_ONCE = 20_000  # orientations times eyes times actors, for the processor's cache
 
 
 class Unhidden(NamedTuple):
@@ -71,7 +71,9 @@ class _Scene:
         ahead = eyes @ planes.normals.T - dot(planes.normals, planes.centres)  # [n, F]
         self._turned = ahead > -_SLACK
         # px m per square metre of a triangle, before the division by its depths [n, F].
-        self._density = np.maximum(ahead + _SLACK, 0.0) * (camera.focal**2 / planes.areas)
+        self._density = np.maximum(ahead + _SLACK, 0.0) * (
+            camera.focal**2 * (1 + _ROUNDING) / planes.areas
+        )
         sides = planes.polygons[:, 1:] - planes.polygons[:, :1]  # [F, V-1, 3]
         crosses = np.cross(sides[:, :-1], sides[:, 1:])
         self._triangles = np.sqrt(dot(crosses, crosses)).T / 2  # [V-2, F] m2
@@ -90,30 +92,34 @@ class _Scene:
         counts = self._counts[actors.numbers]
         entry = np.repeat(np.arange(len(counts)), counts)
         face = spans(self._first_faces[actors.numbers], counts)
-        turned = np.flatnonzero(self._turned[actors.eyes[entry], face])
-        entry, face = entry[turned], face[turned]
-        orientation, eye = actors.orientations[entry], actors.eyes[entry]
-        depth = looks.corners(2, orientation, eye, face)
-        pixels = self._of_whole(depth, eye, face)
+        n_faces = len(self._planes.areas)
+        from_eye = (actors.eyes * n_faces)[entry] + face  # numbers of pairs of an eye and a face
+        turned = np.flatnonzero(self._turned.take(from_eye))
+        entry, face, from_eye = entry[turned], face[turned], from_eye[turned]
+        state = (actors.orientations * len(self._eyes) + actors.eyes)[entry]
+        at = _At(state, (actors.orientations * n_faces)[entry] + face)
+        depth = looks.corners(2, at)
+        pixels = self._of_whole(depth, from_eye, face)
         cut = np.flatnonzero(~actors.whole[entry])
-        beside = [looks.corners(k, orientation[cut], eye[cut], face[cut]) for k in (0, 1)]
+        beside = [looks.corners(k, _At(at.states[cut], at.corners[cut])) for k in (0, 1)]
         pixels[cut] = self._of_cut(beside, [d[cut] for d in depth], face[cut], pixels[cut])
         seen = np.flatnonzero(pixels)
-        states = (first + orientation[seen]) * len(self._eyes) + eye[seen]
-        return states, face[seen], pixels[seen]
+        return state[seen] + first * len(self._eyes), face[seen], pixels[seen]
 
-    def _of_whole(self, depth: list[FloatArray], eye: IntArray, face: IntArray) -> FloatArray:
+    def _of_whole(self, depth: list[FloatArray], from_eye: IntArray, face: IntArray) -> FloatArray:
         """Returns the coverage [n] of faces that are in the image as a whole.
 
         Parameters
         ----------
         depth : of each corner [n] m
+        from_eye : [n] numbers of the pairs of an eye and a face
         """
         first, *others = (1 / np.maximum(d, _SLACK) for d in depth)
         total = np.zeros(len(face))
         for areas, one, other in zip(self._triangles, others, others[1:], strict=False):
-            total += areas[face] * one * other
-        total *= first * self._density[eye, face] * (1 + _ROUNDING)
+            total += areas.take(face) * one * other
+        total *= first
+        total *= self._density.take(from_eye)
         return total
 
     def _of_cut(
@@ -139,24 +145,27 @@ class _Scene:
         return np.where(behind, least, np.minimum(least, whole))
 
 
+class _At(NamedTuple):
+    """Numbers of pairs of an orientation and an eye, and of one and a face."""
+
+    states: IntArray  # [n]
+    corners: IntArray  # [n]
+
+
 class _Looks:
     """Points as seen along some orientations [O] from eyes [n]."""
 
     def __init__(self, axes: FloatArray, eyes: FloatArray, planes: Planes) -> None:
-        self._n_eyes, self._n_faces = len(eyes), len(planes.areas)
         ways = np.moveaxis(axes, 1, 0)  # [3, O, 3]
         self.eyes = [way @ eyes.T for way in ways]  # [O, n] m each
         self.middles = [way @ planes.middles.T for way in ways]  # [O, A] m each
         corners = np.moveaxis(planes.polygons, 1, 0)  # [V, F, 3]
         self._corners = [[(way @ c.T).ravel() for c in corners] for way in ways]
 
-    def corners(
-        self, way: int, orientation: IntArray, eye: IntArray, face: IntArray
-    ) -> list[FloatArray]:
+    def corners(self, way: int, at: "_At") -> list[FloatArray]:
         """Returns how far each corner [n] of faces is to the right, up, or ahead (0, 1, 2), m."""
-        here = self.eyes[way].ravel()[orientation * self._n_eyes + eye]
-        at = orientation * self._n_faces + face
-        return [corner[at] - here for corner in self._corners[way]]
+        here = self.eyes[way].take(at.states)
+        return [corner.take(at.corners) - here for corner in self._corners[way]]
 
 
 class _ActorsInView(NamedTuple):

@@ -255,8 +255,8 @@ class _PinholeViews(Views):
             self._camera, self._axes, self._geometry.planes(t), self._owners, eyes,
             wanted[:, places],
         )  # fmt: skip
-        orientation, eye = np.divmod(found.states, len(places))
-        return found._replace(states=orientation * self._graph.n_places + places[eye])
+        states = np.arange(len(self._axes))[:, None] * self._graph.n_places + places
+        return found._replace(states=states.take(found.states))
 
     def _by_actor(self, values: FloatArray) -> FloatArray:
         """Returns the sums [.., A] of values [.., F] over each actor's faces."""

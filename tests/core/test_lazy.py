@@ -136,7 +136,7 @@ def test_it_finds_the_same_plan_from_few_views() -> None:
 
 
 def test_a_second_task_needs_no_view_again() -> None:
-    """What one task has evaluated is remembered for the next."""
+    """Views that one task has evaluated are remembered for the next."""
     model, low_level = Model(meadow(), use_cache=False), LazyValueIteration()
     task = SingleRobotTask(model, 0, meadow().no_pixels())
     first, second = low_level(task), low_level(task)
