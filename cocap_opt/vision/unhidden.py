@@ -68,7 +68,7 @@ class _Scene:
         self._slopes = camera.width / 2 / camera.focal, camera.height / 2 / camera.focal
         self._first_faces = np.searchsorted(owners, np.arange(len(planes.reaches)))
         self._counts = np.bincount(owners, minlength=len(planes.reaches))
-        ahead = eyes @ planes.normals.T - dot(planes.normals, planes.centres)  # [n, F]
+        ahead = _dots(eyes, planes.normals) - dot(planes.normals, planes.centres)  # [n, F]
         self._turned = ahead > -_SLACK
         # px m per square metre of a triangle, before the division by its depths [n, F].
         self._density = np.maximum(ahead + _SLACK, 0.0) * (
@@ -157,10 +157,10 @@ class _Looks:
 
     def __init__(self, axes: FloatArray, eyes: FloatArray, planes: Planes) -> None:
         ways = np.moveaxis(axes, 1, 0)  # [3, O, 3]
-        self.eyes = [way @ eyes.T for way in ways]  # [O, n] m each
-        self.middles = [way @ planes.middles.T for way in ways]  # [O, A] m each
+        self.eyes = [_dots(way, eyes) for way in ways]  # [O, n] m each
+        self.middles = [_dots(way, planes.middles) for way in ways]  # [O, A] m each
         corners = np.moveaxis(planes.polygons, 1, 0)  # [V, F, 3]
-        self._corners = [[(way @ c.T).ravel() for c in corners] for way in ways]
+        self._corners = [[_dots(way, c).ravel() for c in corners] for way in ways]
 
     def corners(self, way: int, at: "_At") -> list[FloatArray]:
         """Returns how far each corner [n] of faces is to the right, up, or ahead (0, 1, 2), m."""
@@ -194,3 +194,8 @@ class _ActorsInView(NamedTuple):
         orientations, eyes, numbers = np.nonzero((room >= -reach) & wanted[..., None])
         whole = room[orientations, eyes, numbers] >= reach[numbers]
         return cls(orientations, eyes, numbers, whole)
+
+
+def _dots(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Returns the inner products [n, m] of vectors [n, 3] and [m, 3], in a fixed order."""
+    return dot(a[:, None], b)
