@@ -8,12 +8,13 @@
      6      evaluate the views on the path, and those on paths nearly as good
      7      R of these <- their rewards
 
-The best path of an upper bound is the best of all if its own rewards are exact. Since ties are
-broken as by value iteration on all views, it is the same path: of two heads that tie by R, the one
-that is taken is exact, and none that ties with it by the true rewards is missing.
+The best path by an upper bound is the best of all if its own rewards are exact. It is also the path
+that value iteration on all views takes: whatever ties with it by the true rewards ties by R, too,
+and of those that tie both take the same.
 
-Source: LazySP (Dellin and Srinivasa 2016), with many evaluations at once, since a sweep costs as
-much as hundreds of views, and a view among many costs a tenth of what it costs alone.
+Source: LazySP (Dellin and Srinivasa 2016); the numbers are this listing's. Many views are evaluated
+at once, since a sweep takes as long as hundreds of them, and a view among many takes a tenth of
+what it takes alone.
 """
 
 import numpy as np
@@ -53,7 +54,7 @@ class LazyValueIteration:
             self._reserve = min(_seconds_in_a_hurry(task.model), task.stop.seconds_left / 2)
         coverage = self._coverage_of(task)
         before = coverage.evaluated
-        coverage.put_on_top_of(task.pixels)
+        coverage.put_on_top_of(task.pixels)  # 1
         path, limit = _best_path(task, coverage, task.stop.before(self._reserve))
         evaluated = coverage.evaluated - before
         if path is None:
@@ -88,21 +89,21 @@ def _best_path(
     bonuses = Bonuses.of(task.model.problem.objective)
     start, width, best, least = task.model.start(task.robot), WIDTH, None, CLOSED
     earlier = None
-    while True:
-        value = backward_sweep(
+    while True:  # 2
+        value = backward_sweep(  # 3
             graph, coverage.rewards, bonuses, task.charges, goal, task.stop, earlier
         )
-        path = best_path(graph, value, start, bonuses, task.charges)
+        path = best_path(graph, value, start, bonuses, task.charges)  # 4
         if path is None:
             return None, None
         nodes = np.arange(len(path)) * graph.n_states + np.array(path)
         unknown, limit = coverage.unknown(nodes), enough.reached()
-        if not len(unknown):
+        if not len(unknown):  # 5
             return tuple(path), None
         if not limit:
             near = _near_best(graph, value, start, bonuses, width, value[0, start] - least)
             unknown = coverage.unknown(np.concatenate([nodes, near]))
-        coverage.evaluate(unknown, task.stop)
+        coverage.evaluate(unknown, task.stop)  # 6-7
         own = coverage.rewards.reshape(-1)[nodes].sum() + bonuses.of_path(graph.shape, path)
         if own > least:
             best, least = tuple(path), own
