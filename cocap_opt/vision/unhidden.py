@@ -66,14 +66,15 @@ class _Scene:
     def __init__(self, camera: Camera, planes: Planes, owners: IntArray, eyes: FloatArray) -> None:
         self._planes, self._eyes, self._focal = planes, eyes, camera.focal
         self._slopes = camera.width / 2 / camera.focal, camera.height / 2 / camera.focal
-        self._first_faces = np.searchsorted(owners, np.arange(len(planes.reaches)))
-        self._counts = np.bincount(owners, minlength=len(planes.reaches))
         ahead = _dots(eyes, planes.normals) - dot(planes.normals, planes.centres)  # [n, F]
-        self._turned = ahead > -_SLACK
-        # px m per square metre of a triangle, before the division by its depths [n, F].
-        self._density = np.maximum(ahead + _SLACK, 0.0) * (
-            camera.focal**2 * (1 + _ROUNDING) / planes.areas
-        )
+        eye, self._faces = np.nonzero(ahead > -_SLACK)  # that are turned to the eye
+        # px m per square metre of a triangle, before the division by its depths.
+        self._density = np.maximum(ahead[eye, self._faces] + _SLACK, 0.0)
+        self._density *= camera.focal**2 * (1 + _ROUNDING) / planes.areas[self._faces]
+        # Those of one actor from one eye stand one after the other.
+        pairs = len(eyes) * len(planes.reaches)
+        self._counts = np.bincount(eye * len(planes.reaches) + owners[self._faces], minlength=pairs)
+        self._first = np.cumsum(self._counts) - self._counts
         sides = planes.polygons[:, 1:] - planes.polygons[:, :1]  # [F, V-1, 3]
         crosses = np.cross(sides[:, :-1], sides[:, 1:])
         self._triangles = np.sqrt(dot(crosses, crosses)).T / 2  # [V-2, F] m2
@@ -89,38 +90,33 @@ class _Scene:
         """
         looks = _Looks(axes, self._eyes, self._planes)
         actors = _ActorsInView.of(looks, self._planes, self._slopes, wanted)
-        counts = self._counts[actors.numbers]
+        pair = actors.eyes * len(self._planes.reaches) + actors.numbers
+        counts = self._counts[pair]
         entry = np.repeat(np.arange(len(counts)), counts)
-        face = spans(self._first_faces[actors.numbers], counts)
-        n_faces = len(self._planes.areas)
-        from_eye = (actors.eyes * n_faces)[entry] + face  # numbers of pairs of an eye and a face
-        turned = np.flatnonzero(self._turned.take(from_eye))
-        entry, face, from_eye = entry[turned], face[turned], from_eye[turned]
+        turned = spans(self._first[pair], counts)
+        face = self._faces[turned]
         state = (actors.orientations * len(self._eyes) + actors.eyes)[entry]
-        at = _At(state, (actors.orientations * n_faces)[entry] + face)
+        at = _At(state, (actors.orientations * len(self._planes.areas))[entry] + face)
         depth = looks.corners(2, at)
-        pixels = self._of_whole(depth, from_eye, face)
+        pixels = self._of_whole(depth, face) * self._density[turned]
         cut = np.flatnonzero(~actors.whole[entry])
         beside = [looks.corners(k, _At(at.states[cut], at.corners[cut])) for k in (0, 1)]
         pixels[cut] = self._of_cut(beside, [d[cut] for d in depth], face[cut], pixels[cut])
         seen = np.flatnonzero(pixels)
         return state[seen] + first * len(self._eyes), face[seen], pixels[seen]
 
-    def _of_whole(self, depth: list[FloatArray], from_eye: IntArray, face: IntArray) -> FloatArray:
-        """Returns the coverage [n] of faces that are in the image as a whole.
+    def _of_whole(self, depth: list[FloatArray], face: IntArray) -> FloatArray:
+        """Returns the coverage [n] of faces that the border does not cut, per density.
 
         Parameters
         ----------
         depth : of each corner [n] m
-        from_eye : [n] numbers of the pairs of an eye and a face
         """
         first, *others = (1 / np.maximum(d, _SLACK) for d in depth)
         total = np.zeros(len(face))
         for areas, one, other in zip(self._triangles, others, others[1:], strict=False):
             total += areas.take(face) * one * other
-        total *= first
-        total *= self._density.take(from_eye)
-        return total
+        return total * first
 
     def _of_cut(
         self, beside: list[list[FloatArray]], depth: list[FloatArray], face: IntArray,
