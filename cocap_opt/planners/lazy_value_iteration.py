@@ -12,9 +12,9 @@ The best path by an upper bound is the best of all if its own rewards are exact.
 that value iteration on all views takes: whatever ties with it by the true rewards ties by R, too,
 and of those that tie both take the same.
 
-Source: LazySP (Dellin and Srinivasa 2016); the numbers are this listing's. Many views are evaluated
-at once, since a sweep takes as long as hundreds of them, and a view among many takes a tenth of
-what it takes alone.
+Source: LazySP (Dellin and Srinivasa 2016, arXiv 1603.03490); the numbers are this listing's. Many
+views are evaluated at once, since a sweep takes as long as hundreds of them, and a view among many
+takes a tenth of what it takes alone.
 """
 
 import numpy as np
@@ -28,8 +28,8 @@ from cocap_opt.planners.low_level import SingleRobotPath, SingleRobotTask
 from cocap_opt.planners.optimistic_coverage import OptimisticCoverage
 from cocap_opt.stop import Limit, Stop
 
-WIDTH = 4  # states of a step that are evaluated at most in the first round; later ever more
-MOST = 64  # at most in any round
+_WIDTH = 4  # states of a step that are evaluated at most in the first round; later ever more
+_MOST = 64  # at most in any round
 _MANY = 8  # times as many moves are looked at, since several lead to one state
 _HURRIED = 1.2e-7  # s, of planning past a limit, for each state at a step: measured, and rounded up
 
@@ -87,7 +87,7 @@ def _best_path(
     robot_class = task.model.class_of[task.robot]
     graph, goal = robot_class.graph, robot_class.goal
     bonuses = Bonuses.of(task.model.problem.objective)
-    start, width, best, least = task.model.start(task.robot), WIDTH, None, CLOSED
+    start, width, best, least = task.model.start(task.robot), _WIDTH, None, CLOSED
     earlier = None
     while True:  # 2
         value = backward_sweep(  # 3
@@ -110,7 +110,7 @@ def _best_path(
         if limit:
             return best, limit
         earlier = Swept(value, int(unknown[-1]) // graph.n_states)
-        width = min(2 * width, MOST)
+        width = min(2 * width, _MOST)
 
 
 def _near_best(

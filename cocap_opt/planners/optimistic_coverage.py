@@ -137,26 +137,28 @@ class _Entries(NamedTuple):
         reachable = model.reachable(robot_class)
         size = robot_class.graph.n_states
 
-        def at_step(t: int) -> tuple[IntArray, IntArray, FloatArray]:
+        def at_step(t: int) -> tuple[IntArray, FloatArray, IntArray]:
             stop.check()
             found = views.unhidden(t, reachable[t])
             # NumPy sorts numbers of 16 bits much faster.
             order = np.argsort(found.faces.astype(np.min_scalar_type(model.n_faces)), kind="stable")
-            at = problem.view_sums_at(t).start + found.faces[order]
-            return t * size + found.states[order], at, found.pixels[order]
+            counts = np.bincount(found.faces, minlength=model.n_faces)
+            return t * size + found.states[order], found.pixels[order], counts
 
         none = np.zeros(0, dtype=np.int64)
-        parts = [(none, none, np.zeros(0))]
+        before = np.zeros(problem.first_step * model.n_faces, dtype=np.int64)
+        parts = [(none, np.zeros(0), before)]
         pool = ThreadPoolExecutor(usable_cores())
         try:
             parts += pool.map(at_step, range(problem.first_step, problem.horizon + 1))
         finally:
             pool.shutdown(cancel_futures=True)
-        nodes, view_sums, pixels = (np.concatenate(column) for column in zip(*parts, strict=True))
+        nodes, pixels, counts = (np.concatenate(column) for column in zip(*parts, strict=True))
         if problem.objective.over_time:
-            order = np.argsort(view_sums, kind="stable")
+            faces = np.arange(len(counts)) % max(model.n_faces, 1)
+            order = np.argsort(np.repeat(faces, counts), kind="stable")
             nodes, pixels = nodes[order], pixels[order]
-        counts = np.bincount(view_sums, minlength=len(problem.no_pixels()))
+            counts = counts.reshape(problem.horizon + 1, -1).sum(axis=0)
         return cls(nodes, pixels, np.cumsum(counts) - counts, counts)
 
     def of_view_sums(self, some: IntArray) -> tuple[IntArray, IntArray]:

@@ -70,7 +70,7 @@ def _wide(name: str, seed: int) -> Problem:
     return change(make(seed=seed, robots=_TEAM, actors=ACTORS, steps=_STEPS))
 
 
-MORE: dict[str, Callable[[int], Problem]] = {
+_MORE: dict[str, Callable[[int], Problem]] = {
     "bridge, 7 layers, 4 pitches": partial(_bridge, has_many_states=True),
     "bridge on piers": partial(_bridge, is_pierced=True),
     "bridge on piers, 7 layers, 4 pitches": partial(_bridge, is_pierced=True, has_many_states=True),
@@ -78,7 +78,7 @@ MORE: dict[str, Callable[[int], Problem]] = {
     "town of 120 x 120 cells": partial(_wide, "town, 1 m"),
     "town on hills": partial(_wide, "town, 1 m, on hills"),
 }
-ALL = ["corridor", "bottleneck", "passage", "field", "bridge", *MORE, "field-large"]
+ALL = ["corridor", "bottleneck", "passage", "field", "bridge", *_MORE, "field-large"]
 
 
 def lazy(scenes: Sequence[str], seeds: Sequence[int], out: Path | None = None) -> None:
@@ -86,7 +86,7 @@ def lazy(scenes: Sequence[str], seeds: Sequence[int], out: Path | None = None) -
 
     Parameters
     ----------
-    scenes : built-in scenes, files, or names of MORE
+    scenes : built-in scenes, files, or names of _MORE
     """
     make_folder(out)
     rows: list[Record] = []
@@ -126,7 +126,7 @@ def means(rows: Sequence[Record]) -> list[Record]:
 
 def _measured(scene: str, seed: int) -> Record:
     """Plans a scene with all coverage, and lazily."""
-    problem = MORE[scene](seed) if scene in MORE else load_scene(scene, seed)
+    problem = _MORE[scene](seed) if scene in _MORE else load_scene(scene, seed)
     planner = _ONE_BY_ONE if scene == "field-large" else "cocap"
     states = _reachable(Model(problem, use_cache=False))  # which compiles the graph as well
     _, coverage = _timed(lambda: Model(problem, use_cache=False).prepare_all())

@@ -98,7 +98,7 @@ def test_it_finds_the_path_of_value_iteration(width: int, problem: Problem, seed
     model = Model(problem, use_cache=False)
     low_level, evaluated = LazyValueIteration(), 0
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(lazy_value_iteration, "WIDTH", width)
+        patch.setattr(lazy_value_iteration, "_WIDTH", width)
         nodes = evaluated_nodes(patch)
         for part in range(3):
             pixels, charges = seen_by_others(model, seed + part), blocked_at_random(model, seed)
