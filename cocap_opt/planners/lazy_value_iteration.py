@@ -29,7 +29,7 @@ from cocap_opt.planners.optimistic_coverage import OptimisticCoverage
 from cocap_opt.stop import Limit, Stop
 
 _WIDTH = 4  # states of a step that are evaluated at most in the first round; later ever more
-_MOST = 64  # at most in any round
+_MOST = 32  # at most in any round
 _MANY = 8  # times as many moves are looked at, since several lead to one state
 _HURRIED = 1.2e-7  # s, of planning past a limit, for each state at a step: measured, and rounded up
 
