@@ -38,7 +38,7 @@ class LazyValueIteration:
     """Lazy value iteration as a low level. Each instance remembers the views it has evaluated.
 
     Time is kept for planning every robot once by what is known then, but no more than half of what
-    there is: such a path is the best of those that are evaluated, and says which limit was near.
+    there is: such a path is good by the views that are evaluated, and says which limit was near.
     """
 
     is_lazy = True
@@ -55,7 +55,7 @@ class LazyValueIteration:
         coverage = self._coverage_of(task)
         before = coverage.evaluated
         coverage.put_on_top_of(task.pixels)  # 1
-        path, limit = _best_path(task, coverage, task.stop.before(self._reserve))
+        path, limit = _Search(task, coverage).best_path(task.stop.before(self._reserve))
         evaluated = coverage.evaluated - before
         if path is None:
             return SingleRobotPath(None, task.model.problem.no_pixels(), evaluated)
@@ -75,42 +75,71 @@ def _seconds_in_a_hurry(model: Model) -> float:
     return states * (model.problem.horizon + 1) * _HURRIED
 
 
-def _best_path(
-    task: SingleRobotTask, coverage: OptimisticCoverage, enough: Stop
-) -> tuple[Path | None, Limit | None]:
-    """Returns the best path, all of which is evaluated; None if there is none.
+class _Search:
+    """The search for the best path of one task."""
 
-    Parameters
-    ----------
-    enough : where it is reached, the best path that is evaluated is returned, and the limit
-    """
-    robot_class = task.model.class_of[task.robot]
-    graph, goal = robot_class.graph, robot_class.goal
-    bonuses = Bonuses.of(task.model.problem.objective)
-    start, width, best, least = task.model.start(task.robot), _WIDTH, None, CLOSED
-    earlier = None
-    while True:  # 2
-        value = backward_sweep(  # 3
-            graph, coverage.rewards, bonuses, task.charges, goal, task.stop, earlier
-        )
-        path = best_path(graph, value, start, bonuses, task.charges)  # 4
-        if path is None:
-            return None, None
-        nodes = np.arange(len(path)) * graph.n_states + np.array(path)
-        unknown, limit = coverage.unknown(nodes), enough.reached()
-        if not len(unknown):  # 5
-            return tuple(path), None
-        if not limit:
-            near = _near_best(graph, value, start, bonuses, width, value[0, start] - least)
-            unknown = coverage.unknown(np.concatenate([nodes, near]))
-        coverage.evaluate(unknown, task.stop)  # 6-7
-        own = coverage.rewards.reshape(-1)[nodes].sum() + bonuses.of_path(graph.shape, path)
-        if own > least:
-            best, least = tuple(path), own
-        if limit:
-            return best, limit
-        earlier = Swept(value, int(unknown[-1]) // graph.n_states)
-        width = min(2 * width, _MOST)
+    def __init__(self, task: SingleRobotTask, coverage: OptimisticCoverage) -> None:
+        self._task, self._coverage = task, coverage
+        self._class, self._start = task.model.class_of[task.robot], task.model.start(task.robot)
+        self._graph = self._class.graph
+        self._bonuses = Bonuses.of(task.model.problem.objective)
+
+    def best_path(self, enough: Stop) -> tuple[Path | None, Limit | None]:
+        """Returns the best path, all of which is evaluated; None if there is none.
+
+        Parameters
+        ----------
+        enough : where it is reached, a path that is good by what is evaluated is returned, and
+            the limit
+        """
+        width, best, least, earlier = _WIDTH, None, CLOSED, None
+        while True:  # 2
+            value = self._sweep(self._coverage.rewards, earlier)  # 3
+            path = self._path_of(value)  # 4
+            if path is None:
+                return None, None
+            nodes = self._nodes(path)
+            if not len(self._coverage.unknown(nodes)):  # 5
+                return path, None
+            limit, most = enough.reached(), value[0, self._start] - least
+            near = _near_best(self._graph, value, self._start, self._bonuses, width, most)
+            changed = self._evaluate(np.concatenate([nodes, near]))  # 6-7
+            if limit:
+                known = self._path_of(self._sweep(self._coverage.known_rewards()))
+                paths = [one for one in (best, path, known) if one is not None]
+                return max(paths, key=self._worth), limit
+            if (own := self._worth(path)) > least:
+                best, least = path, own
+            earlier, width = Swept(value, changed), min(2 * width, _MOST)
+
+    def _sweep(self, rewards: FloatArray, earlier: Swept | None = None) -> FloatArray:
+        """Returns the best reward to go [T+1, S] of every state."""
+        return backward_sweep(
+            self._graph, rewards, self._bonuses, self._task.charges, self._class.goal,
+            self._task.stop, earlier,
+        )  # fmt: skip
+
+    def _path_of(self, value: FloatArray) -> Path | None:
+        """Returns the best path by a sweep."""
+        path = best_path(self._graph, value, self._start, self._bonuses, self._task.charges)
+        return None if path is None else tuple(path)
+
+    def _nodes(self, path: Path) -> IntArray:
+        nodes: IntArray = np.arange(len(path)) * self._graph.n_states + np.array(path)
+        return nodes
+
+    def _evaluate(self, nodes: IntArray) -> int:
+        """Evaluates those of nodes [n] that are not known; returns the last step of any, or 0."""
+        unknown = self._coverage.unknown(nodes)
+        self._coverage.evaluate(unknown, self._task.stop)
+        return int(unknown.max(initial=0)) // self._graph.n_states
+
+    def _worth(self, path: Path) -> float:
+        """Returns what a path is worth, after its views are evaluated."""
+        nodes = self._nodes(path)
+        self._evaluate(nodes)
+        views = float(self._coverage.rewards.reshape(-1)[nodes].sum())
+        return views + self._bonuses.of_path(self._graph.shape, path)
 
 
 def _near_best(

@@ -30,7 +30,7 @@ class SingleRobotPath(NamedTuple):
     path: Path | None  # None: there is no path
     pixels: FloatArray  # [Z] px/m2 along the path
     evaluated: int  # states whose coverage was needed for the first time
-    limit: Limit | None = None  # that ended the search for it early: there may be a better one
+    limit: Limit | None = None  # that was near when it was found: there may be a better one
 
 
 # Plans a task, or raises LimitReached. One that evaluates only the views it touches says so by an

@@ -64,6 +64,12 @@ class OptimisticCoverage:
         """Returns those of nodes [n] that are not evaluated and may see something, increasing."""
         return np.unique(nodes[~self._known[nodes]])
 
+    def known_rewards(self) -> FloatArray:
+        """Returns rewards [T+1, S] with nothing where a node is not known: lower bounds."""
+        rewards = self.rewards.copy()
+        rewards.reshape(-1)[~self._known] = 0.0
+        return rewards
+
     def put_on_top_of(self, pixels: FloatArray) -> None:
         """Lets `rewards` be on top of the pixels [Z] that others have."""
         before, self._pixels = self._pixels, pixels.copy()

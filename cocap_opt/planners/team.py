@@ -98,7 +98,7 @@ class Team:
         if early:
             limit = limit or early[0]
             messages.append(
-                f"{len(early)} of {len(self.found)} paths are the best that were known at the limit"
+                f"{len(early)} of {len(self.found)} paths are chosen by few views: the limit was near"
             )
         if model.cut_short_by:
             limit = limit or model.cut_short_by
