@@ -97,9 +97,8 @@ class Team:
         early = [single.limit for single in self.found if single.limit]
         if early:
             limit = limit or early[0]
-            messages.append(
-                f"{len(early)} of {len(self.found)} paths are chosen by few views: the limit was near"
-            )
+            count = f"{len(early)} of {len(self.found)}"
+            messages.append(f"{count} paths are chosen by few views: a limit was near")
         if model.cut_short_by:
             limit = limit or model.cut_short_by
             messages.append(
