@@ -267,6 +267,10 @@ class Model:
         """States [T+1, S] that some robot with this class's motion and camera can reach."""
         return self._coverage.reachable(robot_class.spec)
 
+    def require_memory(self, robot_class: RobotClass) -> None:
+        """Refuse coverage and sweeps of a class that are larger than the memory."""
+        self._coverage.require_memory(robot_class.spec)
+
     def coverage(self, robot_class: RobotClass) -> CoverageTable:
         """Coverage of every state that the class can reach (shared by classes that see alike)."""
         return self._coverage.table(robot_class.spec)
@@ -449,7 +453,7 @@ class _Coverage:
             self.prepare(spec, never, _tell_nobody, 0.0)
         return self._tables[_sight(spec)]
 
-    def _require_memory(self, spec: Robot) -> None:
+    def require_memory(self, spec: Robot) -> None:
         """Refuse coverage and sweeps that are larger than the memory."""
         graph, problem = _graph(self.problem, spec), self.problem
         steps, faces = problem.horizon + 1, len(problem.face_weights)
@@ -481,7 +485,7 @@ class _Coverage:
             return
         if stop is self._ended:
             raise LimitReached(stop.reached() or Limit.TIME)
-        self._require_memory(spec)
+        self.require_memory(spec)
         clock = Clock()
         if math.isfinite(stop.seconds_left):
             reserve = max(reserve, self._seconds_to_bound(spec))

@@ -5,6 +5,7 @@ A step's moves and turns are independent, so a sweep is a few shifted maxima ove
 """
 
 from functools import cached_property, lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,6 +18,13 @@ from cocap_opt.stop import Stop, never
 _AT_ONCE = 2_000_000  # values of moves, to bound the memory
 
 
+class Swept(NamedTuple):
+    """The result of an earlier sweep, to be swept again where rewards have changed since."""
+
+    value: FloatArray  # [T+1, S] is overwritten
+    last: int  # last step at which a reward has changed
+
+
 def backward_sweep(
     graph: TimeGraph,
     reward: FloatArray,
@@ -24,6 +32,7 @@ def backward_sweep(
     charges: Charges = NO_CHARGES,
     goal: tuple[int, int] | None = None,
     stop: Stop = never,
+    earlier: Swept | None = None,
 ) -> FloatArray:
     """Returns the best reward to go of every state at every step.
 
@@ -36,6 +45,7 @@ def backward_sweep(
     charges : costs of places, moves and states; infinity closes them
     goal : cell (x, y) in which the path must end
     stop : stopping criterion, checked at every step
+    earlier : result of a sweep with the same arguments but for some rewards
 
     Returns
     -------
@@ -49,18 +59,15 @@ def backward_sweep(
     """
     if not graph.closed.none:
         charges = Charges.joined([graph.closed, charges])
-    value = np.empty_like(reward)
-    value[-1] = reward[-1]
-    if goal is not None:
-        elsewhere = np.ones(graph.shape[2:], dtype=bool)
-        if graph.window.covers(*goal):
-            at = [graph.place(layer, *goal) for layer in range(len(graph.motion.layers))]
-            elsewhere.reshape(-1)[at] = False
-        value[-1].reshape(graph.shape)[:, :, elsewhere] = CLOSED
-    step = _Step(graph, bonuses)
     last = len(reward) - 1
-    _charge(graph, value[last], charges, last)
-    for t in range(last - 1, -1, -1):
+    value, changed = (np.empty_like(reward), last) if earlier is None else earlier
+    step = _Step(graph, bonuses)
+    if changed == last:
+        value[last] = reward[last]
+        if goal is not None:
+            _close_elsewhere(graph, value[last], goal)
+        _charge(graph, value[last], charges, last)
+    for t in range(min(changed, last - 1), -1, -1):
         stop.check()
         best = step.best(value[t + 1], *charges.moves_at(t))
         np.add(best, reward[t], out=value[t])
@@ -247,6 +254,15 @@ class _Step:
         by_orientation = self._after_turn.reshape(graph.n_orientations, graph.n_places)
         ahead = by_orientation[:, np.maximum(targets, 0)] - cost
         self._best.reshape(by_orientation.shape)[:, places] = ahead.max(axis=1)
+
+
+def _close_elsewhere(graph: TimeGraph, value: FloatArray, goal: tuple[int, int]) -> None:
+    """Closes the states [S] that are not in the goal's cell."""
+    elsewhere = np.ones(graph.shape[2:], dtype=bool)
+    if graph.window.covers(*goal):
+        at = [graph.place(layer, *goal) for layer in range(len(graph.motion.layers))]
+        elsewhere.reshape(-1)[at] = False
+    value.reshape(graph.shape)[:, :, elsewhere] = CLOSED
 
 
 def _charge(graph: TimeGraph, value: FloatArray, charges: Charges, t: int) -> None:

@@ -5,17 +5,23 @@ from typing import Protocol
 from cocap_opt.planners.cocap import (
     cocap,
     cocap_focal,
+    cocap_lazy,
     cocap_rounds,
     cocap_vs,
     cocap_vs_undiscounted,
 )
 from cocap_opt.planners.cocap_lns import cocap_lns
 from cocap_opt.planners.formation import formation
-from cocap_opt.planners.greedy import greedy, greedy_rounds
+from cocap_opt.planners.greedy import greedy, greedy_lazy, greedy_rounds
 from cocap_opt.planners.joint import joint
 from cocap_opt.planners.myopic import myopic
 from cocap_opt.planners.one_step import one_step
-from cocap_opt.planners.sequential import best_of_orders, sequential, sequential_rounds
+from cocap_opt.planners.sequential import (
+    best_of_orders,
+    sequential,
+    sequential_lazy,
+    sequential_rounds,
+)
 from cocap_opt.problem import Problem
 from cocap_opt.result import Result
 from cocap_opt.stop import Stop, never
@@ -37,6 +43,9 @@ PLANNERS: dict[str, Planner] = {
     "sequential-rounds": sequential_rounds,
     "best-of-orders": best_of_orders,
     "cocap": cocap,
+    "greedy-lazy": greedy_lazy,
+    "sequential-lazy": sequential_lazy,
+    "cocap-lazy": cocap_lazy,
     "cocap-vs": cocap_vs,
     "cocap-vs-undiscounted": cocap_vs_undiscounted,
     "cocap-rounds": cocap_rounds,
@@ -53,4 +62,14 @@ PLANNERS: dict[str, Planner] = {
 RECOMMENDED = "cocap-lns"
 
 # Planners that evaluate only the views they touch, and so need no coverage of all states before.
-LAZY = frozenset({"cocap-vs", "cocap-vs-undiscounted", "formation", "one-step"})
+LAZY = frozenset(
+    {
+        "greedy-lazy",
+        "sequential-lazy",
+        "cocap-lazy",
+        "cocap-vs",
+        "cocap-vs-undiscounted",
+        "formation",
+        "one-step",
+    }
+)

@@ -22,6 +22,7 @@ time runs out are in `constraint_tree`.
 """
 
 from cocap_opt.planners.constraint_tree import ConstraintTree, FocalNodes, Node, OpenNodes
+from cocap_opt.planners.lazy_value_iteration import LazyValueIteration
 from cocap_opt.planners.low_level import LowLevel, value_iteration
 from cocap_opt.planners.responses import Responses
 from cocap_opt.planners.team import Team
@@ -74,6 +75,11 @@ def cocap(problem: Problem, stop: Stop = never, low_level: LowLevel = value_iter
         return tree.result(algorithm_1(tree, open_nodes))
     except LimitReached as reached:
         return tree.stopped(reached.limit)
+
+
+def cocap_lazy(problem: Problem, stop: Stop = never) -> Result:
+    """Plan as `cocap` does, the same plan, and evaluate only the views that decide it."""
+    return cocap(problem, stop, low_level=LazyValueIteration())
 
 
 def cocap_vs(problem: Problem, stop: Stop = never) -> Result:

@@ -4,6 +4,7 @@ Each robot in turn gets its best path given what the earlier ones see. Without c
 rules the plan has at least half the optimal J, if the low level is exact.
 """
 
+from cocap_opt.planners.lazy_value_iteration import LazyValueIteration
 from cocap_opt.planners.low_level import LowLevel, value_iteration
 from cocap_opt.planners.responses import Responses, followed, in_rounds, one_by_one
 from cocap_opt.planners.team import Team
@@ -47,3 +48,8 @@ def greedy(
 def greedy_rounds(problem: Problem, stop: Stop = never) -> Result:
     """Plan greedily, then in rounds of best responses until nobody gains; ignore collisions."""
     return greedy(problem, stop, rounds=True)
+
+
+def greedy_lazy(problem: Problem, stop: Stop = never) -> Result:
+    """Plan as `greedy` does, the same plan, and evaluate only the views that decide it."""
+    return greedy(problem, stop, low_level=LazyValueIteration())

@@ -11,7 +11,7 @@ from cocap_opt.coordination.best_response import best_response
 from cocap_opt.data import FloatArray
 from cocap_opt.graph.charges import NO_CHARGES, Charges
 from cocap_opt.model import Model, Path
-from cocap_opt.stop import Stop, never
+from cocap_opt.stop import Limit, Stop, never
 
 
 class SingleRobotTask(NamedTuple):
@@ -30,6 +30,7 @@ class SingleRobotPath(NamedTuple):
     path: Path | None  # None: there is no path
     pixels: FloatArray  # [Z] px/m2 along the path
     evaluated: int  # states whose coverage was needed for the first time
+    limit: Limit | None = None  # that was near when it was found: there may be a better one
 
 
 # Plans a task, or raises LimitReached. One that evaluates only the views it touches says so by an

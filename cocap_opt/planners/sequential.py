@@ -8,6 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from cocap_opt.planners.lazy_value_iteration import LazyValueIteration
 from cocap_opt.planners.low_level import LowLevel, value_iteration
 from cocap_opt.planners.responses import Responses, followed, in_rounds, one_by_one
 from cocap_opt.planners.team import Team
@@ -31,6 +32,11 @@ def sequential(
     """
     team = Team.of(problem, low_level, stop)
     return _result(*followed(team, one_by_one(team, Responses(low_level, stop))))
+
+
+def sequential_lazy(problem: Problem, stop: Stop = never) -> Result:
+    """Plan as `sequential` does, the same plan, and evaluate only the views that decide it."""
+    return sequential(problem, stop, low_level=LazyValueIteration())
 
 
 @timed

@@ -147,6 +147,11 @@ class Team:
         evaluated = sum(single.evaluated for single in self.found if single is not None)
         model = self.model
         messages = [ONE_STEP_AT_A_TIME] if model.problem.objective.over_time else []
+        early = [single.limit for single in self.found if single and single.limit]
+        if early:
+            limit = limit or early[0]
+            count = f"{len(early)} of {self.size}"
+            messages.append(f"{count} paths are chosen by few views: a limit was near")
         if model.cut_short_by:
             limit = limit or model.cut_short_by
             messages.append(

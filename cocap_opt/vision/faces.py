@@ -33,9 +33,10 @@ class Faces(NamedTuple):
     candidates: Candidates  # fixed bodies that can hide target l A + a
 
 
-class _Planes(NamedTuple):
-    """The planes of all faces at one step, and the spheres around the actors."""
+class Planes(NamedTuple):
+    """All faces at one step with their planes, and the spheres around the actors."""
 
+    polygons: FloatArray  # [F, V, 3] m, shorter polygons repeat their last vertex
     normals: FloatArray  # [F, 3] outward, unit length
     centres: FloatArray  # [F, 3] m
     areas: FloatArray  # [F] m2
@@ -85,21 +86,23 @@ class FaceGeometry:
         """Returns the geometry at one step."""
         return self.between(t, t)
 
-    def planes(self, t: int) -> _Planes:
+    def planes(self, t: int) -> Planes:
         """Returns the planes of the faces at one step, without what can hide them."""
         n = len(self._shapes)
+        size = max((s.polygons.shape[1] for s in self._shapes), default=3)
         parts = []
         for actor, shape in zip(self._problem.actors, self._shapes, strict=True):
             turned = _Turned(actor.poses[t : t + 1] - [*self.origin, 0])
             parts.append((
+                turned.points(_padded(shape.polygons, size))[0],
                 turned.ways(shape.normals)[0], turned.points(shape.centres)[0], shape.areas,
                 turned.points(shape.middle),
                 *(np.array([x + ROUNDING]) for x in (shape.reach, shape.radius, shape.half)),
             ))  # fmt: skip
         if not n:
             ways, none = np.zeros((0, 3)), np.zeros(0)
-            return _Planes(ways, ways, none, ways, none, none, none)
-        return _Planes(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+            return Planes(np.zeros((0, size, 3)), ways, ways, none, ways, none, none, none)
+        return Planes(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
     def _between(self, first: int, last: int) -> Faces:
         """Returns the geometry at the steps first..last."""

@@ -15,6 +15,7 @@ from cocap_opt.problem import AnyCamera, Camera, Cone, Problem
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.projection import Projection, dot
 from cocap_opt.vision.spans import spans
+from cocap_opt.vision.unhidden import Unhidden
 from cocap_opt.vision.visibility import Sightings, Visibility
 
 # Most states at once, and states times actors, so that limits are checked every 0.3 s or so.
@@ -85,8 +86,14 @@ class Views(ABC):
         """Number of nodes, states at steps, that take a fraction of a second."""
 
     @abstractmethod
-    def seen(self, nodes: IntArray) -> _Seen:
-        """Returns what nodes [n] see, increasing; node t S + s is state s at step t."""
+    def seen(self, nodes: IntArray, steps: tuple[int, int] | None = None) -> _Seen:
+        """Returns what nodes [n] see, increasing; node t S + s is state s at step t.
+
+        Parameters
+        ----------
+        steps : the first and last of those that nodes are asked for in parts, so that what all
+            parts need is made once; if not given, the nodes are all
+        """
 
     @abstractmethod
     def ceiling(self, t: int, places: IntArray, weights: FloatArray) -> _Ceiling:
@@ -97,6 +104,13 @@ class Views(ABC):
         Parameters
         ----------
         weights : [F] of the faces
+        """
+
+    @abstractmethod
+    def unhidden(self, t: int, reachable: BoolArray) -> Unhidden:
+        """Returns what the reachable states [S] would see at step t if nothing hid anybody.
+
+        It is an upper bound on the coverage of each face.
         """
 
     def coverage(self, t: int, states: IntArray) -> FloatArray:
@@ -147,7 +161,7 @@ class _PinholeViews(Views):
             most = min(most, _BATCH_RAYS // max(self.n_faces * self._samples**2, 1))
         return max(most, 1)
 
-    def seen(self, nodes: IntArray) -> _Seen:
+    def seen(self, nodes: IntArray, steps: tuple[int, int] | None = None) -> _Seen:
         """Returns what nodes [n] see; node t S + s is state s at step t."""
         if not self.n_faces or not len(nodes):
             return _NOTHING
@@ -155,20 +169,20 @@ class _PinholeViews(Views):
         orientation, place = np.divmod(state, self._graph.n_places)
         viewpoints, which = np.unique(t * self._graph.n_places + place, return_inverse=True)
         t, place = np.divmod(viewpoints, self._graph.n_places)
-        faces = self._geometry.between(int(t[0]), int(t[-1]))
-        steps = t - faces.first
+        faces = self._geometry.between(*(steps or (int(t[0]), int(t[-1]))))
+        at = t - faces.first
         eyes = self._graph.positions(self._map, place) - self._geometry.origin
         in_view = self._in_view(
-            faces.middles[steps[which]] - eyes[which, None], faces.reaches, orientation
+            faces.middles[at[which]] - eyes[which, None], faces.reaches, orientation
         )
         wanted = np.zeros((len(eyes), in_view.shape[1]), dtype=bool)
         state, actor = np.nonzero(in_view)
         wanted[which[state], actor] = True
-        sight = self._visibility.of(faces, steps, eyes, wanted)
+        sight = self._visibility.of(faces, at, eyes, wanted)
         # Only faces that are turned to the camera are seen.
         row, face = np.nonzero(sight.whole[which] & in_view[:, self._owners])
         eye = which[row]
-        polygons = faces.polygons[steps[eye], face] - eyes[eye, None]
+        polygons = faces.polygons[at[eye], face] - eyes[eye, None]
         area = self._areas(polygons, orientation[row])
         parts = [(row, face, area)]
         if len(sight.eyes):
@@ -229,6 +243,20 @@ class _PinholeViews(Views):
                 visible.any(axis=0),
             ))  # fmt: skip
         return _Ceiling.joined(parts)
+
+    def unhidden(self, t: int, reachable: BoolArray) -> Unhidden:
+        """Returns what the reachable states [S] would see at step t if nothing hid anybody."""
+        wanted = reachable.reshape(len(self._axes), -1)
+        places = np.flatnonzero(wanted.any(axis=0))
+        if not self.n_faces or not len(places):
+            return Unhidden.nothing()
+        eyes = self._graph.positions(self._map, places) - self._geometry.origin
+        found = Unhidden.of(
+            self._camera, self._axes, self._geometry.planes(t), self._owners, eyes,
+            wanted[:, places],
+        )  # fmt: skip
+        states = np.arange(len(self._axes))[:, None] * self._graph.n_places + places
+        return found._replace(states=states.take(found.states))
 
     def _by_actor(self, values: FloatArray) -> FloatArray:
         """Returns the sums [.., A] of values [.., F] over each actor's faces."""
@@ -366,12 +394,18 @@ class _ConeViews(Views):
         ways = targets[None] - eyes[:, None]
         return ways, np.maximum(-dot(ways, faces.normals), 0.0)
 
+    def unhidden(self, t: int, reachable: BoolArray) -> Unhidden:
+        """Returns what the reachable states [S] see at step t: this camera sees past obstacles."""
+        states = np.flatnonzero(reachable)
+        seen = self.seen(t * self.n_states + states)
+        return Unhidden(states[seen.rows], seen.faces, seen.pixels)
+
     @property
     def batch(self) -> int:
         """Number of nodes, states at steps, that take a fraction of a second."""
         return max(_BATCH_ACTORS // max(self.n_faces, 1), 1)
 
-    def seen(self, nodes: IntArray) -> _Seen:
+    def seen(self, nodes: IntArray, steps: tuple[int, int] | None = None) -> _Seen:
         """Returns what nodes [n] see, increasing; node t S + s is state s at step t."""
         t, states = np.divmod(nodes, self._graph.n_states)
         parts = [self.coverage(int(step), states[t == step]) for step in np.unique(t)]

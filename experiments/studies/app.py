@@ -197,6 +197,27 @@ def _gamma(
     return 0
 
 
+@app.command(name="lazy")
+def _lazy(
+    *,
+    scene: Annotated[
+        list[str] | None, Parameter(negative="", consume_multiple=True, help="scenes or files")
+    ] = None,
+    seeds: Annotated[str, Parameter(help="of each scene")] = "0",
+    out: _Out = None,
+) -> int:
+    """Measure lazy value iteration: views, rewards and time against all coverage.
+
+    Without scenes it takes some with cheap views and some with dear ones, which takes minutes.
+
+    Example: cocap-opt study lazy --scene corridor bridge --seeds 0
+    """
+    from cocap_opt.experiments.studies.lazy import ALL, lazy
+
+    lazy(scene or ALL, Option("--seeds").numbers(seeds), out)
+    return 0
+
+
 @app.command(name="separation")
 def _separation(
     *,

@@ -1,5 +1,7 @@
 """What does not fit into memory is refused before it is taken, in one line with what to change."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from strategies import tiny
@@ -8,6 +10,8 @@ from cocap_opt import memory
 from cocap_opt.data import ProblemError
 from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.model import Model
+from cocap_opt.planners.lazy_value_iteration import LazyValueIteration
+from cocap_opt.planners.low_level import SingleRobotTask
 from cocap_opt.problem import Motion
 from cocap_opt.world.workspace import HeightMap, Workspace
 
@@ -30,9 +34,11 @@ def test_a_graph_that_is_too_large_is_refused(monkeypatch: pytest.MonkeyPatch) -
 def test_coverage_that_is_too_large_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """The message has the sizes that make it large, what it needs, and what there is."""
     model = Model(tiny(), use_cache=False)
+    task = SingleRobotTask(model, 0, tiny().no_pixels())
     monkeypatch.setattr(memory.psutil, "virtual_memory", lambda: Little(1000.0))
-    with pytest.raises(ProblemError) as error:
-        model.prepare_all()
-    words = str(error.value)
-    assert words.startswith("coverage and value iteration of ") and "\n" not in words
-    assert "GB of memory, of which 0.0 GB are free; use larger cells" in words
+    for run in (model.prepare_all, partial(LazyValueIteration(), task)):
+        with pytest.raises(ProblemError) as error:
+            run()
+        words = str(error.value)
+        assert words.startswith("coverage and value iteration of ") and "\n" not in words
+        assert "GB of memory, of which 0.0 GB are free; use larger cells" in words

@@ -69,10 +69,10 @@ from cocap_opt.stop import (
 from cocap_opt.world.workspace import HeightMap
 
 CONSTRAINT_TREES = {
-    *("cocap", "cocap-vs", "cocap-vs-undiscounted"),
+    *("cocap", "cocap-lazy", "cocap-vs", "cocap-vs-undiscounted"),
     *("cocap-rounds", "cocap-focal", "cocap-lns"),
 }
-SEQUENTIAL = {"sequential", "sequential-rounds", "best-of-orders"}
+SEQUENTIAL = {"sequential", "sequential-lazy", "sequential-rounds", "best-of-orders"}
 OBEY_RULES = {*CONSTRAINT_TREES, *SEQUENTIAL, "joint", "formation", "one-step"}
 COMPLETE = {*CONSTRAINT_TREES, "joint"}  # without a plan only where there is none
 EXACT = {"joint"}

@@ -12,6 +12,8 @@ from studies import rows_of, study
 from cocap_opt.experiments.studies import app as app_module
 from cocap_opt.experiments.studies.app import app
 from cocap_opt.experiments.studies.gamma import _measured
+from cocap_opt.experiments.studies.lazy import ALL, means
+from cocap_opt.experiments.studies.lazy import _measured as _measured_lazily
 from cocap_opt.experiments.studies.separation.points import Point
 from cocap_opt.experiments.studies.separation.separation import built
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
@@ -133,6 +135,38 @@ def test_pictures_say_where_they_cannot_be_written(
     path.write_text("")
     assert study("pictures", path) == 2
     assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+# -- lazy value iteration ---------------------------------------------------------------------
+
+LAZY = ROOT / "experiments" / "studies" / "stored" / "lazy.csv"
+
+
+def test_the_readme_quotes_the_stored_views() -> None:
+    """Each line of its table of lazy value iteration is that of the stored runs."""
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    head, _, *lines = text.split("| scene | planner | states |")[1].split("\n\n")[0].splitlines()
+    rows = means(rows_of(LAZY))
+    assert [row["scene"] for row in rows] == ALL
+    assert [name.strip() for name in head.split("|") if name.strip()] == list(rows[0])[3:]
+    shown = [[cell.strip() for cell in line.split("|")[1:-1]] for line in lines]
+    assert shown == [list(row.values()) for row in rows]
+
+
+def test_the_stored_views_are_what_planners_evaluate() -> None:
+    """The corridor, planned again, has the same J from the same views."""
+    (row,) = (row for row in rows_of(LAZY) if row["scene"] == "corridor")
+    again = _measured_lazily("corridor", int(row["seed"]))
+    for name in ("states", "views", "reward"):
+        assert float(row[name]) == pytest.approx(again[name], rel=1e-9)
+
+
+def test_lazy_planning_is_measured(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A row for each scene and seed, with J and views as shares of those of all coverage."""
+    assert study("lazy", "--scene", "tiny-turn", "--seeds", "0", "--out", tmp_path) == 0
+    (row,) = rows_of(tmp_path / "lazy.csv")
+    assert float(row["reward"]) == 1 and 0 < float(row["views"]) <= 1
+    assert "tiny-turn" in capsys.readouterr().out
 
 
 # -- the price of separation ----------------------------------------------------------------

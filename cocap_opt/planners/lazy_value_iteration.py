@@ -1,0 +1,183 @@
+"""Value iteration that evaluates the views on good paths only, and finds the same path.
+
+     1  R(t, s) <- the reward of state s at step t if nothing hides anybody, an upper bound
+     2  forever
+     3      V <- one backward sweep over R
+     4      path <- the best path by V
+     5      if all of its views are evaluated: return it
+     6      evaluate the views on the path, and those on paths nearly as good
+     7      R of these <- their rewards
+
+The best path by an upper bound is the best of all if its own rewards are exact. It is also the path
+that value iteration on all views takes: whatever ties with it by the true rewards ties by R, too,
+and of those that tie both take the same.
+
+Source: LazySP (Dellin and Srinivasa 2016, arXiv 1603.03490); the numbers are this listing's. Many
+views are evaluated at once, since a sweep takes as long as hundreds of them, and a view among many
+takes a tenth of what it takes alone.
+"""
+
+import numpy as np
+
+from cocap_opt.data import FloatArray, IntArray
+from cocap_opt.graph.move_rewards import Bonuses
+from cocap_opt.graph.timegraph import CLOSED, TimeGraph
+from cocap_opt.graph.value_iteration import Swept, backward_sweep, best_path
+from cocap_opt.model import Model, Path
+from cocap_opt.planners.low_level import SingleRobotPath, SingleRobotTask
+from cocap_opt.planners.optimistic_coverage import OptimisticCoverage
+from cocap_opt.stop import Limit, Stop
+
+_WIDTH = 4  # states of a step that are evaluated at most in the first round; later ever more
+_MOST = 32  # at most in any round
+_MANY = 8  # times as many moves are looked at, since several lead to one state
+_HURRIED = 1.2e-7  # s, of planning past a limit, for each state at a step: measured, and rounded up
+
+
+class LazyValueIteration:
+    """Lazy value iteration as a low level. Each instance remembers the views it has evaluated.
+
+    Time is kept for planning every robot once by what is known then, but no more than half of what
+    there is: such a path is good by the views that are evaluated, and says which limit was near.
+    """
+
+    is_lazy = True
+
+    def __init__(self) -> None:
+        self._coverage: dict[tuple[Model, int], OptimisticCoverage] = {}  # by class
+        self._reserve: float | None = None  # s
+
+    def __call__(self, task: SingleRobotTask) -> SingleRobotPath:
+        """Find the path that value iteration on all views finds; raises LimitReached."""
+        task.stop.check()
+        if self._reserve is None:
+            self._reserve = min(_seconds_in_a_hurry(task.model), task.stop.seconds_left / 2)
+        coverage = self._coverage_of(task)
+        before = coverage.evaluated
+        coverage.put_on_top_of(task.pixels)  # 1
+        path, limit = _Search(task, coverage).best_path(task.stop.before(self._reserve))
+        evaluated = coverage.evaluated - before
+        if path is None:
+            return SingleRobotPath(None, task.model.problem.no_pixels(), evaluated)
+        return SingleRobotPath(path, coverage.pixels_along(path), evaluated, limit)
+
+    def _coverage_of(self, task: SingleRobotTask) -> OptimisticCoverage:
+        robot_class = task.model.class_of[task.robot]
+        key = task.model, task.model.classes.index(robot_class)
+        if key not in self._coverage:
+            self._coverage[key] = OptimisticCoverage(task.model, robot_class, task.stop)
+        return self._coverage[key]
+
+
+def _seconds_in_a_hurry(model: Model) -> float:
+    """Returns the seconds, about, that planning every robot once takes without more rounds."""
+    states = sum(len(c.robots) * c.graph.n_states for c in model.classes)
+    return states * (model.problem.horizon + 1) * _HURRIED
+
+
+class _Search:
+    """The search for the best path of one task."""
+
+    def __init__(self, task: SingleRobotTask, coverage: OptimisticCoverage) -> None:
+        self._task, self._coverage = task, coverage
+        self._class, self._start = task.model.class_of[task.robot], task.model.start(task.robot)
+        self._graph = self._class.graph
+        self._bonuses = Bonuses.of(task.model.problem.objective)
+
+    def best_path(self, enough: Stop) -> tuple[Path | None, Limit | None]:
+        """Returns the best path, all of which is evaluated; None if there is none.
+
+        Parameters
+        ----------
+        enough : where it is reached, a path that is good by what is evaluated is returned, and
+            the limit
+        """
+        width, best, least, earlier = _WIDTH, None, CLOSED, None
+        while True:  # 2
+            value = self._sweep(self._coverage.rewards, earlier)  # 3
+            path = self._path_of(value)  # 4
+            if path is None:
+                return None, None
+            nodes = self._nodes(path)
+            if not len(self._coverage.unknown(nodes)):  # 5
+                return path, None
+            limit, most = enough.reached(), value[0, self._start] - least
+            near = _near_best(self._graph, value, self._start, self._bonuses, width, most)
+            changed = self._evaluate(np.concatenate([nodes, near]))  # 6-7
+            if limit:
+                known = self._path_of(self._sweep(self._coverage.known_rewards()))
+                paths = [one for one in (best, path, known) if one is not None]
+                return max(paths, key=self._worth), limit
+            if (own := self._worth(path)) > least:
+                best, least = path, own
+            earlier, width = Swept(value, changed), min(2 * width, _MOST)
+
+    def _sweep(self, rewards: FloatArray, earlier: Swept | None = None) -> FloatArray:
+        """Returns the best reward to go [T+1, S] of every state."""
+        return backward_sweep(
+            self._graph, rewards, self._bonuses, self._task.charges, self._class.goal,
+            self._task.stop, earlier,
+        )  # fmt: skip
+
+    def _path_of(self, value: FloatArray) -> Path | None:
+        """Returns the best path by a sweep."""
+        path = best_path(self._graph, value, self._start, self._bonuses, self._task.charges)
+        return None if path is None else tuple(path)
+
+    def _nodes(self, path: Path) -> IntArray:
+        nodes: IntArray = np.arange(len(path)) * self._graph.n_states + np.array(path)
+        return nodes
+
+    def _evaluate(self, nodes: IntArray) -> int:
+        """Evaluates those of nodes [n] that are not known; returns the last step of any, or 0."""
+        unknown = self._coverage.unknown(nodes)
+        self._coverage.evaluate(unknown, self._task.stop)
+        return int(unknown.max(initial=0)) // self._graph.n_states
+
+    def _worth(self, path: Path) -> float:
+        """Returns what a path is worth, after its views are evaluated."""
+        nodes = self._nodes(path)
+        self._evaluate(nodes)
+        views = float(self._coverage.rewards.reshape(-1)[nodes].sum())
+        return views + self._bonuses.of_path(self._graph.shape, path)
+
+
+def _near_best(
+    graph: TimeGraph, value: FloatArray, start: int, bonuses: Bonuses, width: int, most: float
+) -> IntArray:
+    """Returns nodes [n] of nearly best paths from a start: of each step those that lose least.
+
+    Parameters
+    ----------
+    value : [T+1, S] of a backward sweep
+    width : number of nodes of a step, at most
+    most : the most that a path through them may lose
+    """
+    turns = _turns(graph)
+    states, lost = np.array([start]), np.zeros(1)
+    found = [states[:0]]
+    for t, ahead in enumerate(value[1:]):
+        orientations, places = np.divmod(states, graph.n_places)
+        to = graph.heads_at(t, places)  # [K, n]
+        heads = turns[orientations] * graph.n_places + np.maximum(to, 0)[..., None]  # [K, n, W]
+        best = np.where((to < 0)[..., None], CLOSED, ahead[heads])
+        if not bonuses.none:
+            tails = np.broadcast_to(states[:, None], heads.shape).ravel()
+            best += bonuses.of_edges(graph.shape, tails, heads.ravel()).reshape(heads.shape)
+        losses = (lost + best.max(axis=(0, 2)))[:, None] - best
+        kept = np.flatnonzero((losses <= most) & (best > CLOSED))
+        heads, losses = heads.ravel()[kept], losses.ravel()[kept]
+        if len(losses) > _MANY * width:
+            few = np.argpartition(losses, _MANY * width)[: _MANY * width]
+            heads, losses = heads[few], losses[few]
+        order = np.lexsort([heads, losses])
+        first = np.sort(np.unique(heads[order], return_index=True)[1])[:width]
+        states, lost = heads[order][first], losses[order][first]
+        found.append((t + 1) * graph.n_states + states)
+    return np.concatenate(found)
+
+
+def _turns(graph: TimeGraph) -> IntArray:
+    """Returns the orientations [O, W] that follow each one, some of them repeated."""
+    most = max(map(len, graph.turns))
+    return np.array([some + some[:1] * (most - len(some)) for some in graph.turns])

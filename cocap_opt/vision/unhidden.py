@@ -1,0 +1,197 @@
+"""Views as if nothing hid anybody: an upper bound on coverage, face by face, that costs little.
+
+The image of a triangle that is before the camera, with corners e1, e2, e3 relative to the eye, has
+
+    focal^2 |det(e1, e2, e3)| / (2 d1 d2 d3) = focal^2 area ahead / (d1 d2 d3)
+
+pixels, where d are the corners' depths and the eye is `ahead` metres before the triangle's plane.
+All but the depths is the same for all orientations of a camera. Of a face that the border of the
+image may cut, no more is seen than the rectangle around its image has in the image.
+"""
+
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.problem import Camera
+from cocap_opt.vision.faces import Planes
+from cocap_opt.vision.projection import dot
+from cocap_opt.vision.spans import spans
+
+_SLACK = 1e-7  # m, much more than the rounding of coordinates
+_ROUNDING = 1e-9  # relative, much more than that of areas
+_AT_ONCE = 20_000  # orientations times eyes times actors, for the processor's cache
+
+
+class Unhidden(NamedTuple):
+    """The most that states at one step may see of each face."""
+
+    states: IntArray  # [n] increasing
+    faces: IntArray  # [n] increasing for each state
+    pixels: FloatArray  # [n] px/m2, > 0, no less than what the state sees of the face
+
+    @classmethod
+    def nothing(cls) -> Self:
+        """Returns what nobody sees."""
+        none = np.zeros(0, dtype=np.int64)
+        return cls(none, none, np.zeros(0))
+
+    @classmethod
+    def of(
+        cls, camera: Camera, axes: FloatArray, planes: Planes, owners: IntArray, eyes: FloatArray,
+        wanted: BoolArray,
+    ) -> Self:  # fmt: skip
+        """Returns what the wanted states see, which are numbered as they stand in that array.
+
+        Parameters
+        ----------
+        axes : [O, 3, 3] right, up and forward of each orientation
+        owners : [F] actor of each face
+        eyes : [n, 3] m
+        wanted : [O, n] true for states that matter
+        """
+        scene = _Scene(camera, planes, owners, eyes)
+        size = max(_AT_ONCE // max(len(eyes) * len(planes.reaches), 1), 1)
+        parts = [
+            scene.seen(axes[first : first + size], wanted[first : first + size], first)
+            for first in range(0, len(axes), size)
+        ]
+        return cls(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+
+class _Scene:
+    """The faces at one step, as they are from some eyes [n]."""
+
+    def __init__(self, camera: Camera, planes: Planes, owners: IntArray, eyes: FloatArray) -> None:
+        self._planes, self._eyes, self._focal = planes, eyes, camera.focal
+        self._slopes = camera.width / 2 / camera.focal, camera.height / 2 / camera.focal
+        ahead = _dots(eyes, planes.normals) - dot(planes.normals, planes.centres)  # [n, F]
+        eye, self._faces = np.nonzero(ahead > -_SLACK)  # that are turned to the eye
+        # px m per square metre of a triangle, before the division by its depths.
+        self._density = np.maximum(ahead[eye, self._faces] + _SLACK, 0.0)
+        self._density *= camera.focal**2 * (1 + _ROUNDING) / planes.areas[self._faces]
+        # Those of one actor from one eye stand one after the other.
+        pairs = len(eyes) * len(planes.reaches)
+        self._counts = np.bincount(eye * len(planes.reaches) + owners[self._faces], minlength=pairs)
+        self._first = np.cumsum(self._counts) - self._counts
+        sides = planes.polygons[:, 1:] - planes.polygons[:, :1]  # [F, V-1, 3]
+        crosses = np.cross(sides[:, :-1], sides[:, 1:])
+        self._triangles = np.sqrt(dot(crosses, crosses)).T / 2  # [V-2, F] m2
+
+    def seen(
+        self, axes: FloatArray, wanted: BoolArray, first: int
+    ) -> tuple[IntArray, IntArray, FloatArray]:
+        """Returns states, faces and coverage of some orientations [O].
+
+        Parameters
+        ----------
+        first : number of the first orientation
+        """
+        looks = _Looks(axes, self._eyes, self._planes)
+        actors = _ActorsInView.of(looks, self._planes, self._slopes, wanted)
+        pair = actors.eyes * len(self._planes.reaches) + actors.numbers
+        counts = self._counts[pair]
+        entry = np.repeat(np.arange(len(counts)), counts)
+        turned = spans(self._first[pair], counts)
+        face = self._faces[turned]
+        state = (actors.orientations * len(self._eyes) + actors.eyes)[entry]
+        at = _At(state, (actors.orientations * len(self._planes.areas))[entry] + face)
+        depth = looks.corners(2, at)
+        pixels = self._of_whole(depth, face) * self._density[turned]
+        cut = np.flatnonzero(~actors.whole[entry])
+        beside = [looks.corners(k, _At(at.states[cut], at.corners[cut])) for k in (0, 1)]
+        pixels[cut] = self._of_cut(beside, [d[cut] for d in depth], face[cut], pixels[cut])
+        seen = np.flatnonzero(pixels)
+        return state[seen] + first * len(self._eyes), face[seen], pixels[seen]
+
+    def _of_whole(self, depth: list[FloatArray], face: IntArray) -> FloatArray:
+        """Returns the coverage [n] of faces that the border does not cut, per density.
+
+        Parameters
+        ----------
+        depth : of each corner [n] m
+        """
+        first, *others = (1 / np.maximum(d, _SLACK) for d in depth)
+        total = np.zeros(len(face))
+        for areas, one, other in zip(self._triangles, others, others[1:], strict=False):
+            total += areas.take(face) * one * other
+        return total * first
+
+    def _of_cut(
+        self, beside: list[list[FloatArray]], depth: list[FloatArray], face: IntArray,
+        whole: FloatArray,
+    ) -> FloatArray:  # fmt: skip
+        """Returns an upper bound on the coverage [n] of faces that the border may cut.
+
+        Parameters
+        ----------
+        beside, depth : to the right, up, and ahead of the camera [n] m, of each corner
+        whole : [n] coverage if the border does not cut them
+        """
+        behind = np.minimum.reduce(depth) <= _SLACK
+        least = self._focal**2 / self._planes.areas[face]
+        for off, slope in zip(beside, self._slopes, strict=True):
+            with np.errstate(divide="ignore", invalid="ignore"):
+                at = [a / d for a, d in zip(off, depth, strict=True)]
+            low, high = np.minimum.reduce(at), np.maximum.reduce(at)
+            low = np.where(behind, -slope, np.maximum(low, -slope))
+            high = np.where(behind, slope, np.minimum(high, slope))
+            least *= np.where(high < low - _ROUNDING, 0.0, np.maximum(high - low, 0) + _ROUNDING)
+        return np.where(behind, least, np.minimum(least, whole))
+
+
+class _At(NamedTuple):
+    """Numbers of pairs of an orientation and an eye, and of one and a face."""
+
+    states: IntArray  # [n]
+    corners: IntArray  # [n]
+
+
+class _Looks:
+    """Points as seen along some orientations [O] from eyes [n]."""
+
+    def __init__(self, axes: FloatArray, eyes: FloatArray, planes: Planes) -> None:
+        ways = np.moveaxis(axes, 1, 0)  # [3, O, 3]
+        self.eyes = [_dots(way, eyes) for way in ways]  # [O, n] m each
+        self.middles = [_dots(way, planes.middles) for way in ways]  # [O, A] m each
+        corners = np.moveaxis(planes.polygons, 1, 0)  # [V, F, 3]
+        self._corners = [[_dots(way, c).ravel() for c in corners] for way in ways]
+
+    def corners(self, way: int, at: "_At") -> list[FloatArray]:
+        """Returns how far each corner [n] of faces is to the right, up, or ahead (0, 1, 2), m."""
+        here = self.eyes[way].take(at.states)
+        return [corner.take(at.corners) - here for corner in self._corners[way]]
+
+
+class _ActorsInView(NamedTuple):
+    """The actors that may be in the image of states, in the order of the states."""
+
+    orientations: IntArray  # [n]
+    eyes: IntArray  # [n]
+    numbers: IntArray  # [n]
+    whole: BoolArray  # [n] true if all of the actor is in the image
+
+    @classmethod
+    def of(
+        cls, looks: _Looks, planes: Planes, slopes: tuple[float, float], wanted: BoolArray
+    ) -> "_ActorsInView":
+        """Returns those that wanted states [O, n] may see."""
+        right, up, depth = (
+            middle[:, None] - eye[..., None]  # [O, n, A] m
+            for middle, eye in zip(looks.middles, looks.eyes, strict=True)
+        )
+        # From the nearest side of the image, inwards, m.
+        room = np.minimum(*(
+            (slope * depth - np.abs(off)) / np.hypot(1.0, slope)
+            for slope, off in zip(slopes, (right, up), strict=True)
+        ))  # fmt: skip
+        reach = planes.reaches + _SLACK
+        orientations, eyes, numbers = np.nonzero((room >= -reach) & wanted[..., None])
+        whole = room[orientations, eyes, numbers] >= reach[numbers]
+        return cls(orientations, eyes, numbers, whole)
+
+
+def _dots(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Returns the inner products [n, m] of vectors [n, 3] and [m, 3], in a fixed order."""
+    return dot(a[:, None], b)
