@@ -10,7 +10,7 @@ from cocap_opt.planners.responses import Responses, followed, in_rounds, one_by_
 from cocap_opt.planners.team import Team
 from cocap_opt.problem import Conflict
 from cocap_opt.result import Reason, Result
-from cocap_opt.stop import Limit, Stop
+from cocap_opt.stop import Clock, Limit, Stop
 
 SPARE_FROM = 64  # nodes generated from which on a spare plan costs little
 
@@ -115,9 +115,11 @@ class ConstraintTree:
         self._open, self._rounds = open_nodes, rounds
         self._team = team  # of the root, as far as it is planned
         self._spare: Team | None = None  # of sequential planning, once the tree is large
+        self._root_seconds = 0.0
 
     def root(self) -> Node | None:
         """Node of every robot's best path given the earlier ones; None where one has no path."""
+        clock = Clock()
         for team in one_by_one(self._team, self._responses, rules=False):
             self._team = team
         if not self._team.is_whole:
@@ -125,6 +127,7 @@ class ConstraintTree:
         if self._rounds:
             for team in in_rounds(self._team, self._responses, rules=False):
                 self._team = team
+        self._root_seconds = clock.seconds
         return Node(self._team, (NO_CHARGES,) * self._team.size, self._team.value)
 
     def first_conflict(self, node: Node) -> Conflict | None:
@@ -148,8 +151,12 @@ class ConstraintTree:
         return Node(team, constraints, team.value, node.depth + 1)
 
     def _keep_spare_plan(self) -> None:
-        """Plan sequentially once the tree is large: a plan for the case that time runs out."""
-        if self._spare is None and self._open.pushed >= SPARE_FROM:
+        """Plan sequentially once the tree is large, or time runs out: a plan for that case.
+
+        That takes about as long as the root has taken.
+        """
+        is_late = self._stop.seconds_left < 2 * self._root_seconds
+        if self._spare is None and (self._open.pushed >= SPARE_FROM or is_late):
             nobody = Team.nobody(self._model)
             self._spare = followed(nobody, one_by_one(nobody, self._responses))[0].hovering()
 

@@ -96,7 +96,7 @@ class PlanRow:
             about = problem.name, seed, planner or "bound", words
             _log.warning("%s, seed %s, %s: %s", *about, extra={"once": f"{problem.name}, blind"})
         if reason is Reason.STOPPED and result.plan is not None and result.plan.stays:
-            messages.append("the limit came before any drone was planned: all stay at their starts")
+            messages.append("the limit came too early: all drones stay at their starts")
         if reason is Reason.OPTIMAL and math.isfinite(result.bound) and judged.gap > OPTIMALITY:
             # What is certified is less than what the method says.
             reason = Reason.FINISHED
