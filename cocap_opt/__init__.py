@@ -82,8 +82,8 @@ _MODULES = {
     "cocap_opt.planners": ("PLANNERS",),
     "cocap_opt.problem": (
         "NO_RULES", "PAPER_RULES", "Actor", "Camera", "CollisionRules", "Cone", "Cuboid",
-        "Earth", "Limits", "Motion", "Objective", "PassConflict", "Plan", "Prism", "Problem", "Robot",
-        "State", "SwapConflict", "TriangulatedCuboid", "VertexConflict",
+        "Earth", "Limits", "Motion", "Objective", "PassConflict", "Plan", "Prism", "Problem",
+        "Robot", "State", "SwapConflict", "TriangulatedCuboid", "VertexConflict",
     ),
     "cocap_opt.result": ("Reason", "Result", "UnsupportedError"),
     "cocap_opt.scenarios": ("FORMATS", "SCENES"),

@@ -125,10 +125,13 @@ class Geodesy:
                 for operation in group.unavailable_operations[:1]
                 for grid in operation.grids
             )
-            which = f"the grid {', '.join(grids)}" if grids else "a grid"
+            why = (
+                f"needs the grid {', '.join(grids)}, which is not installed; `pyproj sync` gets it"
+                if grids
+                else "has a datum of which nobody says how it lies to that"
+            )
             raise ProblemError(
-                f"crs: must be a system that can be converted to WGS 84, but {self.name} needs "
-                f"{which}, which is not installed; `pyproj sync` fetches it"
+                f"crs: must be a system that can be converted to WGS 84, but {self.name} {why}"
             )
         return group.transformers[0]
 

@@ -34,6 +34,7 @@ def _fly(
         float | None,
         Parameter(help="seconds between rows; else a row a step, and ten a step with --smooth"),
     ] = None,
+    local: Annotated[bool, FLAG(name="--local", help="leave out latitudes and longitudes")] = False,
     json: Json = False,
 ) -> int:
     """Write where each drone is at every moment, checked against rules, obstacles and limits.
@@ -52,13 +53,12 @@ def _fly(
     check_output(output, scene, plan)
     problem, planned = PlanReader(scene, load(scene, seed)).plan(plan)
     problem = _with_step(problem, step)
+    problem = problem.replace(earth=None) if local else problem
     try:
         flight = Flight.of(problem, planned, smooth)
         content = flight.csv(every)
     except ProblemError as error:
-        words = str(error)
-        where = "--" if words.startswith("every:") else f"{plan}: "
-        raise FileError(f"{where}{words}") from error
+        raise _in_words(error, scene, plan) from error
     record = flight.record()
     save_bytes(output, content)
     answer: Record = {"scene": problem.name, "seed": seed, **record}
@@ -69,6 +69,16 @@ def _fly(
         print_result({**answer, "file": output}, json)
         Listing("tightest moment of each drone", flight.rows(), notes).print()
     return 0
+
+
+def _in_words(error: ProblemError, scene: str, plan: Path) -> Exception:
+    """Returns the error that names the option or the file that is to be changed."""
+    words = str(error)
+    if words.startswith("every:"):
+        return UsageError(f"--{words}")
+    if words.startswith("earth."):
+        return FileError(f"{scene}: {words}; --local leaves latitudes and longitudes out")
+    return FileError(f"{plan}: {words}")
 
 
 def _with_step(problem: Problem, step: float | None) -> Problem:

@@ -59,7 +59,8 @@ class EarthTable(Table):
             heights=_ABOVE[self.heights] if self.heights else None,
             base=self.height or 0.0,
         )
-        Geodesy(earth, height_map.centre(0, 0))  # which refuses what cannot be converted
+        if of_map is None:  # else the map's reader has looked at it
+            Geodesy(earth, height_map.centre(0, 0))
         return earth
 
 

@@ -107,8 +107,8 @@ over_people = 5.0           # m above heads from which on drones may fly over; l
 
 [earth]
 crs = "EPSG:25830"          # of x and y, in metres; left out: that of the map's file
-latitude = 43.263           # of the point x = 0, y = 0 (WGS 84), where the map has no place
-longitude = -2.935
+# latitude = 43.263         # of the point x = 0, y = 0 (WGS 84), where no file says the place
+# longitude = -2.935
 height = 20.0               # m, of z = 0
 heights = "above-sea"       # or "above-ellipsoid"; nothing is converted between them
 
