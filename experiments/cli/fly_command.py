@@ -22,7 +22,7 @@ def _fly(
     plan: Path,
     /,
     *,
-    output: Output,
+    output: Output = None,
     seed: Seed = 0,
     step: Annotated[
         float | None, Parameter(help="seconds of a step, of scenes that do not say it")

@@ -131,8 +131,12 @@ class Flight(NamedTuple):
             "reward_straight": view_reward(self.straight, parts) + verdict.reward_moves,
         }
         if self.is_smooth:
+            smooth = view_reward(self.flown, parts) + verdict.reward_moves
             found |= {
-                "reward_smooth": view_reward(self.flown, parts) + verdict.reward_moves,
+                "reward_smooth": smooth,
+                "smoothing_cost": 1 - smooth / found["reward_straight"]
+                if found["reward_straight"] > 0
+                else None,
                 "deviation": self.flown.distance_from(self.straight),
                 "slowed": self.slowed,
             }
@@ -162,8 +166,12 @@ class Flight(NamedTuple):
         )
         if not self.is_smooth:
             yield "speeds jump at each step, and no acceleration was checked; --smooth has neither"
-        if not problem.rules.separation:
-            yield "the scene's rules ask for no distance between drones between the steps"
+        least = self.flown.least_distance()
+        if not problem.rules.separation and math.isfinite(least):
+            yield (
+                "the scene's rules ask for no distance between drones between the steps: they come "
+                f"within {least:.2f} m of each other"
+            )
         if any(robot.motion.corner_cutting for robot in problem.robots):
             yield "the scene lets drones cut corners: walls were checked at the steps only"
         if all(robot.limits is None for robot in problem.robots):

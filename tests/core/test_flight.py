@@ -228,6 +228,25 @@ def test_drones_that_would_come_too_near_stop() -> None:
     assert free.trajectory.least_distance() < 2.0
 
 
+def test_drones_pass_people_as_far_as_the_plan() -> None:
+    """A drone that turns at the least distance to somebody slows down where it would be nearer."""
+    one = tuple(State(x, y) for x, y in ((2, 0), (3, 1), (3, 2), (3, 3), (2, 4)))
+    person = Actor(poses=np.tile([5.5, 2.5, 0.0, 0.0], (5, 1)))
+    problem = Problem(
+        name="aside", height_map=HeightMap(heights=np.zeros((9, 9))), actors=(person,), horizon=4,
+        robots=(Robot(start=one[0]),), step=1.0, airspace=Airspace(people_aside=2.0),
+    )  # fmt: skip
+
+    def least(made: Smooth) -> float:
+        way = sampled(made.trajectory)[0, :, :2] - [5.5, 2.5]
+        return float(np.hypot(*way.T).min())
+
+    made = smooth(problem, Plan(paths=(one,)))
+    assert made.dangers == () and made.slowed > 0
+    assert least(made) >= 2.0 - 1e-6
+    assert least(smooth(problem.replace(airspace=Airspace()), Plan(paths=(one,)))) < 1.999
+
+
 def test_polynomials_are_enclosed() -> None:
     """Products, values, largest values and positivity agree with samples."""
     rng = np.random.default_rng(0)
