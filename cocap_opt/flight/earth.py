@@ -120,20 +120,24 @@ class Geodesy:
                 self._crs, WGS_84, always_xy=True, allow_ballpark=False, area_of_interest=around
             )
         if not group.transformers or not group.best_available:
-            grids = sorted(
-                grid.short_name
-                for operation in group.unavailable_operations[:1]
-                for grid in operation.grids
-            )
-            why = (
-                f"needs the grid {', '.join(grids)}, which is not installed; `pyproj sync` gets it"
-                if grids
-                else "has a datum of which nobody says how it lies to that"
-            )
             raise ProblemError(
-                f"crs: must be a system that can be converted to WGS 84, but {self.name} {why}"
+                f"crs: must be a system that can be converted to WGS 84, but {self.name} "
+                f"{self._obstacle(near, group.unavailable_operations)}"
             )
         return group.transformers[0]
+
+    def _obstacle(self, near: tuple[float, float], unavailable: list[Any]) -> str:
+        """Says why there is no good operation around a latitude and longitude."""
+        latitude, longitude = near
+        area = self._crs.area_of_use
+        if area is not None and not (
+            area.south <= latitude <= area.north and area.west <= longitude <= area.east
+        ):
+            return f"is for another place than latitude {latitude:.5g}, longitude {longitude:.5g}"
+        grids = sorted(grid.short_name for one in unavailable[:1] for grid in one.grids)
+        if grids:
+            return f"needs {' and '.join(grids)}, not installed here; `pyproj sync` gets such grids"
+        return "has a datum of which nobody says how it lies to that"
 
     def _from_earth(self, place: tuple[float, float]) -> tuple[float, float]:
         """Returns the coordinates (m) in the system of a latitude and longitude."""

@@ -91,7 +91,10 @@ def _with_step(problem: Problem, step: float | None) -> Problem:
         raise UsageError(
             f"--step: must be left out, for {problem.name} says it: {problem.step:g} s"
         )
-    return problem if step is None else problem.replace(step=step)
+    try:
+        return problem if step is None else problem.replace(step=step)
+    except ProblemError as error:  # it is out of range, or too short for the drones' limits
+        raise UsageError(f"--step: {error}") from error
 
 
 COMMANDS = {"fly": _fly}

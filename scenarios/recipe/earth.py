@@ -14,6 +14,7 @@ _ABOVE: dict[str, Literal["sea", "ellipsoid"]] = {
     "above-sea": "sea",
     "above-ellipsoid": "ellipsoid",
 }
+_SHOWN = 60  # letters of a system in a message
 
 
 class EarthTable(Table):
@@ -46,7 +47,8 @@ class EarthTable(Table):
             )
         if of_map is not None and self.crs is not None and not same_system(of_map, self.crs):
             raise ProblemError(
-                f"crs: must be left out, or that of the map's file, {of_map[:40]}, not {self.crs}"
+                f"crs: must be left out, or that of the map's file, {short_name(of_map)}, not "
+                f"{self.crs}"
             )
         system = of_map or self.crs
         if system is None:
@@ -62,6 +64,11 @@ class EarthTable(Table):
         if of_map is None:  # else the map's reader has looked at it
             Geodesy(earth, height_map.centre(0, 0))
         return earth
+
+
+def short_name(crs: str) -> str:
+    """Returns a code as it is, and of WKT the name in it."""
+    return crs.split('"')[1] if crs.count('"') > 1 else crs[:_SHOWN]
 
 
 def same_system(one: str, other: str) -> bool:

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from cocap_opt.data import FloatArray, ProblemError
-from cocap_opt.scenarios.recipe.earth import same_system
+from cocap_opt.scenarios.recipe.earth import same_system, short_name
 from cocap_opt.scenarios.recipe.raster import Raster
 from cocap_opt.scenarios.recipe.raster_files import read_raster
 from cocap_opt.scenarios.recipe.resample import MOST_CELLS, Grid
@@ -153,8 +153,8 @@ class MapTable(Table):
         )
         if surface.crs and terrain.crs and not same_system(surface.crs, terrain.crs):
             raise ProblemError(
-                f"ground: must be in the reference system of the map, {surface.crs[:40]}, not in "
-                f"{terrain.crs[:40]}; gdalwarp -t_srs writes it in that"
+                f"ground: must be in the reference system of the map, {short_name(surface.crs)}, "
+                f"not in {short_name(terrain.crs)}; gdalwarp -t_srs writes it in that"
             )
         x, y = ox + (np.arange(width) + 0.5) * dx, oy + (np.arange(depth) + 0.5) * dy
         return terrain.sample(x[:, None], y[None, :])

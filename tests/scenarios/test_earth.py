@@ -125,7 +125,11 @@ def test_an_origin_is_where_it_is_said_to_be(tmp_path: Path) -> None:
         ({"crs": "EPSG:25830", "more": "[earth]\nlatitude = 43\nlongitude = -3"}, "left out"),
         (
             {"more": '[earth]\ncrs = "EPSG:27700"\nlatitude = 51.5\nlongitude = -0.1'},
-            "grid uk_os_OSTN15.* is not installed",
+            "needs uk_os_OSTN15.*, not installed here",
+        ),
+        (
+            {"more": '[earth]\ncrs = "EPSG:2154"\nlatitude = 43.0\nlongitude = 170.0'},
+            "is for another place than latitude 43, longitude 170",
         ),
     ],
 )
