@@ -545,9 +545,10 @@ def trajectory(
     if own is None:
         raise ValueError("plan: the result has no plan that could be flown")
     _require_made_for("plan", plan, problem)
-    if (problem.step is None) == (step is None):
-        words = "be given, once" if step is None else f"be left out: it is {problem.step:g} s"
-        raise ValueError(f"step: must {words}")
+    if problem.step is None and step is None:
+        raise ValueError("step: must be given, for the problem does not say how long a step lasts")
+    if problem.step is not None and step is not None:
+        raise ValueError(f"step: must be left out, for the problem says it: {problem.step:g} s")
     timed = problem if step is None else problem.replace(step=step)
     flight = Flight.of(timed, own, smooth)
     table = DataFrame(flight.columns(every))

@@ -14,7 +14,7 @@ import numpy as np
 from cocap_opt.data import LARGEST, FloatArray
 from cocap_opt.flight.bernstein import elevated, ever_positive, halves, product, squared_length
 from cocap_opt.flight.trajectory import DEGREE, Trajectory, between_drones
-from cocap_opt.problem import CollisionRules, Motion, Problem
+from cocap_opt.problem import CollisionRules, Problem
 from cocap_opt.problem.rules import TOLERANCE
 from cocap_opt.world.columns import Columns
 
@@ -79,68 +79,55 @@ def _nearness(ways: FloatArray, rules: CollisionRules) -> list[FloatArray]:
 
 
 def _in_matter(flown: Trajectory) -> Iterator[Danger]:
-    problem = flown.problem
-    matter, closed = problem.workspace.columns, problem.workspace.forbidden
-    for i, (robot, path) in enumerate(zip(problem.robots, flown.pieces, strict=True)):
-        motion = robot.motion
-        for t, piece in enumerate(path):
-            places = piece[:3]
-            if (places == places[:, :1]).all():
+    """Yields where drones come too near to matter, or leave the map or the airspace."""
+    workspace = flown.problem.workspace
+    for i, (robot, path) in enumerate(zip(flown.problem.robots, flown.pieces, strict=True)):
+        zones = _Cells(flown.problem, workspace.forbidden, 0.0)
+        walls = _Cells(flown.problem, workspace.columns, robot.motion.clearance)
+        for t, piece in enumerate(path[:, :3]):
+            if (piece == piece[:, :1]).all():
                 continue  # it stays
-            if not _is_free(places, problem, closed, Motion(), True):
-                yield Danger(t, (i,), "enters a no-fly zone, or is above the ceiling")
-            elif not _is_free(places, problem, matter, motion, not motion.corner_cutting):
-                yield Danger(t, (i,), "comes too near to solid matter, or leaves the map")
+            if not zones.are_free_for(piece):
+                yield Danger(t, (i,), "leaves the map, enters a no-fly zone, or is too high")
+            elif not (robot.motion.corner_cutting or walls.are_free_for(piece)):
+                yield Danger(t, (i,), "comes too near to solid matter")
 
 
-def _is_free(
-    places: FloatArray, problem: Problem, columns: Columns, motion: Motion, looks: bool
-) -> bool:
-    """Returns True if a piece of a flight is proved to stay where columns are empty.
+class _Cells(NamedTuple):
+    """The cells of a map, and what closes them."""
 
-    Parameters
-    ----------
-    places : [3, 6] coefficients of x, y (m from the corner of the map) and z
-    motion : whose clearance is kept
-    looks : False: only that it stays on the map
-    """
-    size, shape = problem.height_map.resolution, problem.height_map.shape
-    scaled = places / np.array([[size], [size], [1.0]])
-    parts = [scaled]
-    for _ in range(_DEEPEST):
-        left = []
-        for part in parts:
-            low, high = part.min(axis=1), part.max(axis=1)
-            if looks and _hits(part[:, 0], part[:, 0], columns, motion, shape):
+    problem: Problem
+    columns: Columns
+    clearance: float  # m, above and below
+
+    def are_free_for(self, piece: FloatArray) -> bool:
+        """Returns True if a piece of a flight is proved to pass free cells only.
+
+        Parameters
+        ----------
+        piece : [3, 6] coefficients of x, y (m from the corner of the map) and z
+        """
+        size = self.problem.height_map.resolution
+        parts = [piece / np.array([[size], [size], [1.0]])]
+        for _ in range(_DEEPEST):
+            if any(self._close(part[:, 0], part[:, 0]) for part in parts):
                 return False
-            if not _hits(low, high, columns, motion, shape, looks):
-                continue
-            left += list(halves(part))
-        if not left:
-            return True
-        parts = left
-    return False
-
-
-def _hits(
-    low: FloatArray,
-    high: FloatArray,
-    columns: Columns,
-    motion: Motion,
-    shape: tuple[int, int],
-    looks: bool = True,
-) -> bool:
-    """Returns True if a box [3], in cells and m, reaches what is solid, or off the map."""
-    first = np.floor(low[:2] - _TOUCH).astype(np.int64)
-    last = np.floor(high[:2] + _TOUCH).astype(np.int64)
-    if (first < 0).any() or (last >= shape).any():
-        return True
-    if not looks:
+            open_ = [part for part in parts if self._close(part.min(axis=1), part.max(axis=1))]
+            if not open_:
+                return True
+            parts = [half for part in open_ for half in halves(part)]
         return False
-    # By less than the rules' own tolerance, so that touching the limit of a zone is no danger.
-    bottom, top = low[2] - motion.clearance, high[2] + motion.clearance
-    part = slice(first[0], last[0] + 1), slice(first[1], last[1] + 1)
-    found = (columns.low[:, *part] <= top - TOLERANCE) & (
-        columns.high[:, *part] >= bottom + TOLERANCE
-    )
-    return bool(found.any())
+
+    def _close(self, low: FloatArray, high: FloatArray) -> bool:
+        """Returns True if a box [3], in cells and m, reaches what is closed, or off the map.
+
+        Less than the tolerance of the rules is no reach: what touches a ceiling may be there.
+        """
+        first = np.floor(low[:2] - _TOUCH).astype(np.int64)
+        last = np.floor(high[:2] + _TOUCH).astype(np.int64)
+        if (first < 0).any() or (last >= self.problem.height_map.shape).any():
+            return True
+        part = slice(None), slice(first[0], last[0] + 1), slice(first[1], last[1] + 1)
+        below = self.columns.low[part] <= high[2] + self.clearance - TOLERANCE
+        above = self.columns.high[part] >= low[2] - self.clearance + TOLERANCE
+        return bool((below & above).any())

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cocap_opt.data import FloatArray, ProblemError, read_only
+from cocap_opt.data import FloatArray, IntArray, ProblemError, read_only
 from cocap_opt.flight.bernstein import derivative, elevated, largest, squared_length, values
 from cocap_opt.problem import Plan, Problem
 
@@ -23,7 +23,7 @@ _SLACK = 1e-9  # of a step, by which a moment may be rounded beyond the last
 class Samples(NamedTuple):
     """Where drones are at some moments [n], drone by drone."""
 
-    drone: FloatArray  # [n]
+    drone: IntArray  # [n]
     t: FloatArray  # [n] s since step 0
     place: FloatArray  # [n, 3] m, x, y and z of the map
     yaw: FloatArray  # [n] rad, 0 along +x, counter-clockwise; it does not jump at a full turn

@@ -97,7 +97,7 @@ def random_path(robot: Robot, rng: np.random.Generator) -> tuple[State, ...]:
 
 
 @lru_cache
-def flights(count: int = 8, seed: int = 0) -> list[tuple[Problem, Plan, Smooth]]:
+def flights(count: int = 6, seed: int = 0) -> list[tuple[Problem, Plan, Smooth]]:
     """Random scenes with plans and their smooth flights."""
     rng, found = np.random.default_rng(seed), []
     while len(found) < count:
@@ -110,7 +110,7 @@ def flights(count: int = 8, seed: int = 0) -> list[tuple[Problem, Plan, Smooth]]
     return found
 
 
-def sampled(flown: Trajectory, per_step: int = 60) -> FloatArray:
+def sampled(flown: Trajectory, per_step: int = 40) -> FloatArray:
     """Where drones are, [R, n, 3] m."""
     steps = flown.pieces.shape[1]
     times = np.linspace(0.0, flown.seconds, steps * per_step + 1)

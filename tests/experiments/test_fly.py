@@ -23,12 +23,13 @@ tilts = [10, 40]
 """
 
 
-@pytest.fixture
-def files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> tuple[Path, Path]:
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """A recipe, and a plan for it."""
-    scene, plan = tmp_path / "scene.toml", tmp_path / "plan.json"
+    folder = tmp_path_factory.mktemp("fly")
+    scene, plan = folder / "scene.toml", folder / "plan.json"
     scene.write_text(RECIPE.format(step="step = 0.5", limits=""))
-    assert Run(capsys, "plan", scene, "--planner", "sequential", "-o", plan).code == 0
+    co.save(plan, co.plan(co.load(scene), "sequential"))
     return scene, plan
 
 
@@ -89,10 +90,10 @@ def test_flights_that_cannot_be_made_are_refused(
 
 
 def test_limits_hold_for_scenes_and_for_flights(
-    files: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Moves that no step allows make no scene; accelerations that are too large make no flight."""
-    scene, plan = files
+    scene, plan = tmp_path / "scene.toml", tmp_path / "plan.json"
     for limits, words in (
         ("limits = { speed = 2 }", r"robots\[0\].motion.radius: .* a step of 0.708 s would do"),
         ('airframe = "px4"', r"robots\[0\].motion.turn: .* a step of 0.75 s"),
@@ -105,7 +106,7 @@ def test_limits_hold_for_scenes_and_for_flights(
         assert re.search(words, run.err), run.err
     for most, code in ((2.0, 2), (100.0, 0)):
         scene.write_text(RECIPE.format(step="", limits=f"limits = {{ acceleration = {most} }}"))
-        Run(capsys, "plan", scene, "--planner", "sequential", "-o", plan)
+        co.save(plan, co.plan(co.load(scene), "sequential"))
         run = Run(capsys, "fly", scene, plan, "--smooth", "-o", tmp_path / "f.csv", "--json")
         assert run.code == code
         assert (tmp_path / "f.csv").exists() == (code == 0)
