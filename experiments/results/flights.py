@@ -63,7 +63,10 @@ class Flight(NamedTuple):
             smoothed(problem, plan) if smooth else (straight, tuple(dangers(straight)), 0)
         )
         if found:
-            raise ProblemError(str(found[0]))
+            way_out = (
+                ", even where it stops at both; the straight flight does not" if smooth else ""
+            )
+            raise ProblemError(f"{found[0]}{way_out}")
         asked = demands(flown, smooth)
         _require_limits(asked, flown.step)
         return cls(flown, straight, plan, _geodesy(problem), asked, slowed)
