@@ -27,6 +27,7 @@ if TYPE_CHECKING:
         save,
         show,
         solve,
+        trajectory,
         verify,
     )
     from cocap_opt.experiments.report.player import Player
@@ -45,6 +46,8 @@ if TYPE_CHECKING:
         CollisionRules,
         Cone,
         Cuboid,
+        Earth,
+        Limits,
         Motion,
         Objective,
         PassConflict,
@@ -70,7 +73,7 @@ _MODULES = {
     "cocap_opt.experiments.results.verification": ("Verified",),
     "cocap_opt.experiments.api": (
         "bound", "check", "explain", "gap", "load", "plan", "read", "replans", "save", "show",
-        "solve", "verify",
+        "solve", "trajectory", "verify",
     ),
     "cocap_opt.experiments.report.player": ("Player",),
     "cocap_opt.files.documents": ("FileError",),
@@ -80,8 +83,8 @@ _MODULES = {
     "cocap_opt.planners": ("PLANNERS",),
     "cocap_opt.problem": (
         "NO_RULES", "PAPER_RULES", "Actor", "Airspace", "Camera", "CollisionRules", "Cone",
-        "Cuboid", "Motion", "Objective", "PassConflict", "Plan", "Prism", "Problem", "Robot",
-        "State", "SwapConflict", "TriangulatedCuboid", "VertexConflict",
+        "Cuboid", "Earth", "Limits", "Motion", "Objective", "PassConflict", "Plan", "Prism",
+        "Problem", "Robot", "State", "SwapConflict", "TriangulatedCuboid", "VertexConflict",
     ),
     "cocap_opt.result": ("Reason", "Result", "UnsupportedError"),
     "cocap_opt.scenarios": ("FORMATS", "SCENES"),

@@ -494,6 +494,68 @@ def gap(
     return DataFrame(Row.records(rows))
 
 
+def trajectory(
+    problem: Problem,
+    plan: Plan | Result,
+    *,
+    smooth: bool = False,
+    step: float | None = None,
+    every: float | None = None,
+) -> "pd.DataFrame":
+    """Tell where each drone of a plan is at every moment, as `cocap-opt fly` writes it.
+
+    Straight flights go from step to step at constant speeds. Smooth ones are at the same places at
+    the steps and have continuous speed and acceleration; that they keep away from each other and
+    from obstacles is proved for every moment.
+
+    Parameters
+    ----------
+    problem : that the plan is for
+    plan : a plan that obeys the scene's rules, or a result that has one
+    smooth : with continuous speed and acceleration
+    step : seconds of a step, of problems that do not say it
+    every : seconds between rows; else a row a step, and ten a step of smooth flights
+
+    Returns
+    -------
+    DataFrame
+        A row per drone and moment: `drone`, `t` (s since step 0), `x`, `y`, `z` (m, coordinates of
+        the map), `yaw` (degrees, 0 along x, counter-clockwise, without jumps at a full turn),
+        `pitch` (degrees, of the camera, 0 level, below is negative), `above_ground` where the map
+        tells the ground, `above_takeoff` (over the map below the drone's start), and where the
+        scene says it `latitude`, `longitude` (WGS 84), `above_sea` or `above_ellipsoid`. `attrs`
+        has `step`, `reward`, `least_distance` and the like.
+
+    Raises
+    ------
+    ValueError
+        If the plan breaks a rule, nobody or two say how long a step lasts, or a drone cannot fly
+        so, or the scene's place cannot be converted; one line.
+
+    Examples
+    --------
+    >>> co.trajectory(problem, result, step=1.0, smooth=True)
+    """
+    from pandas import DataFrame
+
+    from cocap_opt.experiments.results.flights import Flight
+
+    _require_problem(problem)
+    own = _plan_of(plan)
+    if own is None:
+        raise ValueError("plan: the result has no plan that could be flown")
+    _require_made_for("plan", plan, problem)
+    if problem.step is None and step is None:
+        raise ValueError("step: must be given, for the problem does not say how long a step lasts")
+    if problem.step is not None and step is not None:
+        raise ValueError(f"step: must be left out, for the problem says it: {problem.step:g} s")
+    timed = problem if step is None else problem.replace(step=step)
+    flight = Flight.of(timed, own, smooth)
+    table = DataFrame(flight.columns(every))
+    table.attrs = flight.record()
+    return table
+
+
 def show(
     problem: Problem, *plans: Plan | Result, certificate: Bound | CertifiedResult | None = None
 ) -> "Player":

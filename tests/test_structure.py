@@ -19,15 +19,15 @@ ALLOWED = {
 ORDER = {
     "core": (
         "text", "data", "memory", "stop", "drawing", "world", "problem", "result", "files", "graph",
-        "plausibility", "vision", "referee", "model", "timing", "objective", "coordination",
-        "planners",
+        "plausibility", "vision", "referee", "flight", "model", "timing", "objective",
+        "coordination", "planners",
     ),
     "formulations": (
         "certificates", "explanation", "second_opinion", "result", "early_bound", "simple_bounds",
         "brute_force",
         "relaxations", "column_generation", "integer_programs",
     ),
-    "scenarios": ("text", "kinds", "cameras", "formats", "recipe", "built_in"),
+    "scenarios": ("text", "kinds", "cameras", "airframes", "formats", "recipe", "built_in"),
     "experiments": ("console", "results", "sweeps", "report", "api", "studies", "notebooks", "cli"),
 }  # fmt: skip
 SOLVERS = {"cvxpy", "clarabel", "highspy", "ortools", "pyscipopt"}

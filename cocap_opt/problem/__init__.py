@@ -6,6 +6,8 @@ The names below are the vocabulary of all other modules: `from cocap_opt.problem
 from cocap_opt.problem.actor import Actor
 from cocap_opt.problem.airspace import Airspace
 from cocap_opt.problem.camera import AnyCamera, Camera, Cone
+from cocap_opt.problem.earth import Earth
+from cocap_opt.problem.limits import Limits
 from cocap_opt.problem.motion import Cell, Motion, State
 from cocap_opt.problem.objective import Objective
 from cocap_opt.problem.plan import Conflict, PassConflict, Plan, SwapConflict, VertexConflict
@@ -26,6 +28,8 @@ __all__ = [
     "Cone",
     "Conflict",
     "Cuboid",
+    "Earth",
+    "Limits",
     "Motion",
     "Objective",
     "PassConflict",

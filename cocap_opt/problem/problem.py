@@ -22,11 +22,14 @@ import msgspec
 import numpy as np
 
 from cocap_opt.data import (
+    LARGEST,
     MOST_LETTERS,
     MOST_STEPS,
+    SMALLEST,
     Data,
     FloatArray,
     IntArray,
+    ProblemError,
     read_only,
     require,
     whole,
@@ -35,6 +38,7 @@ from cocap_opt.data import (
 from cocap_opt.drawing import TopView
 from cocap_opt.problem.actor import Actor
 from cocap_opt.problem.airspace import Airspace
+from cocap_opt.problem.earth import Earth
 from cocap_opt.problem.motion import Cell, Motion, State
 from cocap_opt.problem.objective import Objective
 from cocap_opt.problem.robot import Robot
@@ -70,6 +74,8 @@ class Problem(Data, frozen=True, eq=False, dict=True):
         rays; convex meshes, columns and actors need none
     meshes : solid matter besides the height map
     airspace : no-fly zones, a ceiling, and the distance that drones keep from people
+    step : seconds from a step to the next; None: nobody says how long
+    earth : where the scene is on the Earth; None: nobody knows
 
     Raises
     ------
@@ -87,6 +93,8 @@ class Problem(Data, frozen=True, eq=False, dict=True):
     face_samples: int = 3
     meshes: tuple[Mesh, ...] = ()
     airspace: Airspace = Airspace()
+    step: float | None = None
+    earth: Earth | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -103,6 +111,8 @@ class Problem(Data, frozen=True, eq=False, dict=True):
         within(self.horizon, 1, MOST_STEPS, "horizon", "steps")
         require(len(self.robots) > 0, "robots", "must hold at least one drone")
         within(self.face_samples, 1, 64, "face_samples")
+        if self.step is not None:
+            within(self.step, SMALLEST, LARGEST, "step", "s")
         for j, actor in enumerate(self.actors):
             rows = len(actor.poses)
             require(
@@ -171,6 +181,12 @@ class Problem(Data, frozen=True, eq=False, dict=True):
                 field,
                 f"cell ({x}, {y}) is blocked at every flight height",
             )
+
+        if robot.limits is not None and self.step is not None:
+            edge = self.height_map.resolution
+            words = robot.limits.broken_by(motion, robot.camera.tilts, edge, self.step)
+            if words:
+                raise ProblemError(f"robots[{i}].{words}")
 
     def _check_starts_apart(self) -> None:
         for i, first in enumerate(self.robots):

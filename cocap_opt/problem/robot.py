@@ -2,6 +2,7 @@
 
 from cocap_opt.data import Data, require
 from cocap_opt.problem.camera import AnyCamera, Camera
+from cocap_opt.problem.limits import Limits
 from cocap_opt.problem.motion import Motion, State
 
 
@@ -14,12 +15,14 @@ class Robot(Data, frozen=True):
     motion : the moves that it can make in one step
     camera : what it films with: a `Camera`, or the `Cone` of Hughes et al.
     goal : cell (x, y), any layer and orientation
+    limits : how fast it may move and turn; None: nothing is known of them
     """
 
     start: State
     motion: Motion = Motion()
     camera: AnyCamera = Camera()
     goal: tuple[int, int] | None = None
+    limits: Limits | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -49,13 +49,17 @@ class Planes(NamedTuple):
 class FaceGeometry:
     """The faces of a problem's actors, computed when first asked for.
 
+    Parameters
+    ----------
+    lowest_eye : m, altitude below which nobody looks; None: that of the lowest state
+
     Attributes
     ----------
     origin : [3] m, near the middle of the map, which all coordinates are relative to
     mesh : the meshes that are not convex, which only rays meet; None if there are none
     """
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, problem: Problem, lowest_eye: float | None = None) -> None:
         self._problem = problem
         width, depth = problem.height_map.shape
         x, y = problem.height_map.centre(width // 2, depth // 2)
@@ -74,7 +78,8 @@ class FaceGeometry:
                         for actor in problem.actors]  # fmt: skip
         layers = sorted({height for robot in problem.robots for height in robot.motion.layers})
         lowest = problem.height_map.altitudes((layers[0],)).min()
-        self._lowest_eye = float(lowest) - self.origin[2]
+        lowest = float(lowest) if lowest_eye is None else min(float(lowest), lowest_eye)
+        self._lowest_eye = lowest - self.origin[2]
         self.between = lru_cache(maxsize=_KEPT)(self._between)
 
     @staticmethod

@@ -28,12 +28,16 @@ class Projection(NamedTuple):
         These are all headings with all pitches, which run fastest. Heading k looks at yaw
         2 pi k / headings from +x, counter-clockwise; the tilt is the angle below the horizon.
         """
+        yaw = np.repeat(2 * math.pi * np.arange(headings) / headings, len(self.camera.tilts))
+        return self.axes_towards(yaw, np.tile(self.camera.tilts, headings))
+
+    @staticmethod
+    def axes_towards(yaw: FloatArray, tilt: FloatArray) -> FloatArray:
+        """Returns right, up and forward unit vectors [n, 3, 3] of directions [n] (rad)."""
         found = []
-        for heading in range(headings):
-            c, s = _cos_sin(2 * math.pi * heading / headings)
-            for tilt in self.camera.tilts:
-                ct, st = _cos_sin(tilt)
-                found.append([[s, -c, 0.0], [c * st, s * st, ct], [c * ct, s * ct, -st]])
+        for one, other in zip(yaw.tolist(), tilt.tolist(), strict=True):
+            (c, s), (ct, st) = _cos_sin(one), _cos_sin(other)
+            found.append([[s, -c, 0.0], [c * st, s * st, ct], [c * ct, s * ct, -st]])
         return np.array(found)
 
     def frustum_distances(self, points: FloatArray) -> FloatArray:

@@ -14,24 +14,14 @@ from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.problem import AnyCamera, Camera, Cone, Problem
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.projection import Projection, dot
-from cocap_opt.vision.spans import spans
+from cocap_opt.vision.sights import ON_THE_EDGE, ConeSight, PinholeSight, Seen, square
 from cocap_opt.vision.unhidden import Unhidden
-from cocap_opt.vision.visibility import Sightings, Visibility
 
 # Most states at once, and states times actors, so that limits are checked every 0.3 s or so.
 _BATCH, _BATCH_ACTORS = 8_192, 65_000
 _BATCH_RAYS = 400_000  # states times faces times the squared samples of a triangle
 _CEILING = 200_000  # orientations times places times actors at once, for the processor's cache
 _SLACK = 1e-7  # m, much more than the rounding of coordinates
-_ON_THE_EDGE = 1e-9  # rad, by which an actor may be beyond the edge of a cone
-
-
-class _Seen(NamedTuple):
-    """The faces that some states see; the others see nothing."""
-
-    rows: IntArray  # [n] position of the state, increasing
-    faces: IntArray  # [n] increasing for each state
-    pixels: FloatArray  # [n] px/m2, > 0
 
 
 class _Ceiling(NamedTuple):
@@ -86,7 +76,7 @@ class Views(ABC):
         """Number of nodes, states at steps, that take a fraction of a second."""
 
     @abstractmethod
-    def seen(self, nodes: IntArray, steps: tuple[int, int] | None = None) -> _Seen:
+    def seen(self, nodes: IntArray, steps: tuple[int, int] | None = None) -> Seen:
         """Returns what nodes [n] see, increasing; node t S + s is state s at step t.
 
         Parameters
@@ -128,13 +118,7 @@ class Views(ABC):
 
 
 class _PinholeViews(Views):
-    """Coverage by a pinhole camera.
-
-        coverage = area of the image of what is visible of the face, in px / area of the face
-
-    What is visible depends on the camera's place only, not on its orientation (`visibility`): the
-    whole face, nothing, or some convex pieces of it.
-    """
+    """Coverage of states by a pinhole camera, see `PinholeSight`."""
 
     def __init__(self, geometry: FaceGeometry, problem: Problem, graph: TimeGraph, camera: Camera):
         super().__init__(graph.n_states, len(problem.face_weights))
@@ -142,15 +126,14 @@ class _PinholeViews(Views):
         self._map = problem.height_map
         self._graph = graph
         self._camera = camera
-        self._projection = Projection(camera)
         self._image = float(camera.width * camera.height)  # px
         self._slopes = camera.width / 2 / camera.focal, camera.height / 2 / camera.focal
         self._cosine_at_corner = 1 / math.hypot(1.0, *self._slopes)
-        self._axes = self._projection.axes(graph.motion.headings)
+        self._axes = Projection(camera).axes(graph.motion.headings)
         self._owners = problem.face_owner
         self._first_faces = np.searchsorted(self._owners, np.arange(len(problem.actors)))
         self._samples = problem.face_samples
-        self._visibility = Visibility(geometry, problem)
+        self._pinhole = PinholeSight(geometry, problem, camera, self._axes)
 
     @property
     def batch(self) -> int:
@@ -161,7 +144,7 @@ class _PinholeViews(Views):
             most = min(most, _BATCH_RAYS // max(self.n_faces * self._samples**2, 1))
         return max(most, 1)
 
-    def seen(self, nodes: IntArray, steps: tuple[int, int] | None = None) -> _Seen:
+    def seen(self, nodes: IntArray, steps: tuple[int, int] | None = None) -> Seen:
         """Returns what nodes [n] see; node t S + s is state s at step t."""
         if not self.n_faces or not len(nodes):
             return _NOTHING
@@ -169,29 +152,8 @@ class _PinholeViews(Views):
         orientation, place = np.divmod(state, self._graph.n_places)
         viewpoints, which = np.unique(t * self._graph.n_places + place, return_inverse=True)
         t, place = np.divmod(viewpoints, self._graph.n_places)
-        faces = self._geometry.between(*(steps or (int(t[0]), int(t[-1]))))
-        at = t - faces.first
         eyes = self._graph.positions(self._map, place) - self._geometry.origin
-        in_view = self._in_view(
-            faces.middles[at[which]] - eyes[which, None], faces.reaches, orientation
-        )
-        wanted = np.zeros((len(eyes), in_view.shape[1]), dtype=bool)
-        state, actor = np.nonzero(in_view)
-        wanted[which[state], actor] = True
-        sight = self._visibility.of(faces, at, eyes, wanted)
-        # Only faces that are turned to the camera are seen.
-        row, face = np.nonzero(sight.whole[which] & in_view[:, self._owners])
-        eye = which[row]
-        polygons = faces.polygons[at[eye], face] - eyes[eye, None]
-        area = self._areas(polygons, orientation[row])
-        parts = [(row, face, area)]
-        if len(sight.eyes):
-            parts.append(self._in_pieces(sight, which, orientation, in_view))
-        row, face, area = (np.concatenate(columns) for columns in zip(*parts, strict=True))
-        kept = np.flatnonzero(area > 0)
-        kept = kept[np.argsort(row[kept] * self.n_faces + face[kept])]
-        face = face[kept]
-        return _Seen(row[kept], face, area[kept] / faces.areas[face])
+        return self._pinhole.seen(t, eyes, which, orientation, steps)
 
     def ceiling(self, t: int, places: IntArray, weights: FloatArray) -> _Ceiling:
         """Returns an upper bound on what all states at places [n] see at step t.
@@ -263,58 +225,8 @@ class _PinholeViews(Views):
         sums: FloatArray = np.add.reduceat(values, self._first_faces, axis=-1)
         return sums
 
-    def _in_pieces(
-        self, sight: Sightings, which: IntArray, orientation: IntArray, in_view: BoolArray
-    ) -> tuple[IntArray, IntArray, FloatArray]:
-        """Returns states, faces and areas (px) of the images of all faces seen in part."""
-        # Sightings are in the order of their eyes: those of one eye are one span.
-        first = np.searchsorted(sight.eyes, np.arange(len(sight.whole)))
-        counts = np.bincount(sight.eyes, minlength=len(first))
-        row = np.repeat(np.arange(len(which)), counts[which])
-        at = spans(first[which], counts[which])
-        ours = in_view[row, self._owners[sight.faces[at]]]
-        row, at = row[ours], at[ours]
-        entry = np.repeat(np.arange(len(at)), sight.counts[at])
-        piece = spans(sight.first[at], sight.counts[at])
-        looks = orientation[row[entry]]
-        areas = self._areas(sight.pieces[piece], looks)
-        if sight.veil is not None:
-            axes = self._axes[looks]
-            areas = areas * sight.veil.share_of_images(piece, areas > 0, self._projection, axes)
-        area = np.bincount(entry, weights=areas, minlength=len(at))
-        return row, sight.faces[at], np.minimum(area, self._image)
 
-    def _areas(self, polygons: FloatArray, orientation: IntArray) -> FloatArray:
-        """Returns the areas [n] in px of the images of polygons [n, V, 3], relative to the eye."""
-        # The area of a face that nearly touches the camera may be rounded beyond the image, or nan.
-        with np.errstate(over="ignore", invalid="ignore"):
-            area = self._projection.area(self._in_camera(polygons, orientation))
-            result: FloatArray = np.minimum(area, self._image)
-        return result
-
-    def _in_camera(self, points: FloatArray, orientation: IntArray) -> FloatArray:
-        """Returns points [n, k, 3], relative to cameras, right, up and forward of them."""
-        axes = self._axes[orientation][:, None]
-        return np.stack([dot(points, axes[:, :, k]) for k in range(3)], axis=-1)
-
-    def _in_view(
-        self, middles: FloatArray, reaches: FloatArray, orientation: IntArray
-    ) -> BoolArray:
-        """Returns an array [n, A], true if spheres may be in the image of each camera.
-
-        Parameters
-        ----------
-        middles : [n, A, 3] m, relative to the cameras
-        reaches : [A] m
-        """
-        u, v, depth = np.moveaxis(self._in_camera(middles, orientation), -1, 0)
-        in_view = np.ones(u.shape, dtype=bool)
-        for slope, off in zip(self._slopes, (u, v), strict=True):
-            in_view &= slope * depth - np.abs(off) >= -reaches * math.hypot(1.0, slope)
-        return in_view
-
-
-_NOTHING = _Seen(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))
+_NOTHING = Seen(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))
 
 
 class _ConeViews(Views):
@@ -325,7 +237,8 @@ class _ConeViews(Views):
         self._geometry = geometry
         self._problem = problem
         self._graph = graph
-        self._cone = cone
+        self._opening = cone.opening
+        self._sight = ConeSight(geometry, problem, cone)
 
     def coverage(self, t: int, states: IntArray) -> FloatArray:
         """Returns the coverage [n, F] in 1/m2 of every face from the states [n] at step t."""
@@ -334,12 +247,7 @@ class _ConeViews(Views):
             return np.zeros((len(states), 0))
         orientation, place = np.divmod(states, self._graph.n_places)
         yaw = 2 * np.pi * orientation / self._graph.motion.headings
-        eyes = self._eyes(place)
-        detected = self._off(t, eyes, yaw) <= self._cone.opening / 2 + _ON_THE_EDGE
-        ways, turned = self._ways(t, eyes)
-        ahead = np.abs(ways[..., 0] * np.cos(yaw)[:, None] + ways[..., 1] * np.sin(yaw)[:, None])
-        result: FloatArray = detected[:, owners] * ahead * turned / _square(ways) ** 2
-        return result
+        return self._sight.coverage(t, self._eyes(place), yaw)
 
     def ceiling(self, t: int, places: IntArray, weights: FloatArray) -> _Ceiling:
         """Returns an upper bound on what all states at places [n] see at step t.
@@ -354,10 +262,10 @@ class _ConeViews(Views):
         for some in _chunks(places, headings * len(first)):
             eyes = self._eyes(some)
             yaw = 2 * np.pi * np.arange(headings)[:, None] / headings
-            off: FloatArray = np.stack([self._off(t, eyes, one) for one in yaw])  # [O, n, A]
-            detected: BoolArray = off <= self._cone.opening / 2 + 2 * _ON_THE_EDGE
-            ways, turned = self._ways(t, eyes)
-            seen = np.hypot(ways[..., 0], ways[..., 1]) * turned / _square(ways) ** 2
+            off: FloatArray = np.stack([self._sight.off(t, eyes, one) for one in yaw])  # [O, n, A]
+            detected: BoolArray = off <= self._opening / 2 + 2 * ON_THE_EDGE
+            ways, turned = self._sight.ways(t, eyes)
+            seen = np.hypot(ways[..., 0], ways[..., 1]) * turned / square(ways) ** 2
             roots, pixels = (
                 (detected * np.add.reduceat(values, first, axis=1)).sum(axis=-1)
                 for values in (np.sqrt(seen) * weights, seen * weights)
@@ -372,28 +280,6 @@ class _ConeViews(Views):
         eyes = self._graph.positions(self._problem.height_map, places)
         return np.asarray(eyes - self._geometry.origin)
 
-    def _feet(self, t: int) -> FloatArray:
-        """Returns the actors' foot points [A, 3] m."""
-        feet = np.array([actor.poses[t, :3] for actor in self._problem.actors])
-        return np.asarray(feet - self._geometry.origin)
-
-    def _off(self, t: int, eyes: FloatArray, yaw: FloatArray) -> FloatArray:
-        """Returns the angles [n, A] (rad) between look directions [n] or [1] and the actors."""
-        ways = self._feet(t)[None] - eyes[:, None]  # [n, A, 3]
-        off = np.arctan2(ways[..., 1], ways[..., 0]) - yaw[:, None]
-        result: FloatArray = np.abs((off + np.pi) % (2 * np.pi) - np.pi)
-        return result
-
-    def _ways(self, t: int, eyes: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Returns the ways [n, F, 3] m to the faces, and how far [n, F] these are turned to them.
-
-        All faces count as if they were on the ground.
-        """
-        faces, ground = self._geometry.planes(t), self._feet(t)[self._problem.face_owner, 2]
-        targets = np.column_stack([faces.centres[:, :2], ground])
-        ways = targets[None] - eyes[:, None]
-        return ways, np.maximum(-dot(ways, faces.normals), 0.0)
-
     def unhidden(self, t: int, reachable: BoolArray) -> Unhidden:
         """Returns what the reachable states [S] see at step t: this camera sees past obstacles."""
         states = np.flatnonzero(reachable)
@@ -405,19 +291,13 @@ class _ConeViews(Views):
         """Number of nodes, states at steps, that take a fraction of a second."""
         return max(_BATCH_ACTORS // max(self.n_faces, 1), 1)
 
-    def seen(self, nodes: IntArray, steps: tuple[int, int] | None = None) -> _Seen:
+    def seen(self, nodes: IntArray, steps: tuple[int, int] | None = None) -> Seen:
         """Returns what nodes [n] see, increasing; node t S + s is state s at step t."""
         t, states = np.divmod(nodes, self._graph.n_states)
         parts = [self.coverage(int(step), states[t == step]) for step in np.unique(t)]
         coverage = np.concatenate([np.zeros((0, self.n_faces)), *parts])
         rows, faces = np.nonzero(coverage)
-        return _Seen(rows, faces, coverage[rows, faces])
-
-
-def _square(ways: FloatArray) -> FloatArray:
-    """Returns squared lengths [..] of ways [.., 3]; infinite for 0, from where nothing is seen."""
-    square = dot(ways, ways)
-    return np.where(square > 0, square, np.inf)
+        return Seen(rows, faces, coverage[rows, faces])
 
 
 def _chunks(places: IntArray, size: int) -> list[IntArray]:

@@ -108,11 +108,18 @@ class HeightMap(Data, frozen=True, eq=False, dict=True):
 
         On any other map nothing tells ground from obstacles, so that all of it is ground.
         """
-        lowest = self.heights.min()
         if self.datum is not None:
             return np.minimum(self.datum, self.heights)
-        flat = (self.heights == lowest).mean() >= _FLAT
-        return np.full_like(self.heights, lowest) if flat else self.heights
+        return np.full_like(self.heights, self.heights.min()) if self._is_flat else self.heights
+
+    @property
+    def knows_ground(self) -> bool:
+        """True if something tells the ground from the obstacles on it."""
+        return self.datum is not None or self._is_flat
+
+    @property
+    def _is_flat(self) -> bool:
+        return bool((self.heights == self.heights.min()).mean() >= _FLAT)
 
     @property
     def stands_out(self) -> BoolArray:

@@ -3,6 +3,7 @@
 __all__ = [
     "commands",
     "figure_commands",
+    "fly_command",
     "gap_command",
     "main",
     "options",

@@ -10,6 +10,7 @@ from cyclopts import App, CycloptsError
 
 from cocap_opt.data import ProblemError
 from cocap_opt.experiments.cli import (
+    fly_command,
     gap_command,
     picture_commands,
     result_commands,
@@ -50,7 +51,7 @@ app = App(
 )
 for _family in (
     scene_commands, solver_commands, verify_command, gap_command, result_commands,
-    picture_commands,
+    picture_commands, fly_command,
 ):  # fmt: skip
     for _name, _command in _family.COMMANDS.items():
         app.command(_command, name=_name, help=_help(_command), usage=_usage(_name, _command))

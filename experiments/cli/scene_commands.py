@@ -2,6 +2,7 @@
 
 import math
 import sys
+from collections.abc import Iterator
 from typing import Annotated
 
 from cyclopts import Parameter
@@ -12,8 +13,9 @@ from cocap_opt.experiments.results.files import check_output, save_bytes
 from cocap_opt.experiments.results.graphml import graphml
 from cocap_opt.experiments.results.printing import Listing, Record, print_result
 from cocap_opt.files.documents import SceneFile, encode
-from cocap_opt.problem import Problem
+from cocap_opt.problem import Limits, Problem
 from cocap_opt.scenarios import FORMATS, SCENES
+from cocap_opt.scenarios.airframes import AIRFRAMES
 from cocap_opt.scenarios.cameras import CAMERAS, with_cameras
 
 
@@ -38,6 +40,13 @@ def _scenes(*, json: Json = False) -> int:
         }
         for name, camera in CAMERAS.items()
     ]  # fmt: skip
+    airframes = [
+        {
+            "airframe": name,
+            "limits": ", ".join(f"{kind} {value:.3g}" for kind, value in _known(limits)),
+        }
+        for name, limits in AIRFRAMES.items()
+    ]
     options = [
         {"option": name, "values": ", ".join(words), "of files": key}
         for key, kind in FORMATS.items() if kind.options is not None
@@ -45,14 +54,26 @@ def _scenes(*, json: Json = False) -> int:
     ]  # fmt: skip
     if json:
         print_result(
-            {"scenes": rows, "formats": formats, "cameras": cameras, "options": options}, json
-        )
+            {
+                "scenes": rows, "formats": formats, "cameras": cameras, "airframes": airframes,
+                "options": options,
+            },
+            json,
+        )  # fmt: skip
     else:
         Listing("built-in scenes", rows).print()
         Listing("files that can be read in place of a scene's name", formats).print()
         Listing("options of `export`, as in --option triangles=no", options).print()
         Listing("cameras that `export` can put on a scene's drones (px)", cameras).print()
+        Listing("airframes of recipes (m/s, m/s2, degrees/s)", airframes).print()
     return 0
+
+
+def _known(limits: Limits) -> Iterator[tuple[str, float]]:
+    """Yields the limits that are known, in degrees where a recipe has them so."""
+    for kind in limits.__struct_fields__:
+        if (value := getattr(limits, kind)) is not None:
+            yield kind, math.degrees(value) if kind.endswith("_rate") else value
 
 
 def _recipe(*, json: Json = False) -> int:

@@ -3,6 +3,7 @@
 __all__ = [
     "columns",
     "files",
+    "flights",
     "gap_table",
     "judging",
     "layout",

@@ -33,8 +33,17 @@ _LABELS = {
     "columns": "columns (paths) made",
     "rows": "collision rows",
     "cuts": "envelope cuts",
+    "step": "seconds of a step",
+    "duration": "seconds of the flight",
+    "deviation": "most from the straight flight at any moment (m)",
+    "least_distance": "least distance of two drones at any moment (m)",
+    "slowed": "steps at which a drone passes more slowly, to be safe",
+    "reward_straight": "J, straight, between the steps too",
+    "reward_smooth": "J, smooth, between the steps too",
+    "smoothing_cost": "share of J that smoothness costs",
+    "accuracy": "latitudes and longitudes may be off by (m)",
 }
-_SHARES = ("gap", "gap_free", "largest gap", "largest gap_free")  # printed in %
+_SHARES = ("gap", "gap_free", "largest gap", "largest gap_free", "smoothing_cost")  # printed in %
 
 
 class _Output(Console):

@@ -6,6 +6,7 @@
 __all__ = [
     "airspace",
     "drones",
+    "earth",
     "geotiff",
     "ground_plans",
     "meshes",

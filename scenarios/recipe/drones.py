@@ -1,15 +1,17 @@
 """The drones of a recipe, placed as stated, or at random near the people."""
 
 import math
-from typing import Annotated
+from typing import Annotated, Any
 
+import msgspec
 import numpy as np
 from msgspec import Meta
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray, ProblemError
 from cocap_opt.graph.encounters import NEAR, Encounters
 from cocap_opt.graph.motion import Window
-from cocap_opt.problem import Actor, Airspace, Camera, CollisionRules, Motion, Robot, State
+from cocap_opt.problem import Actor, Airspace, Camera, CollisionRules, Limits, Motion, Robot, State
+from cocap_opt.scenarios.airframes import AIRFRAMES
 from cocap_opt.scenarios.cameras import CAMERAS
 from cocap_opt.scenarios.recipe.pace import IMPOSSIBLE
 from cocap_opt.scenarios.recipe.tables import Coordinate, Count, Length, Table
@@ -29,6 +31,26 @@ class _StartTable(Table):
     heading: Heading = 0.0
 
 
+class LimitsTable(Table):
+    """The limits of a drone, of which those that are given take the place of the airframe's."""
+
+    speed: Length | None = None  # m/s
+    climb: Length | None = None  # m/s
+    descent: Length | None = None  # m/s
+    acceleration: Length | None = None  # m/s2
+    yaw_rate: Length | None = None  # degrees/s
+    gimbal_rate: Length | None = None  # degrees/s
+
+    def over(self, airframe: Limits | None) -> Limits | None:
+        """Returns the limits of a drone; None if there are none."""
+        given = {
+            name: math.radians(value) if name.endswith("_rate") else value
+            for name in self.__struct_fields__
+            if (value := getattr(self, name)) is not None
+        }
+        return (airframe or Limits()).replace(**given) if given else airframe
+
+
 class DronesTable(Table):
     """One of the tables `drones` of a recipe, see `cocap_opt.scenarios.recipe.recipe.EXAMPLE`."""
 
@@ -38,6 +60,8 @@ class DronesTable(Table):
     camera: str = "greedy-perspectives"
     tilts: tuple[float, ...] = (10.0,)  # degrees below the horizon
     motion: Motion = Motion()
+    airframe: str | None = None
+    limits: LimitsTable = msgspec.field(default_factory=LimitsTable)
 
     def added_to(
         self,
@@ -62,11 +86,15 @@ class DronesTable(Table):
         """
         if (self.starts is None) == (self.count is None):
             raise ProblemError("must have either starts or a count")
-        camera = self._camera()
+        parts: dict[str, Any] = {
+            "motion": self.motion,
+            "camera": self._camera(),
+            "limits": self._limits(),
+        }
         team = list(team)
         for start in self.starts or ():
             state = _stated(start, self.motion, workspace.height_map)
-            team.append(Robot(start=state, motion=self.motion, camera=camera))
+            team.append(Robot(start=state, **parts))
         states = iter(self._candidates(workspace, actors, horizon, rng) if self.count else ())
         for k in range(self.count or 0):
             apart = (
@@ -81,7 +109,7 @@ class DronesTable(Table):
                     _require_people_on_map(workspace.height_map, actors, horizon)
                 room = self._room(workspace, actors, horizon, rules)
                 raise ProblemError(f"count: must be at most {k} here; {room}")
-            team.append(Robot(start=state_apart, motion=self.motion, camera=camera))
+            team.append(Robot(start=state_apart, **parts))
         return team
 
     def require_pace(self, resolution: float, step: float) -> None:
@@ -108,6 +136,14 @@ class DronesTable(Table):
                 raise ProblemError(f"tilts: must be within +-90 degrees, not {angle:g}")
         tilts = tuple(math.radians(angle) for angle in self.tilts)
         return CAMERAS[self.camera].replace(tilts=tilts)
+
+    def _limits(self) -> Limits | None:
+        if self.airframe is not None and self.airframe not in AIRFRAMES:
+            raise ProblemError(
+                f"airframe: must be one of {', '.join(AIRFRAMES)}, not {self.airframe!r}; limits "
+                "states those of any other"
+            )
+        return self.limits.over(AIRFRAMES[self.airframe] if self.airframe else None)
 
     def _room(
         self, workspace: Workspace, actors: tuple[Actor, ...], horizon: int, rules: CollisionRules

@@ -70,12 +70,21 @@ def _read(
     if dataset.dtypes[band - 1] == "uint8" and nodata != FULL:
         _refuse_full_bytes(values)
     northernmost_first = values[:: -1 if e > 0 else 1, :: -1 if a < 0 else 1]
-    return layout.cut(columns, rows).raster(
+    raster = layout.cut(columns, rows).raster(
         northernmost_first,
         (nodata,),
         scale=dataset.scales[band - 1] / PER_METRE[unit],
         offset=dataset.offsets[band - 1] / PER_METRE[unit],
     )
+    return raster._replace(crs=_named(dataset.crs))
+
+
+def _named(crs: Any) -> str | None:
+    """Returns a projection's code, or its WKT if it has none; None for any other system."""
+    if not (crs and crs.is_projected):
+        return None
+    code = crs.to_epsg()
+    return f"EPSG:{code}" if code else str(crs.to_wkt())
 
 
 def _refuse_full_bytes(values: FloatArray) -> None:
@@ -111,11 +120,17 @@ def _refuse_units(dataset: Any, band: int, unit: Unit) -> None:
     """Raises a ProblemError unless coordinates are in metres, and heights as the recipe says."""
     crs = dataset.crs
     if crs and crs.is_geographic:
-        raise ProblemError("coordinates: must be metres of a projection, not degrees")
+        raise ProblemError(
+            "coordinates: must be metres of a projection, not degrees; gdalwarp -t_srs EPSG:326ZZ, "
+            "with ZZ the zone of UTM, writes such a map"
+        )
     if crs:
         other, factor = crs.units_factor
         if factor != 1:
-            raise ProblemError(f"coordinates: must be metres, not {other} ({factor:.9g} m)")
+            raise ProblemError(
+                f"coordinates: must be metres, not {other} ({factor:.9g} m); gdalwarp -t_srs "
+                "EPSG:326ZZ, with ZZ the zone of UTM, writes such a map"
+            )
     stated = dataset.units[band - 1]
     short = SPELT.get(stated.lower(), stated) if stated else unit
     if short != unit:
@@ -189,7 +204,9 @@ def _layout(dataset: Any) -> Layout:
         raise _no_geotransform()
     turned = max(abs(transform.b) * dataset.height, abs(transform.d) * dataset.width)  # m
     if turned > SLIVER * min(abs(transform.a), abs(transform.e)):
-        raise ProblemError("geotransform: must be neither rotated nor sheared")
+        raise ProblemError(
+            "geotransform: must be neither rotated nor sheared; gdalwarp writes a copy that is not"
+        )
     if transform.a == 0 or transform.e == 0:
         raise ProblemError("geotransform: cells must have an area")
     (left, top), (dx, dy) = (transform.c, transform.f), (transform.a, transform.e)

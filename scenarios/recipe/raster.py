@@ -28,6 +28,7 @@ class Raster(NamedTuple):
     values: FloatArray  # [X, Y] m, x east and y north; nan where there is no data
     cell: tuple[float, float]  # m, edges of a cell along x and y
     origin: tuple[float, float]  # m, lower left corner
+    crs: str | None = None  # reference system that the file states, as a code or WKT
 
     def sample(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
         """Returns the heights (m) of the cells that hold points (x, y) in m.

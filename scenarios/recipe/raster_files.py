@@ -82,15 +82,16 @@ def _read(
         case ".asc":
             if band not in (None, 1):
                 raise ProblemError(f"band: must be 1 in an ESRI ASCII grid, not {band}")
-            in_metres = _refuse_projection(path.with_suffix(".prj"))
-            return _read_esri_ascii(path, nodata, window, unit, in_metres)
+            crs = _projection(path.with_suffix(".prj"))
+            raster = _read_esri_ascii(path, nodata, window, unit, in_metres=crs is not None)
+            return raster._replace(crs=crs)
         case ".tif" | ".tiff":
             return geotiff.read(path, band, nodata, window, unit)
     raise ProblemError("must be named .asc, .tif or .tiff")
 
 
-def _refuse_projection(path: Path) -> bool:
-    """Returns True if the projection that is told beside a grid is in metres.
+def _projection(path: Path) -> str | None:
+    """Returns the WKT of the projection in metres that is told beside a grid, if one is.
 
     Raises
     ------
@@ -98,7 +99,7 @@ def _refuse_projection(path: Path) -> bool:
         If it is in something else.
     """
     if not path.is_file():
-        return False
+        return None
     with naming(path):
         text = read_text(path)
         if any(name in text for name in WEB_MERCATOR):
@@ -110,7 +111,7 @@ def _refuse_projection(path: Path) -> bool:
         if units and float(units[-1][1]) != 1:
             name, metres = units[-1]
             raise ProblemError(f"must be a projection in metres, not in {name} of {metres}")
-        return bool(units)
+        return text.strip() if units else None
 
 
 def _read_esri_ascii(

@@ -14,9 +14,10 @@ from msgspec import Meta
 
 from cocap_opt.data import LARGEST, MOST_STEPS, ProblemError
 from cocap_opt.files.messages import in_words
-from cocap_opt.problem import Actor, Objective, Problem, Robot
+from cocap_opt.problem import Actor, Earth, Objective, Problem, Robot
 from cocap_opt.scenarios.recipe.airspace import AirspaceTable, NoFlyTable
 from cocap_opt.scenarios.recipe.drones import DronesTable
+from cocap_opt.scenarios.recipe.earth import EarthTable
 from cocap_opt.scenarios.recipe.meshes import MeshTable
 from cocap_opt.scenarios.recipe.people import TracksTable, WalkTable
 from cocap_opt.scenarios.recipe.rules import RulesTable
@@ -31,7 +32,7 @@ MOST_DIGITS = 4300  # of a whole number, that Python reads
 EXAMPLE = """\
 name = "example"            # left out: that of the file
 steps = 20                  # number of moves
-step = 0.5                  # seconds each
+step = 0.5                  # seconds each; left out: 1
 flight = "above-ground"     # or "above-sea"; the layers of all drones are heights above it
 face_samples = 3            # squared: rays to each triangle of what meshes may hide
 
@@ -88,6 +89,8 @@ near = 15
 camera = "dji-mavic-pro"
 tilts = [10, 40]            # below the horizon; several make a gimbal
 motion = { layers = [4, 6], clearance = 0.5 }
+airframe = "px4"            # whose limits hold; left out, as each of `limits`: none are checked
+limits = { speed = 8, climb = 5, descent = 4, acceleration = 6, yaw_rate = 90, gimbal_rate = 90 }
 
 [[drones]]
 starts = [{ x = 30, y = 20, height = 4, heading = 90 }]    # heading 0: along x
@@ -101,6 +104,13 @@ top = 30.0
 ceiling = 30.0              # m, as layers are; left out: there is none
 people = 3.0                # m from people, seen from above, at every moment; 0: none
 over_people = 5.0           # m above heads from which on drones may fly over; left out: never
+
+[earth]
+crs = "EPSG:25830"          # of x and y, in metres; left out: that of the map's file
+# latitude = 43.263         # of the point x = 0, y = 0 (WGS 84), where no file says the place
+# longitude = -2.935
+height = 20.0               # m, of z = 0
+heights = "above-sea"       # or "above-ellipsoid"; nothing is converted between them
 
 [rules]
 vertex = true               # no two drones in one cell; false, and swap: they may share cells
@@ -131,6 +141,7 @@ class _Recipe(Table):
     rules: RulesTable = msgspec.field(default_factory=RulesTable)
     objective: Objective = Objective()
     face_samples: int = 3
+    earth: EarthTable | None = None
 
 
 def read(path: Path, seed: int = 0) -> Problem:
@@ -179,6 +190,8 @@ def read(path: Path, seed: int = 0) -> Problem:
             airspace=airspace,
             objective=recipe.objective,
             face_samples=recipe.face_samples,
+            step=recipe.step,
+            earth=_earth(recipe, terrain),
         )
 
 
@@ -190,6 +203,14 @@ def _decode(path: Path) -> _Recipe:
         raise ProblemError(in_words(error, text, _Recipe)) from error
     except ValueError as error:  # Python's own, of numbers of thousands of digits
         raise ProblemError(f"must hold whole numbers of at most {MOST_DIGITS} digits") from error
+
+
+def _earth(recipe: _Recipe, terrain: Terrain) -> Earth | None:
+    """Returns where the scene is on the Earth, if the recipe or the map's file says it."""
+    if recipe.earth is None:
+        return None if terrain.crs is None else Earth(crs=terrain.crs)
+    with naming("earth"):
+        return recipe.earth.earth(terrain.crs, terrain.height_map)
 
 
 def _meshes(recipe: _Recipe, folder: Path, terrain: Terrain) -> Iterator[Mesh]:

@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 
 from cocap_opt.data import FloatArray, ProblemError
+from cocap_opt.scenarios.recipe.earth import same_system, short_name
 from cocap_opt.scenarios.recipe.raster import Raster
 from cocap_opt.scenarios.recipe.raster_files import read_raster
 from cocap_opt.scenarios.recipe.resample import MOST_CELLS, Grid
@@ -46,6 +47,7 @@ class Terrain(NamedTuple):
 
     height_map: HeightMap
     ground: FloatArray  # [X, Y] m
+    crs: str | None = None  # reference system that the map's file states
 
     def floor(self, x: float, y: float) -> float:
         """Returns the altitude of the ground at a point (m); outside, that of the nearest cell."""
@@ -109,7 +111,7 @@ class MapTable(Table):
         height_map = HeightMap(
             heights=ground + above, resolution=level.resolution, origin=level.origin, datum=datum
         )
-        return Terrain(height_map, ground)
+        return Terrain(height_map, ground, surface.crs)
 
     def _flat(self, size: tuple[float, float]) -> Terrain:
         for field in ("heights", "unit", "ground", "window", "band", "nodata", "fill", "lowest"):
@@ -149,6 +151,11 @@ class MapTable(Table):
         terrain = read_raster(
             folder / self.ground, nodata=self.nodata, window=around, unit=self.unit
         )
+        if surface.crs and terrain.crs and not same_system(surface.crs, terrain.crs):
+            raise ProblemError(
+                f"ground: must be in the reference system of the map, {short_name(surface.crs)}, "
+                f"not in {short_name(terrain.crs)}; gdalwarp -t_srs writes it in that"
+            )
         x, y = ox + (np.arange(width) + 0.5) * dx, oy + (np.arange(depth) + 0.5) * dy
         return terrain.sample(x[:, None], y[None, :])
 

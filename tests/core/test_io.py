@@ -27,6 +27,8 @@ from cocap_opt.problem import (
     Camera,
     CollisionRules,
     Cuboid,
+    Earth,
+    Limits,
     Motion,
     Objective,
     Plan,
@@ -153,6 +155,23 @@ def test_digest_ignores_the_name_only() -> None:
         problem.replace(height_map=problem.height_map.replace(origin=(0.0, 1.0))),
     ]
     assert len({digest, *map(problem_digest, variants)}) == len(variants) + 1
+
+
+def test_digests_of_scenes_that_say_nothing_of_flying_hold() -> None:
+    """Plans and certificates of before still fit; what a scene says of its flight is content."""
+    problem = load_scene("tiny-queue")
+    digest = "0f3fabc32bc07affc33f6d9e96e81900def632e5f2cced0371c852c1bbb44bad"
+    assert problem_digest(problem) == digest
+    limited = tuple(robot.replace(limits=Limits(speed=9.0)) for robot in problem.robots)
+    variants = [
+        problem.replace(step=1.0),
+        problem.replace(earth=Earth(crs="EPSG:25830")),
+        problem.replace(robots=limited),
+    ]
+    assert len({digest, *map(problem_digest, variants)}) == 4
+    for variant in variants:
+        again = decode_document(encode(SceneFile(problem=variant)), "scene", SceneFile).problem
+        assert problem_digest(again) == problem_digest(variant)
 
 
 def test_digest_survives_the_file_where_floats_were_given_as_integers() -> None:

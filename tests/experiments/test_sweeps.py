@@ -484,7 +484,7 @@ def test_all_of_the_core_but_pictures_and_the_face_is_digested() -> None:
         for path in core.iterdir()
         if path.suffix == ".py" or (path / "__init__.py").is_file()
     }
-    beside = {"__init__", "drawing", "experiments", "plausibility", "scenarios"}
+    beside = {"__init__", "drawing", "experiments", "flight", "plausibility", "scenarios"}
     named = {name for name in cells_module._MODULES if name.count(".") == 1}
     assert named == modules - {f"cocap_opt.{name}" for name in beside}
 

@@ -110,12 +110,19 @@ def test_the_example_in_the_manual_is_read(parts: Path) -> None:
     assert problem.robots[3].start.heading == 2
     assert problem.robots[0].camera.tilts == (math.radians(10), math.radians(40))
     assert problem.rules.separation == 2.0
+    assert problem.step == 0.5
+    limits = problem.robots[0].limits
+    assert limits is not None
+    assert (limits.speed, limits.yaw_rate) == (8.0, math.radians(90))
+    assert problem.robots[3].limits is None
+    assert problem.earth is not None
+    assert (problem.earth.heights, problem.earth.base) == ("sea", 20.0)
 
 
 def test_the_example_has_every_field() -> None:
     """Whoever reads the example knows all that a recipe can say."""
     tables = Table.__subclasses__()
-    assert len(tables) == 11
+    assert len(tables) == 13
     for table in tables:
         for field in table.__struct_fields__:
             assert f"{field} =" in EXAMPLE or f"[{field}]" in EXAMPLE, field

@@ -1,0 +1,8 @@
+"""From a plan to a flight: where each drone is at every moment, and whether it can fly so.
+
+`trajectory` has the flights, straight from step to step or smooth; `safety` checks them against
+the scene at every moment, on the polynomials themselves; `pace` against the drones' limits;
+`filming` computes J between the steps, too; `earth` gives latitudes and longitudes.
+"""
+
+__all__ = ["bernstein", "earth", "filming", "pace", "safety", "smooth", "trajectory"]

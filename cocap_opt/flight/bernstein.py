@@ -1,0 +1,127 @@
+"""Polynomials over 0..1 by their Bernstein coefficients, between which all of their values lie.
+
+That the coefficients bound the values makes proofs of subdivision: a polynomial whose coefficients
+are all positive is positive at every moment, and halves have tighter coefficients than wholes.
+Source: Farouki, "The Bernstein polynomial basis: A centennial retrospective", 2012.
+"""
+
+import math
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from cocap_opt.data import BoolArray, FloatArray
+
+_DEEPEST = 40  # halvings, after which what is not proved is not believed
+_FINE = 1e-9  # share of a largest value to which it is found
+
+
+class Peak(NamedTuple):
+    """Where the largest of some polynomials is largest."""
+
+    value: float  # at most so much, at every moment
+    which: int  # number of the polynomial
+    share: float  # 0..1
+
+
+def derivative(coefficients: FloatArray) -> FloatArray:
+    """Returns the coefficients [.., n] of the derivatives of polynomials [.., n+1]."""
+    degree = coefficients.shape[-1] - 1
+    result: FloatArray = degree * np.diff(coefficients, axis=-1)
+    return result
+
+
+def product(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Returns the coefficients [.., n+m+1] of the products of polynomials [.., n+1], [.., m+1]."""
+    n, m = one.shape[-1] - 1, other.shape[-1] - 1
+    one, other = one * _binomials(n), other * _binomials(m)
+    total = np.zeros((*np.broadcast_shapes(one.shape[:-1], other.shape[:-1]), n + m + 1))
+    for k in range(n + 1):
+        total[..., k : k + m + 1] += one[..., k, None] * other
+    result: FloatArray = total / _binomials(n + m)
+    return result
+
+
+def squared_length(vectors: FloatArray) -> FloatArray:
+    """Returns the coefficients [.., 2n+1] of the squared lengths of vectors [.., d, n+1]."""
+    result: FloatArray = product(vectors, vectors).sum(axis=-2)
+    return result
+
+
+def elevated(coefficients: FloatArray, degree: int) -> FloatArray:
+    """Returns the same polynomials [.., n+1] with the coefficients [.., degree+1] of a degree."""
+    return product(coefficients, np.ones(degree - coefficients.shape[-1] + 2))
+
+
+def halves(coefficients: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Returns the coefficients of polynomials [.., n+1] over 0..1/2 and over 1/2..1."""
+    first, last, row = [coefficients[..., 0]], [coefficients[..., -1]], coefficients
+    while row.shape[-1] > 1:
+        row = (row[..., 1:] + row[..., :-1]) / 2
+        first.append(row[..., 0])
+        last.append(row[..., -1])
+    return np.stack(first, axis=-1), np.stack(last[::-1], axis=-1)
+
+
+def values(coefficients: FloatArray, shares: FloatArray) -> FloatArray:
+    """Returns the values [n, ..] of polynomials [n, .., d+1], each at a share [n] of its own."""
+    degree = coefficients.shape[-1] - 1
+    k = np.arange(degree + 1)
+    weights = _binomials(degree) * shares[:, None] ** k * (1 - shares[:, None]) ** (degree - k)
+    shape = (len(shares), *(1,) * (coefficients.ndim - 2), degree + 1)
+    result: FloatArray = (coefficients * weights.reshape(shape)).sum(axis=-1)
+    return result
+
+
+def largest(coefficients: FloatArray) -> Peak:
+    """Returns where the largest of polynomials [N, n+1], N > 0, is largest, to a billionth.
+
+    The value is a bound that none of them exceeds.
+    """
+    index, low, width = np.arange(len(coefficients)), np.zeros(len(coefficients)), 1.0
+    peak = Peak(-math.inf, 0, 0.0)
+    while len(coefficients):
+        for end, share in ((0, 0.0), (-1, width)):
+            k = int(np.argmax(coefficients[:, end]))
+            if coefficients[k, end] > peak.value:
+                peak = Peak(float(coefficients[k, end]), int(index[k]), float(low[k]) + share)
+        slack = _FINE * (1 + abs(peak.value))
+        some = coefficients.max(axis=-1) > peak.value + slack
+        index, low, width = np.tile(index[some], 2), low[some], width / 2
+        coefficients = np.concatenate(halves(coefficients[some]))
+        low = np.concatenate([low, low + width])
+    return peak._replace(value=peak.value + _FINE * (1 + abs(peak.value)))
+
+
+def ever_positive(conditions: list[FloatArray]) -> BoolArray:
+    """Returns an array [N], true if all of some polynomials are positive at the same moment.
+
+    Whatever cannot be proved not to be counts as if it were.
+
+    Parameters
+    ----------
+    conditions : of each of the polynomials that must be positive together [N, n+1]
+    """
+    found = np.zeros(len(conditions[0]), dtype=np.bool_)
+    index = np.arange(len(found))
+    for _ in range(_DEEPEST):
+        never = np.any([(part <= 0).all(axis=-1) for part in conditions], axis=0)
+        once = np.zeros(len(index), dtype=np.bool_)
+        for end in (0, -1):
+            once |= np.all([part[:, end] > 0 for part in conditions], axis=0)
+        found[index[once]] = True
+        open_ = ~never & ~found[index]
+        index = np.tile(index[open_], 2)
+        conditions = [np.concatenate(halves(part[open_])) for part in conditions]
+        if not len(index):
+            return found
+    found[index] = True
+    return found
+
+
+@lru_cache(maxsize=64)
+def _binomials(degree: int) -> FloatArray:
+    row = np.array([float(math.comb(degree, k)) for k in range(degree + 1)])
+    row.setflags(write=False)
+    return row

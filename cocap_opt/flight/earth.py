@@ -1,0 +1,178 @@
+"""Latitudes and longitudes (WGS 84) of points of a scene, through pyproj, imported only here.
+
+An operation that pyproj only guesses (a ballpark transformation), or that is not the best one
+because a grid is not installed, is refused. Heights are not converted.
+"""
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from cocap_opt.data import FloatArray, ProblemError
+from cocap_opt.problem import Earth
+
+WGS_84 = "EPSG:4326"
+STRETCH = 0.02  # by which lengths of the projection may differ from those on the ground
+_SHOWN = 60  # letters of a system's name in a message
+_AROUND = 0.01  # degrees around a point, for which pyproj chooses an operation
+
+
+class Geodesy:
+    """The way from a scene's coordinates to the Earth.
+
+    Parameters
+    ----------
+    earth : the place of the scene
+    point : m, x and y of a point of the scene, around which the conversion is chosen
+
+    Raises
+    ------
+    ProblemError
+        If pyproj or a grid that it needs is not installed, or the system is none that is known, or
+        none of true metres that go east and north.
+    """
+
+    def __init__(self, earth: Earth, point: tuple[float, float]) -> None:
+        self._earth = earth
+        self._pyproj = _pyproj()
+        self._crs = self._system()
+        self._to_earth = self._best(self._near(point))
+        self._corner = (0.0, 0.0) if earth.origin is None else self._from_earth(earth.origin)
+        x, y = (np.array([value]) for value in point)
+        self._require_true(*(float(value[0]) for value in self.degrees(x, y)))
+
+    def degrees(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Returns latitudes and longitudes [n] (degrees) of points [n] of the scene (m)."""
+        east, north = x + self._corner[0], y + self._corner[1]
+        longitude, latitude = self._to_earth.transform(east, north)
+        if not (np.isfinite(longitude).all() and np.isfinite(latitude).all()):
+            raise ProblemError(
+                f"crs: must be a system that is defined where the scene is, at ({east[0]:.7g}, "
+                f"{north[0]:.7g}), not {self.name}"
+            )
+        return np.asarray(latitude), np.asarray(longitude)
+
+    @cached_property
+    def name(self) -> str:
+        """Name of the reference system, with its code where it has one."""
+        code = self._crs.to_authority()
+        return f"{self._crs.name} ({':'.join(code)})" if code else str(self._crs.name)
+
+    @property
+    def accuracy(self) -> float | None:
+        """Metres by which latitudes and longitudes may be off; None: nobody says."""
+        metres = float(self._to_earth.accuracy)
+        return metres if metres >= 0 else None
+
+    def _system(self) -> Any:
+        """Returns the projection, without the heights of a compound system."""
+        text = self._earth.crs
+        try:
+            crs = self._pyproj.CRS.from_user_input(text)
+        except self._pyproj.exceptions.CRSError as error:
+            shown = text if len(text) <= _SHOWN else f"{text[:_SHOWN]}.."
+            raise ProblemError(
+                f"crs: must be a reference system that is known, such as EPSG:25830, not {shown!r}"
+            ) from error
+        crs = crs.sub_crs_list[0] if crs.is_compound else crs
+        units = {axis.unit_name for axis in crs.axis_info}
+        if crs.is_geographic or not crs.is_projected:
+            raise ProblemError(f"crs: must be a projection in metres, not {crs.name}")
+        if units != {"metre"}:
+            raise ProblemError(
+                f"crs: must be in metres, not {', '.join(sorted(units))}: {crs.name}"
+            )
+        ways = {axis.direction for axis in crs.axis_info}
+        if ways != {"east", "north"}:
+            raise ProblemError(
+                f"crs: must have axes to the east and to the north, not {', '.join(sorted(ways))}: "
+                f"{crs.name}"
+            )
+        return crs
+
+    def _near(self, point: tuple[float, float]) -> tuple[float, float]:
+        """Returns about the latitude and longitude of a point, by the system's own datum."""
+        if self._earth.origin is not None:
+            return self._earth.origin
+        own = self._pyproj.Transformer.from_crs(
+            self._crs, self._crs.geodetic_crs, always_xy=True, allow_ballpark=False
+        )
+        longitude, latitude = own.transform(*point)
+        if not (np.isfinite(latitude) and np.isfinite(longitude)):
+            raise ProblemError(
+                f"crs: must be a system that is defined where the scene is, at ({point[0]:.7g}, "
+                f"{point[1]:.7g}), not {self.name}"
+            )
+        return float(latitude), float(longitude)
+
+    def _best(self, near: tuple[float, float]) -> Any:
+        """Returns the best operation to WGS 84 around a latitude and longitude."""
+        import warnings
+
+        latitude, longitude = near
+        around = self._pyproj.aoi.AreaOfInterest(
+            longitude - _AROUND, latitude - _AROUND, longitude + _AROUND, latitude + _AROUND
+        )
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # that the best is not there, which is refused below
+            group = self._pyproj.transformer.TransformerGroup(
+                self._crs, WGS_84, always_xy=True, allow_ballpark=False, area_of_interest=around
+            )
+        if not group.transformers or not group.best_available:
+            raise ProblemError(
+                f"crs: must be a system that can be converted to WGS 84, but {self.name} "
+                f"{self._obstacle(near, group.unavailable_operations)}"
+            )
+        return group.transformers[0]
+
+    def _obstacle(self, near: tuple[float, float], unavailable: list[Any]) -> str:
+        """Says why there is no good operation around a latitude and longitude."""
+        latitude, longitude = near
+        area = self._crs.area_of_use
+        if area is not None and not (
+            area.south <= latitude <= area.north and area.west <= longitude <= area.east
+        ):
+            return f"is for another place than latitude {latitude:.5g}, longitude {longitude:.5g}"
+        grids = sorted(grid.short_name for one in unavailable[:1] for grid in one.grids)
+        if grids:
+            return f"needs {' and '.join(grids)}, not installed here; `pyproj sync` gets such grids"
+        return "has a datum of which nobody says how it lies to that"
+
+    def _from_earth(self, place: tuple[float, float]) -> tuple[float, float]:
+        """Returns the coordinates (m) in the system of a latitude and longitude."""
+        east, north = self._to_earth.transform(
+            place[1], place[0], direction=self._pyproj.enums.TransformDirection.INVERSE
+        )
+        if not (np.isfinite(east) and np.isfinite(north)):
+            raise ProblemError(
+                f"origin: must lie where {self.name} is defined, not at latitude {place[0]:g} and "
+                f"longitude {place[1]:g}"
+            )
+        return float(east), float(north)
+
+    def _require_true(self, latitude: float, longitude: float) -> None:
+        """Refuses a projection whose metres are none on the ground, such as web Mercator."""
+        factors = self._pyproj.Proj(self._crs).get_factors(longitude, latitude)
+        scales = factors.meridional_scale, factors.parallel_scale
+        if not all(abs(scale - 1) <= STRETCH for scale in scales):  # true for nan, too
+            zone = (32700 if latitude < 0 else 32600) + min(int((longitude + 180) // 6) + 1, 60)
+            raise ProblemError(
+                f"crs: must have true metres, but those of {self.name} are {1 / max(scales):.3g} m "
+                f"long at latitude {latitude:.1f}; EPSG:{zone} has true ones there"
+            )
+
+
+def _pyproj() -> Any:
+    """Returns pyproj with the parts that are used."""
+    try:
+        import pyproj
+        import pyproj.aoi
+        import pyproj.enums
+        import pyproj.exceptions
+        import pyproj.transformer
+    except ImportError as error:
+        raise ProblemError(
+            "crs: places on the Earth need pyproj: pip install 'cocap-opt[earth]'"
+        ) from error
+    return pyproj

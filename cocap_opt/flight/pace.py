@@ -1,0 +1,89 @@
+"""The pace of flights beside what drones can: the tightest moments of each drone."""
+
+import math
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from cocap_opt.data import FloatArray
+from cocap_opt.flight.bernstein import Peak, largest, squared_length
+from cocap_opt.flight.trajectory import PITCH, YAW, Trajectory
+from cocap_opt.problem import Limits
+from cocap_opt.problem.limits import ROUNDING
+
+_AT_REST = 1e-4  # m/s, rad/s, ..: less is rounding
+_SECOND = ("acceleration",)  # which falls with the square of a step's duration
+
+
+class Demand(NamedTuple):
+    """The largest speed, turn or the like that a flight asks of a drone.
+
+    Attributes
+    ----------
+    kind : a field of `Limits`
+    most : the largest value, in its unit
+    t : s since step 0
+    limit : in the same unit; None: none is known
+    """
+
+    drone: int
+    kind: str
+    most: float
+    t: float
+    limit: float | None
+
+    @property
+    def share(self) -> float:
+        """The value as a share of the limit; 0 where none is known."""
+        return 0.0 if self.limit is None else self.most / self.limit
+
+    @property
+    def is_kept(self) -> bool:
+        """True if the value does not exceed its limit."""
+        return self.share <= 1 + 2 * ROUNDING
+
+    @property
+    def slower(self) -> float:
+        """The number of times by which steps must be longer for the limit to be kept."""
+        return math.sqrt(self.share) if self.kind in _SECOND else self.share
+
+
+def demands(flown: Trajectory, is_smooth: bool) -> list[Demand]:
+    """Returns the largest demands of each kind on each drone.
+
+    Parameters
+    ----------
+    is_smooth : False: speeds jump at the steps, where no acceleration is told
+    """
+    found = []
+    for i, robot in enumerate(flown.problem.robots):
+        limits = robot.limits or Limits()
+        for kind, peak in _peaks(flown, i, is_smooth):
+            t = (peak.which % flown.pieces.shape[1] + peak.share) * flown.step
+            most = 0.0 if peak.value < _AT_REST else peak.value
+            found.append(Demand(i, kind, most, t, getattr(limits, kind)))
+    return found
+
+
+def tightest(found: list[Demand]) -> list[Demand]:
+    """Returns of each drone the demand that is nearest to its limit; without any, its speed."""
+    drones = sorted({demand.drone for demand in found})
+    own = [[demand for demand in found if demand.drone == i] for i in drones]
+    return [max(row, key=lambda demand: demand.share) for row in own]
+
+
+def _peaks(flown: Trajectory, drone: int, is_smooth: bool) -> Iterator[tuple[str, Peak]]:
+    """Yields each kind of demand on a drone where it is largest."""
+    rates = flown.velocities[drone]
+    yield "speed", _longest(rates[:, :2])
+    yield "climb", largest(rates[:, 2])
+    yield "descent", largest(-rates[:, 2])
+    if is_smooth:
+        yield "acceleration", _longest(flown.accelerations[drone][:, :3])
+    yield "yaw_rate", _longest(rates[:, [YAW]])
+    yield "gimbal_rate", _longest(rates[:, [PITCH]])
+
+
+def _longest(vectors: FloatArray) -> Peak:
+    """Returns where vectors [T, d, n+1] are longest."""
+    peak = largest(squared_length(vectors))
+    return peak._replace(value=math.sqrt(max(peak.value, 0.0)))

@@ -1,0 +1,133 @@
+"""Proofs that flights keep away from matter, zones, people and each other, at every moment.
+
+Nothing is sampled. Of drones, and of drones and people, the squared distance is a polynomial, which
+is proved to be large enough by its coefficients (`bernstein`). Against matter and zones a piece
+of a flight is halved until the box of its coefficients lies in free cells only.
+"""
+
+from collections.abc import Iterator
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+
+from cocap_opt.data import LARGEST, FloatArray
+from cocap_opt.flight.bernstein import elevated, ever_positive, halves, product, squared_length
+from cocap_opt.flight.trajectory import DEGREE, Trajectory, between_drones
+from cocap_opt.problem import CollisionRules, Problem
+from cocap_opt.problem.rules import TOLERANCE
+from cocap_opt.world.columns import Columns
+
+_DEEPEST = 40  # halvings
+_TOUCH = 1e-9  # cells
+
+
+class Danger(NamedTuple):
+    """Something that drones do in a step and may not."""
+
+    step: int  # it is between this one and the next
+    drones: tuple[int, ...]
+    words: str
+
+    def __str__(self) -> str:
+        who = " and ".join(map(str, self.drones))
+        noun = "drones" if len(self.drones) > 1 else "drone"
+        return f"step {self.step} to {self.step + 1}: {noun} {who} {self.words}"
+
+
+def dangers(flown: Trajectory) -> list[Danger]:
+    """Returns the steps in which flights break a rule of their scene; none if they are safe.
+
+    Walls are not looked at for drones that may cut corners (`Motion.corner_cutting`): their plans
+    do not keep away from them between the steps either.
+    """
+    found = [*_between_drones(flown), *_near_people(flown), *_in_matter(flown)]
+    return sorted(found, key=lambda danger: (danger.step, danger.drones))
+
+
+def _between_drones(flown: Trajectory) -> Iterator[Danger]:
+    rules, steps = flown.problem.rules, flown.pieces.shape[1]
+    ways = between_drones(flown.pieces)
+    if rules.none or not rules.separation or not len(ways):
+        return
+    pairs = list(combinations(range(len(flown.pieces)), 2))
+    for k in np.flatnonzero(ever_positive(_nearness(ways, rules))).tolist():
+        yield Danger(k % steps, pairs[k // steps], f"come nearer than the {rules}")
+
+
+def _near_people(flown: Trajectory) -> Iterator[Danger]:
+    """Yields where drones come too near to people, who walk straight from step to step."""
+    problem = flown.problem
+    airspace, steps = problem.airspace, flown.pieces.shape[1]
+    if not airspace.people_aside:
+        return
+    for j, actor in enumerate(problem.actors):
+        feet = actor.middles[: steps + 1] - [*problem.height_map.origin, 0.0]
+        walk = elevated(np.stack([feet[:-1], feet[1:]], axis=-1), DEGREE)
+        ways = (flown.pieces[:, :, :3] - walk).reshape(-1, 3, DEGREE + 1)
+        for k in np.flatnonzero(ever_positive(_nearness(ways, airspace.rules_beside(actor)))):
+            yield Danger(int(k) % steps, (int(k) // steps,), f"comes too near to actors[{j}]")
+
+
+def _nearness(ways: FloatArray, rules: CollisionRules) -> list[FloatArray]:
+    """Returns polynomials that are positive together while ways [n, 3, 6] break a separation."""
+    if not rules.vertical:
+        return [(rules.separation - TOLERANCE) ** 2 - squared_length(ways)]
+    most, z = rules.vertical - TOLERANCE, ways[:, 2]
+    aside = (rules.separation - TOLERANCE) ** 2 - squared_length(ways[:, :2])
+    return [aside] if most >= LARGEST / 2 else [aside, most**2 - product(z, z)]
+
+
+def _in_matter(flown: Trajectory) -> Iterator[Danger]:
+    """Yields where drones come too near to matter, or leave the map or the airspace."""
+    workspace = flown.problem.workspace
+    for i, (robot, path) in enumerate(zip(flown.problem.robots, flown.pieces, strict=True)):
+        zones = _Cells(flown.problem, workspace.forbidden, 0.0)
+        walls = _Cells(flown.problem, workspace.columns, robot.motion.clearance)
+        for t, piece in enumerate(path[:, :3]):
+            if (piece == piece[:, :1]).all():
+                continue  # it stays
+            if not zones.are_free_for(piece):
+                yield Danger(t, (i,), "leaves the map, enters a no-fly zone, or is too high")
+            elif not (robot.motion.corner_cutting or walls.are_free_for(piece)):
+                yield Danger(t, (i,), "comes too near to solid matter")
+
+
+class _Cells(NamedTuple):
+    """The cells of a map, and what closes them."""
+
+    problem: Problem
+    columns: Columns
+    clearance: float  # m, above and below
+
+    def are_free_for(self, piece: FloatArray) -> bool:
+        """Returns True if a piece of a flight is proved to pass free cells only.
+
+        Parameters
+        ----------
+        piece : [3, 6] coefficients of x, y (m from the corner of the map) and z
+        """
+        size = self.problem.height_map.resolution
+        parts = [piece / np.array([[size], [size], [1.0]])]
+        for _ in range(_DEEPEST):
+            if any(self._close(part[:, 0], part[:, 0]) for part in parts):
+                return False
+            open_ = [part for part in parts if self._close(part.min(axis=1), part.max(axis=1))]
+            if not open_:
+                return True
+            parts = [half for part in open_ for half in halves(part)]
+        return False
+
+    def _close(self, low: FloatArray, high: FloatArray) -> bool:
+        """Returns True if a box [3], in cells and m, reaches what is closed, or off the map.
+
+        Less than the tolerance of the rules is no reach: what touches a ceiling may be there.
+        """
+        first = np.floor(low[:2] - _TOUCH).astype(np.int64)
+        last = np.floor(high[:2] + _TOUCH).astype(np.int64)
+        if (first < 0).any() or (last >= self.problem.height_map.shape).any():
+            return True
+        part = slice(None), slice(first[0], last[0] + 1), slice(first[1], last[1] + 1)
+        below = self.columns.low[part] <= high[2] + self.clearance - TOLERANCE
+        above = self.columns.high[part] >= low[2] - self.clearance + TOLERANCE
+        return bool((below & above).any())

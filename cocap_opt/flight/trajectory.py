@@ -1,0 +1,137 @@
+"""The flights of a plan: where each drone is at every moment, and how it looks.
+
+Between two steps each coordinate of a drone is a polynomial of the fifth degree. A straight
+flight goes from step to step at a constant speed, as the plan says; a smooth one (`smooth`) is at
+the same places at the steps.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from cocap_opt.data import FloatArray, IntArray, ProblemError, read_only
+from cocap_opt.flight.bernstein import derivative, elevated, largest, squared_length, values
+from cocap_opt.problem import Plan, Problem
+
+DEGREE = 5
+YAW, PITCH = 3, 4  # rows besides x, y and z
+_SLACK = 1e-9  # of a step, by which a moment may be rounded beyond the last
+
+
+class Samples(NamedTuple):
+    """Where drones are at some moments [n], drone by drone."""
+
+    drone: IntArray  # [n]
+    t: FloatArray  # [n] s since step 0
+    place: FloatArray  # [n, 3] m, x, y and z of the map
+    yaw: FloatArray  # [n] rad, 0 along +x, counter-clockwise; it does not jump at a full turn
+    pitch: FloatArray  # [n] rad, of the camera, 0 is level and below the horizon is negative
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """The flights of all drones of a problem.
+
+    Attributes
+    ----------
+    problem : the scene, which has a `step`
+    pieces : [R, T, 5, 6] Bernstein coefficients of x, y (m from the corner of the map), z (m),
+        yaw and pitch (rad) in each step
+    """
+
+    problem: Problem
+    pieces: FloatArray
+
+    @classmethod
+    def straight(cls, problem: Problem, plan: Plan) -> "Trajectory":
+        """Returns the straight flights of a plan that can be flown.
+
+        Raises
+        ------
+        ProblemError
+            If nobody says how long a step lasts.
+        """
+        if problem.step is None:
+            raise ProblemError("step: must be given, for nobody says how long a step lasts")
+        ends = waypoints(problem, plan)
+        pieces = elevated(np.stack([ends[:, :-1], ends[:, 1:]], axis=-1), DEGREE)
+        return cls(problem, read_only(pieces))
+
+    def with_pieces(self, pieces: FloatArray) -> "Trajectory":
+        """Returns other flights in the same scene."""
+        return replace(self, pieces=read_only(pieces))
+
+    @property
+    def step(self) -> float:
+        """Seconds from a step to the next."""
+        assert self.problem.step is not None
+        return self.problem.step
+
+    @property
+    def seconds(self) -> float:
+        """Duration of the flights."""
+        return float(self.pieces.shape[1] * self.step)
+
+    @cached_property
+    def velocities(self) -> FloatArray:
+        """Coefficients [R, T, 5, 5] of the rates of change, per second."""
+        return read_only(derivative(self.pieces) / self.step)
+
+    @cached_property
+    def accelerations(self) -> FloatArray:
+        """Coefficients [R, T, 5, 4] of their rates of change."""
+        return read_only(derivative(self.velocities) / self.step)
+
+    def at(self, times: FloatArray) -> Samples:
+        """Returns where all drones are at times [n], s since step 0."""
+        robots, steps = self.pieces.shape[:2]
+        place = times / self.step
+        which = np.clip(np.floor(place + _SLACK), 0, steps - 1).astype(np.int64)
+        shares = np.clip(place - which, 0.0, 1.0)
+        found = np.stack([values(own[which], shares) for own in self.pieces]).reshape(-1, 5)
+        return Samples(
+            np.repeat(np.arange(robots), len(times)),
+            np.tile(times, robots),
+            found[:, :3] + [*self.problem.height_map.origin, 0.0],
+            found[:, YAW],
+            found[:, PITCH],
+        )
+
+    def distance_from(self, other: "Trajectory") -> float:
+        """Returns the largest distance (m) from the same drone's other flight at any moment."""
+        ways = (self.pieces - other.pieces)[:, :, :3].reshape(-1, 3, DEGREE + 1)
+        return float(np.sqrt(max(largest(squared_length(ways)).value, 0.0)))
+
+    def least_distance(self) -> float:
+        """Returns the least distance (m) between two drones at any moment; inf for one drone."""
+        ways = between_drones(self.pieces)
+        if not len(ways):
+            return np.inf
+        return float(np.sqrt(max(-largest(-squared_length(ways)).value, 0.0)))
+
+
+def waypoints(problem: Problem, plan: Plan) -> FloatArray:
+    """Returns x, y (m from the corner of the map), z, yaw and pitch at the steps [R, T+1, 5].
+
+    Angles change from step to step the short way round; of a half turn, counter-clockwise.
+    """
+    corner = np.array([*problem.height_map.origin, 0.0])
+    rows = []
+    for robot, path in zip(problem.robots, plan.paths, strict=True):
+        headings = np.array([state.heading for state in path])
+        count = robot.motion.headings
+        turns = np.diff(headings) % count
+        turns = np.where(2 * turns > count, turns - count, turns)
+        yaw = np.cumsum([headings[0], *turns]) * (2 * np.pi / count)
+        pitch = [-robot.camera.tilts[state.pitch] for state in path]
+        rows.append(np.column_stack([problem.where(robot, path) - corner, yaw, pitch]))
+    return np.array(rows)
+
+
+def between_drones(pieces: FloatArray) -> FloatArray:
+    """Returns the ways [pairs T, 3, 6] from each drone to each later one, step after step."""
+    one, other = np.triu_indices(len(pieces), 1)
+    ways: FloatArray = (pieces[other] - pieces[one])[:, :, :3].reshape(-1, 3, DEGREE + 1)
+    return ways

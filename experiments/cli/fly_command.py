@@ -1,0 +1,100 @@
+"""The command `fly`, which makes of a plan what drones fly."""
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from cocap_opt.data import ProblemError
+from cocap_opt.experiments.cli.options import FLAG, Json, Output, Scene, Seed, load
+from cocap_opt.experiments.console.options import Option, UsageError
+from cocap_opt.experiments.results.files import PlanReader, check_output, save_bytes
+from cocap_opt.experiments.results.flights import Flight
+from cocap_opt.experiments.results.printing import Listing, Record, print_result
+from cocap_opt.files.documents import FileError
+from cocap_opt.problem import Problem
+
+FLOWN = (".csv",)
+
+
+def _fly(
+    scene: Scene,
+    plan: Path,
+    /,
+    *,
+    output: Output = None,
+    seed: Seed = 0,
+    step: Annotated[
+        float | None, Parameter(help="seconds of a step, of scenes that do not say it")
+    ] = None,
+    smooth: Annotated[
+        bool, FLAG(name="--smooth", help="with continuous speed and acceleration")
+    ] = False,
+    every: Annotated[
+        float | None,
+        Parameter(help="seconds between rows; else a row a step, and ten a step with --smooth"),
+    ] = None,
+    local: Annotated[bool, FLAG(name="--local", help="leave out latitudes and longitudes")] = False,
+    json: Json = False,
+) -> int:
+    """Write where each drone is at every moment, checked against rules, obstacles and limits.
+
+    A .csv file has t (s), x, y, z (m, coordinates of the map), yaw (degrees, 0 along x,
+    counter-clockwise) and pitch (degrees, 0 level, below is negative) of each drone, heights above
+    ground and take-off, and latitude and longitude where the scene has a reference system.
+
+    Example: cocap-opt fly corridor plan.json --step 1 --smooth -o flight.csv
+    """
+    Option("-o").ending(output, FLOWN)
+    assert output is not None
+    for option, value in (("--step", step), ("--every", every)):
+        if value is not None and not Option(option).require_seconds(value) > 0:
+            raise UsageError(f"{option}: must be more than 0 seconds")
+    check_output(output, scene, plan)
+    problem, planned = PlanReader(scene, load(scene, seed)).plan(plan)
+    problem = _with_step(problem, step)
+    problem = problem.replace(earth=None) if local else problem
+    try:
+        flight = Flight.of(problem, planned, smooth)
+        content = flight.csv(every)
+    except ProblemError as error:
+        raise _in_words(error, scene, plan) from error
+    record = flight.record()
+    save_bytes(output, content)
+    answer: Record = {"scene": problem.name, "seed": seed, **record}
+    notes = list(flight.notes())
+    if json:
+        print_result({**answer, "drones": flight.rows(), "notes": notes, "file": output}, json)
+    else:
+        print_result({**answer, "file": output}, json)
+        Listing("tightest moment of each drone", flight.rows(), notes).print()
+    return 0
+
+
+def _in_words(error: ProblemError, scene: str, plan: Path) -> Exception:
+    """Returns the error that names the option or the file that is to be changed."""
+    words = str(error)
+    if words.startswith("every:"):
+        return UsageError(f"--{words}")
+    if words.startswith("earth."):
+        return FileError(f"{scene}: {words}; --local leaves latitudes and longitudes out")
+    return FileError(f"{plan}: {words}")
+
+
+def _with_step(problem: Problem, step: float | None) -> Problem:
+    """Returns the scene with the duration of a step, from itself or from the option."""
+    if problem.step is None and step is None:
+        raise UsageError(
+            f"--step: must be given, for {problem.name} does not say how many seconds a step lasts"
+        )
+    if problem.step is not None and step is not None:
+        raise UsageError(
+            f"--step: must be left out, for {problem.name} says it: {problem.step:g} s"
+        )
+    try:
+        return problem if step is None else problem.replace(step=step)
+    except ProblemError as error:  # it is out of range, or too short for the drones' limits
+        raise UsageError(f"--step: {error}") from error
+
+
+COMMANDS = {"fly": _fly}

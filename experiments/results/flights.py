@@ -1,0 +1,221 @@
+"""Flights of plans, checked for being flown, and their rows for tables and files."""
+
+import io
+import math
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+
+from cocap_opt.data import FloatArray, ProblemError
+from cocap_opt.experiments.results.printing import Record
+from cocap_opt.flight.earth import Geodesy
+from cocap_opt.flight.filming import parts_of, view_reward
+from cocap_opt.flight.pace import Demand, demands, tightest
+from cocap_opt.flight.safety import dangers
+from cocap_opt.flight.smooth import smooth as smoothed
+from cocap_opt.flight.trajectory import Trajectory
+from cocap_opt.problem import Plan, Problem
+from cocap_opt.referee import check
+
+PER_STEP = 10  # rows of a smooth flight that nobody asked for otherwise
+MOST_ROWS = 5_000_000
+_DIGITS = {"latitude": 9, "longitude": 9}  # of a CSV file; others have 6
+_UNITS = {"speed": "m/s", "climb": "m/s", "descent": "m/s", "acceleration": "m/s2",
+          "yaw_rate": "deg/s", "gimbal_rate": "deg/s"}  # fmt: skip
+_ANGLES = "yaw_rate", "gimbal_rate"  # in rad/s where they are computed
+
+
+class Flight(NamedTuple):
+    """The flights of a plan, which obey the scene's rules and the drones' limits.
+
+    Attributes
+    ----------
+    flown : straight or smooth
+    straight : the plan's own
+    geodesy : None where nobody knows where the scene is on the Earth
+    demands : the largest of each kind on each drone
+    slowed : steps of drones at which they pass more slowly than they could
+    """
+
+    flown: Trajectory
+    straight: Trajectory
+    plan: Plan
+    geodesy: Geodesy | None
+    demands: list[Demand]
+    slowed: int
+
+    @classmethod
+    def of(cls, problem: Problem, plan: Plan, smooth: bool) -> "Flight":
+        """Returns the flights of a plan of a scene whose steps have a duration.
+
+        Raises
+        ------
+        ProblemError
+            If the plan breaks a rule, or its flights do between the steps, or a drone cannot fly
+            them, or the place of the scene cannot be found on the Earth; one line.
+        """
+        verdict = check(problem, plan)
+        for words in (*verdict.violations, *verdict.conflicts):
+            raise ProblemError(f"{words}; what is flown must obey the scene's rules")
+        straight = Trajectory.straight(problem, plan)
+        flown, found, slowed = (
+            smoothed(problem, plan) if smooth else (straight, tuple(dangers(straight)), 0)
+        )
+        if found:
+            way_out = (
+                ", even where it stops at both; the straight flight does not" if smooth else ""
+            )
+            raise ProblemError(f"{found[0]}{way_out}")
+        asked = demands(flown, smooth)
+        _require_limits(asked, flown.step)
+        return cls(flown, straight, plan, _geodesy(problem), asked, slowed)
+
+    @property
+    def is_smooth(self) -> bool:
+        """True if speeds do not jump."""
+        return self.flown is not self.straight
+
+    def columns(self, every: float | None = None) -> dict[str, FloatArray]:
+        """Returns the flights as columns: drone, t (s), x, y, z (m), yaw, pitch (degrees), ..
+
+        Heights have the names of what they are above: the scene's zero (z), the ground and the
+        map's surface below the drone's start, where they are known, and the sea or the ellipsoid.
+
+        Parameters
+        ----------
+        every : s between rows; None: a row at each step, and ten a step of smooth flights
+        """
+        problem = self.flown.problem
+        usual = self.flown.step / (PER_STEP if self.is_smooth else 1)
+        found = self.flown.at(_moments(self.flown, usual if every is None else every))
+        x, y, z = found.place.T
+        columns = {
+            "drone": found.drone, "t": found.t, "x": x, "y": y, "z": z,
+            "yaw": np.degrees(found.yaw), "pitch": np.degrees(found.pitch),
+        }  # fmt: skip
+        height_map = problem.height_map
+        last = np.array(height_map.shape) - 1
+        cells = (found.place[:, :2] - height_map.origin) / height_map.resolution
+        i, j = np.clip(np.floor(cells), 0, last).astype(np.int64).T
+        if height_map.knows_ground:
+            columns["above_ground"] = z - height_map.ground[i, j]
+        starts = [height_map.heights[r.start.x, r.start.y] for r in problem.robots]
+        columns["above_takeoff"] = z - np.array(starts)[found.drone]
+        if self.geodesy is not None:
+            columns["latitude"], columns["longitude"] = self.geodesy.degrees(x, y)
+        if problem.earth is not None and problem.earth.heights is not None:
+            columns[f"above_{problem.earth.heights}"] = z + problem.earth.base
+        return columns
+
+    def csv(self, every: float | None = None) -> bytes:
+        """Returns the columns as CSV."""
+        columns = self.columns(every)
+        formats = ["%d" if k == "drone" else f"%.{_DIGITS.get(k, 6)}f" for k in columns]
+        text = io.StringIO(newline="")
+        table = np.column_stack(list(columns.values())) + 0.0  # which makes -0 a 0
+        np.savetxt(
+            text, table, fmt=formats, delimiter=",", header=",".join(columns), comments="",
+            newline="\n",
+        )  # fmt: skip
+        return text.getvalue().encode()
+
+    def record(self) -> Record:
+        """Returns what there is to say of the flights as a whole."""
+        problem, least = self.flown.problem, self.flown.least_distance()
+        parts = parts_of(problem)
+        verdict = check(problem, self.plan)
+        found: Record = {
+            "flight": "smooth" if self.is_smooth else "straight",
+            "step": self.flown.step,
+            "duration": self.flown.seconds,
+            "least_distance": least if math.isfinite(least) else None,
+            "reward": verdict.reward,
+            "reward_straight": view_reward(self.straight, parts) + verdict.reward_moves,
+        }
+        if self.is_smooth:
+            smooth = view_reward(self.flown, parts) + verdict.reward_moves
+            found |= {
+                "reward_smooth": smooth,
+                "smoothing_cost": 1 - smooth / found["reward_straight"]
+                if found["reward_straight"] > 0
+                else None,
+                "deviation": self.flown.distance_from(self.straight),
+                "slowed": self.slowed,
+            }
+        if self.geodesy is not None:
+            found |= {"crs": self.geodesy.name, "accuracy": self.geodesy.accuracy}
+        return found
+
+    def rows(self) -> list[Record]:
+        """Returns the tightest moment of each drone."""
+        rows = []
+        for own in tightest(self.demands):
+            scale = 180 / math.pi if own.kind in _ANGLES else 1.0
+            limit = None if own.limit is None else own.limit * scale
+            rows.append({
+                "drone": own.drone, "tightest": own.kind.replace("_", " "), "at (s)": own.t,
+                "value": own.most * scale, "limit": limit, "unit": _UNITS[own.kind],
+                "of the limit": None if limit is None else f"{100 * own.share:.0f} %",
+            })  # fmt: skip
+        return rows
+
+    def notes(self) -> Iterable[str]:
+        """Yields sentences on what the numbers mean, and what was not checked."""
+        problem = self.flown.problem
+        yield (
+            "yaw is 0 along x and counter-clockwise; pitch is that of the camera, 0 is level and "
+            "below is negative (degrees)"
+        )
+        if not self.is_smooth:
+            yield "speeds jump at each step, and no acceleration was checked; --smooth has neither"
+        least = self.flown.least_distance()
+        if not problem.rules.separation and math.isfinite(least):
+            yield (
+                "the scene's rules ask for no distance between drones between the steps: they come "
+                f"within {least:.2f} m of each other"
+            )
+        if any(robot.motion.corner_cutting for robot in problem.robots):
+            yield "the scene lets drones cut corners: walls were checked at the steps only"
+        if all(robot.limits is None for robot in problem.robots):
+            yield "no limits of these drones are known, and none were checked"
+        if problem.earth is not None and problem.earth.heights is None:
+            yield "nobody says if z is above the sea or the ellipsoid; [earth] of a recipe does"
+
+
+def _moments(flown: Trajectory, every: float) -> FloatArray:
+    """Returns times (s) from 0 to the end, so far apart; the end is among them."""
+    if not every > 0:  # true for nan, too
+        raise ProblemError(f"every: must be a number of seconds > 0, not {every!r}")
+    rows = flown.seconds / every * len(flown.pieces)
+    if rows > MOST_ROWS:
+        raise ProblemError(f"every: must make at most {MOST_ROWS} rows, not {rows:.3g}")
+    count = math.floor(flown.seconds / every + 1e-9)
+    times = np.round(np.arange(count + 1) * every, 9)
+    if flown.seconds - times[-1] > 1e-9 * flown.seconds:
+        times = np.append(times, flown.seconds)
+    return times
+
+
+def _geodesy(problem: Problem) -> Geodesy | None:
+    if problem.earth is None:
+        return None
+    try:
+        return Geodesy(problem.earth, problem.height_map.centre(0, 0))
+    except ProblemError as error:
+        raise ProblemError(f"earth.{error}") from error
+
+
+def _require_limits(found: list[Demand], step: float) -> None:
+    """Refuses flights that a drone cannot fly, with the duration of a step that would do."""
+    broken = [demand for demand in found if not demand.is_kept]
+    if not broken:
+        return
+    worst = max(broken, key=lambda demand: demand.slower)
+    scale = 180 / math.pi if worst.kind in _ANGLES else 1.0
+    limit = (worst.limit or 0.0) * scale
+    raise ProblemError(
+        f"drone {worst.drone} cannot fly this: {worst.kind.replace('_', ' ')} "
+        f"{worst.most * scale:.4g} {_UNITS[worst.kind]} at {worst.t:.4g} s, more than its "
+        f"{limit:.4g}; steps of {math.ceil(100 * step * worst.slower) / 100:g} s would do"
+    )

@@ -1,0 +1,290 @@
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from cocap_opt.data import FloatArray, ProblemError
+from cocap_opt.flight.bernstein import elevated, ever_positive, largest, product, values
+from cocap_opt.flight.filming import view_reward
+from cocap_opt.flight.pace import demands, tightest
+from cocap_opt.flight.safety import dangers
+from cocap_opt.flight.smooth import Smooth, smooth
+from cocap_opt.flight.trajectory import Trajectory
+from cocap_opt.problem import (
+    Actor,
+    Airspace,
+    Camera,
+    CollisionRules,
+    Limits,
+    Motion,
+    Plan,
+    Problem,
+    Robot,
+    State,
+)
+from cocap_opt.referee import check
+from cocap_opt.world.workspace import HeightMap, Mesh
+
+SIZE, STEPS = 7, 6
+RULES = [
+    CollisionRules(),
+    CollisionRules(separation=2.0),
+    CollisionRules(separation=2.5),
+    CollisionRules(separation=3.0, vertical=2.0),
+]
+
+
+def random_problem(rng: np.random.Generator) -> Problem:
+    """A crowded scene: walls, slopes, a no-fly zone, people, several layers, some radius 2."""
+    heights = np.where(rng.random((SIZE, SIZE)) < 0.15, 20.0, 0.0)
+    datum = rng.random((SIZE, SIZE)) if rng.random() < 0.3 else None
+    motion = Motion(
+        radius=int(rng.integers(1, 3)), layers=(4.0, 6.0), clearance=0.5, turn=2, headings=8
+    )
+    zone = Mesh.box((4.2, 4.2, 0.0), (5.0, 5.5, 5.0))
+    feet = np.array([3.5, 3.5, 0.0, 3.0]) + np.arange(STEPS + 1)[:, None] * [0.3, 0.2, 0, 0.4]
+    airspace = Airspace(
+        no_fly=(zone,) if rng.random() < 0.5 else (),
+        ceiling=6.0 if rng.random() < 0.3 else None,
+        people_aside=1.4 if rng.random() < 0.3 else 0.0,
+    )
+    camera = Camera(tilts=(0.2, 0.7, 1.2), width=400, height=300, focal=150.0)
+    cells = rng.permutation(np.argwhere(heights == 0))[: rng.integers(1, 5)].tolist()
+    robots = tuple(
+        Robot(start=State(x, y, int(rng.integers(2)), int(rng.integers(8)), 1), motion=motion,
+              camera=camera)
+        for x, y in cells
+    )  # fmt: skip
+    return Problem(
+        name="random", robots=robots, horizon=STEPS, step=0.5, airspace=airspace,
+        height_map=HeightMap(heights=heights, origin=(500_000.0, 4_790_000.0), datum=datum),
+        actors=(Actor(poses=feet + np.array([500_000.0, 4_790_000.0, 0, 0])),),
+        rules=RULES[int(rng.integers(len(RULES)))],
+    )  # fmt: skip
+
+
+def random_plan(problem: Problem, rng: np.random.Generator) -> Plan | None:
+    """A plan of random moves that obeys all rules, drone by drone, or None."""
+    paths: list[tuple[State, ...]] = []
+    for i in range(len(problem.robots)):
+        alone = problem.replace(robots=problem.robots[: i + 1])
+        if not problem.airspace.people_aside:  # nobody need be seen for that
+            alone = alone.replace(actors=())
+        for _ in range(30):
+            path = random_path(problem.robots[i], rng)
+            if check(alone, Plan(paths=(*paths, path))).valid:
+                paths.append(path)
+                break
+        else:
+            return None
+    return Plan(paths=tuple(paths))
+
+
+def random_path(robot: Robot, rng: np.random.Generator) -> tuple[State, ...]:
+    """Moves at random, often straight on."""
+    motion, path, move = robot.motion, [robot.start], np.zeros(3, dtype=np.int64)
+    for _ in range(STEPS):
+        if rng.random() < 0.6:
+            r = motion.radius
+            move = rng.integers([-r, -r, -1], [r + 1, r + 1, 2])
+        a = path[-1]
+        path.append(State(
+            int(np.clip(a.x + move[0], 0, SIZE - 1)), int(np.clip(a.y + move[1], 0, SIZE - 1)),
+            int(np.clip(a.layer + move[2], 0, 1)), int(a.heading + rng.integers(-2, 3)) % 8,
+            int(np.clip(a.pitch + rng.integers(-1, 2), 0, 2)),
+        ))  # fmt: skip
+    return tuple(path)
+
+
+@lru_cache
+def flights(count: int = 6, seed: int = 0) -> list[tuple[Problem, Plan, Smooth]]:
+    """Random scenes with plans and their smooth flights."""
+    rng, found = np.random.default_rng(seed), []
+    while len(found) < count:
+        try:
+            problem = random_problem(rng)
+        except ProblemError:  # starts too near to each other, or in a zone
+            continue
+        if plan := random_plan(problem, rng):
+            found.append((problem, plan, smooth(problem, plan)))
+    return found
+
+
+def sampled(flown: Trajectory, per_step: int = 40) -> FloatArray:
+    """Where drones are, [R, n, 3] m."""
+    steps = flown.pieces.shape[1]
+    times = np.linspace(0.0, flown.seconds, steps * per_step + 1)
+    return flown.at(times).place.reshape(len(flown.pieces), -1, 3)
+
+
+def require_free(problem: Problem, places: FloatArray) -> None:
+    """Each sample is in a cell where a drone may be, by the columns of the workspace."""
+    columns, forbidden = problem.workspace.columns, problem.workspace.forbidden
+    for robot, path in zip(problem.robots, places, strict=True):
+        for x, y, z in np.unique(path.round(9), axis=0).tolist():
+            cell, own = problem.height_map.cell_of(x, y), robot.motion.clearance - 2e-6
+            assert problem.height_map.inside(*cell)
+            assert not columns.solid_at(*cell, z - own, z + own)
+            assert not forbidden.solid_at(*cell, z - 2e-6, z - 2e-6)
+
+
+def require_apart(problem: Problem, places: FloatArray) -> None:
+    """Samples of drones keep the separation, and those of people theirs."""
+    steps = np.linspace(0, STEPS, places.shape[1])
+    for i, one in enumerate(places):
+        for other in places[:i]:
+            if problem.rules.separation:
+                assert not problem.rules.too_near(other - one).any()
+        if problem.airspace.people_aside:
+            (actor,) = problem.actors
+            at = [np.interp(steps, range(STEPS + 1), axis) for axis in actor.middles.T]
+            rules = problem.airspace.rules_beside(actor)
+            assert not rules.too_near(one - np.column_stack(at)).any()
+
+
+def test_smooth_flights_are_safe_wherever_they_are_sampled() -> None:
+    """What is proved on polynomials holds on samples: distances, obstacles, zones, people."""
+    kept = 0
+    for problem, _, made in flights():
+        if made.dangers:  # near people only, who do not walk at a drone's pace
+            assert all("actors" in danger.words for danger in made.dangers)
+            continue
+        places = sampled(made.trajectory)
+        require_free(problem, places)
+        require_apart(problem, places)
+        kept += 1
+    assert kept > len(flights()) / 2
+
+
+def test_straight_flights_are_what_the_referee_allows() -> None:
+    """A plan that obeys the rules makes straight flights in which no danger is found."""
+    for problem, plan, _ in flights():
+        assert dangers(Trajectory.straight(problem, plan)) == []
+
+
+def test_smooth_flights_pass_the_plan_without_jumps() -> None:
+    """At each step drones are where the plan says; speed and acceleration are continuous."""
+    for problem, plan, (flown, _, _) in flights():
+        straight = Trajectory.straight(problem, plan)
+        ends = flown.pieces[..., 0], flown.pieces[..., -1]
+        np.testing.assert_array_equal(ends[0], straight.pieces[..., 0])
+        for rates in (flown.velocities, flown.accelerations):
+            np.testing.assert_allclose(rates[:, 1:, :, 0], rates[:, :-1, :, -1], atol=1e-8)
+            assert np.abs(rates[:, [0, -1], :, [0, -1]]).max() < 1e-8  # at rest at both ends
+        places, moved = sampled(flown), sampled(straight)
+        apart = np.linalg.norm(places - moved, axis=-1).max()
+        assert apart <= flown.distance_from(straight) <= apart + 1e-3
+        # Cameras never look beyond the pitches of the steps on either side.
+        pitch = flown.pieces[:, :, 4]
+        low, high = pitch[..., [0, -1]].min(axis=-1), pitch[..., [0, -1]].max(axis=-1)
+        assert ((low[..., None] - 1e-12 <= pitch) & (pitch <= high[..., None] + 1e-12)).all()
+
+
+def test_demands_are_the_largest_of_all_samples() -> None:
+    """Speeds and accelerations of samples reach the stated ones, and never exceed them."""
+    for _, _, (flown, _, _) in flights()[:3]:
+        count = STEPS * 1000
+        places = sampled(flown, 1000)
+        pause = flown.seconds / count
+        speeds = np.diff(places, axis=1) / pause
+        bends = np.linalg.norm(np.diff(speeds, axis=1), axis=-1) / pause
+        for demand in demands(flown, is_smooth=True):
+            own = {
+                "speed": np.hypot(speeds[..., 0], speeds[..., 1]),
+                "climb": speeds[..., 2], "acceleration": bends,
+            }.get(demand.kind)  # fmt: skip
+            if own is not None:
+                most = max(float(own[demand.drone].max()), 0.0)
+                assert demand.most == pytest.approx(most, rel=2e-3, abs=2e-3)
+        assert [demand.drone for demand in tightest(demands(flown, True))] == list(
+            range(len(flown.pieces))
+        )
+
+
+def test_one_moment_a_step_is_the_plan() -> None:
+    """Looked at at the steps only, straight and smooth flights have the view reward of the plan."""
+    for problem, plan, made in flights()[:3]:
+        verdict = check(problem, plan)
+        expected = pytest.approx(verdict.reward - verdict.reward_moves, rel=1e-9)
+        assert view_reward(made.trajectory, 1) == expected
+        assert view_reward(Trajectory.straight(problem, plan), 1) == expected
+
+
+def test_drones_that_would_come_too_near_stop() -> None:
+    """Two drones that turn towards each other at the separation pass more slowly, and keep it."""
+    motion = Motion(radius=1, turn=0)
+    problem = Problem(
+        name="ties", height_map=HeightMap(heights=np.zeros((9, 9))), actors=(), horizon=4, step=1.0,
+        robots=tuple(Robot(start=State(x, 0), motion=motion) for x in (2, 6)),
+        rules=CollisionRules(separation=2.0),
+    )  # fmt: skip
+    one = [State(x, y) for x, y in ((2, 0), (3, 1), (3, 2), (3, 3), (2, 4))]
+    plan = Plan(paths=(tuple(one), tuple(State(8 - s.x, s.y) for s in one)))
+    made = smooth(problem, plan)
+    assert made.dangers == () and made.slowed > 0
+    assert made.trajectory.least_distance() >= 2.0 - 1e-6
+    free = smooth(problem.replace(rules=CollisionRules()), plan)
+    assert free.slowed == 0
+    assert free.trajectory.least_distance() < 2.0
+
+
+def test_drones_pass_people_as_far_as_the_plan() -> None:
+    """A drone that turns at the least distance to somebody slows down where it would be nearer."""
+    one = tuple(State(x, y) for x, y in ((2, 0), (3, 1), (3, 2), (3, 3), (2, 4)))
+    person = Actor(poses=np.tile([5.5, 2.5, 0.0, 0.0], (5, 1)))
+    problem = Problem(
+        name="aside", height_map=HeightMap(heights=np.zeros((9, 9))), actors=(person,), horizon=4,
+        robots=(Robot(start=one[0]),), step=1.0, airspace=Airspace(people_aside=2.0),
+    )  # fmt: skip
+
+    def least(made: Smooth) -> float:
+        way = sampled(made.trajectory)[0, :, :2] - [5.5, 2.5]
+        return float(np.hypot(*way.T).min())
+
+    made = smooth(problem, Plan(paths=(one,)))
+    assert made.dangers == () and made.slowed > 0
+    assert least(made) >= 2.0 - 1e-6
+    assert least(smooth(problem.replace(airspace=Airspace()), Plan(paths=(one,)))) < 1.999
+
+
+def test_polynomials_are_enclosed() -> None:
+    """Products, values, largest values and positivity agree with samples."""
+    rng = np.random.default_rng(0)
+    one, other = rng.normal(size=(2, 40, 6))
+    shares = np.linspace(0, 1, 501)
+    grids = [np.array([values(np.tile(row, (501, 1)), shares) for row in part])
+             for part in (one, other, product(one, other), elevated(one, 9))]  # fmt: skip
+    np.testing.assert_allclose(grids[2], grids[0] * grids[1], atol=1e-12)
+    np.testing.assert_allclose(grids[3], grids[0], atol=1e-12)
+    assert grids[0].max() <= largest(one).value <= grids[0].max() + 1e-4
+    both = ((grids[0] > 1e-3) & (grids[1] > 1e-3)).any(axis=1)
+    never = ~((grids[0] > -1e-3) & (grids[1] > -1e-3)).any(axis=1)
+    found = ever_positive([one, other])
+    assert found[both].all() and not found[never].any()
+    assert both.any() and never.any()
+
+
+LIMITED = {
+    "speed": ("motion.radius", "a step of 1.5 s would do"),
+    "climb": ("motion.climb", "a step of 1 s"),
+    "yaw_rate": ("motion.turn", "a step of 0.524 s"),
+    "gimbal_rate": ("motion.pitch_turn", "a step of 0.5 s"),
+}
+
+
+@pytest.mark.parametrize("kind", LIMITED)
+def test_moves_that_a_step_does_not_allow_are_refused(kind: str) -> None:
+    """The message names the field, and a duration with which the scene is accepted."""
+    limits = {"speed": 2 * 2**0.5, "climb": 2.0, "yaw_rate": 1.5, "gimbal_rate": 1.0}
+    motion = Motion(radius=2, layers=(4.0, 6.0))
+    field, words = LIMITED[kind]
+    robot = Robot(start=State(1, 1), motion=motion, camera=Camera(tilts=(0.2, 0.7)),
+                  limits=Limits(**{kind: limits[kind]}))  # fmt: skip
+    scene = {"name": "fast", "height_map": HeightMap(heights=np.zeros((9, 9)), resolution=1.5),
+             "robots": (robot,), "actors": (), "horizon": 2}  # fmt: skip
+    with pytest.raises(ProblemError, match=rf"^robots\[0\]\.{field}: .*{words}"):
+        Problem(**scene, step=0.4)
+    Problem(**scene)
+    Problem(**scene, step=1.5)
+    with pytest.raises(ProblemError, match="a radius of 1"):
+        Problem(**scene | {"robots": (robot.replace(limits=Limits(speed=3.0)),)}, step=1.0)

@@ -1,0 +1,126 @@
+import io
+import re
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from test_cli import Run
+
+import cocap_opt as co
+
+RECIPE = """
+steps = 4
+{step}
+[map]
+size = [12, 8]
+[[walk]]
+points = [[3, 4], [9, 4]]
+[[drones]]
+starts = [{{ x = 2.5, y = 2.5 }}, {{ x = 2.5, y = 6.5, heading = 45 }}]
+tilts = [10, 40]
+{limits}
+"""
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """A recipe, and a plan for it."""
+    folder = tmp_path_factory.mktemp("fly")
+    scene, plan = folder / "scene.toml", folder / "plan.json"
+    scene.write_text(RECIPE.format(step="step = 0.5", limits=""))
+    co.save(plan, co.plan(co.load(scene), "sequential"))
+    return scene, plan
+
+
+def test_a_plan_becomes_a_file_of_times_and_places(
+    files: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """At each step drones are where the plan says, in m and degrees, straight or smooth."""
+    scene, plan = files
+    problem, planned = co.load(scene), co.read(plan)
+    assert isinstance(planned, co.Plan)
+    for words, rows in (([], 5), (["--smooth"], 41), (["--smooth", "--every", "0.3"], 8)):
+        run = Run(capsys, "fly", scene, plan, "-o", tmp_path / "flight.csv", *words, "--json")
+        assert run.code == 0
+        assert run.json["step"] == 0.5
+        table = pd.read_csv(tmp_path / "flight.csv")
+        assert len(table) == 2 * rows
+        assert table.t.max() == 2.0
+        if rows == 8:  # whose rows pass by the steps
+            continue
+        for i, path in enumerate(planned.paths):
+            own = table[table.drone == i].set_index("t").loc[[0, 0.5, 1, 1.5, 2]]
+            np.testing.assert_allclose(own.x, [s.x + 0.5 for s in path])
+            np.testing.assert_allclose(own.y, [s.y + 0.5 for s in path])
+            np.testing.assert_allclose(own.z, 5.0)
+            np.testing.assert_allclose(own.above_takeoff, 5.0)
+            np.testing.assert_allclose(own.yaw % 360, [45 * s.heading for s in path])
+            np.testing.assert_allclose(own.pitch, [(-10, -40)[s.pitch] for s in path])
+            assert np.abs(np.diff(own.yaw)).max() <= 45.000001
+    smooth = co.trajectory(problem, planned, smooth=True)
+    assert smooth.attrs["reward"] == co.check(problem, planned).reward
+    text = io.BytesIO((tmp_path / "flight.csv").read_bytes())
+    assert list(pd.read_csv(text).columns) == list(smooth.columns)
+    assert len(co.trajectory(problem, planned)) == 10
+
+
+def test_flights_that_cannot_be_made_are_refused(
+    files: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One line says why, the exit code is 2, and nothing is written."""
+    scene, plan = files
+    flight, clash = tmp_path / "flight.csv", tmp_path / "clash.json"
+    Run(capsys, "plan", "tiny-queue", "--planner", "greedy", "-o", clash)
+    for words, expected in (
+        ((scene, plan, "-o", tmp_path / "flight.kml"), "-o: name a file that ends in .csv"),
+        ((scene, plan), "-o: name a file that ends in .csv"),
+        (("tiny-queue", clash, "-o", flight), "--step: must be given"),
+        ((scene, plan, "-o", flight, "--step", 1), "--step: must be left out"),
+        (("tiny-queue", clash, "-o", flight, "--step", 0), "--step: must be more than 0"),
+        ((scene, plan, "-o", flight, "--every", 1e-9), "--every: must make at most"),
+        ((scene, plan, "-o", plan), "must be another file|ends in .csv"),
+        (("tiny-queue", clash, "-o", flight, "--step", 1), "clash.json: step 2: drones"),
+    ):
+        run = Run(capsys, "fly", *words)
+        assert run.code == 2
+        (line,) = [line for line in run.err.splitlines() if "seed" not in line]
+        assert re.search(expected, line), line
+        assert not flight.exists()
+
+
+def test_limits_hold_for_scenes_and_for_flights(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Moves that no step allows make no scene; accelerations that are too large make no flight."""
+    scene, plan = tmp_path / "scene.toml", tmp_path / "plan.json"
+    for limits, words in (
+        ("limits = { speed = 2 }", r"robots\[0\].motion.radius: .* a step of 0.708 s would do"),
+        ('airframe = "px4"', r"robots\[0\].motion.turn: .* a step of 0.75 s"),
+        ('airframe = "kite"', "airframe: must be one of px4"),
+        ("limits = { wings = 2 }", "wings"),
+    ):
+        scene.write_text(RECIPE.format(step="step = 0.5", limits=limits))
+        run = Run(capsys, "plan", scene)
+        assert run.code == 2
+        assert re.search(words, run.err), run.err
+    for most, code in ((2.0, 2), (100.0, 0)):
+        scene.write_text(RECIPE.format(step="", limits=f"limits = {{ acceleration = {most} }}"))
+        co.save(plan, co.plan(co.load(scene), "sequential"))
+        run = Run(capsys, "fly", scene, plan, "--smooth", "-o", tmp_path / "f.csv", "--json")
+        assert run.code == code
+        assert (tmp_path / "f.csv").exists() == (code == 0)
+        assert code == 0 or re.search("cannot fly this: acceleration .* s would do", run.err)
+    assert run.json["step"] == 1.0
+    assert [row["tightest"] for row in run.json["drones"]] == ["acceleration"] * 2
+
+
+def test_the_face_refuses_what_cannot_be_flown() -> None:
+    """A duration must come once, from the scene or from the call."""
+    problem = co.load("tiny-queue")
+    plan = co.plan(problem, "sequential")
+    with pytest.raises(ValueError, match="step: must be given"):
+        co.trajectory(problem, plan)
+    with pytest.raises(ValueError, match="step: must be left out"):
+        co.trajectory(problem.replace(step=2.0), plan.plan, step=1.0)
+    assert co.trajectory(problem, plan, step=2.0).t.max() == 2.0 * problem.horizon

@@ -1,0 +1,152 @@
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import rasterio
+from rasterio.transform import Affine
+
+from cocap_opt.data import ProblemError
+from cocap_opt.files.documents import SceneFile, problem_digest
+from cocap_opt.problem import Earth, Problem
+from cocap_opt.scenarios.recipe.recipe import read
+
+pyproj = pytest.importorskip("pyproj")
+
+RECIPE = """
+steps = 2
+[map]
+{map}
+[[drones]]
+starts = [{{ x = {x}, y = {y}, height = 5 }}]
+{more}
+"""
+# A projection's code and a place in it, m; the second is no UTM.
+PLACES = {"EPSG:25830": (505_000.0, 4_789_000.0), "EPSG:2154": (652_000.0, 6_862_000.0)}
+
+
+def write_tif(path: Path, crs: str, east: float, north: float) -> None:
+    """A flat GeoTIFF of 8 x 6 m whose lower left corner is there."""
+    with rasterio.open(
+        path, "w", driver="GTiff", width=8, height=6, count=1, dtype="float32", crs=crs,
+        transform=Affine(1, 0, east, 0, -1, north + 6),
+    ) as file:  # fmt: skip
+        file.write(np.zeros((6, 8), dtype=np.float32), 1)
+
+
+def recipe(folder: Path, *, crs: str = "", more: str = "", flat: str = "size = [8, 6]") -> Problem:
+    """The scene of a recipe; with `crs` its map is a GeoTIFF in that system."""
+    east, north = PLACES.get(crs, (0.0, 0.0))
+    if crs:
+        write_tif(folder / "map.tif", crs, east, north)
+        flat = 'file = "map.tif"'
+    path = folder / "scene.toml"
+    path.write_text(RECIPE.format(map=flat, x=east + 2.5, y=north + 2.5, more=more))
+    return read(path)
+
+
+def degrees(problem: Problem, x: float, y: float) -> tuple[float, float]:
+    """Latitude and longitude of a point of a scene."""
+    from cocap_opt.flight.earth import Geodesy
+
+    assert problem.earth is not None
+    geodesy = Geodesy(problem.earth, problem.height_map.centre(0, 0))
+    latitude, longitude = geodesy.degrees(np.array([x]), np.array([y]))
+    return float(latitude[0]), float(longitude[0])
+
+
+@pytest.mark.parametrize("crs", PLACES)
+def test_a_map_says_where_it_is(tmp_path: Path, crs: str) -> None:
+    """Its system goes through the scene and its file; points are where the projection has them."""
+    problem = recipe(tmp_path, crs=crs)
+    assert problem.earth == Earth(crs=crs)
+    SceneFile(problem=problem).save(tmp_path / "scene.json")
+    again = SceneFile.read(tmp_path / "scene.json").problem
+    assert again.earth == problem.earth
+    assert problem_digest(again) == problem_digest(problem)
+    east, north = PLACES[crs]
+    found = degrees(problem, east + 3, north + 4)
+    longitude, latitude = pyproj.Proj(crs)(east + 3, north + 4, inverse=True)
+    assert found == pytest.approx((latitude, longitude), abs=1e-9)
+    # By the ellipsoid alone: the point 100 m further east is 100 m away, times the scale.
+    other = degrees(problem, east + 103, north + 4)
+    _, _, metres = pyproj.Geod(ellps="GRS80").inv(*found[::-1], *other[::-1])
+    scale = pyproj.Proj(crs).get_factors(longitude, latitude).parallel_scale
+    assert metres == pytest.approx(100 / scale, abs=1e-3)
+
+
+def test_known_points_are_found() -> None:
+    """A meridian's length on the ellipsoid, and the false origin of Lambert-93."""
+    flat = recipe_problem(Earth(crs="EPSG:25830"))
+    latitude, longitude = degrees(flat, 500_000.0, 4_789_000.0)
+    assert longitude == pytest.approx(-3.0, abs=1e-9)
+    _, _, metres = pyproj.Geod(ellps="GRS80").inv(-3, 0, -3, latitude)
+    assert metres == pytest.approx(4_789_000.0 / 0.9996, abs=1e-3)
+    lambert = recipe_problem(Earth(crs="EPSG:2154"))
+    assert degrees(lambert, 700_000.0, 6_600_000.0) == pytest.approx((46.5, 3.0), abs=1e-9)
+
+
+def recipe_problem(earth: Earth) -> Problem:
+    """A small scene at a place where both systems are defined."""
+    from strategies import tiny
+
+    x, y = PLACES[earth.crs]
+    problem = tiny()
+    return problem.replace(
+        earth=earth, height_map=problem.height_map.replace(origin=(x, y)), actors=()
+    )
+
+
+def test_an_origin_is_where_it_is_said_to_be(tmp_path: Path) -> None:
+    """The point x = y = 0 has the stated latitude and longitude; north is the grid's."""
+    words = 'crs = "EPSG:2154"\nlatitude = 48.85\nlongitude = 2.35\n'
+    height = 'height = 35.0\nheights = "above-ellipsoid"'
+    problem = recipe(tmp_path, more=f"[earth]\n{words}{height}")
+    assert problem.earth is not None
+    assert (problem.earth.heights, problem.earth.base) == ("ellipsoid", 35.0)
+    assert degrees(problem, 0.0, 0.0) == pytest.approx((48.85, 2.35), abs=1e-9)
+    east, north = pyproj.Proj("EPSG:2154")(2.35, 48.85)
+    longitude, latitude = pyproj.Proj("EPSG:2154")(east + 70, north - 30, inverse=True)
+    assert degrees(problem, 70.0, -30.0) == pytest.approx((latitude, longitude), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"more": '[earth]\ncrs = "EPSG:4326"'}, "crs: must be a projection in metres"),
+        ({"more": '[earth]\ncrs = "EPSG:2263"'}, "crs: must be in metres, not US survey foot"),
+        ({"more": '[earth]\ncrs = "EPSG:9999999"'}, "must be a reference system that is known"),
+        ({"more": '[earth]\ncrs = "EPSG:3857"\nlatitude = 48\nlongitude = 2'}, "true metres"),
+        ({"more": '[earth]\ncrs = "EPSG:2053"'}, "axes to the east and to the north"),
+        ({"more": "[earth]\nlatitude = 48.0\nlongitude = 2.0"}, "crs: must be given"),
+        ({"more": '[earth]\ncrs = "EPSG:2154"\nlatitude = 48.0'}, "must be given both"),
+        ({"more": '[earth]\ncrs = "EPSG:2154"\nheight = 3.0'}, "must be given both"),
+        ({"crs": "EPSG:25830", "more": '[earth]\ncrs = "EPSG:2154"'}, "left out, or that of"),
+        ({"crs": "EPSG:25830", "more": "[earth]\nlatitude = 43\nlongitude = -3"}, "left out"),
+        (
+            {"more": '[earth]\ncrs = "EPSG:27700"\nlatitude = 51.5\nlongitude = -0.1'},
+            "needs uk_os_OSTN15.*, not installed here",
+        ),
+        (
+            {"more": '[earth]\ncrs = "EPSG:2154"\nlatitude = 43.0\nlongitude = 170.0'},
+            "is for another place than latitude 43, longitude 170",
+        ),
+    ],
+)
+def test_places_that_cannot_be_used_are_refused(
+    tmp_path: Path, given: dict[str, Any], words: str
+) -> None:
+    """One line names the field; ballpark conversions, degrees and feet are among them."""
+    with pytest.raises(ProblemError, match=rf"scene\.toml: earth: .*{words}"):
+        recipe(tmp_path, **given)
+
+
+def test_maps_of_different_systems_are_refused(tmp_path: Path) -> None:
+    """A map and its ground must be in one system."""
+    write_tif(tmp_path / "ground.tif", "EPSG:25831", *PLACES["EPSG:25830"])
+    write_tif(tmp_path / "map.tif", "EPSG:25830", *PLACES["EPSG:25830"])
+    path = tmp_path / "scene.toml"
+    files = 'file = "map.tif"\nground = "ground.tif"'
+    path.write_text(RECIPE.format(map=files, x=505_002, y=4_789_002, more=""))
+    with pytest.raises(ProblemError, match="ground: must be in the reference system of the map"):
+        read(path)
