@@ -128,7 +128,7 @@ class Compared(NamedTuple):
         problem, paths = self.case.problem, self.plans[planner].paths
         cells = [[problem.cell(i, state) for state in path] for i, path in enumerate(paths)]
         steps = zip(*cells, strict=True)
-        return sum(one == other for step in steps for one, other in combinations(step, 2))
+        return sum(1 for step in steps for one, other in combinations(step, 2) if one == other)
 
     def _record(self, planner: str, reward: float | None, kind: str) -> Record:
         bound, gap = self.rows[0].bound, None
