@@ -208,7 +208,9 @@ def rewards_between_cells(path: Path, problem: Problem) -> tuple[float, ...] | N
         solution = _decode(path, _Solution)
         if solution.is_on_grid:
             return None
-        frames = problem.horizon + 1
+        frames, robots = problem.horizon + 1, len(problem.robots)
+        if len(solution.elements) != robots:
+            raise ProblemError(f"elements: must be {robots} robots, not {len(solution.elements)}")
         for robot, (_, entries) in enumerate(solution.elements):
             if len(entries) != frames:
                 raise ProblemError(f"elements[{robot}]: must hold {frames} states, one a frame")

@@ -328,14 +328,20 @@ def test_five_planners_of_theirs_are_judged(
 
 @pytest.mark.parametrize("frame", [None, 2])
 def test_stored_rewards_are_held_against_stored_plans(meeting: Path, frame: int | None) -> None:
-    """Frames of which the stored reward is not that of the stored plan are named."""
+    """Frames of which the stored reward is not that of the stored plan are named.
+
+    Then their evaluator is not ours, and no gap is made of its word alone.
+    """
     file = meeting / "meeting" / "ppa_evaluation.csv"
     lines = file.read_text().splitlines()
     if frame is not None:
         t, *rewards = lines[frame].split(",")
         lines[frame] = ",".join([t, rewards[0], repr(1.5 * float(rewards[1])), *rewards[2:]])
     file.write_text("\n".join(lines))
-    text = (measure(meeting) / "others.md").read_text().replace("&#95;", "_")
+    out = measure(meeting)
+    text = (out / "others.md").read_text().replace("&#95;", "_")
+    (myopic,) = (r for r in rows_of(out / "others.csv") if r["planner"] == "their-myopic")
+    assert (myopic["gap"] != "") == (frame is None)
     if frame is None:
         assert "rewards of assignment, greedy, formation are those" in text
     else:

@@ -7,11 +7,8 @@ the numbers that are stored with it.
 import math
 from collections.abc import Iterator, Sequence
 
-from cocap_opt.experiments.studies.others.published import Published
 from cocap_opt.experiments.studies.others.tables import Compared
-from cocap_opt.referee import check
 
-_SAME = 1e-9  # relative, of rewards of a frame
 _NAMED = 8  # frames that are named
 _THEIR_BEST = "their-multipleroundsgreedy"
 
@@ -59,21 +56,22 @@ def _on_tilts(compared: Compared) -> Iterator[str]:
 
 def _on_frames(compared: Compared) -> Iterator[str]:
     """Says at which frames the stored rewards are not those of the stored solutions."""
-    name, agreeing, frames = compared.case.problem.name, [], 0
+    name, agreeing, frames = compared.case.problem.name, [], compared.case.counted_steps
     for one in compared.case.published.values():
-        rewards = _by_us(compared, one)
+        rewards, planner = compared.by_us.get(one.name), one.name.removeprefix("their-")
         if rewards is None or one.reported is None:
             continue
-        frames, planner = len(rewards), one.name.removeprefix("their-")
-        pairs = zip(rewards, one.reported, strict=True)
-        off = [t for t, pair in enumerate(pairs, 1) if not math.isclose(*pair, rel_tol=_SAME)]
+        off = compared.off(one)
         if not off:
             agreeing.append(planner)
             continue
-        worst = max(abs(one.reported[t - 1] - rewards[t - 1]) / rewards[t - 1] for t in off)
+        worst = max(
+            (abs(one.reported[t - 1] / rewards[t - 1] - 1) for t in off if rewards[t - 1]),
+            default=math.inf,
+        )
         yield (
             f"{name}: the stored rewards of {planner} are not those of its stored solution at "
-            f"{_frames(off)} of {frames}, by up to {100 * worst:.2g} %."
+            f"{_frames(off)} of {frames}, by up to {_percent(worst)}."
         )
     if agreeing:
         yield (
@@ -104,18 +102,15 @@ def _above_their_best(compared: Compared, planner: str) -> float | None:
     return None if ours is None or not theirs else ours / theirs - 1
 
 
-def _by_us(compared: Compared, one: Published) -> Sequence[float] | None:
-    """Returns the rewards of a solution frame by frame; None without one."""
-    if one.plan is None:
-        return one.evaluated
-    verdict = check(compared.case.problem, one.plan)
-    return [verdict.reward_at_start, *verdict.reward_per_step]
-
-
 def _than(value: float, other: float) -> str:
     """Returns how much more or less a value is, in words."""
     share = 100 * (value / other - 1)
     return f"{abs(share):.2f} % {'more' if share >= 0 else 'less'}"
+
+
+def _percent(share: float) -> str:
+    """Returns a share in %, with two digits where it is small."""
+    return f"{100 * share:.2g} %" if share < 0.1 else f"{100 * share:,.0f} %"
 
 
 def _frames(numbers: Sequence[int]) -> str:

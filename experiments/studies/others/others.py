@@ -23,11 +23,14 @@ PLANNERS = ("cocap-lns", "cocap")
 _NOTES = """\
 Every plan, theirs or ours, is evaluated by the same referee; bounds are certified. `gap` is to the
 bound under the scene's collision rules, of plans that obey them. `gap_free` is to the bound without
-such rules, which holds for any plan. `shared cells` counts how often two drones of a plan are in
-one cell at one step, be that forbidden or not; `colliding` is the number of drones that take part
-in a conflict; `valid` is the number of plans without one. `reward` over start sets is view reward
-per drone and step, elsewhere J, the sum over all drones and steps. Columns without a value in every
-start set are left empty. Seconds are the planner's own; those of their programs are not known.
+such rules, which holds for any plan. `best known` is the largest J that any method found here, that
+of the search for the bound included. `of` says what a reward is of: a plan, their word without one,
+or no plan that starts where the others do and flies from cell to cell. `shared cells` counts how
+often two drones of a plan are in one cell at one step, be that forbidden or not; `colliding` is the
+number of drones that take part in a conflict; `valid` is the number of plans without one. `reward`
+over start sets is view reward per drone and step, elsewhere J, the sum over all drones and steps.
+Columns without a value in every start set are left empty. Seconds are the planner's own; those of
+their programs are not known.
 """
 
 

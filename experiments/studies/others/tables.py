@@ -7,6 +7,8 @@ them a spurious 0, so that it is H / (H + 1) of ours.
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from itertools import combinations
 from statistics import stdev
 from typing import NamedTuple
@@ -17,6 +19,7 @@ from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.studies.others.cases import Case
 from cocap_opt.experiments.studies.others.published import Published
 from cocap_opt.problem import Plan
+from cocap_opt.referee import check
 from cocap_opt.result import relative_gap
 
 PLAN, BETWEEN, WORD = "plan", "no plan", "their word"  # what a reward is of
@@ -27,12 +30,13 @@ _MARKS = {
 }
 _NOTES = {
     BETWEEN: "+ starts elsewhere or flies between the cells: the bound does not hold for it",
-    WORD: "* as their file says; its plan is not there",
+    WORD: "* as their file says, without a plan; a gap if their evaluator proves to be ours",
 }
-_SAME = 1e-9  # relative, of views from the same start
+_SAME = 1e-9  # relative, of rewards of a step
 
 
-class Compared(NamedTuple):
+@dataclass(frozen=True)
+class Compared:
     """A case on which there is something of theirs, and what a sweep found on it.
 
     Attributes
@@ -44,6 +48,24 @@ class Compared(NamedTuple):
     case: Case
     rows: Sequence[Row]
     plans: Mapping[str, Plan]
+
+    @cached_property
+    def by_us(self) -> dict[str, Sequence[float]]:
+        """Rewards step by step, by our evaluator, of the planners of theirs that can be judged."""
+        found: dict[str, Sequence[float]] = {}
+        for one in self.case.published.values():
+            if one.plan is not None:
+                verdict = check(self.case.problem, one.plan)
+                start = [verdict.reward_at_start] * (self.case.problem.first_step == 0)
+                found[one.name] = [*start, *verdict.reward_per_step]
+            elif one.evaluated is not None:
+                found[one.name] = one.evaluated
+        return found
+
+    def off(self, one: Published) -> list[int]:
+        """Returns the steps, from 1, at which a reported reward is not that by our evaluator."""
+        pairs = zip(self.by_us.get(one.name, ()), one.reported or (), strict=False)
+        return [t for t, pair in enumerate(pairs, 1) if not math.isclose(*pair, rel_tol=_SAME)]
 
     def records(self) -> list[Record]:
         """Returns a record a planner, theirs first: rewards by one evaluator, gaps to one bound."""
@@ -90,8 +112,10 @@ class Compared(NamedTuple):
         drones = f"{len(problem.robots)} drones, {self.case.counted_steps} steps"
         if row.bound is None:
             return f"{problem.name}: {drones}, no bound"
-        kind = "optimum" if row.bound_reason in PROVED else "bound"
-        return f"{problem.name}: {drones}, {kind} {row.bound:,.2f}"
+        if row.bound_reason in PROVED:
+            return f"{problem.name}: {drones}, optimum {row.bound:,.2f}"
+        known = "" if row.optimum is None else f", best known {row.optimum:,.2f}"
+        return f"{problem.name}: {drones}, bound {row.bound:,.2f}{known}"
 
     def _theirs(self, one: Published) -> Record | None:
         """Returns the record of a planner of theirs; None if there is nothing to be judged."""
@@ -111,6 +135,11 @@ class Compared(NamedTuple):
         known = [one.reported for one in self.case.published.values() if one.plan is not None]
         firsts = [rewards[0] for rewards in known if rewards is not None]
         return any(math.isclose(reported[0], first, rel_tol=_SAME) for first in firsts)
+
+    @cached_property
+    def _is_confirmed(self) -> bool:
+        """True if their evaluator is ours: all that can be judged is what they reported."""
+        return not any(self.off(one) for one in self.case.published.values())
 
     def _of_row(self, row: Row) -> Record:
         planner = row.planner or ""
@@ -132,7 +161,7 @@ class Compared(NamedTuple):
 
     def _record(self, planner: str, reward: float | None, kind: str) -> Record:
         bound, gap = self.rows[0].bound, None
-        if kind == WORD and reward is not None and bound is not None:
+        if kind == WORD and reward is not None and bound is not None and self._is_confirmed:
             gap = relative_gap(reward, bound)
         return {
             "scene": self.case.problem.name,
@@ -142,6 +171,7 @@ class Compared(NamedTuple):
             "of": kind,
             "reported": None,
             "own tilts": None,
+            "best known": self.rows[0].optimum,
             "bound": bound,
             "proved": self.rows[0].bound_reason in PROVED,
             "gap": gap,
