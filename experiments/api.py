@@ -42,7 +42,10 @@ from cocap_opt.stop import Clock, FirstOf, Stop, TimeLimit, never
 if TYPE_CHECKING:
     import pandas as pd
 
+    from cocap_opt.experiments.report.benchmark import Benchmark
     from cocap_opt.experiments.report.player import Player
+
+_STORED = Path(__file__).parent / "studies" / "stored" / "solvers.csv"
 
 M = TypeVar("M")
 R = TypeVar("R", bound=Result)
@@ -492,6 +495,33 @@ def gap(
     folder = None if out is None else Path(out)
     rows = sweep(instances, folder, hired, is_same=named.is_same, quiet=True)
     return DataFrame(Row.records(rows))
+
+
+def benchmark(path: str | Path | None = None) -> "Benchmark":
+    """Read how long exact methods take, and how good their bounds are, step by step.
+
+    Parameters
+    ----------
+    path : file `solvers.csv` that `cocap-opt study steps --out DIR` has written; the one that is
+        stored with this project if not given
+
+    Returns
+    -------
+    Benchmark
+        `table` has a row a run, `plot()` draws time and bound against the number of steps.
+
+    Raises
+    ------
+    ValueError
+        If the file cannot be read, or is no such table.
+
+    Examples
+    --------
+    >>> co.benchmark().plot()
+    """
+    from cocap_opt.experiments.report.benchmark import Benchmark
+
+    return Benchmark.read(_STORED if path is None else Path(path))
 
 
 def show(

@@ -6,5 +6,5 @@ the cost and the accuracy of coverage, and the speed of planners.
 
 __all__ = [
     "app", "coverage", "gamma", "growth", "notebooks", "others", "paper", "pictures",
-    "runs", "separation", "solvers", "speed", "views",
+    "runs", "separation", "solvers", "speed", "steps", "views",
 ]  # fmt: skip

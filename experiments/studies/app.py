@@ -170,6 +170,31 @@ def _solvers(
     return 0 if solvers(rows or [], Options(wanted, limit, large), out) else 1
 
 
+@app.command(name="steps")
+def _steps(
+    *,
+    steps: Annotated[str, Parameter(help="after which the corridor is cut off")] = "1-8",
+    seeds: Annotated[str, Parameter(help="of the corridor")] = "0-4",
+    limit: Annotated[float, Parameter(help="seconds for each run")] = 5.0,
+    out: Annotated[Path, Parameter(help="folder for solvers.csv and solvers.png")],
+) -> int:
+    """Measure exact methods against the number of steps: time and bound.
+
+    HiGHS, SCIP, CP-SAT and nonlinear SCIP each have the whole instance as one integer program;
+    beside them are joint value iteration, brute force and branch-and-price. About a quarter of an
+    hour. The notebook solvers_compared draws what is stored of it.
+
+    Example: cocap-opt study steps --steps 1-4 --seeds 0 --out steps
+    """
+    from cocap_opt.experiments.studies.steps import steps as measure
+
+    _require_positive("--limit", limit)
+    horizons = Option("--steps").numbers(steps)
+    if min(horizons) < 1:
+        raise FileError(f"--steps: must be at least 1, not {min(horizons)}")
+    return 0 if measure(sorted(horizons), Option("--seeds").numbers(seeds), limit, out) else 1
+
+
 @app.command(name="coverage")
 def _coverage(
     *,
