@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from cocap_opt.data import ProblemError
     from cocap_opt.experiments.api import (
+        benchmark,
         bound,
         check,
         explain,
@@ -72,8 +73,8 @@ _MODULES = {
     "cocap_opt.data": ("ProblemError",),
     "cocap_opt.experiments.results.verification": ("Verified",),
     "cocap_opt.experiments.api": (
-        "bound", "check", "explain", "gap", "load", "plan", "read", "replans", "save", "show",
-        "solve", "trajectory", "verify",
+        "benchmark", "bound", "check", "explain", "gap", "load", "plan", "read", "replans", "save",
+        "show", "solve", "trajectory", "verify",
     ),
     "cocap_opt.experiments.report.player": ("Player",),
     "cocap_opt.files.documents": ("FileError",),

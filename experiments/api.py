@@ -42,7 +42,10 @@ from cocap_opt.stop import Clock, FirstOf, Stop, TimeLimit, never
 if TYPE_CHECKING:
     import pandas as pd
 
+    from cocap_opt.experiments.report.benchmark import Benchmark
     from cocap_opt.experiments.report.player import Player
+
+_STORED = Path(__file__).parent / "studies" / "stored" / "solvers.csv"
 
 M = TypeVar("M")
 R = TypeVar("R", bound=Result)
@@ -554,6 +557,33 @@ def trajectory(
     table = DataFrame(flight.columns(every))
     table.attrs = flight.record()
     return table
+
+
+def benchmark(path: str | Path | None = None) -> "Benchmark":
+    """Read how long exact methods take, and how good their bounds are, step by step.
+
+    Parameters
+    ----------
+    path : file `solvers.csv` that `cocap-opt study steps --out DIR` has written; the one that is
+        stored with this project if not given
+
+    Returns
+    -------
+    Benchmark
+        `table` has a row a run, `plot()` draws time and bound against the number of steps.
+
+    Raises
+    ------
+    ValueError
+        If the file cannot be read, or is no such table.
+
+    Examples
+    --------
+    >>> co.benchmark().plot()
+    """
+    from cocap_opt.experiments.report.benchmark import Benchmark
+
+    return Benchmark.read(_STORED if path is None else Path(path))
 
 
 def show(

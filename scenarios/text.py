@@ -1,5 +1,6 @@
 """Text files and numbers in them, and the errors of one line that all readers of files raise."""
 
+import csv
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -63,6 +64,32 @@ def read_text(path: Path) -> str:
         raise ProblemError(f"cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
         raise ProblemError(no_text(error)) from error
+
+
+def read_table(path: Path, columns: tuple[str, ...]) -> list[tuple[int, dict[str, str]]]:
+    """Returns the rows of a CSV file, each with its line number; further columns are kept.
+
+    Raises
+    ------
+    ProblemError
+        If a column is missing from the header, or a row is longer or shorter than the header.
+    """
+    reader = csv.DictReader(read_text(path).splitlines(), skipinitialspace=True)
+    rows = []
+    try:
+        names = list(reader.fieldnames or ())
+        if not set(columns) <= set(names):
+            found = ", ".join(names) or "nothing"
+            raise ProblemError(f"header: must name the columns {', '.join(columns)}, not {found}")
+        for row in reader:
+            if None in row or None in row.values():
+                raise ProblemError(f"line {reader.line_num}: must have {len(names)} values")
+            rows.append((reader.line_num, row))
+    except csv.Error as error:
+        raise ProblemError(
+            f"line {reader.line_num}: must be short values with commas between them"
+        ) from error
+    return rows
 
 
 def integer(text: str, field: str) -> int:

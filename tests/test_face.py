@@ -18,8 +18,8 @@ from cocap_opt.scenarios import load_scene
 
 ROOT = Path(__file__).parents[1]
 FUNCTIONS = (
-    "load", "plan", "bound", "solve", "check", "verify", "explain", "replans", "gap", "show",
-    "save", "read",
+    "load", "plan", "bound", "solve", "check", "verify", "explain", "replans", "gap", "benchmark",
+    "show", "save", "read",
 )  # fmt: skip
 
 

@@ -1,6 +1,7 @@
 """Pictures of scenes, plans and results: figures, the player, and the page of a sweep."""
 
 __all__ = [
+    "benchmark",
     "charts",
     "figures",
     "limitations",

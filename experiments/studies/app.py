@@ -56,32 +56,42 @@ def _paper(
     return 0 if fine else 1
 
 
-@app.command(name="start-sets")
-def _start_sets(
-    *scene: str,
-    sets: Annotated[str, Parameter(help="seeds of the scenes: start sets, such as 0-9")] = "0-9",
+@app.command(name="others")
+def _others(
+    folder: Path,
+    /,
+    *,
+    planner: Annotated[
+        list[str] | None,
+        Parameter(negative="", consume_multiple=True, help="ours; cocap-lns and cocap if none"),
+    ] = None,
+    sets: Annotated[
+        str | None, Parameter(help="start sets of Greedy Perspectives, such as 0-9; all if none")
+    ] = None,
     limit: Annotated[float, Parameter(help="seconds for each plan and each bound")] = 60.0,
-    option: Annotated[
-        list[str] | None, Parameter(negative="", help="NAME=VALUE, as of cocap-opt export")
+    workers: Annotated[
+        int | None, Parameter(help="processes, each on a core of its own; this one if not given")
     ] = None,
     out: _Out = None,
 ) -> int:
-    """Make Greedy Perspectives' table of planners over start sets, with certified bounds.
+    """Set published plans of other projects against ours, with certified bounds.
 
-    The folder is that of a sweep, as of cocap-opt gap: what is in it already is not computed
-    again. Their plan is compared where peer_paths.csv and peer_reward.csv lie beside the
-    scene's seq.yaml.
+    FOLDER holds scenes of Greedy Perspectives (seq.yaml, starts.csv, peer_paths.csv) or of Hughes
+    et al. (NAME_data.json or scene.json, solutions, ppa_evaluation.csv), in folders as they are
+    published. All plans are judged by one evaluator. What is in --out already is not computed
+    again.
 
-    Example: cocap-opt study start-sets seq.yaml --sets 0-9 --out tables
+    Example: cocap-opt study others greedy_perspectives --limit 30 --out others
     """
-    from cocap_opt.experiments.studies.start_sets.start_sets import start_sets
+    from cocap_opt.experiments.results.judging import SOLVERS
+    from cocap_opt.experiments.studies.others.others import others
 
-    if not scene:
-        raise FileError("SCENE: name at least one, such as a seq.yaml")
     _require_positive("--limit", limit)
-    options = Option("--option").values(option or [])
-    whole = start_sets(scene, Option("--sets").numbers(sets), limit, options, out)
-    return 0 if whole else _INTERRUPTED
+    Option("--workers").require_cores(workers)
+    if unknown := [name for name in planner or [] if name not in SOLVERS]:
+        raise FileError(f"--planner: must be among {', '.join(SOLVERS)}, not {unknown[0]!r}")
+    wanted = None if sets is None else Option("--sets").numbers(sets)
+    return 0 if others(folder, planner or [], wanted, limit, workers, out) else _INTERRUPTED
 
 
 @app.command(name="growth")
@@ -159,6 +169,31 @@ def _solvers(
     if limit is not None:
         _require_positive("--limit", limit)
     return 0 if solvers(rows or [], Options(wanted, limit, large), out) else 1
+
+
+@app.command(name="steps")
+def _steps(
+    *,
+    steps: Annotated[str, Parameter(help="after which the corridor is cut off")] = "1-8",
+    seeds: Annotated[str, Parameter(help="of the corridor")] = "0-4",
+    limit: Annotated[float, Parameter(help="seconds for each run")] = 5.0,
+    out: Annotated[Path, Parameter(help="folder for solvers.csv and solvers.png")],
+) -> int:
+    """Measure exact methods against the number of steps: time and bound.
+
+    HiGHS, SCIP, CP-SAT and nonlinear SCIP each have the whole instance as one integer program;
+    beside them are joint value iteration, brute force and branch-and-price. About a quarter of an
+    hour. The notebook solvers_compared draws what is stored of it.
+
+    Example: cocap-opt study steps --steps 1-4 --seeds 0 --out steps
+    """
+    from cocap_opt.experiments.studies.steps import steps as measure
+
+    _require_positive("--limit", limit)
+    horizons = Option("--steps").numbers(steps)
+    if min(horizons) < 1:
+        raise FileError(f"--steps: must be at least 1, not {min(horizons)}")
+    return 0 if measure(sorted(horizons), Option("--seeds").numbers(seeds), limit, out) else 1
 
 
 @app.command(name="coverage")

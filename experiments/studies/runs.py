@@ -9,8 +9,8 @@ import multiprocessing
 import os
 import resource
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from multiprocessing.connection import Connection, wait
@@ -47,6 +47,7 @@ class Run:
     seconds : until the method returned, by its own clock
     processor : seconds that a processor worked on it, processes that it started included
     gigabytes : peak memory of the process, imports and coverage included
+    solver_bound : bound that a generic solver claims, which nobody can check; else infinite
     """
 
     moments: tuple[Snapshot, ...]
@@ -58,6 +59,7 @@ class Run:
     processor: float = math.nan
     gigabytes: float = math.nan
     message: str = ""
+    solver_bound: float = math.inf
 
     class Error(RuntimeError):
         """A run failed; the message says why."""
@@ -86,28 +88,33 @@ class Run:
         Run.Error
             If the method fails, its process dies, or it runs on long after its limit.
         """
-        context = multiprocessing.get_context("spawn")
-        receiver, sender = context.Pipe(duplex=False)
-        process = context.Process(target=_send, args=(sender, build, method, seconds))
-        with Run.one_thread():
-            process.start()
-        sender.close()
-        try:
-            if not receiver.poll(2 * seconds + _MOST_MORE_SECONDS):
-                raise Run.Error(
-                    f"the method was killed: it ran on after its limit of {seconds:g} s"
-                )
-            outcome: Run | str = receiver.recv()
-        except EOFError:
-            process.join()
-            raise Run.Error(f"the process died (exit code {process.exitcode})") from None
-        finally:
-            process.kill()
-            process.join()
-            receiver.close()
-        if isinstance(outcome, str):
-            raise Run.Error(outcome)
+        (outcome,) = Run.each([build], method, seconds)
+        if isinstance(outcome, Run.Error):
+            raise outcome
         return outcome
+
+    @staticmethod
+    def each(
+        builds: Sequence[Build],
+        method: BoundMethod,
+        seconds: float,
+        patience: float = _MOST_MORE_SECONDS,
+    ) -> "Iterator[Run | Run.Error]":
+        """Runs a method on problem after problem in one process, and yields each outcome.
+
+        Where the process dies, or the method runs on long after its limit, the rest runs in
+        another process.
+
+        Parameters
+        ----------
+        seconds : of each run
+        patience : s, beyond twice the limit, for coverage and for a method that is slow to notice
+        """
+        left = list(builds)
+        while left:
+            for outcome in _outcomes(left, method, seconds, patience):
+                left.pop(0)
+                yield outcome
 
     def told(self, name: str, seed: int) -> Self:
         """Prints a line about the run on standard error, and returns the run."""
@@ -160,11 +167,14 @@ def scene(name_or_path: str, seed: int, horizon: int | None = None) -> Problem:
     return problem if horizon is None else problem.replace(horizon=horizon)
 
 
+def _warm_up(method: BoundMethod) -> None:
+    """Has libraries imported that methods import only once they need them."""
+    method(_prepared(partial(scene, "tiny-share", 0)), TimeLimit(_WARM_UP_SECONDS))
+    branch_and_price(_prepared(partial(scene, "bottleneck", 0, 4)), TimeLimit(_WARM_UP_SECONDS))
+
+
 def _measured(build: Build, method: BoundMethod, seconds: float) -> Run:
     """Runs a method with a time limit in this process."""
-    # Methods import some libraries only once they need them: that is not to be counted either.
-    method(_prepared(partial(scene, "corridor", 0, 2)), TimeLimit(_WARM_UP_SECONDS))
-    branch_and_price(_prepared(partial(scene, "bottleneck", 0, 4)), TimeLimit(_WARM_UP_SECONDS))
     problem = _prepared(build)
     moments: list[Snapshot] = []
 
@@ -182,7 +192,7 @@ def _measured(build: Build, method: BoundMethod, seconds: float) -> Run:
         raise Run.Error("the plan breaks a collision rule")
     return Run(
         tuple(moments), judged.reward, result.bound, result.reason, result.limit, result.seconds,
-        processor, gigabytes, result.message,
+        processor, gigabytes, result.message, result.statistics.get("solver_bound", math.inf),
     )  # fmt: skip
 
 
@@ -191,12 +201,42 @@ def _processor_seconds() -> float:
     return sum(some.ru_utime + some.ru_stime for some in usage)
 
 
-def _send(sender: Connection, build: Build, method: BoundMethod, seconds: float) -> None:
-    Thread(target=_end_with_parent, daemon=True).start()
+def _outcomes(
+    builds: Sequence[Build], method: BoundMethod, seconds: float, patience: float
+) -> "Iterator[Run | Run.Error]":
+    """Yields the outcomes of a process, until it has done all, dies or must be killed."""
+    context = multiprocessing.get_context("spawn")
+    receiver, sender = context.Pipe(duplex=False)
+    process = context.Process(target=_send, args=(sender, builds, method, seconds))
+    with Run.one_thread():
+        process.start()
+    sender.close()
     try:
-        sender.send(_measured(build, method, seconds))
-    except Exception as error:  # whatever it is, the caller must be told
-        sender.send(f"{type(error).__name__}: {error}")
+        for _ in builds:
+            if not receiver.poll(2 * seconds + patience):
+                words = f"the method was killed: it ran on after its limit of {seconds:g} s"
+                yield Run.Error(words)
+                return
+            outcome: Run | str = receiver.recv()
+            yield Run.Error(outcome) if isinstance(outcome, str) else outcome
+    except EOFError:
+        process.join()
+        yield Run.Error(f"the process died (exit code {process.exitcode})")
+    finally:
+        process.kill()
+        process.join()
+        receiver.close()
+
+
+def _send(sender: Connection, builds: Sequence[Build], method: BoundMethod, seconds: float) -> None:
+    Thread(target=_end_with_parent, daemon=True).start()
+    with suppress(Exception):  # it fails in the runs, too, where it is told
+        _warm_up(method)
+    for build in builds:
+        try:
+            sender.send(_measured(build, method, seconds))
+        except Exception as error:  # whatever it is, the caller must be told
+            sender.send(f"{type(error).__name__}: {error}")
 
 
 def _end_with_parent() -> None:

@@ -21,7 +21,6 @@ only with the option `bonus`. `action_space`, `stepSize`, every `geometry` and `
 the files but were never used, and are not read.
 """
 
-import csv
 import math
 import os
 from collections.abc import Mapping
@@ -48,7 +47,7 @@ from cocap_opt.problem import (
 )
 from cocap_opt.scenarios.formats.conventions import Conventions
 from cocap_opt.scenarios.formats.options import NOTHING
-from cocap_opt.scenarios.text import integer, naming, number, read_text
+from cocap_opt.scenarios.text import integer, naming, number, read_table, read_text
 from cocap_opt.world.workspace import HeightMap
 
 _CANNOT = "cannot be read as"
@@ -190,7 +189,7 @@ def read_plan(path: Path, problem: Problem) -> tuple[tuple[State, ...], ...]:
     states: dict[tuple[int, int], State] = {}
     columns = ("robot", "t", "x_cell", "y_cell", "heading_idx")
     with naming(path):
-        for line, row in _read_table(path, columns):
+        for line, row in read_table(path, columns):
             robot, t, x, y, theirs = (integer(row[c], f"line {line}, {c}") for c in columns)
             _require_index(robot, len(problem.robots), f"line {line}, robot")
             _require_index(t, len(steps), f"line {line}, t")
@@ -213,7 +212,7 @@ class _Reported(NamedTuple):
     """View reward of their plan at each step t = 0..T, computed by their program."""
 
     as_reported: tuple[float, ...]  # [T+1], with the tilts that their cache mixes up
-    own_tilt: tuple[float, ...]  # [T+1], evaluated anew with each robot's own tilt
+    own_tilt: tuple[float, ...] | None  # [T+1], with each robot's own tilt, where there is that
 
 
 # The number that each face of a `TriangulatedCuboid` has there, in the order front (x = .5), left
@@ -229,7 +228,8 @@ class PeerResults(NamedTuple):
     def view_rewards(self, path: Path) -> _Reported:
         """Reads the view reward at each step that their program gave its plan.
 
-        The file has columns t, reported_view_reward, own_tilt_view_reward, one row per step.
+        The file has columns t, reported_view_reward and maybe own_tilt_view_reward, one row per
+        step. The row of 0 that their program writes after the last step is left out.
 
         Raises
         ------
@@ -237,17 +237,17 @@ class PeerResults(NamedTuple):
             If a value is no number, or the rows are not those of the steps in order; one line,
             naming the file.
         """
-        columns = ("reported_view_reward", "own_tilt_view_reward")
+        reported, own = "reported_view_reward", "own_tilt_view_reward"
+        last = self.problem.horizon
         with naming(path):
-            rows = _read_table(path, ("t", *columns))
+            rows = read_table(path, ("t", reported))
             steps = [integer(row["t"], f"line {line}, t") for line, row in rows]
-            if steps != list(range(self.problem.horizon + 1)):
-                raise ProblemError(
-                    f"t: must be the steps 0..{self.problem.horizon}, one row each, in order"
-                )
-            return _Reported(
-                *(tuple(number(row[c], f"line {line}, {c}") for line, row in rows) for c in columns)
-            )
+            if steps == list(range(last + 2)) and _numbers(rows[-1:], reported) == (0.0,):
+                rows = rows[:-1]
+            elif steps != list(range(last + 1)):
+                raise ProblemError(f"t: must be the steps 0..{last}, one row each, in order")
+            own_tilt = _numbers(rows, own) if own in rows[0][1] else None
+            return _Reported(_numbers(rows, reported), own_tilt)
 
     def coverage(self, path: Path) -> dict[tuple[int, State], FloatArray]:
         """Reads the coverage that their program rendered.
@@ -271,7 +271,7 @@ class PeerResults(NamedTuple):
         with naming(path):
             if len(self.problem.face_weights) != per_actor * len(self.problem.actors):
                 raise ProblemError("the scene must have been read with triangles")
-            for line, row in _read_table(path, (*columns, "ppa")):
+            for line, row in read_table(path, (*columns, "ppa")):
                 x, y, heading, t, actor, face = (
                     integer(row[c], f"line {line}, {c}") for c in columns
                 )
@@ -283,6 +283,28 @@ class PeerResults(NamedTuple):
                     values = found.setdefault(key, np.zeros(len(self.problem.face_weights)))
                     values[actor * per_actor + ours[face]] = number(row["ppa"], f"line {line}, ppa")
         return found
+
+
+def start_sets(path: Path) -> int:
+    """Returns the number of start sets beside a scene's `seq.yaml`; 0 without `starts.csv`.
+
+    Raises
+    ------
+    ProblemError
+        If one of the two files cannot be read, or there are rows of no whole set; one line,
+        naming the file.
+    """
+    with naming(path):
+        robots = len(_world(read_text(path)).agents)
+    file = path.with_name("starts.csv")
+    if not os.path.lexists(file):
+        return 0
+    with naming(file):
+        return len(_start_rows(file, robots)) // robots
+
+
+def _numbers(rows: list[tuple[int, dict[str, str]]], column: str) -> tuple[float, ...]:
+    return tuple(number(row[column], f"line {line}, {column}") for line, row in rows)
 
 
 def _their_heading(theta: float, headings: int) -> int:
@@ -298,32 +320,6 @@ def _our_heading(theirs: int, headings: int) -> int:
 def _require_index(value: int, size: int, field: str) -> None:
     if not 0 <= value < size:
         raise ProblemError(f"{field}: must be 0..{size - 1}, not {value}")
-
-
-def _read_table(path: Path, columns: tuple[str, ...]) -> list[tuple[int, dict[str, str]]]:
-    """Returns the rows of a CSV file, each with its line number; further columns are kept.
-
-    Raises
-    ------
-    ProblemError
-        If a column is missing from the header, or a row is longer or shorter than the header.
-    """
-    reader = csv.DictReader(read_text(path).splitlines(), skipinitialspace=True)
-    rows = []
-    try:
-        names = list(reader.fieldnames or ())
-        if not set(columns) <= set(names):
-            found = ", ".join(names) or "nothing"
-            raise ProblemError(f"header: must name the columns {', '.join(columns)}, not {found}")
-        for row in reader:
-            if None in row or None in row.values():
-                raise ProblemError(f"line {reader.line_num}: must have {len(names)} values")
-            rows.append((reader.line_num, row))
-    except csv.Error as error:
-        raise ProblemError(
-            f"line {reader.line_num}: must be short values with commas between them"
-        ) from error
-    return rows
 
 
 class _Loader(yaml.SafeLoader):
@@ -450,13 +446,19 @@ def _heights(path: Path) -> FloatArray:
     return heights.astype(np.float64)
 
 
-def _start_set(path: Path, seed: int, robots: int) -> list[_Pose]:
-    rows = _read_table(path, _Pose._fields)
-    sets, rest = divmod(len(rows), robots)
-    if rest or not rows:
+def _start_rows(path: Path, robots: int) -> list[tuple[int, dict[str, str]]]:
+    """Returns the rows of all start sets, each with its line number."""
+    rows = read_table(path, _Pose._fields)
+    if len(rows) % robots or not rows:
         raise ProblemError(
             f"must hold sets of {robots} rows, one row a robot of the scene, not {len(rows)} rows"
         )
+    return rows
+
+
+def _start_set(path: Path, seed: int, robots: int) -> list[_Pose]:
+    rows = _start_rows(path, robots)
+    sets = len(rows) // robots
     if not 0 <= seed < sets:
         raise ProblemError(f"seed: must be 0..{sets - 1} ({sets} start sets), not {seed}")
     return [

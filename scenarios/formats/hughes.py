@@ -53,7 +53,7 @@ from cocap_opt.problem import (
     State,
 )
 from cocap_opt.scenarios.formats.options import NO_YES, NOTHING, Options
-from cocap_opt.scenarios.text import naming, read_text
+from cocap_opt.scenarios.text import integer, naming, number, read_table, read_text
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.world.workspace import HeightMap
 
@@ -70,6 +70,7 @@ OPTIONS = Options({"bonus": NO_YES})
 
 # Words that tell their files from other JSON.
 SCENE, SOLUTION = b'"actor_positions"', b'"elements"'
+BESIDE, BELOW = "solution_*.json", "*/solution.json"  # a scene; the latter is as published
 
 Coordinate = Annotated[float, Meta(ge=-LARGEST, le=LARGEST)]
 
@@ -207,7 +208,9 @@ def rewards_between_cells(path: Path, problem: Problem) -> tuple[float, ...] | N
         solution = _decode(path, _Solution)
         if solution.is_on_grid:
             return None
-        frames = problem.horizon + 1
+        frames, robots = problem.horizon + 1, len(problem.robots)
+        if len(solution.elements) != robots:
+            raise ProblemError(f"elements: must be {robots} robots, not {len(solution.elements)}")
         for robot, (_, entries) in enumerate(solution.elements):
             if len(entries) != frames:
                 raise ProblemError(f"elements[{robot}]: must hold {frames} states, one a frame")
@@ -218,12 +221,44 @@ def rewards_between_cells(path: Path, problem: Problem) -> tuple[float, ...] | N
     )
 
 
+def solutions_beside(path: Path) -> dict[str, Path]:
+    """Returns the solutions beside a scene by the names of their planners."""
+    named = {file.stem.removeprefix("solution_"): file for file in path.parent.glob(BESIDE)}
+    below = {file.parent.name: file for file in path.parent.glob(BELOW)}
+    return dict(sorted({**below, **named}.items()))
+
+
+def stored_rewards(path: Path, problem: Problem) -> dict[str, tuple[float, ...]]:
+    """Reads `ppa_evaluation.csv`, the view rewards that they stored with their solutions.
+
+    Returns
+    -------
+    [T+1] rewards, frame by frame, by the names of the planners
+
+    Raises
+    ------
+    ProblemError
+        If a value is no number, or the rows are not the frames in order; one line, naming the
+        file.
+    """
+    frames = problem.horizon + 1
+    with naming(path):
+        rows = read_table(path, ("t",))
+        if [integer(row["t"], f"line {line}, t") for line, row in rows] != [*range(1, frames + 1)]:
+            raise ProblemError(f"t: must be the frames 1..{frames}, one row each, in order")
+        return {
+            planner: tuple(number(row[planner], f"line {line}, {planner}") for line, row in rows)
+            for planner in rows[0][1]
+            if planner != "t"
+        }
+
+
 def _reward(problem: Problem, geometry: FaceGeometry, t: int, states: list[_State]) -> float:
     """Returns the view reward of a frame from any states of the robots, in metres."""
     coverage, opening = np.zeros(len(problem.face_weights)), Cone().opening
     planes, origin = geometry.planes(t), geometry.origin
     faces = zip(problem.face_owner.tolist(), planes.centres + origin, planes.normals, strict=True)
-    for number, (owner, centre, normal) in enumerate(faces):
+    for face, (owner, centre, normal) in enumerate(faces):
         x, y, *_ = problem.actors[owner].poses[t]
         for state in states:
             yaw = HEADINGS.index(state.heading) * math.tau / len(HEADINGS)
@@ -233,7 +268,7 @@ def _reward(problem: Problem, geometry: FaceGeometry, t: int, states: list[_Stat
             way = np.array([centre[0] - state.x, centre[1] - state.y, -FLIGHT_HEIGHT])
             ahead = abs(way[0] * math.cos(yaw) + way[1] * math.sin(yaw))
             square = float(way @ way) or math.inf  # at the face itself nothing is seen
-            coverage[number] += ahead * max(0.0, -float(way @ normal)) / square**2
+            coverage[face] += ahead * max(0.0, -float(way @ normal)) / square**2
     return float(problem.step_weights[t] @ np.sqrt(coverage))
 
 
@@ -247,7 +282,7 @@ def _scene_and_solutions(path: Path) -> tuple[Path, list[Path]]:
                 return scenes[0], [path]
         raise ProblemError(f"{path}: its scene must be beside it or in the folder above")
     folder = path.parent
-    solutions = [*sorted(folder.glob("solution_*.json")), *sorted(folder.glob("*/solution.json"))]
+    solutions = [*sorted(folder.glob(BESIDE)), *sorted(folder.glob(BELOW))]
     if not solutions:
         raise ProblemError(
             f"{path}: a solution_*.json or <planner>/solution.json must be beside it, to say where "

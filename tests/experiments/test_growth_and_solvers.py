@@ -1,16 +1,24 @@
+import dataclasses
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 from studies import rows_of, study
 
+import cocap_opt as co
+from cocap_opt.experiments.report.benchmark import Benchmark, MethodRun, Outcome
+from cocap_opt.experiments.results.files import save_csv
+from cocap_opt.experiments.studies import runs as runs_module
+from cocap_opt.experiments.studies import steps as steps_module
 from cocap_opt.experiments.studies.growth.points import MEASURES, Point
 from cocap_opt.experiments.studies.runs import Run, _measured, scene
 from cocap_opt.experiments.studies.solvers import table as solvers_module
 from cocap_opt.experiments.studies.solvers.figures import Figure, Target
 from cocap_opt.experiments.studies.solvers.rows import Options
+from cocap_opt.experiments.studies.steps import METHODS
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.formulations.result import CertifiedResult, Snapshot
 from cocap_opt.problem import Problem
@@ -185,6 +193,98 @@ def test_what_a_run_says_of_its_course() -> None:
     assert late.seconds_to_bound(150.0) == 2.0
     assert late.seconds_to_bound(99.0) == math.inf
     assert late.seconds_to_proof == math.inf
+
+
+def test_outcomes_come_from_one_process_until_it_dies(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The problem on which a process dies has an error, and the rest goes to another process."""
+    begun = []
+
+    def outcomes(builds: list[Any], *rest: Any) -> Iterator[Run | Run.Error]:
+        begun.append(len(builds))
+        yield finished(1.0)
+        yield Run.Error("died")
+
+    monkeypatch.setattr(runs_module, "_outcomes", outcomes)
+    builds = [partial(scene, "corridor", 0, 1)] * 4
+    kinds = [isinstance(one, Run) for one in Run.each(builds, branch_and_price, 1.0)]
+    assert (kinds, begun) == ([True, False] * 2, [4, 2])
+
+
+# -- exact methods against steps ----------------------------------------------------------
+
+# Two seeds: `good` proves both, `slow` one of two with a bound of 20 % above, `odd` refuses.
+STEPS = [
+    MethodRun("good", 1, 0, Outcome.PROVED, 0.2, 0.1, 100.0, 100.0, ""),
+    MethodRun("good", 1, 1, Outcome.PROVED, 0.4, 0.3, 200.0, 200.0, ""),
+    MethodRun("slow", 1, 0, Outcome.PROVED, 4.0, 2.0, 100.0, 100.0, "by the solver's word"),
+    MethodRun("slow", 1, 1, Outcome.STOPPED, 5.0, 3.0, 150.0, 240.0, 'a, "b"'),
+    MethodRun("odd", 1, 0, Outcome.REFUSED, math.nan, math.nan, -math.inf, math.inf, "too large"),
+]
+
+
+def test_the_benchmark_is_what_was_written(tmp_path: Path) -> None:
+    """A table that is read is that which was written; bounds are held against proved optima."""
+    save_csv(tmp_path / "solvers.csv", [run._asdict() for run in STEPS])
+    read = co.benchmark(tmp_path / "solvers.csv")
+    assert list(map(repr, read.runs)) == list(map(repr, STEPS))
+    above = read.table["bound above the optimum (%)"].tolist()
+    assert above == pytest.approx([0, 0, 0, 20, math.inf])
+
+
+def test_the_figure_tells_proofs_from_limits() -> None:
+    """Runs that a limit stopped are hollow, those without an answer crosses, at no height."""
+    time, bound = Benchmark(STEPS).plot().axes
+    for ax, heights in ((time, [0.2, 2.5]), (bound, [1e-4, (1e-4 + 20) / 2])):
+        drawn = [line.get_ydata() for line in ax.lines if len(line.get_ydata()) == 1]
+        for height in (0.98, *heights):  # the cross, and medians
+            assert any(line == pytest.approx([height]) for line in drawn)
+        marks = [(len(one.get_offsets()), len(one.get_facecolors())) for one in ax.collections]
+        assert marks == [(2, 1), (0, 0), (1, 1), (1, 0), (0, 1), (0, 0)]
+
+
+@pytest.mark.parametrize("text", ["", "method,steps\n1,2\n", "MADE,one"])
+def test_another_table_is_refused(tmp_path: Path, text: str) -> None:
+    """The error names the file."""
+    file = tmp_path / "solvers.csv"
+    save_csv(file, [run._asdict() for run in STEPS])
+    file.write_text(file.read_text().replace("1,0", "one,0", 1) if "MADE" in text else text)
+    with pytest.raises(ValueError, match=r"solvers\.csv"):
+        co.benchmark(file)
+
+
+def test_the_stored_benchmark_holds() -> None:
+    """It has 1 to 8 steps and five seeds of seven methods, whose proofs agree on the optimum."""
+    runs = co.benchmark().runs
+    assert {run.steps for run in runs} == set(range(1, 9))
+    assert {run.seed for run in runs} == set(range(5))
+    assert list(dict.fromkeys(run.method for run in runs)) == list(METHODS)
+    for steps in range(1, 9):
+        for seed in range(5):
+            some = [run for run in runs if (run.steps, run.seed) == (steps, seed)]
+            optima = [run.value for run in some if run.outcome is Outcome.PROVED]
+            assert max(optima) <= min(optima) * (1 + 2e-6)
+            assert all(run.bound >= max(optima) * (1 - 1e-6) for run in some)
+
+
+def test_methods_are_measured_until_they_refuse(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> None:
+    """A method that fails goes on with the next steps, and one that refuses does not."""
+
+    def each(builds: list[Any], method: Any, *rest: Any) -> Iterator[Run | Run.Error]:
+        assert [build.args for build in builds] == [("corridor", 3, h) for h in range(1, 6)]
+        yield dataclasses.replace(finished(1.0), processor=0.5)
+        yield Run.Error("the process died")
+        yield Run.Error("UnsupportedError: too large")
+        raise AssertionError("no more is asked for")
+
+    monkeypatch.setattr(Run, "each", each)
+    monkeypatch.setattr(steps_module, "METHODS", {"made": branch_and_price})
+    assert study("steps", "--steps", "1-5", "--seeds", "3", "--limit", "2", "--out", tmp_path) == 1
+    rows = rows_of(tmp_path / "solvers.csv")
+    assert [row["outcome"] for row in rows] == ["stopped", "failed", "refused"]
+    assert (tmp_path / "solvers.png").stat().st_size > 1000
+    assert "made, 2 steps, seed 3: failed" in capsys.readouterr().err
 
 
 def test_exponents_are_those_of_power_laws() -> None:
