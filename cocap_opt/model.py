@@ -246,6 +246,12 @@ class Model:
         """States [T+1, S] that some robot with this class's motion and camera can reach."""
         return self._coverage.reachable(robot_class.spec)
 
+    @property
+    def reachable_views(self) -> int:
+        """Number of states at steps that count that robots can reach: of all views there are."""
+        first = self.problem.first_step
+        return sum(int(np.count_nonzero(self.reachable(c)[first:])) for c in self.classes)
+
     def coverage(self, robot_class: RobotClass) -> CoverageTable:
         """Coverage of every state that the class can reach (shared by classes that see alike)."""
         return self._coverage.table(robot_class.spec)

@@ -27,7 +27,8 @@ def _paper(
     seeds: Annotated[str, Parameter(help="of each scene")] = "0-29",
     robots: Annotated[str, Parameter(help="team sizes of the scaling experiment")] = "2,4,6,8,12",
     scaling_seeds: Annotated[str, Parameter(help="of each team size")] = "0-4",
-    time_limit: Annotated[float, Parameter(help="seconds for each plan and each bound")] = 60.0,
+    time_limit: Annotated[float, Parameter(help="seconds for each plan")] = 60.0,
+    bound_limit: Annotated[float, Parameter(help="seconds for each bound")] = 60.0,
     workers: Annotated[
         int | None, Parameter(help="processes, each on a core of its own; this one if not given")
     ] = None,
@@ -42,13 +43,14 @@ def _paper(
     from cocap_opt.experiments.studies.paper.reproduction import reproduce
 
     _require_positive("--time-limit", time_limit)
+    _require_positive("--bound-limit", bound_limit)
     Option("--workers").require_cores(workers)
     sizes = Option("--robots").numbers(robots)
     if min(sizes) < 1:
         raise FileError(f"--robots: must be at least 1, not {min(sizes)}")
     fine = reproduce(
         out, Option("--seeds").numbers(seeds), sizes,
-        Option("--scaling-seeds").numbers(scaling_seeds), time_limit, workers,
+        Option("--scaling-seeds").numbers(scaling_seeds), time_limit, bound_limit, workers,
     )  # fmt: skip
     return 0 if fine else 1
 

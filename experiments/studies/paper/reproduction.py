@@ -19,14 +19,17 @@ from cocap_opt.experiments.studies.paper.giving_way import Encounter
 from cocap_opt.experiments.sweeps.instances import Instance, Settings
 from cocap_opt.experiments.sweeps.sweep import Hired, sweep
 from cocap_opt.model import Model
+from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import Problem
 from cocap_opt.referee import check
 from cocap_opt.scenarios import load_scene
 from cocap_opt.scenarios.built_in.field import field
 from cocap_opt.stop import Clock, never
 
-SCENES = ("corridor", "bottleneck")
-_PLANNERS = ("greedy", "sequential", "cocap", "cocap-vs")
+SCENES = ("corridor", "corridor-tight", "bottleneck", "bottleneck-tight", "passage")
+_ENCOUNTERS = ("corridor", "bottleneck")  # scenes in which it is asked who gives way
+_CURVES = ("greedy", "sequential", "cocap", "cocap-vs", "cocap-lns")
+_SCALING = ("greedy", "sequential", "cocap", "cocap-vs", "cocap-lns")
 _AT_A_TIME = 3600.0  # s, that a worker may take for a cell
 FIELD = {"actors": 6, "cells": 30, "steps": 8}  # of the scaling experiment
 
@@ -37,6 +40,7 @@ def reproduce(
     sizes: Sequence[int],
     scaling_seeds: Sequence[int],
     limit: float,
+    bound_limit: float,
     workers: int | None,
 ) -> bool:
     """Computes what is missing, and writes paper.md and its figures.
@@ -44,7 +48,7 @@ def reproduce(
     Parameters
     ----------
     sizes : of the teams in the scaling experiment
-    limit : s, of each plan and each bound
+    limit, bound_limit : s, of each plan and of each bound
     workers : processes; None for this one
 
     Returns
@@ -52,16 +56,15 @@ def reproduce(
     bool
         True if no cell ended by an error.
     """
-    settings = Settings(time_limit=limit, bound_time_limit=limit)
+    settings = Settings(time_limit=limit, bound_time_limit=bound_limit)
+    problems = [(load_scene(scene, seed), seed) for scene in SCENES for seed in seeds]
     main = [
-        Instance(load_scene(scene, seed), seed, _PLANNERS, settings)
-        for scene in SCENES
-        for seed in seeds
+        Instance(problem, seed, planners_of(problem), settings) for problem, seed in problems
     ]
     teams = [
         Instance(
             field(seed, robots=n, **FIELD).replace(name=f"field, {n} drones"), seed,
-            _PLANNERS, settings,
+            _SCALING, settings,
         )
         for n in sizes
         for seed in scaling_seeds
@@ -74,6 +77,11 @@ def reproduce(
         missing = sum(not one.is_whole for one in (*main, *teams))
         _write(out, whole, rows, team_rows, sizes, limit, missing)
     return not any(row.has_error for row in (*rows, *team_rows))
+
+
+def planners_of(problem: Problem) -> tuple[str, ...]:
+    """Returns all planners but those that do not take so many drones."""
+    return tuple(name for name in PLANNERS if name != "joint" or len(problem.robots) <= 2)
 
 
 def _write(
@@ -107,7 +115,7 @@ def _curves(instances: Sequence[Instance]) -> dict[str, dict[str, list[Sequence[
     """Returns the reward per step by scene and planner, a curve per seed."""
     curves: dict[str, dict[str, list[Sequence[float]]]] = {}
     for instance in instances:
-        planners = curves.setdefault(instance.problem.name, {name: [] for name in _PLANNERS})
+        planners = curves.setdefault(instance.problem.name, {name: [] for name in _CURVES})
         for planner, seen in planners.items():
             if (plan := instance.plan(planner)) is not None:
                 seen.append(check(instance.problem, plan).reward_per_step)
@@ -142,7 +150,7 @@ def _points(rows: Sequence[Row], sizes: Sequence[int]) -> dict[str, list[tuple[i
     that has a plan on each.
     """
     points: dict[str, list[tuple[int, float, float]]] = {}
-    for planner in _PLANNERS:
+    for planner in _SCALING:
         for n in sizes:
             own = [r for r in rows if (r.planner, r.robots) == (planner, n)]
             shares = [
