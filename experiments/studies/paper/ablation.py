@@ -5,6 +5,7 @@ neighbourhood search. What a part adds is J with it minus J without it, in % of 
 """
 
 from collections.abc import Sequence
+from statistics import geometric_mean
 from typing import NamedTuple, Self
 
 from cocap_opt.experiments.results.rows import Row
@@ -31,7 +32,7 @@ class Contrast(NamedTuple):
         return self.beside if self.beside.startswith("in place of") else f"beside {self.beside}"
 
 
-TREE_ALONE = Contrast("the tree", "sequential planning", "cocap", "sequential")
+TREE_ALONE = Contrast("the tree", "in place of sequential planning", "cocap", "sequential")
 ROUNDS = Contrast("rounds", "sequential planning", "sequential-rounds", "sequential")
 ORDERS = Contrast("ten orders", "sequential planning", "best-of-orders", "sequential")
 TREE_OR_ROUNDS = Contrast("the tree", "in place of rounds", "cocap", "sequential-rounds")
@@ -51,12 +52,13 @@ CONTRASTS = (
 
 
 class Effect(NamedTuple):
-    """What a part adds on one scene, or on all of them weighed alike."""
+    """The gain by a part on one scene, or on all of them weighed alike."""
 
     scene: str
     contrast: Contrast
     differences: tuple[tuple[float, ...], ...]  # % of the bound, by scene and seed
     lost: int  # seeds on which one of the planners has no plan
+    ratios: tuple[float, ...]  # of the seconds with it to those without, where both were timed
 
     @classmethod
     def all_of(cls, rows: Sequence[Row], contrast: Contrast) -> list[Self]:
@@ -74,10 +76,13 @@ class Effect(NamedTuple):
                 (with_it[s], without[s]) for s in sorted(with_it.keys() & without.keys(), key=str)
             ]
             differences = tuple(_difference(one, other) for one, other in pairs)
-            effects.append(cls(scene, contrast, (differences,), len(seeds) - len(pairs)))
-        whole = [one for one in effects if one.differences[0]]
-        everything = tuple(one.differences[0] for one in whole)
-        return [*effects, cls(ALL, contrast, everything, sum(one.lost for one in effects))]
+            ratios = tuple(
+                one.seconds / other.seconds for one, other in pairs if one.seconds and other.seconds
+            )
+            effects.append(cls(scene, contrast, (differences,), len(seeds) - len(pairs), ratios))
+        lost, ratios = sum(one.lost for one in effects), sum((e.ratios for e in effects), ())
+        everything = tuple(one.differences[0] for one in effects if one.differences[0])
+        return [*effects, cls(ALL, contrast, everything, lost, ratios)]
 
     @classmethod
     def over_all(cls, rows: Sequence[Row], contrast: Contrast) -> Self:
@@ -88,6 +93,14 @@ class Effect(NamedTuple):
     def mean(self) -> Mean | None:
         """Mean over scenes of means over seeds; None without seeds on which both have a plan."""
         return Mean.resampled(*self.differences) if any(self.differences) else None
+
+    @property
+    def longer(self) -> str:
+        """How many times as long it takes with the part, as a geometric mean."""
+        if not self.ratios:
+            return NONE
+        ratio = geometric_mean(self.ratios)
+        return f"{ratio:.1f}" if ratio < 9.95 else f"{ratio:,.0f}"
 
     @property
     def record(self) -> dict[str, str]:
@@ -102,6 +115,7 @@ class Effect(NamedTuple):
             "equal": str(sum(value == 0 for value in values)),
             "worse": str(sum(value < 0 for value in values)),
             "no plan": str(self.lost),
+            "times as long": self.longer,
         }
 
     def answer(self) -> Answer:
@@ -115,9 +129,10 @@ class Effect(NamedTuple):
         if verdict == OPEN and max(-found.low, found.high) < _ALIKE:
             words = f"That is less than {_ALIKE:g} % either way: without it planning is as good"
             verdict = FAILS
+        long = f" in {self.longer} times the time" if self.ratios else ""
         return Answer(
-            f"{_capital(what)} adds {found.text(3)} % of the bound ({contrast.with_it} against "
-            f"{contrast.without}, {self.scene}, {found.size} seeds). {words}.",
+            f"{_capital(what)} adds {found.text(3)} % of the bound{long} ({contrast.with_it} "
+            f"against {contrast.without}, {self.scene}, {found.size} seeds). {words}.",
             verdict,
         )
 

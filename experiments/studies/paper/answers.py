@@ -200,10 +200,10 @@ class SceneAnswers:
                 )
         if not parts:
             return f"{self.scene}: views were not counted."
-        explained = " and ".join(f"{factor:.0f}" for factor in factors)
+        explained = ", or ".join(f"{factor:.0f}" for factor in factors)
         return (
-            f"{self.scene}: {'; '.join(parts)}. So where seconds are spent on views, that explains "
-            f"a factor of {explained} of the published {theirs:,.0f}."
+            f"{self.scene}: {'; '.join(parts)}. Where all time goes into views, that makes it "
+            f"{explained} times as fast; published are {theirs:,.0f} times."
         )
 
     def kept_by_view_search(self) -> Answer:

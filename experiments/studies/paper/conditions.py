@@ -169,14 +169,14 @@ class Search(NamedTuple):
     drawn: int = 200
     again: int = 13  # the best that are tried again
     seeds: int = 4  # with which each is tried again
-    moves: int = 2  # to a better one that differs in one parameter
+    rounds: int = 4  # at most, in which all that differ in one parameter are tried
     fresh: int = 10  # seeds with which the best is judged
 
     @classmethod
     def of(cls, drawn: int) -> Self:
         """Returns a search among so many random corridors, as thorough as they are many."""
         return cls(
-            drawn, again=-(-drawn // 16), seeds=min(4, drawn), moves=min(2, drawn // 50),
+            drawn, again=-(-drawn // 16), seeds=min(4, drawn), rounds=min(4, drawn // 50),
             fresh=min(10, drawn),
         )  # fmt: skip
 
@@ -190,8 +190,10 @@ class Search(NamedTuple):
         rng, found = np.random.default_rng(seed), list[Trial]()
 
         def tried(stage: str, corridor: Corridor, seeds: Sequence[int]) -> float:
-            own = [_tried(stage, corridor, one) for one in seeds]
-            found.extend(own)
+            own = [one for one in found if one.corridor == corridor and one.seed in seeds]
+            if len(own) < len(seeds):
+                own = [_tried(stage, corridor, one) for one in seeds]
+                found.extend(own)
             tell(f"{stage}: {corridor.words}: {_mean_gain(own):+.2f} %")
             return _mean_gain(own)
 
@@ -201,9 +203,9 @@ class Search(NamedTuple):
         chosen = list(dict.fromkeys(trial.corridor for trial in ranked))[: self.again]
         seeds = range(1000, 1000 + self.seeds)
         best, gain = _largest({one: tried(AGAIN, one, seeds) for one in chosen})
-        for _ in range(self.moves):
+        for left in reversed(range(self.rounds)):
             other, larger = _largest({one: tried(CHANGED, one, seeds) for one in best.changed})
-            if larger <= gain:
+            if larger <= gain or not left:
                 break
             best, gain = other, larger
         tried(FRESH, best, range(2000, 2000 + self.fresh))

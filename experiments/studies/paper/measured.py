@@ -20,6 +20,7 @@ from cocap_opt.experiments.results.judging import Judged
 from cocap_opt.experiments.results.rows import COLUMNS, BoundColumns, PlannedRow, Row
 from cocap_opt.experiments.sweeps.cells import Cell
 from cocap_opt.experiments.sweeps.instances import Instance
+from cocap_opt.files.code import code_digest
 from cocap_opt.model import Model, compiled
 from cocap_opt.planners import LAZY, PLANNERS
 from cocap_opt.planners.cocap import cocap
@@ -114,7 +115,8 @@ def completed(
 
 def _key(instance: Instance, limit: float) -> str:
     bounds = (instance.rows()[0].bound, instance.rows()[0].bound_free)
-    words = f"{instance.digest} {Cell.digest_of_code()} {limit} {sorted(instance.cells)} {bounds}"
+    code = f"{Cell.digest_of_code()} {code_digest(__name__)}"
+    words = f"{instance.digest} {code} {limit} {sorted(instance.cells)} {bounds}"
     return hashlib.sha256(words.encode()).hexdigest()[:12]
 
 
@@ -148,6 +150,8 @@ def _variants(instance: Instance, limit: float) -> Iterator[tuple[str, Result]]:
 def _row_beside(row: Row, problem: Problem, name: str, judged: Judged[Result], limit: float) -> Row:
     """Returns the row of another plan of the same instance."""
     planned = PlannedRow.of_planner(problem, row.seed or 0, name, judged, time_limit=limit)
+    if name == POLISHED:  # its plan was there already
+        planned = replace(planned, seconds=None)
     if "evaluated" in judged.result.statistics and name == DIVE:
         planned = replace(planned, views=int(judged.result.statistics["evaluated"]))
     bound = BoundColumns(**{key: getattr(row, key) for key in BoundColumns.__dataclass_fields__})
