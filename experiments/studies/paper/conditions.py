@@ -292,13 +292,18 @@ def sentences(trials: Sequence[Trial]) -> list[str]:
         f"Of {len(gains)} corridors drawn at random CoCap gains {PUBLISHED:g} % or more over "
         f"sequential planning on {many}, on average {Mean.resampled(gains).text(2)} %, at most "
         f"{max(gains):.1f} %; on {len(drawn) - len(gains)} more one of the two has no plan. On "
-        f"{_stopped(drawn)} its tree was stopped after {_NODES} nodes."
+        f"{_stopped(drawn)} its tree was stopped after {_NODES} nodes, on {_fallen_back(drawn)} of "
+        "these with the plan of sequential planning."
     ]
     return said + _of_the_best(fresh) + _of_its_neighbours(trials, fresh)
 
 
 def _stopped(trials: Sequence[Trial]) -> int:
     return sum(trial.limit != Limit.NONE for trial in trials)
+
+
+def _fallen_back(trials: Sequence[Trial]) -> int:
+    return _stopped([trial for trial in trials if trial.cocap == trial.sequential])
 
 
 def _of_the_best(fresh: Sequence[Trial]) -> list[str]:

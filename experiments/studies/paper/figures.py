@@ -142,14 +142,17 @@ def conditions_figure(trials: Sequence[Trial]) -> Figure:
         means = [gains[where == n].mean() for n in range(len(levels))]
         ax.plot(range(len(levels)), means, "D", ms=5, color="#30638e")
         ax.axhline(PUBLISHED, color="#d1495b", lw=0.9, ls=":")
-        ax.set_xticks(range(len(levels)), [f"{level}" for level in levels], fontsize=8)
-        ax.set_xlabel(name)
+        ax.set_xticks(
+            range(len(levels)), [str(level).removesuffix(".0") for level in levels], fontsize=8
+        )
+        ax.set_xlabel(f"{name} (m)" if name in ("width", "length", "height") else name)
         draw_frame(ax)
     panels[0].set_yscale("symlog", linthresh=1)
+    panels[0].set_ylim(min(0.0, *gains.tolist()) - 0.2, 2 * max(PUBLISHED, *gains.tolist()))
     panels[0].yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     panels[0].set_ylabel("CoCap above sequential planning (%)")
-    panels[0].annotate(f"published: {PUBLISHED:g}", (0.02, PUBLISHED), fontsize=7, color="#d1495b",
-                       xycoords=("axes fraction", "data"), va="bottom")  # fmt: skip
+    panels[0].annotate(f"published: {PUBLISHED:g}", (0.98, PUBLISHED), fontsize=7, ha="right",
+                       xycoords=("axes fraction", "data"), va="bottom", color="#d1495b")  # fmt: skip
     return figure
 
 
