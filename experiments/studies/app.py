@@ -35,6 +35,9 @@ def _paper(
     workers: Annotated[
         int | None, Parameter(help="processes, each on a core of its own; this one if not given")
     ] = None,
+    stored: Annotated[
+        bool, Parameter(negative="", help="compute nothing: write the page of the stored results")
+    ] = False,
 ) -> int:
     """Reproduce the paper's experiments over many seeds, and answer its claims with bounds.
 
@@ -45,8 +48,11 @@ def _paper(
     Example: cocap-opt study paper --out paper --seeds 0-9
     """
     from cocap_opt.experiments.studies.paper.conditions import Search
-    from cocap_opt.experiments.studies.paper.reproduction import reproduce
+    from cocap_opt.experiments.studies.paper.reproduction import reproduce, write_stored_page
 
+    if stored:
+        write_stored_page(out)
+        return 0
     _require_positive("--time-limit", time_limit)
     _require_positive("--bound-limit", bound_limit)
     Option("--workers").require_cores(workers)

@@ -151,8 +151,10 @@ def conditions_figure(trials: Sequence[Trial]) -> Figure:
     panels[0].set_ylim(min(0.0, *gains.tolist()) - 0.2, 2 * max(PUBLISHED, *gains.tolist()))
     panels[0].yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     panels[0].set_ylabel("CoCap above sequential planning (%)")
-    panels[0].annotate(f"published: {PUBLISHED:g}", (0.98, PUBLISHED), fontsize=7, ha="right",
-                       xycoords=("axes fraction", "data"), va="bottom", color="#d1495b")  # fmt: skip
+    panels[0].annotate(
+        f"published: {PUBLISHED:g}", (0.98, PUBLISHED), fontsize=7, ha="right", va="bottom",
+        xycoords=("axes fraction", "data"), color="#d1495b",
+    )  # fmt: skip
     return figure
 
 

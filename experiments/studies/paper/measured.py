@@ -36,6 +36,7 @@ from cocap_opt.result import Result
 from cocap_opt.stop import Clock, Stop, TimeLimit, never
 from cocap_opt.timing import timed
 
+STORED = Path(__file__).parents[1] / "stored"
 MEASURED = "measured.csv"  # in the folder of the results
 WITHOUT_TREE, POLISHED, DIVE = "lns-without-tree", "cocap-polished", "cocap-vs-dive"
 _SOON = 0.3  # s, below which a time is taken again

@@ -1,6 +1,6 @@
 """The page of the paper's study: the verdict, the answers and the tables, all from numbers."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
 from cocap_opt.experiments.results.rows import Row
@@ -19,6 +19,11 @@ from cocap_opt.experiments.studies.paper.conditions import Trial
 from cocap_opt.experiments.studies.paper.giving_way import Encounter
 
 _SIDES = {HOLDS: "For CoCap", FAILS: "Against it", OPEN: "Left open"}
+_FIGURES = {
+    "curves.png": "Reward per step",
+    "ablation.png": "What each part adds",
+    "conditions.png": "Where CoCap gains",
+}
 _OF_THE_TREE = (
     ablation.TREE_OR_ROUNDS, ablation.TREE, ablation.TREE_FROM_ROUNDS, ablation.TREE_AT_LAST,
 )  # fmt: skip
@@ -35,6 +40,7 @@ class Page(NamedTuple):
     giving : the table of who gives way
     example : the encounter that is drawn
     missing : scenes and seeds that are not computed yet
+    figures : the names of those that stand beside the page
     """
 
     rows: Sequence[Row]
@@ -43,6 +49,7 @@ class Page(NamedTuple):
     giving: Table | None = None
     example: Encounter | None = None
     missing: int = 0
+    figures: Collection[str] = ()
 
     def summary(self) -> list[str]:
         """Returns the answers in short."""
@@ -124,9 +131,7 @@ class Page(NamedTuple):
             "Where CoCap gains, by parameter": conditions.by_level(self.trials),
         }
         return [
-            "## Reward per step\n\n![Reward per step](curves.png)\n",
-            "![What each part adds](ablation.png)\n",
-            *(["![Where CoCap gains](conditions.png)\n"] if self.trials else []),
+            *(f"![{words}]({name})\n" for name, words in _FIGURES.items() if name in self.figures),
             Tables({title: table for title, table in tables.items() if table}).markdown(),
             f"Published seconds: {SOURCE}, its corridor of 8 steps on the authors' machine; its "
             "rewards are of scenes that were not published. Intervals: 95 %, bootstrap over seeds. "

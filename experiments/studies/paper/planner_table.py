@@ -9,11 +9,10 @@ from cocap_opt.experiments.results.files import read_text, save_bytes
 from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.results.statistics import NONE
 from cocap_opt.experiments.results.tables import Table
-from cocap_opt.experiments.studies.paper.measured import read_rows
+from cocap_opt.experiments.studies.paper.measured import STORED, read_rows
 from cocap_opt.files.documents import FileError
 from cocap_opt.planners import LAZY, PLANNERS
 
-STORED = Path(__file__).parents[1] / "stored" / "paper.csv"
 BEGIN, END = "<!-- table of planners -->", "<!-- end of the table of planners -->"
 _RECOMMENDED = "cocap-lns"
 _ALONE = "no drone alone can better it"
@@ -97,7 +96,7 @@ def planners_in_markdown(path: Path | None = None) -> str:
     ----------
     path : rows of the paper's study; None for the stored ones
     """
-    rows = read_rows(path or STORED)
+    rows = read_rows(path or STORED / "paper.csv")
     seeds = len({row.seed for row in rows})
     limit = max(Row.values(rows, "time_limit"), default=0.0)
     table = planner_table(rows)

@@ -6,7 +6,7 @@ from statistics import median
 
 from cocap_opt.experiments.console.streams import say
 from cocap_opt.experiments.report.figures import picture
-from cocap_opt.experiments.results.files import save_bytes, save_csv
+from cocap_opt.experiments.results.files import make_folder, save_bytes, save_csv
 from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.results.statistics import Mean
 from cocap_opt.experiments.results.tables import Table
@@ -20,7 +20,7 @@ from cocap_opt.experiments.studies.paper.figures import (
     scaling_figure,
 )
 from cocap_opt.experiments.studies.paper.giving_way import Encounter
-from cocap_opt.experiments.studies.paper.measured import MEASURED, completed
+from cocap_opt.experiments.studies.paper.measured import MEASURED, STORED, completed, read_rows
 from cocap_opt.experiments.studies.paper.page import Page
 from cocap_opt.experiments.sweeps.instances import Instance, Settings
 from cocap_opt.experiments.sweeps.sweep import Hired, sweep
@@ -86,6 +86,13 @@ def reproduce(
     return not any(row.has_error for row in (*rows, *team_rows))
 
 
+def write_stored_page(out: Path) -> None:
+    """Writes paper.md from the results that are stored with the code."""
+    make_folder(out)
+    page = Page(read_rows(STORED / "paper.csv"), read_trials(STORED / "paper-conditions.csv"))
+    save_bytes(out / "paper.md", page.text().encode())
+
+
 def _searched(path: Path, search: Search) -> list[Trial]:
     """Returns the trials of the file, or else searches for where CoCap gains most."""
     if not (search.drawn or path.exists()):
@@ -126,7 +133,7 @@ def _write(
         figures["scaling.png"] = picture(scaling_figure(_points(team_rows, sizes)), ".png")
     for name, content in figures.items():
         save_bytes(out / name, content)
-    page = Page(rows, trials, team_rows, giving, example, missing)
+    page = Page(rows, trials, team_rows, giving, example, missing, figures)
     save_bytes(out / "paper.md", page.text().encode())
 
 
