@@ -2,9 +2,12 @@
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+
+from cocap_opt.data import IntArray
 
 CONFIDENCE = 0.95
 NONE = "-"  # in place of a number that does not exist
@@ -43,18 +46,14 @@ class Mean(NamedTuple):
         Of few values the interval is somewhat too short; of one there is none.
         """
         samples = [np.asarray(group, dtype=float) for group in groups]
-        n = sum(map(len, samples))
+        size = sum(map(len, samples))
         value = float(np.mean([sample.mean() for sample in samples]))
         if min(map(len, samples)) < 2:
-            return cls(value, math.nan, math.nan, math.nan, n)
-        rng = np.random.default_rng(0)
-        drawn = [
-            sample[rng.integers(len(sample), size=(_RESAMPLES, len(sample)))].mean(axis=1)
-            for sample in samples
-        ]
+            return cls(value, math.nan, math.nan, math.nan, size)
+        drawn = [sample[_draws(len(sample), n)].mean(axis=1) for n, sample in enumerate(samples)]
         rest = (1 - CONFIDENCE) / 2
         low, high = np.quantile(np.mean(drawn, axis=0), [rest, 1 - rest]).tolist()
-        return cls(value, low, high, float(np.concatenate(samples).std(ddof=1)), n)
+        return cls(value, low, high, float(np.concatenate(samples).std(ddof=1)), size)
 
     def text(self, digits: int) -> str:
         """Returns the mean and its interval in words."""
@@ -83,3 +82,9 @@ class Mean(NamedTuple):
         if value is None or not math.isfinite(value):
             return NONE
         return f"{round(value, digits) + 0.0:,.{digits}f}"  # never -0
+
+
+@lru_cache(maxsize=32)
+def _draws(size: int, group: int) -> IntArray:
+    """Returns which of `size` values each resample takes, another way for each group."""
+    return np.random.default_rng(group).integers(size, size=(_RESAMPLES, size))

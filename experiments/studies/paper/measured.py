@@ -1,8 +1,8 @@
 """The rows of the paper's study: those of its sweep, and what no sweep measures.
 
 Searches take milliseconds, and the first one on a scene also makes what all later ones use. So
-times are taken again, after that, as the least of three. Some compositions that are no planners of
-their own are measured beside the planners: they leave a part out, or add one.
+times are taken again, after that, as processor time, the least of three. Some compositions that
+are no planners of their own are measured beside the planners: they leave a part out, or add one.
 """
 
 import hashlib
@@ -12,6 +12,7 @@ from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 from statistics import median
+from time import process_time
 
 import numpy as np
 
@@ -33,14 +34,13 @@ from cocap_opt.planners.team import Team
 from cocap_opt.planners.view_search import Compounded, ViewSearch
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import Result
-from cocap_opt.stop import Clock, Stop, TimeLimit, never
+from cocap_opt.stop import Stop, TimeLimit, never
 from cocap_opt.timing import timed
 
 STORED = Path(__file__).parents[1] / "stored"
 MEASURED = "measured.csv"  # in the folder of the results
 WITHOUT_TREE, POLISHED, DIVE = "lns-without-tree", "cocap-polished", "cocap-vs-dive"
-_SOON = 0.3  # s, below which a time is taken again
-_TIMES = 3
+_SHORT, _LONG = 0.1, 1.0  # s: three runs below the first, none again from the second on
 _KEPT = (
     "scene", "seed", "planner", "reward", "bound", "gap", "reason", "limit", "seconds",
     "coverage_seconds", "views", "conflicts", "robots", "actors", "steps", "time_limit",
@@ -127,32 +127,46 @@ def _completed(instance: Instance, limit: float) -> list[Row]:
     compiled(problem).prepare_all()
     PLANNERS["cocap-lns"](problem, TimeLimit(limit))  # makes what is made once
     rows = [_timed_again(row, problem, coverage, limit) for row in rows]
-    judged = {name: Judged.of(name, problem, result) for name, result in _variants(instance, limit)}
-    return rows + [_row_beside(rows[0], problem, name, one, limit) for name, one in judged.items()]
+    for name, (result, seconds) in _variants(instance, limit):
+        judged = Judged.of(name, problem, result)
+        rows.append(replace(_row_beside(rows[0], problem, name, judged, limit), seconds=seconds))
+    return rows
 
 
 def _timed_again(row: Row, problem: Problem, coverage: float, limit: float) -> Row:
     name, seconds = row.planner or "", row.seconds
-    if seconds is not None and seconds < _SOON and name in PLANNERS:
-        runs = (PLANNERS[name](problem, TimeLimit(limit)) for _ in range(_TIMES))
-        seconds = min(run.seconds for run in runs)
+    if seconds is not None and seconds < _LONG and name in PLANNERS:
+        seconds = _timed(PLANNERS[name], problem, limit, seconds)[1]
     return replace(row, seconds=seconds, coverage_seconds=0.0 if name in LAZY else coverage)
 
 
-def _variants(instance: Instance, limit: float) -> Iterator[tuple[str, Result]]:
+def _timed(
+    planner: Callable[[Problem, Stop], Result], problem: Problem, limit: float, expected: float
+) -> tuple[Result, float]:
+    """Returns a planner's result, and the least processor time of its runs."""
+    runs = []
+    for _ in range(3 if expected < _SHORT else 1):
+        before = process_time()
+        result = planner(problem, TimeLimit(limit))
+        runs.append((process_time() - before, result))
+    seconds, result = min(runs, key=lambda run: run[0])
+    return result, seconds
+
+
+def _variants(
+    instance: Instance, limit: float
+) -> Iterator[tuple[str, tuple[Result, float | None]]]:
+    """Yields the compositions with their results and seconds; a polish alone is not timed."""
     problem, plan = instance.problem, instance.plan("cocap")
-    runs = [without_tree(problem, TimeLimit(limit)) for _ in range(_TIMES)]
-    yield WITHOUT_TREE, min(runs, key=lambda run: run.seconds)
+    yield WITHOUT_TREE, _timed(without_tree, problem, limit, 0.0)
     if plan is not None:
-        yield POLISHED, polished(problem, plan, TimeLimit(limit))
-    yield DIVE, _dive(problem, TimeLimit(limit))
+        yield POLISHED, (polished(problem, plan, TimeLimit(limit)), None)
+    yield DIVE, _timed(_dive, problem, limit, _LONG)
 
 
 def _row_beside(row: Row, problem: Problem, name: str, judged: Judged[Result], limit: float) -> Row:
     """Returns the row of another plan of the same instance."""
     planned = PlannedRow.of_planner(problem, row.seed or 0, name, judged, time_limit=limit)
-    if name == POLISHED:  # its plan was there already
-        planned = replace(planned, seconds=None)
     if "evaluated" in judged.result.statistics and name == DIVE:
         planned = replace(planned, views=int(judged.result.statistics["evaluated"]))
     bound = BoundColumns(**{key: getattr(row, key) for key in BoundColumns.__dataclass_fields__})
@@ -160,10 +174,10 @@ def _row_beside(row: Row, problem: Problem, name: str, judged: Judged[Result], l
 
 
 def _coverage_seconds(problem: Problem) -> float:
-    """Returns the seconds that coverage of all states takes on one thread."""
-    model, clock = Model(problem, use_cache=False), Clock()
+    """Returns the processor time of the coverage of all states."""
+    model, before = Model(problem, use_cache=False), process_time()
     model.prepare_all(never)
-    return clock.seconds
+    return process_time() - before
 
 
 # -- files -------------------------------------------------------------------------------------

@@ -105,9 +105,9 @@ def planners_in_markdown(path: Path | None = None) -> str:
     return (
         f"{body}\n\n"
         f"Gaps: means over {seeds} seeds below the certified bound, in %; \\* where the limit of "
-        f"{limit:g} s stopped some. Time: of the search, as a multiple of that of `sequential` on "
-        "the same scenes (geometric mean); coverage is apart, but for planners that take single "
-        "views.\n"
+        f"{limit:g} s stopped some. Time: of the processor, for the search, as a multiple of that "
+        "of `sequential` on the same scenes (geometric mean); coverage is apart, but for planners "
+        "that take single views.\n"
     )
 
 
