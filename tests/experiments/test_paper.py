@@ -299,6 +299,9 @@ def test_trials_are_read_as_they_were_written(tmp_path: Path) -> None:
     some = [trial(conditions.DRAWN, corridor, 0, 1.0), trial(conditions.FRESH, corridor, 1, 2.0)]
     save_csv(tmp_path / "c.csv", [one.record for one in some])
     assert conditions.read_trials(tmp_path / "c.csv") == some
+    (tmp_path / "c.csv").write_text("stage,width\ndrawn,1\n")
+    with pytest.raises(FileError, match="line 2: is no trial"):
+        conditions.read_trials(tmp_path / "c.csv")
 
 
 # -- stored results -------------------------------------------------------------------------
@@ -437,6 +440,18 @@ def test_gaps_of_the_table_of_planners_are_means_of_the_stored_rows() -> None:
             shown = cells[scene].replace("\\*", "").split(" ")[0]
             assert shown == (f"{100 * fmean(gaps.values()):.2f}" if gaps else "-")
             assert ("(" in cells[scene]) == (0 < len(gaps) < 10)
+
+
+def test_a_folder_without_results_makes_no_table(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One line that names the file, and exit code 2; the README stays as it is."""
+    for content in (None, "a,b\n", "scene,seed\ncorridor,x\n"):
+        if content is not None:
+            (tmp_path / "measured.csv").write_text(content)
+        assert study("planners", "--paper", tmp_path) == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        assert str(tmp_path / "measured.csv") in line
 
 
 def test_the_table_of_planners_is_put_between_its_marks(tmp_path: Path) -> None:

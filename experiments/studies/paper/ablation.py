@@ -96,7 +96,7 @@ class Effect(NamedTuple):
 
     @property
     def longer(self) -> str:
-        """How many times as long it takes with the part, as a geometric mean."""
+        """The time with the part, as a multiple of that without it (geometric mean)."""
         if not self.ratios:
             return NONE
         ratio = geometric_mean(self.ratios)

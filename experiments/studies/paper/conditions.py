@@ -19,6 +19,7 @@ from cocap_opt.experiments.results.files import read_text
 from cocap_opt.experiments.results.printing import counted
 from cocap_opt.experiments.results.statistics import Mean
 from cocap_opt.experiments.studies.paper.answers import Answer
+from cocap_opt.files.documents import FileError
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.model import compiled
 from cocap_opt.planners import PLANNERS
@@ -254,8 +255,13 @@ def _judged(problem: Problem, result: Result) -> float:
 
 
 def read_trials(path: Path) -> list[Trial]:
-    """Reads the trials of a file."""
-    return [Trial.of(record) for record in DictReader(StringIO(read_text(path)))]
+    """Reads the trials of a file; raises FileError for what is no such table."""
+    table = DictReader(StringIO(read_text(path)))
+    try:
+        return [Trial.of(record) for record in table]
+    except (KeyError, TypeError, ValueError) as error:
+        words = "is no trial of the search; without the file it is searched again"
+        raise FileError(f"{path}: line {table.line_num}: {words}") from error
 
 
 # -- what is said of it ------------------------------------------------------------------------

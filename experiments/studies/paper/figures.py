@@ -211,6 +211,7 @@ def scaling_figure(points: Mapping[str, Sequence[tuple[int, float, float]]]) -> 
         left.plot(robots, seconds, label=_NAMES.get(planner, planner), **style)
         right.plot(robots, shares, label=_NAMES.get(planner, planner), **style)
     left.set_yscale("log")
+    left.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     left.set_ylabel("time, median (s)")
     right.set_ylabel("mean reward, of the bound\nwithout collisions (%)")
     for ax in (left, right):
@@ -218,6 +219,6 @@ def scaling_figure(points: Mapping[str, Sequence[tuple[int, float, float]]]) -> 
         ax.xaxis.set_major_locator(MaxNLocator(integer=True))
         ax.grid(alpha=0.25, which="both")
     figure.legend(
-        *left.get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=8
+        *left.get_legend_handles_labels(), loc="outside lower center", ncols=5, fontsize=8
     )
     return figure

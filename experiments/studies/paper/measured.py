@@ -40,7 +40,7 @@ from cocap_opt.timing import timed
 STORED = Path(__file__).parents[1] / "stored"
 MEASURED = "measured.csv"  # in the folder of the results
 WITHOUT_TREE, POLISHED, DIVE = "lns-without-tree", "cocap-polished", "cocap-vs-dive"
-_SHORT, _LONG = 0.1, 1.0  # s: three runs below the first, none again from the second on
+_SHORT, _LONG = 0.1, 10.0  # s: three runs below the first, none again from the second on
 _KEPT = (
     "scene", "seed", "planner", "reward", "bound", "gap", "reason", "limit", "seconds",
     "coverage_seconds", "views", "conflicts", "robots", "actors", "steps", "time_limit",

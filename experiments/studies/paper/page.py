@@ -135,7 +135,7 @@ class Page(NamedTuple):
             Tables({title: table for title, table in tables.items() if table}).markdown(),
             f"Published seconds: {SOURCE}, its corridor of 8 steps on the authors' machine; its "
             "rewards are of scenes that were not published. Intervals: 95 %, bootstrap over seeds. "
-            "Seconds are of the search, of the processor where it takes less than one; coverage is "
+            "Seconds are of the search, of the processor where it takes less than ten; coverage is "
             "apart but for planners that evaluate views one by one. lns-without-tree is cocap-lns "
             "without its tree, cocap-polished is CoCap's plan after rounds, cocap-vs-dive is "
             "cocap-vs with gamma 1.\n",

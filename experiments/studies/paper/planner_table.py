@@ -96,7 +96,10 @@ def planners_in_markdown(path: Path | None = None) -> str:
     ----------
     path : rows of the paper's study; None for the stored ones
     """
-    rows = read_rows(path or STORED / "paper.csv")
+    path = path or STORED / "paper.csv"
+    rows = read_rows(path)
+    if not rows:
+        raise FileError(f"{path}: has no rows of the paper's study")
     seeds = len({row.seed for row in rows})
     limit = max(Row.values(rows, "time_limit"), default=0.0)
     table = planner_table(rows)
