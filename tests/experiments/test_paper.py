@@ -243,6 +243,14 @@ def test_compositions_obey_the_rules_and_lose_nothing() -> None:
     assert check(problem, better.plan).valid and check(problem, search.plan).valid
 
 
+def test_what_adds_little_is_said_to_add_little() -> None:
+    """A part may add something for certain that is next to nothing."""
+    rows = [row("sequential", s, 98.0) for s in range(4)]
+    rows += [row("cocap", s, 98.02 + 0.01 * s) for s in range(4)]
+    found = ablation.Effect.over_all(rows, ablation.TREE_ALONE).answer()
+    assert found.verdict == answers.HOLDS and "nearly as good" in found.words
+
+
 # -- where CoCap gains most -----------------------------------------------------------------
 
 

@@ -11,7 +11,7 @@ from typing import NamedTuple, Self
 from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.results.statistics import NONE, Mean
 from cocap_opt.experiments.results.tables import Table
-from cocap_opt.experiments.studies.paper.answers import FAILS, OPEN, Answer
+from cocap_opt.experiments.studies.paper.answers import FAILS, HOLDS, OPEN, Answer
 from cocap_opt.experiments.studies.paper.measured import POLISHED, WITHOUT_TREE
 
 ALL = "all scenes alike"
@@ -129,6 +129,9 @@ class Effect(NamedTuple):
         if verdict == OPEN and max(-found.low, found.high) < _ALIKE:
             words = f"That is less than {_ALIKE:g} % either way: without it planning is as good"
             verdict = FAILS
+        elif verdict == HOLDS and found.value < _ALIKE:
+            words += f", but on average it is less than {_ALIKE:g} %: planning without it is nearly"
+            words += " as good"
         long = f" in {self.longer} times the time" if self.ratios else ""
         return Answer(
             f"{_capital(what)} adds {found.text(3)} % of the bound{long} ({contrast.with_it} "
