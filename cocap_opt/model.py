@@ -271,6 +271,12 @@ class Model:
         """Refuse coverage and sweeps of a class that are larger than the memory."""
         self._coverage.require_memory(robot_class.spec)
 
+    @property
+    def reachable_views(self) -> int:
+        """Number of states at steps that count that robots can reach: of all views there are."""
+        first = self.problem.first_step
+        return sum(int(np.count_nonzero(self.reachable(c)[first:])) for c in self.classes)
+
     def coverage(self, robot_class: RobotClass) -> CoverageTable:
         """Coverage of every state that the class can reach (shared by classes that see alike)."""
         return self._coverage.table(robot_class.spec)

@@ -59,6 +59,7 @@ class Judged(NamedTuple, Generic[R_co]):
     verdict: Verdict | None
     coverage_seconds: float | None = None  # of the problem in this process, if its plan needs it
     checking_seconds: float | None = None  # of the referee
+    views: int | None = None  # states at steps whose coverage the plan was made with
 
     @classmethod
     def of(cls, name: str, problem: Problem, result: R) -> "Judged[R]":
@@ -95,8 +96,13 @@ class Judged(NamedTuple, Generic[R_co]):
         except UnsupportedError as error:
             return Judged(Result(None, -math.inf, Reason.UNSUPPORTED, message=str(error)), None)
         judged = Judged.of(name, problem, result)
-        spent = 0.0 if name in LAZY else compiled(problem).coverage_seconds
-        return judged._replace(coverage_seconds=spent)
+        if name in LAZY:
+            views = result.statistics.get("evaluated")
+            return judged._replace(
+                coverage_seconds=0.0, views=None if views is None else int(views)
+            )
+        model = compiled(problem)
+        return judged._replace(coverage_seconds=model.coverage_seconds, views=model.reachable_views)
 
     @classmethod
     def certified(

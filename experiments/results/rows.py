@@ -81,6 +81,13 @@ class PlanRow:
     checking_seconds: Annotated[
         _Number, Column("Wall-clock time in which the referee checked the plan.", unit="s")
     ] = None
+    views: Annotated[
+        _Count,
+        Column(
+            "Views, each of a state at a step, that the planner needs: those that it evaluates, or "
+            "all that drones can have where coverage is computed before."
+        ),
+    ] = None
     conflicts: Annotated[_Count, Column("Collision rules that the plan breaks.")]
     message: Annotated[str, Column("Further remarks of the planner and on its plan, in words.")]
 
@@ -111,6 +118,7 @@ class PlanRow:
             seconds=_finite(result.seconds),
             coverage_seconds=judged.coverage_seconds,
             checking_seconds=judged.checking_seconds,
+            views=judged.views,
             conflicts=judged.conflicts if judged.verdict else None,
             message="; ".join(messages),
         )

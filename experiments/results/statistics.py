@@ -2,17 +2,21 @@
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
+from cocap_opt.data import IntArray
+
 CONFIDENCE = 0.95
 NONE = "-"  # in place of a number that does not exist
+_RESAMPLES = 10_000  # of a bootstrap interval
 SHIFT = 10.0  # s, of geometric means of times, as in qpbenchmark and Mittelmann's benchmarks
 
 
 class Mean(NamedTuple):
-    """Mean of a sample and its confidence interval by Student's t, nan of fewer than two values."""
+    """Mean of a sample and its confidence interval, nan of fewer than two values."""
 
     value: float
     low: float
@@ -22,7 +26,7 @@ class Mean(NamedTuple):
 
     @classmethod
     def of(cls, values: Sequence[float]) -> "Mean":
-        """Returns the mean of at least one value."""
+        """Returns the mean of at least one value, with an interval by Student's t."""
         from scipy.stats import t as student  # slow to import
 
         sample = np.asarray(values, dtype=float)
@@ -32,6 +36,29 @@ class Mean(NamedTuple):
         spread = float(sample.std(ddof=1))
         reach = float(student.ppf((1 + CONFIDENCE) / 2, n - 1)) * spread / math.sqrt(n)
         return cls(value, value - reach, value + reach, spread, n)
+
+    @classmethod
+    def resampled(cls, *groups: Sequence[float]) -> "Mean":
+        """Returns the mean over groups of their means, with a percentile bootstrap interval.
+
+        Each group is drawn again with replacement by itself, always the same way. What is never
+        negative, as gaps are, has no interval with negative ends (Efron and Tibshirani 1993).
+        Of few values the interval is somewhat too short; of one there is none.
+        """
+        samples = [np.asarray(group, dtype=float) for group in groups]
+        size = sum(map(len, samples))
+        value = float(np.mean([sample.mean() for sample in samples]))
+        if min(map(len, samples)) < 2:
+            return cls(value, math.nan, math.nan, math.nan, size)
+        drawn = [sample[_draws(len(sample), n)].mean(axis=1) for n, sample in enumerate(samples)]
+        rest = (1 - CONFIDENCE) / 2
+        low, high = np.quantile(np.mean(drawn, axis=0), [rest, 1 - rest]).tolist()
+        return cls(value, low, high, float(np.concatenate(samples).std(ddof=1)), size)
+
+    def text(self, digits: int) -> str:
+        """Returns the mean and its interval in words."""
+        mean, *ends = (Mean.rounded(number, digits) for number in self[:3])
+        return mean if math.isnan(self.low) else f"{mean} [{', '.join(ends)}]"
 
     @staticmethod
     def shifted_geometric(values: Sequence[float], shift: float = SHIFT) -> float:
@@ -47,9 +74,7 @@ class Mean(NamedTuple):
         """Returns mean and confidence interval in words, if there are values."""
         if not values:
             return NONE
-        found = Mean.of(values)
-        mean, *ends = (Mean.rounded(number, digits) for number in found[:3])
-        return mean if math.isnan(found.low) else f"{mean} [{', '.join(ends)}]"
+        return Mean.of(values).text(digits)
 
     @staticmethod
     def rounded(value: float | None, digits: int) -> str:
@@ -57,3 +82,9 @@ class Mean(NamedTuple):
         if value is None or not math.isfinite(value):
             return NONE
         return f"{round(value, digits) + 0.0:,.{digits}f}"  # never -0
+
+
+@lru_cache(maxsize=32)
+def _draws(size: int, group: int) -> IntArray:
+    """Returns which of `size` values each resample takes, another way for each group."""
+    return np.random.default_rng(group).integers(size, size=(_RESAMPLES, size))

@@ -30,30 +30,70 @@ def _paper(
     seeds: Annotated[str, Parameter(help="of each scene")] = "0-29",
     robots: Annotated[str, Parameter(help="team sizes of the scaling experiment")] = "2,4,6,8,12",
     scaling_seeds: Annotated[str, Parameter(help="of each team size")] = "0-4",
-    time_limit: Annotated[float, Parameter(help="seconds for each plan and each bound")] = 60.0,
+    time_limit: Annotated[float, Parameter(help="seconds for each plan")] = 60.0,
+    bound_limit: Annotated[float, Parameter(help="seconds for each bound")] = 60.0,
+    corridors: Annotated[
+        int, Parameter(help="drawn at random in the search for where CoCap gains most")
+    ] = 200,
     workers: Annotated[
         int | None, Parameter(help="processes, each on a core of its own; this one if not given")
     ] = None,
+    stored: Annotated[
+        bool, Parameter(negative="", help="compute nothing: write the page of the stored results")
+    ] = False,
 ) -> int:
     """Reproduce the paper's experiments over many seeds, and answer its claims with bounds.
 
-    It makes reward curves, tables, the test of giving way, and scaling. What is in the folder
-    already is not computed again.
+    It makes a verdict in sentences, reward curves, tables, an ablation, a search for where CoCap
+    gains most, the test of giving way, and scaling. What is in the folder already is not computed
+    again.
 
     Example: cocap-opt study paper --out paper --seeds 0-9
     """
-    from cocap_opt.experiments.studies.paper.reproduction import reproduce
+    from cocap_opt.experiments.studies.paper.conditions import Search
+    from cocap_opt.experiments.studies.paper.reproduction import reproduce, write_stored_page
 
+    if stored:
+        write_stored_page(out)
+        return 0
     _require_positive("--time-limit", time_limit)
+    _require_positive("--bound-limit", bound_limit)
     Option("--workers").require_cores(workers)
     sizes = Option("--robots").numbers(robots)
     if min(sizes) < 1:
         raise FileError(f"--robots: must be at least 1, not {min(sizes)}")
     fine = reproduce(
         out, Option("--seeds").numbers(seeds), sizes,
-        Option("--scaling-seeds").numbers(scaling_seeds), time_limit, workers,
+        Option("--scaling-seeds").numbers(scaling_seeds), time_limit, bound_limit,
+        Search.of(Option("--corridors").require_whole(corridors)), workers,
     )  # fmt: skip
     return 0 if fine else 1
+
+
+@app.command(name="planners")
+def _planners(
+    *,
+    paper: Annotated[
+        Path | None, Parameter(help="folder of `study paper`; the stored results if not given")
+    ] = None,
+    into: Annotated[
+        Path | None, Parameter(help="Markdown file whose table of planners is replaced")
+    ] = None,
+) -> int:
+    """Print the table of planners: what each takes and promises, its measured gap and time.
+
+    Example: cocap-opt study planners --into README.md
+    """
+    from cocap_opt.experiments.results.printing import print_texts
+    from cocap_opt.experiments.studies.paper.measured import MEASURED
+    from cocap_opt.experiments.studies.paper.planner_table import planners_in_markdown, write_into
+
+    text = planners_in_markdown(None if paper is None else paper / MEASURED)
+    if into is None:
+        print_texts([text], [])
+    else:
+        write_into(into, text)
+    return 0
 
 
 @app.command(name="others")

@@ -4,8 +4,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from cocap_opt.experiments.results.files import make_folder, save_csv
 from cocap_opt.experiments.results.printing import Listing
 from cocap_opt.model import compiled
@@ -68,7 +66,7 @@ def _measured(
         for seed in seeds:
             problem = load_scene(scene, seed)
             compiled(problem).prepare_all()
-            whole, reachable = cocap(problem), _reachable(problem)
+            whole, reachable = cocap(problem), compiled(problem).reachable_views
             for planner, order in _ORDERS.items():
                 for gamma in gammas:
                     run = _run(problem, order(gamma), seconds)
@@ -94,10 +92,3 @@ def _means(measured: "pd.DataFrame") -> "pd.DataFrame":
 
 def _run(problem: Problem, discount: Compounded | Undiscounted, seconds: float) -> Result:
     return cocap(problem, TimeLimit(seconds), low_level=ViewSearch(discount))
-
-
-def _reachable(problem: Problem) -> int:
-    """Returns the number of states, over all steps that count, whose views some robot can have."""
-    model = compiled(problem)
-    first = problem.first_step
-    return sum(int(np.count_nonzero(model.reachable(c)[first:])) for c in model.classes)

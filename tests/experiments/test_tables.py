@@ -1,5 +1,6 @@
 import json
 import math
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
+from strategies import examples
 
 from cocap_opt.experiments.cli import commands
 from cocap_opt.experiments.results.columns import Column
@@ -40,6 +42,28 @@ def test_one_value_has_no_interval() -> None:
     """Nothing is said of how sure the mean of one value is."""
     assert Mean.of([3.0]).value == 3.0
     assert math.isnan(Mean.of([3.0]).low) and math.isnan(Mean.of([3.0]).spread)
+
+
+@examples(20)
+@given(SOME)
+def test_the_bootstrap_interval_is_within_the_values(values: list[float]) -> None:
+    """What is never negative has no interval with negative ends; it is the same each time."""
+    found = Mean.resampled(values)
+    assert found.value == pytest.approx(np.mean(values))
+    assert 0 <= min(values) <= found.low * (1 + 1e-9) and found.low <= found.high
+    assert found.high <= max(values) * (1 + 1e-9)
+    assert Mean.resampled(values) == found
+
+
+def test_the_bootstrap_interval_is_that_of_all_resamples() -> None:
+    """Of four values: quantiles of the means of all 256; groups weigh alike."""
+    values = [0.0, 1.0, 5.0, 12.0]
+    means = [np.mean(some) for some in product(values, repeat=4)]
+    found = Mean.resampled(values)
+    ends = np.quantile(means, [0.025, 0.975], method="inverted_cdf")
+    assert (found.low, found.high) == pytest.approx(ends, abs=0.3)
+    assert Mean.resampled([0.0] * 9, [3.0] * 2).value == 1.5
+    assert math.isnan(Mean.resampled([0.0] * 9, [3.0]).low)  # one seed settles nothing
 
 
 @given(SOME, st.floats(0.1, 100))

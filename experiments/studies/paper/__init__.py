@@ -1,3 +1,6 @@
 """The experiments of the CoCap paper, made again over many seeds and answered with bounds."""
 
-__all__ = ["answers", "figures", "giving_way", "reproduction"]
+__all__ = [
+    "ablation", "answers", "conditions", "figures", "giving_way", "measured", "page",
+    "planner_table", "reproduction",
+]  # fmt: skip

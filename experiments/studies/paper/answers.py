@@ -1,18 +1,21 @@
 """The paper's claims, answered from measurements in sentences and tables.
 
 A claim about a mean holds if its whole confidence interval is on the right side of the line,
-does not hold if it is on the wrong side, and is left open otherwise.
+does not hold if it is on the wrong side, and is left open otherwise. Intervals are bootstrap
+intervals over seeds, since gaps are never negative and mostly small.
 """
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from statistics import median
-from typing import Self
+from statistics import fmean, median
+from typing import NamedTuple, Self
 
 from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.results.statistics import NONE, Mean
 from cocap_opt.experiments.results.tables import Table
+from cocap_opt.experiments.studies.paper.measured import DIVE
+from cocap_opt.planners import LAZY
 from cocap_opt.result import relative_gap
 from cocap_opt.stop import Limit
 
@@ -22,13 +25,33 @@ _CLOSE = 1.0  # % below the bound without collisions that is called close to it
 _PUBLISHED = {"sequential": 482.0, "cocap": 3981.0, "cocap-vs": 2.7}  # s, their corridor, 8 steps
 
 
+class Answer(NamedTuple):
+    """An answer in words, and what it says of the claim."""
+
+    words: str
+    verdict: str  # HOLDS, FAILS or OPEN
+
+    @staticmethod
+    def below(found: Mean, line: float) -> str:
+        """Returns HOLDS, FAILS or OPEN for the claim that a mean is below a line."""
+        if found.high < line:
+            return HOLDS
+        return FAILS if found.low > line else OPEN
+
+    @staticmethod
+    def above(found: Mean, line: float) -> str:
+        """Returns HOLDS, FAILS or OPEN for the claim that a mean is above a line."""
+        turned = Mean(-found.value, -found.high, -found.low, found.spread, found.size)
+        return Answer.below(turned, -line)
+
+
 @dataclass(frozen=True)
 class SceneAnswers:
-    """Answers about one scene, a sentence each.
+    """Answers about one scene, a sentence or two each.
 
     Attributes
     ----------
-    rows : of the gap table, of all planners and seeds of the scene
+    rows : of all planners and seeds of the scene
     """
 
     scene: str
@@ -39,7 +62,7 @@ class SceneAnswers:
         """Makes the answers about each scene of some rows."""
         return [cls(scene, some) for (scene,), some in Row.grouped(rows, "scene").items()]
 
-    def closeness(self) -> str:
+    def closeness(self) -> Answer:
         """Answers if CoCap comes close to unconstrained performance.
 
         CoCap loses at most its distance below the certified bound without collisions, and at
@@ -49,36 +72,71 @@ class SceneAnswers:
         planned = [row for row in own if row.valid and row.gap_free is not None]
         if not planned:
             words = "CoCap has no plan that obeys the rules; the claim cannot be tried."
-            return f"{self.scene}: {words}"
-        found = Mean.of(Row.percent(planned, "gap_free"))
-        least = Mean.of([
+            return Answer(f"{self.scene}: {words}", OPEN)
+        found = Mean.resampled(Row.percent(planned, "gap_free"))
+        least = Mean.resampled([
             100 * relative_gap(row.reward, row.optimum_free)
             for row in planned
             if row.reward is not None and row.optimum_free is not None
         ])  # fmt: skip
-        words = _verdict_below(found, _CLOSE)
-        if words != HOLDS:
-            words = FAILS if _verdict_below(least, _CLOSE) == FAILS else OPEN
+        verdict = Answer.below(found, _CLOSE)
+        if verdict != HOLDS:
+            verdict = FAILS if Answer.below(least, _CLOSE) == FAILS else OPEN
+        words = verdict
         if len(planned) < len(own):
             words = f"{OPEN}, as it has no plan on {len(own) - len(planned)} of {len(own)}"
-        return (
+            verdict = OPEN
+        return Answer(
             f"{self.scene}: CoCap is {_text(found)} below the certified bound of planning without "
             f"collisions, at most {max(Row.percent(planned, 'gap_free')):.2f} %. That it comes "
             f"within {_CLOSE:g} % of unconstrained performance {words} (mean over {found.size} "
-            "seeds)."
+            "seeds).",
+            verdict,
         )
 
-    def against_sequential(self) -> str:
-        """Answers if CoCap is better than sequential planning."""
-        pairs = self._pairs("cocap", "sequential", lambda row: row.reward if row.valid else None)
-        if not pairs:
-            return f"{self.scene}: there is no seed on which both planners have a plan."
-        found = Mean.of([100 * (a - b) / b for a, b in pairs])
-        better, worse = sum(a > b for a, b in pairs), sum(a < b for a, b in pairs)
+    def price(self) -> str:
+        """Tells what collision avoidance costs the best plan, certified from both sides."""
+        least, most = self._prices()
+        if not least:
+            return f"{self.scene}: no price of collisions is certified."
         return (
-            f"{self.scene}: CoCap's reward is {_text(found)} above that of sequential planning on "
-            f"the same seeds (better on {better}, worse on {worse} of {len(pairs)}). That it "
-            f"outperforms sequential planning {_verdict_above(found, 0.0)}."
+            f"{self.scene}: avoiding collisions costs the best plan between {fmean(least):.2f} % "
+            f"and {fmean(most):.2f} % on average over {len(least)} seeds, certified, and "
+            f"{max(most):.2f} % at most on any."
+        )
+
+    def price_row(self) -> dict[str, str]:
+        """Returns the row of the price of collision avoidance, in % of the free bound."""
+        least, most = self._prices()
+        return {
+            "scene": self.scene,
+            "at least (%)": _interval(least, 3),
+            "at most (%)": _interval(most, 3),
+            "largest (%)": Mean.rounded(max(most, default=None), 3),
+            "seeds": str(len(least)),
+        }
+
+    def _prices(self) -> tuple[list[float], list[float]]:
+        """Returns the least and the largest price of each seed, in %."""
+        first = {row.seed: row for row in self.rows}.values()
+        ends = [end for row in first if (end := row.price) is not None]
+        return [100 * low for low, _ in ends], [100 * high for _, high in ends]
+
+    def against_sequential(self, planner: str = "cocap", name: str = "CoCap") -> Answer:
+        """Answers if CoCap, or another planner, is better than sequential planning."""
+        pairs = self._pairs(planner, "sequential", lambda row: row.reward if row.valid else None)
+        if not pairs:
+            words = f"{self.scene}: there is no seed on which both planners have a plan."
+            return Answer(words, OPEN)
+        gains = [100 * (a - b) / b for a, b in pairs]
+        found = Mean.resampled(gains)
+        better, worse = sum(a > b for a, b in pairs), sum(a < b for a, b in pairs)
+        verdict = Answer.above(found, 0.0)
+        return Answer(
+            f"{self.scene}: {name}'s reward is {_text(found)} above that of sequential planning on "
+            f"the same seeds, at most {max(gains):.2f} % (better on {better}, worse on {worse} of "
+            f"{len(pairs)}). That it outperforms sequential planning {verdict}.",
+            verdict,
         )
 
     def sequential_failures(self) -> str:
@@ -90,59 +148,109 @@ class SceneAnswers:
         for words, chosen in (("with", True), ("without", False)):
             some = [row for row in own if row.valid and (row.seed in collides) == chosen]
             gaps = Row.percent(some, "gap")
-            said = _text(Mean.of(gaps)) if gaps else NONE
+            said = _text(Mean.resampled(gaps)) if gaps else NONE
             parts.append(f"{said} on the {len(gaps)} seeds {words} collisions in the greedy plan")
         return (
             f"{self.scene}: below the best certified bound, sequential planning is "
             f"{' and '.join(parts)}; it finds no plan on {without} of {len(own)} seeds."
         )
 
-    def times(self, coverage: float) -> str:
+    def times(self) -> Answer:
         """Answers if view search is faster than value iteration.
 
         Value iteration needs the coverage of all states, which is computed before it; view
         search computes what it touches while it runs. So that time is added to the former's.
-
-        Parameters
-        ----------
-        coverage : s, of all states of one seed of the scene, on one thread
         """
-        pairs = self._pairs("cocap", "cocap-vs", lambda row: row.seconds)
+        pairs = self._pairs("cocap", "cocap-vs", _whole_seconds)
         if not pairs:
-            return f"{self.scene}: not both low levels were timed."
+            return Answer(f"{self.scene}: not both low levels were timed.", OPEN)
         ours = [median(times) for times in zip(*pairs, strict=True)]
-        log_ratio = Mean.of([math.log((a + coverage) / b) for a, b in pairs if b > 0])
+        log_ratio = Mean.resampled([math.log(a / b) for a, b in pairs if b > 0])
         ratio, low, high = (math.exp(log_ratio[k]) for k in range(3))
         theirs = _PUBLISHED["cocap"] / _PUBLISHED["cocap-vs"]
         reach = f" [{low:.2g}, {high:.2g}]" if log_ratio.size > 1 else ""
+        verdict = Answer.above(log_ratio, 0.0)
+        return Answer(
+            f"{self.scene}: CoCap takes {ours[0]:.3f} s with value iteration, the coverage of all "
+            f"states included, and {ours[1]:.3f} s with view search (medians). The former takes "
+            f"{ratio:.2g}{reach} times as long as the latter (geometric mean); published are "
+            f"{theirs:,.0f} times. That view search is the faster one {verdict} here.",
+            verdict,
+        )
+
+    def views(self) -> str:
+        """Tells how many views view search evaluates, with its discount and without, and its J."""
+        theirs = _PUBLISHED["cocap"] / _PUBLISHED["cocap-vs"]
+        parts, factors = [], []
+        for planner, words in (
+            ("cocap-vs", "view search evaluates"),
+            (DIVE, "with gamma 1, where it dives, it evaluates"),
+        ):
+            shares = [100 * a / b for a, b in self._pairs(planner, "cocap", lambda row: row.views)]
+            kept = [
+                100 * a / b
+                for a, b in self._pairs(planner, "cocap", lambda r: r.reward if r.valid else None)
+            ]
+            if shares and kept:
+                factors.append(fmean(100 / share for share in shares))
+                parts.append(
+                    f"{words} {fmean(shares):.1f} % of the views that drones can have (from "
+                    f"{min(shares):.1f} to {max(shares):.1f} %), {factors[-1]:.0f} times fewer "
+                    f"than value iteration, for {fmean(kept):.1f} % of its reward"
+                )
+        if not parts:
+            return f"{self.scene}: views were not counted."
+        explained = ", or ".join(f"{factor:.0f}" for factor in factors)
         return (
-            f"{self.scene}: CoCap takes {ours[0]:.3f} s with value iteration, after "
-            f"{coverage:.3f} s for the coverage of all states, and {ours[1]:.3f} s with view "
-            f"search (medians). The former takes {ratio:.2g}{reach} times as long as the latter "
-            f"(geometric mean); published are {theirs:,.0f} times. That view search is the faster "
-            f"one {_verdict_above(log_ratio, 0.0)} here."
+            f"{self.scene}: {'; '.join(parts)}. Where all time goes into views, that makes it "
+            f"{explained} times as fast; published are {theirs:,.0f} times."
+        )
+
+    def kept_by_view_search(self) -> Answer:
+        """Answers if view search plans nearly as well as value iteration does."""
+        pairs = self._pairs("cocap-vs", "cocap", lambda row: row.reward if row.valid else None)
+        if not pairs:
+            return Answer(f"{self.scene}: not both low levels have a plan.", OPEN)
+        found = Mean.resampled([100 * (b - a) / b for a, b in pairs])
+        verdict = Answer.below(found, _CLOSE)
+        return Answer(
+            f"{self.scene}: with view search CoCap's reward is {_text(found)} below that with "
+            f"value iteration. That view search costs less than {_CLOSE:g} % {verdict}.",
+            verdict,
+        )
+
+    def stopped(self) -> Answer:
+        """Answers if CoCap's tree ends in time."""
+        own = self._of("cocap")
+        late = sum(row.limit == Limit.TIME for row in own)
+        limit = max(Row.values(own, "time_limit"), default=0.0)
+        verdict = FAILS if late else HOLDS
+        return Answer(
+            f"{self.scene}: the limit of {limit:g} s stops CoCap on {late} of {len(own)} seeds. "
+            f"That its tree ends in time {verdict}.",
+            verdict,
         )
 
     def comparison(self) -> Table:
-        """Returns published seconds beside ours, and the gaps that only bounds can tell."""
+        """Returns published seconds beside ours, and what only bounds can tell."""
         table = []
-        for planner in _PUBLISHED:
-            own = self._of(planner)
+        for (planner,), own in Row.grouped(self.rows, "planner").items():
             planned = [row for row in own if row.valid]
-            published = f"{_PUBLISHED[planner]:g}" if self.scene == "corridor" else NONE
+            published = _PUBLISHED.get(planner) if self.scene == "corridor" else None
+            late = sum(row.limit == Limit.TIME for row in own)
             table.append(
                 {
                     "scene": self.scene,
                     "planner": planner,
-                    "published (s)": published,
-                    "ours (s)": Mean.interval(Row.values(own, "seconds"), 3),
-                    "seeds": f"{len(planned)} of {len(own)}",
-                    "reward": Mean.interval(Row.values(planned, "reward"), 0),
-                    "below the best bound (%)": Mean.interval(Row.percent(planned, "gap"), 3),
-                    "below the free bound (%)": Mean.interval(Row.percent(planned, "gap_free"), 3),
-                    "bound proved optimal": (
-                        f"{sum(row.bound_is_proved for row in own)} of {len(own)}"
-                    ),
+                    "plans": f"{len(planned)} of {len(own)}",
+                    "J": _mean(Row.values(own, "reward"), 0),
+                    "below the bound (%)": _interval(Row.percent(planned, "gap"), 3),
+                    "at most (%)": Mean.rounded(max(Row.percent(planned, "gap"), default=None), 3),
+                    "below the free bound (%)": _interval(Row.percent(planned, "gap_free"), 3),
+                    "seconds, median": _median(Row.values(own, "seconds"), 3),
+                    "stopped": str(late),
+                    "views, median": _median(Row.values(own, "views"), 0),
+                    "published (s)": NONE if published is None else f"{published:g}",
                 }
             )
         return table
@@ -155,12 +263,12 @@ class SceneAnswers:
         limit : s, that each planner had
         """
         parts = []
-        for planner in ("sequential", "cocap"):
+        for planner in ("sequential", "cocap", "cocap-lns"):
             own = self._of(planner)
             gaps = Row.percent([row for row in own if row.valid], "gap")
             stopped = sum(row.limit == Limit.TIME for row in own)
             words = f", stopped by the limit of {limit:g} s on {stopped}" if stopped else ""
-            gap = f"{_text(Mean.of(gaps))} below the bound" if gaps else "without a plan"
+            gap = f"{_text(Mean.resampled(gaps))} below the bound" if gaps else "without a plan"
             parts.append(f"{planner} is {gap} on {len(gaps)} of {len(own)} seeds{words}")
         return f"{self.scene}: {'; '.join(parts)}."
 
@@ -178,20 +286,25 @@ class SceneAnswers:
         return [(number, other[seed]) for seed, number in one.items() if seed in other]
 
 
-def _verdict_below(found: Mean, line: float) -> str:
-    """Returns HOLDS, FAILS or OPEN for the claim that a mean is below a line."""
-    if found.high < line:
-        return HOLDS
-    return FAILS if found.low > line else OPEN
-
-
-def _verdict_above(found: Mean, line: float) -> str:
-    """Returns HOLDS, FAILS or OPEN for the claim that a mean is above a line."""
-    return _verdict_below(
-        Mean(-found.value, -found.high, -found.low, found.spread, found.size), -line
-    )
+def _whole_seconds(row: Row) -> float | None:
+    """Returns the time of a search with the coverage that it needs."""
+    if row.seconds is None:
+        return None
+    return row.seconds + (0.0 if row.planner in LAZY else row.coverage_seconds or 0.0)
 
 
 def _text(found: Mean) -> str:
     reach = f" [{found.low:.2f}, {found.high:.2f}]" if found.size > 1 else ""
     return f"{found.value:.2f} %{reach}"
+
+
+def _interval(values: Sequence[float], digits: int) -> str:
+    return Mean.resampled(values).text(digits) if values else NONE
+
+
+def _mean(values: Sequence[float], digits: int) -> str:
+    return Mean.rounded(fmean(values) if values else None, digits)
+
+
+def _median(values: Sequence[float], digits: int) -> str:
+    return Mean.rounded(median(values) if values else None, digits)

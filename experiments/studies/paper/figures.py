@@ -5,12 +5,20 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from cocap_opt.data import FloatArray
 from cocap_opt.experiments.report.figures import (
     draw_frame,
     draw_plan,
+)
+from cocap_opt.experiments.results.statistics import Mean
+from cocap_opt.experiments.studies.paper.conditions import (
+    DRAWN,
+    PUBLISHED,
+    Corridor,
+    Trial,
+    planned,
 )
 from cocap_opt.experiments.studies.paper.giving_way import Encounter
 from cocap_opt.problem import Plan, Problem
@@ -18,49 +26,136 @@ from cocap_opt.referee import check
 
 _COLOURS = {
     "greedy": "#8d99ae", "sequential": "#edae49", "cocap": "#30638e", "cocap-vs": "#66a182",
+    "sequential-rounds": "#d1495b", "cocap-lns": "#7b5ea7",
 }  # fmt: skip
 _AROUND = 2.0  # m
 _NAMES = {
     "greedy": "unconstrained (collides)", "sequential": "sequential",
     "cocap": "CoCap, value iteration", "cocap-vs": "CoCap, view search",
+    "sequential-rounds": "sequential, then rounds", "cocap-lns": "cocap-lns",
 }  # fmt: skip
+_SCENES = ("#30638e", "#00798c", "#edae49", "#d1495b", "#7b5ea7")
+
+Curves = Mapping[str, Mapping[int, Sequence[float]]]  # reward per step by planner and seed
 
 
-def curves_figure(curves: Mapping[str, Mapping[str, Sequence[Sequence[float]]]]) -> Figure:
-    """Draws the mean reward per step over seeds, one standard deviation shaded, a panel per scene.
+def curves_figure(curves: Mapping[str, Curves]) -> Figure:
+    """Draws mean rewards over seeds, a column per scene.
 
-    Parameters
-    ----------
-    curves : by scene and planner, the reward at each step of each seed's plan
+    Above is the reward at each step, one standard deviation shaded; below the reward up to a step
+    beside that of sequential planning on the same seeds, its bootstrap interval shaded.
     """
-    figure = Figure(figsize=(5.4 * len(curves), 3.8), layout="constrained", dpi=130)
-    for ax, (scene, planners) in zip(np.ravel(figure.subplots(1, len(curves))), curves.items(),
-                                     strict=True):  # fmt: skip
-        _draw_curves(ax, planners)
+    figure = Figure(figsize=(3.9 * max(len(curves), 2), 6.4), layout="constrained", dpi=110)
+    axes = figure.subplots(2, len(curves), squeeze=False)
+    for (above, below), (scene, planners) in zip(axes.T, curves.items(), strict=True):
+        _draw_curves(above, planners)
+        _draw_gains(below, planners)
         counts = sorted({len(rewards) for rewards in planners.values()})
         words = " to ".join(map(str, dict.fromkeys((counts[0], counts[-1]))))
-        ax.set_title(f"{scene} ({words} seeds)", fontsize=10)
-    figure.legend(*ax.get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=8)
+        above.set_title(f"{scene} ({words} seeds)", fontsize=10)
+        for ax in (above, below):
+            ax.xaxis.set_major_locator(MaxNLocator(integer=True))
+            ax.grid(alpha=0.25)
+            draw_frame(ax)
+        below.set_xlabel("step")
+    axes[0, 0].set_ylabel("view reward (mean, ± 1 sd shaded)")
+    axes[1, 0].set_ylabel("reward up to the step,\nbeside sequential planning (%)")
+    handles = axes[0, 0].get_legend_handles_labels()
+    figure.legend(*handles, loc="outside lower center", ncols=len(handles[0]), fontsize=9)
     return figure
 
 
-def _draw_curves(ax: Axes, planners: Mapping[str, Sequence[Sequence[float]]]) -> Axes:
+def _draw_curves(ax: Axes, planners: Curves) -> Axes:
     """Draws the mean and the spread of each planner's reward per step."""
     for k, (planner, rewards) in enumerate(planners.items()):
         if not rewards:
             continue
-        values = np.array(rewards)
+        values = np.array(list(rewards.values()))
         steps = np.arange(1, values.shape[1] + 1) + 0.06 * k  # side by side, not on each other
         mean, spread = values.mean(axis=0), values.std(axis=0, ddof=min(1, len(values) - 1))
         colour = _COLOURS.get(planner, "black")
-        ax.fill_between(steps, mean - spread, mean + spread, color=colour, alpha=0.12, lw=0)
+        ax.fill_between(steps, mean - spread, mean + spread, color=colour, alpha=0.1, lw=0)
         ax.plot(steps, mean, color=colour, marker="o", ms=3, lw=1.6, label=_NAMES.get(planner))
-    ax.set_xlabel("step")
-    ax.set_ylabel("view reward (mean, ± 1 sd shaded)")
-    ax.xaxis.set_major_locator(MaxNLocator(integer=True))
-    ax.grid(alpha=0.25)
-    draw_frame(ax)
     return ax
+
+
+def _draw_gains(ax: Axes, planners: Curves) -> Axes:
+    """Draws how much more each planner has up to a step than sequential planning, in %."""
+    base = planners.get("sequential", {})
+    for planner, rewards in planners.items():
+        seeds = sorted(rewards.keys() & base.keys())
+        if not seeds:
+            continue
+        own, other = (np.cumsum([some[s] for s in seeds], axis=1) for some in (rewards, base))
+        gains = 100 * (own / np.where(other > 0, other, np.nan) - 1)
+        steps = np.arange(1, gains.shape[1] + 1)
+        means = [Mean.resampled(some[np.isfinite(some)].tolist() or [0.0]) for some in gains.T]
+        colour = _COLOURS.get(planner, "black")
+        ax.fill_between(steps, [m.low for m in means], [m.high for m in means], color=colour,
+                        alpha=0.12, lw=0)  # fmt: skip
+        ax.plot(steps, [m.value for m in means], color=colour, lw=1.6)
+    return ax
+
+
+def ablation_figure(effects: Mapping[str, Sequence[tuple[str, Mean]]]) -> Figure:
+    """Draws what each part adds, a line per part, a mark with its interval per scene.
+
+    Parameters
+    ----------
+    effects : by part, the scenes with what the part adds there
+    """
+    figure = Figure(figsize=(9.6, 1.2 + 0.62 * len(effects)), layout="constrained", dpi=110)
+    ax = figure.subplots()
+    scenes = list(dict.fromkeys(scene for some in effects.values() for scene, _ in some))
+    colours = dict(zip(scenes, [*_SCENES, "black"] * len(scenes), strict=False))
+    for n, some in enumerate(effects.values()):
+        for k, (scene, mean) in enumerate(some):
+            ends = [[mean.value - mean.low], [mean.high - mean.value]]
+            ax.errorbar([mean.value], [n + 0.12 * (k - len(some) / 2)], xerr=np.nan_to_num(ends),
+                        fmt="D" if scene == scenes[-1] else "o", color=colours[scene], ms=4,
+                        lw=1.3, label=scene if n == 0 else None)  # fmt: skip
+    ax.axvline(0, color="grey", lw=0.8)
+    ax.set_yticks(range(len(effects)), list(effects), fontsize=8)
+    ax.invert_yaxis()
+    ax.set_xscale("symlog", linthresh=0.1)
+    ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    ax.set_xlabel("adds to J, in % of the certified bound (mean and 95 % bootstrap interval)")
+    ax.grid(alpha=0.25, axis="x")
+    draw_frame(ax)
+    figure.legend(loc="outside lower center", ncols=len(scenes), fontsize=8, frameon=False)
+    return figure
+
+
+def conditions_figure(trials: Sequence[Trial]) -> Figure:
+    """Draws CoCap's gain over sequential planning on random corridors by each parameter."""
+    drawn = planned([trial for trial in trials if trial.stage == DRAWN])
+    names = Corridor._fields
+    figure = Figure(figsize=(2.1 * len(names), 3.4), layout="constrained", dpi=110)
+    panels = np.ravel(figure.subplots(1, len(names), sharey=True))
+    rng = np.random.default_rng(0)
+    for ax, name in zip(panels, names, strict=True):
+        values = [getattr(trial.corridor, name) for trial in drawn]
+        levels = sorted(set(values))
+        gains = np.array([trial.gain() for trial in drawn])
+        where = np.array([levels.index(value) for value in values])
+        ax.plot(where + rng.uniform(-0.2, 0.2, len(where)), gains, "o", ms=2.5, color="#8d99ae")
+        means = [gains[where == n].mean() for n in range(len(levels))]
+        ax.plot(range(len(levels)), means, "D", ms=5, color="#30638e")
+        ax.axhline(PUBLISHED, color="#d1495b", lw=0.9, ls=":")
+        ax.set_xticks(
+            range(len(levels)), [str(level).removesuffix(".0") for level in levels], fontsize=8
+        )
+        ax.set_xlabel(f"{name} (m)" if name in ("width", "length", "height") else name)
+        draw_frame(ax)
+    panels[0].set_yscale("symlog", linthresh=1)
+    panels[0].set_ylim(min(0.0, *gains.tolist()) - 0.2, 2 * max(PUBLISHED, *gains.tolist()))
+    panels[0].yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    panels[0].set_ylabel("CoCap above sequential planning (%)")
+    panels[0].annotate(
+        f"published: {PUBLISHED:g}", (0.98, PUBLISHED), fontsize=7, ha="right", va="bottom",
+        xycoords=("axes fraction", "data"), color="#d1495b",
+    )  # fmt: skip
+    return figure
 
 
 def encounter_figure(problem: Problem, encounter: Encounter, plans: Mapping[str, Plan]) -> Figure:
@@ -116,6 +211,7 @@ def scaling_figure(points: Mapping[str, Sequence[tuple[int, float, float]]]) -> 
         left.plot(robots, seconds, label=_NAMES.get(planner, planner), **style)
         right.plot(robots, shares, label=_NAMES.get(planner, planner), **style)
     left.set_yscale("log")
+    left.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     left.set_ylabel("time, median (s)")
     right.set_ylabel("mean reward, of the bound\nwithout collisions (%)")
     for ax in (left, right):
@@ -123,6 +219,6 @@ def scaling_figure(points: Mapping[str, Sequence[tuple[int, float, float]]]) -> 
         ax.xaxis.set_major_locator(MaxNLocator(integer=True))
         ax.grid(alpha=0.25, which="both")
     figure.legend(
-        *left.get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=8
+        *left.get_legend_handles_labels(), loc="outside lower center", ncols=5, fontsize=8
     )
     return figure

@@ -1,32 +1,40 @@
 """All of the paper's experiments, computed by sweeps and written as one page with its figures."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from statistics import median
 
+from cocap_opt.experiments.console.streams import say
 from cocap_opt.experiments.report.figures import picture
-from cocap_opt.experiments.results.files import save_bytes
+from cocap_opt.experiments.results.files import make_folder, save_bytes, save_csv
 from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.results.statistics import Mean
-from cocap_opt.experiments.results.tables import Table, Tables
-from cocap_opt.experiments.studies.paper.answers import SOURCE, SceneAnswers
+from cocap_opt.experiments.results.tables import Table
+from cocap_opt.experiments.studies.paper.ablation import CONTRASTS, Effect
+from cocap_opt.experiments.studies.paper.conditions import Search, Trial, read_trials
 from cocap_opt.experiments.studies.paper.figures import (
+    ablation_figure,
+    conditions_figure,
     curves_figure,
     encounter_figure,
     scaling_figure,
 )
 from cocap_opt.experiments.studies.paper.giving_way import Encounter
+from cocap_opt.experiments.studies.paper.measured import MEASURED, STORED, completed, read_rows
+from cocap_opt.experiments.studies.paper.page import Page
 from cocap_opt.experiments.sweeps.instances import Instance, Settings
 from cocap_opt.experiments.sweeps.sweep import Hired, sweep
-from cocap_opt.model import Model
+from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import Problem
 from cocap_opt.referee import check
 from cocap_opt.scenarios import load_scene
 from cocap_opt.scenarios.built_in.field import field
-from cocap_opt.stop import Clock, never
 
-SCENES = ("corridor", "bottleneck")
-_PLANNERS = ("greedy", "sequential", "cocap", "cocap-vs")
+SCENES = ("corridor", "corridor-tight", "bottleneck", "bottleneck-tight", "passage")
+_ENCOUNTERS = ("corridor", "bottleneck")  # scenes in which it is asked who gives way
+_CURVES = ("greedy", "sequential", "cocap", "cocap-vs", "cocap-lns")
+_SCALING = ("greedy", "sequential", "cocap", "cocap-vs", "cocap-lns")
+CONDITIONS = "conditions.csv"
 _AT_A_TIME = 3600.0  # s, that a worker may take for a cell
 FIELD = {"actors": 6, "cells": 30, "steps": 8}  # of the scaling experiment
 
@@ -37,6 +45,8 @@ def reproduce(
     sizes: Sequence[int],
     scaling_seeds: Sequence[int],
     limit: float,
+    bound_limit: float,
+    search: Search,
     workers: int | None,
 ) -> bool:
     """Computes what is missing, and writes paper.md and its figures.
@@ -44,7 +54,8 @@ def reproduce(
     Parameters
     ----------
     sizes : of the teams in the scaling experiment
-    limit : s, of each plan and each bound
+    limit, bound_limit : s, of each plan and of each bound
+    search : extent of the search for where CoCap gains most
     workers : processes; None for this one
 
     Returns
@@ -52,16 +63,13 @@ def reproduce(
     bool
         True if no cell ended by an error.
     """
-    settings = Settings(time_limit=limit, bound_time_limit=limit)
-    main = [
-        Instance(load_scene(scene, seed), seed, _PLANNERS, settings)
-        for scene in SCENES
-        for seed in seeds
-    ]
+    settings = Settings(time_limit=limit, bound_time_limit=bound_limit)
+    problems = [(load_scene(scene, seed), seed) for scene in SCENES for seed in seeds]
+    main = [Instance(problem, seed, planners_of(problem), settings) for problem, seed in problems]
     teams = [
         Instance(
             field(seed, robots=n, **FIELD).replace(name=f"field, {n} drones"), seed,
-            _PLANNERS, settings,
+            _SCALING, settings,
         )
         for n in sizes
         for seed in scaling_seeds
@@ -71,9 +79,33 @@ def reproduce(
     interrupted = len(whole) < len(main)
     team_rows = [] if interrupted else _swept(out / "scaling", teams, workers)
     if whole:
+        measured = completed(whole, limit, out / MEASURED, say)
+        trials = [] if interrupted else _searched(out / CONDITIONS, search)
         missing = sum(not one.is_whole for one in (*main, *teams))
-        _write(out, whole, rows, team_rows, sizes, limit, missing)
+        _write(out, whole, measured, team_rows, sizes, trials, missing)
     return not any(row.has_error for row in (*rows, *team_rows))
+
+
+def write_stored_page(out: Path) -> None:
+    """Writes paper.md from the results that are stored with the code."""
+    make_folder(out)
+    page = Page(read_rows(STORED / "paper.csv"), read_trials(STORED / "paper-conditions.csv"))
+    save_bytes(out / "paper.md", page.text().encode())
+
+
+def _searched(path: Path, search: Search) -> list[Trial]:
+    """Returns the trials of the file, or else searches for where CoCap gains most."""
+    if not (search.drawn or path.exists()):
+        return []
+    if not path.exists():
+        records = [trial.record for trial in search.trials(0, say)]
+        save_csv(path, records)
+    return read_trials(path)
+
+
+def planners_of(problem: Problem) -> tuple[str, ...]:
+    """Returns all planners but those that do not take so many drones."""
+    return tuple(name for name in PLANNERS if name != "joint" or len(problem.robots) <= 2)
 
 
 def _write(
@@ -82,35 +114,51 @@ def _write(
     rows: Sequence[Row],
     team_rows: Sequence[Row],
     sizes: Sequence[int],
-    limit: float,
+    trials: Sequence[Trial],
     missing: int,
 ) -> None:
     """Writes the page and its figures from the instances that are whole."""
-    giving, found = _giving_way(instances)
+    some = [one for one in instances if one.problem.name in _ENCOUNTERS]
+    giving, found = _giving_way(some)
     example = Encounter.most_generous(found["cocap"])
-    figures = {"curves.png": picture(curves_figure(_curves(instances)), ".png")}
+    figures = {
+        "curves.png": picture(curves_figure(_curves(instances)), ".png"),
+        "ablation.png": picture(ablation_figure(_effects(rows)), ".png"),
+    }
     if example is not None:
-        figures["giving-way.png"] = _example(instances, example)
+        figures["giving-way.png"] = _example(some, example)
+    if trials:
+        figures["conditions.png"] = picture(conditions_figure(trials), ".png")
     if team_rows:
         figures["scaling.png"] = picture(scaling_figure(_points(team_rows, sizes)), ".png")
     for name, content in figures.items():
         save_bytes(out / name, content)
-    page = _page(rows, team_rows, giving, example, limit, missing)
-    save_bytes(out / "paper.md", page.encode())
+    page = Page(rows, trials, team_rows, giving, example, missing, figures)
+    save_bytes(out / "paper.md", page.text().encode())
+
+
+def _effects(rows: Sequence[Row]) -> dict[str, list[tuple[str, Mean]]]:
+    """Returns by part what it adds on each scene, and on all."""
+    return {
+        f"{one.part}\n{one.words}": [
+            (effect.scene, effect.mean) for effect in Effect.all_of(rows, one) if effect.mean
+        ]
+        for one in CONTRASTS
+    }
 
 
 def _swept(folder: Path, instances: Sequence[Instance], workers: int | None) -> list[Row]:
     return sweep(instances, folder, Hired(workers, None, _AT_A_TIME))
 
 
-def _curves(instances: Sequence[Instance]) -> dict[str, dict[str, list[Sequence[float]]]]:
-    """Returns the reward per step by scene and planner, a curve per seed."""
-    curves: dict[str, dict[str, list[Sequence[float]]]] = {}
+def _curves(instances: Sequence[Instance]) -> dict[str, dict[str, dict[int, Sequence[float]]]]:
+    """Returns the reward per step by scene, planner and seed."""
+    curves: dict[str, dict[str, dict[int, Sequence[float]]]] = {}
     for instance in instances:
-        planners = curves.setdefault(instance.problem.name, {name: [] for name in _PLANNERS})
+        planners = curves.setdefault(instance.problem.name, {name: {} for name in _CURVES})
         for planner, seen in planners.items():
             if (plan := instance.plan(planner)) is not None:
-                seen.append(check(instance.problem, plan).reward_per_step)
+                seen[instance.seed] = check(instance.problem, plan).reward_per_step
     return curves
 
 
@@ -142,7 +190,7 @@ def _points(rows: Sequence[Row], sizes: Sequence[int]) -> dict[str, list[tuple[i
     that has a plan on each.
     """
     points: dict[str, list[tuple[int, float, float]]] = {}
-    for planner in _PLANNERS:
+    for planner in _SCALING:
         for n in sizes:
             own = [r for r in rows if (r.planner, r.robots) == (planner, n)]
             shares = [
@@ -154,70 +202,3 @@ def _points(rows: Sequence[Row], sizes: Sequence[int]) -> dict[str, list[tuple[i
                 seconds = median(Row.values(own, "seconds"))
                 points.setdefault(planner, []).append((n, seconds, Mean.of(shares).value))
     return points
-
-
-def _coverage_seconds(problem: Problem) -> float:
-    """Returns the seconds that coverage of all states takes on one thread, a median of three."""
-    return median(_timed(Model(problem, use_cache=False)) for _ in range(3))
-
-
-def _timed(model: Model) -> float:
-    clock = Clock()
-    model.prepare_all(never)
-    return clock.seconds
-
-
-def _page(
-    rows: Sequence[Row],
-    team_rows: Sequence[Row],
-    giving: Table,
-    example: Encounter | None,
-    limit: float,
-    missing: int,
-) -> str:
-    """Returns the page in Markdown."""
-    scenes = SceneAnswers.all_of(rows)
-    comparison = [row for answers in scenes for row in answers.comparison()]
-    questions: Mapping[str, list[str]] = {
-        "Does CoCap come close to unconstrained performance?": [a.closeness() for a in scenes],
-        "Does CoCap outperform sequential planning?": [a.against_sequential() for a in scenes],
-        "When does sequential planning fail?": [a.sequential_failures() for a in scenes],
-        "Is view search faster?": [
-            a.times(_coverage_seconds(load_scene(a.scene, a.rows[0].seed or 0))) for a in scenes
-        ],
-    }
-    parts = ["# The CoCap paper, reproduced and answered\n"]
-    if missing:
-        parts.append(f"**Unfinished: {missing} of the scenes and seeds are not computed yet.**\n")
-    for question, sentences in questions.items():
-        parts.append(f"## {question}\n\n" + "".join(f"- {words}\n" for words in sentences))
-    parts.append(Tables({"Published and measured": comparison}).markdown())
-    parts.append(
-        f"Published seconds: {SOURCE}, its corridor of 8 steps on the authors' machine; "
-        "its rewards are of scenes that were not published. Intervals: 95 %, Student's t.\n"
-    )
-    parts.append("## Reward per step\n\n![Reward per step](curves.png)\n")
-    parts.append(Tables({"Who gives way": giving}).markdown())
-    parts.append(_story(example))
-    tables = Tables.of(rows)
-    shown = ("Planners", "Price of collision avoidance")
-    parts.append(Tables({title: tables[title] for title in shown if title in tables}).markdown())
-    if team_rows:
-        parts.append("## Scaling\n\n![Time and reward against team size](scaling.png)\n")
-        parts.append("".join(f"- {a.scaling(limit)}\n" for a in SceneAnswers.all_of(team_rows)))
-        parts.append(Tables({"Team sizes": Tables.of(team_rows)["Planners"]}).markdown())
-    return "\n".join(parts)
-
-
-def _story(example: Encounter | None) -> str:
-    """Returns the sentences about the encounter in which most is given up."""
-    if example is None:
-        return "No earlier drone gave up any of its own reward in these scenes.\n"
-    i, k = example.robots
-    return (
-        f"Seed {example.seed}: drones {i} and {k} would collide at step {example.step}. With CoCap "
-        f"drone {i}, which is planned first, gives way and has "
-        f"{100 * example.given_up[0]:.2f} % less of its own reward, drone {k} "
-        f"{100 * example.given_up[1]:.2f} % less; J of the team is {example.team:,.1f}.\n\n"
-        "![The encounter in three plans](giving-way.png)\n"
-    )

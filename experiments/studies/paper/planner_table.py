@@ -1,0 +1,125 @@
+"""The table of planners: of what each is made, what it takes and promises, its gap and its time."""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from statistics import fmean
+
+from cocap_opt.experiments.results.files import read_text, save_bytes
+from cocap_opt.experiments.results.rows import Row
+from cocap_opt.experiments.results.statistics import NONE
+from cocap_opt.experiments.results.tables import Table
+from cocap_opt.experiments.studies.paper.measured import STORED, read_rows
+from cocap_opt.files.documents import FileError
+from cocap_opt.planners import LAZY, PLANNERS, RECOMMENDED
+
+BEGIN, END = "<!-- table of planners -->", "<!-- end of the table of planners -->"
+_ALONE = "no drone alone can better it"
+_COMPLETE = "a plan, or the proof that there is none, if it is not stopped"
+_PARTS = {  # of what a planner is made, and what it promises
+    "greedy": ("each drone in turn, collisions ignored", "half the best J without rules; collides"),
+    "greedy-rounds": ("greedy, then rounds of best responses", f"{_ALONE}; collides"),
+    "sequential": ("each drone in turn, clear of the earlier ones", "obeys the rules"),
+    "sequential-rounds": ("sequential, then rounds that obey the rules", _ALONE),
+    "best-of-orders": ("sequential in ten orders", "at least as good as sequential"),
+    "cocap": ("constraint tree over value iteration, Alg. 1", _COMPLETE),
+    "greedy-lazy": ("greedy over lazy value iteration", "the plan of greedy"),
+    "sequential-lazy": ("sequential over lazy value iteration", "the plan of sequential"),
+    "cocap-lazy": ("cocap over lazy value iteration", "the plan of cocap"),
+    "cocap-vs": ("constraint tree over view search, Alg. 2", _COMPLETE),
+    "cocap-vs-undiscounted": ("cocap-vs, values not discounted", _COMPLETE),
+    "cocap-rounds": ("cocap from a root planned in rounds", _COMPLETE),
+    "cocap-focal": ("cocap-rounds with a focal list, then rounds", f"{_COMPLETE}; {_ALONE}"),
+    "cocap-lns": (
+        "sequential, rounds, a small cocap-focal, then large neighbourhood search",
+        f"{_COMPLETE}; {_ALONE}",
+    ),
+    "joint": ("value iteration over both drones at once", "the proved optimum"),
+    "formation": ("drones on circles around the people", "obeys the rules"),
+    "myopic": ("every drone as if alone", "collides"),
+    "one-step": ("each drone in turn, the best next view", "obeys the rules"),
+}
+
+
+def planner_table(rows: Sequence[Row]) -> Table:
+    """Returns a row per planner; gaps are means over seeds, in % of the certified bound."""
+    base = {row.key: row.seconds for row in rows if row.planner == "sequential"}
+    scenes = list(dict.fromkeys(row.scene for row in rows))
+    table = []
+    for name in PLANNERS:
+        own = [row for row in rows if row.planner == name]
+        parts, promise = _PARTS.get(name, (NONE, NONE))
+        table.append(
+            {
+                "planner": f"`{name}`" + (" (recommended)" if name == RECOMMENDED else ""),
+                "made of": parts,
+                "takes": _needs(name),
+                "promises": promise,
+                **{scene: _gap([row for row in own if row.scene == scene]) for scene in scenes},
+                "time": _ratio(own, base),
+            }
+        )
+    return table
+
+
+def _needs(name: str) -> str:
+    """Returns what a planner needs besides the scene."""
+    views = "single views" if name in LAZY else "all coverage"
+    return f"1 or 2 drones, {views}" if name == "joint" else views
+
+
+def _gap(rows: Sequence[Row]) -> str:
+    """Returns the mean gap of plans that obey the rules; * where a limit stopped some."""
+    gaps = Row.percent([row for row in rows if row.valid], "gap")
+    if not gaps:
+        return NONE
+    late = "\\*" if any(row.limit != "none" for row in rows) else ""
+    some = "" if len(gaps) == len(rows) else f" ({len(gaps)} of {len(rows)})"
+    return f"{fmean(gaps):.2f}{late}{some}"
+
+
+def _ratio(rows: Sequence[Row], base: dict[tuple[str, int | None], float | None]) -> str:
+    """Returns how many times as long as sequential planning it takes, as a geometric mean."""
+    logs = [
+        math.log(row.seconds / other)
+        for row in rows
+        if row.seconds and (other := base.get(row.key))
+    ]  # fmt: skip
+    if not logs:
+        return NONE
+    ratio = math.exp(fmean(logs))
+    return f"{ratio:.1f}" if ratio < 9.95 else f"{ratio:,.0f}"
+
+
+def planners_in_markdown(path: Path | None = None) -> str:
+    """Returns the table in Markdown, and a sentence on what its numbers are.
+
+    Parameters
+    ----------
+    path : rows of the paper's study; None for the stored ones
+    """
+    path = path or STORED / "paper.csv"
+    rows = read_rows(path)
+    if not rows:
+        raise FileError(f"{path}: has no rows of the paper's study")
+    seeds = len({row.seed for row in rows})
+    limit = max(Row.values(rows, "time_limit"), default=0.0)
+    table = planner_table(rows)
+    lines = [list(table[0]), ["---"] * len(table[0]), *(list(row.values()) for row in table)]
+    body = "\n".join(f"| {' | '.join(line)} |" for line in lines)
+    return (
+        f"{body}\n\n"
+        f"Gaps: means over {seeds} seeds below the certified bound, in %; \\* where the limit of "
+        f"{limit:g} s stopped some. Time: of the processor, for the search, as a multiple of that "
+        "of `sequential` on the same scenes (geometric mean); coverage is apart, but for planners "
+        "that take single views.\n"
+    )
+
+
+def write_into(document: Path, text: str) -> None:
+    """Replaces the table in a document, which stands between two marks."""
+    before, begin, rest = read_text(document).partition(BEGIN)
+    _, end, after = rest.partition(END)
+    if not (begin and end):
+        raise FileError(f"{document}: must hold the lines {BEGIN} and {END}")
+    save_bytes(document, f"{before}{BEGIN}\n\n{text}\n{END}{after}".encode())
