@@ -156,11 +156,11 @@ def _scene_plans(folder: Path, rows: Sequence[Row]) -> str:
     return (
         f"<h3>{name}</h3>\n<p>{escape(_story(shown))}</p>\n"
         f'<iframe class="player" loading="lazy" title="plans of {name}" srcdoc="{player}">'
-        f"</iframe>\n{charts}{_gaps_explained(name, explained)}"
+        f"</iframe>\n{charts}{_gaps_explained(title, explained)}"
     )
 
 
-def _gaps_explained(name: str, explained: Mapping[str, Explained]) -> str:
+def _gaps_explained(title: str, explained: Mapping[str, Explained]) -> str:
     """Returns a figure and a table of what the gaps of plans are made of, in % of the bound."""
     if not explained:
         return ""
@@ -169,7 +169,7 @@ def _gaps_explained(name: str, explained: Mapping[str, Explained]) -> str:
         for planner, one in explained.items()
     }
     words = (
-        f"{name}: what each drone loses by leaving a step as it does, against the best path that "
+        f"{title}: what each drone loses by leaving a step as it does, against the best path that "
         "the bound knows from there."
     )
     lost = any(own.max() >= 100 * SHOWN for own in losses.values())
