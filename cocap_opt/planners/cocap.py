@@ -68,13 +68,7 @@ def cocap(problem: Problem, stop: Stop = never, low_level: LowLevel = value_iter
         low level. If the tree is exhausted, no plan obeys the rules: a low level fails only where
         there is no path, and every plan meets at least one of the two constraints of a conflict.
     """
-    open_nodes = OpenNodes()
-    team, responses = Team.of(problem, low_level, stop), Responses(low_level, stop)
-    tree = ConstraintTree(team, responses, stop, open_nodes)
-    try:
-        return tree.result(algorithm_1(tree, open_nodes))
-    except LimitReached as reached:
-        return tree.stopped(reached.limit)
+    return _searched(problem, stop, low_level, OpenNodes())
 
 
 def cocap_lazy(problem: Problem, stop: Stop = never) -> Result:
@@ -95,7 +89,7 @@ def cocap_vs_undiscounted(problem: Problem, stop: Stop = never) -> Result:
 @timed
 def cocap_rounds(problem: Problem, stop: Stop = never) -> Result:
     """Plan as `cocap` does, from a root that is planned in rounds of best responses."""
-    return _from_rounds(problem, stop, OpenNodes())
+    return _searched(problem, stop, value_iteration, OpenNodes(), rounds=True)
 
 
 @timed
@@ -104,15 +98,26 @@ def cocap_focal(problem: Problem, stop: Stop = never) -> Result:
 
     Of the open nodes within 1 % of the greatest J that of the fewest conflicts comes first.
     """
-    return _from_rounds(problem, stop, FocalNodes(), polish=True)
+    return _searched(problem, stop, value_iteration, FocalNodes(), rounds=True, polish=True)
 
 
-def _from_rounds(
-    problem: Problem, stop: Stop, open_nodes: OpenNodes, polish: bool = False
+def _searched(
+    problem: Problem,
+    stop: Stop,
+    low_level: LowLevel,
+    open_nodes: OpenNodes,
+    rounds: bool = False,
+    polish: bool = False,
 ) -> Result:
-    """Return the result of Alg. 1 from a root that is planned in rounds."""
-    team, responses = Team.of(problem, value_iteration, stop), Responses(value_iteration, stop)
-    tree = ConstraintTree(team, responses, stop, open_nodes, rounds=True)
+    """Return the result of Alg. 1.
+
+    Parameters
+    ----------
+    rounds : the root is planned in rounds of best responses
+    polish : so is the plan that is found, under the rules
+    """
+    team, responses = Team.of(problem, low_level, stop), Responses(low_level, stop)
+    tree = ConstraintTree(team, responses, stop, open_nodes, rounds)
     try:
         found = algorithm_1(tree, open_nodes)
     except LimitReached as reached:

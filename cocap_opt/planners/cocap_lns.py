@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from cocap_opt.planners.cocap import algorithm_1
-from cocap_opt.planners.constraint_tree import ConstraintTree, FocalNodes
+from cocap_opt.planners.constraint_tree import EXHAUSTED, ConstraintTree, FocalNodes
 from cocap_opt.planners.low_level import value_iteration
 from cocap_opt.planners.neighbourhoods import neighbourhood_search
 from cocap_opt.planners.responses import Responses, followed, in_rounds, one_by_one
@@ -47,8 +47,7 @@ def cocap_lns(problem: Problem, stop: Stop = never, responses: int = RESPONSES) 
     changes = _better_and_better(nobody, asked, stop, responses * nobody.size)
     team, limit = followed(nobody, changes)
     if limit is None and not team.is_whole:
-        words = "no plan obeys the rules: the constraint tree is exhausted"
-        return Result.without_plan(Reason.INFEASIBLE, words)
+        return Result.without_plan(Reason.INFEASIBLE, EXHAUSTED)
     return team.hovering().result(limit, {"responses": asked.asked})
 
 
@@ -59,8 +58,7 @@ def _better_and_better(
     team = nobody
     for team in then_in_rounds(nobody, responses):
         yield team
-    nodes = max(NODES * team.size, FEW_NODES) if team.is_whole else sys.maxsize
-    other = _from_tree(nobody, responses, stop, nodes)
+    other = _from_tree(team, responses, stop)
     if other is not None and not (team.is_whole and team.value >= other.value):
         yield (team := other)
     if team.is_whole:
@@ -68,17 +66,23 @@ def _better_and_better(
         yield from neighbourhood_search(team, responses, asked, rng)
 
 
-def _from_tree(nobody: Team, responses: Responses, stop: Stop, nodes: int) -> Team | None:
-    """Return the plan of CoCap's tree after rounds; None if it needs more nodes, or has none.
+def _from_tree(known: Team, responses: Responses, stop: Stop) -> Team | None:
+    """Return the plan of CoCap's tree after rounds; None if it needs many nodes, or has none.
 
     A tree whose root has more conflicts than it may have nodes is not begun.
+
+    Parameters
+    ----------
+    known : as sequential planning has it; if it is not whole, the tree may have any size
     """
+    nobody = Team.nobody(known.model)
+    nodes = max(NODES * known.size, FEW_NODES) if known.is_whole else sys.maxsize
     root = followed(nobody, one_by_one(nobody, responses, rules=False))[0]
     stop.check()
     if root.is_whole and len(root.conflicts) > nodes:
         return None
     open_nodes, enough = FocalNodes(), FirstOf(stop, WorkLimit(nodes))
-    tree = ConstraintTree(root, responses, enough, open_nodes, rounds=True)
+    tree = ConstraintTree(root, responses, enough, open_nodes, rounds=True, spare=known)
     try:
         found = algorithm_1(tree, open_nodes)
     except LimitReached:

@@ -12,6 +12,7 @@ from cocap_opt.problem import Conflict
 from cocap_opt.result import Reason, Result
 from cocap_opt.stop import Clock, Limit, Stop
 
+EXHAUSTED = "no plan obeys the rules: the constraint tree is exhausted"
 SPARE_FROM = 64  # nodes generated from which on a spare plan costs little
 
 
@@ -101,6 +102,7 @@ class ConstraintTree:
     ----------
     team : of which nobody is planned yet, or the first robots are
     rounds : the root is planned in rounds of best responses; else once, as published
+    spare : a plan for the case that time runs out; if None, it is made once the tree is large
     """
 
     def __init__(
@@ -110,11 +112,12 @@ class ConstraintTree:
         stop: Stop,
         open_nodes: OpenNodes,
         rounds: bool = False,
+        spare: Team | None = None,
     ) -> None:
         self._model, self._responses, self._stop = team.model, responses, stop
         self._open, self._rounds = open_nodes, rounds
         self._team = team  # of the root, as far as it is planned
-        self._spare: Team | None = None  # of sequential planning, once the tree is large
+        self._spare = spare
         self._root_seconds = 0.0
 
     def root(self) -> Node | None:
@@ -165,9 +168,8 @@ class ConstraintTree:
     def result(self, found: Node | None) -> Result:
         """Result of a search that ran to its end."""
         if found is None:
-            words = "no plan obeys the rules: the constraint tree is exhausted"
             return Result.without_plan(
-                Reason.INFEASIBLE, words, self._statistics(self._open.popped)
+                Reason.INFEASIBLE, EXHAUSTED, self._statistics(self._open.popped)
             )
         return found.team.result(statistics=self._statistics(self._open.popped - 1))
 

@@ -20,6 +20,9 @@ _Scenes = Annotated[
     list[str] | None, Parameter(negative="", consume_multiple=True, help="scenes or files")
 ]
 _Seeds = Annotated[str | None, Parameter(help="such as 0-4; without it, each row has its own")]
+_Workers = Annotated[
+    int | None, Parameter(help="processes, each on a core of its own; this one if not given")
+]
 _INTERRUPTED = 130  # exit code after Ctrl-C
 
 
@@ -35,9 +38,7 @@ def _paper(
     corridors: Annotated[
         int, Parameter(help="drawn at random in the search for where CoCap gains most")
     ] = 200,
-    workers: Annotated[
-        int | None, Parameter(help="processes, each on a core of its own; this one if not given")
-    ] = None,
+    workers: _Workers = None,
     stored: Annotated[
         bool, Parameter(negative="", help="compute nothing: write the page of the stored results")
     ] = False,
@@ -109,9 +110,7 @@ def _others(
         str | None, Parameter(help="start sets of Greedy Perspectives, such as 0-9; all if none")
     ] = None,
     limit: Annotated[float, Parameter(help="seconds for each plan and each bound")] = 60.0,
-    workers: Annotated[
-        int | None, Parameter(help="processes, each on a core of its own; this one if not given")
-    ] = None,
+    workers: _Workers = None,
     out: _Out = None,
 ) -> int:
     """Set published plans of other projects against ours, with certified bounds.
