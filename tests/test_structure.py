@@ -28,7 +28,9 @@ ORDER = {
         "relaxations", "column_generation", "integer_programs",
     ),
     "scenarios": ("text", "kinds", "cameras", "airframes", "formats", "recipe", "built_in"),
-    "experiments": ("console", "results", "sweeps", "report", "api", "studies", "notebooks", "cli"),
+    "experiments": (
+        "console", "results", "missions", "sweeps", "report", "api", "studies", "notebooks", "cli",
+    ),
 }  # fmt: skip
 SOLVERS = {"cvxpy", "clarabel", "highspy", "ortools", "pyscipopt"}
 

@@ -8,13 +8,12 @@ from cyclopts import Parameter
 from cocap_opt.data import ProblemError
 from cocap_opt.experiments.cli.options import FLAG, Json, Output, Scene, Seed, load
 from cocap_opt.experiments.console.options import Option, UsageError
-from cocap_opt.experiments.results.files import PlanReader, check_output, save_bytes
+from cocap_opt.experiments.missions import WRITERS
+from cocap_opt.experiments.results.files import PlanReader, check_output, save_files
 from cocap_opt.experiments.results.flights import Flight
 from cocap_opt.experiments.results.printing import Listing, Record, print_result
 from cocap_opt.files.documents import FileError
 from cocap_opt.problem import Problem
-
-FLOWN = (".csv",)
 
 
 def _fly(
@@ -45,7 +44,7 @@ def _fly(
 
     Example: cocap-opt fly corridor plan.json --step 1 --smooth -o flight.csv
     """
-    Option("-o").ending(output, FLOWN)
+    write = WRITERS[Option("-o").ending(output, tuple(WRITERS))]
     assert output is not None
     for option, value in (("--step", step), ("--every", every)):
         if value is not None and not Option(option).require_seconds(value) > 0:
@@ -56,19 +55,28 @@ def _fly(
     problem = problem.replace(earth=None) if local else problem
     try:
         flight = Flight.of(problem, planned, smooth)
-        content = flight.csv(every)
+        mission = write(flight, every)
     except ProblemError as error:
         raise _in_words(error, scene, plan) from error
     record = flight.record()
-    save_bytes(output, content)
+    files = {_named(output, part): content for part, content in mission.files.items()}
+    for path in files:
+        check_output(path, scene, plan)
+    save_files(files)
     answer: Record = {"scene": problem.name, "seed": seed, **record}
-    notes = list(flight.notes())
+    notes = [*flight.notes(), *mission.notes]
+    written = output if len(files) == 1 else " ".join(str(path) for path in files)
     if json:
-        print_result({**answer, "drones": flight.rows(), "notes": notes, "file": output}, json)
+        print_result({**answer, "drones": flight.rows(), "notes": notes, "file": written}, json)
     else:
-        print_result({**answer, "file": output}, json)
+        print_result({**answer, "file": written}, json)
         Listing("tightest moment of each drone", flight.rows(), notes).print()
     return 0
+
+
+def _named(output: Path, part: str) -> Path:
+    """Returns the name of a part of the output."""
+    return output.with_name(f"{output.stem}.{part}{output.suffix}") if part else output
 
 
 def _in_words(error: ProblemError, scene: str, plan: Path) -> Exception:

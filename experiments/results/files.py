@@ -29,10 +29,16 @@ log = logging.getLogger(__name__)
 
 def save_bytes(path: Path, content: bytes) -> None:
     """Writes a file whole or not at all."""
+    save_files({path: content})
+
+
+def save_files(contents: dict[Path, bytes]) -> None:
+    """Writes files whole or not at all."""
     try:
-        write_atomically({path: content})
+        write_atomically(contents)
     except OSError as error:
-        raise FileError(f"{path}: cannot be written: {error.strerror}") from error
+        names = ", ".join(str(path) for path in contents)
+        raise FileError(f"{names}: cannot be written: {error.strerror}") from error
 
 
 def save_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:

@@ -1,6 +1,5 @@
 """Flights of plans, checked for being flown, and their rows for tables and files."""
 
-import io
 import math
 from collections.abc import Iterable
 from typing import NamedTuple
@@ -20,7 +19,6 @@ from cocap_opt.referee import check
 
 PER_STEP = 10  # rows of a smooth flight that nobody asked for otherwise
 MOST_ROWS = 5_000_000
-_DIGITS = {"latitude": 9, "longitude": 9}  # of a CSV file; others have 6
 _UNITS = {"speed": "m/s", "climb": "m/s", "descent": "m/s", "acceleration": "m/s2",
           "yaw_rate": "deg/s", "gimbal_rate": "deg/s"}  # fmt: skip
 _ANGLES = "yaw_rate", "gimbal_rate"  # in rad/s where they are computed
@@ -107,18 +105,6 @@ class Flight(NamedTuple):
         if problem.earth is not None and problem.earth.heights is not None:
             columns[f"above_{problem.earth.heights}"] = z + problem.earth.base
         return columns
-
-    def csv(self, every: float | None = None) -> bytes:
-        """Returns the columns as CSV."""
-        columns = self.columns(every)
-        formats = ["%d" if k == "drone" else f"%.{_DIGITS.get(k, 6)}f" for k in columns]
-        text = io.StringIO(newline="")
-        table = np.column_stack(list(columns.values())) + 0.0  # which makes -0 a 0
-        np.savetxt(
-            text, table, fmt=formats, delimiter=",", header=",".join(columns), comments="",
-            newline="\n",
-        )  # fmt: skip
-        return text.getvalue().encode()
 
     def record(self) -> Record:
         """Returns what there is to say of the flights as a whole."""

@@ -1,0 +1,25 @@
+"""What flights become for others: files, and what must be known to fly them."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from cocap_opt.experiments.results.flights import Flight
+
+
+class Mission(NamedTuple):
+    """Files of one format, and what to know about them.
+
+    Attributes
+    ----------
+    files : their contents, by what stands in their names between the name that was asked for and
+        its ending: "" is that name itself, "drone0" makes `flight.drone0.plan` of `flight.plan`
+    notes : sentences on what the files cannot say
+    """
+
+    files: dict[str, bytes]
+    notes: tuple[str, ...] = ()
+
+
+# Takes the flights and the seconds between rows or points, None for what is usual. It raises
+# ProblemError, one line, where the format cannot hold these flights.
+Writer = Callable[[Flight, float | None], Mission]
