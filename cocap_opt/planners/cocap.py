@@ -21,9 +21,10 @@ paper's background section speaks of least cost. Limits, statistics and the plan
 time runs out are in `constraint_tree`.
 """
 
-from cocap_opt.planners.constraint_tree import ConstraintTree, FocalNodes, Node, OpenNodes
+from cocap_opt.planners.constraint_tree import ConstraintTree
 from cocap_opt.planners.lazy_value_iteration import LazyValueIteration
 from cocap_opt.planners.low_level import LowLevel, value_iteration
+from cocap_opt.planners.open_nodes import BestNodes, FocalNodes, Node, OpenNodes
 from cocap_opt.planners.responses import Responses
 from cocap_opt.planners.team import Team
 from cocap_opt.planners.view_search import Undiscounted, ViewSearch
@@ -68,7 +69,7 @@ def cocap(problem: Problem, stop: Stop = never, low_level: LowLevel = value_iter
         low level. If the tree is exhausted, no plan obeys the rules: a low level fails only where
         there is no path, and every plan meets at least one of the two constraints of a conflict.
     """
-    return _searched(problem, stop, low_level, OpenNodes())
+    return _searched(problem, stop, low_level, BestNodes())
 
 
 def cocap_lazy(problem: Problem, stop: Stop = never) -> Result:
@@ -89,7 +90,7 @@ def cocap_vs_undiscounted(problem: Problem, stop: Stop = never) -> Result:
 @timed
 def cocap_rounds(problem: Problem, stop: Stop = never) -> Result:
     """Plan as `cocap` does, from a root that is planned in rounds of best responses."""
-    return _searched(problem, stop, value_iteration, OpenNodes(), rounds=True)
+    return _searched(problem, stop, value_iteration, BestNodes(), rounds=True)
 
 
 @timed

@@ -1,20 +1,23 @@
 """The planner that is recommended: constraint tree and rounds, then large neighbourhood search.
 
 It is made of the others' parts: sequential planning and rounds of best responses give a first
-plan; CoCap's tree with a focal list, from a root planned in rounds, gives another one if it finds
-one in few nodes; the better one is improved by large neighbourhood search. Where sequential
-planning fails, the tree goes on until it finds a plan, or has proved that there is none.
+plan; CoCap's tree with a focal list, from a root planned in rounds, gives another one, repaired if
+it has conflicts left after few nodes; the better one is improved by large neighbourhood search.
+Where sequential planning fails, the tree goes on until it finds a plan, or has proved that there
+is none.
 """
 
 import sys
+from collections import Counter
 from collections.abc import Iterator
 
 import numpy as np
 
 from cocap_opt.planners.cocap import algorithm_1
-from cocap_opt.planners.constraint_tree import EXHAUSTED, ConstraintTree, FocalNodes
+from cocap_opt.planners.constraint_tree import EXHAUSTED, ConstraintTree
 from cocap_opt.planners.low_level import value_iteration
 from cocap_opt.planners.neighbourhoods import neighbourhood_search
+from cocap_opt.planners.open_nodes import FocalNodes
 from cocap_opt.planners.responses import Responses, followed, in_rounds, one_by_one
 from cocap_opt.planners.sequential import then_in_rounds
 from cocap_opt.planners.team import Team
@@ -67,9 +70,10 @@ def _better_and_better(
 
 
 def _from_tree(known: Team, responses: Responses, stop: Stop) -> Team | None:
-    """Return the plan of CoCap's tree after rounds; None if it needs many nodes, or has none.
+    """Return the plan of CoCap's tree after rounds; None if it has none, or is not worth a try.
 
-    A tree whose root has more conflicts than it may have nodes is not begun.
+    Where it needs many nodes, it is the plan of the node with the fewest conflicts, repaired. A
+    tree whose root has more conflicts than it may have nodes is not begun.
 
     Parameters
     ----------
@@ -87,7 +91,21 @@ def _from_tree(known: Team, responses: Responses, stop: Stop) -> Team | None:
         found = algorithm_1(tree, open_nodes)
     except LimitReached:
         stop.check()
-        return None
-    if found is None:
-        return None
-    return followed(found.team, in_rounds(found.team, responses))[0]
+        found = open_nodes.nearest()
+    team = None if found is None else _repaired(found.team, responses)
+    return None if team is None else followed(team, in_rounds(team, responses))[0]
+
+
+def _repaired(team: Team, responses: Responses) -> Team | None:
+    """Return the team without conflicts; None where a robot finds no way clear of the others.
+
+    Again and again the robot in most conflicts is planned anew, clear of all others.
+    """
+    while team.conflicts:
+        involved = Counter(robot for conflict in team.conflicts for robot in conflict.robots)
+        robot = min(involved, key=lambda i: (-involved[i], i))
+        single = responses.best(team, robot)
+        if single.path is None:
+            return None
+        team = team.with_path(robot, single)
+    return team

@@ -1,11 +1,11 @@
-"""The constraint tree of CoCap: its nodes and queue, and what becomes of it at a limit."""
+"""The constraint tree of CoCap: how its nodes are made, and what becomes of it at a limit."""
 
-import heapq
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from cocap_opt.coordination.constraints import forbid
-from cocap_opt.graph.charges import NO_CHARGES, Charges
+from cocap_opt.graph.charges import NO_CHARGES
+from cocap_opt.planners.open_nodes import Node, OpenNodes
 from cocap_opt.planners.responses import Responses, followed, in_rounds, one_by_one
 from cocap_opt.planners.team import Team
 from cocap_opt.problem import Conflict
@@ -14,85 +14,6 @@ from cocap_opt.stop import Clock, Limit, Stop
 
 EXHAUSTED = "no plan obeys the rules: the constraint tree is exhausted"
 SPARE_FROM = 64  # nodes generated from which on a spare plan costs little
-
-
-@dataclass(frozen=True)
-class Node:
-    """Node of the constraint tree."""
-
-    team: Team  # one path and its pixels per robot
-    constraints: tuple[Charges, ...]  # per robot
-    value: float  # J
-    depth: int = 0  # number of constraints on the way from the root
-
-    @property
-    def conflicts(self) -> tuple[Conflict, ...]:
-        """Conflicts of the node's plan, earliest step first."""
-        return self.team.conflicts
-
-
-class OpenNodes:
-    """Queue of the nodes that are not expanded yet, the greatest J first, then the oldest.
-
-    Attributes
-    ----------
-    pushed, popped : number of nodes so far
-    last : the node popped last
-    """
-
-    def __init__(self) -> None:
-        self._heap: list[tuple[float, int, Node]] = []
-        self.pushed = self.popped = 0
-        self.last: Node | None = None
-
-    def __bool__(self) -> bool:
-        return bool(self._heap)
-
-    def push(self, node: Node) -> None:
-        """Add a node."""
-        heapq.heappush(self._heap, (-node.value, self.pushed, node))
-        self.pushed += 1
-
-    def pop(self) -> Node:
-        """Take the node of greatest J."""
-        self.popped += 1
-        self.last = heapq.heappop(self._heap)[2]
-        return self.last
-
-
-class FocalNodes(OpenNodes):
-    """Queue that takes of the nodes of nearly the greatest J the one with the fewest conflicts.
-
-    It gives up a little J to come to a plan without conflicts sooner: where many robots meet, the
-    node of greatest J nearly always has conflicts left. Source: focal search as in Enhanced
-    Conflict-Based Search (Barer et al. 2014), there for the least cost.
-
-    Parameters
-    ----------
-    within : share of the greatest J that a node may lack, 0..1
-    """
-
-    def __init__(self, within: float = 0.01) -> None:
-        super().__init__()
-        self._within = within
-        self._nodes: list[Node] = []
-
-    def __bool__(self) -> bool:
-        return bool(self._nodes)
-
-    def push(self, node: Node) -> None:
-        """Add a node."""
-        self._nodes.append(node)
-        self.pushed += 1
-
-    def pop(self) -> Node:
-        """Take the node with the fewest conflicts, of those the greatest J, then the oldest."""
-        least = max(node.value for node in self._nodes) * (1 - self._within)
-        focal = [n for n, node in enumerate(self._nodes) if node.value >= least]
-        first = min(focal, key=lambda n: (len(self._nodes[n].conflicts), -self._nodes[n].value, n))
-        self.popped += 1
-        self.last = self._nodes.pop(first)
-        return self.last
 
 
 class ConstraintTree:

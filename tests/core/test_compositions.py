@@ -12,9 +12,9 @@ from cocap_opt.model import compiled
 from cocap_opt.planners import PLANNERS
 from cocap_opt.planners.cocap import cocap
 from cocap_opt.planners.cocap_lns import cocap_lns
-from cocap_opt.planners.constraint_tree import FocalNodes, Node, OpenNodes
 from cocap_opt.planners.low_level import value_iteration
 from cocap_opt.planners.neighbourhoods import neighbourhood_search
+from cocap_opt.planners.open_nodes import BestNodes, FocalNodes, Node
 from cocap_opt.planners.responses import Responses, followed, one_by_one
 from cocap_opt.planners.sequential import best_of_orders, sequential, sequential_rounds
 from cocap_opt.planners.team import Team
@@ -153,7 +153,7 @@ def _node(value: float, conflicts: int) -> Node:
 def test_a_focal_list_takes_the_fewest_conflicts_within_a_share_of_the_best() -> None:
     """Best first takes the greatest J; the focal list gives up at most 1 % of it."""
     nodes = [_node(100.0, 5), _node(99.5, 1), _node(99.2, 1), _node(98.0, 0)]
-    focal, best = FocalNodes(), OpenNodes()
+    focal, best = FocalNodes(), BestNodes()
     for node in nodes:
         focal.push(node)
         best.push(node)
