@@ -229,18 +229,16 @@ class TimeGraph:
 
         All others are more than `reach` cells from it along one axis all the time.
         """
-        shift = head[0] - tail[0], head[1] - tail[1]
-        places = self.places_around(*tail, reach + self.motion.radius + max(map(abs, shift)))
-        _, *at = self.coordinates(places) - _column((0, *tail))
-        tails, heads = [], []
-        for k, (_, *move) in enumerate(self.moves):
-            near = self.neighbours[k, places] >= 0
-            for before, own, other in zip(at, move, shift, strict=True):
-                change = own - other  # of the way from one to the other
-                near &= (before + min(change, 0) <= reach) & (before + max(change, 0) >= -reach)
-            tails.append(places[near])
-            heads.append(self.neighbours[k, places[near]])
-        return np.concatenate(tails), np.concatenate(heads)
+        shift = np.array(head) - tail
+        places = self.places_around(*tail, reach + self.motion.radius + int(np.abs(shift).max()))
+        before = (self.coordinates(places) - _column((0, *tail)))[1:]  # [2, n]
+        change = (np.array(self.moves)[:, 1:] - shift)[:, :, None]  # [K, 2, 1] of the way between
+        near = (before + np.minimum(change, 0) <= reach) & (
+            before + np.maximum(change, 0) >= -reach
+        )
+        heads = self.neighbours[:, places]
+        which, at = np.nonzero(near.all(axis=1) & (heads >= 0))
+        return places[at], heads[which, at]
 
     # -- edges ---------------------------------------------------------------------------
 

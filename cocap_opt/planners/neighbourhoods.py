@@ -22,9 +22,9 @@ from cocap_opt.planners.responses import Responses, in_rounds
 from cocap_opt.planners.team import Team
 
 LARGEST = 8  # robots of a neighbourhood
-GIVING_WAY = 0.3  # share of the neighbourhoods in which one robot has its way
+GIVING_WAY = 0.4  # share of the neighbourhoods in which one robot has its way
 DEVIATING = 0.3  # share of the others whose first robot must leave its former way
-PROMISING = 0.01  # relative loss up to which a neighbourhood is worth settling
+PROMISING = 0.005  # relative loss up to which a neighbourhood is worth settling
 
 
 def neighbourhood_search(
