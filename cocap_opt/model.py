@@ -216,7 +216,11 @@ class Model:
         def near(number: int, move: tuple[Cell, Cell]) -> IntArray:
             rules, graph = self.problem.rules, self.classes[number].graph
             (x, y, _), (u, v, _) = move
-            tails, heads = graph.moves_past((x, y), (u, v), self.problem.cells_apart)
+            tails, heads = (
+                graph.moves_past((x, y), (u, v), self.problem.cells_apart)
+                if rules.separation
+                else graph.moves_between((u, v), (x, y))  # only these may swap places with it
+            )
             here, there = self.problem.positions(move)
             own = self.positions[number][tails], self.positions[number][heads]
             between = rules.conflict_between((here, there), own)

@@ -222,6 +222,17 @@ class TimeGraph:
         tails = places[at]
         return tails, self.neighbours[move, tails]
 
+    def moves_between(
+        self, tail: tuple[int, int], head: tuple[int, int]
+    ) -> tuple[IntArray, IntArray]:
+        """Returns tails and heads [n] of all moves from one cell to another, in every layer."""
+        way = head[0] - tail[0], head[1] - tail[1]
+        which = [k for k, (_, *move) in enumerate(self.moves) if tuple(move) == way]
+        places = self.places_around(*tail, 0)
+        heads = self.neighbours[which][:, places]
+        at = np.nonzero(heads >= 0)[1]
+        return places[at], heads[heads >= 0]
+
     def moves_past(
         self, tail: tuple[int, int], head: tuple[int, int], reach: int
     ) -> tuple[IntArray, IntArray]:
