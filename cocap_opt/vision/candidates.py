@@ -23,7 +23,8 @@ from cocap_opt.vision.spans import spans
 
 _SECTORS = 128
 _ROUNDING = 1e-9  # of slopes and directions, much more than that of computing them
-_PAIRS = 2_000_000  # of targets and bodies at once, to bound the memory
+_PAIRS = 50_000  # of targets and bodies at once, so that they stay in the processor's cache
+_MOST_SECTORS = 2**16  # at once: their numbers have 16 bits
 _GRAIN = 2.0**-30  # of keys, so that a slope's part does not depend on the sector's number
 
 
@@ -57,7 +58,8 @@ class Candidates:
         self.bodies, self._targets, self._tops = bodies, targets, bodies.high[:, 2]
         self._middles = (bodies.low + bodies.high[:, :2]) / 2
         self._halves = (bodies.high[:, :2] - bodies.low) / 2
-        n, size = len(targets.radii), max(_PAIRS // max(len(self._tops), 1), 1)
+        n, size = len(targets.radii), _PAIRS // max(len(self._tops), 1)
+        size = min(max(size, 1), _MOST_SECTORS // _SECTORS)
         parts = [
             _entries(bodies, targets, np.arange(first, min(first + size, n)), lowest_eye)
             for first in range(0, n, size)
@@ -79,7 +81,7 @@ class Candidates:
         slope[sloping] = up[sloping] / (away - radius)[sloping]
         sector = targets * _SECTORS + _sector(np.arctan2(way[:, 1], way[:, 0])) % _SECTORS
         first = self._starts[sector]
-        ends = np.searchsorted(self._keys, _key(sector, slope) + 4 * _GRAIN, side="right")
+        ends = np.searchsorted(self._keys, sector + _fall(slope) + 4 * _GRAIN, side="right")
         low = np.minimum(eyes[:, 2], foot)
         # What reaches beyond the eye is out of the way, unless it is around the target.
         reach = np.maximum(away, np.nextafter(radius, np.inf))
@@ -173,12 +175,14 @@ def _entries(
     first = _sector(base + np.minimum.reduce(turns) - widening - _ROUNDING)
     last = _sector(base + np.maximum.reduce(turns) + widening + _ROUNDING)
     counts = np.where(around, _SECTORS, np.minimum(last - first + 1, _SECTORS))
-    entry = np.repeat(np.arange(len(row)), counts)
-    sector = some[row[entry]] * _SECTORS + spans(first, counts) % _SECTORS
-    keys = _key(sector, slope[entry])
-    order = np.argsort(keys, kind="stable")
-    entry = entry[order]
-    return keys[order], body[entry], nearest[entry]
+    fall = _fall(slope)
+    steepest = np.argsort(fall, kind="stable")
+    counts = counts[steepest]
+    sector = row[steepest].repeat(counts) * _SECTORS + spans(first[steepest], counts) % _SECTORS
+    # Numbers of 16 bits are sorted in a time that grows with their number only.
+    order = np.argsort(sector.astype(np.uint16), kind="stable")
+    entry = steepest.repeat(counts)[order]
+    return some[0] * _SECTORS + sector[order] + fall[entry], body[entry], nearest[entry]
 
 
 def _sector(angle: FloatArray) -> IntArray:
@@ -187,8 +191,10 @@ def _sector(angle: FloatArray) -> IntArray:
     return result
 
 
-def _key(sector: IntArray, slope: FloatArray) -> FloatArray:
-    """Returns numbers that increase with the sector, and in each with the slope's fall."""
-    fall = 0.4 - 0.8 / math.pi * np.arctan(slope)  # 0 .. 0.8, which stays below the next sector
-    result: FloatArray = sector + np.rint(fall / _GRAIN) * _GRAIN
+def _fall(slope: FloatArray) -> FloatArray:
+    """Returns numbers from 0 to 0.8 that increase with the slope's fall.
+
+    With a sector's number they make keys, and stay below those of the next sector.
+    """
+    result: FloatArray = np.rint((0.4 - 0.8 / math.pi * np.arctan(slope)) / _GRAIN) * _GRAIN
     return result
