@@ -89,7 +89,8 @@ def _gap(
     """
     for name in planner or []:
         Option("--planner").require_one_of(name, SOLVERS)
-    settings = _settings(time_limit, work_limit, bound_limit, rendered)
+    kept = out is not None or workers is not None or scheduler is not None
+    settings = _settings(time_limit, work_limit, bound_limit, rendered, kept)
     if retry and out is None:
         raise UsageError("--retry: name the folder with --out; without one nothing is kept")
     hired = _hired(workers, scheduler, cell_limit, settings)
@@ -111,14 +112,18 @@ def _gap(
 
 
 def _settings(
-    time_limit: float, work_limit: int | None, bound_limit: float | None, rendered: bool
+    time_limit: float,
+    work_limit: int | None,
+    bound_limit: float | None,
+    rendered: bool,
+    kept: bool,
 ) -> Settings:
     bound_limit = time_limit if bound_limit is None else bound_limit
     allowance = allowed(time_limit, work_limit)
     Option("--bound-limit").require_seconds(bound_limit)
     return Settings(
         time_limit=allowance.seconds, bound_time_limit=bound_limit, work_limit=allowance.work,
-        rendered=rendered,
+        rendered=rendered, kept=kept,
     )  # fmt: skip
 
 
