@@ -16,17 +16,20 @@ from cocap_opt.experiments.cli.options import (
     Workers,
     allowed,
     load,
+    say_narrow_way,
 )
 from cocap_opt.experiments.console.options import Option, UsageError
 from cocap_opt.experiments.results.files import PlanReader
 from cocap_opt.experiments.results.gap_table import print_gap_table
 from cocap_opt.experiments.results.judging import SOLVERS
 from cocap_opt.experiments.results.printing import print_result
+from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.sweeps.cells import BOUND
 from cocap_opt.experiments.sweeps.instances import Instance, Settings
 from cocap_opt.experiments.sweeps.scenes import Problems, Scenes
 from cocap_opt.experiments.sweeps.sweep import Hired, sweep
 from cocap_opt.problem import Plan
+from cocap_opt.result import Reason
 
 
 def _gap(
@@ -104,11 +107,22 @@ def _gap(
         for (_, seed), problem in others.problems.items()
     ]  # fmt: skip
     rows = sweep(instances, out, hired, retry, scenes.is_same)
+    _say_why_without_plan(rows, others.problems)
     if json:
         print_result({"rows": rows}, json)
     else:
         print_gap_table(rows)
     return 1 if any(row.has_error for row in rows) else 0
+
+
+def _say_why_without_plan(rows: Sequence[Row], problems: Problems) -> None:
+    """Names the narrow ways of scenes in which a planner has found no plan."""
+    failed = {
+        (row.scene, row.seed) for row in rows if row.reason in (Reason.FAILED, Reason.INFEASIBLE)
+    }
+    for (scene, seed), problem in problems.items():
+        if (problem.name, seed) in failed:
+            say_narrow_way(scene, seed, problem)
 
 
 def _settings(
