@@ -55,13 +55,29 @@ def doubts(problem: Problem) -> list[str]:
         found.append("there are no people to film, so that every view reward is 0")
     for j, actor in enumerate(problem.actors):
         found += [f"actors[{j}] {doubt}" for doubt in _about(problem, actor)]
-    motions = dict.fromkeys(robot.motion for robot in problem.robots)
-    around = {motion: _around_robots(problem, motion) for motion in motions}
+    around = _around_robots(problem)
     outings = [around[robot.motion].outing(robot.start) for robot in problem.robots]
-    found += [*_in_the_way(problem), *_shut_in(problem, outings)]
-    if max(outing.size for outing in outings) <= MOST_CELLS:
-        found += _through_few_cells(problem, around)
-    return found
+    return [*found, *_in_the_way(problem), *_shut_in(problem, outings)]
+
+
+def narrow_way(problem: Problem) -> str:
+    """Returns where robots must queue at fewer cells than there are of them, in words.
+
+    It is no mistake, but it may be why a plan is bad, or why there is none. Empty if there is no
+    such place, no rule between robots, or so much in reach that it is not looked for.
+    """
+    if problem.rules.none:
+        return ""
+    around = _around_robots(problem)
+    if any(around[r.motion].outing(r.start).size > MOST_CELLS for r in problem.robots):
+        return ""
+    near = {
+        Cell(x, y, problem.layers.index(motion.layers[layer]))
+        for motion, encounters in around.items()
+        for layer, x, y in encounters.graph.coordinates(encounters.near_at_the_end()).T.tolist()
+    }
+    choke = choke_point(problem, near)
+    return choke.told(len(problem.robots), "somebody is near") if choke else ""
 
 
 def _about_heights(height_map: HeightMap) -> Iterator[str]:
@@ -122,32 +138,19 @@ def _shut_in(problem: Problem, outings: list[Outing]) -> Iterator[str]:
             )
 
 
-def _through_few_cells(problem: Problem, around: dict[Motion, Encounters]) -> Iterator[str]:
-    """Yields a doubt if robots must queue at fewer cells than there are of them."""
-    if problem.rules.none:
-        return
-    near = {
-        Cell(x, y, problem.layers.index(motion.layers[layer]))
-        for motion, encounters in around.items()
-        for layer, x, y in encounters.graph.coordinates(encounters.near_at_the_end()).T.tolist()
-    }
-    if choke := choke_point(problem, near):
-        share = "most" if 2 * choke.behind > choke.wanted else "some"
-        who = "all" if choke.drones == len(problem.robots) else f"{choke.drones} of"
-        yield (
-            f"{who} {len(problem.robots)} drones must pass through {choke} on their way to {share} "
-            "cells from which somebody is near at the last step"
+def _around_robots(problem: Problem) -> dict[Motion, Encounters]:
+    """Returns the places near people around the starts of the robots of each motion."""
+    found = {}
+    for motion in dict.fromkeys(robot.motion for robot in problem.robots):
+        robots = (robot for robot in problem.robots if robot.motion == motion)
+        starts = [(robot.start.x, robot.start.y) for robot in robots]
+        # One step more, for it must show whether there is a way on from where the last one leads.
+        reach = min((problem.horizon + 1) * motion.radius, _WIDEST)
+        window = Window.around(starts, reach, problem.workspace)
+        found[motion] = Encounters(
+            problem.workspace, motion, problem.actors, problem.horizon, NEAR, window
         )
-
-
-def _around_robots(problem: Problem, motion: Motion) -> Encounters:
-    """Returns the places near people around the starts of robots of one motion."""
-    robots = (robot for robot in problem.robots if robot.motion == motion)
-    starts = [(robot.start.x, robot.start.y) for robot in robots]
-    # One step more, for it must show whether there is a way on from where the last one leads.
-    reach = min((problem.horizon + 1) * motion.radius, _WIDEST)
-    window = Window.around(starts, reach, problem.workspace)
-    return Encounters(problem.workspace, motion, problem.actors, problem.horizon, NEAR, window)
+    return found
 
 
 def _below_ground(problem: Problem, mesh: Mesh) -> bool:

@@ -472,7 +472,10 @@ def gap(
     from cocap_opt.experiments.sweeps.sweep import Hired, sweep
 
     # Before anything is computed; numbers of NumPy become plain ones.
-    settings = Settings(time_limit=time_limit, bound_time_limit=time_limit, work_limit=work_limit)
+    kept = out is not None or workers is not None
+    settings = Settings(
+        time_limit=time_limit, bound_time_limit=time_limit, work_limit=work_limit, kept=kept
+    )
     _require_sweep(planners or ())
     hired = Hired(Option("workers").require_cores(workers), None, settings.cell_limit)
     if hired.workers is not None:

@@ -43,6 +43,21 @@ class ChokePoint(NamedTuple):
         names = (str(tuple(cell[:2] if flat else cell)) for cell in self.cells)
         return f"cell{'s' if len(self.cells) > 1 else ''} {', '.join(names)}"
 
+    def told(self, team: int, somebody: str) -> str:
+        """Returns who must pass it, in words.
+
+        Parameters
+        ----------
+        team : number of all drones
+        somebody : what makes cells wanted, such as "somebody is seen"
+        """
+        share = "most" if 2 * self.behind > self.wanted else "some"
+        who = "all" if self.drones == team else f"{self.drones} of"
+        return (
+            f"{who} {team} drones must pass through {self} on their way to {share} cells from "
+            f"which {somebody} at the last step"
+        )
+
 
 def choke_point(
     problem: Problem, wanted: Collection[Cell], most: int = MOST_CELLS

@@ -16,17 +16,20 @@ from cocap_opt.experiments.cli.options import (
     Workers,
     allowed,
     load,
+    say_narrow_way,
 )
 from cocap_opt.experiments.console.options import Option, UsageError
 from cocap_opt.experiments.results.files import PlanReader
 from cocap_opt.experiments.results.gap_table import print_gap_table
 from cocap_opt.experiments.results.judging import SOLVERS
 from cocap_opt.experiments.results.printing import print_result
+from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.sweeps.cells import BOUND
 from cocap_opt.experiments.sweeps.instances import Instance, Settings
 from cocap_opt.experiments.sweeps.scenes import Problems, Scenes
 from cocap_opt.experiments.sweeps.sweep import Hired, sweep
 from cocap_opt.problem import Plan
+from cocap_opt.result import Reason
 
 
 def _gap(
@@ -89,7 +92,8 @@ def _gap(
     """
     for name in planner or []:
         Option("--planner").require_one_of(name, SOLVERS)
-    settings = _settings(time_limit, work_limit, bound_limit, rendered)
+    kept = out is not None or workers is not None or scheduler is not None
+    settings = _settings(time_limit, work_limit, bound_limit, rendered, kept)
     if retry and out is None:
         raise UsageError("--retry: name the folder with --out; without one nothing is kept")
     hired = _hired(workers, scheduler, cell_limit, settings)
@@ -103,6 +107,7 @@ def _gap(
         for (_, seed), problem in others.problems.items()
     ]  # fmt: skip
     rows = sweep(instances, out, hired, retry, scenes.is_same)
+    _say_why_without_plan(rows, others.problems)
     if json:
         print_result({"rows": rows}, json)
     else:
@@ -110,15 +115,29 @@ def _gap(
     return 1 if any(row.has_error for row in rows) else 0
 
 
+def _say_why_without_plan(rows: Sequence[Row], problems: Problems) -> None:
+    """Names the narrow ways of scenes in which a planner has found no plan."""
+    failed = {
+        (row.scene, row.seed) for row in rows if row.reason in (Reason.FAILED, Reason.INFEASIBLE)
+    }
+    for (scene, seed), problem in problems.items():
+        if (problem.name, seed) in failed:
+            say_narrow_way(scene, seed, problem)
+
+
 def _settings(
-    time_limit: float, work_limit: int | None, bound_limit: float | None, rendered: bool
+    time_limit: float,
+    work_limit: int | None,
+    bound_limit: float | None,
+    rendered: bool,
+    kept: bool,
 ) -> Settings:
     bound_limit = time_limit if bound_limit is None else bound_limit
     allowance = allowed(time_limit, work_limit)
     Option("--bound-limit").require_seconds(bound_limit)
     return Settings(
         time_limit=allowance.seconds, bound_time_limit=bound_limit, work_limit=allowance.work,
-        rendered=rendered,
+        rendered=rendered, kept=kept,
     )  # fmt: skip
 
 

@@ -11,7 +11,7 @@ from cyclopts import Parameter, Token
 from cocap_opt.experiments.console.options import Option, UsageError
 from cocap_opt.experiments.results.judging import Allowance
 from cocap_opt.experiments.results.rows import Row
-from cocap_opt.plausibility import doubts
+from cocap_opt.plausibility import doubts, narrow_way
 from cocap_opt.problem import Problem
 from cocap_opt.scenarios import NOTHING, load_scene
 
@@ -65,9 +65,18 @@ def load(scene: str, seed: int, options: Mapping[str, str] = NOTHING) -> Problem
     Option("--seed").require_whole(seed)
     problem = load_scene(scene, seed, options)
     for doubt in doubts(problem):
-        once = {"once": f"{scene}, {doubt}"}
-        _log.warning("%s, seed %d: %s", scene, seed, doubt, extra=once)
+        _say_once(scene, seed, doubt)
     return problem
+
+
+def say_narrow_way(scene: str, seed: int, problem: Problem) -> None:
+    """Logs where drones must queue, if there is such a place: it may be why there is no plan."""
+    if words := narrow_way(problem):
+        _say_once(scene, seed, words)
+
+
+def _say_once(scene: str, seed: int, words: str) -> None:
+    _log.warning("%s, seed %d: %s", scene, seed, words, extra={"once": f"{scene}, {words}"})
 
 
 def allowed(seconds: float, work: int | None) -> Allowance:

@@ -7,7 +7,15 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from cocap_opt.data import MOST_PIXELS
-from cocap_opt.experiments.cli.options import Json, Output, Scene, Seed, Whole, load
+from cocap_opt.experiments.cli.options import (
+    Json,
+    Output,
+    Scene,
+    Seed,
+    Whole,
+    load,
+    say_narrow_way,
+)
 from cocap_opt.experiments.console.options import Option, UsageError
 from cocap_opt.experiments.console.progress import Watch
 from cocap_opt.experiments.results.files import (
@@ -57,6 +65,7 @@ def _show(
         raise UsageError("--certificate: needs a plan, and a file that ends in .html")
     check_output(output, scene, *plan, certificate)
     problem, plans = PlanReader(scene, load(scene, seed)).plans(plan)
+    say_narrow_way(scene, seed, problem)
     gaps = _gaps(problem, plans, certificate) if certificate else []
     save_bytes(output, _shown(problem, plans, PlanReader.titles(plan), suffix, gaps))
     print_result({"scene": problem.name, "seed": seed, "file": output}, json)

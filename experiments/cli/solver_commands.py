@@ -20,6 +20,7 @@ from cocap_opt.experiments.cli.options import (
     Work,
     allowed,
     load,
+    say_narrow_way,
 )
 from cocap_opt.experiments.console.options import Option, UsageError
 from cocap_opt.experiments.console.progress import Watch
@@ -80,6 +81,8 @@ def _plan(
         judged = _planned(problem, planner, allowance, interrupt, watch)
         if judged.result.reason is Reason.UNSUPPORTED:
             raise UsageError(f"--planner: {judged.result.message}")
+        if not judged.valid:
+            say_narrow_way(scene, seed, problem)
         answer = asdict(PlanRow.of(problem, seed, planner, judged)) | task.about
         _save(answer, "plan", {"file": (output, judged.plan_file(problem, planner))})
     answer |= judged.result.statistics
@@ -162,6 +165,8 @@ def _solve(
         judged = task.certified(seed, method, stop, max(gap, OPTIMALITY), trace)
         answer = task.answer(seed, method, judged)
         proof = certificate, judged.result.certificate
+        if judged.result.plan is None:
+            say_narrow_way(scene, seed, task.problem)
         made = output, judged.plan_file(task.problem, method)
         _save(answer, "plan", {"file": made, "certificate": proof})
     print_result({**answer, **judged.result.statistics}, json)

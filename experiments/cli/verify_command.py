@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated, NamedTuple
 
 from cocap_opt.data import ProblemError
-from cocap_opt.experiments.cli.options import FLAG, Free, Json, Scene, Seed, load
+from cocap_opt.experiments.cli.options import FLAG, Free, Json, Scene, Seed, load, say_narrow_way
 from cocap_opt.experiments.console.options import UsageError
 from cocap_opt.experiments.console.progress import Watch
 from cocap_opt.experiments.results.explained import Explained
@@ -73,6 +73,8 @@ def _verify(
             except TooLargeError as error:
                 raise UsageError(f"--networkx: {error}") from error
     verified.conclude()
+    if verified.verdict is not None and verified.verdict.conflicts:
+        say_narrow_way(scene, seed, claims.problem)
     answer = {"scene": claims.problem.name, "seed": seed, **claims.answer(verified)}
     explained = Explained.of(verified) if explain else None
     if explain and json:

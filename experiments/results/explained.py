@@ -15,6 +15,7 @@ from cocap_opt.experiments.results.printing import Record, counted
 from cocap_opt.experiments.results.verification import Verified
 from cocap_opt.formulations.certificates import Cells, Move, Moves, Resource, Swap, Visit
 from cocap_opt.formulations.explanation import Explanation, Kind, Term, explain
+from cocap_opt.graph.choke_points import choke_point
 from cocap_opt.model import Model
 from cocap_opt.problem import Cell, Plan, Problem
 
@@ -242,7 +243,8 @@ class Explained:
             amount = self._amount(sum(term.amount for term in more))
             told.append(f"{counted(len(more), 'more broken rule')} with a price: {amount}")
         told += [self._told(term) for term in costly[:_TOLD]]
-        told = [*(told or [nothing]), *self._told_leaves(), *self._told_replans()]
+        told = [*(told or [nothing]), *self._told_leaves(), *self._told_queue()]
+        told += self._told_replans()
         return [f"{words[0].upper()}{words[1:]}." for words in told]
 
     @property
@@ -302,6 +304,17 @@ class Explained:
             f"{leaf.bound:,.2f}; the others have {others}"
         )
 
+    def _told_queue(self) -> Iterable[str]:
+        """Yields where drones must queue, and what the rules there are priced at."""
+        problem = self.problem
+        wanted = self.model.cells_with_a_view(problem.horizon)
+        choke = None if problem.rules.none else choke_point(problem, wanted)
+        if choke is not None:
+            rows = self.explanation.of_kind("row")
+            price = sum(t.price or 0.0 for t in rows if _touches(t.resource, choke.cells))
+            paid = f"; rules there carry prices of {self._amount(price)}" if price else ""
+            yield f"{choke.told(len(problem.robots), 'somebody is seen')}{paid}"
+
     def _told_replans(self) -> Iterable[str]:
         found = self.explanation
         gaining = [one for one in self.replans if found.share(one.gain) >= SHOWN]
@@ -340,6 +353,15 @@ class Explained:
         layers = len(self.problem.layers) > 1
         shown = [f"({c.x}, {c.y}, {c.layer})" if layers else f"({c.x}, {c.y})" for c in cells[:2]]
         return " ".join(shown) + (f" +{len(cells) - 2}" if len(cells) > 2 else "")
+
+
+def _touches(resource: Resource | None, cells: Sequence[Cell]) -> bool:
+    """Returns True if drones are in one of the cells when they use a resource, begin or end."""
+    if isinstance(resource, Moves):
+        return any(cell in cells for move in resource.moves for cell in move)
+    if isinstance(resource, Cells | Swap | Move):
+        return any(cell in cells for cell in resource.cells)
+    return False
 
 
 def _table(title: str, head: list[str], rows: list[list[str]], note: str = "") -> str:

@@ -85,7 +85,7 @@ class Cell(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
     work_limit: int | None = None  # units of work, for each computation
     rendered: bool = False  # J of the rendered pixels is wanted, too
     start: str = ""  # of BOUND: digest of the start
-    code: str  # digest of the code
+    code: str  # digest of the code; empty where the cell is not kept
 
     @staticmethod
     @cache

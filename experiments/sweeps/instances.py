@@ -35,6 +35,7 @@ class Settings(msgspec.Struct, frozen=True, kw_only=True):
     bound_time_limit: float  # s, for each of the two bounds
     work_limit: int | None = None  # units of work, for each planner and each bound
     rendered: bool = False  # J of the rendered pixels is wanted, too
+    kept: bool = True  # cells outlive this process, or are computed in others
 
     def __post_init__(self) -> None:
         """Makes plain numbers of NumPy's, and raises UsageError for what is no limit."""
@@ -123,9 +124,10 @@ class Instance:
         return [self._cell(row.planner, *limits, rendered=rendered) for rendered in (True, False)]
 
     def _cell(self, planner: str, seconds: float, work: int | None, **more: Any) -> Cell:
+        code = Cell.digest_of_code() if self._settings.kept else ""  # it takes half a second
         return Cell(
             scene=self.problem.name, seed=self.seed, planner=planner, digest=self.digest,
-            time_limit=seconds, work_limit=work, code=Cell.digest_of_code(), **more,
+            time_limit=seconds, work_limit=work, code=code, **more,
         )  # fmt: skip
 
     def take(self, content: CellFile) -> None:

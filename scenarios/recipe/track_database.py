@@ -1,7 +1,9 @@
 """Trajectories as JuPedSim writes them: an SQLite database, in metres, with its frame rate.
 
 Source of the format: JuPedSim (jupedsim.org), whose table trajectory_data has a row for each person
-at each frame, and whose table metadata has the frames per second under the key fps.
+at each frame, and whose table metadata has the frames per second under the key fps, and the
+version of the format. Version 2, the newest that is known, has the columns of version 1 that are
+read here; newer ones may mean something else by them, and are refused.
 """
 
 import sqlite3
@@ -18,6 +20,7 @@ from cocap_opt.data import FloatArray, ProblemError
 DATABASE_COLUMNS = {"id": "id", "frame": "frame", "x": "pos_x", "y": "pos_y"}  # by role
 _MAGIC = b"SQLite format 3\0"
 _TABLE = "trajectory_data"
+_NEWEST = 2  # version of the format
 
 
 class Database(NamedTuple):
@@ -43,7 +46,8 @@ class Database(NamedTuple):
         Raises
         ------
         ProblemError
-            If it is damaged, no database of JuPedSim, or has a row that is not of numbers.
+            If it is damaged, no database of JuPedSim, of a newer version than is known, or has a
+            row that is not of numbers.
         """
         with _opened(path) as connection:
             tables = dict(connection.execute("select name, type from sqlite_master").fetchall())
@@ -52,6 +56,7 @@ class Database(NamedTuple):
                     f"must have the table {_TABLE}, as databases of JuPedSim do, not only "
                     f"{', '.join(sorted(map(str, tables))[:5]) or 'none'}"
                 )
+            _require_known_version(connection, tables)
             found = {row[1] for row in connection.execute(f"pragma table_info({_TABLE})")}
             for column in DATABASE_COLUMNS.values():
                 if column not in found:
@@ -90,14 +95,29 @@ def _values(rows: list[tuple[object, ...]]) -> dict[str, FloatArray]:
     return dict(zip(DATABASE_COLUMNS, table.T, strict=True))
 
 
+def _require_known_version(connection: sqlite3.Connection, tables: dict[str, str]) -> None:
+    """Refuses a format that is newer than what is known; where none is stated, it is an old one."""
+    for version in _stated(connection, tables, "version"):
+        if version not in range(1, _NEWEST + 1):
+            raise ProblemError(
+                f"metadata, version: must be 1..{_NEWEST}, the formats of JuPedSim that are known, "
+                f"not {version:g}; write its people as a table with the columns id, frame, x and y"
+            )
+
+
 def _rates(connection: sqlite3.Connection, tables: dict[str, str]) -> set[float]:
     """Returns the frame rate that the database states, if it does."""
+    return _stated(connection, tables, "fps")
+
+
+def _stated(connection: sqlite3.Connection, tables: dict[str, str], key: str) -> set[float]:
+    """Returns the numbers that the metadata states under a key: one, or none."""
     if tables.get("metadata") != "table":
         return set()
-    stated = connection.execute("select value from metadata where key = 'fps'").fetchall()
+    stated = connection.execute("select value from metadata where key = ?", (key,)).fetchall()
     try:
-        return {float(rate) for (rate,) in stated}
+        return {float(value) for (value,) in stated}
     except (TypeError, ValueError):
         raise ProblemError(
-            f"metadata, fps: must be a number, not {str(stated[0][0])[:40]!r}"
+            f"metadata, {key}: must be a number, not {str(stated[0][0])[:40]!r}"
         ) from None

@@ -18,13 +18,14 @@ from cocap_opt.experiments.cli.main import main
 from cocap_opt.experiments.cli.solver_commands import AT_THE_ROOT
 from cocap_opt.experiments.console import progress
 from cocap_opt.experiments.results.gap_table import print_gap_table
-from cocap_opt.experiments.results.judging import Judged
+from cocap_opt.experiments.results.judging import SOLVERS, Judged
 from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.sweeps.scenes import Scenes
 from cocap_opt.files.documents import SceneFile
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.model import compiled
 from cocap_opt.planners import LAZY, PLANNERS
+from cocap_opt.planners.team import Team
 from cocap_opt.problem import NO_RULES
 from cocap_opt.scenarios import SCENES
 
@@ -878,6 +879,33 @@ def test_ctrl_c_prints_what_is_finished(tmp_path: Path) -> None:
     assert (tmp_path / "results.csv").is_file()
 
 
+def test_narrow_ways_are_said_where_they_help(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    caplog: pytest.LogCaptureFixture,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Where drones must queue is in `show`, in explanations, and beside plans that do not hold."""
+    said = "must pass through cell (1, 0)"
+    plan, bound = tmp_path / "plan.json", tmp_path / "bound.json"
+    Run(capsys, "plan", "tiny-queue", "--planner", "sequential", "-o", plan)
+    Run(capsys, "bound", "tiny-queue", "--method", "alone", "-o", bound)
+    assert said in Run(capsys, "verify", "tiny-queue", plan, bound, "--explain").out
+    assert "must pass" not in caplog.text
+    for words in (
+        ("show", "tiny-queue", "-o", tmp_path / "starts.html"),
+        ("plan", "tiny-queue", "--planner", "greedy", "-o", plan),
+        ("verify", "tiny-queue", plan),  # in which two drones collide
+    ):
+        caplog.clear()
+        Run(capsys, *words)
+        assert caplog.text.count(said) == 1, words
+    caplog.clear()
+    monkeypatch.setitem(SOLVERS, "sequential", lambda problem, stop: Team.no_path(0))
+    Run(capsys, "gap", "tiny-queue", "--planner", "sequential", "--work-limit", 0)
+    assert caplog.text.count(said) == 1
+
+
 @pytest.mark.slow
 def test_ctrl_c_gives_the_best_plan_and_bound_so_far(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
@@ -891,8 +919,7 @@ def test_ctrl_c_gives_the_best_plan_and_bound_so_far(
     time.sleep(0.5)
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=60)
-    assert (process.returncode, err.count("\n")) == (0, 1)
-    assert "must pass through cells" in err  # the exit of the bottleneck
+    assert (process.returncode, err) == (0, "")
     row = json.loads(out)
     assert (row["reason"], row["limit"]) == ("stopped", "interrupt")
     assert row["reward"] < row["bound"]

@@ -476,6 +476,14 @@ def test_the_code_is_all_that_cells_depend_on(monkeypatch: pytest.MonkeyPatch) -
     assert len(digests) == 3
 
 
+def test_no_digest_of_the_code_where_nothing_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It takes half a second, which a table of limits of one second does not have."""
+    monkeypatch.setattr(Cell, "digest_of_code", None)
+    assert list(gap_frame("tiny-queue", ["sequential"]).planner) == ["sequential"]
+    with pytest.raises(TypeError):
+        gap_frame("tiny-queue", ["sequential"], workers=1)
+
+
 def test_all_of_the_core_but_pictures_and_the_face_is_digested() -> None:
     """A module that is added to the core counts; how plans are drawn changes no result."""
     core = Path(__file__).parents[2] / "cocap_opt"

@@ -15,7 +15,7 @@ from rasterio.transform import Affine
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.formulations import EXACT
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
-from cocap_opt.plausibility import doubts
+from cocap_opt.plausibility import doubts, narrow_way
 from cocap_opt.problem import Actor, Airspace, Cuboid, Motion, Plan, Problem, State
 from cocap_opt.referee import check
 from cocap_opt.scenarios import SCENES, load_scene
@@ -850,17 +850,21 @@ def test_a_scene_without_people_is_doubted() -> None:
 
 @pytest.mark.parametrize("name", [name for name in SCENES if not name.startswith("tiny")])
 def test_built_in_scenes_leave_no_doubt(name: str) -> None:
-    """Nobody is in a wall, off the map or of a wrong size; narrow ways are meant."""
+    """Nobody is in a wall, off the map or of a wrong size; narrow ways are meant, and no doubt."""
     narrow = {
         "passage": "(8, 15)",
         "bottleneck": "(17, 14), (17, 15)",
         "bottleneck-tight": "(16, 15)",
         "corridor-tight": "(8, 15)",
     }
-    found = doubts(load_scene(name, 1))
-    assert len(found) == (name in narrow)
-    assert all("drones must pass through cell" in doubt for doubt in found)
-    assert all(f" {narrow[name]} on their way to " in doubt for doubt in found)
+    problem = load_scene(name, 1)
+    assert doubts(problem) == []
+    found = narrow_way(problem)
+    assert bool(found) == (name in narrow)
+    if found:
+        assert "drones must pass through cell" in found
+        assert f" {narrow[name]} on their way to " in found
+        assert narrow_way(problem.without_rules()) == ""
 
 
 # -- the bridge ---------------------------------------------------------------------------

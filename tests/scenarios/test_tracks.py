@@ -672,6 +672,11 @@ RATE = "insert into metadata values ('version', '2'), ('fps', '10.0')"
 def test_databases_of_jupedsim_are_read(tmp_path: Path) -> None:
     """They are in metres, and state their frame rate, which is held against ours."""
     path = database(tmp_path, TRAJECTORIES, PEOPLE, METADATA, RATE)
+    first = RATE.replace("'2'", "'1'"), RATE.replace("('version', '2'), ", "")
+    for folder, rate in zip(("1", "none"), first, strict=True):
+        (tmp_path / folder).mkdir()
+        old = database(tmp_path / folder, TRAJECTORIES, PEOPLE, METADATA, rate)
+        assert [track.id for track in Track.read_all(old)] == [3, 7]
     three, seven = Track.read_all(path)
     assert (three.id, seven.id, seven.height) == (3, 7, None)
     assert seven.times.tolist() == [0, 0.1] and seven.points.tolist() == [[1.5, 2], [1.75, 2]]
@@ -702,6 +707,10 @@ def test_databases_of_jupedsim_are_read(tmp_path: Path) -> None:
         ((TRAJECTORIES, PEOPLE.replace("(1, 7", "(0, 7"), METADATA, RATE),
          "row 2: must not be a second row for id 7 at 0 s, which trajectory_data, row 1 has"),
         ((TRAJECTORIES, PEOPLE, METADATA, RATE.replace("10.0", "ten")), "fps: must be a number, n"),
+        ((TRAJECTORIES, PEOPLE, METADATA, RATE.replace("'2'", "'3'")),
+         r"metadata, version: must be 1\.\.2, .*, not 3; write its people as a table"),
+        ((TRAJECTORIES, PEOPLE, METADATA, RATE.replace("'2'", "'1.5'")), "version: .*, not 1.5;"),
+        ((TRAJECTORIES, PEOPLE, METADATA, RATE.replace("'2'", "'new'")), "version: must be a numb"),
     ],
 )  # fmt: skip
 def test_other_databases_are_refused(
