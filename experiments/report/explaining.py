@@ -31,7 +31,7 @@ def explained_plans(
     """Returns the gaps of plans by their planners, told apart with the folder's certificate.
 
     Left out are plans without a gap to speak of, and all of them where the certificate is not in
-    the folder or the scene has too many states.
+    the folder or the scene `is_too_large`.
 
     Parameters
     ----------
@@ -49,10 +49,9 @@ def explained_plans(
     file = PlanReader(problem.name, problem).claim(path)
     if not isinstance(file, CertificateFile | ProofFile) or file.digest != problem_digest(problem):
         return {}
-    model = compiled(problem)
-    if sum(int(model.reachable(one).sum()) for one in model.classes) > _MOST_STATES:
+    if is_too_large(problem):
         return {}
-    found = {}
+    model, found = compiled(problem), {}
     for row in bounded:
         assert row.planner is not None
         assert row.reward is not None
@@ -63,6 +62,12 @@ def explained_plans(
             raise FileError(f"{path}: {error}") from error
         found[row.planner] = Explained(model, plan, gap)
     return found
+
+
+def is_too_large(problem: Problem) -> bool:
+    """Returns True where an explanation would need the coverage of very many states."""
+    model = compiled(problem)
+    return sum(int(model.reachable(one).sum()) for one in model.classes) > _MOST_STATES
 
 
 def gaps_of(

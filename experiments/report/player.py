@@ -4,7 +4,6 @@ The scripts in the folder `page` draw; this module makes the data that they draw
 """
 
 import json
-import math
 from collections.abc import Sequence
 from html import escape
 from pathlib import Path
@@ -15,18 +14,16 @@ import numpy as np
 from cocap_opt.data import FloatArray
 from cocap_opt.experiments.report.pages import PageFile
 from cocap_opt.experiments.report.player_scene import SceneData
+from cocap_opt.experiments.results.conflicts import told_conflict
 from cocap_opt.experiments.results.files import save_bytes
 from cocap_opt.files.documents import FileError
 from cocap_opt.formulations.explanation import Explanation
 from cocap_opt.model import compiled
 from cocap_opt.problem import (
-    CollisionRules,
     Cone,
     Conflict,
-    PassConflict,
     Plan,
     Problem,
-    SwapConflict,
     VertexConflict,
 )
 from cocap_opt.referee import check
@@ -196,35 +193,12 @@ def _gap(problem: Problem, gap: Explanation) -> Data:
 
 
 def _conflict(problem: Problem, conflict: Conflict) -> Data:
-    first, second = conflict.robots
     return {
         "step": conflict.t,
-        "robots": [first, second],
+        "robots": list(conflict.robots),
         "between": not isinstance(conflict, VertexConflict),
-        "words": f"drones {first} and {second} {_words(problem, conflict)}",
+        "words": told_conflict(problem, conflict),
     }
-
-
-def _words(problem: Problem, conflict: Conflict) -> str:
-    rules = problem.rules
-    if isinstance(conflict, SwapConflict):
-        return "swap cells"
-    if isinstance(conflict, PassConflict):
-        tails, heads = map(problem.positions, zip(*conflict.moves, strict=True))
-        one, other = rules.meeting(tails, heads).ways(tails, heads)
-        return f"pass {_apart(rules, other - one)}"
-    one, other = problem.positions(conflict.cells)
-    return f"are {_apart(rules, other - one)}" if (one != other).any() else "are in one cell"
-
-
-def _apart(rules: CollisionRules, way: FloatArray) -> str:
-    x, y, z = way.tolist()
-    if rules.vertical:
-        return (
-            f"{math.hypot(x, y):.3g} m apart and {abs(z):.3g} m in height, less than "
-            f"{rules.separation:g} m and {rules.vertical:g} m"
-        )
-    return f"{math.hypot(x, y, z):.3g} m apart, less than {rules.separation:g} m"
 
 
 def _digits(value: float) -> float:

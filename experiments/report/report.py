@@ -18,7 +18,7 @@ from cocap_opt.experiments.report.charts import (
     losses_figure,
     progress_figure,
 )
-from cocap_opt.experiments.report.explaining import explained_plans, parts_table
+from cocap_opt.experiments.report.explaining import explained_plans, is_too_large, parts_table
 from cocap_opt.experiments.report.figures import picture
 from cocap_opt.experiments.report.limitations import limitations
 from cocap_opt.experiments.report.pages import PageFile
@@ -36,6 +36,11 @@ from cocap_opt.files.documents import FileError
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.scenarios import load_scene
+
+_TOO_LARGE = (
+    "What the gaps are made of is not told here, since the scene has too many states for a page; "
+    "<code>cocap-opt verify SCENE PLAN CERTIFICATE --explain</code> tells it."
+)
 
 
 def report_page(folder: Path, rows: Sequence[Row], run: RunFile, against: str, players: int) -> str:
@@ -153,10 +158,11 @@ def _scene_plans(folder: Path, rows: Sequence[Row]) -> str:
     title = problem.name if seed is None else f"{problem.name}, seed {seed}"
     charts = _image(conflicts_figure(problem, plans), f"{title}: who collides with whom, and when.")
     name = escape(title)
+    left_out = f"<p>{_TOO_LARGE}</p>" if not explained and is_too_large(problem) else ""
     return (
         f"<h3>{name}</h3>\n<p>{escape(_story(shown))}</p>\n"
         f'<iframe class="player" loading="lazy" title="plans of {name}" srcdoc="{player}">'
-        f"</iframe>\n{charts}{_gaps_explained(title, explained)}"
+        f"</iframe>\n{charts}{_gaps_explained(title, explained)}{left_out}"
     )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from cocap_opt.coordination.replans import Replan, replans
 from cocap_opt.data import FloatArray
+from cocap_opt.experiments.results.conflicts import told_conflict
 from cocap_opt.experiments.results.printing import Record, counted
 from cocap_opt.experiments.results.verification import Verified
 from cocap_opt.formulations.certificates import Cells, Move, Moves, Resource, Swap, Visit
@@ -242,7 +243,7 @@ class Explained:
         if more := broken[_TOLD:]:
             amount = self._amount(sum(term.amount for term in more))
             told.append(f"{counted(len(more), 'more broken rule')} with a price: {amount}")
-        told += [self._told(term) for term in costly[:_TOLD]]
+        told += [*self._told_unpriced(broken), *(self._told(term) for term in costly[:_TOLD])]
         told = [*(told or [nothing]), *self._told_leaves(), *self._told_queue()]
         told += self._told_replans()
         return [f"{words[0].upper()}{words[1:]}." for words in told]
@@ -292,6 +293,20 @@ class Explained:
             f"{who} use{'' if len(term.users or ()) > 1 else 's'} {where}, where {term.sense} "
             f"{term.robots} may at the price {_money(term.price or 0.0)}: it costs {amount}"
         )
+
+    def _told_unpriced(self, broken: Sequence[Term]) -> Iterable[str]:
+        """Yields conflicts of the plan that no broken rule with a price accounts for."""
+        priced = [(term.step, set(term.users or ())) for term in broken]
+        free = [
+            conflict
+            for conflict in self.plan.conflicts(self.problem)
+            if not any(conflict.t == t and users >= set(conflict.robots) for t, users in priced)
+        ]
+        for conflict in free[:_TOLD]:
+            words = told_conflict(self.problem, conflict)
+            yield f"{words} at step {conflict.t}, which breaks a rule that has no price there"
+        if len(free) > _TOLD:
+            yield f"{counted(len(free) - _TOLD, 'more broken rule')} without a price"
 
     def _told_leaves(self) -> Iterable[str]:
         leaf, leaves = self.explanation.leaf, self.leaves

@@ -10,6 +10,7 @@ from random_certificates import as_rows, random_multipliers, random_proof, some_
 from strategies import examples, meetings, problems, tiny
 
 from cocap_opt.coordination.replans import replans
+from cocap_opt.experiments.results.explained import Explained
 from cocap_opt.formulations.certificates import (
     Cells,
     CertificateFile,
@@ -100,6 +101,14 @@ def test_a_broken_rule_is_a_negative_term() -> None:
     assert (broken.amount, broken.users, broken.is_broken) == (-5.0, (0, 1), True)
     assert (unused.amount, unused.users, unused.is_broken) == (3.0, (), False)
     assert found.total() == pytest.approx(found.gap, rel=ROUNDING)
+    free = certify(problem, model, "by hand", msgspec.structs.replace(numbers, rows=(elsewhere,)))
+    plan = Plan(paths=(one, other))
+    told = [
+        " ".join(Explained(model, plan, explain(model, plan, verdict.reward, own)).sentences)
+        for own in (file, free)
+    ]
+    assert ["no price there" in words for words in told] == [False, True]
+    assert "Drones 0 and 1 are in one cell at step 1, which breaks a rule that has" in told[1]
 
 
 @examples(6)
