@@ -1,5 +1,6 @@
 """The command `fly`, which makes of a plan what drones fly."""
 
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated
 
@@ -8,7 +9,7 @@ from cyclopts import Parameter
 from cocap_opt.data import ProblemError
 from cocap_opt.experiments.cli.options import FLAG, Json, Output, Scene, Seed, load
 from cocap_opt.experiments.console.options import Option, UsageError
-from cocap_opt.experiments.missions import WRITERS
+from cocap_opt.experiments.missions import DATED, WRITERS
 from cocap_opt.experiments.results.files import PlanReader, check_output, save_files
 from cocap_opt.experiments.results.flights import Flight
 from cocap_opt.experiments.results.printing import Listing, Record, print_result
@@ -33,6 +34,10 @@ def _fly(
         float | None,
         Parameter(help="seconds between rows; else a row a step, and ten a step with --smooth"),
     ] = None,
+    start: Annotated[
+        str | None,
+        Parameter(help="when step 0 is, such as 2026-05-01T10:00:00Z, in files that hold dates"),
+    ] = None,
     local: Annotated[bool, FLAG(name="--local", help="leave out latitudes and longitudes")] = False,
     json: Json = False,
 ) -> int:
@@ -40,12 +45,15 @@ def _fly(
 
     A .csv file has t (s), x, y, z (m, coordinates of the map), yaw (degrees, 0 along x,
     counter-clockwise) and pitch (degrees, 0 level, below is negative) of each drone, heights above
-    ground and take-off, and latitude and longitude where the scene has a reference system.
+    ground and take-off, and latitude and longitude where the scene has a reference system. A
+    .geojson or .kml file has tracks, cameras' footprints and people's walks on the Earth; a .glb
+    file is an animated scene (glTF) for Blender and viewers in browsers.
 
     Example: cocap-opt fly corridor plan.json --step 1 --smooth -o flight.csv
     """
-    write = WRITERS[Option("-o").ending(output, tuple(WRITERS))]
+    suffix = Option("-o").ending(output, tuple(WRITERS))
     assert output is not None
+    begins = None if start is None else _start(start, suffix)
     for option, value in (("--step", step), ("--every", every)):
         if value is not None and not Option(option).require_seconds(value) > 0:
             raise UsageError(f"{option}: must be more than 0 seconds")
@@ -54,8 +62,8 @@ def _fly(
     problem = _with_step(problem, step)
     problem = problem.replace(earth=None) if local else problem
     try:
-        flight = Flight.of(problem, planned, smooth)
-        mission = write(flight, every)
+        flight = Flight.of(problem, planned, smooth)._replace(start=begins)
+        mission = WRITERS[suffix](flight, every)
     except ProblemError as error:
         raise _in_words(error, scene, plan) from error
     record = flight.record()
@@ -84,9 +92,27 @@ def _in_words(error: ProblemError, scene: str, plan: Path) -> Exception:
     words = str(error)
     if words.startswith("every:"):
         return UsageError(f"--{words}")
+    if words.startswith("earth:"):
+        return FileError(f"{scene}: {words}")
     if words.startswith("earth."):
         return FileError(f"{scene}: {words}; --local leaves latitudes and longitudes out")
     return FileError(f"{plan}: {words}")
+
+
+def _start(text: str, suffix: str) -> datetime:
+    """Returns the time (UTC) at which a flight starts, for a file with an ending."""
+    if suffix not in DATED:
+        raise UsageError(f"--start: must be left out for {suffix}, whose times are seconds")
+    try:
+        found = datetime.fromisoformat(text)
+        if found.tzinfo is not None:
+            return found.astimezone(UTC)
+    except (ValueError, OverflowError):
+        pass
+    raise UsageError(
+        f"--start: must be a date and a time with its offset from UTC, such as "
+        f"2026-05-01T10:00:00+02:00 or 2026-05-01T08:00:00Z, not {text[:40]!r}"
+    )
 
 
 def _with_step(problem: Problem, step: float | None) -> Problem:

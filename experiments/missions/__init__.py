@@ -1,8 +1,17 @@
 """Files of flights that others read, by the ending of their names."""
 
+from cocap_opt.experiments.missions.geojson import geojson
+from cocap_opt.experiments.missions.gltf import gltf
+from cocap_opt.experiments.missions.kml import kml
 from cocap_opt.experiments.missions.mission import Mission, Writer
 from cocap_opt.experiments.missions.table import table
 
-WRITERS: dict[str, Writer] = {".csv": table}
+WRITERS: dict[str, Writer] = {
+    ".csv": table,
+    ".geojson": geojson,
+    ".kml": kml,
+    ".glb": gltf,
+}
+DATED = ".geojson", ".kml"  # those that hold dates, not seconds alone
 
-__all__ = ["WRITERS", "Mission", "Writer"]
+__all__ = ["DATED", "WRITERS", "Mission", "Writer"]
