@@ -50,9 +50,12 @@ class Track(NamedTuple):
         numbers = np.arange(len(turns), dtype=np.float64)
         parts, first = [], 0.0
         for last in [*(ends + share).tolist(), numbers[-1]]:
+            if last == first:
+                continue  # it begins or ends there
             inner = numbers[(numbers > first) & (numbers < last)]
             part = self._between(np.array([first, *inner, last]), along)
-            turn = np.floor((part.longitude[[0, -1]].mean() + 180) / 360)
+            middle = (part.longitude.min() + part.longitude.max()) / 2
+            turn = np.floor((middle + 180) / 360)
             parts.append(part._replace(longitude=part.longitude - 360 * turn))
             first = last
         return parts

@@ -48,12 +48,7 @@ def gltf(flight: Flight, every: float | None) -> Mission:
     scene.add_solids()
     scene.add_drones()
     scene.add_people()
-    notes = [
-        f"motion is linear between moments, and off by {ERROR * 1000:g} mm and "
-        f"{math.degrees(ERROR_OF_ANGLES):g} degrees at most; y is up, z is -y of the map, and the "
-        f"origin is at x = {scene.origin[0]:g}, y = {scene.origin[1]:g}, z = {scene.origin[2]:g}"
-    ]
-    return Mission({"": scene.content()}, (*notes, *scene.notes()))
+    return Mission({"": scene.content()}, tuple(scene.notes()))
 
 
 class _Scene:
@@ -79,7 +74,14 @@ class _Scene:
         )
 
     def notes(self) -> Iterator[str]:
-        """Yields how the map is drawn, if it is not as it is."""
+        """Yields how exact the motion is, and how the map is drawn if it is not as it is."""
+        rounding = float(np.abs(self._samples.place - self.origin).max()) * 2.0**-24
+        x, y, z = self.origin.tolist()
+        yield (
+            f"motion is linear between moments, and off by {1000 * (ERROR + rounding):.2g} mm and "
+            f"{math.degrees(ERROR_OF_ANGLES):g} degrees at most; y is up, z is -y of the map, and "
+            f"the origin is at x = {x:.12g}, y = {y:.12g}, z = {z:.12g}"
+        )
         inside, outside = self._cells
         if outside > 1:
             yield (
