@@ -94,6 +94,8 @@ def _in_words(error: ProblemError, scene: str, plan: Path) -> Exception:
         return UsageError(f"--{words}")
     if words.startswith("earth:"):
         return FileError(f"{scene}: {words}")
+    if words.startswith("crs:"):  # something of the scene is where its system is not defined
+        return FileError(f"{scene}: earth.{words}")
     if words.startswith("earth."):
         return FileError(f"{scene}: {words}; --local leaves latitudes and longitudes out")
     return FileError(f"{plan}: {words}")

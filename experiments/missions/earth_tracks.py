@@ -178,7 +178,8 @@ def footprints_on_earth(flight: Flight) -> Iterator[Footprint]:
         for t in np.flatnonzero(~np.isnan(prints.corners).any(axis=(1, 2))).tolist():
             latitude, longitude = geodesy.degrees(*prints.corners[t, :, :2].T)
             rings = _rings(np.column_stack([longitude, latitude]))
-            yield Footprint(i, t, rings, float(prints.reach[t]), bool(prints.cut[t]))
+            if rings:
+                yield Footprint(i, t, rings, float(prints.reach[t]), bool(prints.cut[t]))
 
 
 def _rings(corners: FloatArray) -> list[FloatArray]:
