@@ -47,7 +47,8 @@ def _fly(
     counter-clockwise) and pitch (degrees, 0 level, below is negative) of each drone, heights above
     ground and take-off, and latitude and longitude where the scene has a reference system. A
     .geojson or .kml file has tracks, cameras' footprints and people's walks on the Earth; a .glb
-    file is an animated scene (glTF) for Blender and viewers in browsers.
+    file is an animated scene (glTF) for Blender and viewers in browsers; a .pdf file is a sheet
+    for the crew.
 
     Example: cocap-opt fly corridor plan.json --step 1 --smooth -o flight.csv
     """

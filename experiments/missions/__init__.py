@@ -4,6 +4,7 @@ from cocap_opt.experiments.missions.geojson import geojson
 from cocap_opt.experiments.missions.gltf import gltf
 from cocap_opt.experiments.missions.kml import kml
 from cocap_opt.experiments.missions.mission import Mission, Writer
+from cocap_opt.experiments.missions.sheet import sheet
 from cocap_opt.experiments.missions.table import table
 
 WRITERS: dict[str, Writer] = {
@@ -11,7 +12,8 @@ WRITERS: dict[str, Writer] = {
     ".geojson": geojson,
     ".kml": kml,
     ".glb": gltf,
+    ".pdf": sheet,
 }
-DATED = ".geojson", ".kml"  # those that hold dates, not seconds alone
+DATED = ".geojson", ".kml", ".pdf"  # those that hold dates, not seconds alone
 
 __all__ = ["DATED", "WRITERS", "Mission", "Writer"]

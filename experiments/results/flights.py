@@ -149,11 +149,15 @@ class Flight(NamedTuple):
 
     def notes(self) -> Iterable[str]:
         """Yields sentences on what the numbers mean, and what was not checked."""
-        problem = self.flown.problem
         yield (
             "yaw is 0 along x and counter-clockwise; pitch is that of the camera, 0 is level and "
             "below is negative (degrees)"
         )
+        yield from self.doubts()
+
+    def doubts(self) -> Iterable[str]:
+        """Yields sentences on what was not checked or is not known."""
+        problem = self.flown.problem
         if not self.is_smooth:
             yield "speeds jump at each step, and no acceleration was checked; --smooth has neither"
         least = self.flown.least_distance()
