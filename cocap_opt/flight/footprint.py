@@ -15,7 +15,7 @@ from cocap_opt.vision.projection import Projection
 from cocap_opt.world import HeightMap
 
 REACH = 10.0  # times the height above the ground
-_HALVINGS = 40
+_HALVINGS = 30
 _MOST = 2_000_000  # pieces of rays at once, to bound the memory
 
 

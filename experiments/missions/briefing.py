@@ -147,12 +147,12 @@ def _nearest(flight: Flight, ways: FloatArray, one: IntArray, other: IntArray) -
 
 def _limits(flight: Flight) -> Iterator[str]:
     """Yields the tightest moment of each drone."""
-    yield "drone  tightest        at (s)     value  limit         of the limit"
+    yield f"drone  {'tightest':<14}{'at (s)':>8}{'value':>10}{'':9}{'limit':<14}of the limit"
     for row in flight.rows():
         limit = "not known" if row["limit"] is None else f"{row['limit']:.2f} {row['unit']}"
         yield (
-            f"{row['drone']:>5}  {row['tightest']:<14}{row['at (s)']:>8.2f}{row['value']:>10.2f}  "
-            f"{limit:<14}{row['of the limit'] or '-'}"
+            f"{row['drone']:>5}  {row['tightest']:<14}{row['at (s)']:>8.2f}{row['value']:>10.2f} "
+            f"{row['unit']:<8}{limit:<14}{row['of the limit'] or '-'}"
         )
 
 

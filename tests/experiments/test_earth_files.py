@@ -237,11 +237,12 @@ def test_tracks_that_are_cut_stay_whole(steps: list[float], first: float) -> Non
 
 
 def test_odd_flights_are_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """One step, a drone that stays, nobody to film, and a map that does not tell its ground."""
+    """One step, a drone that stays, nobody to film, a map that does not tell its ground."""
     problem = co.Problem(
         name="odd <&> \ud83d", height_map=co.HeightMap(heights=np.arange(30.0).reshape(6, 5)),
         robots=[co.Robot(start=co.State(1, 1), motion=co.Motion(layers=(40.0,)))], actors=[],
-        horizon=1, step=0.1, earth=co.Earth(crs="EPSG:32719", origin=(-33.4, -70.6)),
+        earth=co.Earth(crs="EPSG:2056", origin=(46.9, 7.4), heights="ellipsoid"), horizon=1,
+        step=0.1,
     )  # fmt: skip
     scene, plan = tmp_path / "scene.json", tmp_path / "plan.json"
     co.save(scene, problem)
@@ -255,7 +256,9 @@ def test_odd_flights_are_written(tmp_path: Path, capsys: pytest.CaptureFixture[s
     np.testing.assert_allclose([row.coord.z for row in track.track_items], 34.0)
     features = json.loads(path.read_text())["features"]
     assert shapely.geometry.shape(features[0]["geometry"]).length == 0
-    assert "above_surface" in features[0]["properties"]
+    assert {"above_surface", "above_ellipsoid"} <= set(features[0]["properties"])
+    # Swiss heights are above Bessel's ellipsoid, which is not that of WGS 84.
+    assert not shapely.geometry.shape(features[0]["geometry"]).has_z
 
 
 def test_files_of_the_earth_are_refused_in_one_line(
