@@ -44,7 +44,7 @@ def along(axis: int, first: float, speed: float, *, height: float = 0.0) -> Floa
         # One follows the other on a line, 5 m behind.
         (along(0, 5, 10), along(0, 0, 10), {}, 0.3),
         # Side by side, just so far apart as they must be, and as far apart in line.
-        (along(0, 0, 10), along(0, 0, 10) + [0, 2, 0], {}, np.inf),
+        (along(0, 0, 10), along(0, 0, 10) + np.array([0, 2, 0]), {}, np.inf),
         (along(0, 2, 10), along(0, 0, 10), {}, 0.0),
         # One arrives where the other has left from 1.2 steps before: it must not be late to go.
         (along(0, -30, 10), along(0, 8, 10), {}, 3.6),
@@ -86,7 +86,10 @@ def test_delays_are_those_of_samples() -> None:
     finite = 0
     for problem, plan, made in flights():
         for flown in (Trajectory.straight(problem, plan), made.trajectory):
-            for rules in (CollisionRules(separation=1.9), CollisionRules(separation=1.5, vertical=1)):
+            for rules in (
+                CollisionRules(separation=1.9),
+                CollisionRules(separation=1.5, vertical=1),
+            ):
                 found, sample = bearable_delay(flown, rules), first_clash(flown, rules, 20)
                 assert found <= sample
                 assert sample == np.inf or sample <= found + 3 * flown.step / 20
