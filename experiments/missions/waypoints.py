@@ -276,7 +276,7 @@ def _clock(flight: Flight, delay: float) -> Iterator[str]:
     if math.isinf(delay):
         yield f"{asked} holds however late any of them is"
     elif delay == 0:
-        yield f"{asked} bears no difference in time between two drones"
+        yield f"{asked} bears no difference in time between two drones: plan with a larger one"
     else:
         yield f"{asked} holds while no drone is {delay:.2f} s or more behind another in its plan"
     yield "offboard control along a .csv file, or Skybrush (.skyc), keeps drones together"
@@ -293,5 +293,6 @@ def _ends(routes: list[Route]) -> Iterator[str]:
         "autopilots round corners and speeds; clearance was checked on the straight legs, and not "
         "on the way up"
     )
+    yield "in these files yaw is clockwise from true north, and altitudes are above the take-off"
     if any(route.sea is None for route in routes):
-        yield "the home's height above the sea is not known; altitudes are above the take-off"
+        yield "the home's height above the sea is not known"
