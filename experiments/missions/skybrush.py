@@ -138,8 +138,8 @@ def _zipped(text: str) -> bytes:
 def _notes(flight: Flight, grounds: list[float]) -> Iterator[str]:
     yield "the show begins and ends in the air: take-off and landing are not in it, nor the pitch"
     yield (
-        f"x and y are from the map's corner, z is from {min(grounds):g} m, the lowest take-off, and "
-        "yaw is clockwise from x; all drones share one clock"
+        f"x and y are from the map's corner, z is from {min(grounds):g} m, the lowest take-off; "
+        "yaw is clockwise from x, and all drones share one clock"
     )
     if max(grounds) > min(grounds):
         yield "drones take off at different heights: let Skybrush control altitudes above the sea"

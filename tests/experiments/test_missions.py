@@ -232,7 +232,7 @@ def test_files_of_waypoints_say_that_drones_keep_no_common_clock() -> None:
     alone, plan = scene()
     alone = alone.replace(robots=alone.robots[:1])
     mission = WRITERS[".plan"](Flight.of(alone, Plan(paths=plan.paths[:1]), False), None)
-    assert "clock" not in said(mission)
+    assert "common clock" not in said(mission)
     assert mission.facts == {"bearable_delay": None}
 
 
