@@ -3,7 +3,8 @@
 Nothing keeps drones that fly waypoints to a common clock. This finds the least difference between
 two moments at which one drone at the first and another at the second would be too near, over all
 pairs of moments: whoever keeps below it keeps the separation, whether the delay grows, shrinks or
-stays. Before its flight a drone hovers where it begins, afterwards where it ends.
+stays. A drone hovers before its flight and after it, which adds nothing: who comes too near to it
+then is no later than at the flight's first moment, or its last.
 
 Two pieces of flights and a square of their moments are quartered until nothing is left below a
 difference at which two drones are too near indeed. In a square, planes that part the pieces bound
@@ -15,7 +16,7 @@ from itertools import product
 
 import numpy as np
 
-from cocap_opt.data import LARGEST, FloatArray, IntArray
+from cocap_opt.data import LARGEST, FloatArray
 from cocap_opt.flight.bernstein import halves, values
 from cocap_opt.flight.trajectory import Trajectory
 from cocap_opt.problem import CollisionRules
@@ -43,24 +44,13 @@ def bearable_delay(flown: Trajectory, rules: CollisionRules) -> float:
     robots, steps = pieces.shape[:2]
     pairs = np.argwhere(~np.eye(robots, dtype=np.bool_))
     most, fine = np.inf, _FINE / flown.step
-    for ahead in range(steps + 1):
-        if not len(pairs) or ahead - 1 >= most:
+    for ahead in range(steps):
+        if ahead - 1 >= most:
             break  # pieces so many steps apart are less apart by up to one step
-        numbers = np.arange(steps + ahead)
-        one = _pieces(pieces, pairs[:, 0], numbers)
-        other = _pieces(pieces, pairs[:, 1], numbers - ahead)
+        one = pieces[pairs[:, 0], ahead:].reshape(-1, *pieces.shape[2:])
+        other = pieces[pairs[:, 1], : steps - ahead].reshape(one.shape)
         most = _least(one, other, ahead, rules, most, fine)
     return most * flown.step
-
-
-def _pieces(pieces: FloatArray, robots: IntArray, steps: IntArray) -> FloatArray:
-    """Returns the pieces [robots steps, 3, 6] in some steps, before and after the flight too."""
-    last = pieces.shape[1] - 1
-    found = pieces[robots][:, np.clip(steps, 0, last)]
-    found[:, steps < 0] = pieces[robots, 0, :, :1][:, None]
-    found[:, steps > last] = pieces[robots, last, :, -1:][:, None]
-    result: FloatArray = found.reshape(-1, 3, pieces.shape[-1])
-    return result
 
 
 def _least(
@@ -132,13 +122,12 @@ def _bound_along(
     above = (p - p[:, :1] - faster * shares).max(axis=-1)
     below = (q - q[:, :1] - slower * shares).min(axis=-1)
     faster, slower = faster[:, 0], slower[:, 0]
-    # Too near: spare < faster u - slower v, where u and v are the shares, at most this much
-    # more than either speed times u - v.
+    # Too near where q - p < far, thus spare < faster (u - v): u and v are the shares, and
+    # faster u - slower v is at most faster (u - v) + the larger of faster - slower and 0.
     spare = q[:, 0] + below - p[:, 0] - above - far - np.maximum(faster - slower, 0.0)
     found = np.full(len(p), -1.0)
-    for speed in (faster, slower):
-        moves = speed > _SLOW
-        found = np.where(moves, np.maximum(found, spare / np.where(moves, speed, 1.0)), found)
+    moves = faster > _SLOW
+    found[moves] = np.maximum(spare[moves] / faster[moves], -1.0)
     never = (q.min(axis=-1) - p.max(axis=-1) >= far) | (found > 1)
     result: FloatArray = np.where(never, np.inf, found)
     return result

@@ -137,15 +137,15 @@ def moments(rows: list[Row], turns_by_command: bool) -> Iterator[Moment]:
     """Flies a mission: each place that a drone reaches, from the end of the wait at its start."""
     assert rows[0].command == 22 and rows[-1].command == 17
     place = tuple(rows[0].params[4:])
-    compass = pitch = speed = rise = t = math.nan
+    compass = pitch = t = math.nan
+    speeds: dict[float, float] = {}
     for command, frame, params in rows:
         assert frame == (3 if command in (16, 17, 22) else 2)
         first, second = params[:2]
         if command == 178:
             assert params[2] == -1
             assert second > 0
-            speed, rise = (second, rise) if first == 1 else (speed, second)
-            assert first == 1 or not math.isnan(t)
+            speeds[first] = second
         elif command == 1000:
             assert params[4] == 12  # the horizon, and not the north
             pitch = first
@@ -157,11 +157,12 @@ def moments(rows: list[Row], turns_by_command: bool) -> Iterator[Moment]:
             assert not turns_by_command or compass == params[3]
             compass, goal = params[3], tuple(params[4:])
             if not math.isnan(t):
+                up = goal[2] - place[2]
                 t += max(
-                    metres(place, goal) / speed if goal[:2] != place[:2] else 0.0,
-                    abs(goal[2] - place[2]) / rise if goal[2] != place[2] else 0.0,
+                    metres(place, goal) / speeds[1] if goal[:2] != place[:2] else 0.0,
+                    abs(up) / speeds[2 if up > 0 else 3] if up else 0.0,
                 )
-            place = goal
+            place, speeds = goal, {}
             yield Moment(t, place, compass, pitch)
         elif command == 93:
             assert params[1:4] == [-1, -1, -1]
