@@ -62,6 +62,15 @@ def test_delays_of_lines_are_exact(
     assert found == pytest.approx(bearable_delay(lines(other, one), asked), abs=6e-3)
 
 
+def test_a_nearer_clash_of_other_steps_is_found() -> None:
+    """A clash of moments in two steps counts before a later one of moments in the same step."""
+    one = along(0, -10, 10)
+    same = along(1, -0.5, 10) + np.array([-0.5, 0, 0])  # 0.9 steps before
+    others = along(1, -7.5, 10) + np.array([2, 0, 0])  # 0.45 steps before, in the step before
+    found = bearable_delay(lines(one, same, others), CollisionRules(separation=2.0))
+    assert found == pytest.approx((0.45 - np.sqrt(2) * 0.2) * STEP, abs=6e-3)
+
+
 def test_one_drone_alone_bears_any_delay() -> None:
     """Without a pair there is nothing to be too near to."""
     assert bearable_delay(lines(along(0, 0, 10)), CollisionRules(separation=2.0)) == np.inf
