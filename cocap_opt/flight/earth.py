@@ -69,6 +69,11 @@ class Geodesy:
         azimuth, _, _ = self._ellipsoid.inv(longitude, latitude, aside[1], aside[0])
         return np.asarray(azimuth) % 360.0
 
+    def lengths(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Returns the metres [n-1] on the ground from each point [n] of the scene to the next."""
+        latitude, longitude = self.degrees(x, y)
+        return np.asarray(self._ellipsoid.line_lengths(longitude, latitude))
+
     @property
     def is_on_wgs_84(self) -> bool:
         """True if the system's ellipsoid is that of WGS 84, to a millimetre (GRS 80 is)."""

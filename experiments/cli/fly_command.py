@@ -50,11 +50,14 @@ def _fly(
     file is an animated scene (glTF) for Blender and viewers in browsers; a .pdf file is a sheet
     for the crew.
 
+    Missions of waypoints, a file per drone: .plan (QGroundControl, for PX4) and .waypoints (for
+    ArduPilot). By one clock fly .skyc (Skybrush) and .crazyflie.csv (polynomials, with --smooth).
+
     Example: cocap-opt fly corridor plan.json --step 1 --smooth -o flight.csv
     """
-    suffix = Option("-o").ending(output, tuple(WRITERS))
+    ending = Option("-o").ending(output, tuple(WRITERS))
     assert output is not None
-    begins = None if start is None else _start(start, suffix)
+    begins = None if start is None else _start(start, ending)
     for option, value in (("--step", step), ("--every", every)):
         if value is not None and not Option(option).require_seconds(value) > 0:
             raise UsageError(f"{option}: must be more than 0 seconds")
@@ -64,17 +67,17 @@ def _fly(
     problem = problem.replace(earth=None) if local else problem
     try:
         flight = Flight.of(problem, planned, smooth)._replace(start=begins)
-        mission = WRITERS[suffix](flight, every)
+        mission = WRITERS[ending](flight, every)
     except ProblemError as error:
         raise _in_words(error, scene, plan) from error
     record = flight.record()
-    files = {_named(output, part): content for part, content in mission.files.items()}
+    files = {_named(output, ending, part): content for part, content in mission.files.items()}
     for path in files:
         check_output(path, scene, plan)
     save_files(files)
-    answer: Record = {"scene": problem.name, "seed": seed, **record}
+    answer: Record = {"scene": problem.name, "seed": seed, **record, **mission.facts}
     notes = [*flight.notes(), *mission.notes]
-    written = output if len(files) == 1 else " ".join(str(path) for path in files)
+    written = " ".join(map(str, files))
     if json:
         print_result({**answer, "drones": flight.rows(), "notes": notes, "file": written}, json)
     else:
@@ -83,15 +86,16 @@ def _fly(
     return 0
 
 
-def _named(output: Path, part: str) -> Path:
+def _named(output: Path, ending: str, part: str) -> Path:
     """Returns the name of a part of the output."""
-    return output.with_name(f"{output.stem}.{part}{output.suffix}") if part else output
+    first, last = output.name[: -len(ending)], output.name[-len(ending) :]
+    return output.with_name(f"{first}.{part}{last}") if part else output
 
 
 def _in_words(error: ProblemError, scene: str, plan: Path) -> Exception:
     """Returns the error that names the option or the file that is to be changed."""
     words = str(error)
-    if words.startswith("every:"):
+    if words.startswith(("every:", "smooth:")):
         return UsageError(f"--{words}")
     if words.startswith("earth:"):
         return FileError(f"{scene}: {words}")
@@ -102,10 +106,10 @@ def _in_words(error: ProblemError, scene: str, plan: Path) -> Exception:
     return FileError(f"{plan}: {words}")
 
 
-def _start(text: str, suffix: str) -> datetime:
+def _start(text: str, ending: str) -> datetime:
     """Returns the time (UTC) at which a flight starts, for a file with an ending."""
-    if suffix not in DATED:
-        raise UsageError(f"--start: must be left out for {suffix}, whose times are seconds")
+    if ending not in DATED:
+        raise UsageError(f"--start: must be left out for {ending}, whose times are seconds")
     try:
         found = datetime.fromisoformat(text)
         if found.tzinfo is not None:
