@@ -87,7 +87,9 @@ def _altitude(flight: Flight) -> str:
     if earth is None or earth.heights is None:
         return "the map's height (m); nobody says what it is above"
     above = "the sea" if earth.heights == "sea" else "the ellipsoid"
-    return f"the map's height (m); {earth.base:g} m more is the height above {above}"
+    if not earth.base:
+        return f"the height above {above} (m)"
+    return f"the map's height (m); z + {earth.base:g} m is the height above {above}"
 
 
 def _distances(flight: Flight) -> Iterator[str]:

@@ -1,4 +1,5 @@
 import re
+from dataclasses import replace
 from datetime import UTC, datetime
 from importlib import import_module
 from pathlib import Path
@@ -124,6 +125,10 @@ def test_the_sheet_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     page = (tmp_path / "sheet.pdf").read_bytes()
     flight = Flight.of(problem, plan, False)
     start = datetime(2026, 5, 1, 8, tzinfo=UTC)
+    for base, words in ((0.0, "z is the height above the sea"), (-7.5, "z + -7.5 m is the height")):
+        above = problem.replace(earth=co.Earth(crs="EPSG:2154", heights="sea", base=base))
+        other = flight._replace(flown=replace(flight.flown, problem=above))
+        assert words in text_of(other)["Flight"][-1]
     assert "2026-05-01 08:00:00 UTC" in text_of(flight._replace(start=start))["Flight"][1]
     assert WRITERS[".pdf"](flight._replace(start=start), None).files[""] == page
     (box,) = set(re.findall(rb"/MediaBox \[([\d. ]+)\]", page))
