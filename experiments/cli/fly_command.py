@@ -1,5 +1,6 @@
 """The command `fly`, which makes of a plan what drones fly."""
 
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated
 
@@ -8,7 +9,7 @@ from cyclopts import Parameter
 from cocap_opt.data import ProblemError
 from cocap_opt.experiments.cli.options import FLAG, Json, Output, Scene, Seed, load
 from cocap_opt.experiments.console.options import Option, UsageError
-from cocap_opt.experiments.missions import WRITERS
+from cocap_opt.experiments.missions import DATED, WRITERS
 from cocap_opt.experiments.results.files import PlanReader, check_output, save_files
 from cocap_opt.experiments.results.flights import Flight
 from cocap_opt.experiments.results.printing import Listing, Record, print_result
@@ -33,6 +34,10 @@ def _fly(
         float | None,
         Parameter(help="seconds between rows; else a row a step, and ten a step with --smooth"),
     ] = None,
+    start: Annotated[
+        str | None,
+        Parameter(help="when step 0 is, such as 2026-05-01T10:00:00Z, in files that hold dates"),
+    ] = None,
     local: Annotated[bool, FLAG(name="--local", help="leave out latitudes and longitudes")] = False,
     json: Json = False,
 ) -> int:
@@ -40,12 +45,19 @@ def _fly(
 
     A .csv file has t (s), x, y, z (m, coordinates of the map), yaw (degrees, 0 along x,
     counter-clockwise) and pitch (degrees, 0 level, below is negative) of each drone, heights above
-    ground and take-off, and latitude and longitude where the scene has a reference system.
+    ground and take-off, and latitude and longitude where the scene has a reference system. A
+    .geojson or .kml file has tracks, cameras' footprints and people's walks on the Earth; a .glb
+    file is an animated scene (glTF) for Blender and viewers in browsers; a .pdf file is a sheet
+    for the crew.
+
+    Missions of waypoints, a file per drone: .plan (QGroundControl, for PX4) and .waypoints (for
+    ArduPilot). By one clock fly .skyc (Skybrush) and .crazyflie.csv (polynomials, with --smooth).
 
     Example: cocap-opt fly corridor plan.json --step 1 --smooth -o flight.csv
     """
-    write = WRITERS[Option("-o").ending(output, tuple(WRITERS))]
+    ending = Option("-o").ending(output, tuple(WRITERS))
     assert output is not None
+    begins = None if start is None else _start(start, ending)
     for option, value in (("--step", step), ("--every", every)):
         if value is not None and not Option(option).require_seconds(value) > 0:
             raise UsageError(f"{option}: must be more than 0 seconds")
@@ -54,18 +66,18 @@ def _fly(
     problem = _with_step(problem, step)
     problem = problem.replace(earth=None) if local else problem
     try:
-        flight = Flight.of(problem, planned, smooth)
-        mission = write(flight, every)
+        flight = Flight.of(problem, planned, smooth)._replace(start=begins)
+        mission = WRITERS[ending](flight, every)
     except ProblemError as error:
         raise _in_words(error, scene, plan) from error
     record = flight.record()
-    files = {_named(output, part): content for part, content in mission.files.items()}
+    files = {_named(output, ending, part): content for part, content in mission.files.items()}
     for path in files:
         check_output(path, scene, plan)
     save_files(files)
-    answer: Record = {"scene": problem.name, "seed": seed, **record}
+    answer: Record = {"scene": problem.name, "seed": seed, **record, **mission.facts}
     notes = [*flight.notes(), *mission.notes]
-    written = output if len(files) == 1 else " ".join(str(path) for path in files)
+    written = " ".join(map(str, files))
     if json:
         print_result({**answer, "drones": flight.rows(), "notes": notes, "file": written}, json)
     else:
@@ -74,19 +86,40 @@ def _fly(
     return 0
 
 
-def _named(output: Path, part: str) -> Path:
+def _named(output: Path, ending: str, part: str) -> Path:
     """Returns the name of a part of the output."""
-    return output.with_name(f"{output.stem}.{part}{output.suffix}") if part else output
+    first, last = output.name[: -len(ending)], output.name[-len(ending) :]
+    return output.with_name(f"{first}.{part}{last}") if part else output
 
 
 def _in_words(error: ProblemError, scene: str, plan: Path) -> Exception:
     """Returns the error that names the option or the file that is to be changed."""
     words = str(error)
-    if words.startswith("every:"):
+    if words.startswith(("every:", "smooth:")):
         return UsageError(f"--{words}")
+    if words.startswith("earth:"):
+        return FileError(f"{scene}: {words}")
+    if words.startswith("crs:"):  # something of the scene is where its system is not defined
+        return FileError(f"{scene}: earth.{words}")
     if words.startswith("earth."):
         return FileError(f"{scene}: {words}; --local leaves latitudes and longitudes out")
     return FileError(f"{plan}: {words}")
+
+
+def _start(text: str, ending: str) -> datetime:
+    """Returns the time (UTC) at which a flight starts, for a file with an ending."""
+    if ending not in DATED:
+        raise UsageError(f"--start: must be left out for {ending}, whose times are seconds")
+    try:
+        found = datetime.fromisoformat(text)
+        if found.tzinfo is not None:
+            return found.astimezone(UTC)
+    except (ValueError, OverflowError):
+        pass
+    raise UsageError(
+        f"--start: must be a date and a time with its offset from UTC, such as "
+        f"2026-05-01T10:00:00+02:00 or 2026-05-01T08:00:00Z, not {text[:40]!r}"
+    )
 
 
 def _with_step(problem: Problem, step: float | None) -> Problem:

@@ -73,7 +73,7 @@ def test_flights_that_cannot_be_made_are_refused(
     flight, clash = tmp_path / "flight.csv", tmp_path / "clash.json"
     Run(capsys, "plan", "tiny-queue", "--planner", "greedy", "-o", clash)
     for words, expected in (
-        ((scene, plan, "-o", tmp_path / "flight.kml"), "-o: name a file that ends in .csv"),
+        ((scene, plan, "-o", tmp_path / "flight.txt"), "-o: name a file that ends in .csv"),
         ((scene, plan), "-o: name a file that ends in .csv"),
         (("tiny-queue", clash, "-o", flight), "--step: must be given"),
         ((scene, plan, "-o", flight, "--step", 1), "--step: must be left out"),
