@@ -55,9 +55,9 @@ def _fly(
 
     Example: cocap-opt fly corridor plan.json --step 1 --smooth -o flight.csv
     """
-    ending = Option("-o").ending(output, tuple(WRITERS))
+    suffix = Option("-o").ending(output, tuple(WRITERS))
     assert output is not None
-    begins = None if start is None else _start(start, ending)
+    begins = None if start is None else _start(start, suffix)
     for option, value in (("--step", step), ("--every", every)):
         if value is not None and not Option(option).require_seconds(value) > 0:
             raise UsageError(f"{option}: must be more than 0 seconds")
@@ -67,11 +67,11 @@ def _fly(
     problem = problem.replace(earth=None) if local else problem
     try:
         flight = Flight.of(problem, planned, smooth)._replace(start=begins)
-        mission = WRITERS[ending](flight, every)
+        mission = WRITERS[suffix](flight, every)
     except ProblemError as error:
         raise _in_words(error, scene, plan) from error
     record = flight.record()
-    files = {_named(output, ending, part): content for part, content in mission.files.items()}
+    files = {_named(output, suffix, part): content for part, content in mission.files.items()}
     for path in files:
         check_output(path, scene, plan)
     save_files(files)
@@ -86,9 +86,9 @@ def _fly(
     return 0
 
 
-def _named(output: Path, ending: str, part: str) -> Path:
+def _named(output: Path, suffix: str, part: str) -> Path:
     """Returns the name of a part of the output."""
-    first, last = output.name[: -len(ending)], output.name[-len(ending) :]
+    first, last = output.name[: -len(suffix)], output.name[-len(suffix) :]
     return output.with_name(f"{first}.{part}{last}") if part else output
 
 
@@ -106,10 +106,10 @@ def _in_words(error: ProblemError, scene: str, plan: Path) -> Exception:
     return FileError(f"{plan}: {words}")
 
 
-def _start(text: str, ending: str) -> datetime:
-    """Returns the time (UTC) at which a flight starts, for a file with an ending."""
-    if ending not in DATED:
-        raise UsageError(f"--start: must be left out for {ending}, whose times are seconds")
+def _start(text: str, suffix: str) -> datetime:
+    """Returns the time (UTC) at which a flight starts, for a file of some ending."""
+    if suffix not in DATED:
+        raise UsageError(f"--start: must be left out for {suffix}, whose times are seconds")
     try:
         found = datetime.fromisoformat(text)
         if found.tzinfo is not None:
