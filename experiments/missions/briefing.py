@@ -10,6 +10,7 @@ from cocap_opt.data import FloatArray, IntArray, ProblemError
 from cocap_opt.experiments.results.flights import Flight, cells_below
 from cocap_opt.flight.bernstein import elevated, largest, squared_length
 from cocap_opt.flight.trajectory import DEGREE, between_drones
+from cocap_opt.problem import Problem
 
 ROWS = 12  # of a drone's table, at most, where nobody asked for others
 _MOST_ROWS = 10_000
@@ -69,8 +70,8 @@ def _summary(flight: Flight) -> Iterator[str]:
     )
     yield f"Step 0, t = 0, is at {start}. All drones start their flights together."
     yield (
-        f"Battery: lasts {_BLANK} min (nobody says it); the flight takes {flown.seconds / 60:.1f} "
-        "min, and the legs below"
+        f"Battery: {_battery(problem)}; the flight takes {flown.seconds / 60:.1f} min, and the "
+        "legs below"
     )
     if flight.geodesy is None:
         yield "Places: x and y of the map (m); where it is on the Earth is not known, or left out."
@@ -80,6 +81,15 @@ def _summary(flight: Flight) -> Iterator[str]:
         name = flight.geodesy.name
         yield f"Places: x and y in {name}; latitudes and longitudes in WGS 84, {known}."
     yield f"z is {_altitude(flight)}."
+
+
+def _battery(problem: Problem) -> str:
+    """Says how long batteries last: the shortest time, where all of them are known."""
+    known = [robot.limits.endurance if robot.limits else None for robot in problem.robots]
+    lasting = [seconds for seconds in known if seconds is not None]
+    if len(lasting) < len(known):
+        return f"lasts {_BLANK} min (nobody says it)"
+    return f"lasts {min(lasting) / 60:.1f} min (by the maker, in calm air; less in wind and cold)"
 
 
 def _altitude(flight: Flight) -> str:

@@ -40,6 +40,7 @@ class LimitsTable(Table):
     acceleration: Length | None = None  # m/s2
     yaw_rate: Length | None = None  # degrees/s
     gimbal_rate: Length | None = None  # degrees/s
+    endurance: Length | None = None  # s
 
     def over(self, airframe: Limits | None) -> Limits | None:
         """Returns the limits of a drone; None if there are none."""

@@ -90,7 +90,15 @@ camera = "dji-mavic-pro"
 tilts = [10, 40]            # below the horizon; several make a gimbal
 motion = { layers = [4, 6], clearance = 0.5 }
 airframe = "px4"            # whose limits hold; left out, as each of `limits`: none are checked
-limits = { speed = 8, climb = 5, descent = 4, acceleration = 6, yaw_rate = 90, gimbal_rate = 90 }
+
+[drones.limits]             # of the drones above, in place of the airframe's
+speed = 8                   # m/s; climb and descent likewise
+climb = 5
+descent = 4
+acceleration = 6            # m/s2
+yaw_rate = 90               # degrees/s, as the gimbal's
+gimbal_rate = 90
+endurance = 1200            # s for which the battery lasts
 
 [[drones]]
 starts = [{ x = 30, y = 20, height = 4, heading = 90 }]    # heading 0: along x

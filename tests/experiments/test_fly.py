@@ -99,6 +99,7 @@ def test_limits_hold_for_scenes_and_for_flights(
         ('airframe = "px4"', r"robots\[0\].motion.turn: .* a step of 0.75 s"),
         ('airframe = "kite"', "airframe: must be one of px4"),
         ("limits = { wings = 2 }", "wings"),
+        ("limits = { endurance = 1.9 }", "endurance: the flight takes 2 s, but the battery lasts"),
     ):
         scene.write_text(RECIPE.format(step="step = 0.5", limits=limits))
         run = Run(capsys, "plan", scene)

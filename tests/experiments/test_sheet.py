@@ -19,6 +19,7 @@ from cocap_opt.data import ProblemError
 from cocap_opt.experiments.missions import WRITERS
 from cocap_opt.experiments.missions.briefing import briefing
 from cocap_opt.experiments.results.flights import Flight
+from cocap_opt.problem import Limits
 
 # The package's name `sheet` is the writer.
 sheet_module = import_module("cocap_opt.experiments.missions.sheet")
@@ -32,6 +33,18 @@ def text_of(flight: Flight, every: float | None = None) -> dict[str, list[str]]:
 def numbers(line: str) -> list[float]:
     """The numbers in a line."""
     return [float(word) for word in re.findall(r"-?\d+\.?\d*", line)]
+
+
+def test_a_battery_is_what_the_scene_knows() -> None:
+    """The shortest time, where it is known of all drones; else a blank to be filled in."""
+    problem, plan = scene()
+    for minutes, words in (((20, 25), "lasts 20.0 min (by the maker"), ((20, None), "nobody says")):
+        robots = tuple(
+            robot.replace(limits=Limits(endurance=None if last is None else 60.0 * last))
+            for robot, last in zip(problem.robots, minutes, strict=True)
+        )
+        flight = Flight.of(problem.replace(robots=robots), plan, False)
+        assert any(words in line for line in text_of(flight)["Flight"])
 
 
 @pytest.mark.parametrize("smooth", [False, True])

@@ -113,7 +113,7 @@ def test_the_example_in_the_manual_is_read(parts: Path) -> None:
     assert problem.step == 0.5
     limits = problem.robots[0].limits
     assert limits is not None
-    assert (limits.speed, limits.yaw_rate) == (8.0, math.radians(90))
+    assert (limits.speed, limits.yaw_rate, limits.endurance) == (8.0, math.radians(90), 1200.0)
     assert problem.robots[3].limits is None
     assert problem.earth is not None
     assert (problem.earth.heights, problem.earth.base) == ("sea", 20.0)
@@ -125,7 +125,7 @@ def test_the_example_has_every_field() -> None:
     assert len(tables) == 13
     for table in tables:
         for field in table.__struct_fields__:
-            assert f"{field} =" in EXAMPLE or f"[{field}]" in EXAMPLE, field
+            assert f"{field} =" in EXAMPLE or f"{field}]" in EXAMPLE, field
 
 
 @pytest.mark.parametrize(
