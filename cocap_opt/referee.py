@@ -117,14 +117,15 @@ class _Referee:
             for i in range(len(plan.paths)):
                 for k in range(i + 1, len(plan.paths)):
                     a, b = at[i][t], at[k][t]
+                    near = self._too_near(self._way(a, b), rules)
                     if rules.vertex and a == b:
                         found.append(f"step {t}: drones {i} and {k} are in one cell")
-                    elif rules.vertex and (near := self._too_near(self._way(a, b), rules)):
+                    elif rules.vertex and near:
                         found.append(f"step {t}: drones {i} and {k} are {near}")
                     if t == self.problem.horizon:
                         continue
                     c, d = at[i][t + 1], at[k][t + 1]
-                    if rules.swap and a != b and (c, d) == (b, a):
+                    if rules.swap and a != b and (c, d) == (b, a) and not near:
                         found.append(f"step {t} to {t + 1}: drones {i} and {k} swap cells")
                     elif rules.separation and (
                         near := self._pass_too_near(self._way(a, b), self._way(c, d), rules)

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from statistics import fmean
 
-from cocap_opt.experiments.results.files import read_text, save_bytes
 from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.results.statistics import NONE
 from cocap_opt.experiments.results.tables import Table
@@ -114,12 +113,3 @@ def planners_in_markdown(path: Path | None = None) -> str:
         "of `sequential` on the same scenes (geometric mean); coverage is apart, but for planners "
         "that take single views.\n"
     )
-
-
-def write_into(document: Path, text: str) -> None:
-    """Replaces the table in a document, which stands between two marks."""
-    before, begin, rest = read_text(document).partition(BEGIN)
-    _, end, after = rest.partition(END)
-    if not (begin and end):
-        raise FileError(f"{document}: must hold the lines {BEGIN} and {END}")
-    save_bytes(document, f"{before}{BEGIN}\n\n{text}\n{END}{after}".encode())
