@@ -1,9 +1,11 @@
+from dataclasses import replace
 from functools import lru_cache
+from itertools import product as product_of
 
 import numpy as np
 import pytest
 
-from cocap_opt.data import FloatArray, ProblemError
+from cocap_opt.data import BoolArray, FloatArray, ProblemError
 from cocap_opt.flight.bernstein import elevated, ever_positive, largest, product, values
 from cocap_opt.flight.filming import view_reward
 from cocap_opt.flight.pace import demands, tightest
@@ -17,6 +19,7 @@ from cocap_opt.problem import (
     CollisionRules,
     Limits,
     Motion,
+    Objective,
     Plan,
     Problem,
     Robot,
@@ -117,29 +120,34 @@ def sampled(flown: Trajectory, per_step: int = 40) -> FloatArray:
     return flown.at(times).place.reshape(len(flown.pieces), -1, 3)
 
 
-def require_free(problem: Problem, places: FloatArray) -> None:
-    """Each sample is in a cell where a drone may be, by the columns of the workspace."""
+def too_near_matter(problem: Problem, places: FloatArray) -> BoolArray:
+    """Samples [n] in which a drone is where none may be, by the columns of the workspace."""
     columns, forbidden = problem.workspace.columns, problem.workspace.forbidden
-    for robot, path in zip(problem.robots, places, strict=True):
-        for x, y, z in np.unique(path.round(9), axis=0).tolist():
+    found = np.zeros(places.shape[:2], dtype=np.bool_)
+    for i, (robot, path) in enumerate(zip(problem.robots, places, strict=True)):
+        for k, (x, y, z) in enumerate(path.round(9).tolist()):
             cell, own = problem.height_map.cell_of(x, y), robot.motion.clearance - 2e-6
-            assert problem.height_map.inside(*cell)
-            assert not columns.solid_at(*cell, z - own, z + own)
-            assert not forbidden.solid_at(*cell, z - 2e-6, z - 2e-6)
+            found[i, k] = (
+                not problem.height_map.inside(*cell)
+                or columns.solid_at(*cell, z - own, z + own)
+                or forbidden.solid_at(*cell, z - 2e-6, z - 2e-6)
+            )
+    return found.any(axis=0)
 
 
-def require_apart(problem: Problem, places: FloatArray) -> None:
-    """Samples of drones keep the separation, and those of people theirs."""
-    steps = np.linspace(0, STEPS, places.shape[1])
+def too_near_others(problem: Problem, places: FloatArray) -> BoolArray:
+    """Samples [n] in which drones break the separation, or are too near to people."""
+    steps, found = np.linspace(0, STEPS, places.shape[1]), np.zeros(places.shape[1], dtype=np.bool_)
     for i, one in enumerate(places):
         for other in places[:i]:
             if problem.rules.separation:
-                assert not problem.rules.too_near(other - one).any()
+                found |= problem.rules.too_near(other - one)
         if problem.airspace.people_aside:
             (actor,) = problem.actors
             at = [np.interp(steps, range(STEPS + 1), axis) for axis in actor.middles.T]
             rules = problem.airspace.rules_beside(actor)
-            assert not rules.too_near(one - np.column_stack(at)).any()
+            found |= rules.too_near(one - np.column_stack(at))
+    return found
 
 
 def test_smooth_flights_are_safe_wherever_they_are_sampled() -> None:
@@ -150,10 +158,75 @@ def test_smooth_flights_are_safe_wherever_they_are_sampled() -> None:
             assert all("actors" in danger.words for danger in made.dangers)
             continue
         places = sampled(made.trajectory)
-        require_free(problem, places)
-        require_apart(problem, places)
+        assert not too_near_matter(problem, places).any()
+        assert not too_near_others(problem, places).any()
         kept += 1
     assert kept > len(flights()) / 2
+
+
+def test_flights_that_are_unsafe_where_they_are_sampled_are_dangers() -> None:
+    """Of flights at random, each step with a sample that breaks a rule is told."""
+    rng, told, kept, of_matter = np.random.default_rng(1), 0, 0, 0
+    for problem, plan, _ in flights():
+        straight = Trajectory.straight(problem, plan)
+        noise = rng.normal(0.0, 1.0, straight.pieces.shape) * (rng.random((STEPS, 1, 1)) < 0.7)
+        flown = straight.with_pieces(straight.pieces + noise)
+        found, places = {danger.step for danger in dangers(flown)}, sampled(flown, 20)
+        matter, others = too_near_matter(problem, places), too_near_others(problem, places)
+        for t in range(STEPS):
+            own = slice(20 * t, 20 * t + 20)  # at its end is the next piece
+            assert t in found or not (matter | others)[own].any()
+            told += t in found
+            kept += t not in found
+            of_matter += matter[own].any() and not others[own].any()
+    assert min(told, kept, of_matter) > 4
+
+
+def flown_lines(
+    heights: FloatArray, *lines: list[float], clearance: float = 0.5, vertical: float = 0.0
+) -> Trajectory:
+    """Flights of one step from x, y, z to x, y, z (m), of drones that keep 1.5 m apart."""
+    motion = Motion(radius=1, layers=(4.0,), clearance=clearance)
+    problem = Problem(
+        name="lines", height_map=HeightMap(heights=heights), actors=(), horizon=1, step=1.0,
+        robots=tuple(Robot(start=State(1 + 2 * i, 1), motion=motion) for i in range(len(lines))),
+        rules=CollisionRules(separation=1.5, vertical=vertical),
+    )  # fmt: skip
+    ends = np.array(lines, dtype=np.float64).reshape(len(lines), 1, 2, 3).swapaxes(2, 3)
+    return Trajectory(problem, elevated(np.pad(ends, ((0, 0), (0, 0), (0, 2), (0, 0))), 5))
+
+
+MATTER, OUTSIDE = "comes too near to solid matter", "leaves the map"
+
+
+@pytest.mark.parametrize(
+    ("line", "block", "clearance", "words"),
+    [
+        ([1.5, 4.5, 4, 7.5, 4.5, 4], 20.0, 0.5, MATTER),
+        ([1.5, 3.5, 4, 7.5, 3.5, 4], 20.0, 0.5, ""),
+        ([1.5, 4.0, 4, 7.5, 4.0, 4], 20.0, 0.5, MATTER),  # along its side
+        ([1.5, 4.5, 4, 7.5, 4.5, 4], 3.7, 0.5, MATTER),
+        ([1.5, 4.5, 4, 7.5, 4.5, 4], 3.7, 0.2, ""),
+        ([1.5, 3.5, 4, 9.5, 3.5, 4], 0.0, 0.5, OUTSIDE),
+        ([1.5, 3.5, 4, 1.5, -0.5, 4], 0.0, 0.5, OUTSIDE),
+    ],
+)
+def test_lines_through_walls_are_dangers(
+    line: list[float], block: float, clearance: float, words: str
+) -> None:
+    """Through a block, beside it, over it within or outside the clearance, and off the map."""
+    heights = np.zeros((9, 9))
+    heights[4, 4] = block
+    found = dangers(flown_lines(heights, line, clearance=clearance))
+    assert [danger.words[: len(words)] for danger in found] == ([words] if words else [])
+
+
+@pytest.mark.parametrize(("above", "is_near"), [(0.9, True), (1.1, False)])
+def test_drones_may_be_above_each_other(above: float, is_near: bool) -> None:
+    """Two that cross seen from above are apart by the height that the rules ask for."""
+    one, other = [1.5, 4.5, 4, 5.5, 4.5, 4], [5.5, 4.5, 4 + above, 1.5, 4.5, 4 + above]
+    flown = flown_lines(np.zeros((9, 9)), one, other, vertical=1.0)
+    assert [danger.drones for danger in dangers(flown)] == [(0, 1)] * is_near
 
 
 def test_straight_flights_are_what_the_referee_allows() -> None:
@@ -164,13 +237,16 @@ def test_straight_flights_are_what_the_referee_allows() -> None:
 
 def test_smooth_flights_pass_the_plan_without_jumps() -> None:
     """At each step drones are where the plan says; speed and acceleration are continuous."""
-    for problem, plan, (flown, _, _) in flights():
+    for problem, plan, (flown, _, slowed) in flights():
         straight = Trajectory.straight(problem, plan)
         ends = flown.pieces[..., 0], flown.pieces[..., -1]
         np.testing.assert_array_equal(ends[0], straight.pieces[..., 0])
         for rates in (flown.velocities, flown.accelerations):
             np.testing.assert_allclose(rates[:, 1:, :, 0], rates[:, :-1, :, -1], atol=1e-8)
             assert np.abs(rates[:, [0, -1], :, [0, -1]]).max() < 1e-8  # at rest at both ends
+        if not slowed:
+            bends = np.diff(straight.velocities[:, :, :3, 0], axis=1) / flown.step
+            np.testing.assert_allclose(flown.accelerations[:, 1:, :3, 0], bends, atol=1e-8)
         places, moved = sampled(flown), sampled(straight)
         apart = np.linalg.norm(places - moved, axis=-1).max()
         assert apart <= flown.distance_from(straight) <= apart + 1e-3
@@ -181,33 +257,60 @@ def test_smooth_flights_pass_the_plan_without_jumps() -> None:
 
 
 def test_demands_are_the_largest_of_all_samples() -> None:
-    """Speeds and accelerations of samples reach the stated ones, and never exceed them."""
+    """Rates and accelerations of samples reach the stated ones, and never exceed them."""
     for _, _, (flown, _, _) in flights()[:3]:
         count = STEPS * 1000
         places = sampled(flown, 1000)
+        found = flown.at(np.linspace(0.0, flown.seconds, count + 1))
         pause = flown.seconds / count
         speeds = np.diff(places, axis=1) / pause
-        bends = np.linalg.norm(np.diff(speeds, axis=1), axis=-1) / pause
-        for demand in demands(flown, is_smooth=True):
-            own = {
-                "speed": np.hypot(speeds[..., 0], speeds[..., 1]),
-                "climb": speeds[..., 2], "acceleration": bends,
-            }.get(demand.kind)  # fmt: skip
-            if own is not None:
-                most = max(float(own[demand.drone].max()), 0.0)
-                assert demand.most == pytest.approx(most, rel=2e-3, abs=2e-3)
-        assert [demand.drone for demand in tightest(demands(flown, True))] == list(
-            range(len(flown.pieces))
+        yaw, pitch = (np.diff(row.reshape(len(places), -1)) / pause for row in found[3:])
+        sampled_kinds = {
+            "speed": np.hypot(speeds[..., 0], speeds[..., 1]),
+            "climb": speeds[..., 2], "descent": -speeds[..., 2],
+            "acceleration": np.linalg.norm(np.diff(speeds, axis=1), axis=-1) / pause,
+            "yaw_rate": np.abs(yaw), "gimbal_rate": np.abs(pitch),
+        }  # fmt: skip
+        asked = demands(flown, is_smooth=True)
+        assert {(d.drone, d.kind) for d in asked} == set(
+            product_of(range(len(places)), sampled_kinds)
         )
+        for demand in asked:
+            most = max(float(sampled_kinds[demand.kind][demand.drone].max()), 0.0)
+            assert demand.most == pytest.approx(most, rel=2e-3, abs=2e-3)
+        assert [demand.drone for demand in tightest(asked)] == list(range(len(flown.pieces)))
+
+
+def test_a_step_that_would_do_does() -> None:
+    """With so much longer steps a limit is kept, and with 1 % less it is not."""
+    flown = flights()[0][2].trajectory
+    seen = set()
+    for demand in demands(flown, is_smooth=True):
+        if not demand.most:
+            continue
+        limited = demand._replace(limit=demand.most / 3)
+        assert not limited.is_kept
+        for times, keeps in ((1 + 1e-6, True), (0.99, False)):
+            step = flown.step * limited.slower * times
+            slower = replace(flown, problem=flown.problem.replace(step=step))
+            (own,) = (d for d in demands(slower, True) if d[:2] == demand[:2])
+            assert own._replace(limit=limited.limit).is_kept == keeps
+        seen.add(demand.kind)
+    assert seen == {"speed", "climb", "descent", "acceleration", "yaw_rate", "gimbal_rate"}
 
 
 def test_one_moment_a_step_is_the_plan() -> None:
     """Looked at at the steps only, straight and smooth flights have the view reward of the plan."""
-    for problem, plan, made in flights()[:3]:
-        verdict = check(problem, plan)
+    importance = tuple(float(1 + t) for t in range(STEPS + 1))
+    for k, (problem, plan, made) in enumerate(flights()[:3]):
+        (actor,) = problem.actors
+        weighted = problem.replace(objective=Objective(over_time=True))
+        if k:  # importance must not change where pixels add up over time
+            weighted = problem.replace(actors=(actor.replace(importance=importance),))
+        verdict = check(weighted, plan)
         expected = pytest.approx(verdict.reward - verdict.reward_moves, rel=1e-9)
-        assert view_reward(made.trajectory, 1) == expected
-        assert view_reward(Trajectory.straight(problem, plan), 1) == expected
+        for flown in (made.trajectory, Trajectory.straight(problem, plan)):
+            assert view_reward(replace(flown, problem=weighted), 1) == expected
 
 
 def test_drones_that_would_come_too_near_stop() -> None:
@@ -262,6 +365,27 @@ def test_polynomials_are_enclosed() -> None:
     found = ever_positive([one, other])
     assert found[both].all() and not found[never].any()
     assert both.any() and never.any()
+
+
+def test_polynomials_that_touch_count_as_positive() -> None:
+    """What no halving proves, since both are positive beside a third up to a rounding, is told."""
+    touching = [elevated(np.array([[-1.0, 2.0]]), 5), elevated(np.array([[1.0, -2.0]]), 5)]
+    assert ever_positive(touching).all()
+    assert not ever_positive([touching[0], touching[1] - 0.1]).any()
+
+
+def test_cameras_turn_no_farther_than_the_plan() -> None:
+    """Between rates of 10, 1 and 10 tilts a step, no pitch is beyond those at the steps."""
+    camera = Camera(tilts=tuple(0.05 * k for k in range(22)), width=400, height=300, focal=150.0)
+    motion = Motion(pitch_turn=10, turn=0)
+    robot = Robot(start=State(1, 1, pitch=0), motion=motion, camera=camera)
+    problem = Problem(
+        name="tilts", height_map=HeightMap(heights=np.zeros((3, 3))), actors=(), horizon=3,
+        robots=(robot,), step=1.0,
+    )  # fmt: skip
+    path = tuple(robot.start._replace(pitch=k) for k in (0, 10, 11, 21))
+    pitch = smooth(problem, Plan(paths=(path,))).trajectory.pieces[0, :, 4]
+    assert (np.diff(pitch, axis=1) <= 1e-12).all()
 
 
 LIMITED = {
