@@ -32,6 +32,18 @@ class ProblemError(ValueError):
     """A field of a problem has a value that is not allowed; the message names the field."""
 
 
+class FieldError(ProblemError):
+    """A ProblemError that tells its field apart from its text, for those who name it otherwise."""
+
+    def __init__(self, field: str, allowed: str) -> None:
+        super().__init__(field, allowed)
+        self.field = field
+        self.allowed = allowed
+
+    def __str__(self) -> str:
+        return f"{self.field}: {self.allowed}"
+
+
 def require(condition: bool, field: str, allowed: str) -> None:
     """Raise a ProblemError unless the condition holds."""
     if not condition:

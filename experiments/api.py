@@ -512,7 +512,8 @@ def trajectory(
 
     Straight flights go from step to step at constant speeds. Smooth ones are at the same places at
     the steps and have continuous speed and acceleration; that they keep away from each other and
-    from obstacles is proved for every moment.
+    from obstacles is proved for every moment. Rows are moments of the flight: straight lines
+    between them are up to `attrs["off_between_rows"]` m beside it, and nothing is proved of those.
 
     Parameters
     ----------
@@ -558,7 +559,7 @@ def trajectory(
     timed = problem if step is None else problem.replace(step=step)
     flight = Flight.of(timed, own, smooth)
     table = DataFrame(flight.columns(every))
-    table.attrs = flight.record()
+    table.attrs = {**flight.record(), "off_between_rows": flight.off_between_rows(every)}
     return table
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from cocap_opt.data import FloatArray, ProblemError
+from cocap_opt.data import FieldError, FloatArray
 from cocap_opt.problem import Earth
 
 WGS_84 = "EPSG:4326"
@@ -48,9 +48,10 @@ class Geodesy:
         east, north = x + self._corner[0], y + self._corner[1]
         longitude, latitude = self._to_earth.transform(east, north)
         if not (np.isfinite(longitude).all() and np.isfinite(latitude).all()):
-            raise ProblemError(
-                f"crs: must be a system that is defined where the scene is, at ({east[0]:.7g}, "
-                f"{north[0]:.7g}), not {self.name}"
+            raise FieldError(
+                "crs",
+                f"must be a system that is defined where the scene is, at ({east[0]:.7g}, "
+                f"{north[0]:.7g}), not {self.name}",
             )
         return np.asarray(latitude), np.asarray(longitude)
 
@@ -105,22 +106,24 @@ class Geodesy:
             crs = self._pyproj.CRS.from_user_input(text)
         except self._pyproj.exceptions.CRSError as error:
             shown = text if len(text) <= _SHOWN else f"{text[:_SHOWN]}.."
-            raise ProblemError(
-                f"crs: must be a reference system that is known, such as EPSG:25830, not {shown!r}"
+            raise FieldError(
+                "crs",
+                f"must be a reference system that is known, such as EPSG:25830, not {shown!r}",
             ) from error
         crs = crs.sub_crs_list[0] if crs.is_compound else crs
         units = {axis.unit_name for axis in crs.axis_info}
         if crs.is_geographic or not crs.is_projected:
-            raise ProblemError(f"crs: must be a projection in metres, not {crs.name}")
+            raise FieldError("crs", f"must be a projection in metres, not {crs.name}")
         if units != {"metre"}:
-            raise ProblemError(
-                f"crs: must be in metres, not {', '.join(sorted(units))}: {crs.name}"
+            raise FieldError(
+                "crs", f"must be in metres, not {', '.join(sorted(units))}: {crs.name}"
             )
         ways = {axis.direction for axis in crs.axis_info}
         if ways != {"east", "north"}:
-            raise ProblemError(
-                f"crs: must have axes to the east and to the north, not {', '.join(sorted(ways))}: "
-                f"{crs.name}"
+            raise FieldError(
+                "crs",
+                f"must have axes to the east and to the north, not {', '.join(sorted(ways))}: "
+                f"{crs.name}",
             )
         return crs
 
@@ -133,9 +136,10 @@ class Geodesy:
         )
         longitude, latitude = own.transform(*point)
         if not (np.isfinite(latitude) and np.isfinite(longitude)):
-            raise ProblemError(
-                f"crs: must be a system that is defined where the scene is, at ({point[0]:.7g}, "
-                f"{point[1]:.7g}), not {self.name}"
+            raise FieldError(
+                "crs",
+                f"must be a system that is defined where the scene is, at ({point[0]:.7g}, "
+                f"{point[1]:.7g}), not {self.name}",
             )
         return float(latitude), float(longitude)
 
@@ -153,9 +157,10 @@ class Geodesy:
                 self._crs, WGS_84, always_xy=True, allow_ballpark=False, area_of_interest=around
             )
         if not group.transformers or not group.best_available:
-            raise ProblemError(
-                f"crs: must be a system that can be converted to WGS 84, but {self.name} "
-                f"{self._obstacle(near, group.unavailable_operations)}"
+            raise FieldError(
+                "crs",
+                f"must be a system that can be converted to WGS 84, but {self.name} "
+                f"{self._obstacle(near, group.unavailable_operations)}",
             )
         return group.transformers[0]
 
@@ -178,9 +183,10 @@ class Geodesy:
             place[1], place[0], direction=self._pyproj.enums.TransformDirection.INVERSE
         )
         if not (np.isfinite(east) and np.isfinite(north)):
-            raise ProblemError(
-                f"origin: must lie where {self.name} is defined, not at latitude {place[0]:g} and "
-                f"longitude {place[1]:g}"
+            raise FieldError(
+                "origin",
+                f"must lie where {self.name} is defined, not at latitude {place[0]:g} and "
+                f"longitude {place[1]:g}",
             )
         return float(east), float(north)
 
@@ -190,9 +196,10 @@ class Geodesy:
         scales = factors.meridional_scale, factors.parallel_scale
         if not all(abs(scale - 1) <= STRETCH for scale in scales):  # true for nan, too
             zone = (32700 if latitude < 0 else 32600) + min(int((longitude + 180) // 6) + 1, 60)
-            raise ProblemError(
-                f"crs: must have true metres, but those of {self.name} are {1 / max(scales):.3g} m "
-                f"long at latitude {latitude:.1f}; EPSG:{zone} has true ones there"
+            raise FieldError(
+                "crs",
+                f"must have true metres, but those of {self.name} are {1 / max(scales):.3g} m "
+                f"long at latitude {latitude:.1f}; EPSG:{zone} has true ones there",
             )
 
 
@@ -205,7 +212,7 @@ def _pyproj() -> Any:
         import pyproj.exceptions
         import pyproj.transformer
     except ImportError as error:
-        raise ProblemError(
-            "crs: places on the Earth need pyproj: pip install 'cocap-opt[earth]'"
+        raise FieldError(
+            "crs", "places on the Earth need pyproj: pip install 'cocap-opt[earth]'"
         ) from error
     return pyproj

@@ -3,6 +3,22 @@
 Nothing is sampled. Of drones, and of drones and people, the squared distance is a polynomial, which
 is proved to be large enough by its coefficients (`bernstein`). Against matter and zones a piece
 of a flight is halved until the box of its coefficients lies in free cells only.
+
+Proved, of the polynomials of a `Trajectory`, from step 0 to the last
+- drones keep the separation, or the vertical distance, of the scene's rules;
+- they keep the distance to people that the airspace asks for, who walk straight from step to step;
+- they keep their clearance to matter, and stay on the map, out of no-fly zones and below the
+  ceiling.
+
+Assumed
+- Drones fly exactly so, by one clock: no wind, no error of a controller, no delay (`delays`).
+- There are no legs of take-off and landing before and after, and no way home.
+- The scene is as its map, meshes and walks say, of people's bodies only what the rules measure.
+- What no rule asks for is not looked at: scenes without a separation or a distance to people, and
+  the walls of drones that may cut corners (`Motion.corner_cutting`).
+- A micrometre (`TOLERANCE` of the rules) and the rounding of floating-point numbers do not matter.
+- Files that hold points hold those of the polynomials; straight lines between them are other
+  flights (`Trajectory.distance_from_chords` bounds how far).
 """
 
 from collections.abc import Iterator

@@ -4,9 +4,11 @@ At each step a drone is exactly where the plan says, and looks as it says. It pa
 of the speeds before and after, and with the acceleration from the one to the other, or with a
 share of both: with 0 it stops there. A drone begins and ends at rest.
 
-Stopping is always as safe as the plan: drones that stop at the steps before and after a move fly
-the straight line of the plan, all at the same pace. So where smooth flights come too near to each
-other or to anything else (`safety`), the drones concerned pass more slowly, and at last stop.
+Stopping is as safe as the plan against walls, zones and other drones: drones that stop at the steps
+before and after a move fly the straight line of the plan, all at the same pace. So where smooth
+flights come too near to each other or to anything else (`safety`), the drones concerned pass more
+slowly, and at last stop. Beside people, who walk evenly, that may not be enough, and the flight is
+refused.
 """
 
 from typing import NamedTuple

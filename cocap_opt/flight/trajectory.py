@@ -17,6 +17,7 @@ from cocap_opt.problem import Plan, Problem
 
 DEGREE = 5
 YAW, PITCH = 3, 4  # rows besides x, y and z
+_PARTS = 40  # of a step, at which distances from chords are computed
 _SLACK = 1e-9  # of a step, by which a moment may be rounded beyond the last
 
 
@@ -103,6 +104,26 @@ class Trajectory:
         """Returns the largest distance (m) from the same drone's other flight at any moment."""
         ways = (self.pieces - other.pieces)[:, :, :3].reshape(-1, 3, DEGREE + 1)
         return float(np.sqrt(max(largest(squared_length(ways)).value, 0.0)))
+
+    def distance_from_chords(self, times: FloatArray) -> float:
+        """Returns a bound on the distance (m) from straight lines between places at some times.
+
+        Between two moments a polynomial strays from its chord by at most an eighth of its largest
+        second derivative times the squared duration.
+
+        Parameters
+        ----------
+        times : [n] s from 0 to the end
+        """
+        robots, steps = self.pieces.shape[:2]
+        moments = np.union1d(times, np.linspace(0.0, self.seconds, _PARTS * steps + 1))
+        places, rows = (self.at(t).place.reshape(robots, -1, 3) for t in (moments, times))
+        chords = np.array([[np.interp(moments, times, axis) for axis in own.T] for own in rows])
+        off = np.sqrt(((places - chords.swapaxes(1, 2)) ** 2).sum(axis=-1))
+        bends = np.sqrt((self.accelerations[:, :, :3] ** 2).sum(axis=2)).max(axis=2)
+        which = ((moments[1:] + moments[:-1]) / 2 / self.step).astype(np.int64)
+        strays = bends[:, which.clip(0, steps - 1)] * np.diff(moments) ** 2 / 8
+        return float((np.maximum(off[:, 1:], off[:, :-1]) + strays).max())
 
     def least_distance(self) -> float:
         """Returns the least distance (m) between two drones at any moment; inf for one drone."""

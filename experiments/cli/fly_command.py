@@ -6,7 +6,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from cocap_opt.data import ProblemError
+from cocap_opt.data import FieldError, ProblemError
 from cocap_opt.experiments.cli.options import FLAG, Json, Output, Scene, Seed, load
 from cocap_opt.experiments.console.options import Option, UsageError
 from cocap_opt.experiments.missions import DATED, WRITERS
@@ -16,10 +16,13 @@ from cocap_opt.experiments.results.printing import Listing, Record, print_result
 from cocap_opt.files.documents import FileError
 from cocap_opt.problem import Problem
 
+_OPTIONS = "every", "smooth", "start"
+_PLACES = "earth.crs", "earth.origin"
+
 
 def _fly(
     scene: Scene,
-    plan: Path,
+    plan: Annotated[Path, Parameter(help="file of a plan for it, such as `plan` writes")],
     /,
     *,
     output: Output = None,
@@ -49,6 +52,9 @@ def _fly(
     .geojson or .kml file has tracks, cameras' footprints and people's walks on the Earth; a .glb
     file is an animated scene (glTF) for Blender and viewers in browsers; a .pdf file is a sheet
     for the crew.
+
+    Not checked: wind and errors of drones, which are to fly exactly so, and take-off and landing;
+    notes below the answer say what else the scene leaves open.
 
     Missions of waypoints, a file per drone: .plan (QGroundControl, for PX4) and .waypoints (for
     ArduPilot). By one clock fly .skyc (Skybrush) and .crazyflie.csv (polynomials, with --smooth).
@@ -94,16 +100,16 @@ def _named(output: Path, suffix: str, part: str) -> Path:
 
 def _in_words(error: ProblemError, scene: str, plan: Path) -> Exception:
     """Returns the error that names the option or the file that is to be changed."""
-    words = str(error)
-    if words.startswith(("every:", "smooth:")):
-        return UsageError(f"--{words}")
-    if words.startswith("earth:"):
-        return FileError(f"{scene}: {words}")
-    if words.startswith("crs:"):  # something of the scene is where its system is not defined
-        return FileError(f"{scene}: earth.{words}")
-    if words.startswith("earth."):
-        return FileError(f"{scene}: {words}; --local leaves latitudes and longitudes out")
-    return FileError(f"{plan}: {words}")
+    field = error.field if isinstance(error, FieldError) else None
+    if field in _OPTIONS:
+        return UsageError(f"--{error}")
+    if field == "earth":
+        return FileError(f"{scene}: {error}")
+    if field == "crs":  # something of the scene is where its system is not defined
+        return FileError(f"{scene}: earth.{error}")
+    if field in _PLACES:
+        return FileError(f"{scene}: {error}; --local leaves latitudes and longitudes out")
+    return FileError(f"{plan}: {error}")
 
 
 def _start(text: str, suffix: str) -> datetime:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cocap_opt.data import FloatArray, IntArray, ProblemError
+from cocap_opt.data import FieldError, FloatArray, IntArray
 from cocap_opt.experiments.results.flights import Flight, cells_below
 from cocap_opt.flight.bernstein import elevated, largest, squared_length
 from cocap_opt.flight.trajectory import DEGREE, between_drones
@@ -215,7 +215,7 @@ def _places(flight: Flight, every: float | None) -> Iterator[Section]:
     usual = math.ceil(steps / (ROWS - 1)) * flight.flown.step
     rows = 0.0 if every is None else flight.flown.seconds / every * len(flight.flown.pieces)
     if rows > _MOST_ROWS:
-        raise ProblemError(f"every: must make at most {_MOST_ROWS} rows on paper, not {rows:.3g}")
+        raise FieldError("every", f"must make at most {_MOST_ROWS} rows on paper, not {rows:.3g}")
     columns = flight.columns(usual if every is None else every)
     over = "above_ground" if "above_ground" in columns else "above_takeoff"
     yaw = columns["yaw"] % 360

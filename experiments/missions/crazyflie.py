@@ -17,7 +17,7 @@ from math import comb
 
 import numpy as np
 
-from cocap_opt.data import FloatArray, ProblemError
+from cocap_opt.data import FieldError, FloatArray, ProblemError
 from cocap_opt.experiments.missions.mission import Mission, require_nothing_else
 from cocap_opt.experiments.results.flights import Flight
 from cocap_opt.flight.trajectory import DEGREE, YAW
@@ -42,7 +42,7 @@ def crazyflie(flight: Flight, every: float | None) -> Mission:
         If the flight is straight, whose speeds jump, or a drone's memory cannot hold it.
     """
     if not flight.is_smooth:
-        raise ProblemError("smooth: must be given, for a drone cannot follow speeds that jump")
+        raise FieldError("smooth", "must be given, for a drone cannot follow speeds that jump")
     require_nothing_else(every, "a polynomial has no moments")
     files = {}
     for i, pieces in enumerate(flight.flown.pieces):

@@ -9,7 +9,7 @@ import shapely
 from matplotlib.colors import to_hex
 from shapely.geometry.base import BaseGeometry
 
-from cocap_opt.data import FloatArray, ProblemError
+from cocap_opt.data import FieldError, FloatArray, ProblemError
 from cocap_opt.drawing import DRONE_COLOURS
 from cocap_opt.experiments.results.flights import Flight, cells_below
 from cocap_opt.flight.earth import Geodesy
@@ -106,9 +106,10 @@ def geodesy_of(flight: Flight) -> Geodesy:
         If there is none.
     """
     if flight.geodesy is None:
-        raise ProblemError(
-            "earth: must be known, and --local not be given, for a file of latitudes and "
-            "longitudes; a GeoTIFF's system or [earth] of a recipe says it"
+        raise FieldError(
+            "earth",
+            "must be known, and --local not be given, for a file of latitudes and "
+            "longitudes; a GeoTIFF's system or [earth] of a recipe says it",
         )
     return flight.geodesy
 
@@ -220,10 +221,11 @@ class Clock(NamedTuple):
         try:
             start + timedelta(seconds=2 * flight.flown.seconds)
         except OverflowError as error:
-            raise ProblemError(
-                f"the flight must end in a year that has four digits, but it lasts "
-                f"{flight.flown.seconds:.3g} s"
-            ) from error
+            seconds = f"{flight.flown.seconds:.3g} s"
+            words = f"the flight of {seconds} must end in a year that has four digits"
+            if flight.start is None:
+                raise ProblemError(words) from error
+            raise FieldError("start", f"must be earlier, for {words}") from error
         return cls(start)
 
     def text(self, t: float) -> str:
@@ -237,8 +239,9 @@ def colour_of(drone: int) -> str:
     return to_hex(DRONE_COLOURS[drone % len(DRONE_COLOURS)])
 
 
-def caveats(flight: Flight) -> Iterator[str]:
-    """Yields sentences on what times and footprints mean."""
+def caveats(flight: Flight, every: float | None) -> Iterator[str]:
+    """Yields sentences on what tracks, times and footprints mean."""
+    yield from flight.between_rows(every)
     if flight.start is None:
         yield "times begin at 1970-01-01T00:00:00Z; --start says when the flight does"
     cameras = [isinstance(robot.camera, Camera) for robot in flight.flown.problem.robots]

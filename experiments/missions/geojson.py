@@ -40,7 +40,7 @@ def geojson(flight: Flight, every: float | None) -> Mission:
     writer = _Writer(flight)
     features = b",\n".join(map(msgspec.json.encode, writer.features(every)))
     name = msgspec.json.encode(flight.flown.problem.name)
-    notes = (*writer.notes(), *caveats(flight))
+    notes = (*writer.notes(), *caveats(flight, every))
     head = b'{"type":"FeatureCollection","name":%b,"description":%b,"features":[\n'
     text = head % (name, msgspec.json.encode("; ".join(notes)))
     return Mission({"": text + features + b"\n]}\n"}, notes)

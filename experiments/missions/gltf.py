@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from cocap_opt import drawing
-from cocap_opt.data import FloatArray, IntArray, ProblemError
+from cocap_opt.data import FieldError, FloatArray, IntArray, ProblemError
 from cocap_opt.experiments.missions.glb import LINE_STRIP, LINES, Glb
 from cocap_opt.experiments.missions.mission import Mission
 from cocap_opt.experiments.missions.relief import Relief
@@ -42,7 +42,7 @@ def gltf(flight: Flight, every: float | None) -> Mission:
         too many of them.
     """
     if every is not None:
-        raise ProblemError("every: must be left out for .glb, whose moments follow from its error")
+        raise FieldError("every", "must be left out for .glb, whose moments follow from its error")
     scene = _Scene(flight.flown)
     scene.add_ground()
     scene.add_solids()

@@ -41,7 +41,7 @@ def kml(flight: Flight, every: float | None) -> Mission:
     """Returns the tracks of drones and people and the cameras' footprints, with their times."""
     drones, people = drone_tracks(flight, every), walks(flight)
     mode = _Heights.of(drones[0])
-    notes = (mode.words, "yaw of the file is clockwise from true north", *caveats(flight))
+    notes = (mode.words, "yaw of the file is clockwise from true north", *caveats(flight, every))
     writer = _Writer(Clock.of(flight), mode, flight.flown.step)
     root = ElementTree.Element(f"{{{_KML}}}kml")
     document = _add(root, "Document")

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
-from cocap_opt.data import ProblemError
+from cocap_opt.data import FieldError
 from cocap_opt.experiments.results.flights import Flight
 
 
@@ -31,4 +31,4 @@ Writer = Callable[[Flight, float | None], Mission]
 def require_nothing_else(every: float | None, words: str) -> None:
     """Refuses seconds between points for formats that have points of their own."""
     if every is not None:
-        raise ProblemError(f"every: must be left out, for {words}")
+        raise FieldError("every", f"must be left out, for {words}")

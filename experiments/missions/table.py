@@ -20,4 +20,4 @@ def table(flight: Flight, every: float | None) -> Mission:
         text, rows, fmt=formats, delimiter=",", header=",".join(columns), comments="",
         newline="\n",
     )  # fmt: skip
-    return Mission({"": text.getvalue().encode()})
+    return Mission({"": text.getvalue().encode()}, tuple(flight.between_rows(every)))

@@ -30,7 +30,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cocap_opt.data import FloatArray, ProblemError
+from cocap_opt.data import FieldError, FloatArray
 from cocap_opt.experiments.missions.mission import Mission, require_nothing_else
 from cocap_opt.experiments.results.flights import Flight
 from cocap_opt.flight.delays import bearable_delay
@@ -155,12 +155,13 @@ def waypoint_mission(
         If nobody knows where on the Earth the scene is, or the flight is smooth.
     """
     if flight.geodesy is None:
-        raise ProblemError(
-            "earth: must say where the scene is, for waypoints have latitudes and longitudes: a "
-            "recipe's [earth] has crs, and latitude and longitude of x = y = 0 (--local forgets it)"
+        raise FieldError(
+            "earth",
+            "must say where the scene is, for waypoints have latitudes and longitudes: a recipe's "
+            "[earth] has crs, and latitude and longitude of x = y = 0 (--local forgets it)",
         )
     if flight.is_smooth:
-        raise ProblemError("smooth: must be left out, for waypoints have straight legs between")
+        raise FieldError("smooth", "must be left out, for waypoints have straight legs between")
     require_nothing_else(every, "the waypoints are the steps of the plan")
     routes = list(_routes(flight, flight.geodesy))
     delay = _rounded_down(bearable_delay(flight.flown, _asked(flight)))

@@ -1,13 +1,13 @@
 """Flights of plans, checked for being flown, and their rows for tables and files."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from datetime import datetime
 from typing import NamedTuple
 
 import numpy as np
 
-from cocap_opt.data import FloatArray, IntArray, ProblemError
+from cocap_opt.data import FieldError, FloatArray, IntArray, ProblemError
 from cocap_opt.experiments.results.printing import Record
 from cocap_opt.flight.earth import Geodesy
 from cocap_opt.flight.filming import parts_of, view_reward
@@ -16,11 +16,12 @@ from cocap_opt.flight.safety import dangers
 from cocap_opt.flight.smooth import smooth as smoothed
 from cocap_opt.flight.trajectory import Trajectory
 from cocap_opt.problem import Plan, Problem
-from cocap_opt.referee import check
+from cocap_opt.referee import Verdict, check
 from cocap_opt.world import HeightMap
 
 PER_STEP = 10  # rows of a smooth flight that nobody asked for otherwise
 MOST_ROWS = 5_000_000
+_TOUCH = 1e-6  # m, less is rounding
 _UNITS = {"speed": "m/s", "climb": "m/s", "descent": "m/s", "acceleration": "m/s2",
           "yaw_rate": "deg/s", "gimbal_rate": "deg/s"}  # fmt: skip
 _ANGLES = "yaw_rate", "gimbal_rate"  # in rad/s where they are computed
@@ -33,6 +34,7 @@ class Flight(NamedTuple):
     ----------
     flown : straight or smooth
     straight : the plan's own
+    verdict : the referee's, on the plan
     geodesy : None where nobody knows where the scene is on the Earth
     demands : the largest of each kind on each drone
     slowed : steps of drones at which they pass more slowly than they could
@@ -42,6 +44,7 @@ class Flight(NamedTuple):
     flown: Trajectory
     straight: Trajectory
     plan: Plan
+    verdict: Verdict
     geodesy: Geodesy | None
     demands: list[Demand]
     slowed: int
@@ -65,13 +68,10 @@ class Flight(NamedTuple):
             smoothed(problem, plan) if smooth else (straight, tuple(dangers(straight)), 0)
         )
         if found:
-            way_out = (
-                ", even where it stops at both; the straight flight does not" if smooth else ""
-            )
-            raise ProblemError(f"{found[0]}{way_out}")
+            raise ProblemError(f"{found[0]}{_way_out(straight) if smooth else ''}")
         asked = demands(flown, smooth)
         _require_limits(asked, flown.step)
-        return cls(flown, straight, plan, _geodesy(problem), asked, slowed)
+        return cls(flown, straight, plan, verdict, _geodesy(problem), asked, slowed)
 
     @property
     def is_smooth(self) -> bool:
@@ -89,8 +89,7 @@ class Flight(NamedTuple):
         every : s between rows; None: a row at each step, and ten a step of smooth flights
         """
         problem = self.flown.problem
-        usual = self.flown.step / (PER_STEP if self.is_smooth else 1)
-        found = self.flown.at(_moments(self.flown, usual if every is None else every))
+        found = self.flown.at(self._moments(every))
         x, y, z = found.place.T
         columns = {
             "drone": found.drone, "t": found.t, "x": x, "y": y, "z": z,
@@ -107,21 +106,33 @@ class Flight(NamedTuple):
             columns[f"above_{problem.earth.heights}"] = z + problem.earth.base
         return columns
 
+    def off_between_rows(self, every: float | None) -> float:
+        """Returns how far (m) straight lines between rows are at most from what was checked."""
+        return self.flown.distance_from_chords(self._moments(every))
+
+    def between_rows(self, every: float | None) -> Iterator[str]:
+        """Yields what straight lines between rows are, if they are not the flight."""
+        off = self.off_between_rows(every)
+        if off > _TOUCH:
+            yield (
+                f"rows are on the flight that was checked; straight lines between them leave it by "
+                f"up to {off:.2g} m: a smaller --every keeps nearer to it"
+            )
+
     def record(self) -> Record:
         """Returns what there is to say of the flights as a whole."""
         problem, least = self.flown.problem, self.flown.least_distance()
         parts = parts_of(problem)
-        verdict = check(problem, self.plan)
         found: Record = {
             "flight": "smooth" if self.is_smooth else "straight",
             "step": self.flown.step,
             "duration": self.flown.seconds,
             "least_distance": least if math.isfinite(least) else None,
-            "reward": verdict.reward,
-            "reward_straight": view_reward(self.straight, parts) + verdict.reward_moves,
+            "reward": self.verdict.reward,
+            "reward_straight": view_reward(self.straight, parts) + self.verdict.reward_moves,
         }
         if self.is_smooth:
-            smooth = view_reward(self.flown, parts) + verdict.reward_moves
+            smooth = view_reward(self.flown, parts) + self.verdict.reward_moves
             found |= {
                 "reward_smooth": smooth,
                 "smoothing_cost": 1 - smooth / found["reward_straight"]
@@ -173,6 +184,11 @@ class Flight(NamedTuple):
         if problem.earth is not None and problem.earth.heights is None:
             yield "nobody says if z is above the sea or the ellipsoid; [earth] of a recipe does"
 
+    def _moments(self, every: float | None) -> FloatArray:
+        """Returns the times (s) of rows."""
+        usual = self.flown.step / (PER_STEP if self.is_smooth else 1)
+        return _moments(self.flown, usual if every is None else every)
+
 
 def cells_below(height_map: HeightMap, points: FloatArray) -> tuple[IntArray, IntArray]:
     """Returns the cells x [n], y [n] below points [n, 2 or 3] (m); off the map, the nearest."""
@@ -185,10 +201,10 @@ def cells_below(height_map: HeightMap, points: FloatArray) -> tuple[IntArray, In
 def _moments(flown: Trajectory, every: float) -> FloatArray:
     """Returns times (s) from 0 to the end, so far apart; the end is among them."""
     if not every > 0:  # true for nan, too
-        raise ProblemError(f"every: must be a number of seconds > 0, not {every!r}")
+        raise FieldError("every", f"must be a number of seconds > 0, not {every!r}")
     rows = flown.seconds / every * len(flown.pieces)
     if rows > MOST_ROWS:
-        raise ProblemError(f"every: must make at most {MOST_ROWS} rows, not {rows:.3g}")
+        raise FieldError("every", f"must make at most {MOST_ROWS} rows, not {rows:.3g}")
     count = math.floor(flown.seconds / every + 1e-9)
     times = np.round(np.arange(count + 1) * every, 9)
     if flown.seconds - times[-1] > 1e-9 * flown.seconds:
@@ -201,8 +217,17 @@ def _geodesy(problem: Problem) -> Geodesy | None:
         return None
     try:
         return Geodesy(problem.earth, problem.height_map.centre(0, 0))
-    except ProblemError as error:
-        raise ProblemError(f"earth.{error}") from error
+    except FieldError as error:
+        raise FieldError(f"earth.{error.field}", error.allowed) from error
+
+
+def _way_out(straight: Trajectory) -> str:
+    """Says what to do where no smooth flight is safe."""
+    same = dangers(straight)
+    other = (
+        f"neither is the straight flight safe: {same[0]}" if same else "--smooth left out is safe"
+    )
+    return f", even where it stops at both; {other}"
 
 
 def _require_limits(found: list[Demand], step: float) -> None:

@@ -256,6 +256,26 @@ def test_smooth_flights_pass_the_plan_without_jumps() -> None:
         assert ((low[..., None] - 1e-12 <= pitch) & (pitch <= high[..., None] + 1e-12)).all()
 
 
+@pytest.mark.parametrize("every", [0.05, 0.3, 1.3])
+def test_lines_between_rows_are_as_near_as_is_said(every: float) -> None:
+    """No sample of a flight is farther from them than the bound, and some nearly as far."""
+    for _, _, (flown, _, _) in flights()[:2]:
+        rows = np.append(np.arange(0.0, flown.seconds, every), flown.seconds)
+        moments, places = np.linspace(0.0, flown.seconds, 1201), sampled(flown, 200)
+        at = flown.at(rows).place.reshape(len(places), -1, 3)
+        lines = np.array([[np.interp(moments, rows, axis) for axis in own.T] for own in at])
+        most = np.linalg.norm(places - lines.swapaxes(1, 2), axis=-1).max()
+        assert most <= flown.distance_from_chords(rows) <= 1.3 * most
+
+
+def test_lines_between_the_steps_are_a_straight_flight() -> None:
+    """The rows of a straight flight have nothing beside them."""
+    problem, plan, _ = flights()[0]
+    straight = Trajectory.straight(problem, plan)
+    steps = np.arange(STEPS + 1) * straight.step
+    assert straight.distance_from_chords(steps) < 1e-8
+
+
 def test_demands_are_the_largest_of_all_samples() -> None:
     """Rates and accelerations of samples reach the stated ones, and never exceed them."""
     for _, _, (flown, _, _) in flights()[:3]:

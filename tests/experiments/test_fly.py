@@ -8,6 +8,8 @@ import pytest
 from test_cli import Run
 
 import cocap_opt as co
+from cocap_opt.experiments.results import flights
+from cocap_opt.flight.safety import Danger
 
 RECIPE = """
 steps = 4
@@ -87,6 +89,47 @@ def test_flights_that_cannot_be_made_are_refused(
         (line,) = [line for line in run.err.splitlines() if "seed" not in line]
         assert re.search(expected, line), line
         assert not flight.exists()
+
+
+def test_lines_between_rows_are_told(
+    files: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """How far they are beside the flight is a note, where they are; help says what is assumed."""
+    problem, plan = co.load(files[0]), co.read(files[1])
+    assert isinstance(plan, co.Plan)
+    far = []
+    for words in ([], ["--smooth", "--every", "1"]):
+        run = Run(capsys, "fly", *files, "-o", tmp_path / "flight.csv", *words, "--json")
+        notes = [note for note in run.json["notes"] if "straight lines between them" in note]
+        far.append([float(re.findall(r"up to (\S+) m", note)[0]) for note in notes])
+    off = co.trajectory(problem, plan, smooth=True, every=1).attrs["off_between_rows"]
+    assert far == [[], [pytest.approx(off, rel=0.1)]]
+    assert off > 0.01
+    told = " ".join(Run(capsys, "fly", "--help").out.split())
+    assert "Not checked: wind and errors of drones" in told
+
+
+def beside_somebody() -> tuple[co.Problem, co.Plan]:
+    """A drone at the least distance ahead of somebody who walks at its pace, and its plan."""
+    walk = np.array([[1.5 + t, 4.5, 0.0, 0.0] for t in range(5)])
+    path = tuple(co.State(4 + t, 4) for t in range(5))
+    problem = co.Problem(
+        name="ahead", height_map=co.HeightMap(heights=np.zeros((12, 9))), horizon=4, step=1.0,
+        actors=(co.Actor(poses=walk),), robots=(co.Robot(start=path[0]),),
+        airspace=co.Airspace(people_aside=2.9),
+    )  # fmt: skip
+    return problem, co.Plan(paths=(path,))
+
+
+def test_a_smooth_flight_beside_people_may_be_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A drone that stops is overtaken; what is said of the straight flight was checked."""
+    problem, plan = beside_somebody()
+    assert len(co.trajectory(problem, plan)) == 5
+    with pytest.raises(ValueError, match=r"actors\[0\], even .*; --smooth left out is safe$"):
+        co.trajectory(problem, plan, smooth=True)
+    monkeypatch.setattr(flights, "dangers", lambda flown: [Danger(2, (0,), "falls")])
+    with pytest.raises(ValueError, match=r"neither is the straight flight safe: .* drone 0 falls$"):
+        co.trajectory(problem, plan, smooth=True)
 
 
 def test_limits_hold_for_scenes_and_for_flights(
