@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from cocap_opt.data import FloatArray, ProblemError
+from cocap_opt.flight.earth import STRETCH
 from cocap_opt.scenarios.recipe.raster import SLIVER, Layout, Raster, Window
 from cocap_opt.scenarios.recipe.tables import PER_METRE, Unit
 
@@ -19,7 +20,6 @@ SPELT = {"metre": "m", "metres": "m", "meter": "m", "meters": "m", "centimetre":
          "centimetres": "cm", "centimeter": "cm", "centimeters": "cm", "foot": "ft",
          "feet": "ft"}  # fmt: skip
 APART, EARTH = 100.0, 6_371_008.8  # m, between points that are compared; radius of the Earth
-STRETCH = 0.02  # by which lengths may differ from those on the ground
 WEB_MERCATOR = 3857  # EPSG
 FULL, STEEP = 255, 50  # the largest byte, and by how much it may stand out as a height
 CACHE = 64  # MB; GDAL's own choice is a share of all memory

@@ -1,4 +1,6 @@
+import math
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -117,6 +119,8 @@ def test_an_origin_is_where_it_is_said_to_be(tmp_path: Path) -> None:
         ({"more": '[earth]\ncrs = "EPSG:2263"'}, "crs: must be in metres, not US survey foot"),
         ({"more": '[earth]\ncrs = "EPSG:9999999"'}, "must be a reference system that is known"),
         ({"more": '[earth]\ncrs = "EPSG:3857"\nlatitude = 48\nlongitude = 2'}, "true metres"),
+        # Where its metres are longest.
+        ({"more": '[earth]\ncrs = "EPSG:3034"\nlatitude = 50\nlongitude = 10'}, "1.04 m long"),
         ({"more": '[earth]\ncrs = "EPSG:2053"'}, "axes to the east and to the north"),
         ({"more": "[earth]\nlatitude = 48.0\nlongitude = 2.0"}, "crs: must be given"),
         ({"more": '[earth]\ncrs = "EPSG:2154"\nlatitude = 48.0'}, "must be given both"),
@@ -139,6 +143,18 @@ def test_places_that_cannot_be_used_are_refused(
     """One line names the field; ballpark conversions, degrees and feet are among them."""
     with pytest.raises(ProblemError, match=rf"scene\.toml: earth: .*{words}"):
         recipe(tmp_path, **given)
+
+
+def test_a_projection_of_unknown_lengths_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Lengths that are no number are none that are true."""
+    more = '[earth]\ncrs = "EPSG:3034"\nlatitude = 35\nlongitude = 10'
+    assert recipe(tmp_path, more=more).earth is not None
+    unknown = SimpleNamespace(meridional_scale=math.nan, parallel_scale=math.nan)
+    monkeypatch.setattr(pyproj.Proj, "get_factors", lambda *_: unknown)
+    with pytest.raises(ProblemError, match="must have true metres"):
+        recipe(tmp_path, more=more)
 
 
 def test_maps_of_different_systems_are_refused(tmp_path: Path) -> None:
