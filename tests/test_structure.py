@@ -2,6 +2,7 @@
 
 import re
 from graphlib import TopologicalSorter
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -113,6 +114,17 @@ def test_no_module_imports_itself_in_a_circle() -> None:
 def test_nothing_imports_the_face() -> None:
     """The face (`import cocap_opt`) is for users; no module of the project goes through it."""
     assert [m for m in sources() if m != CORE and CORE in imports(m)] == []
+
+
+@pytest.mark.parametrize("room", ["flight", "graph"])
+def test_a_front_names_all_of_its_modules(room: str) -> None:
+    """Whoever reads what a room has finds each of its files there."""
+    front = sources()[f"{CORE}.{room}"]
+    modules = {path.stem for path in front.parent.glob("*.py")} - {"__init__"}
+    words = set(re.findall(r"`(\w+)`", front.read_text().split('"""')[1]))
+    assert modules <= words
+    exported = set(import_module(f"{CORE}.{room}").__all__)
+    assert exported == modules or not exported & modules
 
 
 def test_the_referee_is_independent() -> None:

@@ -1,9 +1,20 @@
 """From a plan to a flight: where each drone is at every moment, and whether it can fly so.
 
-`trajectory` has the flights, straight from step to step or smooth; `safety` checks them against
+`trajectory` has the flights, straight from step to step or `smooth`; `safety` checks them against
 the scene at every moment, on the polynomials themselves; `pace` against the drones' limits;
-`filming` computes J between the steps, too; `earth` gives latitudes and longitudes; `delays` says
-how far drones may be apart in time.
+`filming` computes J between the steps, too; `footprint` gives the ground in the images; `earth`
+gives latitudes and longitudes; `delays` says how far drones may be apart in time. `bernstein` has
+the polynomials of them all.
 """
 
-__all__ = ["bernstein", "delays", "earth", "filming", "pace", "safety", "smooth", "trajectory"]
+__all__ = [
+    "bernstein",
+    "delays",
+    "earth",
+    "filming",
+    "footprint",
+    "pace",
+    "safety",
+    "smooth",
+    "trajectory",
+]

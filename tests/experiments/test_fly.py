@@ -8,6 +8,8 @@ import pytest
 from test_cli import Run
 
 import cocap_opt as co
+from cocap_opt.data import FieldError
+from cocap_opt.experiments.missions import WRITERS, Mission
 from cocap_opt.experiments.results import flights
 from cocap_opt.flight.safety import Danger
 
@@ -130,6 +132,29 @@ def test_a_smooth_flight_beside_people_may_be_refused(monkeypatch: pytest.Monkey
     monkeypatch.setattr(flights, "dangers", lambda flown: [Danger(2, (0,), "falls")])
     with pytest.raises(ValueError, match=r"neither is the straight flight safe: .* drone 0 falls$"):
         co.trajectory(problem, plan, smooth=True)
+
+
+def test_errors_name_what_is_to_be_changed(
+    files: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    """Fields of options, of the scene and of its place are told apart; all else is the plan's."""
+    cases = {
+        "every": "--every: is odd", "start": "--start: is odd",
+        "earth": "scene.toml: earth: is odd",
+        "crs": "scene.toml: earth.crs: is odd",
+        "earth.crs": "scene.toml: earth.crs: is odd; --local leaves latitudes and longitudes out",
+        "drone 0": "plan.json: drone 0: is odd",
+    }  # fmt: skip
+    for field, words in cases.items():
+
+        def refuse(flight: flights.Flight, every: float | None, field: str = field) -> Mission:
+            raise FieldError(field, "is odd")
+
+        monkeypatch.setitem(WRITERS, ".csv", refuse)
+        run = Run(capsys, "fly", *files, "-o", tmp_path / "flight.csv")
+        assert run.code == 2
+        assert run.err.strip().endswith(words)
 
 
 def test_limits_hold_for_scenes_and_for_flights(
