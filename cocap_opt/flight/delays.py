@@ -22,10 +22,11 @@ from cocap_opt.flight.trajectory import Trajectory
 from cocap_opt.problem import CollisionRules
 from cocap_opt.problem.rules import TOLERANCE
 
-_FINE = 2e-3  # s, by which an answer may be too small
+FINE = 2e-3  # s, by which an answer may be too small
 _FINEST = 1e-5  # steps, and
 _MOST = 500_000  # squares at once, below and above which it may be smaller still
-_QUARTERS = tuple(product((0, 1), repeat=2))
+_HALVES = tuple(product((0, 1), repeat=2))  # of one piece and of the other: a square's quarters
+_ENDS = tuple(product((0, -1), repeat=2))
 _ROUNDING = 1e-9  # m
 _SLOW = 1e-4  # m in a piece, which bounds nothing
 
@@ -33,8 +34,8 @@ _SLOW = 1e-4  # m in a piece, which bounds nothing
 def bearable_delay(flown: Trajectory, rules: CollisionRules) -> float:
     """Returns the seconds below which two drones keep a separation, however one is late.
 
-    It is the largest such number to 5 ms, but for flights that nearly touch; inf where no delay
-    matters, 0 where they are too near without any.
+    It is the largest such number, or too small by up to `FINE`, but for flights that nearly touch;
+    inf where no delay matters, 0 where they are too near without any.
 
     Parameters
     ----------
@@ -43,7 +44,7 @@ def bearable_delay(flown: Trajectory, rules: CollisionRules) -> float:
     pieces = flown.pieces[:, :, :3]
     robots, steps = pieces.shape[:2]
     pairs = np.argwhere(~np.eye(robots, dtype=np.bool_))
-    most, fine = np.inf, _FINE / flown.step
+    most, fine = np.inf, FINE / flown.step
     for ahead in range(steps):
         if ahead - 1 >= most:
             break  # pieces so many steps apart are less apart by up to one step
@@ -66,22 +67,23 @@ def _least(
     fine : steps, by which the answer may be too small
     """
     apart, width, answer = np.full(len(one), float(ahead)), 1.0, most
+    clash = most + fine  # the least difference at which two are too near, as far as it is known
     while len(one):
         least = np.maximum(apart + width * _bound(one, other, rules), 0.0)
-        some = (least < most) & (least <= apart + width)
+        some = (least < answer) & (least <= apart + width)
         one, other, apart, least = one[some], other[some], apart[some], least[some]
         tried = least + fine / 2
         near = rules.too_near(_ways(one, other, (tried - apart) / width))
-        most = min(most, _smallest(tried[near]))
-        some = least < most - fine
+        clash = min(clash, _smallest(tried[near]))
+        some = least < clash - fine
         if width < _FINEST or 4 * some.sum() > _MOST:
             some[:] = False
-        answer = min(answer, most, _smallest(least[~some]))
+        answer = min(answer, _smallest(least[~some]))
         width /= 2
         first, second = halves(one[some]), halves(other[some])
-        one = np.concatenate([first[i] for i, _ in _QUARTERS])
-        other = np.concatenate([second[j] for _, j in _QUARTERS])
-        apart = np.concatenate([apart[some] + width * (i - j) for i, j in _QUARTERS])
+        one = np.concatenate([first[i] for i, _ in _HALVES])
+        other = np.concatenate([second[j] for _, j in _HALVES])
+        apart = np.concatenate([apart[some] + width * (i - j) for i, j in _HALVES])
     return answer
 
 
@@ -98,7 +100,7 @@ def _bound(one: FloatArray, other: FloatArray, rules: CollisionRules) -> FloatAr
     """
     aside = slice(None, 2 if rules.vertical else None)
     a, b = one[:, aside], other[:, aside]
-    ways = [b[:, :, -j] - a[:, :, -i] for i, j in _QUARTERS]
+    ways = [b[:, :, j] - a[:, :, i] for i, j in _ENDS]
     found = np.full(len(one), -1.0)
     for way in (*ways, np.sum(ways, axis=0)):
         length = np.sqrt((way * way).sum(axis=-1, keepdims=True))

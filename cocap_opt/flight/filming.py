@@ -55,9 +55,7 @@ def _dense(problem: Problem, parts: int) -> Problem:
 def _denser(actor: Actor, horizon: int, parts: int) -> Actor:
     """Returns a person at the moments between the steps, too."""
     poses = actor.poses[: horizon + 1].copy()
-    turns = np.diff(poses[:, 3])
-    turns -= 2 * np.pi * np.round(turns / (2 * np.pi))  # the short way round
-    poses[1:, 3] = poses[0, 3] + np.cumsum(turns)
+    poses[:, 3] = np.unwrap(poses[:, 3])  # the short way round
     importance = actor.importance
     if importance is not None:
         importance = (importance[0], *np.repeat(importance[1 : horizon + 1], parts).tolist())

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cocap_opt.data import BoolArray, FloatArray
+from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.problem import Camera
 from cocap_opt.vision.projection import Projection
 from cocap_opt.world import HeightMap
@@ -94,7 +94,7 @@ class _Ground:
     """The ground of a map, met by rays."""
 
     def __init__(self, height_map: HeightMap) -> None:
-        self._size = height_map.resolution
+        self._map, self._size = height_map, height_map.resolution
         self._corner = np.array(height_map.origin)
         # A frame around the map stands for all that is beyond it.
         ground = height_map.ground
@@ -102,9 +102,9 @@ class _Ground:
 
     def below(self, points: FloatArray) -> FloatArray:
         """Returns the altitudes [..] (m) of the ground at points [.., 2 or 3]."""
-        return self._at((points[..., :2] - self._corner) / self._size)
+        return self._at(self._map.cells_of(points))
 
-    def _at(self, cells: FloatArray) -> FloatArray:
+    def _at(self, cells: FloatArray | IntArray) -> FloatArray:
         last = np.array(self._heights.shape) - 1
         i, j = np.moveaxis(np.clip(np.floor(cells) + 1, 0, last).astype(np.int64), -1, 0)
         result: FloatArray = self._heights[i, j]

@@ -28,8 +28,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.data import LARGEST, FloatArray
-from cocap_opt.flight.bernstein import elevated, ever_positive, halves, product, squared_length
-from cocap_opt.flight.trajectory import DEGREE, Trajectory, between_drones
+from cocap_opt.flight.bernstein import ever_positive, halves, product, squared_length
+from cocap_opt.flight.trajectory import DEGREE, Trajectory, between_drones, walk
 from cocap_opt.problem import CollisionRules, Problem
 from cocap_opt.problem.rules import TOLERANCE
 from cocap_opt.world.columns import Columns
@@ -78,9 +78,7 @@ def _near_people(flown: Trajectory) -> Iterator[Danger]:
     if not airspace.people_aside:
         return
     for j, actor in enumerate(problem.actors):
-        feet = actor.middles[: steps + 1] - [*problem.height_map.origin, 0.0]
-        walk = elevated(np.stack([feet[:-1], feet[1:]], axis=-1), DEGREE)
-        ways = (flown.pieces[:, :, :3] - walk).reshape(-1, 3, DEGREE + 1)
+        ways = (flown.pieces[:, :, :3] - walk(problem, actor)).reshape(-1, 3, DEGREE + 1)
         for k in np.flatnonzero(ever_positive(_nearness(ways, airspace.rules_beside(actor)))):
             yield Danger(int(k) % steps, (int(k) // steps,), f"comes too near to actors[{j}]")
 

@@ -148,7 +148,7 @@ class Encounters:
         goal = np.array(height_map.cell_of(target[0], target[1]))
         for share in (np.arange(points) + 0.5) / points:
             at = target + share * (eyes - target)
-            cells = np.floor((at[:, :2] - height_map.origin) / height_map.resolution).astype(int)
+            cells = height_map.cells_of(at)
             inside = ((cells >= 0) & (cells < height_map.shape)).all(axis=1)
             inside &= (cells != goal).any(axis=1)  # a wall in the person's own cell hides nobody
             x, y = cells[inside].T

@@ -91,7 +91,7 @@ def _starts(problem: Problem, robot: int) -> FloatArray:
 
 def _flown(height_map: HeightMap, at: FloatArray, height: float) -> FloatArray:
     """Returns points [n, 3] (m) at a flight height over [n, 2]; off the map over its edge."""
-    x, y = np.floor((at - height_map.origin) / height_map.resolution).astype(int).T
+    x, y = height_map.cells_of(at).T
     width, depth = height_map.shape
     altitudes = height_map.altitudes((height,))[0]
     return np.column_stack([at, altitudes[x.clip(0, width - 1), y.clip(0, depth - 1)]])

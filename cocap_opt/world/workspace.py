@@ -81,6 +81,11 @@ class HeightMap(Data, frozen=True, eq=False, dict=True):
         ox, oy = self.origin
         return math.floor((x - ox) / self.resolution), math.floor((y - oy) / self.resolution)
 
+    def cells_of(self, points: FloatArray) -> IntArray:
+        """Returns the cells [.., 2] that hold points [.., 2 or 3] (m); they may lie outside."""
+        found = np.floor((points[..., :2] - self.origin) / self.resolution)
+        return found.astype(np.int64)
+
     def inside(self, x: int, y: int) -> bool:
         """Returns True if the map has this cell."""
         width, depth = self.shape

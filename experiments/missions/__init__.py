@@ -1,10 +1,10 @@
 """Files of flights that others read, by the ending of their names."""
 
 from cocap_opt.experiments.missions.crazyflie import crazyflie
+from cocap_opt.experiments.missions.export import Export, Writer
 from cocap_opt.experiments.missions.geojson import geojson
 from cocap_opt.experiments.missions.gltf import gltf
 from cocap_opt.experiments.missions.kml import kml
-from cocap_opt.experiments.missions.mission import Mission, Writer
 from cocap_opt.experiments.missions.qgroundcontrol import plan
 from cocap_opt.experiments.missions.sheet import sheet
 from cocap_opt.experiments.missions.skybrush import skybrush
@@ -24,4 +24,4 @@ WRITERS: dict[str, Writer] = {
 }
 DATED = ".geojson", ".kml", ".pdf"  # those that hold dates, not seconds alone
 
-__all__ = ["DATED", "WRITERS", "Mission", "Writer"]
+__all__ = ["DATED", "WRITERS", "Export", "Writer"]

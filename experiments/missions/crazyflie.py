@@ -18,7 +18,7 @@ from math import comb
 import numpy as np
 
 from cocap_opt.data import FieldError, FloatArray, ProblemError
-from cocap_opt.experiments.missions.mission import Mission, require_nothing_else
+from cocap_opt.experiments.missions.export import Export, require_nothing_else
 from cocap_opt.experiments.results.flights import Flight
 from cocap_opt.flight.trajectory import DEGREE, YAW
 
@@ -33,7 +33,7 @@ _NOTES = (
 )
 
 
-def crazyflie(flight: Flight, every: float | None) -> Mission:
+def crazyflie(flight: Flight, every: float | None) -> Export:
     """Returns the polynomials of each drone.
 
     Raises
@@ -53,7 +53,7 @@ def crazyflie(flight: Flight, every: float | None) -> Mission:
                 f"{_HOLDS}; a plan of {_HOLDS} longer steps would do"
             )
         files[f"drone{i}"] = _table(rows)
-    return Mission(files, _NOTES)
+    return Export(files, _NOTES)
 
 
 def _runs(pieces: FloatArray) -> Iterator[list[FloatArray]]:

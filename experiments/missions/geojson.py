@@ -24,7 +24,7 @@ from cocap_opt.experiments.missions.earth_tracks import (
     geodesy_of,
     walks,
 )
-from cocap_opt.experiments.missions.mission import Mission
+from cocap_opt.experiments.missions.export import Export
 from cocap_opt.experiments.results.flights import Flight
 
 _DEGREES = 8  # decimals, a millimetre
@@ -35,7 +35,7 @@ _THIRD = "above_ellipsoid"
 _Feature = dict[str, Any]
 
 
-def geojson(flight: Flight, every: float | None) -> Mission:
+def geojson(flight: Flight, every: float | None) -> Export:
     """Returns tracks, a point a step, footprints and people's walks as a FeatureCollection."""
     writer = _Writer(flight)
     features = b",\n".join(map(msgspec.json.encode, writer.features(every)))
@@ -43,7 +43,7 @@ def geojson(flight: Flight, every: float | None) -> Mission:
     notes = (*writer.notes(), *caveats(flight, every))
     head = b'{"type":"FeatureCollection","name":%b,"description":%b,"features":[\n'
     text = head % (name, msgspec.json.encode("; ".join(notes)))
-    return Mission({"": text + features + b"\n]}\n"}, notes)
+    return Export({"": text + features + b"\n]}\n"}, notes)
 
 
 class _Writer:

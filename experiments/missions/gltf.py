@@ -13,8 +13,8 @@ import numpy as np
 
 from cocap_opt import drawing
 from cocap_opt.data import FieldError, FloatArray, IntArray, ProblemError
+from cocap_opt.experiments.missions.export import Export
 from cocap_opt.experiments.missions.glb import LINE_STRIP, LINES, Glb
-from cocap_opt.experiments.missions.mission import Mission
 from cocap_opt.experiments.missions.relief import Relief
 from cocap_opt.experiments.results.flights import MOST_ROWS, Flight, cells_below
 from cocap_opt.flight.trajectory import Trajectory
@@ -32,7 +32,7 @@ _DARK = "#222222"
 _ZONE = "#8a4fbf"
 
 
-def gltf(flight: Flight, every: float | None) -> Mission:
+def gltf(flight: Flight, every: float | None) -> Export:
     """Returns the terrain, drones with cameras, and people, moving by one clock.
 
     Raises
@@ -48,7 +48,7 @@ def gltf(flight: Flight, every: float | None) -> Mission:
     scene.add_solids()
     scene.add_drones()
     scene.add_people()
-    return Mission({"": scene.content()}, tuple(scene.notes()))
+    return Export({"": scene.content()}, tuple(scene.notes()))
 
 
 class _Scene:
@@ -61,10 +61,10 @@ class _Scene:
         moments = _moments(flown)
         self._samples = flown.at(moments)
         self._times = self._clock(moments)
-        self._cells = 1, 1
         place = self._samples.place
         self.origin = np.floor((place.min(axis=0) + place.max(axis=0)) / 2)
         self._size = min(self._problem.height_map.shape) * self._problem.height_map.resolution
+        self._relief = Relief.of(self._problem.height_map, self._heights(), self._part())
 
     def content(self) -> bytes:
         self._glb.animation("flight", self._channels)
@@ -82,11 +82,11 @@ class _Scene:
             f"{math.degrees(ERROR_OF_ANGLES):g} degrees at most; y is up, z is -y of the map, and "
             f"the origin is at x = {x:.12g}, y = {y:.12g}, z = {z:.12g}"
         )
-        inside, outside = self._cells
-        if outside > 1:
+        fine, coarse = self._relief.fine, self._relief.coarse
+        if coarse > 1:
             yield (
-                f"the map is drawn with {outside} x {outside} cells as one, and where drones fly "
-                f"and people walk with {inside} x {inside}, as high as the highest of them, to "
+                f"the map is drawn with {coarse} x {coarse} cells as one, and where drones fly "
+                f"and people walk with {fine} x {fine}, as high as the highest of them, to "
                 "keep the file small"
             )
 
@@ -106,11 +106,9 @@ class _Scene:
     def add_ground(self) -> None:
         """Adds the map: its ground, and the cells that stand out from it."""
         height_map = self._problem.height_map
-        relief = Relief.of(height_map, self._heights(), self._part())
-        self._cells = relief.inside, relief.outside
         corner = np.array([*height_map.origin, 0.0])
-        parts = (("terrain", relief.ground, drawing.COVERED),
-                 ("buildings", relief.obstacles, drawing.WALL))  # fmt: skip
+        parts = (("terrain", self._relief.ground, drawing.COVERED),
+                 ("buildings", self._relief.obstacles, drawing.WALL))  # fmt: skip
         for name, quads, colour in parts:
             if len(quads):
                 corners = 4 * np.arange(len(quads), dtype=np.int64)[:, None]
@@ -198,7 +196,9 @@ class _Scene:
         if not self._problem.actors:
             return
         material = self._glb.material("person", drawing.PERSON)
-        poses = [_with_short_turns(actor.poses[:steps]) for actor in self._problem.actors]
+        poses = [actor.poses[:steps].copy() for actor in self._problem.actors]
+        for own in poses:
+            own[:, 3] = np.unwrap(own[:, 3])  # the short way round
         turns = np.abs([np.diff(own[:, 3]) for own in poses])
         parts = np.maximum(np.ceil(turns.max(axis=0) / _MOST_TURN), 1).astype(np.int64)
         numbers = _subdivided(parts)
@@ -241,14 +241,6 @@ def _subdivided(parts: IntArray) -> FloatArray:
     first = np.repeat(np.cumsum(parts) - parts, parts)
     inner = step + (np.arange(len(step)) - first) / parts[step]
     return np.append(inner, len(parts))
-
-
-def _with_short_turns(poses: FloatArray) -> FloatArray:
-    """Returns poses [T+1, 4] whose yaw turns the short way round from step to step."""
-    turns = np.diff(poses[:, 3])
-    turns -= 2 * np.pi * np.round(turns / (2 * np.pi))
-    yaw = poses[0, 3] + np.concatenate([[0.0], np.cumsum(turns)])
-    return np.column_stack([poses[:, :3], yaw])
 
 
 def _upright(points: FloatArray) -> FloatArray:

@@ -24,7 +24,7 @@ from cocap_opt.experiments.missions.earth_tracks import (
     footprints_on_earth,
     walks,
 )
-from cocap_opt.experiments.missions.mission import Mission
+from cocap_opt.experiments.missions.export import Export
 from cocap_opt.experiments.results.flights import Flight
 
 _KML = "http://www.opengis.net/kml/2.2"
@@ -37,7 +37,7 @@ ElementTree.register_namespace("", _KML)
 ElementTree.register_namespace("gx", _GX)
 
 
-def kml(flight: Flight, every: float | None) -> Mission:
+def kml(flight: Flight, every: float | None) -> Export:
     """Returns the tracks of drones and people and the cameras' footprints, with their times."""
     drones, people = drone_tracks(flight, every), walks(flight)
     mode = _Heights.of(drones[0])
@@ -60,7 +60,7 @@ def kml(flight: Flight, every: float | None) -> Mission:
         writer.add_footprint(folder, found)
     ElementTree.indent(root, "")
     text = ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True)
-    return Mission({"": text + b"\n"}, notes)
+    return Export({"": text + b"\n"}, notes)
 
 
 class _Heights(NamedTuple):

@@ -7,7 +7,7 @@ https://docs.qgroundcontrol.com/master/en/qgc-dev-guide/file_formats/plan.html
 import json
 from typing import Any
 
-from cocap_opt.experiments.missions.mission import Mission
+from cocap_opt.experiments.missions.export import Export
 from cocap_opt.experiments.missions.waypoints import PX4, Item, Route, items, waypoint_mission
 from cocap_opt.experiments.results.flights import Flight
 
@@ -15,7 +15,7 @@ _QUADROTOR = 2  # MAV_TYPE
 _ABOVE_TAKEOFF = 1  # QGroundControl's altitude mode
 
 
-def plan(flight: Flight, every: float | None) -> Mission:
+def plan(flight: Flight, every: float | None) -> Export:
     """Returns a plan for each drone, of a straight flight in a scene with a place on the Earth."""
     return waypoint_mission(flight, every, PX4, _document)
 

@@ -18,14 +18,14 @@ class Relief(NamedTuple):
     ----------
     ground, obstacles : [n, 4, 3] m, corners of rectangles from the corner of the map; obstacles
         are the cells that stand out from the ground
-    inside, outside : edge of a cell as it is drawn, in cells of the map, in the part that matters
+    fine, coarse : edge of a cell as it is drawn, in cells of the map, in the part that matters
         and elsewhere; each is as high as its highest
     """
 
     ground: FloatArray
     obstacles: FloatArray
-    inside: int
-    outside: int
+    fine: int
+    coarse: int
 
     @classmethod
     def of(
@@ -39,24 +39,24 @@ class Relief(NamedTuple):
         part : the first cells along x and y of the part that matters, and the cells after its last
         """
         shown, stands = np.clip(height_map.heights, *heights), height_map.stands_out
-        outside = 1
+        coarse = 1
         while True:
-            inside = max(1, outside // _FINER)
+            fine = max(1, coarse // _FINER)
             starts = [
-                _starts(count, int(first), int(last), inside, outside)
+                _starts(count, int(first), int(last), fine, coarse)
                 for count, first, last in zip(height_map.shape, *part, strict=True)
             ]
             parts = _Grid.of(shown, stands, height_map.resolution, starts).rectangles()
             if sum(map(len, parts)) <= MOST_RECTANGLES:
-                return cls(*parts, inside, outside)
-            outside *= 2
+                return cls(*parts, fine, coarse)
+            coarse *= 2
 
 
-def _starts(count: int, first: int, last: int, inside: int, outside: int) -> IntArray:
+def _starts(count: int, first: int, last: int, fine: int, coarse: int) -> IntArray:
     """Returns where cells begin as they are drawn, of so many cells of the map."""
     parts = [
-        np.arange(0, first, outside), np.arange(first, last, inside),
-        np.arange(last, count, outside),
+        np.arange(0, first, coarse), np.arange(first, last, fine),
+        np.arange(last, count, coarse),
     ]  # fmt: skip
     return np.concatenate(parts)
 

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from cocap_opt.data import FloatArray
 from cocap_opt.drawing import DRONE_COLOURS, PERSON
 from cocap_opt.experiments.missions.briefing import Section, briefing
-from cocap_opt.experiments.missions.mission import Mission
+from cocap_opt.experiments.missions.export import Export
 from cocap_opt.experiments.results.flights import Flight
 from cocap_opt.text import shortened
 
@@ -31,7 +31,7 @@ _MARKS = 11  # of a drone's way, with times
 Line = tuple[str, bool]  # and true for a title
 
 
-def sheet(flight: Flight, every: float | None) -> Mission:
+def sheet(flight: Flight, every: float | None) -> Export:
     """Returns pages with a map, tables of times and places, distances, and what was not checked."""
     sections = [list(_lines(section)) for section in briefing(flight, every)]
     first, top = _first_page(flight)
@@ -51,7 +51,7 @@ def sheet(flight: Flight, every: float | None) -> Mission:
             words = f"{shortened(flight.flown.problem.name)}, page {number} of {len(pages)}"
             _write(page, 1 - _LEFT, 0.025, words, ha="right")
             file.savefig(page)
-    return Mission({"": content.getvalue()})
+    return Export({"": content.getvalue()})
 
 
 def _first_page(flight: Flight) -> tuple[Figure, float]:

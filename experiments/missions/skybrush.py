@@ -24,7 +24,7 @@ from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 import numpy as np
 
 from cocap_opt.data import FloatArray
-from cocap_opt.experiments.missions.mission import Mission, require_nothing_else
+from cocap_opt.experiments.missions.export import Export, require_nothing_else
 from cocap_opt.experiments.results.flights import Flight
 from cocap_opt.flight.bernstein import elevated, halves, largest, squared_length
 from cocap_opt.flight.trajectory import DEGREE, YAW
@@ -35,7 +35,7 @@ _TURNED_OFF = np.radians(0.1)  # rad, by which the yaw may
 _DIGITS = 5
 
 
-def skybrush(flight: Flight, every: float | None) -> Mission:
+def skybrush(flight: Flight, every: float | None) -> Export:
     """Returns a show of a flight, straight or smooth."""
     require_nothing_else(every, "a show has curves, not moments")
     problem = flight.flown.problem
@@ -52,7 +52,7 @@ def skybrush(flight: Flight, every: float | None) -> Mission:
         "settings": _settings(problem),
         "swarm": {"drones": drones},
     }
-    return Mission({"": _zipped(json.dumps(show, allow_nan=False))}, tuple(_notes(flight, grounds)))
+    return Export({"": _zipped(json.dumps(show, allow_nan=False))}, tuple(_notes(flight, grounds)))
 
 
 def _settings(problem: Problem) -> dict[str, Any]:

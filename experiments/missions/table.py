@@ -4,13 +4,13 @@ import io
 
 import numpy as np
 
-from cocap_opt.experiments.missions.mission import Mission
+from cocap_opt.experiments.missions.export import Export
 from cocap_opt.experiments.results.flights import Flight
 
 _DIGITS = {"latitude": 9, "longitude": 9}  # others have 6
 
 
-def table(flight: Flight, every: float | None) -> Mission:
+def table(flight: Flight, every: float | None) -> Export:
     """Returns the columns of flights as CSV."""
     columns = flight.columns(every)
     formats = ["%d" if k == "drone" else f"%.{_DIGITS.get(k, 6)}f" for k in columns]
@@ -20,4 +20,4 @@ def table(flight: Flight, every: float | None) -> Mission:
         text, rows, fmt=formats, delimiter=",", header=",".join(columns), comments="",
         newline="\n",
     )  # fmt: skip
-    return Mission({"": text.getvalue().encode()}, tuple(flight.between_rows(every)))
+    return Export({"": text.getvalue().encode()}, tuple(flight.between_rows(every)))

@@ -6,7 +6,7 @@ the place where it is armed there.
 Source: "Mission Plain-Text File Format", https://mavlink.io/en/file_formats/
 """
 
-from cocap_opt.experiments.missions.mission import Mission
+from cocap_opt.experiments.missions.export import Export
 from cocap_opt.experiments.missions.waypoints import (
     ARDUPILOT,
     Command,
@@ -21,7 +21,7 @@ _HEADER = "QGC WPL 110"
 _ABSOLUTE = 0  # MAV_FRAME_GLOBAL
 
 
-def waypoint_list(flight: Flight, every: float | None) -> Mission:
+def waypoint_list(flight: Flight, every: float | None) -> Export:
     """Returns a list for each drone, of a straight flight in a scene with a place on the Earth."""
     return waypoint_mission(flight, every, ARDUPILOT, _text)
 

@@ -31,13 +31,13 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.data import FieldError, FloatArray
-from cocap_opt.experiments.missions.mission import Mission, require_nothing_else
+from cocap_opt.experiments.missions.export import Export, require_nothing_else
 from cocap_opt.experiments.results.flights import Flight
 from cocap_opt.flight.delays import bearable_delay
 from cocap_opt.flight.earth import Geodesy
 from cocap_opt.problem import CollisionRules
+from cocap_opt.scenarios.recipe.rules import SEPARATION
 
-_SEPARATION = 2.0  # m, asked about where the scene has none; recipes have it
 _RELATIVE, _NO_PLACE = 3, 2  # MAV_FRAME_GLOBAL_RELATIVE_ALT, MAV_FRAME_MISSION
 _GROUND, _CLIMB, _DESCENT = 1, 2, 3  # SPEED_TYPE
 _PART = "no-common-clock.drone"
@@ -146,7 +146,7 @@ class Route(NamedTuple):
 
 def waypoint_mission(
     flight: Flight, every: float | None, dialect: Dialect, write: Callable[[Route], bytes]
-) -> Mission:
+) -> Export:
     """Returns a mission of waypoints for each drone.
 
     Raises
@@ -165,10 +165,10 @@ def waypoint_mission(
     require_nothing_else(every, "the waypoints are the steps of the plan")
     routes = list(_routes(flight, flight.geodesy))
     delay = _rounded_down(bearable_delay(flight.flown, _asked(flight)))
-    return Mission(
+    return Export(
         {f"{_PART}{i}": write(route) for i, route in enumerate(routes)},
         (*_clock(flight, delay), *_ends(routes), dialect.note),
-        {"bearable_delay": delay if math.isfinite(delay) else None},
+        {"delay_tolerance": delay if math.isfinite(delay) else None},
     )
 
 
@@ -258,9 +258,9 @@ def _routes(flight: Flight, geodesy: Geodesy) -> Iterator[Route]:
 
 
 def _asked(flight: Flight) -> CollisionRules:
-    """Returns the separation that is asked about: the scene's, if it has one."""
+    """Returns the separation that is asked about: the scene's, or the one that recipes have."""
     rules = flight.flown.problem.rules
-    return rules if rules.separation else CollisionRules(separation=_SEPARATION)
+    return rules if rules.separation else CollisionRules(separation=SEPARATION)
 
 
 def _rounded_down(seconds: float) -> float:
@@ -277,9 +277,10 @@ def _clock(flight: Flight, delay: float) -> Iterator[str]:
     if math.isinf(delay):
         yield f"{asked} holds however late any of them is"
     elif delay == 0:
-        yield f"{asked} bears no difference in time between two drones: plan with a larger one"
+        yield f"delay tolerance 0: {asked} holds for no difference in time; plan with a larger one"
     else:
-        yield f"{asked} holds while no drone is {delay:.2f} s or more behind another in its plan"
+        held = f"{asked} holds while no drone is {delay:.2f} s or more behind another in its plan"
+        yield f"delay tolerance: {held}"
     yield "offboard control along a .csv file, or Skybrush (.skyc), keeps drones together"
 
 

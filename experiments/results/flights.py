@@ -61,8 +61,9 @@ class Flight(NamedTuple):
             them, or the place of the scene cannot be found on the Earth; one line.
         """
         verdict = check(problem, plan)
-        for words in (*verdict.violations, *verdict.conflicts):
-            raise ProblemError(f"{words}; what is flown must obey the scene's rules")
+        broken = (*verdict.violations, *verdict.conflicts)
+        if broken:
+            raise ProblemError(f"{broken[0]}; what is flown must obey the scene's rules")
         straight = Trajectory.straight(problem, plan)
         flown, found, slowed = (
             smoothed(problem, plan) if smooth else (straight, tuple(dangers(straight)), 0)
@@ -193,8 +194,7 @@ class Flight(NamedTuple):
 def cells_below(height_map: HeightMap, points: FloatArray) -> tuple[IntArray, IntArray]:
     """Returns the cells x [n], y [n] below points [n, 2 or 3] (m); off the map, the nearest."""
     last = np.array(height_map.shape) - 1
-    cells = (points[:, :2] - height_map.origin) / height_map.resolution
-    i, j = np.clip(np.floor(cells), 0, last).astype(np.int64).T
+    i, j = np.clip(height_map.cells_of(points), 0, last).T
     return i, j
 
 

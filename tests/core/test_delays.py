@@ -4,7 +4,7 @@ from test_flight import sampled
 
 from cocap_opt.data import FloatArray
 from cocap_opt.flight.bernstein import elevated
-from cocap_opt.flight.delays import bearable_delay
+from cocap_opt.flight.delays import FINE, bearable_delay
 from cocap_opt.flight.trajectory import DEGREE, Trajectory
 from cocap_opt.problem import CollisionRules, Problem, Robot, State
 from cocap_opt.world.workspace import HeightMap
@@ -55,11 +55,13 @@ def along(axis: int, first: float, speed: float, *, height: float = 0.0) -> Floa
 def test_delays_of_lines_are_exact(
     one: FloatArray, other: FloatArray, rules: dict[str, float], steps: float
 ) -> None:
-    """A drone may be late by what geometry says, to 5 ms, and never by more."""
+    """A drone may be late by what geometry says, up to the stated error, and never by more."""
     asked = CollisionRules(separation=2.0, **rules)
-    found = bearable_delay(lines(one, other), asked)
-    assert steps * STEP - 6e-3 <= found <= steps * STEP + 1e-6
-    assert found == pytest.approx(bearable_delay(lines(other, one), asked), abs=6e-3)
+    for found in (
+        bearable_delay(lines(one, other), asked),
+        bearable_delay(lines(other, one), asked),
+    ):
+        assert steps * STEP - FINE - 1e-6 <= found <= steps * STEP + 1e-6
 
 
 def test_a_nearer_clash_of_other_steps_is_found() -> None:
@@ -68,7 +70,8 @@ def test_a_nearer_clash_of_other_steps_is_found() -> None:
     same = along(1, -0.5, 10) + np.array([-0.5, 0, 0])  # 0.9 steps before
     others = along(1, -7.5, 10) + np.array([2, 0, 0])  # 0.45 steps before, in the step before
     found = bearable_delay(lines(one, same, others), CollisionRules(separation=2.0))
-    assert found == pytest.approx((0.45 - np.sqrt(2) * 0.2) * STEP, abs=6e-3)
+    exact = (0.45 - np.sqrt(2) * 0.2) * STEP
+    assert exact - FINE - 1e-6 <= found <= exact + 1e-6
 
 
 def test_one_drone_alone_bears_any_delay() -> None:

@@ -9,7 +9,7 @@ from test_cli import Run
 
 import cocap_opt as co
 from cocap_opt.data import FieldError
-from cocap_opt.experiments.missions import WRITERS, Mission
+from cocap_opt.experiments.missions import WRITERS, Export
 from cocap_opt.experiments.results import flights
 from cocap_opt.flight.safety import Danger
 
@@ -148,7 +148,7 @@ def test_errors_name_what_is_to_be_changed(
     }  # fmt: skip
     for field, words in cases.items():
 
-        def refuse(flight: flights.Flight, every: float | None, field: str = field) -> Mission:
+        def refuse(flight: flights.Flight, every: float | None, field: str = field) -> Export:
             raise FieldError(field, "is odd")
 
         monkeypatch.setitem(WRITERS, ".csv", refuse)

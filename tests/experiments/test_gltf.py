@@ -206,7 +206,7 @@ def test_a_map_of_many_heights_is_thinned_but_where_it_matters(
     relief = Relief.of(
         HeightMap(heights=heights), (0.0, 1.0), (np.array([10, 12]), np.array([13, 14]))
     )
-    assert (relief.inside, relief.outside) == (1, 4)
+    assert (relief.fine, relief.coarse) == (1, 4)
     quads = np.concatenate([relief.ground, relief.obstacles])
     tops = quads[(quads[:, :, 2] == quads[:, :1, 2]).all(axis=1)]
     corners = {(*row[0, :2], *row[2, :2]): row[0, 2] for row in tops}

@@ -15,7 +15,7 @@ from test_cli import Run
 
 import cocap_opt as co
 from cocap_opt.data import FloatArray, ProblemError
-from cocap_opt.experiments.missions import WRITERS, Mission
+from cocap_opt.experiments.missions import WRITERS, Export
 from cocap_opt.experiments.results.flights import Flight
 from cocap_opt.flight.delays import bearable_delay
 from cocap_opt.problem import CollisionRules, Earth, Plan, Problem, State
@@ -221,7 +221,7 @@ def test_files_of_waypoints_say_that_drones_keep_no_common_clock() -> None:
         mission = WRITERS[ending](flight, None)
         assert list(mission.files) == [f"no-common-clock.drone{i}" for i in range(3)]
         bears = bearable_delay(flight.flown, CollisionRules(separation=2.0))
-        shown = mission.facts["bearable_delay"]
+        shown = mission.facts["delay_tolerance"]
         assert shown is not None and bears - 0.01 < shown <= bears
         assert f"the scene's separation 2 m holds while no drone is {shown:.2f} s" in said(mission)
     for rules, words in (
@@ -234,10 +234,10 @@ def test_files_of_waypoints_say_that_drones_keep_no_common_clock() -> None:
     alone = alone.replace(robots=alone.robots[:1])
     mission = WRITERS[".plan"](Flight.of(alone, Plan(paths=plan.paths[:1]), False), None)
     assert "common clock" not in said(mission)
-    assert mission.facts == {"bearable_delay": None}
+    assert mission.facts == {"delay_tolerance": None}
 
 
-def said(mission: Mission) -> str:
+def said(mission: Export) -> str:
     """The notes of a mission."""
     return "; ".join(mission.notes)
 
@@ -392,5 +392,5 @@ def test_missions_are_written_whole_or_not_at_all(
         made = sorted(path.name for path in set(tmp_path.iterdir()) - before)
         assert made == names
         assert [Path(name).name for name in run.json["file"].split(" ")] == names
-        assert ("bearable_delay" in run.json) == (words == ["f.plan"])
+        assert ("delay_tolerance" in run.json) == (words == ["f.plan"])
         before |= set(tmp_path.iterdir())

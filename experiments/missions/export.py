@@ -1,13 +1,14 @@
 """Flights as files for others, and what must be known to fly them."""
 
 from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 from cocap_opt.data import FieldError
 from cocap_opt.experiments.results.flights import Flight
 
 
-class Mission(NamedTuple):
+class Export(NamedTuple):
     """Files of one format, and what to know about them.
 
     Attributes
@@ -20,12 +21,12 @@ class Mission(NamedTuple):
 
     files: dict[str, bytes]
     notes: tuple[str, ...] = ()
-    facts: Mapping[str, float | None] = {}
+    facts: Mapping[str, float | None] = MappingProxyType({})
 
 
 # Takes the flights and the seconds between rows or points, None for what is usual. It raises
 # ProblemError, one line, where the format cannot hold these flights.
-Writer = Callable[[Flight, float | None], Mission]
+Writer = Callable[[Flight, float | None], Export]
 
 
 def require_nothing_else(every: float | None, words: str) -> None:
