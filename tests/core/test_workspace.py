@@ -302,6 +302,15 @@ def test_lifting_everything_changes_nothing(heights: list[float], up: float) -> 
     np.testing.assert_allclose(coverage_of_all(below), coverage_of_all(above), rtol=1e-6)
 
 
+def test_cells_of_points_are_those_of_each_point() -> None:
+    """On the map, on its lines and off it."""
+    height_map = HeightMap(heights=np.zeros((4, 3)), resolution=0.5, origin=(100.0, -7.0))
+    points = np.mgrid[99.0:103.0:0.25, -8.0:-4.0:0.25, 1:2].reshape(3, -1).T
+    cells = height_map.cells_of(points)
+    assert cells.tolist() == [list(height_map.cell_of(x, y)) for x, y, _ in points.tolist()]
+    assert height_map.cells_of(points[:6].reshape(2, 3, 3)).shape == (2, 3, 2)
+
+
 def test_drones_follow_the_terrain_above_its_datum() -> None:
     """Flight heights are above the datum: over a hill the camera is higher, and J differs."""
     hill = np.zeros((6, 5))

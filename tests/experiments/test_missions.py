@@ -237,6 +237,15 @@ def test_files_of_waypoints_say_that_drones_keep_no_common_clock() -> None:
     assert mission.facts == {"delay_tolerance": None}
 
 
+def test_drones_begin_their_flights_together() -> None:
+    """Whoever has less far to rise waits longer: all have waited when the last one has settled."""
+    rows = [read_plan(content) for content in written(".plan", flown())]
+    waits = [next(row.params[0] for row in own if row.command == 93) for own in rows]
+    rises = [own[0].params[6] for own in rows]  # s, at 1 m/s
+    assert waits == [10.5, 10.0, 10.5]
+    assert [wait + rise for wait, rise in zip(waits, rises, strict=True)] == [15.5] * 3
+
+
 def said(mission: Export) -> str:
     """The notes of a mission."""
     return "; ".join(mission.notes)
