@@ -157,7 +157,7 @@ def test_smooth_flights_are_safe_wherever_they_are_sampled() -> None:
         if made.dangers:  # near people only, who do not walk at a drone's pace
             assert all("actors" in danger.words for danger in made.dangers)
             continue
-        places = sampled(made.trajectory)
+        places = sampled(made.trajectory, 20)
         assert not too_near_matter(problem, places).any()
         assert not too_near_others(problem, places).any()
         kept += 1
@@ -304,10 +304,9 @@ def test_demands_are_the_largest_of_all_samples() -> None:
 def test_a_step_that_would_do_does() -> None:
     """With so much longer steps a limit is kept, and with 1 % less it is not."""
     flown = flights()[0][2].trajectory
-    seen = set()
-    for demand in demands(flown, is_smooth=True):
-        if not demand.most:
-            continue
+    largest_ones = {d.kind: d for d in sorted(demands(flown, is_smooth=True), key=lambda d: d.most)}
+    assert len(largest_ones) == 6
+    for demand in largest_ones.values():
         limited = demand._replace(limit=demand.most / 3)
         assert not limited.is_kept
         for times, keeps in ((1 + 1e-6, True), (0.99, False)):
@@ -315,8 +314,6 @@ def test_a_step_that_would_do_does() -> None:
             slower = replace(flown, problem=flown.problem.replace(step=step))
             (own,) = (d for d in demands(slower, True) if d[:2] == demand[:2])
             assert own._replace(limit=limited.limit).is_kept == keeps
-        seen.add(demand.kind)
-    assert seen == {"speed", "climb", "descent", "acceleration", "yaw_rate", "gimbal_rate"}
 
 
 def test_one_moment_a_step_is_the_plan() -> None:

@@ -138,10 +138,9 @@ def test_errors_name_what_is_to_be_changed(
     files: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
-    """Fields of options, of the scene and of its place are told apart; all else is the plan's."""
+    """Fields of options and of the scene's place are told apart; all else is the plan's."""
     cases = {
-        "every": "--every: is odd", "start": "--start: is odd",
-        "earth": "scene.toml: earth: is odd",
+        "every": "--every: is odd",
         "crs": "scene.toml: earth.crs: is odd",
         "earth.crs": "scene.toml: earth.crs: is odd; --local leaves latitudes and longitudes out",
         "drone 0": "plan.json: drone 0: is odd",
