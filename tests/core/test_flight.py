@@ -330,6 +330,17 @@ def test_one_moment_a_step_is_the_plan() -> None:
             assert view_reward(replace(flown, problem=weighted), 1) == expected
 
 
+def test_people_turn_the_short_way_round() -> None:
+    """A yaw that is written with a turn more is the same, between the steps, too."""
+    problem, _, made = flights()[0]
+    (actor,) = problem.actors
+    turned = actor.poses + 2 * np.pi * np.array([[0, 0, 0, t % 2] for t in range(STEPS + 1)])
+    other = problem.replace(actors=(actor.replace(poses=turned),))
+    found = [view_reward(replace(made.trajectory, problem=p), 2) for p in (problem, other)]
+    assert found[0] == pytest.approx(found[1], rel=1e-9)
+    assert found[0] > 0
+
+
 def test_drones_that_would_come_too_near_stop() -> None:
     """Two drones that turn towards each other at the separation pass more slowly, and keep it."""
     motion = Motion(radius=1, turn=0)

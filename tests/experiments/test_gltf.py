@@ -1,4 +1,5 @@
 import io
+import re
 from typing import Any
 
 import numpy as np
@@ -167,6 +168,28 @@ def test_what_a_clock_or_a_file_cannot_hold_is_refused() -> None:
             written(quick)
     with pytest.raises(ProblemError, match="every: must be left out"):
         WRITERS[".glb"](flight, 0.5)
+
+
+def test_full_turns_of_people_are_none() -> None:
+    """A yaw that is written with a turn more is the same yaw: nobody spins between the steps."""
+    problem, plan = scene()
+    (actor,) = problem.actors
+    turned = actor.poses + 0.1 * np.pi * np.array([[0, 0, 0, k] for k in range(4)])
+    more = turned + 2 * np.pi * np.array([[0, 0, 0, k % 2] for k in range(4)])
+    one, other = (
+        written(Flight.of(problem.replace(actors=(actor.replace(poses=poses),)), plan, False))
+        for poses in (turned, more)
+    )
+    assert len(one) == len(other)
+
+
+def test_a_map_that_is_thinned_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The notes say how large its cells are, here and there; else they do not speak of it."""
+    flight = Flight.of(*scene(), False)
+    assert len(WRITERS[".glb"](flight, None).notes) == 1
+    monkeypatch.setattr(relief_module, "MOST_RECTANGLES", 8)
+    _, note = WRITERS[".glb"](flight, None).notes
+    assert re.search("64 x 64 cells as one, .* with 4 x 4, as high as the highest", note)
 
 
 @examples(30)
