@@ -396,7 +396,7 @@ def test_polynomials_are_enclosed() -> None:
 
 
 def test_polynomials_that_touch_count_as_positive() -> None:
-    """What no halving proves, since both are positive beside a third up to a rounding, is told."""
+    """Two that are 0 at a third, where no halving ends, cannot be proved never to be positive."""
     touching = [elevated(np.array([[-1.0, 2.0]]), 5), elevated(np.array([[1.0, -2.0]]), 5)]
     assert ever_positive(touching).all()
     assert not ever_positive([touching[0], touching[1] - 0.1]).any()

@@ -96,7 +96,7 @@ def test_flights_that_cannot_be_made_are_refused(
 def test_lines_between_rows_are_told(
     files: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """How far they are beside the flight is a note, where they are; help says what is assumed."""
+    """A note says how far they are beside the flight; help says what is not checked."""
     problem, plan = co.load(files[0]), co.read(files[1])
     assert isinstance(plan, co.Plan)
     far = []
