@@ -28,9 +28,9 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.data import LARGEST, FloatArray
-from cocap_opt.flight.bernstein import ever_positive, halves, product, squared_length
-from cocap_opt.flight.trajectory import DEGREE, Trajectory, between_drones, walk
-from cocap_opt.problem import CollisionRules, Problem
+from cocap_opt.flight.bernstein import elevated, ever_positive, halves, product, squared_length
+from cocap_opt.flight.trajectory import DEGREE, Trajectory, between_drones
+from cocap_opt.problem import Actor, CollisionRules, Problem
 from cocap_opt.problem.rules import TOLERANCE
 from cocap_opt.world.columns import Columns
 
@@ -78,9 +78,15 @@ def _near_people(flown: Trajectory) -> Iterator[Danger]:
     if not airspace.people_aside:
         return
     for j, actor in enumerate(problem.actors):
-        ways = (flown.pieces[:, :, :3] - walk(problem, actor)).reshape(-1, 3, DEGREE + 1)
+        ways = (flown.pieces[:, :, :3] - walk_of(problem, actor)).reshape(-1, 3, DEGREE + 1)
         for k in np.flatnonzero(ever_positive(_nearness(ways, airspace.rules_beside(actor)))):
             yield Danger(int(k) % steps, (int(k) // steps,), f"comes too near to actors[{j}]")
+
+
+def walk_of(problem: Problem, actor: Actor) -> FloatArray:
+    """Returns the coefficients [T, 3, 6] of the walk of the middle of a person's body."""
+    middles = actor.middles[: problem.horizon + 1] - [*problem.height_map.origin, 0.0]
+    return elevated(np.stack([middles[:-1], middles[1:]], axis=-1), DEGREE)
 
 
 def _nearness(ways: FloatArray, rules: CollisionRules) -> list[FloatArray]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray, ProblemError, read_only
 from cocap_opt.flight.bernstein import derivative, elevated, largest, squared_length, values
-from cocap_opt.problem import Actor, Plan, Problem
+from cocap_opt.problem import Plan, Problem
 
 DEGREE = 5
 YAW, PITCH = 3, 4  # rows besides x, y and z
@@ -149,15 +149,6 @@ def waypoints(problem: Problem, plan: Plan) -> FloatArray:
         pitch = [-robot.camera.tilts[state.pitch] for state in path]
         rows.append(np.column_stack([problem.where(robot, path) - corner, yaw, pitch]))
     return np.array(rows)
-
-
-def walk(problem: Problem, actor: Actor) -> FloatArray:
-    """Returns the coefficients [T, 3, 6] of where a person's middle is (m from the map's corner).
-
-    People walk straight from step to step.
-    """
-    at = actor.middles[: problem.horizon + 1] - [*problem.height_map.origin, 0.0]
-    return elevated(np.stack([at[:-1], at[1:]], axis=-1), DEGREE)
 
 
 def between_drones(pieces: FloatArray) -> FloatArray:

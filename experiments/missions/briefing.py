@@ -9,7 +9,8 @@ import numpy as np
 from cocap_opt.data import FieldError, FloatArray, IntArray
 from cocap_opt.experiments.results.flights import Flight, cells_below
 from cocap_opt.flight.bernstein import largest, squared_length
-from cocap_opt.flight.trajectory import DEGREE, between_drones, walk
+from cocap_opt.flight.safety import walk_of
+from cocap_opt.flight.trajectory import DEGREE, between_drones
 from cocap_opt.problem import Problem
 
 ROWS = 12  # of a drone's table, at most, where nobody asked for others
@@ -139,7 +140,7 @@ def _nearest_people(flight: Flight) -> _Nearest | None:
     problem, pieces = flight.flown.problem, flight.flown.pieces
     if not problem.actors:
         return None
-    walks = np.array([walk(problem, actor)[:, :2] for actor in problem.actors])
+    walks = np.array([walk_of(problem, actor)[:, :2] for actor in problem.actors])
     ways = (pieces[:, None, :, :2] - walks).reshape(-1, 2, DEGREE + 1)
     one, other = np.divmod(np.arange(len(pieces) * len(walks)), len(walks))
     return _nearest(flight, ways, one, other)
