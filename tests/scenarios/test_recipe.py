@@ -10,7 +10,10 @@ import numpy as np
 import pytest
 import rasterio
 import trimesh
+from hypothesis import given
+from hypothesis import strategies as st
 from rasterio.transform import Affine
+from strategies import examples, standing
 
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.formulations import EXACT
@@ -19,6 +22,7 @@ from cocap_opt.plausibility import doubts, narrow_way
 from cocap_opt.problem import Actor, Airspace, Cuboid, Motion, Plan, Problem, State
 from cocap_opt.referee import check
 from cocap_opt.scenarios import SCENES, load_scene
+from cocap_opt.scenarios.recipe.drones import DronesTable
 from cocap_opt.scenarios.recipe.meshes import MeshTable
 from cocap_opt.scenarios.recipe.recipe import EXAMPLE, read
 from cocap_opt.scenarios.recipe.tables import Table
@@ -898,6 +902,33 @@ def test_a_mesh_survives_a_file(tmp_path: Path) -> None:
     np.testing.assert_array_equal(again.height_map.datum, problem.height_map.datum)
     moved = problem.meshes[0].replace(vertices=problem.meshes[0].vertices + 1e-9)
     assert problem_digest(problem.replace(meshes=(moved,))) != problem_digest(problem)
+
+
+@examples(8)
+@given(
+    near=st.floats(0.0, 12.0),
+    at=st.tuples(st.floats(-2, 27), st.floats(-2, 27)),
+    walls=st.lists(st.tuples(st.integers(0, 24), st.integers(0, 24)), max_size=60),
+)
+def test_drones_near_people_may_start_where_all_others_may(
+    near: float, at: tuple[float, float], walls: list[tuple[int, int]]
+) -> None:
+    """Those cells of all from which somebody can be met that are near, courtyards or not."""
+    heights = np.zeros((25, 25))
+    heights[7:13, 7:13], heights[8:12, 8:12] = 20.0, 0.0
+    heights[tuple(np.array(walls, dtype=int).reshape(-1, 2).T)] = 20.0
+    workspace = Workspace(HeightMap(heights=heights))
+    actors, horizon = (standing(*at, 0.0, 0.0, steps=3),), 3
+    some, every = DronesTable(count=1, near=near), DronesTable(count=1)
+    starts = [
+        {
+            (s.x, s.y)
+            for s in table._candidates(workspace, actors, horizon, np.random.default_rng(0))
+        }
+        for table in (some, every)
+    ]
+    middles = {(x, y): np.hypot(x + 0.5 - at[0], y + 0.5 - at[1]) for x, y in starts[1]}
+    assert starts[0] == {cell for cell, far in middles.items() if far <= near}
 
 
 def test_random_drones_start_where_they_can_meet_somebody(tmp_path: Path) -> None:
