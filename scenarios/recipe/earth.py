@@ -2,6 +2,7 @@
 
 from typing import Annotated, Literal
 
+import numpy as np
 from msgspec import Meta
 
 from cocap_opt.data import ProblemError
@@ -15,6 +16,7 @@ _ABOVE: dict[str, Literal["sea", "ellipsoid"]] = {
     "above-ellipsoid": "ellipsoid",
 }
 _SHOWN = 60  # letters of a system in a message
+_FARTHEST = 50_000.0  # m; a point farther away is none that a scene's own axes begin in
 
 
 class EarthTable(Table):
@@ -49,6 +51,13 @@ class EarthTable(Table):
             raise ProblemError(
                 f"crs: must be left out, or that of the map's file, {short_name(of_map)}, not "
                 f"{self.crs}"
+            )
+        away = float(np.hypot(*height_map.centre(0, 0)))
+        if self.latitude is not None and away > _FARTHEST:
+            raise ProblemError(
+                f"latitude, longitude: must be those of the point x = 0, y = 0, which is "
+                f"{away / 1000:.0f} km from the map; where x and y are coordinates of the system, "
+                "as on most maps, leave both out"
             )
         system = of_map or self.crs
         if system is None:

@@ -130,6 +130,8 @@ def test_the_example_has_every_field() -> None:
     for table in tables:
         for field in table.__struct_fields__:
             assert f"{field} =" in EXAMPLE or f"{field}]" in EXAMPLE, field
+    motion = EXAMPLE.split("[drones.motion]")[1]
+    assert all(f"\n{field} =" in motion for field in Motion.__struct_fields__)
 
 
 @pytest.mark.parametrize(
