@@ -236,9 +236,10 @@ def _meshes(recipe: _Recipe, folder: Path, terrain: Terrain) -> Iterator[Mesh]:
             mesh = given.mesh(folder)
             _require_on_map([mesh], terrain.height_map)
         yield mesh
+    system = terrain.crs or (recipe.earth.crs if recipe.earth else None)
     for k, plan in enumerate(recipe.walls):
         with naming(f"walls[{k}]"):
-            walls = plan.meshes(folder, lowest=float(terrain.ground.min()))
+            walls = plan.meshes(folder, float(terrain.ground.min()), system)
             _require_on_map(walls, terrain.height_map)
         yield from walls
 

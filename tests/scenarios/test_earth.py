@@ -147,7 +147,7 @@ def test_a_point_far_from_the_map_is_none_of_its_own(tmp_path: Path) -> None:
     where = '[earth]\ncrs = "EPSG:25830"\nlatitude = 43.26\nlongitude = -2.94'
     flat = "size = [8, 6]\norigin = [505000, 4790000]"
     path.write_text(RECIPE.format(map=flat, x=505002, y=4790002, more=where))
-    with pytest.raises(ProblemError, match="earth: latitude, longitude: .* 4817 km from the map"):
+    with pytest.raises(ProblemError, match=r"earth: latitude, longitude: .* 4817 km from the map"):
         read(path)
 
 

@@ -627,6 +627,31 @@ def test_systems_of_geojson_are_in_metres(tmp_path: Path, system: str) -> None:
         table.meshes(tmp_path, 0.0)
 
 
+@pytest.mark.parametrize(
+    ("own", "scene", "words"),
+    [
+        ("EPSG::25833", "EPSG:25832", "crs: must be .* of the scene, EPSG:25832, not EPSG:25833"),
+        ("elsewhere", None, "crs: must name an EPSG code, or be left out"),
+        ("EPSG::25832", "epsg:25832+5783", ""),
+        ("EPSG::25833", None, ""),
+    ],
+)
+def test_walls_are_in_the_system_of_the_scene(
+    tmp_path: Path, own: str, scene: str | None, words: str
+) -> None:
+    """Another one would put them at another place."""
+    ring = [[0, 0], [40, 0], [40, 40], [0, 0]]
+    crs = {"type": "name", "properties": {"name": own}}
+    plan = {"type": "Polygon", "crs": crs, "coordinates": [ring]}
+    (tmp_path / "walls.geojson").write_text(json.dumps(plan))
+    table = WallsTable(file="walls.geojson", height=2.0, polygons="obstacles")
+    if not words:
+        assert len(table.meshes(tmp_path, 0.0, scene)) == 1
+        return
+    with pytest.raises(ProblemError, match=words):
+        table.meshes(tmp_path, 0.0, scene)
+
+
 def test_what_is_no_number_in_wkt_is_said_once(
     tmp_path: Path, recwarn: pytest.WarningsRecorder
 ) -> None:
