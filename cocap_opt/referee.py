@@ -6,7 +6,7 @@ slow, obvious loops. It shares with planners only coverage and solid matter.
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import lru_cache
 
@@ -49,9 +49,16 @@ class Verdict:
 def check(problem: Problem, plan: Plan) -> Verdict:
     """Returns the verdict on a plan; its rewards are nan if it cannot be flown.
 
-    The last verdicts are kept, for one plan passes from method to method.
+    The last verdicts are kept, for one plan passes from method to method, with rules and without:
+    these change nothing but the conflicts.
     """
-    return _Referee(problem).verdict(plan)
+    free = problem.without_rules()
+    if free is problem:
+        return _Referee(problem).verdict(plan)
+    verdict = check(free, plan)
+    if verdict.violations:
+        return verdict
+    return replace(verdict, conflicts=tuple(_Referee(problem).conflicts(plan)))
 
 
 @dataclass(frozen=True)

@@ -173,7 +173,8 @@ def _require_made_for(problem: Problem, file: PlanFile, path: Path) -> None:
         which = (
             f"scene: the plan was made for {other}, not {own}"
             if file.scene != problem.name
-            else f"digest: the plan was made for {own} of another seed, content, rules or objective"
+            else f"digest: the plan was made for {own} of another seed, content, rules or "
+            "objective, or its file has changed since"
         )
         raise FileError(f"{path}: {which}; name the scene and seed that it is for")
     if file.scene != problem.name:

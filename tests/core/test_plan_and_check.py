@@ -3,6 +3,7 @@
 import math
 import re
 from collections import Counter
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -304,6 +305,21 @@ class _Ruled:
 
 def _with_rules(problem: Problem, rules: CollisionRules) -> Problem:
     return _Ruled(problem, rules)  # type: ignore[return-value]
+
+
+def test_views_of_a_plan_are_judged_once_with_rules_and_without(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """It takes the referee's time, and rules change nothing but the conflicts."""
+    judged, views = [], _Referee._view_rewards
+    monkeypatch.setattr(
+        _Referee, "_view_rewards", lambda own, plan: judged.append(own) or views(own, plan)
+    )
+    problem = arena(*(path[0] for path in SWAPPING))
+    verdict, free = (check(one, Plan(paths=SWAPPING)) for one in (problem, problem.without_rules()))
+    assert len(judged) == 1
+    assert (len(verdict.conflicts), replace(verdict, conflicts=())) == (1, free)
+    assert verdict == _Referee(problem).verdict(Plan(paths=SWAPPING))
 
 
 def test_a_swap_of_drones_that_are_too_near_is_counted_at_its_ends() -> None:
