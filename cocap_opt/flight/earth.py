@@ -14,6 +14,7 @@ from cocap_opt.problem import Earth
 
 WGS_84 = "EPSG:4326"
 STRETCH = 0.02  # by which lengths of the projection may differ from those on the ground
+_AHEAD = 10.0  # m, so far ahead is the point that shows a direction
 _SHOWN = 60  # letters of a system's name in a message
 _AROUND = 0.01  # degrees around a point, for which pyproj chooses an operation
 
@@ -53,6 +54,26 @@ class Geodesy:
             )
         return np.asarray(latitude), np.asarray(longitude)
 
+    def compass(self, x: FloatArray, y: FloatArray, yaw: FloatArray) -> FloatArray:
+        """Returns directions [n] in degrees from true north, clockwise, 0..360.
+
+        The grid's north is none; its convergence is in them.
+
+        Parameters
+        ----------
+        x, y : [n] m, points of the scene
+        yaw : [n] rad, from +x, counter-clockwise
+        """
+        latitude, longitude = self.degrees(x, y)
+        aside = self.degrees(x + _AHEAD * np.cos(yaw), y + _AHEAD * np.sin(yaw))
+        azimuth, _, _ = self._ellipsoid.inv(longitude, latitude, aside[1], aside[0])
+        return np.asarray(azimuth) % 360.0
+
+    def lengths(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Returns the metres [n-1] on the ground from each point [n] of the scene to the next."""
+        latitude, longitude = self.degrees(x, y)
+        return np.asarray(self._ellipsoid.line_lengths(longitude, latitude))
+
     @cached_property
     def name(self) -> str:
         """Name of the reference system, with its code where it has one."""
@@ -64,6 +85,11 @@ class Geodesy:
         """Metres by which latitudes and longitudes may be off; None: nobody says."""
         metres = float(self._to_earth.accuracy)
         return metres if metres >= 0 else None
+
+    @cached_property
+    def _ellipsoid(self) -> Any:
+        """The ellipsoid of WGS 84."""
+        return self._pyproj.Geod(ellps="WGS84")
 
     def _system(self) -> Any:
         """Returns the projection, without the heights of a compound system."""

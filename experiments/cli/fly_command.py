@@ -42,9 +42,12 @@ def _fly(
     counter-clockwise) and pitch (degrees, 0 level, below is negative) of each drone, heights above
     ground and take-off, and latitude and longitude where the scene has a reference system.
 
+    Missions of waypoints, a file per drone: .plan (QGroundControl, for PX4) and .waypoints (for
+    ArduPilot). By one clock fly .skyc (Skybrush) and .crazyflie.csv (polynomials, with --smooth).
+
     Example: cocap-opt fly corridor plan.json --step 1 --smooth -o flight.csv
     """
-    write = WRITERS[Option("-o").ending(output, tuple(WRITERS))]
+    suffix = Option("-o").ending(output, tuple(WRITERS))
     assert output is not None
     for option, value in (("--step", step), ("--every", every)):
         if value is not None and not Option(option).require_seconds(value) > 0:
@@ -55,17 +58,17 @@ def _fly(
     problem = problem.replace(earth=None) if local else problem
     try:
         flight = Flight.of(problem, planned, smooth)
-        mission = write(flight, every)
+        mission = WRITERS[suffix](flight, every)
     except ProblemError as error:
         raise _in_words(error, scene, plan) from error
     record = flight.record()
-    files = {_named(output, part): content for part, content in mission.files.items()}
+    files = {_named(output, suffix, part): content for part, content in mission.files.items()}
     for path in files:
         check_output(path, scene, plan)
     save_files(files)
-    answer: Record = {"scene": problem.name, "seed": seed, **record}
+    answer: Record = {"scene": problem.name, "seed": seed, **record, **mission.facts}
     notes = [*flight.notes(), *mission.notes]
-    written = output if len(files) == 1 else " ".join(str(path) for path in files)
+    written = " ".join(map(str, files))
     if json:
         print_result({**answer, "drones": flight.rows(), "notes": notes, "file": written}, json)
     else:
@@ -74,18 +77,21 @@ def _fly(
     return 0
 
 
-def _named(output: Path, part: str) -> Path:
+def _named(output: Path, suffix: str, part: str) -> Path:
     """Returns the name of a part of the output."""
-    return output.with_name(f"{output.stem}.{part}{output.suffix}") if part else output
+    first, last = output.name[: -len(suffix)], output.name[-len(suffix) :]
+    return output.with_name(f"{first}.{part}{last}") if part else output
 
 
 def _in_words(error: ProblemError, scene: str, plan: Path) -> Exception:
     """Returns the error that names the option or the file that is to be changed."""
     words = str(error)
-    if words.startswith("every:"):
+    if words.startswith(("every:", "smooth:")):
         return UsageError(f"--{words}")
     if words.startswith("earth."):
         return FileError(f"{scene}: {words}; --local leaves latitudes and longitudes out")
+    if words.startswith("earth:"):
+        return FileError(f"{scene}: {words}")
     return FileError(f"{plan}: {words}")
 
 

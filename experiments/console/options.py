@@ -110,12 +110,16 @@ class Option(NamedTuple):
         return found
 
     def ending(self, path: Path | None, allowed: tuple[str, ...]) -> str:
-        """Returns the ending of a file to be written, which says of what kind it is."""
-        suffix = "" if path is None else path.suffix.lower()
-        if suffix not in allowed:
+        """Returns the ending of a file to be written, which says of what kind it is.
+
+        Of endings that contain each other, such as .csv and .crazyflie.csv, it is the longest.
+        """
+        name = "" if path is None else path.name.lower()
+        fitting = [word for word in allowed if name.endswith(word) and name != word]
+        if not fitting:
             words = " or ".join(filter(None, (", ".join(allowed[:-1]), allowed[-1])))
             raise UsageError(f"{self.name}: name a file that ends in {words}")
-        return suffix
+        return max(fitting, key=len)
 
 
 def _number(value: object) -> float:

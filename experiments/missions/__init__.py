@@ -1,8 +1,18 @@
 """Files of flights that others read, by the ending of their names."""
 
+from cocap_opt.experiments.missions.crazyflie import crazyflie
 from cocap_opt.experiments.missions.mission import Mission, Writer
+from cocap_opt.experiments.missions.qgroundcontrol import plan
+from cocap_opt.experiments.missions.skybrush import skybrush
 from cocap_opt.experiments.missions.table import table
+from cocap_opt.experiments.missions.waypoint_list import waypoint_list
 
-WRITERS: dict[str, Writer] = {".csv": table}
+WRITERS: dict[str, Writer] = {
+    ".csv": table,
+    ".plan": plan,
+    ".waypoints": waypoint_list,
+    ".skyc": skybrush,
+    ".crazyflie.csv": crazyflie,
+}
 
 __all__ = ["WRITERS", "Mission", "Writer"]

@@ -1,8 +1,9 @@
-"""What flights become for others: files, and what must be known to fly them."""
+"""Flights as files for others, and what must be known to fly them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
+from cocap_opt.data import ProblemError
 from cocap_opt.experiments.results.flights import Flight
 
 
@@ -14,12 +15,20 @@ class Mission(NamedTuple):
     files : their contents, by what stands in their names between the name that was asked for and
         its ending: "" is that name itself, "drone0" makes `flight.drone0.plan` of `flight.plan`
     notes : sentences on what the files cannot say
+    facts : numbers on them, which are printed with those of the flights
     """
 
     files: dict[str, bytes]
     notes: tuple[str, ...] = ()
+    facts: Mapping[str, float | None] = {}
 
 
 # Takes the flights and the seconds between rows or points, None for what is usual. It raises
 # ProblemError, one line, where the format cannot hold these flights.
 Writer = Callable[[Flight, float | None], Mission]
+
+
+def require_nothing_else(every: float | None, words: str) -> None:
+    """Refuses seconds between points for formats that have points of their own."""
+    if every is not None:
+        raise ProblemError(f"every: must be left out, for {words}")

@@ -1,0 +1,137 @@
+"""Delays that flights bear: by so much one drone may be late and keeps away from the others.
+
+Nothing keeps drones that fly waypoints to a common clock. This finds the least difference between
+two moments at which one drone at the first and another at the second would be too near, over all
+pairs of moments: whoever keeps below it keeps the separation, whether the delay grows, shrinks or
+stays. A drone hovers before its flight and after it, which adds nothing: who comes too near to it
+then is no later than at the flight's first moment, or its last.
+
+Two pieces of flights and a square of their moments are quartered until nothing is left below a
+difference at which two drones are too near indeed. In a square, planes that part the pieces bound
+the difference from below: on each axis across a plane, a piece is no farther from a line through
+its ends than its Bernstein coefficients are. So the answer is never too large.
+"""
+
+from itertools import product
+
+import numpy as np
+
+from cocap_opt.data import LARGEST, FloatArray
+from cocap_opt.flight.bernstein import halves, values
+from cocap_opt.flight.trajectory import Trajectory
+from cocap_opt.problem import CollisionRules
+from cocap_opt.problem.rules import TOLERANCE
+
+_FINE = 2e-3  # s, by which an answer may be too small
+_FINEST = 1e-5  # steps, and
+_MOST = 500_000  # squares at once, below and above which it may be smaller still
+_QUARTERS = tuple(product((0, 1), repeat=2))
+_ROUNDING = 1e-9  # m
+_SLOW = 1e-4  # m in a piece, which bounds nothing
+
+
+def bearable_delay(flown: Trajectory, rules: CollisionRules) -> float:
+    """Returns the seconds below which two drones keep a separation, however one is late.
+
+    It is the largest such number to 5 ms, but for flights that nearly touch; inf where no delay
+    matters, 0 where they are too near without any.
+
+    Parameters
+    ----------
+    rules : have a separation
+    """
+    pieces = flown.pieces[:, :, :3]
+    robots, steps = pieces.shape[:2]
+    pairs = np.argwhere(~np.eye(robots, dtype=np.bool_))
+    most, fine = np.inf, _FINE / flown.step
+    for ahead in range(steps):
+        if ahead - 1 >= most:
+            break  # pieces so many steps apart are less apart by up to one step
+        one = pieces[pairs[:, 0], ahead:].reshape(-1, *pieces.shape[2:])
+        other = pieces[pairs[:, 1], : steps - ahead].reshape(one.shape)
+        most = _least(one, other, ahead, rules, most, fine)
+    return most * flown.step
+
+
+def _least(
+    one: FloatArray, other: FloatArray, ahead: int, rules: CollisionRules, most: float, fine: float
+) -> float:
+    """Returns the least difference (steps) between moments at which drones may be too near.
+
+    Parameters
+    ----------
+    one, other : [n, 3, 6] pieces of flights
+    ahead : steps by which the first ones begin later; less than 0 no difference counts
+    most : steps, beyond which nothing matters
+    fine : steps, by which the answer may be too small
+    """
+    apart, width, answer = np.full(len(one), float(ahead)), 1.0, most
+    while len(one):
+        least = np.maximum(apart + width * _bound(one, other, rules), 0.0)
+        some = (least < most) & (least <= apart + width)
+        one, other, apart, least = one[some], other[some], apart[some], least[some]
+        tried = least + fine / 2
+        near = rules.too_near(_ways(one, other, (tried - apart) / width))
+        most = min(most, _smallest(tried[near]))
+        some = least < most - fine
+        if width < _FINEST or 4 * some.sum() > _MOST:
+            some[:] = False
+        answer = min(answer, most, _smallest(least[~some]))
+        width /= 2
+        first, second = halves(one[some]), halves(other[some])
+        one = np.concatenate([first[i] for i, _ in _QUARTERS])
+        other = np.concatenate([second[j] for _, j in _QUARTERS])
+        apart = np.concatenate([apart[some] + width * (i - j) for i, j in _QUARTERS])
+    return answer
+
+
+def _ways(one: FloatArray, other: FloatArray, ahead: FloatArray) -> FloatArray:
+    """Returns the ways [n, 3] between pieces at shares of them that differ by so much [n]."""
+    ahead = np.clip(ahead, -1.0, 1.0)
+    return values(other, (1 - ahead) / 2) - values(one, (1 + ahead) / 2)
+
+
+def _bound(one: FloatArray, other: FloatArray, rules: CollisionRules) -> FloatArray:
+    """Returns how far ahead [n] of other pieces some [n, 3, 6] are at least where they break rules.
+
+    It is a difference of shares, -1..1; inf: they surely break none.
+    """
+    aside = slice(None, 2 if rules.vertical else None)
+    a, b = one[:, aside], other[:, aside]
+    ways = [b[:, :, -j] - a[:, :, -i] for i, j in _QUARTERS]
+    found = np.full(len(one), -1.0)
+    for way in (*ways, np.sum(ways, axis=0)):
+        length = np.sqrt((way * way).sum(axis=-1, keepdims=True))
+        normal = way / np.where(length > 0, length, 1.0)
+        found = np.maximum(found, _bound_along(a, b, normal, rules.separation))
+    if 0 < rules.vertical < LARGEST / 2:
+        for sign in (-1.0, 1.0):
+            normal = np.tile([0.0, 0.0, sign], (len(one), 1))
+            found = np.maximum(found, _bound_along(one, other, normal, rules.vertical))
+    return found
+
+
+def _bound_along(
+    one: FloatArray, other: FloatArray, normal: FloatArray, separation: float
+) -> FloatArray:
+    """Returns what `_bound` does, for pieces that must be so far apart along normals [n, d]."""
+    p, q = (np.einsum("nd,ndk->nk", normal, piece) for piece in (one, other))
+    far = separation - TOLERANCE + _ROUNDING
+    shares = np.linspace(0.0, 1.0, p.shape[-1])
+    faster, slower = p[:, -1:] - p[:, :1], q[:, -1:] - q[:, :1]
+    above = (p - p[:, :1] - faster * shares).max(axis=-1)
+    below = (q - q[:, :1] - slower * shares).min(axis=-1)
+    faster, slower = faster[:, 0], slower[:, 0]
+    # Too near where q - p < far, thus spare < faster (u - v): u and v are the shares, and
+    # faster u - slower v is at most faster (u - v) + the larger of faster - slower and 0.
+    spare = q[:, 0] + below - p[:, 0] - above - far - np.maximum(faster - slower, 0.0)
+    found = np.full(len(p), -1.0)
+    moves = faster > _SLOW
+    found[moves] = np.maximum(spare[moves] / faster[moves], -1.0)
+    never = (q.min(axis=-1) - p.max(axis=-1) >= far) | (found > 1)
+    result: FloatArray = np.where(never, np.inf, found)
+    return result
+
+
+def _smallest(values: FloatArray) -> float:
+    return float(values.min(initial=np.inf))

@@ -1,0 +1,43 @@
+"""Missions of waypoints as plain text (.waypoints, "QGC WPL 110"), one per drone, for ArduPilot.
+
+The first row is the home position, as ArduPilot and its ground stations want it; ArduPilot puts
+the place where it is armed there.
+
+Source: "Mission Plain-Text File Format", https://mavlink.io/en/file_formats/
+"""
+
+from cocap_opt.experiments.missions.mission import Mission
+from cocap_opt.experiments.missions.waypoints import (
+    ARDUPILOT,
+    Command,
+    Item,
+    Route,
+    items,
+    waypoint_mission,
+)
+from cocap_opt.experiments.results.flights import Flight
+
+_HEADER = "QGC WPL 110"
+_ABSOLUTE = 0  # MAV_FRAME_GLOBAL
+
+
+def waypoint_list(flight: Flight, every: float | None) -> Mission:
+    """Returns a list for each drone, of a straight flight in a scene with a place on the Earth."""
+    return waypoint_mission(flight, every, ARDUPILOT, _text)
+
+
+def _text(route: Route) -> bytes:
+    latitude, longitude, _ = route.places[0].tolist()
+    # Text has no way to say that a height is not known.
+    place = (latitude, longitude, route.sea or 0.0)
+    home = Item(Command.WAYPOINT, (0.0, 0.0, 0.0, 0.0, *place))
+    rows = [_HEADER, _row(0, _ABSOLUTE, home)]
+    rows += (_row(k + 1, item.frame, item) for k, item in enumerate(items(route, ARDUPILOT)))
+    return "".join(f"{row}\n" for row in rows).encode()
+
+
+def _row(number: int, frame: int, item: Item) -> str:
+    """Returns an item's line; what is not set is 0."""
+    is_home = int(number == 0)
+    params = (f"{value or 0.0:.9f}" for value in item.params)
+    return "\t".join([f"{number}", f"{is_home}", f"{frame}", f"{item.command:d}", *params, "1"])

@@ -1,0 +1,396 @@
+import io
+import json
+import math
+import re
+import zipfile
+from collections.abc import Iterator
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from numpy.polynomial import Polynomial
+from test_cli import Run
+
+import cocap_opt as co
+from cocap_opt.data import FloatArray, ProblemError
+from cocap_opt.experiments.missions import WRITERS, Mission
+from cocap_opt.experiments.results.flights import Flight
+from cocap_opt.flight.delays import bearable_delay
+from cocap_opt.problem import CollisionRules, Earth, Plan, Problem, State
+
+pyproj = pytest.importorskip("pyproj")
+
+# Systems with the place of x = y = 0: UTM, a conical projection far from its middle, whose north
+# is 11 degrees off, and UTM in the south beside the antimeridian.
+SYSTEMS = {
+    "EPSG:25830": (43.26, -2.93), "EPSG:3034": (35.3, 25.1), "EPSG:32760": (-17.0, 179.99995),
+}  # fmt: skip
+PATHS = (
+    # It flies along x, stays, stays and turns, stays and tilts, climbs, comes down aside.
+    ((3, 2, 0, 0, 0), (4, 2, 0, 0, 0), (4, 2, 0, 0, 0), (4, 2, 0, 1, 0), (4, 2, 0, 1, 1),
+     (4, 2, 1, 1, 1), (5, 3, 0, 0, 0), (6, 3, 0, 7, 0)),
+    ((3, 6, 1, 6, 1),) * 8,  # stays all the time
+    # Begins where the first one comes near at last.
+    ((7, 3, 0, 2, 0), (8, 4, 0, 2, 0), (9, 4, 0, 3, 0), (9, 5, 0, 3, 0), (9, 5, 0, 3, 0),
+     (9, 5, 0, 3, 0), (8, 6, 1, 4, 1), (7, 6, 1, 4, 1)),
+)  # fmt: skip
+STEP = 1.5
+
+
+def scene(crs: str | None = "EPSG:25830", **more: Any) -> tuple[Problem, Plan]:
+    """A scene with a roof, from which the second drone takes off, and a plan for it."""
+    heights = np.zeros((12, 10))
+    heights[3, 6] = 2.5
+    motion, camera = co.Motion(layers=(5.0, 8.0)), co.Camera(tilts=(0.2, 0.9))
+    starts = [State(*path[0]) for path in PATHS]
+    earth = None if crs is None else Earth(crs=crs, origin=SYSTEMS[crs], heights="sea", base=40.0)
+    fields = {
+        "name": "scene", "height_map": co.HeightMap(heights=heights), "actors": (), "step": STEP,
+        "robots": tuple(co.Robot(start=s, motion=motion, camera=camera) for s in starts),
+        "horizon": len(PATHS[0]) - 1, "earth": earth, "rules": CollisionRules(separation=2.0),
+    }  # fmt: skip
+    return Problem(**{**fields, **more}), Plan(
+        paths=tuple(tuple(State(*state) for state in path) for path in PATHS)
+    )
+
+
+@lru_cache
+def flown(crs: str | None = "EPSG:25830", smooth: bool = False) -> Flight:
+    """The flight of the scene's plan."""
+    return Flight.of(*scene(crs), smooth)
+
+
+def written(ending: str, flight: Flight) -> list[bytes]:
+    """The files of a flight, drone by drone."""
+    return list(WRITERS[ending](flight, None).files.values())
+
+
+class Row(NamedTuple):
+    """An item of a mission, as its reader tells it."""
+
+    command: int
+    frame: int
+    params: list[float | None]
+
+
+class Moment(NamedTuple):
+    """Where a drone is in a mission that is flown as it says."""
+
+    t: float
+    place: tuple[float, float, float]
+    compass: float
+    pitch: float
+
+
+def read_plan(content: bytes) -> list[Row]:
+    """The items of a .plan file that is as its description says."""
+    document = json.loads(content)
+    assert set(document) == {
+        "fileType", "version", "groundStation", "geoFence", "rallyPoints", "mission",
+    }  # fmt: skip
+    assert (document["fileType"], document["version"]) == ("Plan", 1)
+    assert document["groundStation"] == "QGroundControl"
+    assert document["geoFence"] == {"circles": [], "polygons": [], "version": 2}
+    assert document["rallyPoints"] == {"points": [], "version": 2}
+    mission = document["mission"]
+    assert set(mission) == {
+        "version", "firmwareType", "vehicleType", "globalPlanAltitudeMode", "cruiseSpeed",
+        "hoverSpeed", "plannedHomePosition", "items",
+    }  # fmt: skip
+    assert (mission["version"], mission["firmwareType"], mission["vehicleType"]) == (2, 12, 2)
+    assert mission["cruiseSpeed"] > 0 and mission["hoverSpeed"] > 0
+    home = mission["plannedHomePosition"]
+    assert len(home) == 3 and all(isinstance(v, float) for v in home[:2])
+    for k, item in enumerate(mission["items"], 1):
+        assert (item["type"], item["doJumpId"], item["autoContinue"]) == ("SimpleItem", k, True)
+        assert len(item["params"]) == 7
+        assert all(v is None or isinstance(v, float) for v in item["params"])
+        if item["frame"] == 3:
+            assert item["Altitude"] == item["params"][6]
+            assert item["AltitudeMode"] == 1 and item["AMSLAltAboveTerrain"] is None
+    return [Row(item["command"], item["frame"], item["params"]) for item in mission["items"]]
+
+
+def read_waypoints(content: bytes, folder: Path) -> list[Row]:
+    """The items of a .waypoints file after the home position, as pymavlink reads them."""
+    mavwp = pytest.importorskip("pymavlink.mavwp")
+    path = folder / "mission.waypoints"
+    path.write_bytes(content)
+    loader = mavwp.MAVWPLoader()
+    count = loader.load(str(path))
+    points = [loader.wp(k) for k in range(count)]
+    assert [point.seq for point in points] == list(range(count))
+    assert [point.current for point in points] == [1] + [0] * (count - 1)
+    assert all(point.autocontinue == 1 for point in points)
+    home = points[0]
+    assert (home.command, home.frame) == (16, 0)
+    assert (home.x, home.y) == (points[1].x, points[1].y)
+    return [
+        Row(p.command, p.frame, [p.param1, p.param2, p.param3, p.param4, p.x, p.y, p.z])
+        for p in points[1:]
+    ]
+
+
+def moments(rows: list[Row], turns_by_command: bool) -> Iterator[Moment]:
+    """Flies a mission: each place that a drone reaches, from the end of the wait at its start."""
+    assert rows[0].command == 22 and rows[-1].command == 17
+    place = tuple(rows[0].params[4:])
+    compass = pitch = t = math.nan
+    speeds: dict[float, float] = {}
+    for command, frame, params in rows:
+        assert frame == (3 if command in (16, 17, 22) else 2)
+        first, second = params[:2]
+        if command == 178:
+            assert params[2] == -1
+            assert second > 0
+            speeds[first] = second
+        elif command == 1000:
+            assert params[4] == 12  # the horizon, and not the north
+            pitch = first
+        elif command == 115:
+            assert turns_by_command and params[3] == 0
+            compass = first
+        elif command == 16:
+            assert 0 < second <= 0.5
+            assert not turns_by_command or compass == params[3]
+            compass, goal = params[3], tuple(params[4:])
+            if not math.isnan(t):
+                up = goal[2] - place[2]
+                t += max(
+                    metres(place, goal) / speeds[1] if goal[:2] != place[:2] else 0.0,
+                    abs(up) / speeds[2 if up > 0 else 3] if up else 0.0,
+                )
+            place, speeds = goal, {}
+            yield Moment(t, place, compass, pitch)
+        elif command == 93:
+            assert params[1:4] == [-1, -1, -1]
+            t = 0.0 if math.isnan(t) else t + first
+            yield Moment(t, place, compass, pitch)
+
+
+def metres(one: tuple[float, ...], other: tuple[float, ...]) -> float:
+    """Metres along the ground between two latitudes and longitudes."""
+    return float(pyproj.Geod(ellps="GRS80").inv(one[1], one[0], other[1], other[0])[2])
+
+
+@pytest.mark.parametrize("crs", SYSTEMS)
+@pytest.mark.parametrize("ending", [".plan", ".waypoints"])
+def test_waypoints_are_the_plan_s_places_times_and_looks(
+    crs: str, ending: str, tmp_path: Path
+) -> None:
+    """Others' readers find each drone at each step where the plan is, to 1 cm and 0.1 s.
+
+    Latitudes, longitudes and true north are pyproj's, by a way of its own: points ahead along the
+    compass must lie ahead along the plan's yaw in the projection.
+    """
+    flight, geod = flown(crs), pyproj.Geod(ellps="WGS84")
+    columns = {k: v.reshape(3, -1) for k, v in flight.columns().items()}
+    grid = pyproj.Transformer.from_crs("EPSG:4326", crs, always_xy=True)
+    corner = np.array(grid.transform(*SYSTEMS[crs][::-1]))
+    off = []
+    for drone, content in enumerate(written(ending, flight)):
+        is_plan = ending == ".plan"
+        rows = read_plan(content) if is_plan else read_waypoints(content, tmp_path)
+        at: dict[int, Moment] = {}
+        for moment in moments(rows, turns_by_command=not is_plan):
+            if not math.isnan(moment.t):
+                step = round(moment.t / STEP)
+                assert abs(moment.t - step * STEP) < 0.1
+                at.setdefault(step, moment)
+        own = np.stack([columns[k][drone] for k in ("x", "y", "above_takeoff", "yaw", "pitch")], 1)
+        changes = np.flatnonzero((np.diff(own, axis=0) != 0).any(axis=1)) + 1
+        assert {0, *changes.tolist(), len(own) - 1} <= set(at)
+        for step, (_, (latitude, longitude, height), compass, pitch) in at.items():
+            here = np.array(grid.transform(longitude, latitude)) - corner
+            ahead = grid.transform(*geod.fwd(longitude, latitude, compass, 5.0)[:2]) - corner - here
+            yaw = math.degrees(math.atan2(ahead[1], ahead[0]))
+            np.testing.assert_allclose([*here, height], own[step, :3], rtol=0, atol=0.01)
+            assert math.remainder(yaw - own[step, 3], 360) == pytest.approx(0, abs=0.01)
+            assert pitch == pytest.approx(own[step, 4])
+            off.append(abs(math.remainder(90 - compass - own[step, 3], 360)))
+        assert rows[-1].params[3:] == pytest.approx([compass, latitude, longitude, height])
+    assert (min(off) > 10) == (max(off) > 2) == (crs == "EPSG:3034")
+
+
+def test_files_of_waypoints_say_that_drones_keep_no_common_clock() -> None:
+    """Their names and notes say so, with the difference in time that the separation bears."""
+    flight = flown()
+    for ending in (".plan", ".waypoints"):
+        mission = WRITERS[ending](flight, None)
+        assert list(mission.files) == [f"no-common-clock.drone{i}" for i in range(3)]
+        bears = bearable_delay(flight.flown, CollisionRules(separation=2.0))
+        shown = mission.facts["bearable_delay"]
+        assert shown is not None and bears - 0.01 < shown <= bears
+        assert f"the scene's separation 2 m holds while no drone is {shown:.2f} s" in said(mission)
+    for rules, words in (
+        (CollisionRules(), f"a separation 2 m holds while no drone is {shown:.2f} s"),
+        (CollisionRules(separation=1.0), "the scene's separation 1 m holds however late"),
+    ):
+        found = Flight.of(*scene(rules=rules), False)
+        assert words in said(WRITERS[".plan"](found, None))
+    alone, plan = scene()
+    alone = alone.replace(robots=alone.robots[:1])
+    mission = WRITERS[".plan"](Flight.of(alone, Plan(paths=plan.paths[:1]), False), None)
+    assert "common clock" not in said(mission)
+    assert mission.facts == {"bearable_delay": None}
+
+
+def said(mission: Mission) -> str:
+    """The notes of a mission."""
+    return "; ".join(mission.notes)
+
+
+def test_homes_are_above_the_sea_or_unknown() -> None:
+    """Heights above the ellipsoid are not taken for heights above the sea."""
+    for heights, base, homes in (
+        ("sea", 40.0, [40.0, 42.5, 40.0]), ("ellipsoid", 90.0, [None] * 3), (None, 0.0, [None] * 3),
+    ):  # fmt: skip
+        earth = Earth(crs="EPSG:25830", origin=(43.26, -2.93), heights=heights, base=base)
+        flight = Flight.of(*scene(earth=earth), False)
+        plans = [json.loads(content)["mission"] for content in written(".plan", flight)]
+        assert [plan["plannedHomePosition"][2] for plan in plans] == homes
+        lists = [content.splitlines()[1].split() for content in written(".waypoints", flight)]
+        assert [float(row[10]) for row in lists] == [home or 0.0 for home in homes]
+        assert ("above the sea is not known" in said(WRITERS[".plan"](flight, None))) == (
+            heights != "sea"
+        )
+        assert plans[0]["items"][0]["params"][6] == 5.0
+
+
+def between(points: list[list[Any]], t: float) -> FloatArray:
+    """Where a show's drone is at a time, by de Casteljau's construction."""
+    k = max(i for i in range(len(points) - 1) if points[i][0] <= t)
+    (start, first, _), (end, last, control) = points[k], points[k + 1]
+    assert len(control) in (0, 2)
+    polygon, share = np.array([first, *control, last]), (t - start) / (end - start)
+    while len(polygon) > 1:
+        polygon = (1 - share) * polygon[:-1] + share * polygon[1:]
+    return polygon[0]
+
+
+@pytest.mark.parametrize("smooth", [False, True])
+def test_a_show_of_skybrush_is_the_flight(smooth: bool) -> None:
+    """Its curves, evaluated by another, are where the drones are, and its yaw is theirs."""
+    flight = flown(smooth=smooth)
+    (content,) = written(".skyc", flight)
+    assert written(".skyc", flight) == [content]  # the same bytes each time
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        assert archive.namelist() == ["show.json"]
+        show = json.loads(archive.read("show.json"))
+    assert show["version"] == 1
+    assert show["environment"] == {"type": "outdoor"}
+    assert show["settings"] == {"validation": {"minDistance": 2.0}}
+    columns = {k: v.reshape(3, -1) for k, v in flight.columns(0.07).items()}
+    assert len(show["swarm"]["drones"]) == 3
+    for i, drone in enumerate(show["swarm"]["drones"]):
+        settings = drone["settings"]
+        trajectory, yaw = settings["trajectory"], settings["yawControl"]
+        assert (trajectory["version"], trajectory["takeoffTime"], yaw["version"]) == (1, 0, 1)
+        assert settings["home"][2] == (2.5 if i == 1 else 0.0)
+        points, setpoints = trajectory["points"], np.array(yaw["setpoints"])
+        assert points[0][0] == 0 and points[-1][0] == flight.flown.seconds
+        assert np.diff([t for t, _, _ in points]).min() >= 0.001
+        found = np.array([between(points, t) for t in columns["t"][i]])
+        wanted = np.stack([columns[axis][i] for axis in "xyz"], axis=1)
+        assert np.abs(found - wanted).max() < 0.0015
+        turned = -np.interp(columns["t"][i], *setpoints.T)
+        assert np.abs(turned - columns["yaw"][i]).max() < 0.15
+
+
+def test_polynomials_of_a_crazyflie_are_the_flight() -> None:
+    """NumPy evaluates them to the places and yaws of the flight; steps without a change are one."""
+    flight = flown(smooth=True)
+    columns = {k: v.reshape(3, -1) for k, v in flight.columns(0.07).items()}
+    for i, content in enumerate(written(".crazyflie.csv", flight)):
+        text = content.decode()
+        assert text.startswith("duration,x^0,x^1,x^2,x^3,x^4,x^5,x^6,x^7,y^0,")
+        table = np.loadtxt(io.StringIO(text), delimiter=",", skiprows=1, ndmin=2)
+        assert table.shape == ((7, 1, 7)[i], 33)
+        ends = np.cumsum(table[:, 0])
+        assert ends[-1] == pytest.approx(flight.flown.seconds)
+        rows = np.minimum(np.searchsorted(ends, columns["t"][i]), len(table) - 1)
+        for row, t, *own in zip(
+            rows, *(columns[k][i] for k in ("t", "x", "y", "z", "yaw")), strict=True
+        ):
+            since = t - ends[row] + table[row, 0]
+            found = [Polynomial(part)(since) for part in table[row, 1:].reshape(4, 8)]
+            np.testing.assert_allclose([*found[:3], math.degrees(found[3])], own, atol=1e-6)
+
+
+def test_flights_that_a_format_cannot_hold_are_refused() -> None:
+    """One line says what to change."""
+    straight, smooth = flown(), flown(smooth=True)
+    nowhere = Flight.of(*scene(None), False)
+    problem, plan = scene(horizon=32)
+    there_and_back = [(State(3 + k % 2, 2, 0, 0, 0)) for k in range(33)]
+    paths = (there_and_back, *([path[0]] * 33 for path in plan.paths[1:]))
+    long = Flight.of(problem, Plan(paths=tuple(map(tuple, paths))), True)
+    for ending, flight, every, words in (
+        (".plan", nowhere, None, "earth: must say where the scene is"),
+        (".waypoints", nowhere, None, "earth: must say where the scene is"),
+        (".plan", smooth, None, "smooth: must be left out"),
+        (".waypoints", straight, 0.1, "every: must be left out"),
+        (".skyc", straight, 0.1, "every: must be left out"),
+        (".crazyflie.csv", straight, None, "smooth: must be given"),
+        (".crazyflie.csv", smooth, 0.1, "every: must be left out"),
+        (".crazyflie.csv", long, None, "drone 0 needs 32 polynomials, .* holds 31"),
+    ):
+        with pytest.raises(ProblemError, match=words) as caught:
+            WRITERS[ending](flight, every)
+        assert "\n" not in str(caught.value)
+
+
+RECIPE = """
+steps = 3
+[map]
+size = [12, 8]
+{earth}
+[[drones]]
+starts = [{{ x = 2.5, y = 2.5 }}, {{ x = 2.5, y = 6.5, heading = 45 }}]
+"""
+EARTH = """
+[earth]
+crs = "EPSG:25830"
+latitude = 43.26
+longitude = -2.93
+"""
+
+
+def test_missions_are_written_whole_or_not_at_all(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Files are named after their drones; what is refused ends with 2, one line and no file."""
+    scene, nowhere, plan = (tmp_path / name for name in ("a.toml", "b.toml", "plan.json"))
+    scene.write_text(RECIPE.format(earth=EARTH))
+    nowhere.write_text(RECIPE.format(earth=""))
+    for recipe, path in ((scene, plan), (nowhere, tmp_path / "there.json")):
+        problem = co.load(recipe)
+        co.save(path, Plan(paths=tuple((r.start,) * 4 for r in problem.robots)), problem)
+    before = set(tmp_path.iterdir())
+    for words, expected in (
+        ((scene, plan, "-o", "f.plan", "--smooth"), "^cocap-opt: --smooth: must be left out"),
+        ((scene, plan, "-o", "f.waypoints", "--every", 1), "^cocap-opt: --every: must be left"),
+        ((scene, plan, "-o", "f.plan", "--local"), "^cocap-opt: .*a.toml: earth: must say"),
+        ((nowhere, tmp_path / "there.json", "-o", "f.plan"), "^cocap-opt: .*b.toml: earth: must"),
+        ((scene, plan, "-o", ".plan"), "^cocap-opt: -o: name a file that ends in .*.skyc or"),
+    ):
+        words = [tmp_path / w if isinstance(w, str) and w[0] in "f." else w for w in words]
+        run = Run(capsys, "fly", *words)
+        assert run.code == 2
+        (line,) = run.err.splitlines()
+        assert re.search(expected, line), line
+        assert set(tmp_path.iterdir()) == before
+    for words, names in (
+        (["f.plan"], [f"f.no-common-clock.drone{i}.plan" for i in (0, 1)]),
+        (["f.SKYC"], ["f.SKYC"]),
+        (["g.crazyflie.csv", "--smooth"], [f"g.drone{i}.crazyflie.csv" for i in (0, 1)]),
+    ):
+        run = Run(capsys, "fly", scene, plan, "-o", tmp_path / words[0], *words[1:], "--json")
+        assert run.code == 0
+        made = sorted(path.name for path in set(tmp_path.iterdir()) - before)
+        assert made == names
+        assert [Path(name).name for name in run.json["file"].split(" ")] == names
+        assert ("bearable_delay" in run.json) == (words == ["f.plan"])
+        before |= set(tmp_path.iterdir())
