@@ -3,7 +3,10 @@
 `trajectory` has the flights, straight from step to step or smooth; `safety` checks them against
 the scene at every moment, on the polynomials themselves; `pace` against the drones' limits;
 `filming` computes J between the steps, too; `earth` gives latitudes and longitudes; `delays` says
-how far drones may be apart in time.
+how far drones may be apart in time, `robustness` what becomes of a flight that is not as planned.
 """
 
-__all__ = ["bernstein", "delays", "earth", "filming", "pace", "safety", "smooth", "trajectory"]
+__all__ = [
+    "bernstein", "delays", "earth", "filming", "pace", "robustness", "safety", "smooth",
+    "trajectory",
+]  # fmt: skip
