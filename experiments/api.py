@@ -582,8 +582,9 @@ def robustness(
         A row per change, the first is the plan: `change` (in words), `reward` (J), `share` (of
         the J of the flight as planned), `least_distance` (m, between two drones),
         `people_distance` (m, from above, where the scene asks for one), `rules` (kept, or to whom
-        drones come too near; none where there is none between the steps). `attrs` has `bearable_delay`, the seconds below which drones may be
-        behind each other; None: there is no separation, or any delay will do.
+        drones come too near; none where there is none between the steps). `attrs` has
+        `bearable_delay`, the seconds below which drones may be behind each other; None: there is
+        no separation, or any delay will do.
 
     Raises
     ------

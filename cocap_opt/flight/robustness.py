@@ -21,7 +21,7 @@ from cocap_opt.flight.trajectory import (
     between_drones,
     least_length,
 )
-from cocap_opt.problem import Actor
+from cocap_opt.problem import Actor, Airspace
 
 
 class Outcome(NamedTuple):
@@ -68,8 +68,10 @@ class Robustness:
         late : s; early, if it is less than 0. Before they begin and after they end they stand
         left : m to their left; to their right, if it is less than 0
         """
+        # Without airspace, for people may now stand where a drone begins.
         problem = self._problem.replace(
-            actors=tuple(_moved(actor, left) for actor in self._problem.actors)
+            actors=tuple(_moved(actor, left) for actor in self._problem.actors),
+            airspace=Airspace(),
         )
         film = Film(problem, self._parts, self._lowest, late)
         reward = film.reward(film.coverages(self._flown.at(film.moments)))
@@ -165,7 +167,7 @@ def _late(pieces: FloatArray, late: float, steps: int) -> FloatArray:
 
 
 def _at(pieces: FloatArray, steps: IntArray) -> FloatArray:
-    """Returns pieces of flights at some steps; before and after a flight, its first or last place."""
+    """Returns pieces at some steps; before and after a flight, those of its first or last place."""
     last = pieces.shape[-3] - 1
     found: FloatArray = pieces[..., np.clip(steps, 0, last), :, :].copy()
     found[..., steps < 0, :, :] = pieces[..., :1, :, :1]

@@ -5,10 +5,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from statistics import fmean
 
-from cocap_opt.experiments.results.files import read_text, save_bytes
 from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.results.statistics import NONE
 from cocap_opt.experiments.results.tables import Table
+from cocap_opt.experiments.studies.marked import write_between
 from cocap_opt.experiments.studies.paper.measured import STORED, read_rows
 from cocap_opt.files.documents import FileError
 from cocap_opt.planners import LAZY, PLANNERS, RECOMMENDED
@@ -118,8 +118,4 @@ def planners_in_markdown(path: Path | None = None) -> str:
 
 def write_into(document: Path, text: str) -> None:
     """Replaces the table in a document, which stands between two marks."""
-    before, begin, rest = read_text(document).partition(BEGIN)
-    _, end, after = rest.partition(END)
-    if not (begin and end):
-        raise FileError(f"{document}: must hold the lines {BEGIN} and {END}")
-    save_bytes(document, f"{before}{BEGIN}\n\n{text}\n{END}{after}".encode())
+    write_between(document, BEGIN, END, text)
