@@ -60,7 +60,7 @@ def test_a_separation_that_is_too_small_is_called_so() -> None:
     run = Run.read(STORED)[0]._replace(flight="smooth", wind=3.0, span=0.5, error_most=0.7)
     both = [run, run._replace(flight="straight")]
     told = " ".join(sentences(both))
-    assert "have 0.60 m left of a separation of 2 m, which is enough" in told
+    assert "have 0.60 m left of 2 m, which is enough" in told
     assert "So 2 m are enough up to 3 m/s of wind." in told
     told = " ".join(sentences([one._replace(error_most=0.8) for one in both]))
     assert "which is too little for vehicles 0.5 m wide; 2.1 m would be needed" in told
@@ -148,7 +148,7 @@ def test_what_cannot_be_simulated_is_refused(
         err = capsys.readouterr().err.splitlines()
         assert len(err) == 1 and expected in err[0]
         assert not out.exists()
-    with pytest.raises(ValueError, match=r"bad\.csv: must have the columns"):
+    with pytest.raises(ValueError, match=r"bad\.csv: must be what"):
         Run.read(bad)
 
 

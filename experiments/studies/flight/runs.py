@@ -1,5 +1,6 @@
 """Simulated flights of plans: a row per scene, seed, kind of flight and wind."""
 
+import csv
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -113,15 +114,14 @@ class Run(NamedTuple):
     @classmethod
     def read(cls, path: Path) -> "list[Run]":
         """Returns the rows of a file that `save_csv` has written."""
-        import csv
-
+        header, *rows = csv.reader(read_text(path).splitlines() or [""])
         try:
-            return [
-                msgspec.convert(row, cls, strict=False)
-                for row in csv.DictReader(read_text(path).splitlines())
-            ]
-        except (msgspec.ValidationError, csv.Error) as error:
-            raise FileError(f"{path}: must have the columns of `cocap-opt study flight`") from error
+            if header != list(cls._fields):
+                raise ValueError("other columns")
+            return [msgspec.convert(row, cls, strict=False) for row in rows]
+        except ValueError as error:
+            words = f"must be what `cocap-opt study flight` has written: {error}"
+            raise FileError(f"{path}: {words}") from error
 
 
 def flown(scene: str, seed: int, winds: Sequence[float], step: float | None) -> Iterator[Run]:

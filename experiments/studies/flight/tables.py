@@ -114,11 +114,11 @@ def _on_wind(runs: Sequence[Run], wind: float) -> str:
         for flight in dict.fromkeys(run.flight for run in runs)
     }
     smooth, straight = found[SMOOTH], found[STRAIGHT]
-    hit = ", into walls" if not smooth.clear[1] else ""
+    near = f"{smooth.clear[1]:.2f} m from walls" if smooth.clear[1] else "into walls"
     return (
-        f"in {_air(wind)} smooth flights are off by {smooth.error_most:.2f} m at most{hit}, "
-        f"straight ones by {straight.error_most:.2f} m, and {100 * smooth.kept_between:.1f} and "
-        f"{100 * straight.kept_between:.1f} % of J are filmed"
+        f"in {_air(wind)} smooth flights are off by {smooth.error_most:.2f} m at most and come "
+        f"{near}, straight ones are off by {straight.error_most:.2f} m, and "
+        f"{100 * smooth.kept_between:.1f} and {100 * straight.kept_between:.1f} % of J are filmed"
     )
 
 
@@ -134,18 +134,14 @@ def _on_separation(runs: Sequence[Run]) -> Iterator[str]:
         fits = left >= width
         enough += [wind] if fits else []
         yield (
-            f"In {_air(wind)} two drones of smooth flights that are each off by the largest error, "
-            f"{most:.2f} m, towards each other have {left:.2f} m left of a separation of "
-            f"{SEPARATION:g} m, which is {'enough' if fits else 'too little'} for vehicles "
-            f"{width:g} m wide; {_up(width + 2 * most):g} m would {'do' if fits else 'be needed'}. "
+            f"In {_air(wind)} the largest error of smooth flights is {most:.2f} m: two drones that "
+            f"are so far off towards each other have {_left(left)} left of {SEPARATION:g} m, which "
+            f"is {'enough' if fits else 'too little'} for vehicles {width:g} m wide; "
+            f"{_up(width + 2 * most):g} m would {'do' if fits else 'be needed'}. "
             f"The least distance of a team fell by {max([*lost, 0.0]):.2f} m at most."
         )
-    words = (
-        f"{'up to' if max(enough) else 'in'} {_air(max(enough))}"
-        if enough
-        else "in none of these winds"
-    )
-    yield f"So {SEPARATION:g} m are enough {words}."
+    winds = f"{'up to' if any(enough) else 'in'} {_air(max(enough))}" if enough else "in none"
+    yield f"So {SEPARATION:g} m are enough {winds}."
 
 
 def _summaries(runs: Sequence[Run]) -> Iterator[tuple[tuple[str, str, float], Summary]]:
@@ -156,6 +152,10 @@ def _summaries(runs: Sequence[Run]) -> Iterator[tuple[tuple[str, str, float], Su
 
 def _air(wind: float) -> str:
     return f"{wind:g} m/s of wind" if wind else "still air"
+
+
+def _left(metres: float) -> str:
+    return f"{metres:.2f} m" if metres > 0 else "nothing"
 
 
 def _up(metres: float) -> float:
