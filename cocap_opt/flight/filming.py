@@ -30,7 +30,7 @@ def view_reward(flown: Trajectory, parts: int) -> float:
 
 
 class Film:
-    """What is filmed of a scene's people at some moments of each step.
+    """The coverage of a scene's people at some moments of each step.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What becomes of flights when people are late, early or aside, or when a drone lags.
+"""Flights that are not as planned: people are late, early or aside, or a drone lags.
 
 Nobody notices: drones fly as planned, and hover before and after. Least distances, and whether
 rules are kept, are computed on the polynomials at every moment, not sampled: two pieces of flights
@@ -25,7 +25,7 @@ from cocap_opt.problem import Actor, Airspace
 
 
 class Outcome(NamedTuple):
-    """What is left of a flight.
+    """The rest of a flight that is not as planned.
 
     Attributes
     ----------

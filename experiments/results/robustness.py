@@ -1,4 +1,4 @@
-"""How robust flights are, as a table: J, least distances and rules under each change."""
+"""The robustness of flights, as a table: J, least distances and rules under each change."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -16,7 +16,7 @@ MOST_ASIDE = 100.0  # m
 
 
 class Changes(NamedTuple):
-    """What may be otherwise than planned.
+    """Changes of a plan, each of which makes a row.
 
     Attributes
     ----------

@@ -39,7 +39,7 @@ _FINE = 2  # durations of steps are multiples of a second divided by it
 
 
 class Run(NamedTuple):
-    """What became of the flights of a plan.
+    """The outcome of the flights of a plan in a simulator.
 
     Attributes
     ----------
