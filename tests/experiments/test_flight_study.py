@@ -68,7 +68,7 @@ def test_a_separation_that_is_too_small_is_called_so() -> None:
 
 def test_errors_are_those_of_flights_that_are_late() -> None:
     """A flight that is a tenth of a second late is found to be so, and nothing is off across."""
-    flown = flights()[0][2].trajectory
+    flown = flights(2)[0][2].trajectory
     reference = Reference.of(flown, 4)
     times, robots = reference.times, len(flown.pieces)
     assert times[1] <= 0.01 and times[-1] == pytest.approx(flown.seconds)
@@ -88,7 +88,7 @@ def test_errors_are_those_of_flights_that_are_late() -> None:
 def test_clearance_is_the_distance_to_the_nearest_matter() -> None:
     """As by brute force over all cells; a place inside matter has none."""
     rng = np.random.default_rng(0)
-    for problem, _, made in flights()[:2]:
+    for problem, _, made in flights(2):
         corner = np.array([*problem.height_map.origin, 0.0])
         places = corner + rng.uniform([0, 0, 1], [7, 7, 30], size=(40, 3))
         columns, expected = problem.workspace.columns, []
@@ -106,7 +106,7 @@ def test_clearance_is_the_distance_to_the_nearest_matter() -> None:
 
 def test_steps_that_fit_keep_the_limits_and_half_a_second_less_does_not() -> None:
     """Smooth flights in steps as short as PX4's limits allow, in halves of a second."""
-    problem, plan, _ = flights()[1]
+    problem, plan, _ = flights(2)[1]
     step = fitting_step(problem.replace(step=None), plan)
     limits = AIRFRAMES["px4"]
     kept = []
