@@ -43,7 +43,6 @@ def flight(
         If the simulator is not installed.
     """
     span()  # which needs it
-    make_folder(out)
     runs: list[Run] = []
     for scene in scenes:
         for seed in seeds:
@@ -54,6 +53,7 @@ def flight(
                     f"{run.error_most:.2f} m at most"
                 )
                 if out is not None:
+                    make_folder(out)  # not before, for a scene may be refused
                     save_csv(out / "flight.csv", [one._asdict() for one in runs])
     return runs
 

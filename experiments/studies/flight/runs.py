@@ -133,9 +133,11 @@ def flown(scene: str, seed: int, winds: Sequence[float], step: float | None) -> 
     Raises
     ------
     ProblemError
-        If there is no plan, or no flight of it; one line.
+        If there is no plan, or no flight of it, or two say how long a step lasts; one line.
     """
     problem = load_scene(scene, seed)
+    if problem.step is not None and step is not None:
+        raise ProblemError(f"--step: must be left out, for {scene} says it: {problem.step:g} s")
     if not problem.rules.separation:
         problem = built(scene, seed, SEPARATION, SEPARATION)
     problem = problem.replace(earth=None)
