@@ -59,7 +59,7 @@ class TopView(NamedTuple):
     def draw_map(self, ax: Axes) -> None:
         """Draw the cells of a scene, in axes of world coordinates."""
         from matplotlib.colors import ListedColormap
-        from matplotlib.ticker import MaxNLocator, ScalarFormatter
+        from matplotlib.ticker import FuncFormatter, MaxNLocator
 
         (x, y), (width, depth) = self.corner, self.kinds.shape
         extent = (x, x + width * self.cell, y, y + depth * self.cell)
@@ -70,13 +70,12 @@ class TopView(NamedTuple):
         ax.set_aspect("equal")
         ax.set_xlim(*extent[:2])  # what is drawn later must not move the frame
         ax.set_ylim(*extent[2:])
-        for axis, corner in ((ax.xaxis, x), (ax.yaxis, y)):
+        for axis, name, corner in ((ax.xaxis, "x", x), (ax.yaxis, "y", y)):
             axis.set_major_locator(MaxNLocator(6))
             # Map coordinates have seven digits; the digits that all of them share are shown once.
             shared = corner // 1000 * 1000 if abs(corner) >= 10_000 else 0.0
-            axis.set_major_formatter(ScalarFormatter(useOffset=shared))
-        ax.set_xlabel("x (m)")
-        ax.set_ylabel("y (m)")
+            axis.set_major_formatter(FuncFormatter(lambda at, _, less=shared: f"{at - less:g}"))
+            axis.set_label_text(f"{name} - {shared:,.0f} (m)" if shared else f"{name} (m)")
 
     def _draw_legend(self, ax: Axes) -> None:
         from matplotlib.lines import Line2D
@@ -88,15 +87,16 @@ class TopView(NamedTuple):
         handles: list[Patch | Line2D] = []
         if self.flights:
             flown = any(len(flight) > 1 for flight in self.flights)
-            handles.append(disc(DRONE_COLOURS[0], "drones" if flown else "drones' starts"))
+            words = "drones, last step (ring: start)" if flown else "drones' starts"
+            handles.append(disc(DRONE_COLOURS[0], words))
         if self.walks:
-            handles.append(disc(PERSON, "people"))
-        words = {
+            handles.append(disc(PERSON, "people, last step (cross: step 0)"))
+        kinds = {
             1: (COVERED, "something above"),
             2: (WALL, f"blocks flight at {self.height:g} m"),
             3: (LOW, "lower obstacle"),
         }
-        for kind, (colour, label) in words.items():
+        for kind, (colour, label) in kinds.items():
             if (self.kinds == kind).any():
                 handles.append(Patch(color=colour, label=label))
         ax.legend(handles=handles, fontsize=6, loc="best", framealpha=0.85)

@@ -6,7 +6,7 @@ slow, obvious loops. It shares with planners only coverage and solid matter.
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import lru_cache
 
@@ -49,9 +49,16 @@ class Verdict:
 def check(problem: Problem, plan: Plan) -> Verdict:
     """Returns the verdict on a plan; its rewards are nan if it cannot be flown.
 
-    The last verdicts are kept, for one plan passes from method to method.
+    The last verdicts are kept, for one plan passes from method to method, with rules and without:
+    these change nothing but the conflicts.
     """
-    return _Referee(problem).verdict(plan)
+    free = problem.without_rules()
+    if free is problem:
+        return _Referee(problem).verdict(plan)
+    verdict = check(free, plan)
+    if verdict.violations:
+        return verdict
+    return replace(verdict, conflicts=tuple(_Referee(problem).conflicts(plan)))
 
 
 @dataclass(frozen=True)
@@ -117,14 +124,15 @@ class _Referee:
             for i in range(len(plan.paths)):
                 for k in range(i + 1, len(plan.paths)):
                     a, b = at[i][t], at[k][t]
+                    near = self._too_near(self._way(a, b), rules)
                     if rules.vertex and a == b:
                         found.append(f"step {t}: drones {i} and {k} are in one cell")
-                    elif rules.vertex and (near := self._too_near(self._way(a, b), rules)):
+                    elif rules.vertex and near:
                         found.append(f"step {t}: drones {i} and {k} are {near}")
                     if t == self.problem.horizon:
                         continue
                     c, d = at[i][t + 1], at[k][t + 1]
-                    if rules.swap and a != b and (c, d) == (b, a):
+                    if rules.swap and a != b and (c, d) == (b, a) and not near:
                         found.append(f"step {t} to {t + 1}: drones {i} and {k} swap cells")
                     elif rules.separation and (
                         near := self._pass_too_near(self._way(a, b), self._way(c, d), rules)

@@ -33,6 +33,7 @@ __all__ = ["early_bound"]
 METHOD = "step-multipliers"
 _ROUNDING = 1e-9  # relative, much more than that of the sums here and in a certificate's pricing
 _MANY = 10_000_000  # states at steps from which on only one bound is computed
+_TOO_MANY = 30_000_000  # from which on none is: value iteration would take seconds for each
 _STEP_DOWN = 0.4  # from one share of what could be seen to the next
 
 
@@ -43,10 +44,7 @@ def early_bound(problem: Problem, limit: Limit) -> CertifiedResult:
     """
     model = compiled(problem)
     prices = _Prices.of(model)
-    if prices.are_dear:
-        best = prices.file(min((prices.alone(), *prices.tangents()), key=prices.without_motion))
-    else:
-        best = prices.best_file()
+    best = prices.quick_file() if prices.are_dear else prices.best_file()
     if best.proved == math.inf:
         return CertifiedResult.without_bound(limit)
     if best.proved < 0:  # a drone has no path
@@ -116,6 +114,16 @@ class _Prices:
         """True if a single bound takes long: value iteration over so many states."""
         return sum(sums.roots.size for sums in self._sums) > _MANY
 
+    def quick_file(self) -> CertificateFile:
+        """Returns the certificate of the multipliers that are best for drones that jump.
+
+        Where value iteration would take too long it claims no more than what they prove for these.
+        """
+        best = min((self.alone(), *self.tangents()), key=self.without_motion)
+        if sum(sums.roots.size for sums in self._sums) <= _TOO_MANY:
+            return self.file(best)
+        return self.file(best, _rounded_up(self.without_motion(best)))
+
     def best_file(self) -> CertificateFile:
         """Returns the certificate of the best multipliers that are tried."""
         best, lowest = self.file(self.alone()), math.inf
@@ -128,8 +136,14 @@ class _Prices:
         return best
 
     def without_motion(self, steps: _Steps) -> float:
-        """Returns the bound of multipliers for drones that are anywhere at any step."""
-        total = self._constants(steps)
+        """Returns the bound of multipliers for drones that are anywhere at any step.
+
+        Each of their moves is rewarded in all ways.
+        """
+        objective, problem = self._model.problem.objective, self._model.problem
+        paid = objective.stationarity + objective.keep_cell
+        paid += objective.keep_heading + objective.balanced
+        total = self._constants(steps) + len(problem.robots) * problem.horizon * paid
         for robot_class, sums in zip(self._model.classes, self._sums, strict=True):
             alpha, beta = (np.broadcast_to(x, len(sums.roots)) for x in steps)
             total += len(robot_class.robots) * sum(
@@ -144,11 +158,16 @@ class _Prices:
         constants = (1 - steps.alpha[tangent]) ** 2 / (4 * steps.beta[tangent])
         return float(self._weights[tangent] @ constants)
 
-    def file(self, steps: _Steps) -> CertificateFile:
-        """Returns the certificate of multipliers, with the bound that they prove."""
+    def file(self, steps: _Steps, bound: float | None = None) -> CertificateFile:
+        """Returns the certificate of multipliers, with the bound that they prove.
+
+        Parameters
+        ----------
+        bound : if it is known; at least what they prove
+        """
         problem, faces = self._model.problem, self._model.n_faces
         alpha, beta = (tuple((x,) * faces for x in values.tolist()) for values in steps)
-        bound = self._bound(steps)
+        bound = self._bound(steps) if bound is None else bound
         return CertificateFile(
             scene=problem.name,
             digest=self._digest,
@@ -172,9 +191,12 @@ class _Prices:
                     own += beta * pixels
             value = backward_sweep(robot_class.graph, reward, bonuses, goal=robot_class.goal)
             total += float(value[0, list(robot_class.starts)].sum())
-        if total == -math.inf:
-            return total
-        return math.nextafter(total + _ROUNDING * abs(total), math.inf)
+        return total if total == -math.inf else _rounded_up(total)
+
+
+def _rounded_up(bound: float) -> float:
+    """Returns a bound that is larger than one by more than the rounding of its sums."""
+    return math.nextafter(bound + _ROUNDING * abs(bound), math.inf)
 
 
 def _sums(model: Model, number: int, visible: BoolArray) -> _Sums:

@@ -1,8 +1,8 @@
 """Limits of airframes by name, each with its source.
 
 What a source does not say is None, and is not checked. Most makers' figures are of the fastest
-mode, without wind. Of the cameras' airframes those of the Phantom 4 Pro, the Spark and AirSim are
-missing, for want of a source; the recipe's `limits` states any.
+mode, without wind. Of the cameras' airframes those of the Spark and of AirSim are missing, for want
+of a source; the recipe's `limits` states any.
 """
 
 import math
@@ -17,14 +17,21 @@ AIRFRAMES: dict[str, Limits] = {
     ),
     # Makers' figures as the wiki of the Zephyr simulator has them: Little-Arms-Studios/
     # zephyr-wiki, getting-started/drones/: mavic-pro.md, phantom-3.md, phantom-4.md, skydio-2.md
-    "dji-mavic-pro": Limits(speed=18.0, climb=5.0, descent=3.0),
+    "dji-mavic-pro": Limits(speed=18.0, climb=5.0, descent=3.0, endurance=27 * 60.0),
     "dji-phantom-3": Limits(
         speed=16.0, climb=5.0, descent=3.0, yaw_rate=math.radians(150.0),
-        gimbal_rate=math.radians(90.0),
+        gimbal_rate=math.radians(90.0), endurance=25 * 60.0,
     ),
     "dji-phantom-4": Limits(
         speed=20.0, climb=6.0, descent=3.0, yaw_rate=math.radians(150.0),
-        gimbal_rate=math.radians(90.0),
+        gimbal_rate=math.radians(90.0), endurance=28 * 60.0,
     ),
-    "skydio-2": Limits(speed=16.1),
+    "skydio-2": Limits(speed=16.1, endurance=23 * 60.0),
+    # The maker's figures for mode P (with the sensors on), and for turns those for mode S, as a
+    # laboratory of Embrapa has them for the aircraft that it flies:
+    # project.cnpgc.embrapa.br/fenotipagem/docs/hardware
+    "dji-phantom-4-pro": Limits(
+        speed=13.9, climb=5.0, descent=3.0, yaw_rate=math.radians(250.0),
+        gimbal_rate=math.radians(90.0), endurance=30 * 60.0,
+    ),
 }  # fmt: skip

@@ -171,8 +171,11 @@ def read_bytes(path: Path) -> bytes:
 
 @lru_cache(maxsize=8)
 def problem_digest(problem: Problem) -> str:
-    """Digest of everything in a problem but its name."""
-    content = msgspec.json.encode(problem.replace(name=""), enc_hook=_encode_array)
+    """Digest of everything in a problem but its name and where it is on the Earth.
+
+    Neither has a part in what a plan may do and what it is worth.
+    """
+    content = msgspec.json.encode(problem.replace(name="", earth=None), enc_hook=_encode_array)
     # Read back once: numbers given as 5 and 5.0 are the same.
     again = msgspec.json.decode(content, type=Problem, dec_hook=_decode_array)
     fields = msgspec.to_builtins(again, enc_hook=_encode_array)

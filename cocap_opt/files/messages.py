@@ -90,7 +90,10 @@ def _allowed_words(said: str, kind: object, path: str) -> str:
     if said == "Number out of range":
         return "must be a number within +-1.8e308"
     if field := _UNKNOWN_FIELD.fullmatch(said):
-        return f"must have no unknown field `{field[1]}`"
+        known = ", ".join(_fields(inspect.type_info(kind), path))
+        return f"must have no unknown field `{field[1]}`" + (
+            f"; known are {known}" if known else ""
+        )
     if field := _MISSING_FIELD.fullmatch(said):
         return f"must have the field `{field[1]}`"
     return said
@@ -98,11 +101,22 @@ def _allowed_words(said: str, kind: object, path: str) -> str:
 
 def _allowed(kind: inspect.Type, path: str) -> list[str]:
     """Returns the words that may stand at a path; none where others than words may."""
+    found = [one.values for one in _kinds_at(kind, path) if isinstance(one, inspect.LiteralType)]
+    return [str(value) for values in found for value in values]
+
+
+def _fields(kind: inspect.Type, path: str) -> list[str]:
+    """Returns the fields that may be at a path; none where there may be several kinds of them."""
+    found = [one for one in _kinds_at(kind, path) if isinstance(one, inspect.StructType)]
+    return [field.encode_name for field in found[0].fields] if len(found) == 1 else []
+
+
+def _kinds_at(kind: inspect.Type, path: str) -> list[inspect.Type]:
+    """Returns the types that may stand at a path."""
     kinds = [kind]
     for field, _ in _PART.findall(path):
         kinds = [part for whole in kinds for part in _parts(whole, field)]
-    found = [kind.values for kind in _alternatives(kinds) if isinstance(kind, inspect.LiteralType)]
-    return [str(value) for values in found for value in values]
+    return list(_alternatives(kinds))
 
 
 def _parts(kind: inspect.Type, field: str) -> Iterator[inspect.Type]:

@@ -74,6 +74,13 @@ class Geodesy:
         latitude, longitude = self.degrees(x, y)
         return np.asarray(self._ellipsoid.line_lengths(longitude, latitude))
 
+    @property
+    def is_on_wgs_84(self) -> bool:
+        """True if the system's ellipsoid is that of WGS 84, to a millimetre (GRS 80 is)."""
+        own, other = self._crs.ellipsoid, self._ellipsoid
+        sizes = own.semi_major_metre - other.a, own.semi_minor_metre - other.b
+        return all(abs(size) < 1e-3 for size in sizes)
+
     @cached_property
     def name(self) -> str:
         """Name of the reference system, with its code where it has one."""

@@ -61,14 +61,14 @@ class Encounters:
     def outing(self, start: State) -> Outing:
         """Returns what a robot that starts in a state can reach by the last step."""
         place = self.graph.place(start.layer, start.x, start.y)
-        near, heads = self._near_by_step, self.graph.neighbours
+        near = self._near_by_step
         reached = np.zeros(self.graph.n_places, dtype=bool)
         new, size, meets = np.array([place]), 0, False
         for t in range(self._horizon + 1):
             reached[new] = True
             size += len(new)
             meets = meets or (t in near and bool(reached[near[t]].any()))
-            found = heads[:, new].ravel()
+            found = self.graph.neighbours(new).ravel()
             new = np.unique(found[(found >= 0) & ~reached[found]])
         closed = not len(new) and not self._leaves(np.flatnonzero(reached))
         return Outing(size, closed, meets)
@@ -85,12 +85,13 @@ class Encounters:
 
     def can_meet(self) -> BoolArray:
         """Returns the places [P] from which a robot comes near somebody by the last step."""
-        near, heads = self._near_by_step, self.graph.neighbours
+        near = self._near_by_step
         good = np.zeros(self.graph.n_places + 1, dtype=bool)  # the last one stands for no place
         new = np.zeros(0, dtype=np.int64)
         for t in range(self._horizon, -1, -1):
             before = good.copy()
-            good[heads[:, new]] = True  # there is a way back along every move
+            # There is a way back along every move; -1 is no place.
+            good[self.graph.neighbours(new)] = True
             good[near.get(t, new[:0])] = True
             new = np.flatnonzero(good[:-1] & ~before[:-1])
         return np.logical_and(good[:-1], self.graph.free)
@@ -100,16 +101,15 @@ class Encounters:
 
         It is the largest integer where no such place can be reached.
         """
-        heads, far = self.graph.neighbours, np.iinfo(np.int64).max
+        far = np.iinfo(np.int64).max
         moves = np.full(self.graph.n_places, far)
-        reached = np.zeros(self.graph.n_places + 1, dtype=bool)  # the last one stands for no place
-        new = np.zeros(self.graph.n_places, dtype=bool)
-        new[self._near_by_step.get(0, [])] = True
-        done = 0
-        while new.any():
-            moves[new], reached[:-1] = done, reached[:-1] | new
-            new = reached[heads].any(axis=0) & self.graph.free & ~reached[:-1]
-            done += 1
+        reached = np.zeros(self.graph.n_places + 1, dtype=bool)
+        reached[-1] = True  # it stands for no place
+        new, done = np.unique(self._near_by_step.get(0, np.zeros(0, dtype=np.int64))), 0
+        while len(new):
+            moves[new], reached[new] = done, True
+            heads = np.unique(self.graph.neighbours(new))  # there is a way back along every move
+            new, done = heads[~reached[heads]], done + 1
         return moves
 
     @cached_property

@@ -90,8 +90,14 @@ def allowed_moves(
         Columns(*map(window.of, workspace.columns)),
         Columns(*map(window.of, workspace.forbidden)),
     )
+    forth: dict[Move, BoolArray] = {}
     for move in motion.moves:
-        yield move, _allowed_starts(room, motion, move)
+        back = (-move[0], -move[1], -move[2])
+        if back in forth:  # it passes the same cells at the same altitudes
+            yield move, _shifted(forth.pop(back), move, False)
+        else:
+            forth[move] = _allowed_starts(room, motion, move)
+            yield move, forth[move]
 
 
 def _allowed_starts(room: _Room, motion: Motion, move: Move) -> BoolArray:

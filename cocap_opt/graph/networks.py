@@ -103,7 +103,7 @@ def edges_in_reach(problem: Problem, robot: int, most: int) -> int:
     spec = problem.robots[robot]
     window = _reach(problem, robot)
     graph = TimeGraph.of(problem.workspace, spec.motion, len(spec.camera.tilts), window)
-    degrees = np.count_nonzero(graph.neighbours >= 0, axis=0)
+    degrees = np.count_nonzero(graph.allowed, axis=0)
     orientation, place = divmod(graph.index(spec.start), graph.n_places)
     turned = {orientation}
     reached = np.zeros(graph.n_places, dtype=bool)
@@ -114,7 +114,7 @@ def edges_in_reach(problem: Problem, robot: int, most: int) -> int:
         edges += moves * sum(len(graph.turns[k]) for k in turned)
         if edges > most:
             break
-        heads = graph.neighbours[:, new].ravel()
+        heads = graph.neighbours(new).ravel()
         new = np.unique(heads[(heads >= 0) & ~reached[heads]])
         turned |= {head for k in turned for head in graph.turns[k]}
     return edges

@@ -9,7 +9,7 @@ include a closed border around it, as wide as a move is long, which makes every 
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from functools import cached_property, lru_cache
 from typing import NamedTuple, TypeVar
 
@@ -46,7 +46,8 @@ class TimeGraph:
     shape : (headings, pitches, layers, X, Y) of the numbering, border included
     n_places, n_states : P and S
     moves : the K cell moves of one step, the first is to stay
-    neighbours : [K, P] place that each move leads to; -1 if the move is hidden
+    shifts : [K] difference of the numbers of the places that each move leads to and from
+    allowed : [K, P] true where a move may begin; the others are hidden
     free : [P] true for places where a robot may be
     irregular : places from which a move to a free place is hidden
     closed : places and moves that are closed at some steps only, since people are near
@@ -74,9 +75,10 @@ class TimeGraph:
         self.n_states = self.n_orientations * self.n_places
         self.strides = (padded[1] * padded[2], padded[2], 1)
         self.moves: list[Move] = motion.moves
+        self.shifts: IntArray = np.array(self.moves, np.int64) @ np.array(self.strides, np.int64)
         self._require_memory()
-        self.neighbours = self._compile(workspace)
-        self.free: BoolArray = self.neighbours[0] >= 0  # every free place may be stayed in
+        self.allowed = self._compile(workspace)
+        self.free: BoolArray = self.allowed[0]  # every free place may be stayed in
         self.irregular = self._compile_irregular()
         self.closed = NO_CHARGES if people is None else self._closed(people, workspace.height_map)
 
@@ -84,7 +86,7 @@ class TimeGraph:
         """Refuses a graph that is larger than the memory."""
         moves, (x, y) = len(self.moves), self.window.shape
         require_memory(
-            self.n_places * (moves * 8 + _BYTES_PER_PLACE),
+            self.n_places * (moves + _BYTES_PER_PLACE),
             f"the graph of {x} x {y} cells in {len(self.motion.layers)} layers, with {moves} moves "
             "from each,",
             "use larger cells, a part of the map, fewer layers, or a smaller radius",
@@ -108,34 +110,35 @@ class TimeGraph:
         """
         return _shared(workspace, motion, pitches, window or Window.all_of(workspace), people)
 
-    def _compile(self, workspace: Workspace) -> IntArray:
-        """Returns one row of targets [P] for each move."""
-        neighbours = np.full((len(self.moves), self.n_places), -1, dtype=np.int64)
-        here = self.without_border(np.arange(self.n_places))
-        for row, (move, starts) in zip(
-            neighbours, allowed_moves(workspace, self.motion, self.window), strict=True
-        ):
-            heads = here + int(np.dot(move, self.strides))
-            self.without_border(row)[...] = np.where(starts, heads, -1)
-        return neighbours
+    def _compile(self, workspace: Workspace) -> BoolArray:
+        """Returns one row [P] for each move, true where it may begin."""
+        allowed = np.zeros((len(self.moves), self.n_places), dtype=np.bool_)
+        moves = allowed_moves(workspace, self.motion, self.window)
+        for row, (_, starts) in zip(allowed, moves, strict=True):
+            self.without_border(row)[...] = starts
+        return allowed
+
+    def neighbours(self, places: IntArray) -> IntArray:
+        """Returns the places that each move leads to from places [n], as [K, n]; -1 if hidden."""
+        heads = places + self.shifts[:, None]
+        return np.where(self.allowed[:, places], heads, -1)
 
     def _move_between(self, tails: IntArray, heads: IntArray) -> IntArray:
         """Returns the index of the move from each place to its head, or any index if none does."""
         # Because of the border, the difference of the places' numbers is unique for every move.
-        shifts = np.array(self.moves) @ self.strides
-        order = np.argsort(shifts)
-        at = np.searchsorted(shifts, heads - tails, sorter=order)
+        order = np.argsort(self.shifts)
+        at = np.searchsorted(self.shifts, heads - tails, sorter=order)
         return order[np.minimum(at, len(order) - 1)]
 
     def _compile_irregular(self) -> _Irregular:
         """Finds the places from which a move to a free place is hidden."""
         hidden = np.zeros(self.n_places, dtype=bool)
-        for shift, heads in zip(np.array(self.moves) @ self.strides, self.neighbours, strict=True):
+        for shift, allowed in zip(self.shifts.tolist(), self.allowed, strict=True):
             # The border is closed and as wide as the moves are long: nothing wraps around.
-            hidden |= self.free & np.roll(self.free, -shift) & (heads < 0)
-        places = np.flatnonzero(hidden)
+            hidden |= np.roll(self.free, -shift) & ~allowed
+        places = np.flatnonzero(hidden & self.free)
         # A hidden move is listed as staying, which is always allowed.
-        heads = self.neighbours[:, places]
+        heads = self.neighbours(places)
         is_hidden = heads < 0
         return _Irregular(places, np.where(is_hidden, places, heads), is_hidden)
 
@@ -218,9 +221,8 @@ class TimeGraph:
     def moves_around(self, x: int, y: int, reach: int) -> tuple[IntArray, IntArray]:
         """Returns tails and heads [n] of the moves that begin in `places_around` a cell."""
         places = self.places_around(x, y, reach)
-        move, at = np.nonzero(self.neighbours[:, places] >= 0)
-        tails = places[at]
-        return tails, self.neighbours[move, tails]
+        move, at = np.nonzero(self.allowed[:, places])
+        return places[at], places[at] + self.shifts[move]
 
     def moves_between(
         self, tail: tuple[int, int], head: tuple[int, int]
@@ -229,9 +231,8 @@ class TimeGraph:
         way = head[0] - tail[0], head[1] - tail[1]
         which = [k for k, (_, *move) in enumerate(self.moves) if tuple(move) == way]
         places = self.places_around(*tail, 0)
-        heads = self.neighbours[which][:, places]
-        at = np.nonzero(heads >= 0)[1]
-        return places[at], heads[heads >= 0]
+        move, at = np.nonzero(self.allowed[which][:, places])
+        return places[at], places[at] + self.shifts[which][move]
 
     def moves_past(
         self, tail: tuple[int, int], head: tuple[int, int], reach: int
@@ -247,9 +248,8 @@ class TimeGraph:
         near = (before + np.minimum(change, 0) <= reach) & (
             before + np.maximum(change, 0) >= -reach
         )
-        heads = self.neighbours[:, places]
-        which, at = np.nonzero(near.all(axis=1) & (heads >= 0))
-        return places[at], heads[which, at]
+        which, at = np.nonzero(near.all(axis=1) & self.allowed[:, places])
+        return places[at], places[at] + self.shifts[which]
 
     # -- edges ---------------------------------------------------------------------------
 
@@ -272,7 +272,7 @@ class TimeGraph:
 
         They are -1 where the move is hidden, or closed at that step.
         """
-        heads = self.neighbours[:, places]
+        heads = self.neighbours(places)
         closed, _ = self.closed.places_at(t + 1)
         if len(closed):
             heads[np.isin(heads, closed)] = -1
@@ -293,28 +293,42 @@ class TimeGraph:
 
     def adjacent(self, tails: IntArray, heads: IntArray) -> BoolArray:
         """Returns an array [n], true if a move leads from a place to its head."""
-        result: BoolArray = self.neighbours[self._move_between(tails, heads), tails] == heads
+        move = self._move_between(tails, heads)
+        result: BoolArray = self.allowed[move, tails] & (tails + self.shifts[move] == heads)
         return result
 
     def reachable(self, starts: Iterable[int], horizon: int) -> BoolArray:
         """Returns an array [T+1, S], true if a state is reachable from a start at a step."""
         seen = np.zeros((horizon + 1, self.n_orientations, self.n_places), dtype=bool)
-        seen[0].reshape(-1)[list(starts)] = True
-        new = seen[0]
+        places_of: dict[int, list[int]] = {}  # by orientation
+        for start in starts:
+            orientation, place = divmod(start, self.n_places)
+            places_of.setdefault(orientation, []).append(place)
+        for orientation, places in places_of.items():
+            turned = {orientation}  # turns and moves of a step do not depend on each other
+            for own, reached in zip(seen, self._reached(places, horizon), strict=True):
+                own[sorted(turned)] |= reached
+                turned = {head for tail in turned for head in self.turns[tail]}
+        return seen.reshape(horizon + 1, self.n_states)
+
+    def _reached(self, places: list[int], horizon: int) -> Iterator[BoolArray]:
+        """Yields the places [P] that are reached at the steps 0..T from some places at step 0."""
+        reached = np.zeros(self.n_places, dtype=bool)
+        reached[places] = True
+        new = np.array(places)
+        yield reached
         for t in range(horizon):
-            occupied = np.flatnonzero(new.any(axis=0))
-            spread = np.zeros_like(new)
-            for heads in self.heads_at(t, occupied):
-                open_ = heads >= 0
-                spread[:, heads[open_]] |= new[:, occupied[open_]]
-            for orientation, targets in enumerate(self.turns):
-                seen[t + 1][targets] |= spread[orientation]
-            new = seen[t + 1]
+            heads = self.heads_at(t, new)
+            ahead = np.zeros(self.n_places, dtype=bool)
+            ahead[heads[heads >= 0]] = True
             if self.closed.none:
                 # A robot may stay: what was reached once can be reached at all later steps.
-                seen[t + 1] |= seen[t]
-                new = seen[t + 1] & ~seen[t]
-        return seen.reshape(horizon + 1, self.n_states)
+                ahead |= reached
+                new = np.flatnonzero(ahead & ~reached)
+            else:
+                new = np.flatnonzero(ahead)
+            reached = ahead
+            yield reached
 
     # -- rewards ----------------------------------------------------------------------------
 

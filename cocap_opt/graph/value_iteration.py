@@ -245,7 +245,7 @@ class _Step:
         """Computes the places again of which some moves are charged or closed."""
         graph = self._graph
         places, at = np.unique(tails, return_inverse=True)
-        targets = graph.neighbours[:, places]  # [K, n]
+        targets = graph.neighbours(places)  # [K, n]
         cost = np.where(targets >= 0, 0.0, np.inf)
         move, entry = np.nonzero(targets[:, at] == heads)
         np.add.at(cost, (move, at[entry]), costs[entry])

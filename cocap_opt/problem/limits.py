@@ -10,7 +10,9 @@ ROUNDING = 1e-9  # share of a limit by which motion may exceed it
 
 
 class Limits(Data, frozen=True):
-    """The speeds at which a drone may move and turn; None: no limit is known, none is checked.
+    """The speeds at which a drone may move and turn, and how long it may fly.
+
+    What is None is not known, and not checked.
 
     Attributes
     ----------
@@ -20,6 +22,7 @@ class Limits(Data, frozen=True):
     acceleration : m/s2, in space
     yaw_rate : rad/s
     gimbal_rate : rad/s, of the camera's pitch
+    endurance : s for which the battery lasts
     """
 
     speed: float | None = None
@@ -28,6 +31,7 @@ class Limits(Data, frozen=True):
     acceleration: float | None = None
     yaw_rate: float | None = None
     gimbal_rate: float | None = None
+    endurance: float | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -36,6 +40,12 @@ class Limits(Data, frozen=True):
             if value is not None:
                 within(value, 0, LARGEST, field)
                 require(value > 0, field, "must be more than 0")
+
+    def outlasted_by(self, seconds: float) -> str:
+        """Says that a flight of so many seconds is longer than the battery lasts, if it is."""
+        if self.endurance is None or seconds <= self.endurance * (1 + ROUNDING):
+            return ""
+        return f"the flight takes {seconds:.4g} s, but the battery lasts {self.endurance:.4g} s"
 
     def broken_by(
         self, motion: Motion, tilts: Sequence[float], resolution: float, step: float

@@ -187,6 +187,9 @@ class Problem(Data, frozen=True, eq=False, dict=True):
             words = robot.limits.broken_by(motion, robot.camera.tilts, edge, self.step)
             if words:
                 raise ProblemError(f"robots[{i}].{words}")
+            words = robot.limits.outlasted_by(self.horizon * self.step)
+            if words:
+                raise ProblemError(f"robots[{i}].limits.endurance: {words}; fewer steps would do")
 
     def _check_starts_apart(self) -> None:
         for i, first in enumerate(self.robots):

@@ -32,7 +32,7 @@ class Shadows(NamedTuple):
 
     normals: FloatArray  # [n, K, 3]
     offsets: FloatArray  # [n, K] m
-    depths: FloatArray  # [n, K] m; a polygon that is nowhere deeper in a half-space is not hidden
+    depths: FloatArray  # [n, K] m; what is nowhere deeper in a half-space is not hidden
 
     @classmethod
     def of(cls, bodies: Bodies, which: IntArray, eyes: FloatArray) -> "Shadows":
@@ -130,20 +130,34 @@ class Pieces(NamedTuple):
         polygons : [m, V, 3] m, relative to the eye
         first, counts : [m] the shadows that may fall on each: `counts` of them from `first` on
         """
-        owners, done, turn = np.arange(len(polygons)), [], 0
+        owners, done, turn, whole = np.arange(len(polygons)), [], 0, polygons
         while len(owners):
             more = turn < counts[owners]
             done.append(cls(polygons[~more], owners[~more]))
             polygons, owners = polygons[more], owners[more]
-            polygons, at = _outside(polygons, shadows.taken(first[owners] + turn))
+            polygons, at = _outside(polygons, owners, whole, shadows.taken(first[owners] + turn))
             owners, turn = owners[at], turn + 1
         return _joined(done)
 
 
-def _outside(polygons: FloatArray, shadows: Shadows) -> tuple[FloatArray, IntArray]:
-    """Returns the pieces of polygons [n, V, 3] outside of a shadow each, and whose they are."""
+def _outside(
+    polygons: FloatArray, owners: IntArray, whole: FloatArray, shadows: Shadows
+) -> tuple[FloatArray, IntArray]:
+    """Returns the pieces of polygons [n, V, 3] outside of a shadow each, and whose they are.
+
+    Parameters
+    ----------
+    owners : [n] numbers of the polygons in `whole` [m, V, 3] of which these are pieces
+    """
     excess = shadows.excess(polygons)
-    beside, _ = shadows.sides(excess)
+    deepest = excess.min(axis=2)
+    beside = (deepest > -shadows.depths).any(axis=1)
+    # A thin piece is behind a plane by little; only a polygon that is so as a whole lies in it.
+    thin = np.flatnonzero(beside)
+    thin = thin[(deepest[thin] <= -_GRAZED).all(axis=1)]
+    if len(thin):
+        some = shadows.taken(thin)
+        beside[thin], _ = some.sides(some.excess(whole[owners[thin]]))
     rest = np.flatnonzero(~beside)
     found = [Pieces(polygons[beside], np.flatnonzero(beside))]
     inside = polygons[rest]

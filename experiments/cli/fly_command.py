@@ -1,5 +1,6 @@
 """The command `fly`, which makes of a plan what drones fly."""
 
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated
 
@@ -17,7 +18,7 @@ from cocap_opt.experiments.cli.options import (
     with_step,
 )
 from cocap_opt.experiments.console.options import Option, UsageError
-from cocap_opt.experiments.missions import WRITERS
+from cocap_opt.experiments.missions import DATED, WRITERS
 from cocap_opt.experiments.results.files import PlanReader, check_output, save_files
 from cocap_opt.experiments.results.flights import Flight
 from cocap_opt.experiments.results.printing import Listing, Record, print_result
@@ -39,6 +40,10 @@ def _fly(
         float | None,
         Parameter(help="seconds between rows; else a row a step, and ten a step with --smooth"),
     ] = None,
+    start: Annotated[
+        str | None,
+        Parameter(help="when step 0 is, such as 2026-05-01T10:00:00Z, in files that hold dates"),
+    ] = None,
     local: Annotated[bool, FLAG(name="--local", help="leave out latitudes and longitudes")] = False,
     json: Json = False,
 ) -> int:
@@ -46,7 +51,10 @@ def _fly(
 
     A .csv file has t (s), x, y, z (m, coordinates of the map), yaw (degrees, 0 along x,
     counter-clockwise) and pitch (degrees, 0 level, below is negative) of each drone, heights above
-    ground and take-off, and latitude and longitude where the scene has a reference system.
+    ground and take-off, and latitude and longitude where the scene has a reference system. A
+    .geojson or .kml file has tracks, cameras' footprints and people's walks on the Earth; a .glb
+    file is an animated scene (glTF) for Blender and viewers in browsers; a .pdf file is a sheet
+    for the crew.
 
     Missions of waypoints, a file per drone: .plan (QGroundControl, for PX4) and .waypoints (for
     ArduPilot). By one clock fly .skyc (Skybrush) and .crazyflie.csv (polynomials, with --smooth).
@@ -55,6 +63,7 @@ def _fly(
     """
     suffix = Option("-o").ending(output, tuple(WRITERS))
     assert output is not None
+    begins = None if start is None else _start(start, suffix)
     if every is not None and not Option("--every").require_seconds(every) > 0:
         raise UsageError("--every: must be more than 0 seconds")
     check_output(output, scene, plan)
@@ -62,7 +71,7 @@ def _fly(
     problem = with_step(problem, step)
     problem = problem.replace(earth=None) if local else problem
     try:
-        flight = Flight.of(problem, planned, smooth)
+        flight = Flight.of(problem, planned, smooth)._replace(start=begins)
         mission = WRITERS[suffix](flight, every)
     except ProblemError as error:
         raise _in_words(error, scene, plan) from error
@@ -93,11 +102,29 @@ def _in_words(error: ProblemError, scene: str, plan: Path) -> Exception:
     words = str(error)
     if words.startswith(("every:", "smooth:")):
         return UsageError(f"--{words}")
-    if words.startswith("earth."):
-        return FileError(f"{scene}: {words}; --local leaves latitudes and longitudes out")
     if words.startswith("earth:"):
         return FileError(f"{scene}: {words}")
+    if words.startswith("crs:"):  # something of the scene is where its system is not defined
+        return FileError(f"{scene}: earth.{words}")
+    if words.startswith("earth."):
+        return FileError(f"{scene}: {words}; --local leaves latitudes and longitudes out")
     return FileError(f"{plan}: {words}")
+
+
+def _start(text: str, suffix: str) -> datetime:
+    """Returns the time (UTC) at which a flight starts, for a file of some ending."""
+    if suffix not in DATED:
+        raise UsageError(f"--start: must be left out for {suffix}, whose times are seconds")
+    try:
+        found = datetime.fromisoformat(text)
+        if found.tzinfo is not None:
+            return found.astimezone(UTC)
+    except (ValueError, OverflowError):
+        pass
+    raise UsageError(
+        f"--start: must be a date and a time with its offset from UTC, such as "
+        f"2026-05-01T10:00:00+02:00 or 2026-05-01T08:00:00Z, not {text[:40]!r}"
+    )
 
 
 COMMANDS = {"fly": _fly}

@@ -1,5 +1,6 @@
 """The commands that compute on one scene: plan, bound and solve."""
 
+import math
 import os
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -34,7 +35,7 @@ from cocap_opt.experiments.results.judging import (
     Allowance,
     Judged,
 )
-from cocap_opt.experiments.results.printing import Record, print_result
+from cocap_opt.experiments.results.printing import Record, counted, print_result
 from cocap_opt.experiments.results.rows import OWN_STARTS, PlanRow
 from cocap_opt.experiments.results.trace import Trace
 from cocap_opt.experiments.sweeps.work import cover
@@ -182,6 +183,19 @@ def _planned(
     return Judged.planned(problem, planner, stop)
 
 
+def _motion(problem: Problem) -> str:
+    """Says how far drones may move in a step, and how fast that is where steps have a duration."""
+    edge = problem.height_map.resolution
+    kinds = []
+    for radius in sorted({robot.motion.radius for robot in problem.robots}):
+        words = f"{counted(radius, 'cell')} of {edge:g} m along each axis a step"
+        if problem.step is not None:
+            fastest = math.sqrt(2) * radius * edge / problem.step
+            words += f" of {problem.step:g} s, at most {fastest:.3g} m/s"
+        kinds.append(words)
+    return "; ".join(kinds)
+
+
 class _Task(NamedTuple):
     """The scene of a command; with a start, the variant of the scene that it fits."""
 
@@ -193,6 +207,7 @@ class _Task(NamedTuple):
     def read(cls, scene: str, seed: int, free: bool, path: Path | None) -> "_Task":
         problem, start = load(scene, seed), None
         about: Record = {"free": True} if free else {"rules": str(problem.rules)}
+        about |= {"motion": _motion(problem)}
         if path is not None:
             # A start is judged anew, so that it may come from other rules or another objective.
             fitting, start = PlanReader(scene, problem).plan(path, any_scene=True)

@@ -1,18 +1,27 @@
 """Files of flights that others read, by the ending of their names."""
 
 from cocap_opt.experiments.missions.crazyflie import crazyflie
+from cocap_opt.experiments.missions.geojson import geojson
+from cocap_opt.experiments.missions.gltf import gltf
+from cocap_opt.experiments.missions.kml import kml
 from cocap_opt.experiments.missions.mission import Mission, Writer
 from cocap_opt.experiments.missions.qgroundcontrol import plan
+from cocap_opt.experiments.missions.sheet import sheet
 from cocap_opt.experiments.missions.skybrush import skybrush
 from cocap_opt.experiments.missions.table import table
 from cocap_opt.experiments.missions.waypoint_list import waypoint_list
 
 WRITERS: dict[str, Writer] = {
     ".csv": table,
+    ".geojson": geojson,
+    ".kml": kml,
+    ".glb": gltf,
+    ".pdf": sheet,
     ".plan": plan,
     ".waypoints": waypoint_list,
     ".skyc": skybrush,
     ".crazyflie.csv": crazyflie,
 }
+DATED = ".geojson", ".kml", ".pdf"  # those that hold dates, not seconds alone
 
-__all__ = ["WRITERS", "Mission", "Writer"]
+__all__ = ["DATED", "WRITERS", "Mission", "Writer"]

@@ -156,8 +156,9 @@ def waypoint_mission(
     """
     if flight.geodesy is None:
         raise ProblemError(
-            "earth: must say where the scene is, for waypoints have latitudes and longitudes: a "
-            "recipe's [earth] has crs, and latitude and longitude of x = y = 0 (--local forgets it)"
+            "earth: must say where the scene is, for waypoints have latitudes and longitudes: in "
+            "[earth] of a recipe crs alone where x and y are its coordinates, else also latitude "
+            "and longitude of x = y = 0; --local leaves them out"
         )
     if flight.is_smooth:
         raise ProblemError("smooth: must be left out, for waypoints have straight legs between")

@@ -99,6 +99,15 @@ def read_text(path: Path) -> str:
         raise FileError(f"{path}: must be text in UTF-8") from error
 
 
+def replace_between(document: Path, begin: str, end: str, text: str) -> None:
+    """Replaces what stands between two marks in a document."""
+    before, first, rest = read_text(document).partition(begin)
+    _, last, after = rest.partition(end)
+    if not (first and last):
+        raise FileError(f"{document}: must hold the lines {begin} and {end}")
+    save_bytes(document, f"{before}{begin}\n\n{text}\n{end}{after}".encode())
+
+
 class PlanReader(NamedTuple):
     """Reads plans and what proves them from files, for one scene.
 
@@ -164,7 +173,8 @@ def _require_made_for(problem: Problem, file: PlanFile, path: Path) -> None:
         which = (
             f"scene: the plan was made for {other}, not {own}"
             if file.scene != problem.name
-            else f"digest: the plan was made for {own} of another seed, content, rules or objective"
+            else f"digest: the plan was made for {own} of another seed, content, rules or "
+            "objective, or its file has changed since"
         )
         raise FileError(f"{path}: {which}; name the scene and seed that it is for")
     if file.scene != problem.name:

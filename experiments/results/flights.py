@@ -2,11 +2,12 @@
 
 import math
 from collections.abc import Iterable
+from datetime import datetime
 from typing import NamedTuple
 
 import numpy as np
 
-from cocap_opt.data import FloatArray, ProblemError
+from cocap_opt.data import FloatArray, IntArray, ProblemError
 from cocap_opt.experiments.results.printing import Record
 from cocap_opt.flight.earth import Geodesy
 from cocap_opt.flight.filming import parts_of, view_reward
@@ -16,6 +17,7 @@ from cocap_opt.flight.smooth import smooth as smoothed
 from cocap_opt.flight.trajectory import Trajectory
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
+from cocap_opt.world import HeightMap
 
 PER_STEP = 10  # rows of a smooth flight that nobody asked for otherwise
 MOST_ROWS = 5_000_000
@@ -34,6 +36,7 @@ class Flight(NamedTuple):
     geodesy : None where nobody knows where the scene is on the Earth
     demands : the largest of each kind on each drone
     slowed : steps of drones at which they pass more slowly than they could
+    start : when step 0 is, in UTC; None: nobody says
     """
 
     flown: Trajectory
@@ -42,6 +45,7 @@ class Flight(NamedTuple):
     geodesy: Geodesy | None
     demands: list[Demand]
     slowed: int
+    start: datetime | None = None
 
     @classmethod
     def of(cls, problem: Problem, plan: Plan, smooth: bool) -> "Flight":
@@ -93,11 +97,8 @@ class Flight(NamedTuple):
             "yaw": np.degrees(found.yaw), "pitch": np.degrees(found.pitch),
         }  # fmt: skip
         height_map = problem.height_map
-        last = np.array(height_map.shape) - 1
-        cells = (found.place[:, :2] - height_map.origin) / height_map.resolution
-        i, j = np.clip(np.floor(cells), 0, last).astype(np.int64).T
         if height_map.knows_ground:
-            columns["above_ground"] = z - height_map.ground[i, j]
+            columns["above_ground"] = z - height_map.ground[cells_below(height_map, found.place)]
         starts = [height_map.heights[r.start.x, r.start.y] for r in problem.robots]
         columns["above_takeoff"] = z - np.array(starts)[found.drone]
         if self.geodesy is not None:
@@ -148,11 +149,15 @@ class Flight(NamedTuple):
 
     def notes(self) -> Iterable[str]:
         """Yields sentences on what the numbers mean, and what was not checked."""
-        problem = self.flown.problem
         yield (
             "yaw is 0 along x and counter-clockwise; pitch is that of the camera, 0 is level and "
             "below is negative (degrees)"
         )
+        yield from self.doubts()
+
+    def doubts(self) -> Iterable[str]:
+        """Yields sentences on what was not checked or is not known."""
+        problem = self.flown.problem
         if not self.is_smooth:
             yield "speeds jump at each step, and no acceleration was checked; --smooth has neither"
         least = self.flown.least_distance()
@@ -167,6 +172,14 @@ class Flight(NamedTuple):
             yield "no limits of these drones are known, and none were checked"
         if problem.earth is not None and problem.earth.heights is None:
             yield "nobody says if z is above the sea or the ellipsoid; [earth] of a recipe does"
+
+
+def cells_below(height_map: HeightMap, points: FloatArray) -> tuple[IntArray, IntArray]:
+    """Returns the cells x [n], y [n] below points [n, 2 or 3] (m); off the map, the nearest."""
+    last = np.array(height_map.shape) - 1
+    cells = (points[:, :2] - height_map.origin) / height_map.resolution
+    i, j = np.clip(np.floor(cells), 0, last).astype(np.int64).T
+    return i, j
 
 
 def _moments(flown: Trajectory, every: float) -> FloatArray:

@@ -86,15 +86,16 @@ def _planners(
 
     Example: cocap-opt study planners --into README.md
     """
+    from cocap_opt.experiments.results.files import replace_between
     from cocap_opt.experiments.results.printing import print_texts
     from cocap_opt.experiments.studies.paper.measured import MEASURED
-    from cocap_opt.experiments.studies.paper.planner_table import planners_in_markdown, write_into
+    from cocap_opt.experiments.studies.paper.planner_table import BEGIN, END, planners_in_markdown
 
     text = planners_in_markdown(None if paper is None else paper / MEASURED)
     if into is None:
         print_texts([text], [])
     else:
-        write_into(into, text)
+        replace_between(into, BEGIN, END, text)
     return 0
 
 
@@ -306,13 +307,22 @@ def _separation(
     ] = None,
     limit: Annotated[float, Parameter(help="seconds for each plan and each proof")] = 60.0,
     out: _Out = None,
+    stored: Annotated[
+        bool, Parameter(negative="", help="compute nothing: tables and figure of the stored runs")
+    ] = False,
+    into: Annotated[
+        Path | None, Parameter(help="Markdown file whose tables are replaced by the stored ones")
+    ] = None,
 ) -> int:
     """Measure what it costs that drones keep apart at every moment, certified.
 
     Example: cocap-opt study separation --scene corridor --seeds 0 --metres 1 2 --limit 20
     """
-    from cocap_opt.experiments.studies.separation.separation import separation
+    from cocap_opt.experiments.studies.separation.separation import separation, tell_stored
 
+    if stored or into is not None:
+        tell_stored(into, out)
+        return 0
     _require_positive("--limit", limit)
     wanted = metres or [0.5, 1.0, 2.0, 3.0]
     if not all(apart > 0 and math.isfinite(apart) for apart in wanted):

@@ -54,9 +54,9 @@ def values_to_go(
     for t in range(problem.horizon - 1, -1, -1):
         turned = _plain_turns(graph, value, objective.keep_heading)
         best = np.full(shape, -np.inf)
-        for k, heads in enumerate(graph.neighbours):
-            tails = np.flatnonzero(heads >= 0)
-            ahead = turned[:, heads[tails]]
+        for k, (shift, allowed) in enumerate(zip(graph.shifts, graph.allowed, strict=True)):
+            tails = np.flatnonzero(allowed)
+            ahead = turned[:, tails + shift]
             if k in bonuses:
                 ahead = ahead + bonuses[k]
             if (t, k) in moves:
@@ -89,9 +89,9 @@ def _bonuses_of_moves(graph: TimeGraph, objective: Objective) -> dict[int, Float
     bonuses: dict[int, FloatArray] = {}
     if not objective.keep_cell and not objective.balanced:
         return bonuses
-    for k, heads in enumerate(graph.neighbours):
-        tails = np.flatnonzero(heads >= 0)
-        climb, dx, dy = graph.coordinates(heads[tails]) - graph.coordinates(tails)
+    for k, (shift, allowed) in enumerate(zip(graph.shifts, graph.allowed, strict=True)):
+        tails = np.flatnonzero(allowed)
+        climb, dx, dy = graph.coordinates(tails + shift) - graph.coordinates(tails)
         stays = (climb == 0) & (dx == 0) & (dy == 0)
         bonuses[k] = objective.keep_cell * stays + objective.balanced * (dx + dy == 0)
     return bonuses
@@ -116,6 +116,7 @@ def _spread(graph: TimeGraph, charges: Charges) -> _Spread:
         own.reshape(-1)[state] += cost
     moves: dict[tuple[int, int], FloatArray] = {}
     for (t, tail, head), cost in charges.moves.items():
-        for k in np.flatnonzero(graph.neighbours[:, tail] == head).tolist():
+        leads = graph.allowed[:, tail] & (tail + graph.shifts == head)
+        for k in np.flatnonzero(leads).tolist():
             moves.setdefault((t, k), np.zeros(graph.n_places))[tail] += cost
     return _Spread(places, states, moves)

@@ -322,7 +322,7 @@ def _edges(graph: TimeGraph, useful: BoolArray) -> Iterator[tuple[IntArray, IntA
         moved = graph.heads_at(t, place).T[:, None, :]  # [n, 1, K]
         turned = turns[orientation][:, :, None]  # [n, M, 1]
         heads = np.where((moved >= 0) & (turned >= 0), turned * graph.n_places + moved, -1)
-        heads = heads.reshape(len(tails), turns.shape[1] * len(graph.neighbours))
+        heads = heads.reshape(len(tails), turns.shape[1] * len(graph.moves))
         open_ = (heads >= 0) & there[heads]
         which, head = np.nonzero(open_)[0], heads[open_]
         order = np.lexsort((head, which))

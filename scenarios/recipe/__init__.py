@@ -17,6 +17,7 @@ __all__ = [
     "recipe",
     "resample",
     "rules",
+    "systems",
     "tables",
     "terrain",
     "track_database",

@@ -40,6 +40,7 @@ class LimitsTable(Table):
     acceleration: Length | None = None  # m/s2
     yaw_rate: Length | None = None  # degrees/s
     gimbal_rate: Length | None = None  # degrees/s
+    endurance: Length | None = None  # s
 
     def over(self, airframe: Limits | None) -> Limits | None:
         """Returns the limits of a drone; None if there are none."""
@@ -161,16 +162,46 @@ class DronesTable(Table):
             words += f"; some are within {self.near:g} m at step 0"
         return f"{words}; rules: {rules}"
 
-    def _can_meet(self, workspace: Workspace, actors: tuple[Actor, ...], horizon: int) -> BoolArray:
-        """Returns the cells [X, Y] of the lowest layer from which a drone comes near somebody."""
+    def _can_meet(
+        self,
+        workspace: Workspace,
+        actors: tuple[Actor, ...],
+        horizon: int,
+        far: float = math.inf,
+    ) -> BoolArray:
+        """Returns the cells [X, Y] of the lowest layer from which a drone comes near somebody.
+
+        Parameters
+        ----------
+        far : m, from where people are at any step; drones do not fly farther from there
+        """
         height_map, motion = workspace.height_map, self.motion
         poses = np.concatenate([actor.poses[: horizon + 1, :2] for actor in actors]).tolist()
-        reach = math.ceil(NEAR / height_map.resolution) + 1 + horizon * motion.radius
+        most = NEAR / height_map.resolution + horizon * motion.radius
+        reach = math.ceil(min(most, far / height_map.resolution)) + 1
         window = Window.around((height_map.cell_of(x, y) for x, y in poses), reach, workspace)
         encounters = Encounters(workspace, motion, actors, horizon, NEAR, window)
         found = np.zeros(height_map.shape, dtype=np.bool_)
         window.of(found)[...] = encounters.graph.without_border(encounters.can_meet())[0]
         return found
+
+    def _meeting(
+        self, workspace: Workspace, actors: tuple[Actor, ...], horizon: int, free: BoolArray
+    ) -> BoolArray:
+        """Returns the cells [X, Y] out of some from which a drone comes near somebody."""
+        if self.near is None:
+            return free & self._can_meet(workspace, actors, horizon)
+        height_map, some = workspace.height_map, np.zeros_like(free)
+        reach = math.ceil(self.near / height_map.resolution)
+        for actor in actors:
+            cell = height_map.cell_of(*actor.poses[0, :2].tolist())
+            around = Window.around([cell], reach, workspace)
+            around.of(some)[...] = around.of(free)
+        # Mostly all of them do without leaving the surroundings of people, which is quick to see.
+        found = self._can_meet(workspace, actors, horizon, self.near + NEAR)
+        if not found[some].all():
+            found = self._can_meet(workspace, actors, horizon)
+        return some & found
 
     def _candidates(
         self,
@@ -182,7 +213,7 @@ class DronesTable(Table):
         """Returns free cells near someone in random order, with headings to the nearest actor."""
         allowed = self.motion.free_places(workspace)[0]
         if actors:
-            allowed = allowed & self._can_meet(workspace, actors, horizon)
+            allowed = self._meeting(workspace, actors, horizon, allowed)
         free = np.argwhere(allowed)
         ways = _ways(workspace.height_map, free, actors)
         far = np.hypot(ways[:, 0], ways[:, 1])

@@ -2,11 +2,13 @@
 
 from typing import Annotated, Literal
 
+import numpy as np
 from msgspec import Meta
 
 from cocap_opt.data import ProblemError
 from cocap_opt.flight.earth import Geodesy
 from cocap_opt.problem import Earth
+from cocap_opt.scenarios.recipe.systems import same_system, short_name
 from cocap_opt.scenarios.recipe.tables import Coordinate, Table
 from cocap_opt.world.workspace import HeightMap
 
@@ -14,7 +16,7 @@ _ABOVE: dict[str, Literal["sea", "ellipsoid"]] = {
     "above-sea": "sea",
     "above-ellipsoid": "ellipsoid",
 }
-_SHOWN = 60  # letters of a system in a message
+_FARTHEST = 50_000.0  # m; a point farther away is none that a scene's own axes begin in
 
 
 class EarthTable(Table):
@@ -50,6 +52,13 @@ class EarthTable(Table):
                 f"crs: must be left out, or that of the map's file, {short_name(of_map)}, not "
                 f"{self.crs}"
             )
+        away = float(np.hypot(*height_map.centre(0, 0)))
+        if self.latitude is not None and away > _FARTHEST:
+            raise ProblemError(
+                f"latitude, longitude: must be those of the point x = 0, y = 0, which is "
+                f"{away / 1000:.0f} km from the map; where x and y are coordinates of the system, "
+                "as on most maps, leave both out"
+            )
         system = of_map or self.crs
         if system is None:
             raise ProblemError("crs: must be given, for no file of the map states one")
@@ -64,23 +73,3 @@ class EarthTable(Table):
         if of_map is None:  # else the map's reader has looked at it
             Geodesy(earth, height_map.centre(0, 0))
         return earth
-
-
-def short_name(crs: str) -> str:
-    """Returns a code as it is, and of WKT the name in it."""
-    return crs.split('"')[1] if crs.count('"') > 1 else crs[:_SHOWN]
-
-
-def same_system(one: str, other: str) -> bool:
-    """Returns True if two texts mean the same reference system."""
-    if one == other:
-        return True
-    try:
-        from rasterio.crs import CRS
-        from rasterio.errors import CRSError
-    except ImportError:
-        return False
-    try:
-        return bool(CRS.from_user_input(one) == CRS.from_user_input(other))
-    except CRSError:
-        return False

@@ -20,6 +20,7 @@ from cocap_opt.files.messages import in_words
 from cocap_opt.files.strict_json import decode_json
 from cocap_opt.scenarios.kinds import CITYJSON, GEOJSON, WAYS_OUT, WKT, kind_of
 from cocap_opt.scenarios.recipe.geotiff import is_geographic
+from cocap_opt.scenarios.recipe.systems import same_system, short_name
 from cocap_opt.scenarios.recipe.tables import PER_METRE, Point
 
 Ring = Annotated[list[Point], Meta(min_length=3)]
@@ -66,7 +67,11 @@ class _Plan(msgspec.Struct):
 
 
 def ground_plan(
-    text: str, name: str | None, unit: str | None, meaning: Meaning | None
+    text: str,
+    name: str | None,
+    unit: str | None,
+    meaning: Meaning | None,
+    scene: str | None = None,
 ) -> GroundPlan:
     """Reads a ground plan.
 
@@ -76,12 +81,13 @@ def ground_plan(
     name : of a ground plan in JSON; None: the only one
     unit : of the coordinates; None: as the file says, else m
     meaning : of the polygons of GeoJSON and WKT
+    scene : reference system of the scene, which is that of the file if it states one; None: unknown
 
     Raises
     ------
     ProblemError
         If the text is of another kind or has no such ground plan, a polygon crosses itself, or
-        coordinates are degrees.
+        coordinates are degrees or in another system.
     """
     if text.lstrip().startswith("<"):
         raise ProblemError(
@@ -92,16 +98,18 @@ def ground_plan(
     if kind == CITYJSON:
         raise ProblemError(f"is CityJSON: {WAYS_OUT[CITYJSON]}")
     if kind in (GEOJSON, WKT):
-        return _of_polygons(text, kind, name, PER_METRE[unit or "m"], meaning)
-    plan = _named(text, name)
+        plan = _of_polygons(text, kind, name, PER_METRE[unit or "m"], meaning)
+        _require_system(text, kind, scene)
+        return plan
+    own = _named(text, name)
     if meaning is not None:
         raise ProblemError("polygons: must be left out where the file says which are obstacles")
-    per_metre = PER_METRE[plan.settled_unit(unit)]
+    per_metre = PER_METRE[own.settled_unit(unit)]
     obstacles = (
         sound(Polygon(np.array(ring) / per_metre), f"obstacles[{k}]")
-        for k, ring in enumerate(plan.obstacles)
+        for k, ring in enumerate(own.obstacles)
     )
-    walkable = sound(Polygon(np.array(plan.walkable) / per_metre), "walkable")
+    walkable = sound(Polygon(np.array(own.walkable) / per_metre), "walkable")
     return GroundPlan((walkable,), tuple(obstacles))
 
 
@@ -163,8 +171,8 @@ def _of_polygons(
     _refuse_degrees(named)
     given = shapely.MultiPolygon(list(_polygons(shapely.force_2d(_geometry(text, kind)))))
     _require_metres(given)
-    if system := _NAMED_SYSTEM.search(named) if kind == GEOJSON else _SYSTEM.match(text):
-        _refuse_system("crs" if named else "SRID", int(system[1][:_DIGITS]), given)
+    if (code := _stated_code(text, kind)) is not None:
+        _refuse_system("crs" if named else "SRID", code, given)
     metres = shapely.transform(given, lambda points: points / per_metre)
     polygons = [sound(part, f"polygon {k}") for k, part in enumerate(metres.geoms, start=1)]
     if meaning == "obstacles":
@@ -189,6 +197,25 @@ def _named_system(text: str) -> str:
     """Returns what GeoJSON says of the system of its coordinates; it may say nothing."""
     content = decode_json(text, dict[str, Any])
     return str(content.get("crs") or "")
+
+
+def _stated_code(text: str, kind: str) -> int | None:
+    """Returns the EPSG code of the system that GeoJSON or WKT states; None if there is none."""
+    pattern = _NAMED_SYSTEM.search(_named_system(text)) if kind == GEOJSON else _SYSTEM.match(text)
+    return int(pattern[1][:_DIGITS]) if pattern else None
+
+
+def _require_system(text: str, kind: str, scene: str | None) -> None:
+    """Raises a ProblemError if a file states another reference system than the scene's."""
+    code = _stated_code(text, kind)
+    if code is None and kind == GEOJSON and _named_system(text):
+        raise ProblemError("crs: must name an EPSG code, or be left out")
+    if code is None or scene is None or same_system(scene, f"EPSG:{code}"):
+        return
+    raise ProblemError(
+        f"{'crs' if kind == GEOJSON else 'SRID'}: must be the reference system of the scene, "
+        f"{short_name(scene)}, not EPSG:{code}; ogr2ogr -t_srs writes the file in that"
+    )
 
 
 def _refuse_degrees(system: str) -> None:

@@ -88,9 +88,26 @@ count = 3                   # in random cells, chosen by the seed, within 15 m o
 near = 15
 camera = "dji-mavic-pro"
 tilts = [10, 40]            # below the horizon; several make a gimbal
-motion = { layers = [4, 6], clearance = 0.5 }
 airframe = "px4"            # whose limits hold; left out, as each of `limits`: none are checked
-limits = { speed = 8, climb = 5, descent = 4, acceleration = 6, yaw_rate = 90, gimbal_rate = 90 }
+
+[drones.motion]             # what the drones above can do in one step
+layers = [4, 6]             # m, flight heights
+radius = 1                  # cells along each axis: with cells of 1 m and steps of 0.5 s 2.8 m/s
+climb = 1                   # layers, up or down
+headings = 8                # in a full turn
+turn = 1                    # headings, either way
+pitch_turn = 1              # tilts, either way
+clearance = 0.5             # m that are free above and below
+corner_cutting = false      # true: a move may cut a wall's corner, only its ends must be free
+
+[drones.limits]             # which bound motion; in place of the airframe's
+speed = 8                   # m/s; climb and descent likewise
+climb = 5
+descent = 4
+acceleration = 6            # m/s2
+yaw_rate = 90               # degrees/s, as the gimbal's
+gimbal_rate = 90
+endurance = 1200            # s for which the battery lasts
 
 [[drones]]
 starts = [{ x = 30, y = 20, height = 4, heading = 90 }]    # heading 0: along x
@@ -219,9 +236,10 @@ def _meshes(recipe: _Recipe, folder: Path, terrain: Terrain) -> Iterator[Mesh]:
             mesh = given.mesh(folder)
             _require_on_map([mesh], terrain.height_map)
         yield mesh
+    system = terrain.crs or (recipe.earth.crs if recipe.earth else None)
     for k, plan in enumerate(recipe.walls):
         with naming(f"walls[{k}]"):
-            walls = plan.meshes(folder, lowest=float(terrain.ground.min()))
+            walls = plan.meshes(folder, float(terrain.ground.min()), system)
             _require_on_map(walls, terrain.height_map)
         yield from walls
 

@@ -9,10 +9,10 @@ import msgspec
 import numpy as np
 
 from cocap_opt.data import FloatArray, ProblemError
-from cocap_opt.scenarios.recipe.earth import same_system, short_name
 from cocap_opt.scenarios.recipe.raster import Raster
 from cocap_opt.scenarios.recipe.raster_files import read_raster
 from cocap_opt.scenarios.recipe.resample import MOST_CELLS, Grid
+from cocap_opt.scenarios.recipe.systems import same_system, short_name
 from cocap_opt.scenarios.recipe.tables import (
     Coordinate,
     Flight,

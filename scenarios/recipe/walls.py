@@ -37,13 +37,14 @@ class WallsTable(Table):
     at: Point = (0.0, 0.0)  # m, where the plan's origin comes to lie
     base: Coordinate | None = None  # m, altitude of the walls' foot; None: the lowest ground
 
-    def meshes(self, folder: Path, lowest: float) -> list[Mesh]:
+    def meshes(self, folder: Path, lowest: float, system: str | None = None) -> list[Mesh]:
         """Reads the ground plan and returns its walls.
 
         Parameters
         ----------
         folder : of the file that the table names
         lowest : altitude (m) of the lowest ground
+        system : reference system of the scene, if it is known
 
         Raises
         ------
@@ -54,7 +55,7 @@ class WallsTable(Table):
         base = lowest if self.base is None else self.base
         with naming(folder / self.file):
             text = read_text(folder / self.file)
-            plan = ground_plan(text, self.name, self.unit, self.polygons)
+            plan = ground_plan(text, self.name, self.unit, self.polygons, system)
             areas = list(plan.obstacles)
             if self.border > 0:
                 if not plan.walkable:

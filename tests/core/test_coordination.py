@@ -106,7 +106,7 @@ def test_either_robot_of_a_conflict_gives_way(
     for graph in graphs:
         tails = graph.places_around(4, 4, 1)
         tail = int(rng.choice(tails))
-        heads = graph.neighbours[:, tail]
+        heads = graph.neighbours(np.array([tail]))[:, 0]
         ends.append((tail, int(rng.choice(heads[heads >= 0]))))
     plan = Plan(
         paths=tuple(

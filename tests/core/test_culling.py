@@ -123,6 +123,34 @@ def test_the_edge_of_the_image(edge: int, off: float) -> None:
     assert any(exact_coverage(problem, 0, 1, State(2, 2))) == (off > 0)
 
 
+def test_slivers_are_hidden_like_the_faces_that_they_are_cut_from() -> None:
+    """From just above roofs, of a person as high as these: what one leaves over, others hide.
+
+    Only a face that lies in a roof's plane as a whole is not hidden by it.
+    """
+    heights = np.zeros((5, 6))
+    heights[0, 1:3], heights[2, 3:5], heights[3, 2], heights[4, 2] = 2.0, 2.0, 2.0, 2.0
+    heights[0, 2] += 1e-12
+    heights[2, 3] += 1e-12
+    heights[4, 2] -= 1e-12
+    camera = Camera(width=1600, height=900, focal=150.0, tilts=(0.04,))
+    motion = Motion(headings=8, layers=(2.0000001,))
+    box = Cuboid(length=1.0, width=1.0, height=2.0)
+    problem = Problem(
+        name="",
+        height_map=HeightMap(heights=heights, resolution=2.5),
+        robots=(Robot(start=State(3, 0), motion=motion, camera=camera),),
+        actors=(Actor(poses=np.tile([10.6318, 6.8874, 0.0, 0.0], (2, 1)), shape=box),),
+        horizon=1,
+    )
+    graph = graph_of(problem)
+    views = Views.of(FaceGeometry(problem), problem, graph, camera)
+    (seen,) = views.coverage(1, np.array([graph.index(State(3, 0))]))
+    expected = exact_coverage(problem, 0, 1, State(3, 0))
+    assert 0 < max(expected[:4]) < 1e-6 < expected[4]  # the top is seen from 1e-7 m above
+    np.testing.assert_allclose(seen, expected, atol=1e-6)
+
+
 # -- what is hidden, what is clear --------------------------------------------------------
 
 

@@ -3,6 +3,7 @@
 import math
 import re
 from collections import Counter
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -306,6 +307,30 @@ def _with_rules(problem: Problem, rules: CollisionRules) -> Problem:
     return _Ruled(problem, rules)  # type: ignore[return-value]
 
 
+def test_views_of_a_plan_are_judged_once_with_rules_and_without(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """It takes the referee's time, and rules change nothing but the conflicts."""
+    judged, views = [], _Referee._view_rewards
+    monkeypatch.setattr(
+        _Referee, "_view_rewards", lambda own, plan: judged.append(own) or views(own, plan)
+    )
+    problem = arena(*(path[0] for path in SWAPPING))
+    verdict, free = (check(one, Plan(paths=SWAPPING)) for one in (problem, problem.without_rules()))
+    assert len(judged) == 1
+    assert (len(verdict.conflicts), replace(verdict, conflicts=())) == (1, free)
+    assert verdict == _Referee(problem).verdict(Plan(paths=SWAPPING))
+
+
+def test_a_swap_of_drones_that_are_too_near_is_counted_at_its_ends() -> None:
+    """Between steps only those count that keep the separation at both of them."""
+    problem = _with_rules(arena(*(path[0] for path in SWAPPING)), CollisionRules(separation=2.0))
+    plan = Plan(paths=SWAPPING)
+    said = _Referee(problem).conflicts(plan)
+    assert [words.split(":")[0] for words in said] == ["step 0", "step 1", "step 2"]
+    assert [conflict.t for conflict in plan.conflicts(problem)] == [0, 1, 2]
+
+
 @examples(150)
 @given(crowds())
 def test_planners_and_referee_agree_on_conflicts(case: tuple[Problem, Plan]) -> None:
@@ -426,7 +451,7 @@ def sampled_conflicts(problem: Problem, plan: Plan, rules: CollisionRules) -> Co
                 found[f"step {t}: drones {i} and {k}"] += 1
             swap = np.allclose(one[t], other[last]) and np.allclose(one[last], other[t])
             between = rules.separation and low.any() and not (low[0] or low[-1])
-            if (swap and not np.allclose(begin, 0)) or between:
+            if (swap and not np.allclose(begin, 0) and not low[0]) or between:
                 found[f"step {t} to {last}: drones {i} and {k}"] += 1
     return found
 

@@ -248,7 +248,7 @@ def blocked_at_random(model: Model, seed: int) -> Charges:
     moves = {}
     for _ in range(int(rng.integers(0, 8))):
         tail = int(rng.choice(free))
-        head = int(rng.choice(graph.neighbours[:, tail]))
+        head = int(rng.choice(graph.neighbours(np.array([tail]))[:, 0]))
         if head != -1:
             moves[int(rng.integers(0, horizon)), tail, head] = math.inf
     return Charges(places, moves)

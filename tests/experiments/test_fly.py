@@ -73,7 +73,7 @@ def test_flights_that_cannot_be_made_are_refused(
     flight, clash = tmp_path / "flight.csv", tmp_path / "clash.json"
     Run(capsys, "plan", "tiny-queue", "--planner", "greedy", "-o", clash)
     for words, expected in (
-        ((scene, plan, "-o", tmp_path / "flight.kml"), "-o: name a file that ends in .csv"),
+        ((scene, plan, "-o", tmp_path / "flight.txt"), "-o: name a file that ends in .csv"),
         ((scene, plan), "-o: name a file that ends in .csv"),
         (("tiny-queue", clash, "-o", flight), "--step: must be given"),
         ((scene, plan, "-o", flight, "--step", 1), "--step: must be left out"),
@@ -99,6 +99,7 @@ def test_limits_hold_for_scenes_and_for_flights(
         ('airframe = "px4"', r"robots\[0\].motion.turn: .* a step of 0.75 s"),
         ('airframe = "kite"', "airframe: must be one of px4"),
         ("limits = { wings = 2 }", "wings"),
+        ("limits = { endurance = 1.9 }", "endurance: the flight takes 2 s, but the battery lasts"),
     ):
         scene.write_text(RECIPE.format(step="step = 0.5", limits=limits))
         run = Run(capsys, "plan", scene)

@@ -12,7 +12,7 @@ from result_rows import row
 from strategies import examples, problems
 from studies import study
 
-from cocap_opt.experiments.results.files import save_csv
+from cocap_opt.experiments.results.files import replace_between, save_csv
 from cocap_opt.experiments.results.judging import Judged
 from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.results.statistics import Mean
@@ -31,7 +31,6 @@ from cocap_opt.experiments.studies.paper.planner_table import (
     END,
     planner_table,
     planners_in_markdown,
-    write_into,
 )
 from cocap_opt.files.documents import FileError
 from cocap_opt.model import compiled
@@ -466,9 +465,9 @@ def test_the_table_of_planners_is_put_between_its_marks(tmp_path: Path) -> None:
     """What stands around it stays; a file without marks is refused and left as it is."""
     page = tmp_path / "page.md"
     page.write_text(f"before\n\n{BEGIN}\n\nold\n\n{END}\n\nafter\n")
-    write_into(page, "new\n")
+    replace_between(page, BEGIN, END, "new\n")
     assert page.read_text() == f"before\n\n{BEGIN}\n\nnew\n\n{END}\n\nafter\n"
     page.write_text("no marks")
     with pytest.raises(FileError, match="must hold the lines"):
-        write_into(page, "new\n")
+        replace_between(page, BEGIN, END, "new\n")
     assert page.read_text() == "no marks"

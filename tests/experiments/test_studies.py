@@ -9,6 +9,7 @@ import pytest
 from cyclopts import CycloptsError
 from studies import rows_of, study
 
+from cocap_opt.experiments.results.files import save_csv
 from cocap_opt.experiments.studies import app as app_module
 from cocap_opt.experiments.studies.app import app
 from cocap_opt.experiments.studies.gamma import _measured
@@ -16,6 +17,8 @@ from cocap_opt.experiments.studies.lazy import ALL, means
 from cocap_opt.experiments.studies.lazy import _measured as _measured_lazily
 from cocap_opt.experiments.studies.separation.points import Point
 from cocap_opt.experiments.studies.separation.separation import built
+from cocap_opt.experiments.studies.separation.tables import BEGIN, END, separation_in_markdown
+from cocap_opt.files.documents import FileError
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.planners import view_search
 
@@ -174,37 +177,40 @@ def test_lazy_planning_is_measured(tmp_path: Path, capsys: pytest.CaptureFixture
 SEPARATION = ROOT / "experiments" / "studies" / "stored" / "separation.csv"
 
 
-def stored_points() -> list[Point]:
-    """The stored measurements."""
-    words = {"scene", "cocap_limit", "proof_limit"}
-    return [
-        Point(**{key: value if key in words else float(value) for key, value in row.items()})
-        for row in rows_of(SEPARATION)
-    ]
-
-
-def test_the_readme_quotes_the_stored_prices() -> None:
-    """Each cell of its table of separations is that of the stored runs."""
+def test_the_readme_has_the_tables_of_the_stored_prices() -> None:
+    """Its tables of separations are those that the command makes of the stored runs."""
     text = (ROOT / "README.md").read_text(encoding="utf-8")
-    table = text.split("| price of |")[1].split("\n\n")[0].splitlines()
-    wide = [float(cell.strip().removesuffix(" m")) for cell in table[0].split("|")[:-1]]
-    points = stored_points()
-    listed = Point.listed(points)
-    assert {point.scene for point in points} == {row.split("|")[1].strip() for row in table[2:]}
-    for line in table[2:]:
-        scene, *cells = (cell.strip() for cell in line.split("|")[1:-1])
-        prices = {
-            point.separation: row["price %"]
-            for point, row in zip(points, listed, strict=True)
-            if point.scene == scene
-        }
-        assert cells == [f"{prices[apart]} %" for apart in wide]
+    table = text.split(BEGIN)[1].split(END)[0]
+    assert table.strip() == separation_in_markdown(Point.read(SEPARATION)).strip()
+
+
+def point(separation: float, value: float, bound: float, seconds: float, limit: str) -> Point:
+    """What was measured at a separation; cocap-lns takes a second and finds the best."""
+    return Point("made", 0, separation, value - 10, seconds, limit, value, 1.0, "none", value,
+                 bound, 3.0, "none")  # fmt: skip
+
+
+def test_tables_of_separation_say_what_is_above_the_goal(tmp_path: Path) -> None:
+    """Prices are certified ranges, times are multiples, and what a limit stopped has a star."""
+    rules = point(0, 100.0, 110.0, 1.0, "none")
+    points = [rules, point(1, 90.0, 95.0, 2.0, "none"), point(2, 50.0, 80.0, 5.0, "time")]
+    text = separation_in_markdown(points)
+    assert "| made | 5.00..18.18 % | 20.00..54.55 % |" in text
+    assert "| `cocap` | made | 1 s | 2.0 | **5.0**\\* | 27.99 % |" in text
+    assert "| `cocap-lns` | made | 1 s | 1.0 | 1.0 | 17.28 % |" in text
+    assert "`cocap` in 1 of 2 runs and `cocap-lns` in 2 of 2 runs." in text
+    path = tmp_path / "separation.csv"
+    save_csv(path, [one._asdict() for one in points])
+    assert Point.read(path) == points
+    path.write_text("scene,seed\nmade,x\n")
+    with pytest.raises(FileError, match=r"separation\.csv: must hold the columns scene,seed,"):
+        Point.read(path)
 
 
 def test_stored_prices_are_those_of_the_methods() -> None:
     """The corridor's optima, proved again, are the stored ones."""
-    for point in stored_points():
-        if point.scene == "corridor" and point.separation in (0, 2):
+    for point in Point.read(SEPARATION):
+        if (point.scene, point.seed) == ("corridor", 0) and point.separation in (0, 2):
             problem = built("corridor", 0, point.separation, 3.0)
             assert branch_and_price(problem).value == pytest.approx(point.best, rel=1e-9)
 

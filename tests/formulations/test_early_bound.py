@@ -42,11 +42,23 @@ def covered_in_part(problem: Problem, looks: int) -> Model:
 
 
 @examples(40)
-@given(problem=st.one_of(problems(over_time=True), meetings()), looks=st.integers(0, 6))
-def test_a_bound_holds_whatever_coverage_is_known(problem: Problem, looks: int) -> None:
-    """It is no less than the optimum, and its numbers prove it on the true coverage."""
+@given(
+    problem=st.one_of(problems(over_time=True), meetings()),
+    looks=st.integers(0, 6),
+    many=st.sampled_from([(math.inf, math.inf), (math.inf, math.inf), (0, math.inf), (0, 0)]),
+)
+def test_a_bound_holds_whatever_coverage_is_known(
+    problem: Problem, looks: int, many: tuple[float, float]
+) -> None:
+    """It is no less than the optimum, and its numbers prove it on the true coverage.
+
+    So are those of scenes that are large, where few value iterations are done, or none.
+    """
     covered_in_part(problem, looks)
-    result = early_bound(problem, Limit.TIME)
+    with pytest.MonkeyPatch.context() as patch:
+        for name, number in zip(("_MANY", "_TOO_MANY"), many, strict=True):
+            patch.setattr(f"cocap_opt.formulations.early_bound.{name}", number)
+        result = early_bound(problem, Limit.TIME)
     best = optimum(problem)
     assert result.bound >= best.value - SLACK * abs(best.value)
     certificate = result.certificate

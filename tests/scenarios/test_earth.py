@@ -141,6 +141,16 @@ def test_places_that_cannot_be_used_are_refused(
         recipe(tmp_path, **given)
 
 
+def test_a_point_far_from_the_map_is_none_of_its_own(tmp_path: Path) -> None:
+    """Coordinates of the system, with a latitude and longitude beside, would be added twice."""
+    path = tmp_path / "scene.toml"
+    where = '[earth]\ncrs = "EPSG:25830"\nlatitude = 43.26\nlongitude = -2.94'
+    flat = "size = [8, 6]\norigin = [505000, 4790000]"
+    path.write_text(RECIPE.format(map=flat, x=505002, y=4790002, more=where))
+    with pytest.raises(ProblemError, match=r"earth: latitude, longitude: .* 4817 km from the map"):
+        read(path)
+
+
 def test_maps_of_different_systems_are_refused(tmp_path: Path) -> None:
     """A map and its ground must be in one system."""
     write_tif(tmp_path / "ground.tif", "EPSG:25831", *PLACES["EPSG:25830"])

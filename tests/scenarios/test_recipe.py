@@ -10,7 +10,10 @@ import numpy as np
 import pytest
 import rasterio
 import trimesh
+from hypothesis import given
+from hypothesis import strategies as st
 from rasterio.transform import Affine
+from strategies import examples, standing
 
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.formulations import EXACT
@@ -19,6 +22,7 @@ from cocap_opt.plausibility import doubts, narrow_way
 from cocap_opt.problem import Actor, Airspace, Cuboid, Motion, Plan, Problem, State
 from cocap_opt.referee import check
 from cocap_opt.scenarios import SCENES, load_scene
+from cocap_opt.scenarios.recipe.drones import DronesTable
 from cocap_opt.scenarios.recipe.meshes import MeshTable
 from cocap_opt.scenarios.recipe.recipe import EXAMPLE, read
 from cocap_opt.scenarios.recipe.tables import Table
@@ -113,7 +117,7 @@ def test_the_example_in_the_manual_is_read(parts: Path) -> None:
     assert problem.step == 0.5
     limits = problem.robots[0].limits
     assert limits is not None
-    assert (limits.speed, limits.yaw_rate) == (8.0, math.radians(90))
+    assert (limits.speed, limits.yaw_rate, limits.endurance) == (8.0, math.radians(90), 1200.0)
     assert problem.robots[3].limits is None
     assert problem.earth is not None
     assert (problem.earth.heights, problem.earth.base) == ("sea", 20.0)
@@ -125,7 +129,9 @@ def test_the_example_has_every_field() -> None:
     assert len(tables) == 13
     for table in tables:
         for field in table.__struct_fields__:
-            assert f"{field} =" in EXAMPLE or f"[{field}]" in EXAMPLE, field
+            assert f"{field} =" in EXAMPLE or f"{field}]" in EXAMPLE, field
+    motion = EXAMPLE.split("[drones.motion]")[1]
+    assert all(f"\n{field} =" in motion for field in Motion.__struct_fields__)
 
 
 @pytest.mark.parametrize(
@@ -621,6 +627,31 @@ def test_systems_of_geojson_are_in_metres(tmp_path: Path, system: str) -> None:
         table.meshes(tmp_path, 0.0)
 
 
+@pytest.mark.parametrize(
+    ("own", "scene", "words"),
+    [
+        ("EPSG::25833", "EPSG:25832", "crs: must be .* of the scene, EPSG:25832, not EPSG:25833"),
+        ("elsewhere", None, "crs: must name an EPSG code, or be left out"),
+        ("EPSG::25832", "epsg:25832+5783", ""),
+        ("EPSG::25833", None, ""),
+    ],
+)
+def test_walls_are_in_the_system_of_the_scene(
+    tmp_path: Path, own: str, scene: str | None, words: str
+) -> None:
+    """Another one would put them at another place."""
+    ring = [[0, 0], [40, 0], [40, 40], [0, 0]]
+    crs = {"type": "name", "properties": {"name": own}}
+    plan = {"type": "Polygon", "crs": crs, "coordinates": [ring]}
+    (tmp_path / "walls.geojson").write_text(json.dumps(plan))
+    table = WallsTable(file="walls.geojson", height=2.0, polygons="obstacles")
+    if not words:
+        assert len(table.meshes(tmp_path, 0.0, scene)) == 1
+        return
+    with pytest.raises(ProblemError, match=words):
+        table.meshes(tmp_path, 0.0, scene)
+
+
 def test_what_is_no_number_in_wkt_is_said_once(
     tmp_path: Path, recwarn: pytest.WarningsRecorder
 ) -> None:
@@ -898,6 +929,33 @@ def test_a_mesh_survives_a_file(tmp_path: Path) -> None:
     np.testing.assert_array_equal(again.height_map.datum, problem.height_map.datum)
     moved = problem.meshes[0].replace(vertices=problem.meshes[0].vertices + 1e-9)
     assert problem_digest(problem.replace(meshes=(moved,))) != problem_digest(problem)
+
+
+@examples(8)
+@given(
+    near=st.floats(0.0, 12.0),
+    at=st.tuples(st.floats(-2, 27), st.floats(-2, 27)),
+    walls=st.lists(st.tuples(st.integers(0, 24), st.integers(0, 24)), max_size=60),
+)
+def test_drones_near_people_may_start_where_all_others_may(
+    near: float, at: tuple[float, float], walls: list[tuple[int, int]]
+) -> None:
+    """Those cells of all from which somebody can be met that are near, courtyards or not."""
+    heights = np.zeros((25, 25))
+    heights[7:13, 7:13], heights[8:12, 8:12] = 20.0, 0.0
+    heights[tuple(np.array(walls, dtype=int).reshape(-1, 2).T)] = 20.0
+    workspace = Workspace(HeightMap(heights=heights))
+    actors, horizon = (standing(*at, 0.0, 0.0, steps=3),), 3
+    some, every = DronesTable(count=1, near=near), DronesTable(count=1)
+    starts = [
+        {
+            (s.x, s.y)
+            for s in table._candidates(workspace, actors, horizon, np.random.default_rng(0))
+        }
+        for table in (some, every)
+    ]
+    middles = {(x, y): np.hypot(x + 0.5 - at[0], y + 0.5 - at[1]) for x, y in starts[1]}
+    assert starts[0] == {cell for cell, far in middles.items() if far <= near}
 
 
 def test_random_drones_start_where_they_can_meet_somebody(tmp_path: Path) -> None:

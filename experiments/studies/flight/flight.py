@@ -5,7 +5,12 @@ from pathlib import Path
 
 from cocap_opt.experiments.console.streams import say
 from cocap_opt.experiments.report.figures import picture
-from cocap_opt.experiments.results.files import make_folder, save_bytes, save_csv
+from cocap_opt.experiments.results.files import (
+    make_folder,
+    replace_between,
+    save_bytes,
+    save_csv,
+)
 from cocap_opt.experiments.results.printing import print_texts
 from cocap_opt.experiments.studies.flight.figure import flight_figure
 from cocap_opt.experiments.studies.flight.runs import Run, flown
@@ -17,7 +22,6 @@ from cocap_opt.experiments.studies.flight.tables import (
     listings,
     sentences,
 )
-from cocap_opt.experiments.studies.marked import write_between
 
 SCENES = ("bridge", "passage")
 STORED = Path(__file__).parents[1] / "stored" / "flight.csv"
@@ -61,7 +65,7 @@ def flight(
 def tell(runs: Sequence[Run], out: Path | None = None, into: Path | None = None) -> None:
     """Prints tables and sentences, draws the figure (flight.png), and writes into a document."""
     if into is not None:
-        write_between(into, BEGIN, END, in_markdown(runs))
+        replace_between(into, BEGIN, END, in_markdown(runs))
     for listing in listings(runs):
         listing.print()
     print_texts([], sentences(runs))

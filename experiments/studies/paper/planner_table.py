@@ -8,7 +8,6 @@ from statistics import fmean
 from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.results.statistics import NONE
 from cocap_opt.experiments.results.tables import Table
-from cocap_opt.experiments.studies.marked import write_between
 from cocap_opt.experiments.studies.paper.measured import STORED, read_rows
 from cocap_opt.files.documents import FileError
 from cocap_opt.planners import LAZY, PLANNERS, RECOMMENDED
@@ -114,8 +113,3 @@ def planners_in_markdown(path: Path | None = None) -> str:
         "of `sequential` on the same scenes (geometric mean); coverage is apart, but for planners "
         "that take single views.\n"
     )
-
-
-def write_into(document: Path, text: str) -> None:
-    """Replaces the table in a document, which stands between two marks."""
-    write_between(document, BEGIN, END, text)

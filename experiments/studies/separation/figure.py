@@ -16,32 +16,37 @@ _COLOURS = ("#30638e", "#d1495b", "#edae49", "#00798c", "#7b5ea7", "#5a5a5a", "#
 
 def separation_figure(points: Sequence[Point]) -> Figure:
     """Draws the price of separation, and processor seconds relative to the papers' rules."""
-    figure = Figure(figsize=(12, 4.6), layout="constrained", dpi=130)
-    price, plan, proof = figure.subplots(1, 3)
+    figure = Figure(figsize=(14, 4.6), layout="constrained", dpi=130)
+    price, plan, lns, proof = figure.subplots(1, 4)
     scenes = list(dict.fromkeys(point.scene for point in points))
     for scene, colour in zip(scenes, cycle(_COLOURS), strict=False):
         some = [point for point in points if point.scene == scene]
         _draw_price(price, some, scene, colour)
         _draw_times(plan, some, colour, lambda point: point.cocap_seconds)
+        _draw_times(lns, some, colour, lambda point: point.lns_seconds)
         _draw_times(proof, some, colour, lambda point: point.proof_seconds)
     price.set_title("price of separation, certified", fontsize=10)
     price.set_ylabel("% of the optimal J under the papers' rules")
-    for ax, title in ((plan, "time of CoCap"), (proof, "time of the proof, or of its limit")):
+    titles = {
+        plan: "time of CoCap", lns: "time of cocap-lns", proof: "time of the proof, or of its limit"
+    }  # fmt: skip
+    for ax, title in titles.items():
         ax.set_title(title, fontsize=10)
-        ax.set_ylabel("times that under the papers' rules")
         ax.set_yscale("log")
         ax.yaxis.set_major_formatter("{x:g}")
         ax.yaxis.set_minor_formatter(NullFormatter())
         ax.axhline(2, color="grey", lw=0.8, ls=":")
         ax.annotate("goal: 2", (0.99, 2), xycoords=("axes fraction", "data"), fontsize=8,
                     color="grey", va="bottom", ha="right")  # fmt: skip
-    for ax in (price, plan, proof):
+    plan.set_ylabel("times that under the papers' rules")
+    for ax in (price, plan, lns, proof):
         ax.set_xlabel("separation (m)")
         ax.set_xticks(sorted({point.separation for point in points if point.separation}))
         ax.grid(True, lw=0.4, alpha=0.5)
         draw_frame(ax)
-    plan.set_ylim(bottom=0.5)
-    proof.set_ylim(0.1, 20)
+    most = max(20, plan.get_ylim()[1])
+    for ax in (plan, lns, proof):
+        ax.set_ylim(0.2, most)
     figure.legend(*price.get_legend_handles_labels(), loc="outside lower center", fontsize=9,
                   ncols=len(scenes), frameon=False)  # fmt: skip
     return figure

@@ -1,10 +1,15 @@
 """The measurements of the price of separation: a row per scene, seed and separation."""
 
+import csv
+import io
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from pathlib import Path
+from typing import NamedTuple, Self, get_type_hints
 
+from cocap_opt.experiments.results.files import read_text
 from cocap_opt.experiments.results.printing import Record
+from cocap_opt.files.documents import FileError
 from cocap_opt.result import relative_gap
 from cocap_opt.stop import Limit
 
@@ -18,10 +23,26 @@ class Point(NamedTuple):
     cocap: float  # J
     cocap_seconds: float  # of processor
     cocap_limit: str
+    lns: float  # J of the recommended planner, cocap-lns
+    lns_seconds: float
+    lns_limit: str
     best: float  # J of the best plan
     bound: float  # certified
     proof_seconds: float  # of processor
     proof_limit: str
+
+    @classmethod
+    def read(cls, path: Path) -> list[Self]:
+        """Returns the measurements that are stored in a file."""
+        kinds = get_type_hints(cls)
+        try:
+            return [
+                cls(**{name: kinds[name](value) for name, value in row.items()})
+                for row in csv.DictReader(io.StringIO(read_text(path)))
+            ]
+        except (KeyError, TypeError, ValueError) as error:
+            fields = ",".join(cls._fields)
+            raise FileError(f"{path}: must hold the columns {fields} and numbers") from error
 
     @property
     def proved(self) -> bool:
@@ -56,16 +77,19 @@ class Point(NamedTuple):
                     "separation": f"{one.separation:g} m" if one.separation else "papers' rules",
                     "best J": f"{one.best:,.2f}",
                     "gap %": f"{100 * relative_gap(one.best, one.bound):.3f}",
-                    "price %": _between(*one.price(base)) if one.separation else "",
+                    "price %": between(*one.price(base)) if one.separation else "",
                     "CoCap's gap %": f"{100 * relative_gap(one.cocap, one.bound):.3f}",
                     "CoCap s": _seconds(one.cocap_seconds, one.cocap_limit),
+                    "cocap-lns' gap %": f"{100 * relative_gap(one.lns, one.bound):.3f}",
+                    "cocap-lns s": _seconds(one.lns_seconds, one.lns_limit),
                     "proof s": _seconds(one.proof_seconds, one.proof_limit),
                 }
             )  # fmt: skip
         return rows
 
 
-def _between(least: float, most: float) -> str:
+def between(least: float, most: float) -> str:
+    """Returns a range of percentages in words, or one where its ends are the same."""
     return f"{most:.2f}" if most - least < 0.005 else f"{least:.2f}..{most:.2f}"
 
 

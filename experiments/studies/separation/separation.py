@@ -8,16 +8,27 @@ import numpy as np
 
 from cocap_opt.experiments.console.streams import say
 from cocap_opt.experiments.report.figures import picture
-from cocap_opt.experiments.results.files import make_folder, save_bytes, save_csv
-from cocap_opt.experiments.results.printing import Listing
+from cocap_opt.experiments.results.files import (
+    make_folder,
+    replace_between,
+    save_bytes,
+    save_csv,
+)
+from cocap_opt.experiments.results.printing import Listing, print_texts
 from cocap_opt.experiments.studies.runs import Run
 from cocap_opt.experiments.studies.separation.points import Point
+from cocap_opt.experiments.studies.separation.tables import BEGIN, END, separation_in_markdown
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.formulations.result import CertifiedResult, Report, silent
+from cocap_opt.planners import PLANNERS, RECOMMENDED
 from cocap_opt.planners.cocap import cocap
 from cocap_opt.problem import CollisionRules, Plan, Problem, Robot
+from cocap_opt.result import Result
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import Stop, never
+
+TABLE = "separation.csv"
+STORED = Path(__file__).parents[1] / "stored"
 
 
 def separation(
@@ -45,12 +56,11 @@ def separation(
     try:
         for scene in scenes:
             for seed in seeds:
-                for apart in sorted({0.0, *separations}):
-                    point = _measured(scene, seed, apart, max(separations), limit)
-                    points += [] if point is None else [point]
-                    whole = whole and point is not None
-                    if out is not None and points:
-                        save_csv(out / "separation.csv", [one._asdict() for one in points])
+                own = _measured(scene, seed, sorted({0.0, *separations}), limit)
+                points += own
+                whole = whole and len(own) == len({0.0, *separations})
+                if out is not None and points:
+                    save_csv(out / TABLE, [one._asdict() for one in points])
     finally:
         Listing(
             f"price of a separation (* stopped at {limit:g} s; price in % of the J under the "
@@ -58,25 +68,71 @@ def separation(
             Point.listed(points),
         ).print()
     if out is not None and points:
-        from cocap_opt.experiments.studies.separation.figure import separation_figure
-
-        save_bytes(out / "separation.png", picture(separation_figure(points), ".png"))
+        _draw(points, out)
     return whole
 
 
-def _measured(scene: str, seed: int, apart: float, widest: float, limit: float) -> Point | None:
-    """Plans with CoCap and proves; returns None if that failed."""
-    build = partial(built, scene, seed, apart, widest)
-    try:
-        plan = Run.of(build, _cocap, limit).told(f"{scene}, {apart:g} m, cocap", seed)
-        proof = Run.of(build, branch_and_price, limit).told(f"{scene}, {apart:g} m, proof", seed)
-    except Run.Error as error:
-        say(f"{scene} seed {seed}, {apart:g} m: {error}")
-        return None
+def tell_stored(into: Path | None = None, out: Path | None = None) -> None:
+    """Prints the tables of the stored results, or puts them into a document; draws the figure.
+
+    Parameters
+    ----------
+    into : document in Markdown that has the marks between which the tables stand
+    out : folder for the figure
+    """
+    points = Point.read(STORED / TABLE)
+    text = separation_in_markdown(points)
+    if into is None:
+        print_texts([text], [])
+    else:
+        replace_between(into, BEGIN, END, text)
+    if out is not None:
+        make_folder(out)
+        _draw(points, out)
+
+
+def _draw(points: Sequence[Point], out: Path) -> None:
+    from cocap_opt.experiments.studies.separation.figure import separation_figure
+
+    save_bytes(out / "separation.png", picture(separation_figure(points), ".png"))
+
+
+def _measured(scene: str, seed: int, separations: Sequence[float], limit: float) -> "list[Point]":
+    """Plans and proves at each separation; those that fail are told, and left out.
+
+    Where it fails under the papers' rules, there is nothing to compare with: all are left out.
+    """
+    builds = [partial(built, scene, seed, apart, max(separations)) for apart in separations]
+    runs = {
+        name: list(Run.each(builds, method, limit))
+        for name, method in (
+            ("cocap", _cocap),
+            (RECOMMENDED, _cocap_lns),
+            ("proof", branch_and_price),
+        )
+    }
+    points = []
+    for k, apart in enumerate(separations):
+        outcomes = {name: own[k] for name, own in runs.items()}
+        for name, outcome in outcomes.items():
+            if isinstance(outcome, Run.Error):
+                say(f"{scene} seed {seed}, {apart:g} m, {name}: {outcome}")
+            else:
+                outcome.told(f"{scene}, {apart:g} m, {name}", seed)
+        done = {name: one for name, one in outcomes.items() if isinstance(one, Run)}
+        if len(done) == len(outcomes):
+            points.append(_point(builds[0]().name, seed, apart, done))
+    return points if points and not points[0].separation else []
+
+
+def _point(scene: str, seed: int, apart: float, done: dict[str, Run]) -> Point:
+    """Returns the measurements at one separation."""
+    plan, lns, proof = done["cocap"], done[RECOMMENDED], done["proof"]
     return Point(
-        scene=build().name, seed=seed, separation=apart,
+        scene=scene, seed=seed, separation=apart,
         cocap=plan.value, cocap_seconds=plan.processor, cocap_limit=str(plan.limit),
-        best=max(plan.value, proof.value), bound=proof.bound,
+        lns=lns.value, lns_seconds=lns.processor, lns_limit=str(lns.limit),
+        best=max(plan.value, lns.value, proof.value), bound=proof.bound,
         proof_seconds=proof.processor, proof_limit=str(proof.limit),
     )  # fmt: skip
 
@@ -85,7 +141,17 @@ def _cocap(
     problem: Problem, stop: Stop = never, start: Plan | None = None, report: Report = silent
 ) -> CertifiedResult:
     """CoCap in the form of a method of bounds, of which it has none."""
-    result = cocap(problem, stop)
+    return _without_bound(cocap(problem, stop))
+
+
+def _cocap_lns(
+    problem: Problem, stop: Stop = never, start: Plan | None = None, report: Report = silent
+) -> CertifiedResult:
+    """The recommended planner in the same form."""
+    return _without_bound(PLANNERS[RECOMMENDED](problem, stop))
+
+
+def _without_bound(result: Result) -> CertifiedResult:
     return CertifiedResult(
         result.plan, result.value, result.reason, result.limit, seconds=result.seconds
     )

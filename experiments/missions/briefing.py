@@ -1,0 +1,237 @@
+"""The text of a flight sheet: what a crew must know of flights before it starts them."""
+
+import math
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from cocap_opt.data import FloatArray, IntArray, ProblemError
+from cocap_opt.experiments.results.flights import Flight, cells_below
+from cocap_opt.flight.bernstein import elevated, largest, squared_length
+from cocap_opt.flight.trajectory import DEGREE, between_drones
+from cocap_opt.problem import Problem
+
+ROWS = 12  # of a drone's table, at most, where nobody asked for others
+_MOST_ROWS = 10_000
+_BLANK = "__________"
+_UNCHECKED = (
+    "wind, and how well drones keep to the flight: distances hold for flights flown exactly",
+    "take-off and landing legs, against anything",
+    "batteries, radio links and satellite reception",
+    "what stands or hangs there and is not on the map; people who are not in the scene, and how "
+    "well those in it keep to their walks",
+    "airspace and its rules, and permission of the owners of the ground",
+)
+
+
+class Section(NamedTuple):
+    """A part of the text."""
+
+    title: str
+    lines: list[str]
+
+
+class _Nearest(NamedTuple):
+    """The moment at which two are nearest to each other."""
+
+    distance: float  # m
+    t: float  # s since step 0
+    one: int
+    other: int
+    place: FloatArray  # [3] m, of the first
+
+
+def briefing(flight: Flight, every: float | None) -> list[Section]:
+    """Returns the text of a flight's sheet, without what its map shows.
+
+    Parameters
+    ----------
+    every : s between rows of the tables of places
+    """
+    return [
+        Section("Flight", list(_summary(flight))),
+        Section("Distances and limits", [*_distances(flight), "", *_limits(flight)]),
+        Section("Take-off and landing (a suggestion)", list(_legs(flight))),
+        Section("Times and places", [_angles(flight)]),
+        *_places(flight, every),
+        Section("Not checked", [f"- {words}" for words in (*_UNCHECKED, *flight.doubts())]),
+    ]
+
+
+def _summary(flight: Flight) -> Iterator[str]:
+    problem, flown = flight.flown.problem, flight.flown
+    drones, people = len(problem.robots), len(problem.actors)
+    start = f"{flight.start:%Y-%m-%d %H:%M:%S} UTC" if flight.start else _BLANK
+    yield (
+        f"{drones} {'drones' if drones > 1 else 'drone'}, {people} "
+        f"{'person' if people == 1 else 'people'}; {flown.seconds:g} s, in {problem.horizon} steps "
+        f"of {flown.step:g} s; {'smooth' if flight.is_smooth else 'straight from step to step'}"
+    )
+    yield f"Step 0, t = 0, is at {start}. All drones start their flights together."
+    yield (
+        f"Battery: {_battery(problem)}; the flight takes {flown.seconds / 60:.1f} min, and the "
+        "legs below"
+    )
+    if flight.geodesy is None:
+        yield "Places: x and y of the map (m); where it is on the Earth is not known, or left out."
+    else:
+        off = flight.geodesy.accuracy
+        known = "nobody says how far off" if off is None else f"off by {off:g} m at most"
+        name = flight.geodesy.name
+        yield f"Places: x and y in {name}; latitudes and longitudes in WGS 84, {known}."
+    yield f"z is {_altitude(flight)}."
+
+
+def _battery(problem: Problem) -> str:
+    """Says how long batteries last: the shortest time, where all of them are known."""
+    known = [robot.limits.endurance if robot.limits else None for robot in problem.robots]
+    lasting = [seconds for seconds in known if seconds is not None]
+    if len(lasting) < len(known):
+        return f"lasts {_BLANK} min (nobody says it)"
+    return f"lasts {min(lasting) / 60:.1f} min (by the maker, in calm air; less in wind and cold)"
+
+
+def _altitude(flight: Flight) -> str:
+    earth = flight.flown.problem.earth
+    if earth is None or earth.heights is None:
+        return "the map's height (m); nobody says what it is above"
+    above = "the sea" if earth.heights == "sea" else "the ellipsoid"
+    if not earth.base:
+        return f"the height above {above} (m)"
+    return f"the map's height (m); z + {earth.base:g} m is the height above {above}"
+
+
+def _distances(flight: Flight) -> Iterator[str]:
+    """Yields how near drones come to each other and to people, and the rules for it."""
+    problem = flight.flown.problem
+    near = _nearest_drones(flight)
+    rules = str(problem.rules)
+    if near is None:
+        yield "Between drones: there is one only."
+    else:
+        x, y, z = near.place.tolist()
+        yield (
+            f"Between drones: {near.distance:.2f} m at least, of {near.one} and {near.other} at "
+            f"{near.t:.2f} s near x {x:.1f}, y {y:.1f}, z {z:.1f} (rules: {rules})."
+        )
+    close = _nearest_people(flight)
+    if close is not None:
+        x, y, z = close.place.tolist()
+        yield (
+            f"To people, seen from above: {close.distance:.2f} m at least, of drone {close.one} "
+            f"and person {close.other} at {close.t:.2f} s near x {x:.1f}, y {y:.1f}, z {z:.1f}."
+        )
+    yield f"Airspace: {str(problem.airspace) or 'no zones, no ceiling, no distance to people'}."
+
+
+def _nearest_drones(flight: Flight) -> _Nearest | None:
+    flown = flight.flown
+    ways = between_drones(flown.pieces)
+    if not len(ways):
+        return None
+    one, other = (side.astype(np.int64) for side in np.triu_indices(len(flown.pieces), 1))
+    return _nearest(flight, ways, one, other)
+
+
+def _nearest_people(flight: Flight) -> _Nearest | None:
+    """Returns when a drone is nearest to the middle of a person, seen from above."""
+    problem, pieces = flight.flown.problem, flight.flown.pieces
+    if not problem.actors:
+        return None
+    feet = np.array([actor.poses[: pieces.shape[1] + 1, :2] for actor in problem.actors])
+    feet = feet - problem.height_map.origin
+    walks = elevated(np.stack([feet[:, :-1], feet[:, 1:]], axis=-1), DEGREE)
+    ways = (pieces[:, None, :, :2] - walks[None]).reshape(-1, 2, DEGREE + 1)
+    one, other = np.divmod(np.arange(len(pieces) * len(walks)), len(walks))
+    return _nearest(flight, ways, one, other)
+
+
+def _nearest(flight: Flight, ways: FloatArray, one: IntArray, other: IntArray) -> _Nearest:
+    """Returns the least length of ways [pairs T, d, 6], and when and where that is."""
+    peak = largest(-squared_length(ways))
+    pair, step = divmod(peak.which, flight.flown.pieces.shape[1])
+    t = (step + peak.share) * flight.flown.step
+    place = flight.flown.at(np.array([t])).place[int(one[pair])]
+    distance = math.sqrt(max(-peak.value, 0.0))
+    return _Nearest(distance, t, int(one[pair]), int(other[pair]), place)
+
+
+def _limits(flight: Flight) -> Iterator[str]:
+    """Yields the tightest moment of each drone."""
+    yield f"drone  {'tightest':<14}{'at (s)':>8}{'value':>10}{'':9}{'limit':<14}of the limit"
+    for row in flight.rows():
+        limit = "not known" if row["limit"] is None else f"{row['limit']:.2f} {row['unit']}"
+        yield (
+            f"{row['drone']:>5}  {row['tightest']:<14}{row['at (s)']:>8.2f}{row['value']:>10.2f} "
+            f"{row['unit']:<8}{limit:<14}{row['of the limit'] or '-'}"
+        )
+
+
+def _legs(flight: Flight) -> Iterator[str]:
+    """Yields the legs straight up to the first places and straight down from the last."""
+    problem, flown = flight.flown.problem, flight.flown
+    yield (
+        "Straight up from the surface below the first place, and straight down at the last; one "
+        "drone after the other. The flight begins when all are at their first places."
+    )
+    yield ""
+    head = "drone              x (m)        y (m)   surface z    place z     leg (m)"
+    yield head + _head_of_degrees(flight)
+    ends = flown.at(np.array([0.0, flown.seconds]))
+    for k in range(len(ends.t)):
+        words = "take-off" if k % 2 == 0 else "landing"
+        x, y, z = ends.place[k].tolist()
+        i, j = (int(cell[0]) for cell in cells_below(problem.height_map, ends.place[k : k + 1]))
+        tops = [high for _, high in problem.workspace.columns.at(i, j) if high <= z]
+        surface = max(tops, default=math.nan)
+        yield (
+            f"{ends.drone[k]:>5} {words:<8}{x:>10.1f} {y:>12.1f} {surface:>11.2f} {z:>10.2f} "
+            f"{z - surface:>11.2f}{_degrees(flight, x, y)}"
+        )
+
+
+def _angles(flight: Flight) -> str:
+    yaw = "yaw is 0 along x, counter-clockwise"
+    if flight.geodesy is not None:
+        yaw = "compass is clockwise from true north"
+    return f"Degrees: {yaw}; pitch is the camera's, 0 is level, below is negative."
+
+
+def _head_of_degrees(flight: Flight) -> str:
+    return "" if flight.geodesy is None else "     latitude    longitude"
+
+
+def _degrees(flight: Flight, x: float, y: float) -> str:
+    if flight.geodesy is None:
+        return ""
+    latitude, longitude = flight.geodesy.degrees(np.array([x]), np.array([y]))
+    return f" {latitude[0]:>12.7f} {longitude[0]:>12.7f}"
+
+
+def _places(flight: Flight, every: float | None) -> Iterator[Section]:
+    """Yields a table of times and places for each drone."""
+    steps = flight.flown.problem.horizon
+    usual = math.ceil(steps / (ROWS - 1)) * flight.flown.step
+    rows = 0.0 if every is None else flight.flown.seconds / every * len(flight.flown.pieces)
+    if rows > _MOST_ROWS:
+        raise ProblemError(f"every: must make at most {_MOST_ROWS} rows on paper, not {rows:.3g}")
+    columns = flight.columns(usual if every is None else every)
+    over = "above_ground" if "above_ground" in columns else "above_takeoff"
+    yaw = columns["yaw"] % 360
+    if flight.geodesy is not None:
+        yaw = flight.geodesy.compass(columns["x"], columns["y"], np.radians(yaw))
+    head = (
+        f"{'t (s)':>8}{'x (m)':>12}{'y (m)':>13}{'z (m)':>9}{over.replace('_', ' '):>15}"
+        f"{'yaw' if flight.geodesy is None else 'compass':>9}{'pitch':>7}{_head_of_degrees(flight)}"
+    )
+    for drone in range(len(flight.flown.pieces)):
+        lines = [head]
+        for k in np.flatnonzero(columns["drone"] == drone).tolist():
+            x, y = float(columns["x"][k]), float(columns["y"][k])
+            lines.append(
+                f"{columns['t'][k]:>8.2f}{x:>12.2f}{y:>13.2f}{columns['z'][k]:>9.2f}"
+                f"{columns[over][k]:>15.2f}{yaw[k] % 360:>9.1f}{columns['pitch'][k]:>7.1f}"
+                f"{_degrees(flight, x, y)}"
+            )
+        yield Section(f"Drone {drone}", lines)

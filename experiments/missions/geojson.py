@@ -1,0 +1,141 @@
+"""Flights as GeoJSON (.geojson), by RFC 7946, for maps and geographic information systems.
+
+Its positions have a third coordinate only where the scene's heights are above the ellipsoid of
+WGS 84, which is what that coordinate is (section 4); all heights are properties. Times of the
+points of a line stand in `coordTimes`, where togeojson writes them and Leaflet.TimeDimension and
+folium look for them. Colours follow the simplestyle specification.
+"""
+
+from collections.abc import Iterator
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from cocap_opt.data import FloatArray
+from cocap_opt.drawing import PERSON
+from cocap_opt.experiments.missions.earth_tracks import (
+    Clock,
+    Track,
+    caveats,
+    colour_of,
+    drone_tracks,
+    footprints_on_earth,
+    geodesy_of,
+    walks,
+)
+from cocap_opt.experiments.missions.mission import Mission
+from cocap_opt.experiments.results.flights import Flight
+
+_DEGREES = 8  # decimals, a millimetre
+_METRES = 3
+_ANGLE = 3
+_THIRD = "above_ellipsoid"
+
+_Feature = dict[str, Any]
+
+
+def geojson(flight: Flight, every: float | None) -> Mission:
+    """Returns tracks, a point a step, footprints and people's walks as a FeatureCollection."""
+    writer = _Writer(flight)
+    features = b",\n".join(map(msgspec.json.encode, writer.features(every)))
+    name = msgspec.json.encode(flight.flown.problem.name)
+    notes = (*writer.notes(), *caveats(flight))
+    head = b'{"type":"FeatureCollection","name":%b,"description":%b,"features":[\n'
+    text = head % (name, msgspec.json.encode("; ".join(notes)))
+    return Mission({"": text + features + b"\n]}\n"}, notes)
+
+
+class _Writer:
+    """Makes features of a flight."""
+
+    def __init__(self, flight: Flight) -> None:
+        self._flight = flight
+        earth = flight.flown.problem.earth
+        geodesy = geodesy_of(flight)
+        on_ellipsoid = earth is not None and earth.heights == "ellipsoid"
+        self._has_third = on_ellipsoid and geodesy.is_on_wgs_84
+        self._clock = Clock.of(flight)
+
+    def notes(self) -> Iterator[str]:
+        if self._has_third:
+            yield "third coordinates are metres above the ellipsoid of WGS 84"
+        else:
+            yield (
+                "positions have no third coordinate, for RFC 7946 wants metres above the ellipsoid "
+                "of WGS 84 there; heights are properties, by what they are above"
+            )
+        yield "yaw of the file is clockwise from true north"
+
+    def features(self, every: float | None) -> Iterator[_Feature]:
+        flight = self._flight
+        for i, track in enumerate(drone_tracks(flight, every)):
+            yield self._line(track, {"kind": "track", "drone": i, "stroke": colour_of(i)})
+        for i, track in enumerate(drone_tracks(flight, flight.flown.step)):
+            yield from self._points(track, i)
+        yield from self._footprints()
+        for j, walk in enumerate(walks(flight)):
+            yield self._line(walk, {"kind": "walk", "person": j, "stroke": PERSON})
+
+    def _positions(self, track: Track) -> list[list[float]]:
+        columns = [track.longitude.round(_DEGREES), track.latitude.round(_DEGREES)]
+        if self._has_third:
+            columns.append(track.heights[_THIRD].round(_METRES))
+        positions: list[list[float]] = np.column_stack(columns).tolist()
+        return positions
+
+    def _line(self, track: Track, properties: dict[str, Any]) -> _Feature:
+        """Returns a line, or two on both sides of the antimeridian, with a time for each point."""
+        parts = track.parts()
+        values = [
+            {"coordTimes": [self._clock.text(t) for t in part.t.tolist()],
+             "t": part.t.round(_METRES).tolist(), **_rounded(part.heights, _METRES)}
+            for part in parts
+        ]  # fmt: skip
+        lines = [self._positions(part) for part in parts]
+        if len(parts) == 1:
+            return _feature("LineString", lines[0], {**properties, **values[0]})
+        nested = {name: [one[name] for one in values] for name in values[0]}
+        return _feature("MultiLineString", lines, {**properties, **nested})
+
+    def _points(self, track: Track, drone: int) -> Iterator[_Feature]:
+        values = {**_rounded(track.angles, _ANGLE), **_rounded(track.heights, _METRES)}
+        for step, position in enumerate(self._positions(track)):
+            t = float(track.t[step])
+            properties = {
+                "kind": "step", "drone": drone, "step": step, "t": round(t, _METRES),
+                "time": self._clock.text(t), "marker-color": colour_of(drone),
+            }  # fmt: skip
+            at = {name: column[step] for name, column in values.items()}
+            yield _feature("Point", position, {**properties, **at})
+
+    def _footprints(self) -> Iterator[_Feature]:
+        for found in footprints_on_earth(self._flight):
+            t = found.step * self._flight.flown.step
+            properties = {
+                "kind": "footprint", "drone": found.drone, "step": found.step,
+                "t": round(t, _METRES), "time": self._clock.text(t),
+                "reach": round(found.reach, _METRES), "cut": found.cut,
+                "stroke": colour_of(found.drone), "fill": colour_of(found.drone),
+                "fill-opacity": 0.08,
+            }  # fmt: skip
+            rings = [[_closed(ring)] for ring in found.rings]
+            if len(rings) == 1:
+                yield _feature("Polygon", rings[0], properties)
+            else:
+                yield _feature("MultiPolygon", rings, properties)
+
+
+def _feature(kind: str, coordinates: object, properties: dict[str, Any]) -> _Feature:
+    geometry = {"type": kind, "coordinates": coordinates}
+    return {"type": "Feature", "geometry": geometry, "properties": properties}
+
+
+def _rounded(columns: dict[str, FloatArray], digits: int) -> dict[str, list[float]]:
+    """Returns columns with so many decimals, without -0."""
+    return {name: (values.round(digits) + 0.0).tolist() for name, values in columns.items()}
+
+
+def _closed(ring: FloatArray) -> list[list[float]]:
+    rounded: list[list[float]] = np.concatenate([ring, ring[:1]]).round(_DEGREES).tolist()
+    return rounded

@@ -1,0 +1,24 @@
+"""Reference systems: their names, and whether two texts mean the same one."""
+
+_SHOWN = 60  # letters of a system in a message
+
+
+def short_name(crs: str) -> str:
+    """Returns a code as it is, and of WKT the name in it."""
+    return crs.split('"')[1] if crs.count('"') > 1 else crs[:_SHOWN]
+
+
+def same_system(one: str, other: str) -> bool:
+    """Returns True if two texts mean the same reference system."""
+    one, other = (text.strip().partition("+")[0] for text in (one, other))  # heights left out
+    if one.upper() == other.upper():
+        return True
+    try:
+        from rasterio.crs import CRS
+        from rasterio.errors import CRSError
+    except ImportError:
+        return False
+    try:
+        return bool(CRS.from_user_input(one) == CRS.from_user_input(other))
+    except CRSError:
+        return False

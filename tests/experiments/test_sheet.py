@@ -1,0 +1,156 @@
+import re
+from dataclasses import replace
+from datetime import UTC, datetime
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+import pyproj
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from matplotlib.figure import Figure
+from strategies import examples
+from test_cli import Run
+from test_gltf import scene
+
+import cocap_opt as co
+from cocap_opt.data import ProblemError
+from cocap_opt.experiments.missions import WRITERS
+from cocap_opt.experiments.missions.briefing import briefing
+from cocap_opt.experiments.results.flights import Flight
+from cocap_opt.problem import Limits
+
+# The package's name `sheet` is the writer.
+sheet_module = import_module("cocap_opt.experiments.missions.sheet")
+
+
+def text_of(flight: Flight, every: float | None = None) -> dict[str, list[str]]:
+    """The lines of a sheet by their titles."""
+    return {section.title: section.lines for section in briefing(flight, every)}
+
+
+def numbers(line: str) -> list[float]:
+    """The numbers in a line."""
+    return [float(word) for word in re.findall(r"-?\d+\.?\d*", line)]
+
+
+def test_a_battery_is_what_the_scene_knows() -> None:
+    """The shortest time, where it is known of all drones; else a blank to be filled in."""
+    problem, plan = scene()
+    for minutes, words in (((20, 25), "lasts 20.0 min (by the maker"), ((20, None), "nobody says")):
+        robots = tuple(
+            robot.replace(limits=Limits(endurance=None if last is None else 60.0 * last))
+            for robot, last in zip(problem.robots, minutes, strict=True)
+        )
+        flight = Flight.of(problem.replace(robots=robots), plan, False)
+        assert any(words in line for line in text_of(flight)["Flight"])
+
+
+@pytest.mark.parametrize("smooth", [False, True])
+def test_least_distances_are_those_of_dense_samples(smooth: bool) -> None:
+    """Between drones, and from drones to people seen from above, with when and where."""
+    flight = Flight.of(*scene(), smooth)
+    drones, people, airspace, *_ = text_of(flight)["Distances and limits"]
+    t = np.linspace(0, 1.5, 3001)
+    found = flight.flown.at(t)
+    one, other = (found.place[found.drone == i] for i in range(2))
+    apart = np.linalg.norm(other - one, axis=1)
+    least, first, second, when, *place = numbers(drones)
+    assert (first, second) == (0, 1)
+    assert least == pytest.approx(apart.min(), abs=0.006)
+    assert np.interp(when, t, apart) == pytest.approx(least, abs=0.02)
+    at = flight.flown.at(np.array([when])).place[0]
+    assert place == pytest.approx(at.tolist(), abs=0.06)
+    walk = flight.flown.problem.actors[0].poses[:, :2]
+    feet = np.column_stack([np.interp(t / 0.5, range(4), column) for column in walk.T])
+    aside = np.linalg.norm([drone[:, :2] - feet for drone in (one, other)], axis=2)
+    least, drone, person, when, *_ = numbers(people)
+    assert (drone, person) == (np.argmin(aside.min(axis=1)), 0)
+    assert least == pytest.approx(aside.min(), abs=0.006)
+    assert "1 no-fly zone" in airspace
+
+
+def test_tables_have_the_places_of_the_flight() -> None:
+    """Rows are the trajectory's, to the digits that are printed; a step is at most one row."""
+    flight = Flight.of(*scene(), True)
+    sections = text_of(flight, 0.75)
+    for i in range(2):
+        rows = [numbers(line) for line in sections[f"Drone {i}"][1:]]
+        found = flight.flown.at(np.array([0, 0.75, 1.5]))
+        own = found.drone == i
+        np.testing.assert_allclose([row[0] for row in rows], [0, 0.75, 1.5])
+        np.testing.assert_allclose([row[1:4] for row in rows], found.place[own], atol=0.006)
+        yaw = np.degrees(found.yaw[own]) % 360
+        np.testing.assert_allclose([row[-2] for row in rows], yaw, atol=0.06)
+    legs = [numbers(line) for line in sections["Take-off and landing (a suggestion)"][3:]]
+    assert [leg[-3:] for leg in legs[:2]] == [[0, 5, 5], [0, 8, 8]]
+    assert "__" in sections["Flight"][1]  # nobody says when it starts
+    with pytest.raises(ProblemError, match="every: must make at most 10000 rows on paper"):
+        briefing(flight, 1e-4)
+
+
+def test_legs_end_on_a_deck_where_the_flight_is_above_it() -> None:
+    """The surface below is the highest matter that is not over the drone."""
+    heights, deck = np.zeros((4, 3)), co.Mesh.box((0.0, 0.0, 2.0), (4.0, 1.0, 3.0))
+    motion = co.Motion(layers=(1.0, 6.0), clearance=0.5)
+    starts = [co.State(1, 0, layer) for layer in (0, 1)]
+    problem = co.Problem(
+        name="deck", height_map=co.HeightMap(heights=heights), meshes=(deck,), horizon=1,
+        robots=tuple(co.Robot(start=start, motion=motion) for start in starts), actors=(), step=1.0,
+    )  # fmt: skip
+    flight = Flight.of(problem, co.Plan(paths=tuple((start, start) for start in starts)), False)
+    *_, under, _, over, _ = text_of(flight)["Take-off and landing (a suggestion)"]
+    assert numbers(under)[-3:] == [0, 1, 1]
+    assert numbers(over)[-3:] == [3, 6, 3]
+
+
+@examples(50)
+@given(st.lists(st.integers(1, 150), min_size=1, max_size=6), st.floats(0.3, 0.9))
+def test_pages_have_all_lines_in_order(sizes: list[int], top: float) -> None:
+    """None is lost or runs off its page, and what fits on a page is on one."""
+    sections = [[(f"{k}.{line}", not line) for line in range(n)] for k, n in enumerate(sizes)]
+    pages = sheet_module._paged(sections, top)
+    assert [line for page in pages for line in page] == [line for s in sections for line in s]
+    room = [(edge - sheet_module._BOTTOM) / sheet_module._LINE for edge in (top, sheet_module._TOP)]
+    for k, page in enumerate(pages):
+        assert len(page) <= room[min(k, 1)]
+    for section in sections:
+        on = [k for k, page in enumerate(pages) if section[0] in page or section[-1] in page]
+        assert len(on) == 1 or len(section) > int(room[1])
+
+
+@pytest.mark.slow
+def test_the_sheet_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A4 pages, the same each time; north is the true one; it says when the flight starts."""
+    problem, plan = scene()
+    problem = problem.replace(
+        name="yard \u98db", earth=co.Earth(crs="EPSG:2154", origin=(48.85, -3.5)),
+        height_map=problem.height_map.replace(origin=(0.0, 0.0)), actors=(), meshes=(),
+        airspace=co.Airspace(),
+    )  # fmt: skip
+    files = tmp_path / "scene.json", tmp_path / "plan.json"
+    co.save(files[0], problem)
+    co.save(files[1], plan, problem)
+    words = "--start", "2026-05-01T10:00:00+02:00", "-o", tmp_path / "sheet.pdf"
+    run = Run(capsys, "fly", *files, *words)
+    assert run.code == 0, run.err
+    page = (tmp_path / "sheet.pdf").read_bytes()
+    flight = Flight.of(problem, plan, False)
+    start = datetime(2026, 5, 1, 8, tzinfo=UTC)
+    for base, words in ((0.0, "z is the height above the sea"), (-7.5, "z + -7.5 m is the height")):
+        above = problem.replace(earth=co.Earth(crs="EPSG:2154", heights="sea", base=base))
+        other = flight._replace(flown=replace(flight.flown, problem=above))
+        assert words in text_of(other)["Flight"][-1]
+    assert "2026-05-01 08:00:00 UTC" in text_of(flight._replace(start=start))["Flight"][1]
+    assert WRITERS[".pdf"](flight._replace(start=start), None).files[""] == page
+    (box,) = set(re.findall(rb"/MediaBox \[([\d. ]+)\]", page))
+    assert [float(side) for side in box.split()] == pytest.approx([0, 0, 595.28, 841.89], abs=0.01)
+    ax = Figure().add_subplot()
+    sheet_module._draw_north(ax, flight)
+    (arrow,) = ax.texts
+    x, y = arrow.get_position()
+    # The grid's north is west of the true one here, so that the arrow leans to the right.
+    convergence = pyproj.Proj("EPSG:2154").get_factors(-3.5, 48.85).meridian_convergence
+    assert np.degrees(np.arctan2(-x, -y)) == pytest.approx(-convergence, abs=0.01)
+    assert convergence < -4
