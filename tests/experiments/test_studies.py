@@ -221,8 +221,8 @@ def test_stored_prices_are_those_of_the_methods() -> None:
 
 def test_a_scene_without_room_for_a_separation_is_refused() -> None:
     """No drone keeps a start that is too near: the message says which one, and how far."""
-    with pytest.raises(FileError, match=r"tiny-share: no free cell for drone 1 .* is 500 m from"):
-        built("tiny-share", 0, 0.0, 500.0)
+    with pytest.raises(FileError, match=r"tiny-queue: no free cell for drone 1 .* is 500 m from"):
+        built("tiny-queue", 0, 0.0, 500.0)
 
 
 def test_where_the_papers_rules_fail_there_is_no_price(
