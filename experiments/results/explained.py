@@ -59,8 +59,10 @@ class Explained:
         plan, file = verified.plan, verified.file
         if plan is None or file is None or file.bound is None or not verified.reward >= 0:
             return None
-        found = explain(verified.model, plan, verified.reward, file)
-        return cls(verified.model, plan, found, verified.pricing.leaves if verified.pricing else ())
+        pricing = verified.pricing
+        proved = None if pricing is None else pricing.bound
+        found = explain(verified.model, plan, verified.reward, file, proved)
+        return cls(verified.model, plan, found, () if pricing is None else pricing.leaves)
 
     @property
     def problem(self) -> Problem:

@@ -72,12 +72,40 @@ def test_the_terms_add_up_and_show_what_is_broken(problem: Problem, seed: int) -
     assert found.total() == pytest.approx(found.bound - verdict.reward, abs=ROUNDING * size)
     below = [term for term in found.terms if term.amount < -ROUNDING * size]
     assert all(term.kind == "row" and term.is_broken for term in below)
-    assert not any(term.is_broken for term in found.of_kind("decision"))
+    for term in found.of_kind("decision"):
+        more = len(term.users or ()) - (term.robots or 0)
+        assert more <= 0 if term.sense == "at most" else more >= 0
     if verdict.valid:
         assert not below
         assert not any(term.is_broken for term in found.terms)
     assert found.losses().shape == (len(problem.robots), problem.horizon)
     assert found.losses().sum() == pytest.approx(found.total("path"))
+
+
+def test_terms_of_a_proof_tell_its_leaves_from_its_claim() -> None:
+    """The claim is what the file says above its leaves; what nobody may use has no price."""
+    model = compiled(tiny())
+    one = (State(0, 0), State(1, 0), State(0, 0))
+    plan = Plan(paths=(one, tuple(State(3, 2, heading=2) for _ in one)))
+    reward, closed, above = check(model.problem, plan).reward, 0, 0.0
+    for seed in (0, 1):
+        proof = random_proof(model, np.random.default_rng(seed))
+        pricing = Pricing.of_proof(model, proof)
+        file = msgspec.structs.replace(proof, bound=pricing.bound + 2.5)
+        found = explain(model, plan, reward, file, pricing.bound)
+        assert found.leaf is not None
+        assert found.leaf.bound == pricing.leaves[found.leaf.position]
+        assert found.total("claim") == pytest.approx(2.5)
+        assert found.total("leaves") == pricing.bound - found.leaf.bound
+        assert found.total() == pytest.approx(found.gap, abs=ROUNDING * found.bound)
+        alone = explain(model, plan, reward, file)
+        assert alone.total("leaves") == file.bound - found.leaf.bound
+        assert alone.total("claim") == 0.0
+        some = [t for t in found.of_kind("decision") if (t.sense, t.robots) == ("at most", 0)]
+        assert all(term.price == 0.0 for term in some)
+        closed, above = closed + len(some), max(above, found.total("leaves"))
+    assert closed
+    assert above > 0
 
 
 def test_a_broken_rule_is_a_negative_term() -> None:
