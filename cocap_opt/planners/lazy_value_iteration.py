@@ -45,21 +45,27 @@ class LazyValueIteration:
 
     def __init__(self) -> None:
         self._coverage: dict[tuple[Model, int], OptimisticCoverage] = {}  # by class
-        self._reserve: float | None = None  # s
+        self._reserves: dict[tuple[Model, Stop], float] = {}  # s
 
     def __call__(self, task: SingleRobotTask) -> SingleRobotPath:
         """Find the path that value iteration on all views finds; raises LimitReached."""
         task.stop.check()
-        if self._reserve is None:
-            self._reserve = min(_seconds_in_a_hurry(task.model), task.stop.seconds_left / 2)
+        reserve = self._reserve_of(task)
         coverage = self._coverage_of(task)
         before = coverage.evaluated
         coverage.put_on_top_of(task.pixels)  # 1
-        path, limit = _Search(task, coverage).best_path(task.stop.before(self._reserve))
+        path, limit = _Search(task, coverage).best_path(task.stop.before(reserve))
         evaluated = coverage.evaluated - before
         if path is None:
             return SingleRobotPath(None, task.model.problem.no_pixels(), evaluated)
         return SingleRobotPath(path, coverage.pixels_along(path), evaluated, limit)
+
+    def _reserve_of(self, task: SingleRobotTask) -> float:
+        """Returns the seconds that are kept, of what there was at the first task of a model."""
+        key = task.model, task.stop
+        if key not in self._reserves:
+            self._reserves[key] = min(_seconds_in_a_hurry(task.model), task.stop.seconds_left / 2)
+        return self._reserves[key]
 
     def _coverage_of(self, task: SingleRobotTask) -> OptimisticCoverage:
         robot_class = task.model.class_of[task.robot]
