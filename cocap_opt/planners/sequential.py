@@ -91,7 +91,7 @@ def _result(team: Team, limit: Limit | None) -> Result:
         words = f"drone {robot} has no path left beside the drones before it"
         return Result.without_plan(Reason.FAILED, words, {"failed_robot": robot})
     whole = team.hovering()
-    if not whole.is_whole:
+    if limit is not None and not whole.is_whole:
         robot = next(i for i, single in enumerate(whole.found) if single and not single.path)
-        return Result.stopped_without_plan(limit or Limit.NONE, {"failed_robot": robot})
+        return Result.stopped_without_plan(limit, {"failed_robot": robot})
     return whole.result(limit)

@@ -143,7 +143,8 @@ class Team:
         There is no plan where a robot has no path, since it may not stay at its start.
         """
         if not self.is_whole:
-            return Result.stopped_without_plan(limit or Limit.NONE, statistics)
+            assert limit is not None, "robots have no path, though no limit stopped the planner"
+            return Result.stopped_without_plan(limit, statistics)
         evaluated = sum(single.evaluated for single in self.found if single is not None)
         model = self.model
         messages = [ONE_STEP_AT_A_TIME] if model.problem.objective.over_time else []
@@ -162,7 +163,7 @@ class Team:
             plan=self.model.plan(self.paths),
             value=self.value,
             reason=Reason.STOPPED if limit else Reason.FINISHED,
-            limit=limit or Limit.NONE,
+            limit=limit,
             message="; ".join(messages),
             statistics={"evaluated": evaluated} if statistics is None else statistics,
         )

@@ -78,7 +78,7 @@ def test_plans_are_legal_and_never_above_the_optimum(planner: Planner, problem: 
     Only goals can leave them without a plan, and "infeasible" is said only where there is none.
     """
     best, result = optimum(problem), planner(problem, never)
-    assert result.limit is Limit.NONE and result.bound == math.inf
+    assert result.limit is None and result.bound == math.inf
     if result.plan is None:
         assert result.reason in (Reason.FAILED, Reason.INFEASIBLE)
         assert result.reason is Reason.FAILED or best.plan is None

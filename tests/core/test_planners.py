@@ -99,7 +99,7 @@ def close(a: float, b: float) -> bool:
 def check_contract(name: str, problem: Problem, result: Result) -> None:
     """What holds for every result of every planner."""
     assert result.seconds >= 0
-    assert (result.reason is Reason.STOPPED) == (result.limit is not Limit.NONE)
+    assert (result.reason is Reason.STOPPED) == (result.limit is not None)
     if result.plan is None:
         assert result.value == -math.inf
         assert result.reason in (Reason.INFEASIBLE, Reason.FAILED, Reason.STOPPED)
@@ -209,7 +209,7 @@ def test_sequential_planning_may_fail_where_there_is_a_plan() -> None:
         objective=Objective(stationarity=1.0),
     )  # fmt: skip
     result = sequential(problem)
-    assert (result.plan, result.reason, result.limit) == (None, Reason.FAILED, Limit.NONE)
+    assert (result.plan, result.reason, result.limit) == (None, Reason.FAILED, None)
     assert result.statistics["failed_robot"] == 1
     for planner in (joint, cocap):
         assert check(problem, planner(problem).plan or Plan(paths=())).valid

@@ -24,7 +24,6 @@ from cocap_opt.files.documents import FileError
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.planners import view_search
 from cocap_opt.result import Reason
-from cocap_opt.stop import Limit
 
 ROOT = Path(__file__).parents[2]
 CALL = r"cocap-opt study ([a-z][^`\n]*)"
@@ -229,7 +228,7 @@ def test_where_the_papers_rules_fail_there_is_no_price(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A failed run at a separation leaves that out; one under the papers' rules leaves out all."""
-    fine = Run((), 90.0, 100.0, Reason.OPTIMAL, Limit.NONE, 1.0, 1.0)
+    fine = Run((), 90.0, 100.0, Reason.OPTIMAL, None, 1.0, 1.0)
     fails: list[int] = []
 
     def each(builds: Sequence[object], method: object, limit: float) -> list[Run | Run.Error]:

@@ -26,7 +26,7 @@ from cocap_opt.planners.cocap import cocap
 from cocap_opt.problem import CollisionRules, Plan, Problem, Robot
 from cocap_opt.result import Result
 from cocap_opt.scenarios import load_scene
-from cocap_opt.stop import Stop, never
+from cocap_opt.stop import Limit, Stop, never
 
 TABLE = "separation.csv"
 STORED = Path(__file__).parents[1] / "stored"
@@ -140,10 +140,10 @@ def _point(scene: str, seed: int, apart: float, done: dict[str, Run]) -> Point:
     plan, lns, proof = done["cocap"], done[RECOMMENDED], done["proof"]
     return Point(
         scene=scene, seed=seed, separation=apart,
-        cocap=plan.value, cocap_seconds=plan.processor, cocap_limit=str(plan.limit),
-        lns=lns.value, lns_seconds=lns.processor, lns_limit=str(lns.limit),
+        cocap=plan.value, cocap_seconds=plan.processor, cocap_limit=Limit.written(plan.limit),
+        lns=lns.value, lns_seconds=lns.processor, lns_limit=Limit.written(lns.limit),
         best=max(plan.value, lns.value, proof.value), bound=proof.bound,
-        proof_seconds=proof.processor, proof_limit=str(proof.limit),
+        proof_seconds=proof.processor, proof_limit=Limit.written(proof.limit),
     )  # fmt: skip
 
 
