@@ -13,13 +13,19 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cocap_opt.planners.cocap import algorithm_1
-from cocap_opt.planners.constraint_tree import EXHAUSTED, ConstraintTree
+from cocap_opt.planners.cocap import EXHAUSTED, algorithm_1
+from cocap_opt.planners.constraint_tree import ConstraintTree
 from cocap_opt.planners.low_level import value_iteration
 from cocap_opt.planners.neighbourhoods import neighbourhood_search
 from cocap_opt.planners.open_nodes import FocalNodes
-from cocap_opt.planners.responses import Responses, followed, in_rounds, one_by_one
-from cocap_opt.planners.sequential import then_in_rounds
+from cocap_opt.planners.responses import (
+    Responses,
+    followed,
+    greedily,
+    greedily_in_rounds,
+    in_rounds,
+    then_in_rounds,
+)
 from cocap_opt.planners.team import Team
 from cocap_opt.problem import Problem
 from cocap_opt.result import Reason, Result
@@ -81,14 +87,14 @@ def _from_tree(known: Team, responses: Responses, stop: Stop) -> Team | None:
     """
     nobody = Team.nobody(known.model)
     nodes = max(NODES * known.size, FEW_NODES) if known.is_whole else sys.maxsize
-    root = followed(nobody, one_by_one(nobody, responses, rules=False))[0]
+    root = followed(nobody, greedily(nobody, responses))[0]
     stop.check()
     if root.is_whole and len(root.conflicts) > nodes:
         return None
     open_nodes, enough = FocalNodes(), FirstOf(stop, WorkLimit(nodes))
-    tree = ConstraintTree(root, responses, enough, open_nodes, rounds=True, spare=known)
+    tree = ConstraintTree(root, responses, enough, open_nodes, greedily_in_rounds)
     try:
-        found = algorithm_1(tree, open_nodes)
+        found = algorithm_1(tree)
     except LimitReached:
         stop.check()
         found = open_nodes.nearest()

@@ -28,8 +28,7 @@ from cocap_opt.planners.cocap import cocap
 from cocap_opt.planners.cocap_lns import RESPONSES
 from cocap_opt.planners.low_level import SingleRobotPath, value_iteration
 from cocap_opt.planners.neighbourhoods import neighbourhood_search
-from cocap_opt.planners.responses import Responses, followed, in_rounds
-from cocap_opt.planners.sequential import then_in_rounds
+from cocap_opt.planners.responses import Responses, followed, in_rounds, then_in_rounds
 from cocap_opt.planners.team import Team
 from cocap_opt.planners.view_search import Compounded, ViewSearch
 from cocap_opt.problem import Plan, Problem
