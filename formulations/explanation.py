@@ -31,8 +31,8 @@ from cocap_opt.formulations.certificates import (
     Certificate,
     CertificateFile,
     Decision,
-    Flight,
     Multipliers,
+    PathCells,
     Pricing,
     ProofFile,
     Resource,
@@ -152,8 +152,8 @@ def explain(
         raise ValueError("certificate: it proves that there is no plan, so there is no gap")
     model = model.disaggregated() if file.classes == "single" else model
     paths = model.paths(plan)
-    flights = [Flight.of(model, robot, path) for robot, path in enumerate(paths)]
-    node = _leaf_of(model, file, flights) if isinstance(file, ProofFile) else None
+    passed = [PathCells.of(model, robot, path) for robot, path in enumerate(paths)]
+    node = _leaf_of(model, file, passed) if isinstance(file, ProofFile) else None
     position, certificate, decisions = _numbers(file, node)
     pricing = Pricing.of(model, certificate, decisions)
     prices = Prices.of(model, certificate, decisions)
@@ -161,7 +161,7 @@ def explain(
     terms = (
         *_path_terms(prices, plan, paths),
         *_face_terms(prices, paths),
-        *_row_terms(model, certificate, decisions, flights),
+        *_row_terms(model, certificate, decisions, passed),
         *([] if node is None else [Term("leaves", largest - pricing.bound)]),
         Term("claim", file.proved - largest),
         Term("rounding", pricing.rounding),
@@ -170,11 +170,11 @@ def explain(
     return Explanation(file.proved, reward, terms, leaf)
 
 
-def _leaf_of(model: Model, proof: ProofFile, flights: Sequence[Flight]) -> int:
-    """Returns the number of the leaf whose decisions the flights obey."""
+def _leaf_of(model: Model, proof: ProofFile, paths: Sequence[PathCells]) -> int:
+    """Returns the number of the leaf whose decisions the paths obey."""
     own = 0
     while isinstance(node := proof.nodes[own], Branch):
-        used = sum(node.resource.used_by(model, flight) for flight in flights)
+        used = sum(node.resource.used_by(model, path) for path in paths)
         own = node.at_most if used <= node.robots else node.at_least
     return own
 
@@ -283,14 +283,14 @@ def _row_terms(
     model: Model,
     certificate: Certificate,
     decisions: Sequence[Decision],
-    flights: Sequence[Flight],
+    paths: Sequence[PathCells],
 ) -> Iterator[Term]:
     """Yields what is charged for resources and not used, row by row and decision by decision."""
     if not isinstance(certificate, Multipliers):
         return
 
     def users(resource: Resource) -> tuple[int, ...]:
-        return tuple(i for i, flight in enumerate(flights) if resource.used_by(model, flight))
+        return tuple(i for i, path in enumerate(paths) if resource.used_by(model, path))
 
     for row in certificate.rows:
         if row.multiplier > 0:

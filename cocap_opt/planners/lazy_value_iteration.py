@@ -17,6 +17,8 @@ views are evaluated at once, since a sweep takes as long as hundreds of them, an
 takes a tenth of what it takes alone.
 """
 
+from typing import Literal
+
 import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray
@@ -28,6 +30,9 @@ from cocap_opt.planners.low_level import SingleRobotPath, SingleRobotTask
 from cocap_opt.planners.optimistic_coverage import OptimisticCoverage
 from cocap_opt.stop import Limit, Stop
 
+# Measured with sequential planning on corridor, bottleneck and passage: a quarter or four times of
+# any of these three takes 0.9 to 1.25 times the processor time and 0.6 to 1.3 times the views; one
+# state of a step in every round takes four times as long, and 0.5 to 0.8 times the views.
 _WIDTH = 4  # states of a step that are evaluated at most in the first round; later ever more
 _MOST = 32  # at most in any round
 _MANY = 8  # times as many moves are looked at, since several lead to one state
@@ -41,7 +46,7 @@ class LazyValueIteration:
     there is: such a path is good by the views that are evaluated, and says which limit was near.
     """
 
-    is_lazy = True
+    is_lazy: Literal[True] = True
 
     def __init__(self) -> None:
         self._coverage: dict[tuple[Model, int], OptimisticCoverage] = {}  # by class

@@ -13,7 +13,7 @@ from cocap_opt.graph.charges import Charges
 from cocap_opt.graph.value_iteration import Swept, backward_sweep
 from cocap_opt.model import Model, compiled
 from cocap_opt.objective import marginal_reward
-from cocap_opt.planners import PLANNERS, lazy_value_iteration
+from cocap_opt.planners import LAZY, PLANNERS, lazy_value_iteration
 from cocap_opt.planners.greedy import greedy
 from cocap_opt.planners.lazy_value_iteration import LazyValueIteration
 from cocap_opt.planners.low_level import SingleRobotTask, value_iteration
@@ -232,3 +232,25 @@ def test_where_all_ways_are_closed_there_is_no_path() -> None:
     task = SingleRobotTask(model, 0, meadow().no_pixels(), Charges(closed))
     found = LazyValueIteration()(task)
     assert found.path is None and found.evaluated == 0 and not found.pixels.any()
+
+
+@pytest.mark.parametrize("name", PLANNERS)
+def test_lazy_planners_are_those_that_ask_for_no_coverage_before(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The list of lazy planners agrees with what their low levels are."""
+    asked: list[Model] = []
+    covered_by, prepare = Model.covered_by, Model.prepare
+
+    def spy(model: Model, *arguments: object) -> Model:
+        asked.append(model)
+        return covered_by(model, *arguments)
+
+    def spy_too(model: Model, *arguments: object) -> None:
+        asked.append(model)
+        prepare(model, *arguments)
+
+    monkeypatch.setattr(Model, "covered_by", spy)
+    monkeypatch.setattr(Model, "prepare", spy_too)
+    PLANNERS[name](load_scene("tiny-share", 0), never)
+    assert (not asked) == (name in LAZY)
