@@ -25,6 +25,7 @@ if TYPE_CHECKING:
         plan,
         read,
         replans,
+        robustness,
         save,
         show,
         solve,
@@ -73,8 +74,8 @@ _MODULES = {
     "cocap_opt.data": ("ProblemError",),
     "cocap_opt.experiments.results.verification": ("Verified",),
     "cocap_opt.experiments.api": (
-        "benchmark", "bound", "check", "explain", "gap", "load", "plan", "read", "replans", "save",
-        "show", "solve", "trajectory", "verify",
+        "benchmark", "bound", "check", "explain", "gap", "load", "plan", "read", "replans",
+        "robustness", "save", "show", "solve", "trajectory", "verify",
     ),
     "cocap_opt.experiments.report.player": ("Player",),
     "cocap_opt.files.documents": ("FileError",),

@@ -37,7 +37,7 @@ class Result:
     plan: Plan | None
     value: float  # J of the plan; -inf without one
     reason: Reason
-    limit: Limit = Limit.NONE
+    limit: Limit | None = None  # that stopped it
     bound: float = math.inf  # proved upper bound on J
     seconds: float = 0.0  # wall-clock time of the method; coverage is apart
     coverage_seconds: float = 0.0  # spent on the coverage of all states, where it was not there
@@ -73,7 +73,7 @@ class Result:
             "J": f"{self.value:,.2f}" if self.plan else "no plan",
             "bound": f"{self.bound:,.2f}" if self.bound < math.inf else "none",
             "gap": f"{100 * self.gap:.3f} %" if math.isfinite(self.gap) else "unknown",
-            "reason": str(self.reason) if self.limit is Limit.NONE else stopped,
+            "reason": str(self.reason) if self.limit is None else stopped,
             "seconds": f"{self.seconds:.3f}",
         }
         words = [f"{key:8}{value}" for key, value in lines.items()]

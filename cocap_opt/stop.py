@@ -16,14 +16,21 @@ from types import FrameType
 
 
 class Limit(StrEnum):
-    """The limit that stopped a computation."""
+    """The limit that stopped a computation; where none did, it is None."""
 
-    NONE = "none"
     TIME = "time"
     WORK = "work"  # units of work, which are the same on every machine
     MEMORY = "memory"
     NUMERICS = "numerics"  # a solver's accuracy
     INTERRUPT = "interrupt"
+
+    @staticmethod
+    def written(limit: "Limit | None") -> str:
+        """Returns the word for a limit in files and tables, NO_LIMIT where there is none."""
+        return NO_LIMIT if limit is None else str(limit)
+
+
+NO_LIMIT = "none"  # in files and tables, where no limit stopped a method
 
 
 class LimitReached(Exception):  # noqa: N818  it is no error

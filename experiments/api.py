@@ -44,6 +44,7 @@ if TYPE_CHECKING:
 
     from cocap_opt.experiments.report.benchmark import Benchmark
     from cocap_opt.experiments.report.player import Player
+    from cocap_opt.experiments.results.flights import Flight
 
 _STORED = Path(__file__).parent / "studies" / "stored" / "solvers.csv"
 
@@ -545,21 +546,64 @@ def trajectory(
     """
     from pandas import DataFrame
 
-    from cocap_opt.experiments.results.flights import Flight
-
-    _require_problem(problem)
-    own = _plan_of(plan)
-    if own is None:
-        raise ValueError("plan: the result has no plan that could be flown")
-    _require_made_for("plan", plan, problem)
-    if problem.step is None and step is None:
-        raise ValueError("step: must be given, for the problem does not say how long a step lasts")
-    if problem.step is not None and step is not None:
-        raise ValueError(f"step: must be left out, for the problem says it: {problem.step:g} s")
-    timed = problem if step is None else problem.replace(step=step)
-    flight = Flight.of(timed, own, smooth)
+    flight = _flight(problem, plan, smooth, step)
     table = DataFrame(flight.columns(every))
     table.attrs = {**flight.record(), "off_between_rows": flight.off_between_rows(every)}
+    return table
+
+
+def robustness(
+    problem: Problem,
+    plan: Plan | Result,
+    *,
+    smooth: bool = False,
+    step: float | None = None,
+    late: Sequence[float] = (1.0, 2.0),
+    aside: Sequence[float] = (1.0,),
+    lag: Sequence[float] = (0.5, 1.0, 2.0),
+) -> "pd.DataFrame":
+    """Tell what is left of a plan when people are late, early or aside, or a drone lags.
+
+    Nobody notices: all others fly as planned. Distances and rules are those of every moment, on
+    the flights' polynomials; J is looked at between the steps, too.
+
+    Parameters
+    ----------
+    problem : that the plan is for
+    plan : a plan that obeys the scene's rules, or a result that has one
+    smooth : with continuous speed and acceleration
+    step : seconds of a step, of problems that do not say it
+    late : s, by which all people are late, and early
+    aside : m, by which all people walk to the left of where they would, and to the right
+    lag : s, by which any one drone is late; the worst drone counts
+
+    Returns
+    -------
+    DataFrame
+        A row per change, the first is the plan: `change` (in words), `reward` (J), `share` (of
+        the J of the flight as planned), `least_distance` (m, between two drones),
+        `people_distance` (m, from above, where the scene asks for one), `rules` (kept, or to whom
+        drones come too near; none where there is none between the steps). `attrs` has
+        `delay_tolerance`, the seconds below which drones may be behind each other; None: there is
+        no separation, or any delay will do.
+
+    Raises
+    ------
+    ValueError
+        If the plan breaks a rule, nobody or two say how long a step lasts, a drone cannot fly so,
+        or a change is none or longer than the flight; one line.
+
+    Examples
+    --------
+    >>> co.robustness(problem, result, step=2.0, smooth=True, lag=[0.2, 1])
+    """
+    from pandas import DataFrame
+
+    from cocap_opt.experiments.results.robustness import Changes, tolerated_delay
+
+    flight = _flight(problem, plan, smooth, step, is_local=True)
+    table = DataFrame(Changes(late, aside, lag).rows(flight))
+    table.attrs = {"delay_tolerance": tolerated_delay(flight)}
     return table
 
 
@@ -771,6 +815,29 @@ def _require_guard() -> None:
 
 def _nobody(message: str) -> None:
     """Discards the note on seeds that make the same scene; the table shows which were kept."""
+
+
+def _flight(
+    problem: Problem,
+    plan: Plan | Result,
+    smooth: bool,
+    step: float | None,
+    is_local: bool = False,
+) -> "Flight":
+    """Returns the flights of a plan; local ones know no place on the Earth."""
+    from cocap_opt.experiments.results.flights import Flight
+
+    _require_problem(problem)
+    own = _plan_of(plan)
+    if own is None:
+        raise ValueError("plan: the result has no plan that could be flown")
+    _require_made_for("plan", plan, problem)
+    if problem.step is None and step is None:
+        raise ValueError("step: must be given, for the problem does not say how long a step lasts")
+    if problem.step is not None and step is not None:
+        raise ValueError(f"step: must be left out, for the problem says it: {problem.step:g} s")
+    timed = problem if step is None else problem.replace(step=step)
+    return Flight.of(timed.replace(earth=None) if is_local else timed, own, smooth)
 
 
 def _plan_of(given: Plan | Result | None) -> Plan | None:

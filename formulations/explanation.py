@@ -8,7 +8,8 @@ moves, and pay_i what robot i is paid for a view sum. For a plan P and a certifi
              + sum over conflict rows of mu (1 - used)                                    row
              + sum over decisions of +-nu (k - used)                                 decision
              + the largest bound of a proof's leaves - that of the plan's own leaf     leaves
-             + what the file claims above its numbers, and what covers rounding.
+             + what the file claims above what its numbers prove                        claim
+             + what covers rounding.                                                 rounding
 
 The first holds step by step, since a path's rewards telescope against V; the rest is the bound's
 own sum with the plan's numbers put in. No term is below 0 for a plan that obeys the rules: V is
@@ -30,8 +31,8 @@ from cocap_opt.formulations.certificates import (
     Certificate,
     CertificateFile,
     Decision,
-    Flight,
     Multipliers,
+    PathCells,
     Pricing,
     ProofFile,
     Resource,
@@ -68,11 +69,11 @@ class Term(NamedTuple):
 
     @property
     def is_broken(self) -> bool:
-        """True where the plan breaks the rule or the decision that the term is about."""
-        if self.robots is None or self.users is None:
-            return False
-        excess = len(self.users) - self.robots
-        return excess > 0 if self.sense == "at most" else excess < 0
+        """True where the plan breaks the rule that the term is about.
+
+        Decisions are never broken: the plan's own leaf is the one whose decisions it obeys.
+        """
+        return self.kind == "row" and len(self.users or ()) > 1
 
 
 class OwnLeaf(NamedTuple):
@@ -125,16 +126,20 @@ class Explanation:
 
 
 def explain(
-    model: Model, plan: Plan, reward: float, file: CertificateFile | ProofFile
+    model: Model,
+    plan: Plan,
+    reward: float,
+    file: CertificateFile | ProofFile,
+    proved: float | None = None,
 ) -> Explanation:
     """Returns the terms of the gap between the bound of a file and J of a plan.
-
-    The file's claim and the other leaves of a proof are taken as they are; `verify` checks them.
 
     Parameters
     ----------
     plan : one that can be flown; it may break collision rules
     reward : J of the plan, by the referee
+    proved : of a proof, the largest bound of its leaves, as `verify` finds it; if None, what the
+        file claims is taken for it, and no term says what it claims beyond that
 
     Raises
     ------
@@ -147,35 +152,48 @@ def explain(
         raise ValueError("certificate: it proves that there is no plan, so there is no gap")
     model = model.disaggregated() if file.classes == "single" else model
     paths = model.paths(plan)
-    flights = [Flight.of(model, robot, path) for robot, path in enumerate(paths)]
-    certificate, decisions, leaf = _of_plan(model, file, flights)
+    passed = [PathCells.of(model, robot, path) for robot, path in enumerate(paths)]
+    node = _leaf_of(model, file, passed) if isinstance(file, ProofFile) else None
+    position, certificate, decisions = _numbers(file, node)
     pricing = Pricing.of(model, certificate, decisions)
     prices = Prices.of(model, certificate, decisions)
-    rest = file.proved - pricing.bound
+    largest = pricing.bound if node is None else file.proved if proved is None else proved
     terms = (
         *_path_terms(prices, plan, paths),
         *_face_terms(prices, paths),
-        *_row_terms(model, certificate, decisions, flights),
-        Term("leaves" if leaf else "claim", rest),
+        *_row_terms(model, certificate, decisions, passed),
+        *([] if node is None else [Term("leaves", largest - pricing.bound)]),
+        Term("claim", file.proved - largest),
         Term("rounding", pricing.rounding),
     )
-    own = leaf._replace(bound=pricing.bound) if leaf else None
-    return Explanation(file.proved, reward, terms, own)
+    leaf = None if node is None else OwnLeaf(node, position, pricing.bound)
+    return Explanation(file.proved, reward, terms, leaf)
 
 
-def _of_plan(
-    model: Model, file: CertificateFile | ProofFile, flights: Sequence[Flight]
-) -> tuple[Certificate, tuple[Decision, ...], OwnLeaf | None]:
-    """Returns the certificate that bounds a plan; of a proof, with its decisions and its leaf."""
-    if isinstance(file, CertificateFile):
-        return file.certificate, (), None
+def _leaf_of(model: Model, proof: ProofFile, paths: Sequence[PathCells]) -> int:
+    """Returns the number of the leaf whose decisions the paths obey."""
     own = 0
-    while isinstance(node := file.nodes[own], Branch):
-        used = sum(node.resource.used_by(model, flight) for flight in flights)
+    while isinstance(node := proof.nodes[own], Branch):
+        used = sum(node.resource.used_by(model, path) for path in paths)
         own = node.at_most if used <= node.robots else node.at_least
+    return own
+
+
+def _numbers(
+    file: CertificateFile | ProofFile, node: int | None
+) -> tuple[int, Certificate, tuple[Decision, ...]]:
+    """Returns a leaf's position among the leaves, its certificate, and the decisions above it.
+
+    A certificate alone is the only leaf of a tree without decisions.
+    """
+    if isinstance(file, CertificateFile):
+        return 0, file.certificate, ()
     leaves = enumerate(file.leaves())
-    position, (_, leaf, decisions) = next(found for found in leaves if found[1][0] == own)
-    return leaf.certificate, decisions, OwnLeaf(own, position, math.nan)
+    return next(
+        (position, leaf.certificate, decisions)
+        for position, (n, leaf, decisions) in leaves
+        if n == node
+    )
 
 
 # -- paths --------------------------------------------------------------------------------
@@ -265,14 +283,14 @@ def _row_terms(
     model: Model,
     certificate: Certificate,
     decisions: Sequence[Decision],
-    flights: Sequence[Flight],
+    paths: Sequence[PathCells],
 ) -> Iterator[Term]:
     """Yields what is charged for resources and not used, row by row and decision by decision."""
     if not isinstance(certificate, Multipliers):
         return
 
     def users(resource: Resource) -> tuple[int, ...]:
-        return tuple(i for i, flight in enumerate(flights) if resource.used_by(model, flight))
+        return tuple(i for i, path in enumerate(paths) if resource.used_by(model, path))
 
     for row in certificate.rows:
         if row.multiplier > 0:

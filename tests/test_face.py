@@ -19,7 +19,7 @@ from cocap_opt.scenarios import load_scene
 ROOT = Path(__file__).parents[1]
 FUNCTIONS = (
     "load", "plan", "bound", "solve", "check", "verify", "explain", "replans", "gap", "benchmark",
-    "show", "save", "read",
+    "show", "save", "read", "trajectory", "robustness",
 )  # fmt: skip
 
 

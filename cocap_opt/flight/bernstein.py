@@ -56,9 +56,14 @@ def elevated(coefficients: FloatArray, degree: int) -> FloatArray:
 
 def halves(coefficients: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Returns the coefficients of polynomials [.., n+1] over 0..1/2 and over 1/2..1."""
+    return parted(coefficients, 0.5)
+
+
+def parted(coefficients: FloatArray, share: float) -> tuple[FloatArray, FloatArray]:
+    """Returns the coefficients of polynomials [.., n+1] over 0..share and over share..1."""
     first, last, row = [coefficients[..., 0]], [coefficients[..., -1]], coefficients
     while row.shape[-1] > 1:
-        row = (row[..., 1:] + row[..., :-1]) / 2
+        row = share * row[..., 1:] + (1 - share) * row[..., :-1]
         first.append(row[..., 0])
         last.append(row[..., -1])
     return np.stack(first, axis=-1), np.stack(last[::-1], axis=-1)

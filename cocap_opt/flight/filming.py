@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from cocap_opt.data import MOST_STEPS, FloatArray
-from cocap_opt.flight.trajectory import Trajectory
+from cocap_opt.flight.trajectory import Samples, Trajectory
 from cocap_opt.problem import NO_RULES, Actor, Airspace, Problem
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.sights import pose_coverage
@@ -25,45 +25,69 @@ def view_reward(flown: Trajectory, parts: int) -> float:
     end, and the result is the view reward of the plan. People walk and turn straight from step
     to step; a face's weight is that of the step's end.
     """
-    dense = _dense(flown.problem, parts)
-    moments = np.arange(dense.horizon + 1, dtype=np.float64) * (flown.step / parts)
-    found = flown.at(moments)
-    geometry = FaceGeometry(dense, lowest_eye=float(flown.pieces[:, :, 2].min()))
-    coverage = np.zeros((dense.horizon + 1, len(dense.face_weights)))
-    for i, robot in enumerate(dense.robots):
-        own = found.drone == i
-        tilt = -found.pitch[own]
-        coverage += pose_coverage(
-            geometry, dense, robot.camera, found.place[own], found.yaw[own], tilt
-        )
-    shares = np.full(dense.horizon + 1, 1 / parts)
-    shares[0] = 1.0 - dense.first_step
-    if dense.objective.over_time:
-        return math.fsum(dense.step_weights[0] * np.sqrt(shares @ coverage))
-    return math.fsum((shares[:, None] * dense.step_weights * np.sqrt(coverage)).ravel())
+    film = Film(flown.problem, parts, float(flown.pieces[:, :, 2].min()))
+    return film.reward(film.coverages(flown.at(film.moments)))
 
 
-def _dense(problem: Problem, parts: int) -> Problem:
+class Film:
+    """The coverage of a scene's people at some moments of each step.
+
+    Parameters
+    ----------
+    problem : has a `step`
+    parts : moments of a step
+    lowest : m, no camera is lower
+    late : s by which people are late; early, if it is less than 0. They stand before they begin
+        and after they end
+    """
+
+    def __init__(self, problem: Problem, parts: int, lowest: float, late: float = 0.0) -> None:
+        assert problem.step is not None
+        self._parts = parts
+        self._problem = _dense(problem, parts, late / problem.step)
+        self._geometry = FaceGeometry(self._problem, lowest_eye=lowest)
+        count = self._problem.horizon + 1
+        self.moments: FloatArray = np.arange(count, dtype=np.float64) * (problem.step / parts)
+
+    def coverages(self, views: Samples) -> list[FloatArray]:
+        """Returns the coverage [moments, F] by each drone, seen at the moments."""
+        return [self.coverage(i, views) for i in range(len(self._problem.robots))]
+
+    def coverage(self, robot: int, views: Samples) -> FloatArray:
+        """Returns the coverage [moments, F] by one of the drones, seen at the moments."""
+        own = views.drone == robot
+        camera = self._problem.robots[robot].camera
+        return pose_coverage(
+            self._geometry, self._problem, camera, views.place[own], views.yaw[own],
+            -views.pitch[own],
+        )  # fmt: skip
+
+    def reward(self, coverages: list[FloatArray]) -> float:
+        """Returns the part of J that views make, of the coverage [moments, F] by each drone."""
+        dense, coverage = self._problem, np.sum(coverages, axis=0)
+        shares = np.full(dense.horizon + 1, 1 / self._parts)
+        shares[0] = 1.0 - dense.first_step
+        if dense.objective.over_time:
+            return math.fsum(dense.step_weights[0] * np.sqrt(shares @ coverage))
+        return math.fsum((shares[:, None] * dense.step_weights * np.sqrt(coverage)).ravel())
+
+
+def _dense(problem: Problem, parts: int, late: float) -> Problem:
     """Returns the scene with so many steps in place of each, in which nothing else is checked."""
-    actors = tuple(_denser(actor, problem.horizon, parts) for actor in problem.actors)
+    actors = tuple(_denser(actor, problem.horizon, parts, late) for actor in problem.actors)
     return problem.replace(
         horizon=problem.horizon * parts, actors=actors, rules=NO_RULES, airspace=Airspace(),
         step=None,
     )  # fmt: skip
 
 
-def _denser(actor: Actor, horizon: int, parts: int) -> Actor:
-    """Returns a person at the moments between the steps, too."""
+def _denser(actor: Actor, horizon: int, parts: int, late: float) -> Actor:
+    """Returns a person at the moments between the steps, too, late by so many steps."""
     poses = actor.poses[: horizon + 1].copy()
     poses[:, 3] = np.unwrap(poses[:, 3])  # the short way round
+    steps = np.arange(horizon * parts + 1) / parts - late
+    columns = [np.interp(steps, np.arange(horizon + 1), column) for column in poses.T]
     importance = actor.importance
     if importance is not None:
         importance = (importance[0], *np.repeat(importance[1 : horizon + 1], parts).tolist())
-    return actor.replace(poses=_between(poses, parts), importance=importance)
-
-
-def _between(rows: FloatArray, parts: int) -> FloatArray:
-    """Returns rows [T+1, n] with rows between them, [T parts + 1, n]."""
-    shares = np.arange(parts)[:, None] / parts
-    ways = rows[:-1, None] + shares * (rows[1:] - rows[:-1])[:, None]
-    return np.concatenate([ways.reshape(-1, rows.shape[1]), rows[-1:]])
+    return actor.replace(poses=np.column_stack(columns), importance=importance)

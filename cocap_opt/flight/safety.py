@@ -11,7 +11,8 @@ Proved, of the polynomials of a `Trajectory`, from step 0 to the last
   ceiling.
 
 Assumed
-- Drones fly exactly so, by one clock: no wind, no error of a controller, no delay (`delays`).
+- Drones fly exactly so, by one clock: no wind, no error of a controller, no delay (`delays` and
+  `robustness` say what becomes of those).
 - There are no legs of take-off and landing before and after, and no way home.
 - The scene is as its map, meshes and walks say, of people's bodies only what the rules measure.
 - What no rule asks for is not looked at: scenes without a separation or a distance to people, and
@@ -27,7 +28,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cocap_opt.data import LARGEST, FloatArray
+from cocap_opt.data import LARGEST, BoolArray, FloatArray
 from cocap_opt.flight.bernstein import elevated, ever_positive, halves, product, squared_length
 from cocap_opt.flight.trajectory import DEGREE, Trajectory, between_drones
 from cocap_opt.problem import Actor, CollisionRules, Problem
@@ -67,7 +68,7 @@ def _between_drones(flown: Trajectory) -> Iterator[Danger]:
     if rules.none or not rules.separation or not len(ways):
         return
     pairs = list(combinations(range(len(flown.pieces)), 2))
-    for k in np.flatnonzero(ever_positive(_nearness(ways, rules))).tolist():
+    for k in np.flatnonzero(come_too_near(ways, rules)).tolist():
         yield Danger(k % steps, pairs[k // steps], f"come nearer than the {rules}")
 
 
@@ -79,7 +80,7 @@ def _near_people(flown: Trajectory) -> Iterator[Danger]:
         return
     for j, actor in enumerate(problem.actors):
         ways = (flown.pieces[:, :, :3] - walk_of(problem, actor)).reshape(-1, 3, DEGREE + 1)
-        for k in np.flatnonzero(ever_positive(_nearness(ways, airspace.rules_beside(actor)))):
+        for k in np.flatnonzero(come_too_near(ways, airspace.rules_beside(actor))):
             yield Danger(int(k) % steps, (int(k) // steps,), f"comes too near to actors[{j}]")
 
 
@@ -87,6 +88,14 @@ def walk_of(problem: Problem, actor: Actor) -> FloatArray:
     """Returns the coefficients [T, 3, 6] of the walk of the middle of a person's body."""
     middles = actor.middles[: problem.horizon + 1] - [*problem.height_map.origin, 0.0]
     return elevated(np.stack([middles[:-1], middles[1:]], axis=-1), DEGREE)
+
+
+def come_too_near(ways: FloatArray, rules: CollisionRules) -> BoolArray:
+    """Returns an array [n], true if ways [n, 3, 6] break a separation at any moment.
+
+    What cannot be proved not to counts as if it did.
+    """
+    return ever_positive(_nearness(ways, rules))
 
 
 def _nearness(ways: FloatArray, rules: CollisionRules) -> list[FloatArray]:

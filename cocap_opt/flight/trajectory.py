@@ -127,10 +127,7 @@ class Trajectory:
 
     def least_distance(self) -> float:
         """Returns the least distance (m) between two drones at any moment; inf for one drone."""
-        ways = between_drones(self.pieces)
-        if not len(ways):
-            return np.inf
-        return float(np.sqrt(max(-largest(-squared_length(ways)).value, 0.0)))
+        return least_length(between_drones(self.pieces))
 
 
 def waypoints(problem: Problem, plan: Plan) -> FloatArray:
@@ -149,6 +146,13 @@ def waypoints(problem: Problem, plan: Plan) -> FloatArray:
         pitch = [-robot.camera.tilts[state.pitch] for state in path]
         rows.append(np.column_stack([problem.where(robot, path) - corner, yaw, pitch]))
     return np.array(rows)
+
+
+def least_length(ways: FloatArray) -> float:
+    """Returns the least length (m) of ways [n, d, 6] at any moment; inf if there is none."""
+    if not len(ways):
+        return np.inf
+    return float(np.sqrt(max(-largest(-squared_length(ways)).value, 0.0)))
 
 
 def between_drones(pieces: FloatArray) -> FloatArray:

@@ -9,9 +9,11 @@ include a closed border around it, as wide as a move is long, which makes every 
 """
 
 import math
+from collections import deque
 from collections.abc import Iterable, Iterator
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import NamedTuple, TypeVar
+from weakref import WeakValueDictionary
 
 import numpy as np
 
@@ -101,14 +103,20 @@ class TimeGraph:
         window: Window | None = None,
         people: People | None = None,
     ) -> "TimeGraph":
-        """Returns the compiled graph of these motions in this workspace, made once and shared.
+        """Returns the compiled graph of these motions in this workspace, shared while it is used.
 
         Parameters
         ----------
         window : the part of the map that robots do not leave; all if not given
         people : to whom robots keep a distance
         """
-        return _shared(workspace, motion, pitches, window or Window.all_of(workspace), people)
+        key = workspace, motion, pitches, window or Window.all_of(workspace), people
+        graph = _graphs.get(key)
+        if graph is None:
+            graph = _graphs[key] = cls(*key)
+        if graph not in _last:
+            _last.append(graph)
+        return graph
 
     def _compile(self, workspace: Workspace) -> BoolArray:
         """Returns one row [P] for each move, true where it may begin."""
@@ -122,13 +130,6 @@ class TimeGraph:
         """Returns the places that each move leads to from places [n], as [K, n]; -1 if hidden."""
         heads = places + self.shifts[:, None]
         return np.where(self.allowed[:, places], heads, -1)
-
-    def _move_between(self, tails: IntArray, heads: IntArray) -> IntArray:
-        """Returns the index of the move from each place to its head, or any index if none does."""
-        # Because of the border, the difference of the places' numbers is unique for every move.
-        order = np.argsort(self.shifts)
-        at = np.searchsorted(self.shifts, heads - tails, sorter=order)
-        return order[np.minimum(at, len(order) - 1)]
 
     def _compile_irregular(self) -> _Irregular:
         """Finds the places from which a move to a free place is hidden."""
@@ -291,12 +292,6 @@ class TimeGraph:
         successors: IntArray = (turned_to[:, None] * self.n_places + heads[None, :]).ravel()
         return successors
 
-    def adjacent(self, tails: IntArray, heads: IntArray) -> BoolArray:
-        """Returns an array [n], true if a move leads from a place to its head."""
-        move = self._move_between(tails, heads)
-        result: BoolArray = self.allowed[move, tails] & (tails + self.shifts[move] == heads)
-        return result
-
     def reachable(self, starts: Iterable[int], horizon: int) -> BoolArray:
         """Returns an array [T+1, S], true if a state is reachable from a start at a step."""
         seen = np.zeros((horizon + 1, self.n_orientations, self.n_places), dtype=bool)
@@ -344,8 +339,7 @@ def _column(values: Iterable[int]) -> IntArray:
     return np.array(list(values), dtype=np.int64)[:, None]
 
 
-@lru_cache(maxsize=16)
-def _shared(
-    workspace: Workspace, motion: Motion, pitches: int, window: Window, people: People | None
-) -> TimeGraph:
-    return TimeGraph(workspace, motion, pitches, window, people)
+# A graph that nobody uses is forgotten, since it may be as large as the memory; but the last ones
+# are kept, which whoever judges plan after plan, or robot after robot, asks for again.
+_graphs: WeakValueDictionary[tuple[object, ...], TimeGraph] = WeakValueDictionary()
+_last: deque[TimeGraph] = deque(maxlen=2)

@@ -4,8 +4,9 @@ A step's moves and turns are independent, so a sweep is a few shifted maxima ove
 [heading, pitch, layer, x, y] at every step, instead of a loop over edges.
 """
 
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -16,6 +17,8 @@ from cocap_opt.graph.timegraph import CLOSED, TimeGraph
 from cocap_opt.stop import Stop, never
 
 _AT_ONCE = 2_000_000  # values of moves, to bound the memory
+_Ends = tuple[int, tuple[int, int] | None]  # horizon and goal
+_leads: WeakKeyDictionary[TimeGraph, dict[_Ends, BoolArray]] = WeakKeyDictionary()
 
 
 class Swept(NamedTuple):
@@ -110,17 +113,19 @@ def best_path(
     return path
 
 
-@lru_cache(maxsize=16)
 def leads_to_goal(graph: TimeGraph, horizon: int, goal: tuple[int, int] | None) -> BoolArray:
     """Returns from which states [T+1, S] a robot that is alone can be in the goal cell at T.
 
-    Without a goal all do, unless people close places and moves.
+    Without a goal all do, unless people close places and moves. What is computed is kept as long
+    as the graph is in use.
     """
     if goal is None and graph.closed.none:
         return np.broadcast_to(np.True_, (horizon + 1, graph.n_states))
-    to_goal = backward_sweep(graph, graph.no_reward(horizon), goal=goal)
-    leads: BoolArray = to_goal > CLOSED
-    return leads
+    known = _leads.setdefault(graph, {})
+    if (horizon, goal) not in known:
+        to_goal = backward_sweep(graph, graph.no_reward(horizon), goal=goal)
+        known[horizon, goal] = to_goal > CLOSED
+    return known[horizon, goal]
 
 
 class _Step:

@@ -61,7 +61,8 @@ PLANNERS: dict[str, Planner] = {
 # planner is named.
 RECOMMENDED = "cocap-lns"
 
-# Planners that evaluate only the views they touch, and so need no coverage of all states before.
+# Planners that evaluate only the views they touch, and so need no coverage of all states before:
+# those whose low level is a `low_level.LazyLowLevel`, and `one-step`, which has no low level.
 LAZY = frozenset(
     {
         "greedy-lazy",

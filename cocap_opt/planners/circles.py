@@ -17,13 +17,13 @@ from cocap_opt.problem import Camera, Problem, Robot
 from cocap_opt.stop import Stop
 
 
-class _Places(NamedTuple):
+class Places(NamedTuple):
     """Where the n robots of a circle would be at every step, for K ways to turn it."""
 
     middle: FloatArray  # [T+1, 2] m, centroid of the actors
     at: FloatArray  # [n, T+1, K, 2] m
-    flight: tuple[float, ...]  # [n] m, flight heights
-    above: tuple[float, ...]  # [n] m, of the flight over the middle of the tallest actor
+    height: tuple[float, ...]  # [n] m, at which the robots fly
+    above: tuple[float, ...]  # [n] m, of these over the middle of the tallest actor
 
 
 class Circle(NamedTuple):
@@ -56,9 +56,7 @@ class Circle(NamedTuple):
             for some, inside in zip(parts, actors, strict=True)
         ]
 
-    def places(
-        self, problem: Problem, standoff: float, height: float, orientations: int
-    ) -> _Places:
+    def places(self, problem: Problem, standoff: float, height: float, orientations: int) -> Places:
         """Evenly spaced places around the actors, outside of the outermost of them."""
         middle = _middle(problem, self.actors)
         actors = [problem.actors[j] for j in self.actors]
@@ -66,20 +64,20 @@ class Circle(NamedTuple):
         spread = np.hypot(ways[..., 0], ways[..., 1]).max(axis=0)
         heads = max(float(actor.poses[0, 2]) + actor.shape.height / 2 for actor in actors)
         turns = math.tau * np.arange(orientations) / orientations
-        at, flights, above = [], [], []
+        at, heights, above = [], [], []
         for seat, robot in enumerate(problem.robots[i] for i in self.robots):
-            flight = min(robot.motion.layers, key=lambda layer: abs(layer - height))
-            over = problem.height_map.altitude(robot.start.x, robot.start.y, flight) - heads
+            own = min(robot.motion.layers, key=lambda layer: abs(layer - height))
+            over = problem.height_map.altitude(robot.start.x, robot.start.y, own) - heads
             bearings = turns + math.tau * seat / len(self.robots)
             radius = (spread + _distance_in_view(robot, over, standoff))[:, None, None]
             way = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)  # [K, 2]
             at.append(middle[:, None] + radius * way)
-            flights.append(flight)
+            heights.append(own)
             above.append(over)
-        return _Places(middle, np.array(at), tuple(flights), tuple(above))
+        return Places(middle, np.array(at), tuple(heights), tuple(above))
 
     def rewards(
-        self, model: Model, places: _Places, views: list[LazyCoverage], stop: Stop
+        self, model: Model, places: Places, views: list[LazyCoverage], stop: Stop
     ) -> FloatArray:
         """View reward [T+1, K] of a circle's robots if all are in their places and look inwards.
 
@@ -105,7 +103,7 @@ class Circle(NamedTuple):
             rewards[t] = (np.sqrt(pixels) * weights).sum(axis=1)
         return rewards
 
-    def best_turns(self, problem: Problem, places: _Places, rewards: FloatArray) -> IntArray:
+    def best_turns(self, problem: Problem, places: Places, rewards: FloatArray) -> IntArray:
         """Find the turns [T+1] of greatest reward [T+1, K] in all, by value iteration.
 
         A circle turns only if all its robots are fast enough for it. Ties do not turn.
@@ -156,7 +154,7 @@ def _reachable(model: Model, robot: int) -> BoolArray:
 
 
 def _looking_inwards(
-    model: Model, robot: int, seat: int, places: _Places, t: int
+    model: Model, robot: int, seat: int, places: Places, t: int
 ) -> tuple[IntArray, IntArray]:
     """For which turns [m] of K a place is in reach of anybody, and states [m] that look inwards."""
     problem, graph = model.problem, model.class_of[robot].graph
@@ -164,7 +162,7 @@ def _looking_inwards(
     at = places.at[seat, t]
     cells = [problem.height_map.cell_of(x, y) for x, y in at.tolist()]
     turns = np.flatnonzero([graph.window.covers(x, y) for x, y in cells])
-    layer = motion.layers.index(places.flight[seat])
+    layer = motion.layers.index(places.height[seat])
     place = np.array([graph.place(layer, *cells[turn]) for turn in turns], dtype=np.int64)
     way = places.middle[t] - at[turns]
     yaw = np.arctan2(way[:, 1], way[:, 0])
@@ -174,7 +172,7 @@ def _looking_inwards(
     return turns, (heading * len(tilts) + pitch) * graph.n_places + place
 
 
-def _can_follow(problem: Problem, circle: Circle, places: _Places, t: int) -> BoolArray:
+def _can_follow(problem: Problem, circle: Circle, places: Places, t: int) -> BoolArray:
     """Tell which turns [K] of the next step all robots can reach from each turn [K] of step t.
 
     Where the actors outrun a robot, it is enough that turning takes it no farther than not to.
@@ -188,7 +186,7 @@ def _can_follow(problem: Problem, circle: Circle, places: _Places, t: int) -> Bo
     return result
 
 
-def _nearest_best(problem: Problem, circle: Circle, places: _Places, value: FloatArray) -> int:
+def _nearest_best(problem: Problem, circle: Circle, places: Places, value: FloatArray) -> int:
     """Turn of greatest value [K]; of several the one that is nearest to the starts."""
     starts = [problem.height_map.centre(*problem.robots[i].start[:2]) for i in circle.robots]
     way = places.at[:, 0] - np.array(starts)[:, None]

@@ -17,37 +17,49 @@
 
 Source: Rauniyar, Corah, Scherer 2024 (arXiv 2412.20695), after the high level of Conflict-Based
 Search (Sharon et al. 2015); the numbers are this listing's. It takes the greatest J, where the
-paper's background section speaks of least cost. Limits, statistics and the plan for the case that
-time runs out are in `constraint_tree`.
+paper's background section speaks of least cost. How nodes are made is in `constraint_tree`, the
+plan for the case that time runs out in `spare_plan`.
 """
+
+from collections.abc import Iterator
 
 from cocap_opt.planners.constraint_tree import ConstraintTree
 from cocap_opt.planners.lazy_value_iteration import LazyValueIteration
 from cocap_opt.planners.low_level import LowLevel, value_iteration
 from cocap_opt.planners.open_nodes import BestNodes, FocalNodes, Node, OpenNodes
-from cocap_opt.planners.responses import Responses
+from cocap_opt.planners.responses import (
+    Planning,
+    Responses,
+    followed,
+    greedily,
+    greedily_in_rounds,
+    in_rounds,
+)
+from cocap_opt.planners.spare_plan import SparePlan
 from cocap_opt.planners.team import Team
 from cocap_opt.planners.view_search import Undiscounted, ViewSearch
 from cocap_opt.problem import Problem
-from cocap_opt.result import Result
+from cocap_opt.result import Reason, Result
 from cocap_opt.stop import LimitReached, Stop, never
 from cocap_opt.timing import timed
 
+EXHAUSTED = "no plan obeys the rules: the constraint tree is exhausted"
 
-def algorithm_1(tree: ConstraintTree, open_nodes: OpenNodes) -> Node | None:
+
+def algorithm_1(tree: ConstraintTree) -> Node | None:
     """CoCap's Alg. 1: the conflict-free node found first; None where the tree is exhausted."""
-    root = tree.root()  # 1-3
+    root, OPEN = tree.root(), tree.open  # 1-3
     if root is not None:
-        open_nodes.push(root)  # 4
-    while open_nodes:  # 5
-        N = open_nodes.pop()  # 6
+        OPEN.push(root)  # 4
+    while OPEN:  # 5
+        N = OPEN.pop()  # 6
         conflict = tree.first_conflict(N)  # 7
         if conflict is None:  # 8
             return N  # 9
         for robot in conflict.robots:  # 10
             A = tree.child(N, conflict, robot)  # 11-13
             if A is not None:  # 14
-                open_nodes.push(A)
+                OPEN.push(A)
     return None
 
 
@@ -90,7 +102,7 @@ def cocap_vs_undiscounted(problem: Problem, stop: Stop = never) -> Result:
 @timed
 def cocap_rounds(problem: Problem, stop: Stop = never) -> Result:
     """Plan as `cocap` does, from a root that is planned in rounds of best responses."""
-    return _searched(problem, stop, value_iteration, BestNodes(), rounds=True)
+    return _searched(problem, stop, value_iteration, BestNodes(), greedily_in_rounds)
 
 
 @timed
@@ -99,7 +111,11 @@ def cocap_focal(problem: Problem, stop: Stop = never) -> Result:
 
     Of the open nodes within 1 % of the greatest J that of the fewest conflicts comes first.
     """
-    return _searched(problem, stop, value_iteration, FocalNodes(), rounds=True, polish=True)
+    return _searched(problem, stop, value_iteration, FocalNodes(), greedily_in_rounds, in_rounds)
+
+
+def _as_it_is(team: Team, responses: Responses) -> Iterator[Team]:
+    return iter(())
 
 
 def _searched(
@@ -107,20 +123,26 @@ def _searched(
     stop: Stop,
     low_level: LowLevel,
     open_nodes: OpenNodes,
-    rounds: bool = False,
-    polish: bool = False,
+    plan_root: Planning = greedily,
+    ending: Planning = _as_it_is,
 ) -> Result:
     """Return the result of Alg. 1.
 
     Parameters
     ----------
-    rounds : the root is planned in rounds of best responses
-    polish : so is the plan that is found, under the rules
+    plan_root : plans the team of the root, conflicts ignored
+    ending : betters the plan that is found, under the rules
     """
-    team, responses = Team.of(problem, low_level, stop), Responses(low_level, stop)
-    tree = ConstraintTree(team, responses, stop, open_nodes, rounds)
+    nobody, responses = Team.of(problem, low_level, stop), Responses(low_level, stop)
+    spare = SparePlan(nobody, responses, stop)
+    tree = ConstraintTree(nobody, responses, stop, open_nodes, plan_root, spare.keep)
     try:
-        found = algorithm_1(tree, open_nodes)
+        found = algorithm_1(tree)
     except LimitReached as reached:
-        return tree.stopped(reached.limit)
-    return tree.polished(found) if polish and found else tree.result(found)
+        limit, statistics = reached.limit, tree.statistics(open_nodes.popped)
+        return spare.or_better(tree.team.without_conflicts(limit, statistics), limit)
+    if found is None:
+        statistics = tree.statistics(open_nodes.popped)
+        return Result.without_plan(Reason.INFEASIBLE, EXHAUSTED, statistics)
+    team, stopped = followed(found.team, ending(found.team, responses))
+    return team.result(stopped, tree.statistics(open_nodes.popped - 1))

@@ -1,58 +1,60 @@
-"""The constraint tree of CoCap: how its nodes are made, and what becomes of it at a limit."""
+"""The constraint tree of CoCap: how its nodes are made, and which of them are open."""
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Callable, Mapping
 
 from cocap_opt.coordination.constraints import forbid
 from cocap_opt.graph.charges import NO_CHARGES
 from cocap_opt.planners.open_nodes import Node, OpenNodes
-from cocap_opt.planners.responses import Responses, followed, in_rounds, one_by_one
+from cocap_opt.planners.responses import Planning, Responses, greedily
 from cocap_opt.planners.team import Team
 from cocap_opt.problem import Conflict
-from cocap_opt.result import Reason, Result
-from cocap_opt.stop import Clock, Limit, Stop
+from cocap_opt.stop import Clock, Stop
 
-EXHAUSTED = "no plan obeys the rules: the constraint tree is exhausted"
-SPARE_FROM = 64  # nodes generated from which on a spare plan costs little
+
+def _nothing(tree: "ConstraintTree") -> None:
+    pass
 
 
 class ConstraintTree:
-    """Makes the nodes of a constraint tree, and keeps what a result says of the search.
+    """Makes the nodes of a constraint tree, and holds those that are not expanded yet.
 
     Parameters
     ----------
-    team : of which nobody is planned yet, or the first robots are
-    rounds : the root is planned in rounds of best responses; else once, as published
-    spare : a plan for the case that time runs out; if None, it is made once the tree is large
+    nobody : team of which nobody is planned yet, or the first robots are
+    plan_root : plans the team of the root, conflicts ignored; once, as published, if not given
+    before_child : called before each child is made
+
+    Attributes
+    ----------
+    open : OPEN, the queue of nodes that are not expanded yet
+    team : of the node popped last; before there is one, that of the root as far as it is planned
+    root_seconds : that the root has taken
     """
 
     def __init__(
         self,
-        team: Team,
+        nobody: Team,
         responses: Responses,
         stop: Stop,
         open_nodes: OpenNodes,
-        rounds: bool = False,
-        spare: Team | None = None,
+        plan_root: Planning = greedily,
+        before_child: "Callable[[ConstraintTree], None]" = _nothing,
     ) -> None:
-        self._model, self._responses, self._stop = team.model, responses, stop
-        self._open, self._rounds = open_nodes, rounds
-        self._team = team  # of the root, as far as it is planned
-        self._spare = spare
-        self._root_seconds = 0.0
+        self._model, self._responses, self._stop = nobody.model, responses, stop
+        self._plan_root, self._before_child = plan_root, before_child
+        self._root = nobody
+        self.open = open_nodes
+        self.root_seconds = 0.0
 
     def root(self) -> Node | None:
         """Node of every robot's best path given the earlier ones; None where one has no path."""
         clock = Clock()
-        for team in one_by_one(self._team, self._responses, rules=False):
-            self._team = team
-        if not self._team.is_whole:
+        for team in self._plan_root(self._root, self._responses):
+            self._root = team
+        if not self._root.is_whole:
             return None
-        if self._rounds:
-            for team in in_rounds(self._team, self._responses, rules=False):
-                self._team = team
-        self._root_seconds = clock.seconds
-        return Node(self._team, (NO_CHARGES,) * self._team.size, self._team.value)
+        self.root_seconds = clock.seconds
+        return Node(self._root, (NO_CHARGES,) * self._root.size, self._root.value)
 
     def first_conflict(self, node: Node) -> Conflict | None:
         """Earliest conflict of a node's plan, of the first robots."""
@@ -63,7 +65,7 @@ class ConstraintTree:
 
         Only that robot is planned again.
         """
-        self._keep_spare_plan()
+        self._before_child(self)
         self._stop.begin_work()
         which = conflict.robots.index(robot)
         charges = forbid(self._model, conflict, which, node.constraints[robot])
@@ -74,47 +76,16 @@ class ConstraintTree:
         constraints = (*node.constraints[:robot], charges, *node.constraints[robot + 1 :])
         return Node(team, constraints, team.value, node.depth + 1)
 
-    def _keep_spare_plan(self) -> None:
-        """Plan sequentially once the tree is large, or time runs out: a plan for that case.
+    @property
+    def team(self) -> Team:
+        """Team of the node popped last, or of the root as far as it is planned."""
+        return self.open.last.team if self.open.last else self._root
 
-        That takes about as long as the root has taken.
-        """
-        is_late = self._stop.seconds_left < 2 * self._root_seconds
-        if self._spare is None and (self._open.pushed >= SPARE_FROM or is_late):
-            nobody = Team.nobody(self._model)
-            self._spare = followed(nobody, one_by_one(nobody, self._responses))[0].hovering()
-
-    # -- results --------------------------------------------------------------------------
-
-    def result(self, found: Node | None) -> Result:
-        """Result of a search that ran to its end."""
-        if found is None:
-            return Result.without_plan(
-                Reason.INFEASIBLE, EXHAUSTED, self._statistics(self._open.popped)
-            )
-        return found.team.result(statistics=self._statistics(self._open.popped - 1))
-
-    def polished(self, found: Node) -> Result:
-        """Result of a search that ran to its end, after rounds of best responses.
-
-        These obey the rules, and end where no robot alone can gain.
-        """
-        team, limit = followed(found.team, in_rounds(found.team, self._responses))
-        return team.result(limit, self._statistics(self._open.popped - 1))
-
-    def stopped(self, limit: Limit) -> Result:
-        """Result of a search that a limit has stopped."""
-        team = self._open.last.team if self._open.last else self._team
-        result = team.without_conflicts(limit, self._statistics(self._open.popped))
-        if self._spare and self._spare.is_whole and self._spare.value > result.value:
-            words = "stopped: this is the plan of sequential planning"
-            return replace(self._spare.result(limit, result.statistics), message=words)
-        return result
-
-    def _statistics(self, expanded: int) -> Mapping[str, float]:
+    def statistics(self, expanded: int) -> Mapping[str, float]:
+        """Return the numbers of a search that has expanded so many nodes."""
         return {
-            "generated": self._open.pushed,
+            "generated": self.open.pushed,
             "expanded": expanded,
-            "depth": self._open.last.depth if self._open.last else 0,
+            "depth": self.open.last.depth if self.open.last else 0,
             "evaluated": self._responses.evaluated,
         }

@@ -15,8 +15,8 @@ angle.)
 """
 
 from contextlib import suppress
-from dataclasses import dataclass, replace
-from typing import ClassVar
+from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 
@@ -39,7 +39,7 @@ from cocap_opt.world.workspace import HeightMap
 STANDOFF = 5.0  # m, from the outermost actor (Greedy Perspectives)
 HEIGHT = 5.0  # m, of flight (Greedy Perspectives)
 # Ways to turn a circle. Theirs has 8; one of 5 m must turn by 1 m to be followed cell by cell.
-ORIENTATIONS = 32
+_ORIENTATIONS = 32
 
 
 @timed
@@ -48,7 +48,7 @@ def formation(
     stop: Stop = never,
     standoff: float = STANDOFF,
     height: float = HEIGHT,
-    orientations: int = ORIENTATIONS,
+    orientations: int = _ORIENTATIONS,
 ) -> Result:
     """Fly in circles around the actors, each robot clear of the earlier ones' paths.
 
@@ -75,7 +75,7 @@ def formation(
             turns = circle.best_turns(problem, around, rewards)
             for seat, robot in enumerate(circle.robots):
                 at = around.at[seat, np.arange(len(turns)), turns]
-                places[robot] = _flown(problem.height_map, at, around.flight[seat])
+                places[robot] = _flown(problem.height_map, at, around.height[seat])
 
     result = sequential(problem, stop, _Formation(places, views))
     evaluated = sum(source.evaluated for source in set(views))
@@ -107,7 +107,7 @@ class _Formation:
 
     places: list[FloatArray]  # [T+1, 3] m of each robot
     views: list[LazyCoverage]  # of each robot
-    is_lazy: ClassVar[bool] = True
+    is_lazy: Literal[True] = field(default=True, init=False)
 
     def __call__(self, task: SingleRobotTask) -> SingleRobotPath:
         """Find the path; raises LimitReached."""

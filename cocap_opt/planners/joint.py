@@ -24,7 +24,7 @@ from cocap_opt.result import Reason, Result, UnsupportedError
 from cocap_opt.stop import Limit, LimitReached, Stop, never
 from cocap_opt.timing import timed
 
-TEMPORARIES = 5  # arrays of a step's size that one step back needs at once
+_TEMPORARIES = 5  # arrays of a step's size that one step back needs at once
 PROCESS = 100e6  # bytes, about: Python, the libraries, the problem, and what is freed but kept
 MEMORY_LIMIT = 8e9  # bytes that the process may have
 _AT_ONCE = 200_000  # values of near pairs, to bound the memory
@@ -179,7 +179,7 @@ class _Pair(PairIteration):
         """Returns how many numbers of 8 bytes a step back from t+1 to t holds at most."""
         (o_a, n_a), (o_b, n_b) = self.a.sizes(t), self.b.sizes(t)
         ahead_a, ahead_b = len(self.a.places[t + 1]), len(self.b.places[t + 1])
-        numbers = TEMPORARIES * float(o_a * (ahead_a + 1)) * float(o_b * (ahead_b + 1))
+        numbers = _TEMPORARIES * float(o_a * (ahead_a + 1)) * float(o_b * (ahead_b + 1))
         # Of each move its targets.
         numbers += 5.0 * len(self.a.robot_class.graph.moves) * n_a
         numbers += 5.0 * len(self.b.robot_class.graph.moves) * n_b

@@ -5,7 +5,7 @@ exhausted constraint tree a proof.
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Literal, NamedTuple, Protocol, runtime_checkable
 
 from cocap_opt.coordination.best_response import best_response
 from cocap_opt.data import FloatArray
@@ -33,9 +33,17 @@ class SingleRobotPath(NamedTuple):
     limit: Limit | None = None  # that was near when it was found: there may be a better one
 
 
-# Plans a task, or raises LimitReached. One that evaluates only the views it touches says so by an
-# attribute `is_lazy`; for all others coverage is computed before.
-LowLevel = Callable[[SingleRobotTask], SingleRobotPath]
+@runtime_checkable
+class LazyLowLevel(Protocol):
+    """A low level that evaluates only the views it touches; for others coverage is there before."""
+
+    is_lazy: Literal[True]
+
+    def __call__(self, task: SingleRobotTask) -> SingleRobotPath:
+        """Plan a task, or raise LimitReached."""
+
+
+LowLevel = Callable[[SingleRobotTask], SingleRobotPath] | LazyLowLevel
 
 
 def value_iteration(task: SingleRobotTask) -> SingleRobotPath:

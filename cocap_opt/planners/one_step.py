@@ -26,12 +26,12 @@ from cocap_opt.timing import timed
 
 
 @dataclass
-class _Flight:
+class _Progress:
     """One robot on its way."""
 
     robot_class: RobotClass
     coverage: LazyCoverage  # shared by its class
-    leads_to_goal: BoolArray  # [T+1, S] states from which the goal can be reached, if alone
+    leads: BoolArray  # [T+1, S] states from which the goal can be reached, if alone
     pixels: FloatArray  # [Z] px/m2 seen so far
     path: list[int]  # state numbers, one per step so far
     evaluated: int = 0
@@ -54,10 +54,10 @@ def one_step(problem: Problem, stop: Stop = never) -> Result:
 
     A robot keeps clear of where those before it go, and of where those after it are: so all can
     stay where they are at any time, and without goals there always is a plan that obeys the
-    rules. (It is not shorter-sighted than that: nobody moves into a cell that a later robot is
-    about to leave.) Ties go to the calmest move, as in value iteration. A robot with a goal takes
-    only states from which it could reach the goal if it were alone; where the others then shut
-    it out, the planner has failed. At a limit all stay where they are from then on.
+    rules. For that nobody moves into a cell that a later robot is about to leave. Ties go to the
+    calmest move, as in value iteration. A robot with a goal takes only states from which it could
+    reach the goal if it were alone; where the others then shut it out, the planner has failed. At
+    a limit all stay where they are from then on.
 
     Returns
     -------
@@ -65,89 +65,89 @@ def one_step(problem: Problem, stop: Stop = never) -> Result:
         `statistics` holds the number of states `evaluated`: those that a robot could go to.
     """
     model, limit = compiled(problem), None
-    flights = _at_starts(model)
-    for robot, flight in enumerate(flights):
-        if not flight.leads_to_goal[0, flight.path[0]]:
+    robots = _at_starts(model)
+    for robot, one in enumerate(robots):
+        if not one.leads[0, one.path[0]]:
             return Team.no_path(robot)
     try:
-        for t, robot in product(range(problem.horizon), range(len(flights))):
+        for t, robot in product(range(problem.horizon), range(len(robots))):
             stop.check()
-            heads = _open_heads(model, flights, robot, t)
+            heads = _open_heads(model, robots, robot, t)
             if not heads.size:
                 words = f"drone {robot} cannot reach its goal beside the others after step {t}"
                 return Result.without_plan(Reason.FAILED, words, {"failed_robot": robot})
-            _move(model, flights, robot, t + 1, heads)
+            _move(model, robots, robot, t + 1, heads)
     except LimitReached as reached:
         limit = reached.limit
-        if not _stay(model, flights):
+        if not _stay(model, robots):
             return Result.stopped_without_plan(limit)
-    at_goals = all(flight.leads_to_goal[-1, flight.path[-1]] for flight in flights)
+    at_goals = all(one.leads[-1, one.path[-1]] for one in robots)
     if limit is not None and not at_goals:
         return Result.stopped_without_plan(limit)
-    found = tuple(SingleRobotPath(tuple(f.path), f.pixels, f.evaluated) for f in flights)
+    found = tuple(SingleRobotPath(tuple(f.path), f.pixels, f.evaluated) for f in robots)
     return Team(model, found).result(limit)
 
 
-def _at_starts(model: Model) -> list[_Flight]:
+def _at_starts(model: Model) -> list[_Progress]:
     """Put all robots where they start, with the pixels they have there if these count."""
     problem = model.problem
-    flights, sources = [], LazyCoverage.of_robots(model)
+    robots, sources = [], LazyCoverage.of_robots(model)
     for robot, robot_class in enumerate(model.class_of):
         leads = leads_to_goal(robot_class.graph, problem.horizon, robot_class.goal)
         path = [model.start(robot)]
-        flight = _Flight(robot_class, sources[robot], leads, problem.no_pixels(), path)
+        one = _Progress(robot_class, sources[robot], leads, problem.no_pixels(), path)
         if problem.first_step == 0:
-            flight.pixels[problem.view_sums_at(0)] += flight.look(0, np.array(path))[0]
-        flights.append(flight)
-    return flights
+            one.pixels[problem.view_sums_at(0)] += one.look(0, np.array(path))[0]
+        robots.append(one)
+    return robots
 
 
-def _open_heads(model: Model, flights: list[_Flight], robot: int, t: int) -> IntArray:
+def _open_heads(model: Model, robots: list[_Progress], robot: int, t: int) -> IntArray:
     """States that a robot may go to from step t, those before it having moved."""
-    flight = flights[robot]
-    others = _others(model.problem, flights, robot, t)
-    closed = avoid_paths(model, flight.robot_class, others)
-    graph, tail = flight.robot_class.graph, flight.path[-1]
+    one = robots[robot]
+    others = _others(model.problem, robots, robot, t)
+    closed = avoid_paths(model, one.robot_class, others)
+    graph, tail = one.robot_class.graph, one.path[-1]
     heads = graph.successors(t, tail)
     is_free = closed.free_moves(0, tail, heads.tolist(), graph.n_places)
-    is_open: BoolArray = flight.leads_to_goal[t + 1, heads] & is_free
+    is_open: BoolArray = one.leads[t + 1, heads] & is_free
     return heads[is_open]
 
 
 def _others(
-    problem: Problem, flights: list[_Flight], robot: int, t: int
+    problem: Problem, robots: list[_Progress], robot: int, t: int
 ) -> Iterable[tuple[Cell, Cell]]:
     """Cells of the others at step t and at the next: there still, if they have not moved."""
-    for other, flight in enumerate(flights):
+    for other, one in enumerate(robots):
         if other != robot:
-            yield problem.cell(other, flight.state(t)), problem.cell(other, flight.state(-1))
+            yield problem.cell(other, one.state(t)), problem.cell(other, one.state(-1))
 
 
-def _stay(model: Model, flights: list[_Flight]) -> bool:
+def _stay(model: Model, robots: list[_Progress]) -> bool:
     """Leave all robots where they are, from each one's last step to the horizon.
 
     False if a person sends one away.
     """
-    for robot, flight in enumerate(flights):
-        for t in range(len(flight.path), model.problem.horizon + 1):
-            if flight.path[-1] not in flight.robot_class.graph.successors(t - 1, flight.path[-1]):
+    for robot, one in enumerate(robots):
+        for t in range(len(one.path), model.problem.horizon + 1):
+            if one.path[-1] not in one.robot_class.graph.successors(t - 1, one.path[-1]):
                 return False
-            _move(model, flights, robot, t, np.array(flight.path[-1:]))
+            _move(model, robots, robot, t, np.array(one.path[-1:]))
     return True
 
 
-def _move(model: Model, flights: list[_Flight], robot: int, t: int, heads: IntArray) -> None:
+def _move(model: Model, robots: list[_Progress], robot: int, t: int, heads: IntArray) -> None:
     """Take the best of the heads [n] for step t."""
-    problem, flight = model.problem, flights[robot]
-    graph, view_sums = flight.robot_class.graph, problem.view_sums_at(t)
-    coverage = flight.look(t, heads)
-    seen = sum((other.pixels[view_sums] for other in flights), np.zeros(coverage.shape[1]))
+    problem, one = model.problem, robots[robot]
+    graph, view_sums = one.robot_class.graph, problem.view_sums_at(t)
+    coverage = one.look(t, heads)
+    seen = sum((other.pixels[view_sums] for other in robots), np.zeros(coverage.shape[1]))
     gains = marginal_gain(seen, coverage) * problem.view_sum_weights[view_sums]
     # A path of one step, so that bonuses and ties are those of all other planners.
     value = np.full((2, graph.n_states), CLOSED)
-    value[0, flight.path[-1]] = 0.0
+    value[0, one.path[-1]] = 0.0
     value[1, heads] = gains.sum(axis=1)
     bonuses = Bonuses.of(problem.objective)
-    _, head = best_path(graph, value, flight.path[-1], bonuses, first=t - 1) or []
-    flight.path.append(head)
-    flight.pixels[view_sums] += coverage[np.flatnonzero(heads == head)[0]]
+    _, head = best_path(graph, value, one.path[-1], bonuses, first=t - 1) or []
+    one.path.append(head)
+    one.pixels[view_sums] += coverage[np.flatnonzero(heads == head)[0]]

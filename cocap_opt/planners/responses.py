@@ -4,13 +4,16 @@ All planners that plan one robot after the other are made of these: `one_by_one`
 are not planned yet, `in_rounds` plans each again against all others until nobody gains.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import cycle
 
 from cocap_opt.graph.charges import NO_CHARGES, Charges
 from cocap_opt.planners.low_level import LowLevel, SingleRobotPath
 from cocap_opt.planners.team import Team
 from cocap_opt.stop import Limit, LimitReached, Stop
+
+# Yields a team as it is planned, step by step, with the responses that it asks for.
+Planning = Callable[[Team, "Responses"], Iterator[Team]]
 
 
 class Responses:
@@ -101,6 +104,25 @@ def in_rounds(
         if single.path is not None and changed.gains_over(team):
             team, quiet = changed, 1
             yield team
+
+
+def then_in_rounds(nobody: Team, responses: Responses, rules: bool = True) -> Iterator[Team]:
+    """Yield the team after each robot is planned, and then after each best response that gains."""
+    team = nobody
+    for team in one_by_one(nobody, responses, rules=rules):
+        yield team
+    if team.is_whole:
+        yield from in_rounds(team, responses, rules=rules)
+
+
+def greedily(nobody: Team, responses: Responses) -> Iterator[Team]:
+    """Yield the team after each robot is planned, collisions ignored."""
+    return one_by_one(nobody, responses, rules=False)
+
+
+def greedily_in_rounds(nobody: Team, responses: Responses) -> Iterator[Team]:
+    """Yield the team as `then_in_rounds` does, collisions ignored."""
+    return then_in_rounds(nobody, responses, rules=False)
 
 
 def followed(team: Team, changes: Iterator[Team]) -> tuple[Team, Limit | None]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from cocap_opt.planners.lazy_value_iteration import LazyValueIteration
 from cocap_opt.planners.low_level import LowLevel, value_iteration
-from cocap_opt.planners.responses import Responses, followed, in_rounds, one_by_one
+from cocap_opt.planners.responses import Responses, followed, one_by_one, then_in_rounds
 from cocap_opt.planners.team import Team
 from cocap_opt.problem import Problem
 from cocap_opt.result import Reason, Result
@@ -64,15 +64,6 @@ def best_of_orders(problem: Problem, stop: Stop = never, orders: int = ORDERS) -
     return _result(*followed(team, _in_orders(team, Responses(value_iteration, stop), orders)))
 
 
-def then_in_rounds(nobody: Team, responses: Responses) -> Iterator[Team]:
-    """Yield the team after each robot is planned, and then after each best response that gains."""
-    team = nobody
-    for team in one_by_one(nobody, responses):
-        yield team
-    if team.is_whole:
-        yield from in_rounds(team, responses)
-
-
 def _in_orders(nobody: Team, responses: Responses, orders: int) -> Iterator[Team]:
     """Yield each better team; before there is a whole one, also the teams that lead to it."""
     rng, best = np.random.default_rng(0), None
@@ -91,7 +82,7 @@ def _result(team: Team, limit: Limit | None) -> Result:
         words = f"drone {robot} has no path left beside the drones before it"
         return Result.without_plan(Reason.FAILED, words, {"failed_robot": robot})
     whole = team.hovering()
-    if not whole.is_whole:
+    if limit is not None and not whole.is_whole:
         robot = next(i for i, single in enumerate(whole.found) if single and not single.path)
-        return Result.stopped_without_plan(limit or Limit.NONE, {"failed_robot": robot})
+        return Result.stopped_without_plan(limit, {"failed_robot": robot})
     return whole.result(limit)

@@ -9,13 +9,18 @@ from cocap_opt.data import FloatArray
 from cocap_opt.graph.charges import Charges
 from cocap_opt.model import Model, Path, compiled
 from cocap_opt.objective import objective
-from cocap_opt.planners.low_level import LowLevel, SingleRobotPath, SingleRobotTask
+from cocap_opt.planners.low_level import (
+    LazyLowLevel,
+    LowLevel,
+    SingleRobotPath,
+    SingleRobotTask,
+)
 from cocap_opt.problem import Cell, Conflict, Problem
 from cocap_opt.result import Reason, Result
 from cocap_opt.stop import Limit, Stop
 
-EVERYBODY = -1  # no robot is left out
-ONE_STEP_AT_A_TIME = (
+_EVERYBODY = -1  # no robot is left out
+_ONE_STEP_AT_A_TIME = (
     "a heuristic: pixels add up over time, and this planner looks at one step at a time"
 )
 
@@ -40,8 +45,7 @@ class Team:
         (`Model.covered_by`).
         """
         model = compiled(problem)
-        is_lazy = getattr(low_level, "is_lazy", False)
-        return cls.nobody(model if is_lazy else model.covered_by(stop))
+        return cls.nobody(model if isinstance(low_level, LazyLowLevel) else model.covered_by(stop))
 
     @classmethod
     def nobody(cls, model: Model) -> "Team":
@@ -59,7 +63,7 @@ class Team:
         return all(single is not None and single.path is not None for single in self.found)
 
     def others(self, robot: int) -> FloatArray:
-        """Pixels [Z] of all robots but one (or of EVERYBODY)."""
+        """Pixels [Z] of all robots but one (or of all, with _EVERYBODY)."""
         pixels = self.model.problem.no_pixels()
         for i, single in enumerate(self.found):
             if i != robot and single is not None:
@@ -96,7 +100,7 @@ class Team:
     @cached_property
     def value(self) -> float:
         """J."""
-        return objective(self.model, self.paths, self.others(EVERYBODY))
+        return objective(self.model, self.paths, self.others(_EVERYBODY))
 
     @cached_property
     def conflicts(self) -> tuple[Conflict, ...]:
@@ -143,10 +147,11 @@ class Team:
         There is no plan where a robot has no path, since it may not stay at its start.
         """
         if not self.is_whole:
-            return Result.stopped_without_plan(limit or Limit.NONE, statistics)
+            assert limit is not None, "robots have no path, though no limit stopped the planner"
+            return Result.stopped_without_plan(limit, statistics)
         evaluated = sum(single.evaluated for single in self.found if single is not None)
         model = self.model
-        messages = [ONE_STEP_AT_A_TIME] if model.problem.objective.over_time else []
+        messages = [_ONE_STEP_AT_A_TIME] if model.problem.objective.over_time else []
         early = [single.limit for single in self.found if single and single.limit]
         if early:
             limit = limit or early[0]
@@ -162,7 +167,7 @@ class Team:
             plan=self.model.plan(self.paths),
             value=self.value,
             reason=Reason.STOPPED if limit else Reason.FINISHED,
-            limit=limit or Limit.NONE,
+            limit=limit,
             message="; ".join(messages),
             statistics={"evaluated": evaluated} if statistics is None else statistics,
         )

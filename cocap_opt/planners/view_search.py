@@ -22,7 +22,7 @@ more than searching. The paper names no gamma; `cocap-opt study gamma` measures 
 import heapq
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 
@@ -43,16 +43,16 @@ GAMMA = 0.97
 # gamma ** T of the undiscounted search. Measured over 8 seeds with gamma from 0.6 to 1: near this
 # value CoCap gets 92-99 % of the J that it gets with value iteration and evaluates 17-40 % of the
 # states (corridor, T = 8, and bottleneck, T = 11); 0.05 costs most of the states, 1 gives 84-96 %.
-FINAL_DISCOUNT = 0.2
-TIE = 6  # digits; angles and distances that agree to these are equal
+_FINAL_DISCOUNT = 0.2
+_TIE = 6  # digits; angles and distances that agree to these are equal
 
-Way = tuple[float, float]  # off the heading (rad), and far (m), the nearest actor is
+_Way = tuple[float, float]  # off the heading (rad), and far (m), the nearest actor is
 
 
-class _Discount(Protocol):
+class Discount(Protocol):
     """The order in which states are taken from the queue."""
 
-    def collect(self, value: float, reward: float, k: int, horizon: int) -> float:
+    def collect(self, value: float, reward: float, k: int) -> float:
         """Value of the (k+1)-th state of a path, from that of the k-th and its own reward."""
 
     def key(self, value: float, k: int, horizon: int) -> float:
@@ -65,7 +65,7 @@ class Compounded:
 
     gamma: float = GAMMA
 
-    def collect(self, value: float, reward: float, k: int, horizon: int) -> float:
+    def collect(self, value: float, reward: float, k: int) -> float:
         """Return Rbar_{k+1}."""
         return (reward + value) * self.gamma ** (k - 1)
 
@@ -82,19 +82,19 @@ class Undiscounted:
     more states are evaluated. With 1 the search dives.
     """
 
-    gamma: float | None = None  # None: FINAL_DISCOUNT ** (1 / T)
+    gamma: float | None = None  # None: _FINAL_DISCOUNT ** (1 / T)
 
-    def collect(self, value: float, reward: float, k: int, horizon: int) -> float:
+    def collect(self, value: float, reward: float, k: int) -> float:
         """Return the sum of the rewards so far."""
         return value + reward
 
     def key(self, value: float, k: int, horizon: int) -> float:
         """Return the sum, discounted by depth."""
-        gamma = FINAL_DISCOUNT ** (1 / horizon) if self.gamma is None else self.gamma
+        gamma = _FINAL_DISCOUNT ** (1 / horizon) if self.gamma is None else self.gamma
         return value * gamma ** (k - 1)
 
 
-def algorithm_2(task: SingleRobotTask, coverage: LazyCoverage, discount: _Discount) -> Path | None:
+def algorithm_2(task: SingleRobotTask, coverage: LazyCoverage, discount: Discount) -> Path | None:
     """CoCap's Alg. 2: the path to the first state of the last step taken; None if there is none.
 
     States are (k, v): state number v as the k-th of a path, k = 1..T+1.
@@ -114,7 +114,7 @@ def algorithm_2(task: SingleRobotTask, coverage: LazyCoverage, discount: _Discou
         task.stop.check()
         for w, R, way in _rewarded_successors(task, coverage, k, v):  # 6
             child = (k + 1, w)
-            value = discount.collect(Rbar[node], R, k, T)  # 7
+            value = discount.collect(Rbar[node], R, k)  # 7
             if child not in processed and value > Rbar.get(child, CLOSED):  # 8
                 Rbar[child], parent[child] = value, node  # 9
                 queue.push(discount.key(value, k, T), way, child)
@@ -129,9 +129,9 @@ class ViewSearch:
     discount : of the views to come
     """
 
-    is_lazy = True
+    is_lazy: Literal[True] = True
 
-    def __init__(self, discount: _Discount | None = None) -> None:
+    def __init__(self, discount: Discount | None = None) -> None:
         self._discount = discount or Compounded()
         self._views: dict[Model, list[LazyCoverage]] = {}  # by robot
 
@@ -157,13 +157,13 @@ class _Queue:
     """
 
     def __init__(self) -> None:
-        self._heap: list[tuple[float, int, Way, int, int]] = []
+        self._heap: list[tuple[float, int, _Way, int, int]] = []
         self._pushed = 0
 
     def __bool__(self) -> bool:
         return bool(self._heap)
 
-    def push(self, key: float, way: Way, node: tuple[int, int]) -> None:
+    def push(self, key: float, way: _Way, node: tuple[int, int]) -> None:
         self._pushed += 1
         k, state = node
         heapq.heappush(self._heap, (-key, -k, way, self._pushed, state))
@@ -175,7 +175,7 @@ class _Queue:
 
 def _rewarded_successors(
     task: SingleRobotTask, coverage: LazyCoverage, k: int, v: int
-) -> Iterator[tuple[int, float, Way]]:
+) -> Iterator[tuple[int, float, _Way]]:
     """States that may follow the k-th one, v, with their marginal rewards and ways to actors."""
     problem, graph = task.model.problem, task.model.class_of[task.robot].graph
     heads = graph.successors(k - 1, v)
@@ -199,7 +199,7 @@ def _open_heads(task: SingleRobotTask, t: int, tail: int, heads: IntArray) -> Bo
     return is_open
 
 
-def _ways(problem: Problem, graph: TimeGraph, t: int, states: IntArray) -> list[Way]:
+def _ways(problem: Problem, graph: TimeGraph, t: int, states: IntArray) -> list[_Way]:
     """Angle (rad) from each state's heading to the nearest actor, and distance (m) of it."""
     if not problem.actors:
         return [(0.0, 0.0)] * len(states)
@@ -213,7 +213,7 @@ def _ways(problem: Problem, graph: TimeGraph, t: int, states: IntArray) -> list[
     off = np.abs((np.arctan2(way[:, 1], way[:, 0]) - yaw + np.pi) % (2 * np.pi) - np.pi)
     # Rounded, so that a turned copy of a scene is searched in the same order.
     near = np.take_along_axis(far, nearest, axis=1)[:, 0]
-    return list(zip(off.round(TIE).tolist(), near.round(TIE).tolist(), strict=True))
+    return list(zip(off.round(_TIE).tolist(), near.round(_TIE).tolist(), strict=True))
 
 
 def _trace(parent: dict[tuple[int, int], tuple[int, int]], node: tuple[int, int]) -> Path:

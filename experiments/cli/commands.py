@@ -14,6 +14,7 @@ from cocap_opt.experiments.cli import (
     gap_command,
     picture_commands,
     result_commands,
+    robustness_command,
     scene_commands,
     solver_commands,
     verify_command,
@@ -51,7 +52,7 @@ app = App(
 )
 for _family in (
     scene_commands, solver_commands, verify_command, gap_command, result_commands,
-    picture_commands, fly_command,
+    picture_commands, fly_command, robustness_command,
 ):  # fmt: skip
     for _name, _command in _family.COMMANDS.items():
         app.command(_command, name=_name, help=_help(_command), usage=_usage(_name, _command))

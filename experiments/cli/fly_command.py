@@ -7,14 +7,22 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from cocap_opt.data import FieldError, ProblemError
-from cocap_opt.experiments.cli.options import FLAG, Json, Output, Scene, Seed, load
+from cocap_opt.experiments.cli.options import (
+    FLAG,
+    Json,
+    Output,
+    Scene,
+    Seed,
+    StepSeconds,
+    load,
+    with_step,
+)
 from cocap_opt.experiments.console.options import Option, UsageError
 from cocap_opt.experiments.missions import DATED, WRITERS
 from cocap_opt.experiments.results.files import PlanReader, check_output, save_files
 from cocap_opt.experiments.results.flights import Flight
 from cocap_opt.experiments.results.printing import Listing, Record, print_result
 from cocap_opt.files.documents import FileError
-from cocap_opt.problem import Problem
 
 _OPTIONS = "every", "smooth", "start"
 _PLACES = "earth.crs", "earth.origin"
@@ -27,9 +35,7 @@ def _fly(
     *,
     output: Output = None,
     seed: Seed = 0,
-    step: Annotated[
-        float | None, Parameter(help="seconds of a step, of scenes that do not say it")
-    ] = None,
+    step: StepSeconds = None,
     smooth: Annotated[
         bool, FLAG(name="--smooth", help="with continuous speed and acceleration")
     ] = False,
@@ -64,12 +70,11 @@ def _fly(
     suffix = Option("-o").ending(output, tuple(WRITERS))
     assert output is not None
     begins = None if start is None else _start(start, suffix)
-    for option, value in (("--step", step), ("--every", every)):
-        if value is not None and not Option(option).require_seconds(value) > 0:
-            raise UsageError(f"{option}: must be more than 0 seconds")
+    if every is not None and not Option("--every").require_seconds(every) > 0:
+        raise UsageError("--every: must be more than 0 seconds")
     check_output(output, scene, plan)
     problem, planned = PlanReader(scene, load(scene, seed)).plan(plan)
-    problem = _with_step(problem, step)
+    problem = with_step(problem, step)
     problem = problem.replace(earth=None) if local else problem
     try:
         flight = Flight.of(problem, planned, smooth)._replace(start=begins)
@@ -126,22 +131,6 @@ def _start(text: str, suffix: str) -> datetime:
         f"--start: must be a date and a time with its offset from UTC, such as "
         f"2026-05-01T10:00:00+02:00 or 2026-05-01T08:00:00Z, not {text[:40]!r}"
     )
-
-
-def _with_step(problem: Problem, step: float | None) -> Problem:
-    """Returns the scene with the duration of a step, from itself or from the option."""
-    if problem.step is None and step is None:
-        raise UsageError(
-            f"--step: must be given, for {problem.name} does not say how many seconds a step lasts"
-        )
-    if problem.step is not None and step is not None:
-        raise UsageError(
-            f"--step: must be left out, for {problem.name} says it: {problem.step:g} s"
-        )
-    try:
-        return problem if step is None else problem.replace(step=step)
-    except ProblemError as error:  # it is out of range, or too short for the drones' limits
-        raise UsageError(f"--step: {error}") from error
 
 
 COMMANDS = {"fly": _fly}

@@ -8,6 +8,7 @@ from typing import Annotated
 
 from cyclopts import Parameter, Token
 
+from cocap_opt.data import ProblemError
 from cocap_opt.experiments.console.options import Option, UsageError
 from cocap_opt.experiments.results.judging import Allowance
 from cocap_opt.experiments.results.rows import Row
@@ -59,6 +60,11 @@ OfPlanners = Annotated[
     ),
 ]
 
+StepSeconds = Annotated[
+    float | None,
+    Parameter(name="--step", help="seconds of a step, of scenes that do not say it"),
+]
+
 
 def load(scene: str, seed: int, options: Mapping[str, str] = NOTHING) -> Problem:
     """Returns a scene by its name or file, and logs what is doubtful in it."""
@@ -102,3 +108,21 @@ def chosen(
     if not kept:
         raise UsageError("--planner: has no results on the scenes of --scene")
     return kept
+
+
+def with_step(problem: Problem, step: float | None) -> Problem:
+    """Returns the scene with the duration of a step, from itself or from the option."""
+    if problem.step is None and step is None:
+        raise UsageError(
+            f"--step: must be given, for {problem.name} does not say how many seconds a step lasts"
+        )
+    if problem.step is not None and step is not None:
+        raise UsageError(
+            f"--step: must be left out, for {problem.name} says it: {problem.step:g} s"
+        )
+    if step is not None and not Option("--step").require_seconds(step) > 0:
+        raise UsageError("--step: must be more than 0 seconds")
+    try:
+        return problem if step is None else problem.replace(step=step)
+    except ProblemError as error:  # it is out of range, or too short for the drones' limits
+        raise UsageError(f"--step: {error}") from error

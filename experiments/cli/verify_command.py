@@ -10,6 +10,8 @@ from cocap_opt.experiments.cli.options import FLAG, Free, Json, Scene, Seed, loa
 from cocap_opt.experiments.console.options import UsageError
 from cocap_opt.experiments.console.progress import Watch
 from cocap_opt.experiments.results.explained import Explained
+from cocap_opt.experiments.results.explained_tables import explained_tables
+from cocap_opt.experiments.results.explained_words import explained_sentences
 from cocap_opt.experiments.results.files import PlanReader
 from cocap_opt.experiments.results.judging import Judged
 from cocap_opt.experiments.results.printing import Record, print_result, print_texts
@@ -78,11 +80,15 @@ def _verify(
     answer = {"scene": claims.problem.name, "seed": seed, **claims.answer(verified)}
     explained = Explained.of(verified) if explain else None
     if explain and json:
-        answer["explanation"] = explained.record if explained else None
+        answer["explanation"] = _data(explained) if explained else None
     print_result(answer, json)
     if explained and not json:
-        print_texts(explained.tables, explained.sentences)
+        print_texts(explained_tables(explained), explained_sentences(explained))
     return 1 if verified.violations else 0
+
+
+def _data(explained: Explained) -> Record:
+    return explained.record | {"sentences": explained_sentences(explained)}
 
 
 def _finite(bound: float) -> float | None:

@@ -4,8 +4,8 @@ The file is a zip with `show.json`. Of each drone it has a trajectory, points [t
 control points] of Bezier curves, and yaw setpoints [t, degrees] between which the yaw changes
 evenly, clockwise. Readers know lines and curves of the second and third degree (Skybrush Viewer
 no others), so each piece of a smooth flight becomes cubic curves with its places and speeds at
-their ends, as many as keep it to half a millimetre. Times are whole milliseconds, as readers
-round them.
+their ends, as many as keep it to half a millimetre. Times are then rounded to milliseconds, as
+readers do, in which a drone flies some millimetres; steps too short for that are refused.
 
 Coordinates are local: x and y begin at the map's corner, z at the lowest take-off. Where they are
 on the Earth is told to Skybrush Live when the show is set up.
@@ -23,7 +23,7 @@ from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 import numpy as np
 
-from cocap_opt.data import FloatArray
+from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.experiments.missions.export import Export, require_nothing_else
 from cocap_opt.experiments.results.flights import Flight
 from cocap_opt.flight.bernstein import elevated, halves, largest, squared_length
@@ -32,6 +32,7 @@ from cocap_opt.problem import Problem
 
 _OFF = 5e-4  # m, by which cubic curves may leave the flight
 _TURNED_OFF = np.radians(0.1)  # rad, by which the yaw may
+_SHORTEST = 2e-3  # s, of a curve
 _DIGITS = 5
 
 
@@ -78,7 +79,7 @@ def _drone(name: str, pieces: FloatArray, ground: float, step: float) -> dict[st
 def _points(pieces: FloatArray, step: float) -> list[list[Any]]:
     """Returns the points of a trajectory [T, 3, 6]."""
     points: list[list[Any]] = [[0, _rounded(pieces[0, :, 0]), []]]
-    curves = _split(pieces, _cubic, _OFF)
+    curves = _split(pieces, _cubic, _OFF, step)
     for k, curve in enumerate(curves):
         is_line = np.allclose(elevated(curve[:, [0, -1]], 3), curve, rtol=0, atol=1e-9)
         control = [] if is_line else [_rounded(point) for point in curve[:, 1:-1].T]
@@ -89,17 +90,23 @@ def _points(pieces: FloatArray, step: float) -> list[list[Any]]:
 
 def _setpoints(pieces: FloatArray, step: float) -> list[list[float]]:
     """Returns the setpoints of a yaw [T, 1, 6] (rad, counter-clockwise)."""
-    lines = _split(pieces, _line, _TURNED_OFF)
+    lines = _split(pieces, _line, _TURNED_OFF, step)
     times = np.arange(len(lines) + 1) * (step * len(pieces) / len(lines))
     angles = -np.degrees([lines[0, 0, 0], *lines[:, 0, -1]])
     return [[_ms(t), round(a + 0.0, _DIGITS)] for t, a in zip(times, angles.tolist(), strict=True)]
 
 
 def _split(
-    pieces: FloatArray, simpler: Callable[[FloatArray], FloatArray], off: float
+    pieces: FloatArray, simpler: Callable[[FloatArray], FloatArray], off: float, step: float
 ) -> FloatArray:
     """Returns curves [n, d, .] of a lower degree, evenly spaced, along pieces [T, d, 6]."""
+    seconds = step * len(pieces)
     while True:
+        if seconds / len(pieces) < _SHORTEST:
+            raise ProblemError(
+                f"step: must be longer than {step:g} s, for the curves of a show begin and end at "
+                "whole milliseconds"
+            )
         found = simpler(pieces)
         ways = elevated(found, DEGREE) - pieces
         if largest(squared_length(ways)).value <= off**2:

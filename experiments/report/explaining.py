@@ -84,9 +84,10 @@ def gaps_of(
     """
     verified = Verified(problem)
     verified.verify_bound(file)
+    proved = None if verified.pricing is None else verified.pricing.bound
     rewards = [check(problem, plan).reward for plan in plans]
     return [
-        explain(verified.model, plan, reward, file)
+        explain(verified.model, plan, reward, file, proved)
         for plan, reward in zip(plans, rewards, strict=True)
     ]
 

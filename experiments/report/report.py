@@ -24,6 +24,7 @@ from cocap_opt.experiments.report.limitations import limitations
 from cocap_opt.experiments.report.pages import PageFile
 from cocap_opt.experiments.report.player import Player
 from cocap_opt.experiments.results.explained import SHOWN, Explained
+from cocap_opt.experiments.results.explained_words import costliest
 from cocap_opt.experiments.results.files import PlanReader
 from cocap_opt.experiments.results.layout import Paths
 from cocap_opt.experiments.results.printing import counted
@@ -181,7 +182,8 @@ def _gaps_explained(title: str, explained: Mapping[str, Explained]) -> str:
     lost = any(own.max() >= 100 * SHOWN for own in losses.values())
     drawn = _image(losses_figure(losses), words) if lost else ""
     table = {"What the gaps are made of (% of the bound)": parts_table(explained)}
-    most = [f"{planner}: {one.costliest}." for planner, one in explained.items() if one.costliest]
+    costly = {planner: costliest(one) for planner, one in explained.items()}
+    most = [f"{planner}: {words}." for planner, words in costly.items() if words]
     about = (
         "Drones lose by their paths, the bound pays for faces beyond what the drones get, it "
         "charges for rules that nobody uses, and other leaves of a proof may have larger bounds. "

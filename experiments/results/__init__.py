@@ -2,9 +2,14 @@
 
 __all__ = [
     "columns",
+    "conflicts",
+    "explained",
+    "explained_tables",
+    "explained_words",
     "files",
     "flights",
     "gap_table",
+    "graphml",
     "judging",
     "layout",
     "printing",

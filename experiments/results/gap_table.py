@@ -8,6 +8,7 @@ from msgspec import UNSET
 from cocap_opt.experiments.results.printing import Listing, Marked, Record
 from cocap_opt.experiments.results.rows import SAMPLED_COVERAGE, Row
 from cocap_opt.result import Reason
+from cocap_opt.stop import NO_LIMIT
 from cocap_opt.text import shortened
 
 _OPEN = "*"  # marks a bound that a limit stopped
@@ -35,7 +36,7 @@ def _print_rows(rows: Sequence[Row]) -> None:
     keys = ["scene", "seed", "planner", "reward"]
     keys += ["reward_rendered"] if any(r.reward_rendered is not UNSET for r in rows) else []
     keys += ["bound", "gap", "gap_free", "conflicts", "reason"]
-    if any(row.limit != "none" for row in rows):
+    if any(row.limit != NO_LIMIT for row in rows):
         keys.append("limit")
     keys.append("seconds")
     table: list[Record] = [{key: _shown(row, key) for key in keys} for row in rows]

@@ -15,7 +15,7 @@ from cocap_opt.result import Reason, Result, UnsupportedError, relative_gap
 from cocap_opt.stop import Clock, FirstOf, Stop, TimeLimit, WorkLimit, never
 
 R = TypeVar("R", bound=Result)
-R_co = TypeVar("R_co", bound=Result, covariant=True)
+_R_co = TypeVar("_R_co", bound=Result, covariant=True)
 
 BOUND_METHOD = "branch-and-price"  # of the gap table; at any limit it has a bound
 ROUNDING = 1e-9  # relative, of J and of bounds: both are rounded sums
@@ -52,10 +52,10 @@ class Allowance(NamedTuple):
         return FirstOf(*criteria)
 
 
-class Judged(NamedTuple, Generic[R_co]):
+class Judged(NamedTuple, Generic[_R_co]):
     """A result with the referee's verdict; there is no verdict where there is no plan."""
 
-    result: R_co
+    result: _R_co
     verdict: Verdict | None
     coverage_seconds: float | None = None  # of the problem in this process, if its plan needs it
     checking_seconds: float | None = None  # of the referee

@@ -65,6 +65,11 @@ def counted(number: int, noun: str) -> str:
     return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
+def rounded(amount: float) -> str:
+    """Returns an amount with two decimals; next to nothing has no sign."""
+    return f"{round(amount, 2) + 0.0:,.2f}"
+
+
 def print_result(row: Record, json: bool) -> None:
     """Prints the answer of a command: a line per key, or one JSON object on one line.
 

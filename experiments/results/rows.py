@@ -20,6 +20,7 @@ from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult
 from cocap_opt.problem import Problem
 from cocap_opt.referee import Verdict
 from cocap_opt.result import Reason, relative_gap
+from cocap_opt.stop import NO_LIMIT, Limit
 from cocap_opt.vision.faces import FaceGeometry
 
 _log = logging.getLogger(__name__)
@@ -114,7 +115,7 @@ class PlanRow:
             planner=planner,
             reward=_finite(judged.reward),
             reason=str(reason),
-            limit=str(result.limit),
+            limit=Limit.written(result.limit),
             seconds=_finite(result.seconds),
             coverage_seconds=judged.coverage_seconds,
             checking_seconds=judged.checking_seconds,
@@ -197,7 +198,7 @@ class BoundColumns:
         str,
         Column("Why the search for the bound stopped: optimal means that J of a plan meets it."),
     ]
-    bound_limit: Annotated[str, Column("The limit that stopped this search, or none.")] = "none"
+    bound_limit: Annotated[str, Column("The limit that stopped this search, or none.")] = NO_LIMIT
     bound_seconds: Annotated[_Number, Column("Wall-clock time of this search.", unit="s")] = None
     bound_time_limit: Annotated[
         _Number, Column("Time that each of the two searches for bounds was allowed.", unit="s")
@@ -216,7 +217,7 @@ class BoundColumns:
     ] = None
     bound_free_reason: Annotated[str, Column("Why the search for bound_free stopped.")]
     bound_free_limit: Annotated[str, Column("The limit that stopped that search, or none.")] = (
-        "none"
+        NO_LIMIT
     )
     bound_free_seconds: Annotated[_Number, Column("Wall-clock time of that search.", unit="s")] = (
         None
@@ -238,13 +239,13 @@ class BoundColumns:
             bound=_finite(bound.bound),
             bound_method=bound.certificate.method if bound.certificate else BOUND_METHOD,
             bound_reason=str(bound.reason),
-            bound_limit=str(bound.limit),
+            bound_limit=Limit.written(bound.limit),
             bound_seconds=bound.seconds,
             optimum=_finite(under.reward),
             optimum_free=_finite(free.reward),
             bound_free=_finite(bound_free.bound),
             bound_free_reason=str(bound_free.reason),
-            bound_free_limit=str(bound_free.limit),
+            bound_free_limit=Limit.written(bound_free.limit),
             bound_free_seconds=bound_free.seconds,
             **more,
         )

@@ -9,10 +9,10 @@ import numpy as np
 
 from cocap_opt.data import IntArray
 
-CONFIDENCE = 0.95
+_CONFIDENCE = 0.95
 NONE = "-"  # in place of a number that does not exist
 _RESAMPLES = 10_000  # of a bootstrap interval
-SHIFT = 10.0  # s, of geometric means of times, as in qpbenchmark and Mittelmann's benchmarks
+_SHIFT = 10.0  # s, of geometric means of times, as in qpbenchmark and Mittelmann's benchmarks
 
 
 class Mean(NamedTuple):
@@ -34,7 +34,7 @@ class Mean(NamedTuple):
         if n < 2:
             return cls(value, math.nan, math.nan, math.nan, n)
         spread = float(sample.std(ddof=1))
-        reach = float(student.ppf((1 + CONFIDENCE) / 2, n - 1)) * spread / math.sqrt(n)
+        reach = float(student.ppf((1 + _CONFIDENCE) / 2, n - 1)) * spread / math.sqrt(n)
         return cls(value, value - reach, value + reach, spread, n)
 
     @classmethod
@@ -51,7 +51,7 @@ class Mean(NamedTuple):
         if min(map(len, samples)) < 2:
             return cls(value, math.nan, math.nan, math.nan, size)
         drawn = [sample[_draws(len(sample), n)].mean(axis=1) for n, sample in enumerate(samples)]
-        rest = (1 - CONFIDENCE) / 2
+        rest = (1 - _CONFIDENCE) / 2
         low, high = np.quantile(np.mean(drawn, axis=0), [rest, 1 - rest]).tolist()
         return cls(value, low, high, float(np.concatenate(samples).std(ddof=1)), size)
 
@@ -61,7 +61,7 @@ class Mean(NamedTuple):
         return mean if math.isnan(self.low) else f"{mean} [{', '.join(ends)}]"
 
     @staticmethod
-    def shifted_geometric(values: Sequence[float], shift: float = SHIFT) -> float:
+    def shifted_geometric(values: Sequence[float], shift: float = _SHIFT) -> float:
         """Returns exp(mean(log(value + shift))) - shift.
 
         Neither the easiest instances nor the hardest alone decide it.

@@ -1,10 +1,10 @@
 """The project's own measurements, each a command of `cocap-opt study`.
 
 The paper's experiments, plans of others beside ours, growth, exact methods beside generic solvers,
-the cost and the accuracy of coverage, and the speed of planners.
+the cost and the accuracy of coverage, the speed of planners, and plans flown in a simulator.
 """
 
 __all__ = [
-    "app", "coverage", "gamma", "growth", "notebooks", "others", "paper", "pictures",
-    "runs", "separation", "solvers", "speed", "steps", "views",
+    "app", "coverage", "flight", "gamma", "growth", "notebooks", "others", "paper",
+    "pictures", "runs", "separation", "solvers", "speed", "steps", "views",
 ]  # fmt: skip

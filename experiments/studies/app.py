@@ -23,6 +23,7 @@ _Seeds = Annotated[str | None, Parameter(help="such as 0-4; without it, each row
 _Workers = Annotated[
     int | None, Parameter(help="processes, each on a core of its own; this one if not given")
 ]
+_STORM = 30.0  # m/s, beyond which nobody flies
 _INTERRUPTED = 130  # exit code after Ctrl-C
 
 
@@ -331,6 +332,51 @@ def _separation(
     ]  # fmt: skip
     seeds_ = Option("--seeds").numbers(seeds)
     return 0 if separation(scenes, seeds_, wanted, limit, out) else 1
+
+
+@app.command(name="flight")
+def _flight(
+    *scenes: Annotated[str, Parameter(help="scenes or recipes; bridge and passage if none")],
+    seeds: Annotated[str, Parameter(help="of each scene, of the wind's gusts, too")] = "0-2",
+    wind: Annotated[
+        list[float] | None,
+        Parameter(negative="", consume_multiple=True, help="m/s; 0, 5 and 10 if not given"),
+    ] = None,
+    step: Annotated[
+        float | None,
+        Parameter(help="seconds of a step, of scenes that do not say it; else as PX4's limits ask"),
+    ] = None,
+    out: _Out = None,
+    stored: Annotated[
+        bool, Parameter(negative="", help="simulate nothing: take the stored results")
+    ] = False,
+    into: Annotated[
+        Path | None, Parameter(help="Markdown file whose table of flights is replaced")
+    ] = None,
+) -> int:
+    """Fly plans in RotorPy, a simulator by others: errors, distances, and J of what is filmed.
+
+    Smooth and straight flights, in still air and in wind. It needs the extra `flight`, and a
+    quarter of an hour without scenes; what is stored needs neither.
+
+    Example: cocap-opt study flight bridge --seeds 0 --wind 0 --out flown
+    """
+    from cocap_opt.experiments.studies.flight.flight import SCENES, STORED, flight, tell
+    from cocap_opt.experiments.studies.flight.runs import Run
+
+    winds = [0.0, 5.0, 10.0] if wind is None else wind
+    if not all(0 <= speed <= _STORM for speed in winds):
+        raise FileError(f"--wind: must be 0..{_STORM:g} m/s")
+    if step is not None:
+        _require_positive("--step", step)
+    chosen = Option("--seeds").numbers(seeds)
+    if stored and scenes:
+        raise FileError(
+            "--stored: must be given without scenes, for it takes those that are stored"
+        )
+    runs = Run.read(STORED) if stored else flight(scenes or SCENES, chosen, winds, step, out)
+    tell(runs, out, into)
+    return 0
 
 
 @app.command(name="peers")

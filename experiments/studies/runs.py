@@ -54,7 +54,7 @@ class Run:
     value: float
     bound: float
     reason: Reason
-    limit: Limit
+    limit: Limit | None
     seconds: float
     processor: float = math.nan
     gigabytes: float = math.nan
@@ -126,7 +126,7 @@ class Run:
     @property
     def finished(self) -> bool:
         """True if no limit stopped it."""
-        return self.limit is Limit.NONE
+        return self.limit is None
 
     @property
     def gap(self) -> float:

@@ -22,7 +22,7 @@ from cocap_opt.formulations.result import OPTIMALITY
 from cocap_opt.planners import RECOMMENDED
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import Reason, Result, relative_gap
-from cocap_opt.stop import Limit
+from cocap_opt.stop import NO_LIMIT
 
 _T = TypeVar("_T")
 Key = tuple[str, int | None]  # scene and seed; None where the starts are the scene file's own
@@ -289,7 +289,7 @@ def _met(columns: BoundColumns, name: str) -> dict[str, Any]:
     RefereeError.unless_bound(f"{bound} of two commands", best, value)
     if relative_gap(best, value) > OPTIMALITY:
         return {}
-    return {f"{bound}_reason": str(Reason.OPTIMAL), f"{bound}_limit": str(Limit.NONE)}
+    return {f"{bound}_reason": str(Reason.OPTIMAL), f"{bound}_limit": NO_LIMIT}
 
 
 def _require_bounds(plan: PlannedRow, bound: BoundColumns) -> None:

@@ -23,7 +23,7 @@ from cocap_opt.model import compiled
 from cocap_opt.planners import LAZY, PLANNERS
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import Reason, Result, relative_gap
-from cocap_opt.stop import Clock, Limit, LimitReached, Stop, never
+from cocap_opt.stop import Clock, LimitReached, Stop, never
 
 _NO_START = BoundStart()
 _WITHOUT_RULES, _WITH_RULES = "without rules", "with rules"  # names of the two searches
@@ -241,7 +241,7 @@ def _joined(best: Judged[Any], bound: CertifiedResult) -> Judged[CertifiedResult
     RefereeError.unless_bound(BOUND_METHOD, best.reward, bound.bound)
     result = replace(bound, plan=best.result.plan, value=best.result.value)
     if relative_gap(best.reward, bound.bound) <= OPTIMALITY:
-        result = replace(result, reason=Reason.OPTIMAL, limit=Limit.NONE)
+        result = replace(result, reason=Reason.OPTIMAL, limit=None)
     elif bound.bound < 0:  # J >= 0
-        result = replace(result, reason=Reason.INFEASIBLE, limit=Limit.NONE)
+        result = replace(result, reason=Reason.INFEASIBLE, limit=None)
     return Judged(result, best.verdict)

@@ -22,16 +22,16 @@ from cocap_opt.problem import Cell, Problem, State
 MOST_MOVES = 2000  # of one resource
 
 
-class Flight(NamedTuple):
+class PathCells(NamedTuple):
     """A path of one robot with the cells that it passes, which is all that resources look at."""
 
     class_number: int  # of the robot's class
-    path: Path  # T+1 state numbers
+    states: Path  # T+1 state numbers
     cells: tuple[Cell, ...]  # T+1
 
     @classmethod
-    def of(cls, model: Model, robot: int, path: Path) -> "Flight":
-        """Returns the flight of a robot along a path of state numbers."""
+    def of(cls, model: Model, robot: int, path: Path) -> "PathCells":
+        """Returns the path of a robot, which is given in state numbers, with its cells."""
         robot_class = model.class_of[robot]
         number = model.classes.index(robot_class)
         cells, n_places = model.cells[number], robot_class.graph.n_places
@@ -51,8 +51,8 @@ class _Resource(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_de
 
     t: int
 
-    def used_by(self, model: Model, flight: Flight) -> bool:
-        """Returns True if a flight uses the resource."""
+    def used_by(self, model: Model, path: PathCells) -> bool:
+        """Returns True if a path uses the resource."""
         raise NotImplementedError
 
     def footprint(self, model: Model, number: int) -> _Footprint:
@@ -74,10 +74,10 @@ class Cells(_Resource, frozen=True, tag="cells"):
     cells: tuple[Cell, ...]
     class_number: int | None = msgspec.field(default=None, name="robot_class")  # None: all robots
 
-    def used_by(self, model: Model, flight: Flight) -> bool:
-        """Returns True if a flight uses the resource."""
-        own = self.class_number in (None, flight.class_number)
-        return own and flight.cells[self.t] in self.cells
+    def used_by(self, model: Model, path: PathCells) -> bool:
+        """Returns True if a path uses the resource."""
+        own = self.class_number in (None, path.class_number)
+        return own and path.cells[self.t] in self.cells
 
     def footprint(self, model: Model, number: int) -> _Footprint:
         """Returns the places of the cells; none for classes that it is not about."""
@@ -107,9 +107,9 @@ class Swap(_Resource, frozen=True, tag="swap"):
 
     cells: tuple[Cell, Cell]
 
-    def used_by(self, model: Model, flight: Flight) -> bool:
-        """Returns True if a flight uses the resource."""
-        tail, head = flight.cells[self.t], flight.cells[self.t + 1]
+    def used_by(self, model: Model, path: PathCells) -> bool:
+        """Returns True if a path uses the resource."""
+        tail, head = path.cells[self.t], path.cells[self.t + 1]
         return tail != head and {tail, head} == set(self.cells)
 
     def footprint(self, model: Model, number: int) -> _Footprint:
@@ -138,9 +138,9 @@ class Moves(_Resource, frozen=True, tag="moves"):
 
     moves: tuple[tuple[Cell, Cell], ...]
 
-    def used_by(self, model: Model, flight: Flight) -> bool:
-        """Returns True if a flight uses the resource."""
-        return flight.cells[self.t : self.t + 2] in self.moves
+    def used_by(self, model: Model, path: PathCells) -> bool:
+        """Returns True if a path uses the resource."""
+        return path.cells[self.t : self.t + 2] in self.moves
 
     def footprint(self, model: Model, number: int) -> _Footprint:
         """Returns the moves; those that are out of reach are left out."""
@@ -172,11 +172,11 @@ class Visit(_Resource, frozen=True, tag="visit"):
     state: State
     class_number: int = msgspec.field(name="robot_class")
 
-    def used_by(self, model: Model, flight: Flight) -> bool:
-        """Returns True if a flight uses the resource."""
-        if self.class_number != flight.class_number:
+    def used_by(self, model: Model, path: PathCells) -> bool:
+        """Returns True if a path uses the resource."""
+        if self.class_number != path.class_number:
             return False
-        return flight.path[self.t] == model.classes[self.class_number].graph.index(self.state)
+        return path.states[self.t] == model.classes[self.class_number].graph.index(self.state)
 
     def footprint(self, model: Model, number: int) -> _Footprint:
         """Returns the state; none for other classes."""
@@ -209,10 +209,10 @@ class Move(_Resource, frozen=True, tag="move"):
     cells: tuple[Cell, Cell]
     class_number: int = msgspec.field(name="robot_class")
 
-    def used_by(self, model: Model, flight: Flight) -> bool:
-        """Returns True if a flight uses the resource."""
-        own = self.class_number == flight.class_number
-        return own and flight.cells[self.t : self.t + 2] == self.cells
+    def used_by(self, model: Model, path: PathCells) -> bool:
+        """Returns True if a path uses the resource."""
+        own = self.class_number == path.class_number
+        return own and path.cells[self.t : self.t + 2] == self.cells
 
     def footprint(self, model: Model, number: int) -> _Footprint:
         """Returns the move; none for other classes and where one cell is out of reach."""

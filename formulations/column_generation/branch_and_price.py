@@ -40,7 +40,8 @@ def branch_and_price(
         stopped = CertifiedResult.of_start(problem, start, reached.limit)
         return stopped.with_bound_of(early_bound(problem, reached.limit))
     message = search.use_start(start)
-    tree, limit = Tree(search, gap), Limit.NONE
+    tree = Tree(search, gap)
+    limit: Limit | None = None
     try:
         tree.solve_root()
         while (node := tree.select()) is not None:

@@ -35,15 +35,15 @@ class ResourceUse(NamedTuple):
         moves: defaultdict[Resource, float] = defaultdict(float)
         several = len(model.classes) > 1
         for column, amount in mixture.used():
-            flight = column.flight
-            graph = model.classes[flight.class_number].graph
-            for t, (number, cell) in enumerate(zip(flight.path, flight.cells, strict=True)):
+            along = column.along
+            graph = model.classes[along.class_number].graph
+            for t, (number, cell) in enumerate(zip(along.states, along.cells, strict=True)):
                 cells[Cells(t, (cell,))] += amount
                 if several:
-                    own[Cells(t, (cell,), flight.class_number)] += amount
-                states[Visit(t, graph.state(number), flight.class_number)] += amount
-                if t and cell != flight.cells[t - 1]:
-                    moves[Move(t - 1, (flight.cells[t - 1], cell), flight.class_number)] += amount
+                    own[Cells(t, (cell,), along.class_number)] += amount
+                states[Visit(t, graph.state(number), along.class_number)] += amount
+                if t and cell != along.cells[t - 1]:
+                    moves[Move(t - 1, (along.cells[t - 1], cell), along.class_number)] += amount
         return cls(dict(cells), dict(own), dict(states), dict(moves))
 
     @property

@@ -42,7 +42,8 @@ def column_generation(
         stopped = CertifiedResult.of_start(problem, start, reached.limit)
         return stopped.with_bound_of(early_bound(problem, reached.limit))
     message = search.use_start(start)
-    root, limit = Root.of(search, OPTIMALITY / 2), Limit.NONE
+    root = Root.of(search, OPTIMALITY / 2)
+    limit: Limit | None = None
     try:
         solve_root(root)
         if root.relaxation.is_stuck:

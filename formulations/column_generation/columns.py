@@ -7,7 +7,7 @@ import numpy as np
 
 from cocap_opt.coordination.constraints import avoid_paths
 from cocap_opt.data import FloatArray, IntArray
-from cocap_opt.formulations.certificates import Flight
+from cocap_opt.formulations.certificates import PathCells
 from cocap_opt.graph.charges import Charges
 from cocap_opt.model import Model, Path, RobotClass
 from cocap_opt.problem import Problem
@@ -55,7 +55,7 @@ class Column(NamedTuple):
     """A path of one robot and its view sums."""
 
     robot: int
-    flight: Flight
+    along: PathCells
     view_sums: IntArray  # [k] view sums of which it sees anything, increasing
     pixels: FloatArray  # [k] px/m2
 
@@ -64,33 +64,33 @@ class Column(NamedTuple):
         """Returns the column of a robot's path of state numbers."""
         pixels = model.robot_pixels(robot, path)
         view_sums = np.flatnonzero(pixels)
-        return cls(robot, Flight.of(model, robot, path), view_sums, pixels[view_sums])
+        return cls(robot, PathCells.of(model, robot, path), view_sums, pixels[view_sums])
 
     @property
     def path(self) -> Path:
         """State numbers of the path."""
-        return self.flight.path
+        return self.along.states
 
     @property
     def key(self) -> tuple[int, Path]:
         """Robot and path, by which columns are told apart."""
-        return self.robot, self.flight.path
+        return self.robot, self.along.states
 
     @property
     def arcs(self) -> list[Arc]:
         """Arcs of the path, step by step."""
-        number, path = self.flight.class_number, self.flight.path
+        number, path = self.along.class_number, self.along.states
         return [Arc(number, t, path[t], path[t + 1]) for t in range(len(path) - 1)]
 
     def in_model(self, model: Model) -> "Column":
         """Returns the same column with the numbers of another model's classes."""
-        return self._replace(flight=Flight.of(model, self.robot, self.path))
+        return self._replace(along=PathCells.of(model, self.robot, self.path))
 
     def conflicts_with(self, other: "Column", problem: Problem) -> bool:
         """Returns True if the two paths break a collision rule."""
-        return problem.paths_conflict(self.flight.cells, other.flight.cells)
+        return problem.paths_conflict(self.along.cells, other.along.cells)
 
     @staticmethod
     def avoid(model: Model, robot_class: RobotClass, columns: "Iterable[Column]") -> Charges:
         """Returns charges that keep robots of a class clear of the paths of columns."""
-        return avoid_paths(model, robot_class, (column.flight.cells for column in columns))
+        return avoid_paths(model, robot_class, (column.along.cells for column in columns))

@@ -110,6 +110,6 @@ def _flow(mixture: Mixture, number: int, t: int) -> dict[tuple[int, int], float]
     """Returns the flow of a class from each state at t to each at t+1."""
     flow: defaultdict[tuple[int, int], float] = defaultdict(float)
     for column, amount in mixture.used():
-        if column.flight.class_number == number:
+        if column.along.class_number == number:
             flow[column.path[t], column.path[t + 1]] += amount
     return flow

@@ -80,7 +80,7 @@ class Master:
         if column.key in self._columns:
             return False
         closed = (decision.resource for decision in self.decisions if decision.closes)
-        if any(resource.used_by(self.model, column.flight) for resource in closed):
+        if any(resource.used_by(self.model, column.along) for resource in closed):
             return False
         self._columns[column.key] = column
         return self._pool.add(column.arcs) > 0

@@ -40,7 +40,7 @@ class Mixture(NamedTuple):
         roots = np.sqrt(np.concatenate([column.pixels for column in columns]))
         counts = [len(column.view_sums) for column in columns]
         amounts = np.repeat(self.amounts[used], counts)
-        classes = np.repeat([column.flight.class_number for column in columns], counts)
+        classes = np.repeat([column.along.class_number for column in columns], counts)
         order = np.argsort(numbers, kind="stable")
         distinct, first = np.unique(numbers[order], return_index=True)
         parts = np.split(order, first[1:])
@@ -62,7 +62,7 @@ class Mixture(NamedTuple):
         occupied: defaultdict[int, _Uses[Cell]] = defaultdict(dict)  # by step
         flown: defaultdict[int, _Uses[tuple[Cell, Cell]]] = defaultdict(dict)
         for column, amount in self.used():
-            cells = column.flight.cells
+            cells = column.along.cells
             for t, cell in enumerate(cells):
                 occupied[t][cell] = occupied[t].get(cell, 0.0) + amount
             for t, move in enumerate(pairwise(cells)):

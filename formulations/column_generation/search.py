@@ -144,7 +144,7 @@ class Search:
     def result(
         self,
         file: CertificateFile | ProofFile,
-        limit: Limit,
+        limit: Limit | None,
         gap: float,
         message: str,
         statistics: Mapping[str, float],
@@ -153,7 +153,7 @@ class Search:
 
         Parameters
         ----------
-        limit : the limit that ended the search; it does not count if all was proved before
+        limit : that ended the search, if one did; it does not count if all was proved before
         gap : relative gap that was asked for
         message : why the start was rejected, if it was
         """
@@ -165,7 +165,7 @@ class Search:
             reason = Reason.OPTIMAL
         elif file.proved < 0:  # J >= 0
             reason = Reason.INFEASIBLE
-        elif reached <= gap or limit is Limit.NONE:
+        elif reached <= gap or limit is None:
             reason = Reason.FINISHED
         else:
             reason = Reason.STOPPED

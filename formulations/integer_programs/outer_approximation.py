@@ -191,7 +191,7 @@ class _Rounds:
             if (ended := self._ended()) is not None:
                 return ended
             self.stop.check()
-            if answer.limit is not Limit.NONE:
+            if answer.limit is not None:
                 return self.result(Reason.STOPPED, answer.message, answer.limit)
             if not new and tolerance <= least:
                 # The program is exact at its own solution, and yet the gap stays open.
@@ -272,7 +272,7 @@ class _Rounds:
         self.report(Snapshot(self.value, self.bound, self._reported, nodes=nodes))
 
     def result(
-        self, reason: Reason, message: str = "", limit: Limit = Limit.NONE
+        self, reason: Reason, message: str = "", limit: Limit | None = None
     ) -> CertifiedResult:
         """Returns the best plan and bound so far; they may prove the plan optimal."""
         if math.isfinite(self.solver_bound):

@@ -31,7 +31,7 @@ class Answer(NamedTuple):
 
     solution: Amounts | None
     bound: float  # on J; -inf where there is no solution
-    limit: Limit = Limit.NONE  # by its own account, where it stopped before its tolerance
+    limit: Limit | None = None  # by its own account, where it stopped before its tolerance
     nodes: int = 0
     message: str = ""
 

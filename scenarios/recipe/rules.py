@@ -3,7 +3,8 @@
 from cocap_opt.problem import CollisionRules
 from cocap_opt.scenarios.recipe.tables import Size, Table
 
-SEPARATION = 2.0  # m, of recipes that do not say: their plans are to be flown
+# m, of recipes that do not say; README says why, by `cocap-opt study flight`
+SEPARATION = 2.0
 
 
 class RulesTable(Table):

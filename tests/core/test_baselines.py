@@ -20,7 +20,7 @@ from strategies import WALL, Calls, examples, meetings, problems, standing, tiny
 from cocap_opt.graph.networks import time_expanded_graph
 from cocap_opt.model import Model, compiled
 from cocap_opt.planners import PLANNERS, Planner
-from cocap_opt.planners.circles import Circle, _distance_in_view, _Places
+from cocap_opt.planners.circles import Circle, Places, _distance_in_view
 from cocap_opt.planners.formation import STANDOFF, _flown, _nearest, formation
 from cocap_opt.planners.low_level import SingleRobotTask
 from cocap_opt.planners.myopic import myopic
@@ -78,7 +78,7 @@ def test_plans_are_legal_and_never_above_the_optimum(planner: Planner, problem: 
     Only goals can leave them without a plan, and "infeasible" is said only where there is none.
     """
     best, result = optimum(problem), planner(problem, never)
-    assert result.limit is Limit.NONE and result.bound == math.inf
+    assert result.limit is None and result.bound == math.inf
     if result.plan is None:
         assert result.reason in (Reason.FAILED, Reason.INFEASIBLE)
         assert result.reason is Reason.FAILED or best.plan is None
@@ -335,7 +335,7 @@ def test_one_robot_is_as_near_to_its_place_as_can_be(problem: Problem) -> None:
     if plan is None:
         return
     places = Circle.share_out(problem)[0].places(problem, STANDOFF, 5.0, 1)
-    target = np.column_stack([places.at[0, :, 0], np.full(problem.horizon + 1, places.flight[0])])
+    target = np.column_stack([places.at[0, :, 0], np.full(problem.horizon + 1, places.height[0])])
 
     def far(path: tuple[State, ...]) -> float:
         return float(np.linalg.norm(metres(problem, 0, path) - target, axis=1).sum())
@@ -354,7 +354,7 @@ def test_circles_turn_as_well_as_robots_can_follow(seed: int, horizon: int, robo
     rng, turns = np.random.default_rng(seed), 4
     problem = field(*(State(3 * i, 2) for i in range(robots)), horizon=horizon)
     at = rng.uniform(10, 11.6, (robots, horizon + 1, turns, 2)).cumsum(axis=2)
-    places = _Places(np.zeros((horizon + 1, 2)), at, (5.0,) * robots, (4.0,) * robots)
+    places = Places(np.zeros((horizon + 1, 2)), at, (5.0,) * robots, (4.0,) * robots)
     rewards = rng.choice([0.0, 1.0, 2.5], (horizon + 1, turns))
     circle = Circle(tuple(range(robots)), (0,))
 

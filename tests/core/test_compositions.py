@@ -12,17 +12,18 @@ from cocap_opt.model import compiled
 from cocap_opt.planners import PLANNERS
 from cocap_opt.planners.cocap import cocap
 from cocap_opt.planners.cocap_lns import cocap_lns
-from cocap_opt.planners.low_level import value_iteration
-from cocap_opt.planners.neighbourhoods import neighbourhood_search
+from cocap_opt.planners.low_level import SingleRobotPath, value_iteration
+from cocap_opt.planners.neighbourhoods import LARGEST, _neighbours, neighbourhood_search
 from cocap_opt.planners.open_nodes import BestNodes, FocalNodes, Node
 from cocap_opt.planners.responses import Responses, followed, one_by_one
 from cocap_opt.planners.sequential import best_of_orders, sequential, sequential_rounds
 from cocap_opt.planners.team import Team
-from cocap_opt.problem import Plan, Problem
+from cocap_opt.problem import Plan, Problem, State
 from cocap_opt.referee import check
 from cocap_opt.result import Reason, Result
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import Limit, LimitReached, Stop, WorkLimit, never
+from cocap_opt.world.workspace import HeightMap
 
 SETTLED = ("sequential-rounds", "cocap-focal", "cocap-lns")
 crowds = st.one_of(problems(), meetings(), meetings(team=3))
@@ -121,6 +122,32 @@ def test_the_search_asks_no_more_than_it_may() -> None:
     for _ in neighbourhood_search(team, responses, 30, np.random.default_rng(1)):
         assert responses.asked <= 30 + 8 * team.size
     assert 30 <= responses.asked <= 30 + 8 * team.size
+
+
+def test_a_neighbourhood_is_of_those_that_see_most_of_the_same() -> None:
+    """Of many robots it is one and the seven that share the most with it; of few all are in it."""
+    robots = tuple(tiny().robots[0].replace(start=State(x, 0)) for x in range(LARGEST + 4))
+    wide = HeightMap(heights=np.zeros((LARGEST + 4, 3)), resolution=4.0)
+    problem = tiny().replace(height_map=wide, robots=robots)
+    team, rng = Team.nobody(compiled(problem)), np.random.default_rng(0)
+    for robot in range(team.size):
+        seen = rng.choice([0.0, 0.0, 1.0, 9.0], size=problem.no_pixels().shape)
+        seen *= robot < team.size - 1  # the last one sees nothing
+        team = team.with_path(robot, SingleRobotPath((0,), seen, 0))
+    for robot in range(team.size):
+        shared = {
+            other: float(
+                np.sqrt(np.minimum(team.found[robot].pixels, team.found[other].pixels))
+                @ problem.view_sum_weights
+            )
+            for other in range(team.size)
+            if other != robot
+        }
+        first, *others = _neighbours(team, robot).tolist()
+        assert first == robot
+        assert others == sorted(shared, key=lambda other: -shared[other])[: LARGEST - 1]
+    few = Team(team.model, team.found[:LARGEST])
+    assert _neighbours(few, 3).tolist() == list(range(LARGEST))
 
 
 def test_what_was_answered_is_not_asked_again() -> None:

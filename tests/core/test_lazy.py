@@ -11,9 +11,9 @@ from test_planners import blocked_at_random, close, meadow, seen_by_others
 
 from cocap_opt.graph.charges import Charges
 from cocap_opt.graph.value_iteration import Swept, backward_sweep
-from cocap_opt.model import Model
+from cocap_opt.model import Model, compiled
 from cocap_opt.objective import marginal_reward
-from cocap_opt.planners import PLANNERS, lazy_value_iteration
+from cocap_opt.planners import LAZY, PLANNERS, lazy_value_iteration
 from cocap_opt.planners.greedy import greedy
 from cocap_opt.planners.lazy_value_iteration import LazyValueIteration
 from cocap_opt.planners.low_level import SingleRobotTask, value_iteration
@@ -27,6 +27,37 @@ from cocap_opt.vision import unhidden
 
 SLACK = 1e-9  # relative, of sums
 LAZY_TWINS = ["greedy", "sequential", "cocap"]  # planners that have a lazy one of the same plan
+
+
+class Asked(Stop):
+    """Stopping criterion that notes the times before its end that it is asked for."""
+
+    def __init__(self, left: float) -> None:
+        self.left, self.kept = left, list[float]()
+
+    @property
+    def seconds_left(self) -> float:
+        """Always the same."""
+        return self.left
+
+    def before(self, seconds: float) -> Stop:
+        """Note the time that is to be kept."""
+        self.kept.append(seconds)
+        return never
+
+
+def test_time_is_kept_for_each_model_and_stop() -> None:
+    """One low level that plans two problems keeps for each what that one needs, or half."""
+    low_level, stops = LazyValueIteration(), (Asked(math.inf), Asked(1e-9))
+    for name in ("tiny-share", "tiny-queue"):
+        model = compiled(load_scene(name, 0))
+        for stop in stops:
+            low_level(SingleRobotTask(model, 0, model.problem.no_pixels(), stop=stop))
+            low_level(SingleRobotTask(model, 1, model.problem.no_pixels(), stop=stop))
+    long, short = (stop.kept for stop in stops)
+    assert long[0] == long[1] and long[2] == long[3]
+    assert len(set(long)) == 2
+    assert short == [5e-10] * 4
 
 
 @examples(10)
@@ -201,3 +232,25 @@ def test_where_all_ways_are_closed_there_is_no_path() -> None:
     task = SingleRobotTask(model, 0, meadow().no_pixels(), Charges(closed))
     found = LazyValueIteration()(task)
     assert found.path is None and found.evaluated == 0 and not found.pixels.any()
+
+
+@pytest.mark.parametrize("name", PLANNERS)
+def test_lazy_planners_are_those_that_ask_for_no_coverage_before(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The list of lazy planners agrees with what their low levels are."""
+    asked: list[Model] = []
+    covered_by, prepare = Model.covered_by, Model.prepare
+
+    def spy(model: Model, *arguments: object) -> Model:
+        asked.append(model)
+        return covered_by(model, *arguments)
+
+    def spy_too(model: Model, *arguments: object) -> None:
+        asked.append(model)
+        prepare(model, *arguments)
+
+    monkeypatch.setattr(Model, "covered_by", spy)
+    monkeypatch.setattr(Model, "prepare", spy_too)
+    PLANNERS[name](load_scene("tiny-share", 0), never)
+    assert (not asked) == (name in LAZY)

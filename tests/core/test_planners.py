@@ -24,9 +24,9 @@ from cocap_opt.graph.charges import Charges
 from cocap_opt.graph.networks import time_expanded_graph
 from cocap_opt.model import Model
 from cocap_opt.objective import objective
-from cocap_opt.planners import PLANNERS, Planner, constraint_tree
+from cocap_opt.planners import PLANNERS, Planner, spare_plan
 from cocap_opt.planners.cocap import cocap
-from cocap_opt.planners.greedy import greedy
+from cocap_opt.planners.greedy import greedy, greedy_rounds
 from cocap_opt.planners.joint import joint
 from cocap_opt.planners.low_level import (
     LowLevel,
@@ -99,7 +99,7 @@ def close(a: float, b: float) -> bool:
 def check_contract(name: str, problem: Problem, result: Result) -> None:
     """What holds for every result of every planner."""
     assert result.seconds >= 0
-    assert (result.reason is Reason.STOPPED) == (result.limit is not Limit.NONE)
+    assert (result.reason is Reason.STOPPED) == (result.limit is not None)
     if result.plan is None:
         assert result.value == -math.inf
         assert result.reason in (Reason.INFEASIBLE, Reason.FAILED, Reason.STOPPED)
@@ -209,7 +209,7 @@ def test_sequential_planning_may_fail_where_there_is_a_plan() -> None:
         objective=Objective(stationarity=1.0),
     )  # fmt: skip
     result = sequential(problem)
-    assert (result.plan, result.reason, result.limit) == (None, Reason.FAILED, Limit.NONE)
+    assert (result.plan, result.reason, result.limit) == (None, Reason.FAILED, None)
     assert result.statistics["failed_robot"] == 1
     for planner in (joint, cocap):
         assert check(problem, planner(problem).plan or Plan(paths=())).valid
@@ -599,7 +599,7 @@ def test_cocap_that_is_stopped_late_is_no_worse_than_sequential(
     """Once its tree has grown a plan without conflicts is kept; one that ends does not need it."""
     problem = load_scene("bottleneck", 0)
     without, finished = cocap(problem, WorkLimit(2)), cocap(problem)
-    monkeypatch.setattr(constraint_tree, "SPARE_FROM", 3)
+    monkeypatch.setattr(spare_plan, "SPARE_FROM", 3)
     result, spare = cocap(problem, WorkLimit(2)), sequential(problem)
     assert without.value < spare.value == result.value
     assert result.plan == spare.plan and result.reason is Reason.STOPPED
@@ -848,7 +848,7 @@ def test_scaled_weights_scale_the_optimum(problem: Problem, factor: float) -> No
 @given(problem=st.one_of(problems(robots=st.just(2)), meetings(team=3)))
 def test_rounds_never_lose(low_level: LowLevel, problem: Problem) -> None:
     """More rounds of greedy planning never lower J, even where the low level is not exact."""
-    values = [greedy(problem, never, low_level, rounds=often).value for often in (False, True)]
+    values = [planner(problem, never, low_level).value for planner in (greedy, greedy_rounds)]
     assert values == sorted(values)
 
 
@@ -862,7 +862,7 @@ def test_rounds_keep_gains_only() -> None:
             return value_iteration(task)
         return Team.nobody(task.model).hovering().found[task.robot]
 
-    once, often = greedy(problem), greedy(problem, never, worse_and_worse, rounds=True)
+    once, often = greedy(problem), greedy_rounds(problem, never, worse_and_worse)
     assert calls[0] > len(problem.robots)
     assert (often.plan, often.value) == (once.plan, once.value)
 

@@ -1,7 +1,9 @@
 """The compiled graph is the networkx graph, and its sweep is plain dynamic programming."""
 
+import gc
 import math
 import time
+import weakref
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -19,7 +21,7 @@ from cocap_opt.graph.motion import Window
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.networks import time_expanded_graph
 from cocap_opt.graph.timegraph import CLOSED, TimeGraph
-from cocap_opt.graph.value_iteration import backward_sweep, best_path
+from cocap_opt.graph.value_iteration import backward_sweep, best_path, leads_to_goal
 from cocap_opt.problem import Camera, Motion, Problem, Robot, State
 from cocap_opt.world.workspace import HeightMap, Workspace
 
@@ -397,6 +399,29 @@ def test_graphs_are_made_once() -> None:
     other = Workspace(HeightMap(heights=np.zeros((3, 3))))
     assert TimeGraph.of(other, motion, 1) is not TimeGraph.of(workspace, motion, 1)
     assert TimeGraph.of(workspace, motion, 2) is not TimeGraph.of(workspace, motion, 1)
+
+
+def test_graphs_that_nobody_uses_are_forgotten() -> None:
+    """All but the last two, for a graph may be as large as the memory; what is in use stays."""
+    workspace = Workspace(HeightMap(heights=np.zeros((3, 3))))
+    used = TimeGraph.of(workspace, Motion(headings=4), 1)
+    known = [weakref.ref(TimeGraph.of(workspace, Motion(headings=4), n)) for n in (2, 3, 4)]
+    gc.collect()
+    assert [one() is None for one in known] == [True, False, False]
+    assert TimeGraph.of(workspace, Motion(headings=4), 1) is used
+
+
+def test_states_that_lead_to_a_goal_are_kept_with_their_graph() -> None:
+    """They are computed once for each goal and horizon, and go when nobody uses the graph."""
+    graph = TimeGraph(Workspace(HeightMap(heights=np.zeros((3, 3)))), Motion(headings=1), 1)
+    leads = leads_to_goal(graph, 2, (0, 0))
+    assert leads_to_goal(graph, 2, (0, 0)) is leads
+    assert [int(step.sum()) for step in leads] == [9, 4, 1]
+    assert [int(step.sum()) for step in leads_to_goal(graph, 1, (1, 1))] == [9, 1]
+    used = weakref.ref(leads)
+    del graph, leads
+    gc.collect()
+    assert used() is None
 
 
 @examples(60)

@@ -192,3 +192,52 @@ def test_the_face_refuses_what_cannot_be_flown() -> None:
     with pytest.raises(ValueError, match="step: must be left out"):
         co.trajectory(problem.replace(step=2.0), plan.plan, step=1.0)
     assert co.trajectory(problem, plan, step=2.0).t.max() == 2.0 * problem.horizon
+
+
+def test_a_plan_that_is_not_flown_as_planned(
+    files: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Command and face have the same rows; the first is the plan, and a change costs J."""
+    scene, plan = files
+    words = ("--late", 1, 0.5, "--aside", 2, "--lag", 0.7)
+    run = Run(capsys, "robustness", scene, plan, *words, "--json")
+    assert run.code == 0
+    problem, planned = co.load(scene), co.read(plan)
+    assert isinstance(planned, co.Plan)
+    table = co.robustness(problem, planned, late=[1, 0.5], aside=[2], lag=[0.7])
+    assert run.json["changes"] == table.astype(object).where(table.notna(), None).to_dict("records")
+    assert list(table.change) == [
+        "as planned", "people 1 s late", "people 1 s early", "people 0.5 s late",
+        "people 0.5 s early", "people 2 m left", "people 2 m right", "any drone 0.7 s late",
+    ]  # fmt: skip
+    first = table.iloc[0]
+    assert (first.share, first.rules) == (1, "kept")
+    assert first.reward == co.trajectory(problem, planned).attrs["reward_straight"]
+    assert first.least_distance >= 2 - 1e-6 and table.people_distance.isna().all()
+    assert run.json["delay_tolerance"] == table.attrs["delay_tolerance"]
+    run = Run(capsys, "robustness", scene, plan, *words)
+    assert max(map(len, run.out.splitlines())) <= 200 and "any drone 0.7 s late" in run.out
+
+
+def test_changes_that_are_none_are_refused(
+    files: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One line names the option, the exit code is 2."""
+    scene, plan = files
+    clash = tmp_path / "clash.json"
+    Run(capsys, "plan", "tiny-queue", "--planner", "greedy", "-o", clash)
+    for words, expected in (
+        ((scene, plan, "--lag", 0), "--lag: must be more than 0 and at most 2 s, as long as the"),
+        ((scene, plan, "--late", "nan"), "--late: must be more than 0 and at most 2 s"),
+        ((scene, plan, "--aside", 1000), "--aside: must be more than 0 and at most 100 m"),
+        ((scene, plan, "--step", 1), "--step: must be left out"),
+        (("tiny-queue", clash), "--step: must be given"),
+        (("tiny-queue", clash, "--step", "-1"), "--step: must be a finite number of seconds"),
+        (("tiny-queue", clash, "--step", 1), "clash.json: step 2: drones"),
+    ):
+        run = Run(capsys, "robustness", *words)
+        assert run.code == 2
+        (line,) = [line for line in run.err.splitlines() if "seed" not in line]
+        assert expected in line
+    with pytest.raises(ValueError, match="lag: must be more than 0"):
+        co.robustness(co.load(scene), co.plan(co.load(scene), "sequential"), lag=[-1])

@@ -31,7 +31,7 @@ MADE = [
 ]
 
 
-def finished(seconds: float, limit: Limit = Limit.NONE) -> Run:
+def finished(seconds: float, limit: Limit | None = None) -> Run:
     """A run that found its plan at once and lowered its bound twice."""
     moments = (Snapshot(90.0, 200.0, 1.0), Snapshot(90.0, 100.0, 2.0), Snapshot(99.5, 100.0, 3.0))
     return Run(moments, 99.5, 100.0, Reason.FINISHED, limit, seconds)
@@ -135,7 +135,7 @@ def test_growth_writes_table_and_figure(
 
     def made(build: partial[Problem], method: object, seconds: float) -> Run:
         steps, robots = build.keywords["steps"], build.keywords["robots"]
-        return finished(0.1 * steps * robots**2, Limit.TIME if steps == 64 else Limit.NONE)
+        return finished(0.1 * steps * robots**2, Limit.TIME if steps == 64 else None)
 
     monkeypatch.setattr(Run, "of", made)
     arguments = ["growth", "--robots", "2,4,8", "--steps", "8,16,32,64", "--cells", "15,30,48"]

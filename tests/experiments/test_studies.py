@@ -2,6 +2,7 @@ import inspect
 import re
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from statistics import fmean
 
@@ -15,12 +16,14 @@ from cocap_opt.experiments.studies.app import app
 from cocap_opt.experiments.studies.gamma import _measured
 from cocap_opt.experiments.studies.lazy import ALL, means
 from cocap_opt.experiments.studies.lazy import _measured as _measured_lazily
+from cocap_opt.experiments.studies.runs import Run
 from cocap_opt.experiments.studies.separation.points import Point
-from cocap_opt.experiments.studies.separation.separation import built
+from cocap_opt.experiments.studies.separation.separation import built, separation
 from cocap_opt.experiments.studies.separation.tables import BEGIN, END, separation_in_markdown
 from cocap_opt.files.documents import FileError
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.planners import view_search
+from cocap_opt.result import Reason
 
 ROOT = Path(__file__).parents[2]
 CALL = r"cocap-opt study ([a-z][^`\n]*)"
@@ -213,6 +216,33 @@ def test_stored_prices_are_those_of_the_methods() -> None:
         if (point.scene, point.seed) == ("corridor", 0) and point.separation in (0, 2):
             problem = built("corridor", 0, point.separation, 3.0)
             assert branch_and_price(problem).value == pytest.approx(point.best, rel=1e-9)
+
+
+def test_a_scene_without_room_for_a_separation_is_refused() -> None:
+    """No drone keeps a start that is too near: the message says which one, and how far."""
+    with pytest.raises(FileError, match=r"tiny-queue: no free cell for drone 1 .* is 500 m from"):
+        built("tiny-queue", 0, 0.0, 500.0)
+
+
+def test_where_the_papers_rules_fail_there_is_no_price(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A failed run at a separation leaves that out; one under the papers' rules leaves out all."""
+    fine = Run((), 90.0, 100.0, Reason.OPTIMAL, None, 1.0, 1.0)
+    fails: list[int] = []
+
+    def each(builds: Sequence[object], method: object, limit: float) -> list[Run | Run.Error]:
+        return [Run.Error("it died") if k in fails else fine for k, _ in enumerate(builds)]
+
+    monkeypatch.setattr(Run, "each", each)
+    assert separation(["tiny-queue"], [0], [1.0], 5.0)
+    assert "1 m" in capsys.readouterr().out
+    for failed, shown in ([1], "papers' rules"), ([0], ""):
+        fails[:] = failed
+        assert not separation(["tiny-queue"], [0], [1.0], 5.0)
+        out, told = capsys.readouterr()
+        assert "it died" in told
+        assert "  1 m" not in out and (shown in out if shown else "tiny-queue" not in out)
 
 
 @pytest.mark.slow

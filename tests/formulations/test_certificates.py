@@ -35,11 +35,11 @@ from cocap_opt.formulations.certificates import (
     Cut,
     Decision,
     EnvelopeCut,
-    Flight,
     Leaf,
     Move,
     Moves,
     Multipliers,
+    PathCells,
     Pricing,
     ProofFile,
     ReferencePixels,
@@ -65,13 +65,16 @@ def optimum_under(model: Model, decisions: tuple[Decision, ...]) -> float:
     robots = range(len(problem.robots))
     paths = [all_paths(problem, robot) for robot in robots]
     pixels = [pixels_of(problem, robot, paths[robot]) for robot in robots]
-    flights = [
-        [Flight.of(model, i, tuple(model.class_of[i].graph.index(s) for s in path)) for path in own]
+    passed = [
+        [
+            PathCells.of(model, i, tuple(model.class_of[i].graph.index(s) for s in path))
+            for path in own
+        ]
         for i, own in enumerate(paths)
     ]
     for chosen in product(*(range(len(own)) for own in paths)):
         counts = [
-            sum(d.resource.used_by(model, flights[i][k]) for i, k in enumerate(chosen))
+            sum(d.resource.used_by(model, passed[i][k]) for i, k in enumerate(chosen))
             for d in decisions
         ]
         if any(d.sign * (count - d.robots) > 0 for d, count in zip(decisions, counts, strict=True)):

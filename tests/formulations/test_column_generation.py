@@ -12,8 +12,8 @@ from strategies import Calls, examples, meetings, problems, tiny
 from cocap_opt.formulations.certificates import (
     Cells,
     Decision,
-    Flight,
     Move,
+    PathCells,
     Pricing,
     Swap,
     Visit,
@@ -105,25 +105,25 @@ def test_charges_cost_a_path_what_it_uses(problem: Problem, seed: int) -> None:
     """The charge that a sweep takes from a path is the cost of the resources that it uses."""
     model, rng = compiled(problem), np.random.default_rng(seed)
     robot = int(rng.integers(len(problem.robots)))
-    robot_class, flight = (
+    robot_class, path = (
         model.class_of[robot],
-        Flight.of(model, robot, random_path(model, robot, rng)),
+        PathCells.of(model, robot, random_path(model, robot, rng)),
     )
-    number, t = flight.class_number, int(rng.integers(problem.horizon))
-    here, there = flight.cells[t], flight.cells[t + 1]
+    number, t = path.class_number, int(rng.integers(problem.horizon))
+    here, there = path.cells[t], path.cells[t + 1]
     resources = [Cells(t, (here,)), Cells(t + 1, (there,), number), Cells(t, (here,), number + 1),
-                 Visit(t, robot_class.graph.state(flight.path[t]), number)]  # fmt: skip
+                 Visit(t, robot_class.graph.state(path.states[t]), number)]  # fmt: skip
     if here != there:
         resources += [Swap(t, (there, here)), Move(t, (here, there), number),
                       Move(t, (there, here), number)]  # fmt: skip
     costs = rng.uniform(-5, 5, len(resources)).tolist()
-    used = sum(c for r, c in zip(resources, costs, strict=True) if r.used_by(model, flight))
+    used = sum(c for r, c in zip(resources, costs, strict=True) if r.used_by(model, path))
     # Only this path is open: all other states are closed.
     reward = np.full((problem.horizon + 1, robot_class.graph.n_states), CLOSED)
-    reward[np.arange(problem.horizon + 1), list(flight.path)] = 1.0
+    reward[np.arange(problem.horizon + 1), list(path.states)] = 1.0
     charges = charges_of(model, number, zip(resources, costs, strict=True))
     value = backward_sweep(robot_class.graph, reward, charges=charges)
-    assert value[0, flight.path[0]] == pytest.approx(problem.horizon + 1 - used)
+    assert value[0, path.states[0]] == pytest.approx(problem.horizon + 1 - used)
 
 
 @examples(15)
@@ -181,17 +181,17 @@ def test_a_decision_is_kept_by_the_master_and_by_pricing() -> None:
     problem = load_scene("corridor", 0)
     model, search = compiled(problem), Search(compiled(problem))
     column = search.first_columns()[0]
-    resource = Cells(3, (column.flight.cells[3],))
+    resource = Cells(3, (column.along.cells[3],))
     closed = Decision(resource, "at most", 0)
     master = Master(model, 1e6, (closed,))
     assert not master.add(column)
     alone = search.alone
     duals = type(alone.duals)(alone.duals.alpha, alone.duals.beta, decisions=np.zeros(1))
     for other in Pricer(model)(duals, (closed,)).columns:
-        assert not resource.used_by(model, other.flight)
+        assert not resource.used_by(model, other.along)
     rewarded = type(alone.duals)(alone.duals.alpha, alone.duals.beta, decisions=np.array([1e6]))
     wanted = Pricer(model)(rewarded, (Decision(resource, "at least", 1),)).columns
-    assert any(resource.used_by(model, other.flight) for other in wanted)
+    assert any(resource.used_by(model, other.along) for other in wanted)
 
 
 def test_integral_mixtures_become_paths_with_the_same_reward() -> None:
@@ -214,21 +214,21 @@ def test_masters_and_paths_agree_on_what_uses_a_resource(problem: Problem, seed:
     """Of a path's arcs exactly one is in a resource's row where the path uses it, else none."""
     model, rng = Model(problem), np.random.default_rng(seed)
     for robot in range(len(problem.robots)):
-        flight = Flight.of(model, robot, random_path(model, robot, rng))
-        other = Flight.of(model, robot, random_path(model, robot, rng))
-        number, graph = flight.class_number, model.class_of[robot].graph
+        path = PathCells.of(model, robot, random_path(model, robot, rng))
+        other = PathCells.of(model, robot, random_path(model, robot, rng))
+        number, graph = path.class_number, model.class_of[robot].graph
         t = int(rng.integers(problem.horizon))
         moved = (other.cells[t], other.cells[t + 1])
         resources = [
             Cells(t + 1, (other.cells[t + 1],)),
-            Cells(t, tuple({flight.cells[t], other.cells[t]}), number),
-            Visit(t + 1, graph.state(other.path[t + 1]), number),
+            Cells(t, tuple({path.cells[t], other.cells[t]}), number),
+            Visit(t + 1, graph.state(other.states[t + 1]), number),
             Visit(0, problem.robots[robot].start, number),
         ]
         if moved[0] != moved[1]:
             resources += [Move(t, moved, number), Swap(t, moved), Swap(t, moved[::-1])]
-        rows = Coefficients(model, Column.of(model, robot, flight.path).arcs).users(resources)
-        assert [len(row) for row in rows] == [r.used_by(model, flight) for r in resources]
+        rows = Coefficients(model, Column.of(model, robot, path.states).arcs).users(resources)
+        assert [len(row) for row in rows] == [r.used_by(model, path) for r in resources]
 
 
 @pytest.mark.parametrize(("name", "horizon", "is_disaggregated"), [

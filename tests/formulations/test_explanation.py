@@ -1,4 +1,5 @@
 import math
+import re
 
 import msgspec
 import numpy as np
@@ -7,10 +8,11 @@ from brute_force import all_paths
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from random_certificates import as_rows, random_multipliers, random_proof, some_model
-from strategies import examples, meetings, problems, tiny
+from strategies import WALL, examples, meetings, problems, standing, tiny
 
 from cocap_opt.coordination.replans import replans
 from cocap_opt.experiments.results.explained import Explained
+from cocap_opt.experiments.results.explained_words import explained_sentences
 from cocap_opt.formulations.certificates import (
     Cells,
     CertificateFile,
@@ -19,12 +21,14 @@ from cocap_opt.formulations.certificates import (
     ProofFile,
     ReferencePixels,
     Row,
+    Swap,
     certify,
 )
 from cocap_opt.formulations.explanation import explain
 from cocap_opt.model import Model, compiled
 from cocap_opt.problem import Cell, Plan, Problem, State
 from cocap_opt.referee import check
+from cocap_opt.world.workspace import HeightMap
 
 ROUNDING = 1e-9  # relative to the bound
 
@@ -72,12 +76,40 @@ def test_the_terms_add_up_and_show_what_is_broken(problem: Problem, seed: int) -
     assert found.total() == pytest.approx(found.bound - verdict.reward, abs=ROUNDING * size)
     below = [term for term in found.terms if term.amount < -ROUNDING * size]
     assert all(term.kind == "row" and term.is_broken for term in below)
-    assert not any(term.is_broken for term in found.of_kind("decision"))
+    for term in found.of_kind("decision"):
+        more = len(term.users or ()) - (term.robots or 0)
+        assert more <= 0 if term.sense == "at most" else more >= 0
     if verdict.valid:
         assert not below
         assert not any(term.is_broken for term in found.terms)
     assert found.losses().shape == (len(problem.robots), problem.horizon)
     assert found.losses().sum() == pytest.approx(found.total("path"))
+
+
+def test_terms_of_a_proof_tell_its_leaves_from_its_claim() -> None:
+    """The claim is what the file says above its leaves; what nobody may use has no price."""
+    model = compiled(tiny())
+    one = (State(0, 0), State(1, 0), State(0, 0))
+    plan = Plan(paths=(one, tuple(State(3, 2, heading=2) for _ in one)))
+    reward, closed, above = check(model.problem, plan).reward, 0, 0.0
+    for seed in (0, 1):
+        proof = random_proof(model, np.random.default_rng(seed))
+        pricing = Pricing.of_proof(model, proof)
+        file = msgspec.structs.replace(proof, bound=pricing.bound + 2.5)
+        found = explain(model, plan, reward, file, pricing.bound)
+        assert found.leaf is not None
+        assert found.leaf.bound == pricing.leaves[found.leaf.position]
+        assert found.total("claim") == pytest.approx(2.5)
+        assert found.total("leaves") == pricing.bound - found.leaf.bound
+        assert found.total() == pytest.approx(found.gap, abs=ROUNDING * found.bound)
+        alone = explain(model, plan, reward, file)
+        assert alone.total("leaves") == file.bound - found.leaf.bound
+        assert alone.total("claim") == 0.0
+        some = [t for t in found.of_kind("decision") if (t.sense, t.robots) == ("at most", 0)]
+        assert all(term.price == 0.0 for term in some)
+        closed, above = closed + len(some), max(above, found.total("leaves"))
+    assert closed
+    assert above > 0
 
 
 def test_a_broken_rule_is_a_negative_term() -> None:
@@ -104,11 +136,41 @@ def test_a_broken_rule_is_a_negative_term() -> None:
     free = certify(problem, model, "by hand", msgspec.structs.replace(numbers, rows=(elsewhere,)))
     plan = Plan(paths=(one, other))
     told = [
-        " ".join(Explained(model, plan, explain(model, plan, verdict.reward, own)).sentences)
+        " ".join(
+            explained_sentences(Explained(model, plan, explain(model, plan, verdict.reward, own)))
+        )
         for own in (file, free)
     ]
     assert ["no price there" in words for words in told] == [False, True]
     assert "Drones 0 and 1 are in one cell at step 1, which breaks a rule that has" in told[1]
+
+
+def test_only_rules_at_the_choke_point_are_priced_there() -> None:
+    """Of rules at the cell where all must pass and beyond it, the sentence adds the former."""
+    heights = np.zeros((5, 3))
+    heights[2, [0, 2]] = WALL
+    problem = tiny().replace(
+        height_map=HeightMap(heights=heights, resolution=4.0),
+        robots=tuple(robot.replace(start=State(0, y)) for y, robot in enumerate(tiny().robots)),
+        actors=(standing(18.0, 6.0, 0.0, 0.0, steps=5),), horizon=4,
+    )  # fmt: skip
+    model, shape = compiled(problem), (problem.horizon + 1, len(problem.face_weights))
+    choke, door, beyond = Cell(1, 1), Cell(2, 1), Cell(3, 1)  # all drones meet before the door
+    rows = (
+        Row(Cells(2, (choke,)), 5.0),
+        Row(Cells(2, (door,)), 30.0),
+        Row(Swap(2, (Cell(0, 1), choke)), 2.0),
+        Row(Swap(3, (Cell(4, 1), beyond)), 40.0),
+    )
+    numbers = Multipliers(as_rows(np.ones(shape)), as_rows(np.ones(shape)), rows=rows)
+    file = certify(problem, model, "by hand", numbers)
+    plan = Plan(paths=tuple((robot.start,) * 5 for robot in problem.robots))
+    found = explain(model, plan, check(problem, plan).reward, file)
+    (told,) = (
+        words for words in explained_sentences(Explained(model, plan, found)) if "must" in words
+    )
+    assert "2 drones must pass through cell (1, 1)" in told
+    assert re.search(r"; rules there carry prices of .* % of the bound \(7\.00\)\.$", told)
 
 
 @examples(6)

@@ -28,7 +28,7 @@ from cocap_opt.problem import NO_RULES, Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.result import Result
 from cocap_opt.scenarios import load_scene
-from cocap_opt.stop import Stop, WorkLimit, never
+from cocap_opt.stop import Limit, Stop, WorkLimit, never
 
 STORED = Path(__file__).parents[1] / "golden" / "results.jsonl"
 # Units of work for scenes whose searches do not end soon, and for view search's trees.
@@ -85,7 +85,8 @@ def _record(scene: str, seed: int, method: str, result: Result) -> Record:
         body = msgspec.json.encode(certificate.certificate if single else certificate.nodes)
     return {
         "scene": scene, "seed": seed, "method": method, "value": _finite(result.value),
-        "bound": _finite(result.bound), "reason": str(result.reason), "limit": str(result.limit),
+        "bound": _finite(result.bound), "reason": str(result.reason),
+        "limit": Limit.written(result.limit),
         "message": result.message, "statistics": dict(result.statistics),
         "plan": _digest_of_plan(result.plan), "certificate": body and _digest(body),
     }  # fmt: skip

@@ -27,7 +27,7 @@ from cocap_opt.problem import Motion, Problem
 from cocap_opt.referee import check
 from cocap_opt.result import Result
 from cocap_opt.scenarios.built_in.parts import SIZE, Room, drones, walker
-from cocap_opt.stop import Limit, TimeLimit, WorkLimit
+from cocap_opt.stop import NO_LIMIT, Limit, TimeLimit, WorkLimit
 
 PUBLISHED = 13.0  # % that CoCap is above sequential planning on the paper's corridor
 _MOUTH, _MIDDLE = 9, 15  # cell x at which the corridor begins, cell y in its middle
@@ -242,7 +242,7 @@ def _tried(stage: str, corridor: Corridor, seed: int) -> Trial:
         start = results["lns"].plan
         bound = branch_and_price(problem, TimeLimit(_BOUND_SECONDS), start).bound
     missing = dict.fromkeys(_PLANNED.keys() - values.keys(), 0.0)
-    limit = str(results["cocap"].limit)
+    limit = Limit.written(results["cocap"].limit)
     return Trial(stage, corridor, seed, limit=limit, bound=bound, **values, **missing)
 
 
@@ -305,7 +305,7 @@ def sentences(trials: Sequence[Trial]) -> list[str]:
 
 
 def _stopped(trials: Sequence[Trial]) -> int:
-    return sum(trial.limit != Limit.NONE for trial in trials)
+    return sum(trial.limit != NO_LIMIT for trial in trials)
 
 
 def _fallen_back(trials: Sequence[Trial]) -> int:

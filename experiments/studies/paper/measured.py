@@ -28,8 +28,7 @@ from cocap_opt.planners.cocap import cocap
 from cocap_opt.planners.cocap_lns import RESPONSES
 from cocap_opt.planners.low_level import SingleRobotPath, value_iteration
 from cocap_opt.planners.neighbourhoods import neighbourhood_search
-from cocap_opt.planners.responses import Responses, followed, in_rounds
-from cocap_opt.planners.sequential import then_in_rounds
+from cocap_opt.planners.responses import Responses, followed, in_rounds, then_in_rounds
 from cocap_opt.planners.team import Team
 from cocap_opt.planners.view_search import Compounded, ViewSearch
 from cocap_opt.problem import Plan, Problem
@@ -110,7 +109,7 @@ def completed(
             tell(f"{instance.problem.name} seed {instance.seed}: times ({n}/{len(instances)})")
             known[key] = [replace(row, digest=key) for row in _completed(instance, limit)]
         rows += known[key]
-        write_rows(path, rows)
+        _write_rows(path, rows)
     return rows
 
 
@@ -183,13 +182,13 @@ def _coverage_seconds(problem: Problem) -> float:
 # -- files -------------------------------------------------------------------------------------
 
 
-def write_rows(path: Path, rows: Sequence[Row]) -> None:
+def _write_rows(path: Path, rows: Sequence[Row]) -> None:
     """Writes the columns of rows on which answers and tables depend."""
     save_csv(path, [{key: _short(getattr(row, key)) for key in _KEPT} for row in rows])
 
 
 def read_rows(path: Path) -> list[Row]:
-    """Reads rows that `write_rows` has written; all other columns are empty."""
+    """Reads rows that `_write_rows` has written; all other columns are empty."""
     rows = DictReader(StringIO(read_text(path)))
     return [_row(fields, f"{path}: line {rows.line_num}") for fields in rows]
 

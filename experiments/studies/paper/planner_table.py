@@ -11,6 +11,7 @@ from cocap_opt.experiments.results.tables import Table
 from cocap_opt.experiments.studies.paper.measured import STORED, read_rows
 from cocap_opt.files.documents import FileError
 from cocap_opt.planners import LAZY, PLANNERS, RECOMMENDED
+from cocap_opt.stop import NO_LIMIT
 
 BEGIN, END = "<!-- table of planners -->", "<!-- end of the table of planners -->"
 _ALONE = "no drone alone can better it"
@@ -72,7 +73,7 @@ def _gap(rows: Sequence[Row]) -> str:
     gaps = Row.percent([row for row in rows if row.valid], "gap")
     if not gaps:
         return NONE
-    late = "\\*" if any(row.limit != "none" for row in rows) else ""
+    late = "\\*" if any(row.limit != NO_LIMIT for row in rows) else ""
     some = "" if len(gaps) == len(rows) else f" ({len(gaps)} of {len(rows)})"
     return f"{fmean(gaps):.2f}{late}{some}"
 

@@ -65,7 +65,7 @@ def reproduce(
     """
     settings = Settings(time_limit=limit, bound_time_limit=bound_limit)
     problems = [(load_scene(scene, seed), seed) for scene in SCENES for seed in seeds]
-    main = [Instance(problem, seed, planners_of(problem), settings) for problem, seed in problems]
+    main = [Instance(problem, seed, _planners_of(problem), settings) for problem, seed in problems]
     teams = [
         Instance(
             field(seed, robots=n, **FIELD).replace(name=f"field, {n} drones"), seed,
@@ -103,7 +103,7 @@ def _searched(path: Path, search: Search) -> list[Trial]:
     return read_trials(path)
 
 
-def planners_of(problem: Problem) -> tuple[str, ...]:
+def _planners_of(problem: Problem) -> tuple[str, ...]:
     """Returns all planners but those that do not take so many drones."""
     return tuple(name for name in PLANNERS if name != "joint" or len(problem.robots) <= 2)
 

@@ -11,7 +11,7 @@ from cocap_opt.experiments.results.files import read_text
 from cocap_opt.experiments.results.printing import Record
 from cocap_opt.files.documents import FileError
 from cocap_opt.result import relative_gap
-from cocap_opt.stop import Limit
+from cocap_opt.stop import NO_LIMIT
 
 
 class Point(NamedTuple):
@@ -47,7 +47,7 @@ class Point(NamedTuple):
     @property
     def proved(self) -> bool:
         """True if the best plan is proved optimal."""
-        return self.proof_limit == Limit.NONE
+        return self.proof_limit == NO_LIMIT
 
     def base(self, points: "Sequence[Point]") -> "Point":
         """Returns the point under the papers' rules of the same instance."""
@@ -95,4 +95,4 @@ def between(least: float, most: float) -> str:
 
 def _seconds(seconds: float, limit: str) -> str:
     words = f"{seconds:.2f}" if math.isfinite(seconds) else "-"
-    return words if limit == Limit.NONE else f"{words} *"
+    return words if limit == NO_LIMIT else f"{words} *"

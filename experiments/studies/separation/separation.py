@@ -18,6 +18,7 @@ from cocap_opt.experiments.results.printing import Listing, print_texts
 from cocap_opt.experiments.studies.runs import Run
 from cocap_opt.experiments.studies.separation.points import Point
 from cocap_opt.experiments.studies.separation.tables import BEGIN, END, separation_in_markdown
+from cocap_opt.files.documents import FileError
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.formulations.result import CertifiedResult, Report, silent
 from cocap_opt.planners import PLANNERS, RECOMMENDED
@@ -25,7 +26,7 @@ from cocap_opt.planners.cocap import cocap
 from cocap_opt.problem import CollisionRules, Plan, Problem, Robot
 from cocap_opt.result import Result
 from cocap_opt.scenarios import load_scene
-from cocap_opt.stop import Stop, never
+from cocap_opt.stop import Limit, Stop, never
 
 TABLE = "separation.csv"
 STORED = Path(__file__).parents[1] / "stored"
@@ -49,16 +50,25 @@ def separation(
     -------
     bool
         True if no run failed.
+
+    Raises
+    ------
+    FileError
+        If a scene has no room for the widest separation.
     """
+    metres = sorted({0.0, *separations})
+    for scene in scenes:
+        for seed in seeds:
+            built(scene, seed, 0.0, metres[-1])  # what has no room is told before hours of work
     make_folder(out)
     points: list[Point] = []
     whole = True
     try:
         for scene in scenes:
             for seed in seeds:
-                own = _measured(scene, seed, sorted({0.0, *separations}), limit)
+                own = _measured(scene, seed, metres, limit)
                 points += own
-                whole = whole and len(own) == len({0.0, *separations})
+                whole = whole and len(own) == len(metres)
                 if out is not None and points:
                     save_csv(out / TABLE, [one._asdict() for one in points])
     finally:
@@ -130,10 +140,10 @@ def _point(scene: str, seed: int, apart: float, done: dict[str, Run]) -> Point:
     plan, lns, proof = done["cocap"], done[RECOMMENDED], done["proof"]
     return Point(
         scene=scene, seed=seed, separation=apart,
-        cocap=plan.value, cocap_seconds=plan.processor, cocap_limit=str(plan.limit),
-        lns=lns.value, lns_seconds=lns.processor, lns_limit=str(lns.limit),
+        cocap=plan.value, cocap_seconds=plan.processor, cocap_limit=Limit.written(plan.limit),
+        lns=lns.value, lns_seconds=lns.processor, lns_limit=Limit.written(lns.limit),
         best=max(plan.value, lns.value, proof.value), bound=proof.bound,
-        proof_seconds=proof.processor, proof_limit=str(proof.limit),
+        proof_seconds=proof.processor, proof_limit=Limit.written(proof.limit),
     )  # fmt: skip
 
 
@@ -162,6 +172,11 @@ def built(scene: str, seed: int, apart: float, widest: float) -> Problem:
 
     Starts are the same at all separations, so that only the rules differ: each robot begins in
     the free cell nearest to its own start that keeps the widest separation to the earlier ones.
+
+    Raises
+    ------
+    FileError
+        If no cell does.
     """
     problem = load_scene(scene, seed)
     own = problem.rules if problem.rules.vertex else CollisionRules()
@@ -174,7 +189,7 @@ def built(scene: str, seed: int, apart: float, widest: float) -> Problem:
 def _spread(problem: Problem, apart: float) -> tuple[Robot, ...]:
     """Returns the robots with starts that are so far apart (m)."""
     rules, placed = CollisionRules(separation=apart), list[Robot]()
-    for robot in problem.robots:
+    for number, robot in enumerate(problem.robots):
         start, free = robot.start, robot.motion.free_places(problem.workspace)[robot.start.layer]
         cells = np.argwhere(free)
         far = np.hypot(*(cells - [start.x, start.y]).T)
@@ -191,5 +206,8 @@ def _spread(problem: Problem, apart: float) -> tuple[Robot, ...]:
                 placed.append(robot.replace(start=own))
                 break
         else:
-            placed.append(robot)
+            raise FileError(
+                f"{problem.name}: no free cell for drone {number} to start in that is {apart:g} m "
+                "from the drones before it; take smaller separations"
+            )
     return tuple(placed)

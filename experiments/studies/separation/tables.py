@@ -8,7 +8,7 @@ from cocap_opt.experiments.results.printing import counted
 from cocap_opt.experiments.results.statistics import NONE
 from cocap_opt.experiments.studies.separation.points import Point, between
 from cocap_opt.result import relative_gap
-from cocap_opt.stop import Limit
+from cocap_opt.stop import NO_LIMIT
 
 BEGIN, END = "<!-- price of separation -->", "<!-- end of the price of separation -->"
 _GOAL = 2  # times the time under the papers' rules
@@ -89,7 +89,7 @@ def _verdict(points: Sequence[Point]) -> str:
         pairs = [(p, p.base(points)) for p in points if p.separation]
         ended = [
             _seconds(p, planner) / _seconds(base, planner) for p, base in pairs
-            if _limit(base, planner) == Limit.NONE
+            if _limit(base, planner) == NO_LIMIT
         ]  # fmt: skip
         kept = sum(ratio <= _GOAL for ratio in ended)
         parts.append(f"`{planner}` in {kept} of {len(ended)} runs")
@@ -101,7 +101,7 @@ def _verdict(points: Sequence[Point]) -> str:
 
 def _star(points: Iterable[Point], planner: str) -> str:
     """Returns a mark where a limit stopped a planner."""
-    return "\\*" if any(_limit(point, planner) != Limit.NONE for point in points) else ""
+    return "\\*" if any(_limit(point, planner) != NO_LIMIT for point in points) else ""
 
 
 def _seconds(point: Point, planner: str) -> float:

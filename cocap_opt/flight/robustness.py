@@ -1,0 +1,175 @@
+"""Flights that are not as planned: people are late, early or aside, or a drone lags.
+
+Nobody notices: drones fly as planned, and hover before and after. Least distances, and whether
+rules are kept, are computed on the polynomials at every moment, not sampled: two pieces of flights
+of which one is late are cut where either of them ends. J is looked at at some moments of each step.
+"""
+
+from functools import cached_property
+from itertools import chain
+from typing import NamedTuple
+
+import numpy as np
+
+from cocap_opt.data import FloatArray, IntArray
+from cocap_opt.flight.bernstein import parted
+from cocap_opt.flight.filming import Film, parts_of
+from cocap_opt.flight.safety import come_too_near, walk_of
+from cocap_opt.flight.trajectory import (
+    DEGREE,
+    Trajectory,
+    between_drones,
+    least_length,
+)
+from cocap_opt.problem import Actor, Airspace
+
+
+class Outcome(NamedTuple):
+    """The rest of a flight that is not as planned.
+
+    Attributes
+    ----------
+    reward : part of J that views make
+    apart : m, least distance between two drones; inf for one drone
+    aside : m, least distance between a drone and the middle of a person, seen from above
+    too_near : to whom drones come nearer than the rules allow: to "drones", to "people"
+    """
+
+    reward: float
+    apart: float
+    aside: float
+    too_near: frozenset[str]
+
+
+class Robustness:
+    """Flights whose people or drones do something else than planned.
+
+    Parameters
+    ----------
+    flown : flights in a scene whose steps have a duration
+    """
+
+    def __init__(self, flown: Trajectory) -> None:
+        self._flown = flown
+        self._problem = flown.problem
+        self._parts = parts_of(flown.problem)
+        self._ways = flown.pieces[:, :, :3]
+
+    @cached_property
+    def as_planned(self) -> Outcome:
+        """The outcome if everybody does as planned."""
+        return self.with_people()
+
+    def with_people(self, late: float = 0.0, left: float = 0.0) -> Outcome:
+        """Returns the outcome if all people are late, or aside.
+
+        Parameters
+        ----------
+        late : s; early, if it is less than 0. Before they begin and after they end they stand
+        left : m to their left; to their right, if it is less than 0
+        """
+        # Without airspace, for people may now stand where a drone begins.
+        problem = self._problem.replace(
+            actors=tuple(_moved(actor, left) for actor in self._problem.actors),
+            airspace=Airspace(),
+        )
+        film = Film(problem, self._parts, self._lowest, late)
+        reward = film.reward(film.coverages(self._flown.at(film.moments)))
+        steps, duration = late / self._flown.step, self._ways.shape[1]
+        drones = _punctual(self._ways, steps, duration)
+        walks = [_late(walk_of(problem, actor), steps, duration) for actor in problem.actors]
+        return self._outcome(reward, between_drones(self._flown.pieces), drones, walks)
+
+    def with_laggard(self, lag: float) -> Outcome:
+        """Returns the worst of the outcomes if a drone is late by seconds >= 0, any of them."""
+        found = [self._lagging(i, lag) for i in range(len(self._ways))]
+        return Outcome(
+            min(one.reward for one in found),
+            min(one.apart for one in [self.as_planned, *found]),
+            min(one.aside for one in found),
+            frozenset(chain(*(one.too_near for one in found))),
+        )
+
+    def _lagging(self, robot: int, lag: float) -> Outcome:
+        """Returns the outcome if a drone is late, but for what the others do to each other."""
+        steps, duration = lag / self._flown.step, self._ways.shape[1]
+        own, others = self._ways[robot], np.delete(self._ways, robot, axis=0)
+        longer = duration + int(np.ceil(steps))  # until the last of them has landed
+        between = _punctual(others, steps, longer) - _late(own, steps, longer)
+        coverages = [*self._coverages]
+        views = self._flown.at(np.maximum(self._film.moments - lag, 0.0))
+        coverages[robot] = self._film.coverage(robot, views)
+        drones = np.concatenate(
+            [_late(own, steps, duration)[None], _punctual(others, steps, duration)]
+        )
+        actors = self._problem.actors
+        walks = [_punctual(walk_of(self._problem, one), steps, duration) for one in actors]
+        return self._outcome(
+            self._film.reward(coverages), between.reshape(-1, 3, DEGREE + 1), drones, walks
+        )
+
+    def _outcome(
+        self, reward: float, between: FloatArray, drones: FloatArray, walks: list[FloatArray]
+    ) -> Outcome:
+        """Returns the outcome of ways [n, 3, 6] between drones, and of drones among people.
+
+        Parameters
+        ----------
+        drones : [R, n, 3, 6]
+        walks : of each person, [n, 3, 6]
+        """
+        rules, airspace = self._problem.rules, self._problem.airspace
+        too_near, aside = set[str](), np.inf
+        if rules.separation and not rules.none and come_too_near(between, rules).any():
+            too_near.add("drones")
+        for actor, walk in zip(self._problem.actors, walks, strict=True):
+            ways = (drones - walk).reshape(-1, 3, DEGREE + 1)
+            aside = min(aside, least_length(ways[:, :2]))
+            if airspace.people_aside and come_too_near(ways, airspace.rules_beside(actor)).any():
+                too_near.add("people")
+        return Outcome(reward, least_length(between), aside, frozenset(too_near))
+
+    @property
+    def _lowest(self) -> float:
+        return float(self._ways[:, :, 2].min())
+
+    @cached_property
+    def _film(self) -> Film:
+        return Film(self._problem, self._parts, self._lowest)
+
+    @cached_property
+    def _coverages(self) -> list[FloatArray]:
+        """Coverage by each drone that does not lag."""
+        return self._film.coverages(self._flown.at(self._film.moments))
+
+
+def _moved(actor: Actor, left: float) -> Actor:
+    """Returns a person who walks so many metres to the left of where they would."""
+    if not left:
+        return actor
+    poses = actor.poses.copy()
+    poses[:, 0] -= left * np.sin(actor.poses[:, 3])
+    poses[:, 1] += left * np.cos(actor.poses[:, 3])
+    return actor.replace(poses=poses)
+
+
+def _punctual(pieces: FloatArray, late: float, steps: int) -> FloatArray:
+    """Returns pieces [.., 2 steps, d, n] of flights [.., T, d, n], cut for others that are late."""
+    return np.concatenate(parted(_at(pieces, np.arange(steps)), late % 1), axis=-3)
+
+
+def _late(pieces: FloatArray, late: float, steps: int) -> FloatArray:
+    """Returns pieces [.., 2 steps, d, n] of late flights, cut as `_punctual` cuts the others."""
+    began = np.arange(steps) - int(np.floor(late))
+    before = parted(_at(pieces, began - 1), 1 - late % 1)[1]
+    after = parted(_at(pieces, began), 1 - late % 1)[0]
+    return np.concatenate([before, after], axis=-3)
+
+
+def _at(pieces: FloatArray, steps: IntArray) -> FloatArray:
+    """Returns pieces at some steps; before and after a flight, those of its first or last place."""
+    last = pieces.shape[-3] - 1
+    found: FloatArray = pieces[..., np.clip(steps, 0, last), :, :].copy()
+    found[..., steps < 0, :, :] = pieces[..., :1, :, :1]
+    found[..., steps > last, :, :] = pieces[..., -1:, :, -1:]
+    return found

@@ -1,0 +1,106 @@
+"""The command `robustness`, which tells what is left of a plan that is not flown as planned."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from cocap_opt.data import ProblemError
+from cocap_opt.experiments.cli.options import FLAG, Json, Scene, Seed, StepSeconds, load, with_step
+from cocap_opt.experiments.console.options import UsageError
+from cocap_opt.experiments.results.files import PlanReader
+from cocap_opt.experiments.results.flights import Flight
+from cocap_opt.experiments.results.printing import Listing, Record, print_result
+from cocap_opt.experiments.results.robustness import Changes, tolerated_delay
+from cocap_opt.files.documents import FileError
+
+_USUAL = Changes()
+
+
+def _robustness(
+    scene: Scene,
+    plan: Path,
+    /,
+    *,
+    seed: Seed = 0,
+    step: StepSeconds = None,
+    smooth: Annotated[
+        bool, FLAG(name="--smooth", help="with continuous speed and acceleration")
+    ] = False,
+    late: Annotated[
+        list[float] | None,
+        Parameter(negative="", consume_multiple=True, help="s by which people are late, and early"),
+    ] = None,
+    aside: Annotated[
+        list[float] | None,
+        Parameter(negative="", consume_multiple=True, help="m by which people walk aside"),
+    ] = None,
+    lag: Annotated[
+        list[float] | None,
+        Parameter(negative="", consume_multiple=True, help="s by which any one drone is late"),
+    ] = None,
+    json: Json = False,
+) -> int:
+    """Tell what is left of a plan when people are late, early or aside, or a drone lags.
+
+    Nobody notices: all others fly as planned. J is looked at between the steps, too. Distances are
+    the least at any moment, and rules are checked at every moment, on the flights' polynomials.
+
+    Example: cocap-opt robustness corridor plan.json --step 2 --smooth --late 1 3 --lag 0.5
+    """
+    problem, planned = PlanReader(scene, load(scene, seed)).plan(plan)
+    problem = with_step(problem, step).replace(earth=None)  # places on the Earth do not matter
+    changes = Changes(
+        _USUAL.late if late is None else late,
+        _USUAL.aside if aside is None else aside,
+        _USUAL.lag if lag is None else lag,
+    )
+    try:
+        flight = Flight.of(problem, planned, smooth)
+    except ProblemError as error:
+        raise FileError(f"{plan}: {error}") from error
+    try:
+        rows = changes.rows(flight)
+    except ProblemError as error:
+        raise UsageError(f"--{error}") from error
+    delay = tolerated_delay(flight)
+    notes = list(_notes(flight, delay))
+    if json:
+        answer: Record = {"scene": problem.name, "seed": seed, "delay_tolerance": delay}
+        print_result({**answer, "changes": rows, "notes": notes}, json)
+    else:
+        flown = "smooth" if smooth else "straight"
+        title = f"{problem.name}, {flown}: what is left of J = {rows[0]['reward']:,.2f}"
+        Listing(title, [_shown(row) for row in rows], notes).print()
+    return 0
+
+
+def _shown(row: Record) -> Record:
+    """Returns a row as people read it."""
+    share = row["share"]
+    columns: Record = {
+        "change": row["change"],
+        "J (%)": None if share is None else 100 * share,
+        "drones (m)": row["least_distance"],
+    }
+    if row["people_distance"] is not None:
+        columns["people (m)"] = row["people_distance"]
+    return {**columns, "rules": row["rules"]}
+
+
+def _notes(flight: Flight, delay: float | None) -> Iterator[str]:
+    """Yields sentences on what the numbers mean."""
+    problem = flight.flown.problem
+    yield (
+        "J is looked at between the steps, too; distances are the least at any moment, those to "
+        "people seen from above; left and right are those of people who walk; of the drones that "
+        "may be late the worst counts, in each column"
+    )
+    if delay is not None:
+        yield f"the {problem.rules} is kept while no drone is {delay:.2f} s or more behind another"
+    elif not problem.rules.separation and len(problem.robots) > 1:
+        yield "the scene's rules ask for no distance between drones between the steps"
+
+
+COMMANDS = {"robustness": _robustness}

@@ -1,0 +1,153 @@
+"""Tables of a gap explained: parts that add up, drones and people by step, rows with prices."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from cocap_opt.data import FloatArray
+from cocap_opt.experiments.results.explained import SHOWN, Explained
+from cocap_opt.experiments.results.printing import counted, rounded
+from cocap_opt.formulations.explanation import Term
+
+_LINES = 20  # of a table
+_CHARACTERS = 80  # of a line at most
+_WIDTH = 5  # of a number
+
+
+def explained_tables(explained: Explained) -> list[str]:
+    """Returns the tables as text: parts that add up, drones and people by step, priced rows."""
+    return [_parts(explained), *_drones(explained), *_people(explained), *_rows(explained)]
+
+
+def _parts(explained: Explained) -> str:
+    found = explained.explanation
+    rows = list(explained.parts().items())
+    rows += [("sum", found.total()), ("bound - J", found.gap)]
+    return _table(
+        "The gap, by what the bound has more than the plan",
+        ["", "amount", "% of bound"],
+        [[words, rounded(amount), _percent(explained, amount)] for words, amount in rows],
+    )
+
+
+def _percent(explained: Explained, amount: float) -> str:
+    return f"{round(100 * explained.explanation.share(amount), 4) + 0.0:.4f}"
+
+
+def _drones(explained: Explained) -> list[str]:
+    losses = explained.explanation.losses()
+    title = "What drones lose by leaving a step as they do, % of the bound"
+    names = [str(robot) for robot in range(len(losses))]
+    return _grid(explained, title, "drone", names, losses, list(range(losses.shape[1])))
+
+
+def _people(explained: Explained) -> list[str]:
+    """Returns what is paid for people beyond what all drones get, by side and step."""
+    problem = explained.problem
+    steps = [None] if problem.objective.over_time else list(range(problem.horizon + 1))
+    sides = [(j, name) for j, a in enumerate(problem.actors) for name in a.shape.face_names]
+    first = np.searchsorted(problem.face_owner, np.arange(len(problem.actors)))
+    paid = np.zeros((len(sides), len(steps)))
+    for term in explained.explanation.of_kind("face"):
+        assert term.actor is not None
+        assert term.face is not None
+        paid[first[term.actor] + term.face, term.step or 0] += term.amount
+    title = "What people's sides are paid beyond what the drones get, % of the bound"
+    return _grid(explained, title, "person", [f"{j} {name}" for j, name in sides], paid, steps)
+
+
+def _grid(
+    explained: Explained,
+    title: str,
+    noun: str,
+    names: Sequence[str],
+    amounts: FloatArray,
+    steps: Sequence[int | None],
+) -> list[str]:
+    """Returns amounts [n, steps] as tables of some steps each, without lines of nothing."""
+    shares = explained.explanation.share(1.0) * amounts
+    sums = shares.sum(axis=1)
+    heavy = np.flatnonzero(np.abs(shares).max(axis=1, initial=0.0) >= SHOWN)
+    lines = sorted(heavy[np.argsort(-sums[heavy], kind="stable")][:_LINES].tolist())
+    if not lines:
+        return []
+    note = ""
+    if others := len(shares) - len(lines):
+        rest = round(100 * (sums.sum() - sums[lines].sum()), 3) + 0.0
+        note = f"{counted(others, 'other line')}: {rest:.3f}"
+    head = [*(["sum"] if len(steps) > 1 else []), *map(_step, steps)]
+    cells = [
+        (names[line], [_cell(x) for x in (sums[line], *shares[line])][-len(head) :])
+        for line in lines
+    ]
+    most = (_CHARACTERS - max(len(noun), *(len(names[line]) for line in lines))) // (_WIDTH + 2)
+    parts = [slice(n, n + most) for n in range(0, len(head), most)]
+    return [
+        _table(
+            title if part is parts[0] else "",
+            [noun, *head[part]],
+            [[name, *own[part]] for name, own in cells],
+            note if part is parts[-1] else "",
+        )
+        for part in parts
+    ]
+
+
+def _rows(explained: Explained) -> list[str]:
+    """Returns the rules and decisions with a price, the dearest first."""
+    terms = explained.explanation.of_kind("row", "decision")
+    if not terms:
+        return []
+    order = sorted(terms, key=lambda term: (-abs(term.amount), -(term.price or 0.0)))
+    shown = [
+        term
+        for term in order[:_LINES]
+        if explained.explanation.share(max(abs(term.amount), term.price or 0.0)) >= SHOWN
+    ]
+    rows = [
+        [
+            _row(explained, term),
+            str(term.step),
+            ",".join(map(str, term.users or ())) or "nobody",
+            rounded(term.price or 0.0),
+            rounded(term.amount),
+            _percent(explained, term.amount),
+        ]
+        for term in shown
+    ]
+    more = order[len(shown) :]
+    rest = sum(term.amount for term in more)
+    note = f"{counted(len(more), 'more row')}: {_percent(explained, rest)}" if more else ""
+    title = "Rules (at most one drone) and decisions with a price, % of the bound"
+    return [_table(title, ["", "step", "used by", "price", "amount", "%"], rows, note)]
+
+
+def _row(explained: Explained, term: Term) -> str:
+    """Returns a rule, or a decision with the number of drones, in a few characters."""
+    if term.kind == "row":
+        return explained.named(term.resource)
+    sign = "<=" if term.sense == "at most" else ">="
+    return f"{sign} {term.robots} {explained.named(term.resource)}"
+
+
+def _table(title: str, head: list[str], rows: list[list[str]], note: str = "") -> str:
+    """Returns a table as text: the first column to the left, the others to the right."""
+    widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
+    widths[1:] = [max(width, _WIDTH) for width in widths[1:]]
+    lines = [
+        "  ".join(
+            [line[0].ljust(widths[0])]
+            + [cell.rjust(width) for cell, width in zip(line[1:], widths[1:], strict=True)]
+        )
+        for line in (head, *rows)
+    ]
+    return "\n".join(line for line in (title, *lines, note) if line)
+
+
+def _step(step: int | None) -> str:
+    return "all steps" if step is None else str(step)
+
+
+def _cell(share: Any) -> str:
+    return "." if abs(share) < SHOWN else f"{100 * float(share):.3f}"

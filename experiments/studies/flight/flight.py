@@ -1,0 +1,74 @@
+"""Flies plans in a simulator by others, and tells what is left of distances and of J."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from cocap_opt.experiments.console.streams import say
+from cocap_opt.experiments.report.figures import picture
+from cocap_opt.experiments.results.files import (
+    make_folder,
+    replace_between,
+    save_bytes,
+    save_csv,
+)
+from cocap_opt.experiments.results.printing import print_texts
+from cocap_opt.experiments.studies.flight.figure import flight_figure
+from cocap_opt.experiments.studies.flight.runs import Run, flown
+from cocap_opt.experiments.studies.flight.simulation import span
+from cocap_opt.experiments.studies.flight.tables import (
+    BEGIN,
+    END,
+    in_markdown,
+    listings,
+    sentences,
+)
+
+SCENES = ("bridge", "passage")
+STORED = Path(__file__).parents[1] / "stored" / "flight.csv"
+
+
+def flight(
+    scenes: Sequence[str],
+    seeds: Sequence[int],
+    winds: Sequence[float],
+    step: float | None = None,
+    out: Path | None = None,
+) -> list[Run]:
+    """Simulates, and writes the rows (flight.csv) as they come.
+
+    Parameters
+    ----------
+    winds : m/s
+    step : s, of scenes that say no duration; None: what the vehicle can fly
+
+    Raises
+    ------
+    FileError
+        If the simulator is not installed.
+    """
+    span()  # which needs it
+    runs: list[Run] = []
+    for scene in scenes:
+        for seed in seeds:
+            for run in flown(scene, seed, winds, step):
+                runs.append(run)
+                say(
+                    f"{run.scene} seed {seed}, {run.flight}, {run.wind:g} m/s: off by "
+                    f"{run.error_most:.2f} m at most"
+                )
+                if out is not None:
+                    make_folder(out)  # not before, for a scene may be refused
+                    save_csv(out / "flight.csv", [one._asdict() for one in runs])
+    return runs
+
+
+def tell(runs: Sequence[Run], out: Path | None = None, into: Path | None = None) -> None:
+    """Prints tables and sentences, draws the figure (flight.png), and writes into a document."""
+    if into is not None:
+        replace_between(into, BEGIN, END, in_markdown(runs))
+    for listing in listings(runs):
+        listing.print()
+    print_texts([], sentences(runs))
+    if out is not None:
+        make_folder(out)
+        save_bytes(out / "flight.png", picture(flight_figure(runs), ".png"))
