@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from math import inf, isfinite
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 
 from cocap_opt.experiments.results.judging import ROUNDING
-from cocap_opt.experiments.results.verification import Verified
+from cocap_opt.experiments.results.verification import ProvedBound, Verified
 from cocap_opt.files.documents import (
     PlanFile,
     SceneFile,
@@ -30,7 +30,7 @@ from cocap_opt.formulations.result import (
     Report,
     silent,
 )
-from cocap_opt.model import compiled
+from cocap_opt.model import Model, compiled
 from cocap_opt.planners import PLANNERS, RECOMMENDED, Planner
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import Verdict
@@ -283,12 +283,13 @@ def verify(problem: Problem, *claims: Plan | Result | Bound, networkx: bool = Fa
         raise ValueError("claims: name at most one plan")
     if not bounds:
         _require_checkable(claims, plans)
-    verified = Verified(problem, by_networkx=networkx)
-    for plan in plans:
-        verified.verify_plan(plan)
+    model = Model(problem, use_cache=False) if bounds else None
+    proved = [ProvedBound.of(model, file, networkx) for file in bounds if model is not None]
     for claim in claims:
-        _verify_bound(verified, claim)
-    verified.conclude()
+        if isinstance(claim, Result):
+            _require_consistent(claim)
+    values = [one.value for one in claims if isinstance(one, Result) and one.plan is not None]
+    verified = Verified.of(problem, plans[0] if plans else None, values=values, bounds=proved)
     if verified.violations:
         raise ValueError(verified.violations[0])
     return verified
@@ -338,12 +339,9 @@ def explain(
     file = _required_bound(plan if certificate is None else certificate)
     if own is None:
         raise ValueError("plan: the result has no plan that could be explained")
-    verified = Verified(problem)
-    verified.verify_plan(own)
-    if verified.verdict is not None:
-        _require_flown("plan", verified.verdict)
-    verified.verify_bound(file)
-    explained = Explained.of(verified)
+    _require_flown("plan", check(problem, own))
+    proved = ProvedBound.of(Model(problem, use_cache=False), file)
+    explained = Explained.of(Verified.of(problem, own, bounds=[proved]))
     if explained is None:
         raise ValueError("certificate: it proves that there is no plan, so there is no gap")
     frame = DataFrame(explained.records)
@@ -396,21 +394,15 @@ def replans(problem: Problem, plan: Plan | Result) -> "pd.DataFrame":
     })  # fmt: skip
 
 
-def _verify_bound(verified: Verified, claim: Plan | Result | Bound) -> None:
-    """Checks the bound of a claim, and what a result says of its plan and bound besides."""
+def _require_consistent(claim: Result) -> None:
+    """Checks what a result says of its plan and bound, besides J."""
     bound = _bound_in(claim)
-    if bound is not None:
-        verified.verify_bound(bound)
-    if not isinstance(claim, Result):
-        return
     for name in ("value", "bound"):
         _require(getattr(claim, name), name, "a number", int, float, np.number)
-    if claim.reason is Reason.INFEASIBLE and bound is not None and not verified.no_plan:
+    if claim.reason is Reason.INFEASIBLE and bound is not None and not bound.proved < 0:
         raise ValueError("reason: the result claims that there is no plan; its file does not")
     if claim.plan is None and claim.value != -inf:
         raise ValueError(f"reward: the result claims {claim.value!r} and has no plan")
-    if claim.plan is not None and isfinite(verified.reward):
-        verified.compare_reward(claim.value)
     if bound is not None and not claim.bound >= bound.proved - ROUNDING * abs(bound.proved):
         raise ValueError(f"bound: the result claims {claim.bound!r}, its file {bound.proved!r}")
 

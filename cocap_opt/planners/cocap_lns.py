@@ -32,6 +32,8 @@ from cocap_opt.result import Reason, Result
 from cocap_opt.stop import FirstOf, LimitReached, Stop, WorkLimit, never
 from cocap_opt.timing import timed
 
+# Measured on bottleneck-tight and passage, seeds 0 to 4: J is 0.07 % higher on the former than with
+# a third of these nodes, or none; with three times as many it is 0.2 % lower on the latter.
 _NODES = 3  # of the tree, for each robot, where there is a plan already; at least:
 _FEW_NODES = 20
 # For each robot. Measured on passage, bottleneck and the tight scenes, seeds 0 to 9, three random

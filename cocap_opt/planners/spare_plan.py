@@ -11,6 +11,7 @@ from cocap_opt.stop import Limit, Stop
 # Nodes generated from which on a spare plan costs little: it takes a path of each robot, and each
 # node has taken one, so that for 6 robots it is a tenth of the work before it.
 SPARE_FROM = 64
+FELL_BACK = "stopped: this is the plan of sequential planning"
 
 
 class SparePlan:
@@ -33,6 +34,6 @@ class SparePlan:
     def or_better(self, result: Result, limit: Limit) -> Result:
         """Return a result, or that of the spare plan where it has a greater J."""
         if self._team and self._team.is_whole and self._team.value > result.value:
-            words = "stopped: this is the plan of sequential planning"
-            return replace(self._team.result(limit, result.statistics), message=words)
+            spare = self._team.result(limit, result.statistics)
+            return replace(spare, message=FELL_BACK)
         return result

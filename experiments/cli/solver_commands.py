@@ -84,6 +84,7 @@ def _plan(
             raise UsageError(f"--planner: {judged.result.message}")
         if not judged.valid:
             say_narrow_way(scene, seed, problem)
+        judged.warn(problem, seed, planner)
         answer = asdict(PlanRow.of(problem, seed, planner, judged)) | task.about
         _save(answer, "plan", {"file": (output, judged.plan_file(problem, planner))})
     answer |= judged.result.statistics
@@ -234,6 +235,7 @@ class _Task(NamedTuple):
 
     def answer(self, seed: int, method: str, judged: Judged[CertifiedResult]) -> Record:
         """Returns what the command prints."""
+        judged.warn(self.problem, seed, method)
         return asdict(PlanRow.certified(self.problem, seed, method, judged)) | self.about
 
 

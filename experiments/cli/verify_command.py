@@ -16,10 +16,11 @@ from cocap_opt.experiments.results.files import PlanReader
 from cocap_opt.experiments.results.judging import Judged
 from cocap_opt.experiments.results.printing import Record, print_result, print_texts
 from cocap_opt.experiments.results.rows import OWN_STARTS
-from cocap_opt.experiments.results.verification import Verified
+from cocap_opt.experiments.results.verification import ProvedBound, Verified
 from cocap_opt.files.documents import FileError, PlanFile
 from cocap_opt.formulations.certificates import CertificateError, CertificateFile, ProofFile
 from cocap_opt.formulations.second_opinion import TooLargeError
+from cocap_opt.model import Model
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.scenarios import FORMATS, scene_of_plan
 from cocap_opt.text import printable
@@ -60,21 +61,10 @@ def _verify(
         raise UsageError("--explain: name a plan, and a certificate or a proof")
     if networkx and not claims.bounds:
         raise UsageError("--networkx: name a certificate or a proof")
-    verified = Verified(claims.problem, by_networkx=networkx)
-    if claims.plan is not None:
-        verified.verify_plan(claims.plan, claims.plan_file)
-    for path, content in claims.bounds.items():
-        name = printable(str(path))
-        with Watch.on_terminal(name) as watch:
-            try:
-                verified.verify_bound(
-                    content, watch.counter("leaf"), watch.counter("best path by networkx")
-                )
-            except CertificateError as error:
-                verified.violations.append(f"{name}: {error}")
-            except TooLargeError as error:
-                raise UsageError(f"--networkx: {error}") from error
-    verified.conclude()
+    bounds, failed = claims.proved(networkx)
+    verified = Verified.of(
+        claims.problem, claims.plan, claims.plan_file, bounds=bounds, failed=failed
+    )
     if verified.verdict is not None and verified.verdict.conflicts:
         say_narrow_way(scene, seed, claims.problem)
     answer = {"scene": claims.problem.name, "seed": seed, **claims.answer(verified)}
@@ -146,10 +136,33 @@ class _Claims(NamedTuple):
         problem = problem.without_rules() if free else problem
         return cls(problem, plan if isinstance(plan, Plan) else None, claimed, bounds, about)
 
+    def proved(self, by_networkx: bool) -> tuple[list[ProvedBound], list[str]]:
+        """Returns the bounds that are proved, and what is wrong with the others, in words.
+
+        Raises
+        ------
+        UsageError
+            If one is too large for networkx.
+        """
+        bounds, failed = list[ProvedBound](), list[str]()
+        model = Model(self.problem, use_cache=False) if self.bounds else None
+        for path, file in self.bounds.items():
+            assert model is not None
+            name = printable(str(path))
+            with Watch.on_terminal(name) as watch:
+                counters = watch.counter("leaf"), watch.counter("best path by networkx")
+                try:
+                    bounds.append(ProvedBound.of(model, file, by_networkx, *counters))
+                except CertificateError as error:
+                    failed.append(f"{name}: {error}")
+                except TooLargeError as error:
+                    raise UsageError(f"--networkx: {error}") from error
+        return bounds, failed
+
     def answer(self, verified: Verified) -> Record:
         """Returns what `verify` prints of what it found."""
         found: Record = {
-            "valid": not verified.violations, "violations": verified.violations, **self.about
+            "valid": not verified.violations, "violations": [*verified.violations], **self.about
         }  # fmt: skip
         if (verdict := verified.verdict) is not None:
             known = math.isfinite(verified.reward)
@@ -163,10 +176,10 @@ class _Claims(NamedTuple):
         if self.bounds:
             proved = math.isfinite(verified.bound)
             found |= {"method": verified.method, "bound": verified.bound if proved else None}
-            if verified.second_opinion is not None and verified.pricing is not None:
+            if verified.proved is not None and verified.proved.second_opinion is not None:
                 found |= {
-                    "bound_by_sweep": _finite(verified.pricing.bound),
-                    "bound_by_networkx": _finite(verified.second_opinion.bound),
+                    "bound_by_sweep": _finite(verified.proved.pricing.bound),
+                    "bound_by_networkx": _finite(verified.proved.second_opinion.bound),
                 }
             if verified.no_plan:
                 found["message"] = _NO_PLAN

@@ -7,11 +7,11 @@ from cocap_opt.experiments.results.explained import SHOWN, Explained
 from cocap_opt.experiments.results.files import PlanReader
 from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.results.tables import Table
-from cocap_opt.experiments.results.verification import Verified
+from cocap_opt.experiments.results.verification import ProvedBound
 from cocap_opt.files.documents import FileError, problem_digest
 from cocap_opt.formulations.certificates import CertificateError, CertificateFile, ProofFile
 from cocap_opt.formulations.explanation import Explanation, Kind, explain
-from cocap_opt.model import compiled
+from cocap_opt.model import Model, compiled
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
 
@@ -82,12 +82,10 @@ def gaps_of(
     ValueError
         If it proves that there is no plan.
     """
-    verified = Verified(problem)
-    verified.verify_bound(file)
-    proved = None if verified.pricing is None else verified.pricing.bound
+    model, _, pricing, _ = ProvedBound.of(Model(problem, use_cache=False), file)
     rewards = [check(problem, plan).reward for plan in plans]
     return [
-        explain(verified.model, plan, reward, file, proved)
+        explain(model, plan, reward, file, pricing.bound)
         for plan, reward in zip(plans, rewards, strict=True)
     ]
 

@@ -49,13 +49,12 @@ class Explained:
 
         It is None where there is no plan that can be flown, or no bound to compare it with.
         """
-        plan, file = verified.plan, verified.file
-        if plan is None or file is None or file.bound is None or not verified.reward >= 0:
+        plan, proved = verified.plan, verified.proved
+        if plan is None or proved is None or proved.file.bound is None or not verified.reward >= 0:
             return None
-        pricing = verified.pricing
-        proved = None if pricing is None else pricing.bound
-        found = explain(verified.model, plan, verified.reward, file, proved)
-        return cls(verified.model, plan, found, () if pricing is None else pricing.leaves)
+        model, file, pricing, _ = proved
+        found = explain(model, plan, verified.reward, file, pricing.bound)
+        return cls(model, plan, found, pricing.leaves)
 
     @property
     def problem(self) -> Problem:

@@ -1,5 +1,6 @@
 """Planners, bounds and exact methods by name, run and judged by the referee."""
 
+import logging
 import math
 from collections.abc import Callable, Mapping
 from typing import Any, Generic, NamedTuple, TypeVar
@@ -13,6 +14,8 @@ from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import Verdict, check
 from cocap_opt.result import Reason, Result, UnsupportedError, relative_gap
 from cocap_opt.stop import Clock, FirstOf, Stop, TimeLimit, WorkLimit, never
+
+_log = logging.getLogger(__name__)
 
 R = TypeVar("R", bound=Result)
 _R_co = TypeVar("_R_co", bound=Result, covariant=True)
@@ -142,6 +145,46 @@ class Judged(NamedTuple, Generic[_R_co]):
     def conflicts(self) -> int:
         """Number of broken collision rules."""
         return len(self.verdict.conflicts) if self.verdict else 0
+
+    @property
+    def reason(self) -> Reason:
+        """Why the method stopped; not "optimal" where its certificate leaves something open."""
+        own, bound = self.result.reason, self.result.bound
+        is_open = math.isfinite(bound) and self.gap > OPTIMALITY
+        return Reason.FINISHED if own is Reason.OPTIMAL and is_open else own
+
+    def remarks(self, problem: Problem) -> list[str]:
+        """Returns what is to be said of the result and its plan, each in a few words."""
+        result = self.result
+        found = [words for words in (result.message, self.blind(problem)) if words]
+        if result.reason is Reason.STOPPED and result.plan is not None and result.plan.stays:
+            found.append("the limit came too early: all drones stay at their starts")
+        if self.reason is not result.reason and not found:
+            found.append("what is open is within the accuracy of the computation")
+        return found
+
+    def blind(self, problem: Problem) -> str:
+        """Returns at how many steps no drone of the plan sees anybody, if those are most."""
+        if self.verdict is None or not problem.actors:
+            return ""
+        if not any(self.verdict.face_reward):
+            return "no drone sees anybody at any step"
+        steps = self.verdict.reward_per_step
+        blind = sum(reward <= 0 for reward in steps)
+        if 2 * blind <= len(steps):
+            return ""
+        return f"no drone sees anybody at {blind} of {len(steps)} steps"
+
+    def warn(self, problem: Problem, seed: int | None, name: str) -> None:
+        """Warns of a plan that sees nobody at most steps, once for each scene.
+
+        Parameters
+        ----------
+        name : of the planner
+        """
+        if words := self.blind(problem):
+            once = {"once": f"{problem.name}, blind"}
+            _log.warning("%s, seed %s, %s: %s", problem.name, seed, name, words, extra=once)
 
     def colliding(self, problem: Problem) -> int | None:
         """Returns the number of robots that take part in a conflict; None without a plan."""

@@ -6,7 +6,6 @@ of its scene and seed (`BoundColumns`). Every plan has passed the referee before
 every bound is certified, but that of brute force, whose row says so in `message`.
 """
 
-import logging
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -18,12 +17,9 @@ from cocap_opt.experiments.results.columns import Column
 from cocap_opt.experiments.results.judging import BOUND_METHOD, ROUNDING, Judged
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult
 from cocap_opt.problem import Problem
-from cocap_opt.referee import Verdict
 from cocap_opt.result import Reason, relative_gap
 from cocap_opt.stop import NO_LIMIT, Limit
 from cocap_opt.vision.faces import FaceGeometry
-
-_log = logging.getLogger(__name__)
 
 ERROR = "error"  # the reason of a planner or a bound that ended by an error
 EXACT_COVERAGE, SAMPLED_COVERAGE = "exact", "sampled"
@@ -98,30 +94,19 @@ class PlanRow:
     ) -> "PlanRow":
         """Returns the row of a plan, without a bound: only certified bounds are shown."""
         result = judged.result
-        reason, messages = result.reason, [result.message] if result.message else []
-        if judged.verdict and problem.actors and (words := _blind(judged.verdict)):
-            messages.append(words)
-            about = problem.name, seed, planner or "bound", words
-            _log.warning("%s, seed %s, %s: %s", *about, extra={"once": f"{problem.name}, blind"})
-        if reason is Reason.STOPPED and result.plan is not None and result.plan.stays:
-            messages.append("the limit came too early: all drones stay at their starts")
-        if reason is Reason.OPTIMAL and math.isfinite(result.bound) and judged.gap > OPTIMALITY:
-            # What is certified is less than what the method says.
-            reason = Reason.FINISHED
-            messages = messages or ["what is open is within the accuracy of the computation"]
         return PlanRow(
             scene=problem.name,
             seed=seed,
             planner=planner,
             reward=_finite(judged.reward),
-            reason=str(reason),
+            reason=str(judged.reason),
             limit=Limit.written(result.limit),
             seconds=_finite(result.seconds),
             coverage_seconds=judged.coverage_seconds,
             checking_seconds=judged.checking_seconds,
             views=judged.views,
             conflicts=judged.conflicts if judged.verdict else None,
-            message="; ".join(messages),
+            message="; ".join(judged.remarks(problem)),
         )
 
     @classmethod
@@ -354,17 +339,6 @@ class Row(BoundColumns, PlannedRow):
 
 
 COLUMNS = Column.all_of(Row)
-
-
-def _blind(verdict: Verdict) -> str:
-    """Returns at how many steps no drone of a plan sees anybody, if those are most."""
-    if not any(verdict.face_reward):
-        return "no drone sees anybody at any step"
-    steps = verdict.reward_per_step
-    blind = sum(reward <= 0 for reward in steps)
-    if 2 * blind <= len(steps):
-        return ""
-    return f"no drone sees anybody at {blind} of {len(steps)} steps"
 
 
 def _fields(row: PlanRow | BoundColumns) -> dict[str, Any]:

@@ -1,9 +1,9 @@
 """Verification of plans, certificates and proofs: their claims, against what is computed anew."""
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, field
-from functools import cached_property
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple, Self
 
 from cocap_opt.experiments.results.judging import ROUNDING
 from cocap_opt.files.documents import PlanFile, problem_digest
@@ -28,43 +28,116 @@ def _tell_nobody(done: int, total: int) -> None:
     pass
 
 
-@dataclass
+class ProvedBound(NamedTuple):
+    """The bound of a file that proves what it claims: every number was computed anew."""
+
+    model: Model  # by which it is priced, with coverage that is computed afresh
+    file: CertificateFile | ProofFile
+    pricing: Pricing  # what the sweep finds of it
+    second_opinion: SecondOpinion | None = None  # what networkx finds; None if nobody has asked
+
+    @classmethod
+    def of(
+        cls,
+        model: Model,
+        file: CertificateFile | ProofFile,
+        by_networkx: bool = False,
+        progress: Progress = _tell_nobody,
+        second: Progress = _tell_nobody,
+    ) -> Self:
+        """Prices a certificate, or all leaves of a proof, and compares that with its claim.
+
+        Parameters
+        ----------
+        by_networkx : it is added up a second time, with networkx
+        progress : told how many leaves are done, and of how many
+        second : told how many best paths networkx has found, and of how many
+
+        Raises
+        ------
+        CertificateError
+            If it proves nothing, or less than it claims, or networkx finds another bound.
+        TooLargeError
+            If it is to be priced by networkx, and is too large for that.
+        """
+        if not by_networkx:
+            return cls(model, file, verify(model.problem, file, progress, model))
+        require_small(model.problem, file)
+        pricing = verify(model.problem, file, progress, model)
+        opinion = SecondOpinion.of(model.problem, file, second)
+        if not opinion.agrees(pricing):
+            raise CertificateError(
+                f"bound: the sweep finds {pricing.bound!r}, networkx {opinion.bound!r}, so one of "
+                "the two is wrong"
+            )
+        return cls(model, file, pricing, opinion)
+
+
+@dataclass(frozen=True)
 class Verified:
-    """Outcome of checking claims, in which every number was computed anew.
+    """Outcome of checking claims.
 
     Attributes
     ----------
     problem : that the claims are about
-    by_networkx : bounds are added up a second time, with networkx
-    bound : the lowest bound that is proved, as its file claims it; infinite without a certificate
-    method : the method that made it
-    optimistic : that bound was computed with coverage as if nothing hid anybody, at some steps
-    second_opinion : what networkx finds of it; None where nobody has asked
-    reward : J of the plan; -infinite without one
-    verdict : of the referee on the plan; None without one
-    violations : what does not hold, in words
     plan : that was checked
-    file : that proves the bound
-    pricing : what the sweep finds of it
+    verdict : of the referee on the plan; None without one
+    proved : the lowest bound that is proved
+    violations : what does not hold, in words
     """
 
-    problem: Problem = field(repr=False)
-    by_networkx: bool = False
-    bound: float = math.inf
-    method: str | None = None
-    optimistic: bool = False
-    second_opinion: SecondOpinion | None = None
-    reward: float = -math.inf
+    problem: Problem
+    plan: Plan | None = None
     verdict: Verdict | None = None
-    violations: list[str] = field(default_factory=list)
-    plan: Plan | None = field(default=None, repr=False)
-    file: CertificateFile | ProofFile | None = field(default=None, repr=False)
-    pricing: Pricing | None = field(default=None, repr=False)
+    proved: ProvedBound | None = None
+    violations: tuple[str, ...] = ()
 
-    @cached_property
-    def model(self) -> Model:
-        """The compiled problem, whose coverage is computed afresh, once for all files."""
-        return Model(self.problem, use_cache=False)
+    @classmethod
+    def of(
+        cls,
+        problem: Problem,
+        plan: Plan | None = None,
+        claimed: PlanFile | None = None,
+        values: Sequence[float] = (),
+        bounds: Sequence[ProvedBound] = (),
+        failed: Sequence[str] = (),
+    ) -> Self:
+        """Has the referee judge a plan, and compares it with claims and with bounds.
+
+        Parameters
+        ----------
+        claimed : the plan's file, which claims something of it
+        values : J as others claim it of the plan
+        bounds : of which the lowest counts
+        failed : what is wrong with further bounds, in words
+        """
+        verdict = None if plan is None else check(problem, plan)
+        proved = min(bounds, key=lambda bound: bound.file.proved, default=None)
+        found = cls(problem, plan, verdict, proved)
+        violations = [*found._of_plan(claimed, values), *failed]
+        return replace(found, violations=tuple(violations or found._of_both()))
+
+    @property
+    def reward(self) -> float:
+        """J of the plan; -infinite without one that can be flown."""
+        flown = self.verdict is not None and not self.verdict.violations
+        return self.verdict.reward if self.verdict is not None and flown else -math.inf
+
+    @property
+    def bound(self) -> float:
+        """The lowest bound, as its file claims it, which is proved; infinite without one."""
+        return math.inf if self.proved is None else self.proved.file.proved
+
+    @property
+    def method(self) -> str | None:
+        """The method that made the bound."""
+        return None if self.proved is None else self.proved.file.method
+
+    @property
+    def optimistic(self) -> bool:
+        """The bound was computed as if nothing hid anybody, at some steps."""
+        file = None if self.proved is None else self.proved.file
+        return isinstance(file, CertificateFile) and bool(file.coverage)
 
     @property
     def gap(self) -> float:
@@ -85,74 +158,25 @@ class Verified:
         gap = f"{100 * self.gap:.4f} %" if math.isfinite(self.gap) else "none"
         return f"Verified(J {self.reward:,.2f}, bound {self.bound:,.2f}, gap {gap})"
 
-    def verify_plan(self, plan: Plan, claimed: PlanFile | None = None) -> None:
-        """Has the referee judge a plan, and compares that with what its file claims."""
-        self.plan, self.verdict = plan, check(self.problem, plan)
-        verdict = self.verdict
-        self.violations += [*verdict.violations, *verdict.conflicts]
-        if claimed is not None and claimed.digest != problem_digest(self.problem):
-            other = "scene, seed, rules or objective"
-            self.violations.append(f"digest: the plan belongs to another {other}")
-        if verdict.violations:
+    def _of_plan(self, claimed: PlanFile | None, values: Sequence[float]) -> Iterator[str]:
+        """Yields what is wrong with the plan, and with what is claimed of it."""
+        if self.verdict is None:
             return
-        self.reward = verdict.reward
-        if claimed is not None:
-            self.compare_reward(claimed.reward)
+        yield from self.verdict.violations
+        yield from self.verdict.conflicts
+        if claimed is not None and claimed.digest != problem_digest(self.problem):
+            yield "digest: the plan belongs to another scene, seed, rules or objective"
+        if self.verdict.violations:
+            return
+        for value in values if claimed is None else (claimed.reward, *values):
+            if not math.isclose(value, self.reward, rel_tol=ROUNDING, abs_tol=ROUNDING):
+                yield f"reward: the plan claims {value!r}, it is {self.reward!r}"
 
-    def compare_reward(self, claimed: float) -> None:
-        """Compares the J that somebody claims of the plan with that of the referee."""
-        if not math.isclose(claimed, self.reward, rel_tol=ROUNDING, abs_tol=ROUNDING):
-            words = f"reward: the plan claims {claimed!r}, it is {self.reward!r}"
-            self.violations.append(words)
-
-    def verify_bound(
-        self,
-        file: CertificateFile | ProofFile,
-        progress: Progress = _tell_nobody,
-        second: Progress = _tell_nobody,
-    ) -> None:
-        """Prices a certificate, or all leaves of a proof, and compares that with its claim.
-
-        Parameters
-        ----------
-        progress : told how many leaves are done, and of how many
-        second : told how many best paths networkx has found, and of how many
-
-        Raises
-        ------
-        CertificateError
-            If it proves nothing, or less than it claims, or networkx finds another bound.
-        TooLargeError
-            If it is to be priced by networkx, and is too large for that.
-        """
-        if self.by_networkx:
-            require_small(self.problem, file)
-        pricing = verify(self.problem, file, progress, self.model)
-        opinion = self._ask_networkx(file, pricing, second) if self.by_networkx else None
-        # What has been proved is what the file claims.
-        if file.proved < self.bound:
-            self.bound, self.method = file.proved, file.method
-            self.file, self.pricing, self.second_opinion = file, pricing, opinion
-            self.optimistic = isinstance(file, CertificateFile) and bool(file.coverage)
-
-    def _ask_networkx(
-        self, file: CertificateFile | ProofFile, pricing: Pricing, progress: Progress
-    ) -> SecondOpinion:
-        """Returns the second opinion on a bound; CertificateError if it is another one."""
-        second = SecondOpinion.of(self.problem, file, progress)
-        if not second.agrees(pricing):
-            raise CertificateError(
-                f"bound: the sweep finds {pricing.bound!r}, networkx {second.bound!r}, so one of "
-                "the two is wrong"
-            )
-        return second
-
-    def conclude(self) -> None:
-        """Compares the plan with the bound."""
-        if self.violations or self.verdict is None:
+    def _of_both(self) -> Iterator[str]:
+        """Yields what contradicts each other in a plan and a bound of which all claims hold."""
+        if self.verdict is None:
             return
         if self.no_plan:
-            words = "plan: it obeys the rules, though it is proved that no plan does"
-            self.violations.append(words)
+            yield "plan: it obeys the rules, though it is proved that no plan does"
         elif self.reward > self.bound + ROUNDING * abs(self.bound):
-            self.violations.append("reward: it is above the bound, so one of the two is wrong")
+            yield "reward: it is above the bound, so one of the two is wrong"

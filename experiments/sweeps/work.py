@@ -92,6 +92,7 @@ def _planned(
 ) -> CellFile:
     if cell.rendered:
         columns = {**columns, "reward_rendered": _rendered_reward(problem, judged)}
+    judged.warn(problem, cell.seed, cell.planner)
     own = judged.result.certificate if isinstance(judged.result, CertifiedResult) else None
     return CellFile(
         cell=cell,

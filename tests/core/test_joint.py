@@ -13,6 +13,8 @@ from strategies import Calls, examples, meetings, problems, standing, tiny
 
 from cocap_opt.model import Model
 from cocap_opt.planners.joint import joint
+from cocap_opt.planners.joint_memory import PROCESS, bytes_needed
+from cocap_opt.planners.joint_pair import Pair
 from cocap_opt.problem import (
     Camera,
     CollisionRules,
@@ -54,7 +56,7 @@ def test_joint_is_optimal(problem: Problem) -> None:
 def test_joint_values_are_of_the_true_objective(problem: Problem) -> None:
     """The value that joint planning gives the pair of starts is the best J itself."""
     best = optimum(problem)
-    pair = PLANNER._Pair(Model(problem, use_cache=False))
+    pair = Pair(Model(problem, use_cache=False))
     values = pair.sweep()
     value = float(values[0][pair.positions])
     assert value == pytest.approx(best.value, rel=1e-9)
@@ -72,7 +74,7 @@ def test_joint_rewards_moves_beside_the_swap_rule(
         rules=CollisionRules(),
         objective=Objective(stationarity=stationarity, keep_cell=keep_cell, balanced=balanced),
     )
-    pair = PLANNER._Pair(Model(problem, use_cache=False))
+    pair = Pair(Model(problem, use_cache=False))
     value = float(pair.sweep()[0][pair.positions])
     assert value == pytest.approx(optimum(problem).value, rel=1e-9)
 
@@ -91,7 +93,7 @@ def test_joint_rewards_the_move_into_the_cell_that_the_other_leaves() -> None:
         horizon=1,
         objective=Objective(balanced=5.0),
     )
-    pair = PLANNER._Pair(Model(problem, use_cache=False))
+    pair = Pair(Model(problem, use_cache=False))
     assert pair.sweep()[0][pair.positions] == 5.0
     assert joint(problem).value == 5.0
 
@@ -131,8 +133,8 @@ def test_memory_of_joint_planning_is_known_before(size: int, horizon: int, motio
     """The memory that the values of all pairs need is foreseen, and not by much too high."""
     model = Model(pair_on_a_meadow(size, horizon, motion), use_cache=False)
     model.prepare_all(never)
-    pair = PLANNER._Pair(model)
-    needed = pair.bytes_needed - PLANNER.PROCESS
+    pair = Pair(model)
+    needed = bytes_needed(pair) - PROCESS
     tracemalloc.start()
     try:
         pair.sweep()

@@ -247,6 +247,7 @@ def test_doubts_are_said_and_recipes_printed(
     run = Run(capsys, "plan", scene, "--json")
     assert run.json["reward"] == 0
     assert "no drone sees anybody" in run.json["message"]
+    assert "seed 0, cocap-lns: no drone sees anybody at any step" in caplog.text
     assert "actors[0] is off the map at 3 of 3 steps" in caplog.text
 
 

@@ -1,3 +1,4 @@
+import math
 import re
 from collections.abc import Sequence
 from functools import cache
@@ -303,9 +304,30 @@ def test_the_best_is_judged_by_fresh_seeds(monkeypatch: pytest.MonkeyPatch) -> N
 def test_trials_are_read_as_they_were_written(tmp_path: Path) -> None:
     """A table of trials has all that is said of them."""
     corridor = Corridor(1, 3, 2.5, "yard", 2, 1, 6)
-    some = [trial(conditions.DRAWN, corridor, 0, 1.0), trial(conditions.FRESH, corridor, 1, 2.0)]
+    unasked = {"orders": None, "lns": None, "bound": None}
+    some = [
+        trial(conditions.DRAWN, corridor, 0, 1.0, **unasked),
+        trial(conditions.DRAWN, corridor, 2, 0.0, **unasked, limit="work"),
+        trial(conditions.DRAWN, corridor, 3, 0.0, **unasked, limit="work", fell_back=True),
+        trial(conditions.DRAWN, corridor, 4, -math.inf, **unasked),
+        trial(conditions.FRESH, corridor, 1, 2.0, orders=-math.inf),
+    ]
     save_csv(tmp_path / "c.csv", [one.record for one in some])
     assert conditions.read_trials(tmp_path / "c.csv") == some
+    assert conditions.planned(some) == [*some[:3], some[4]]
+    words = conditions.sentences(some)
+    assert "its tree was stopped after 400 nodes, on 1 of these with" in words[0]
+    assert "sequential planning gains nothing if it takes the best of ten" in words[2]
+    # Older files have 0 where nothing was asked or found, and do not say what fell back.
+    names = [name for name in some[0].record if name != "fell_back"]
+    rows = [{name: one.record[name] for name in names} for one in some]
+    rows = [
+        {n: 0.0 if value in (None, -math.inf) else value for n, value in row.items()}
+        for row in rows
+    ]
+    save_csv(tmp_path / "c.csv", rows)
+    older = [one._replace(fell_back=one.seed in (2, 3)) for one in some]
+    assert conditions.read_trials(tmp_path / "c.csv") == older
     (tmp_path / "c.csv").write_text("stage,width\ndrawn,1\n")
     with pytest.raises(FileError, match="line 2: is no trial"):
         conditions.read_trials(tmp_path / "c.csv")

@@ -502,7 +502,7 @@ def test_all_of_the_core_but_pictures_and_the_face_is_digested() -> None:
     [
         ("The scene's name.", "The name of the scene.", False),
         ('"""Returns the row of a plan, without', '"""Returns a row of a plan, without', False),
-        ("> OPTIMALITY:", ">= OPTIMALITY:", True),
+        ("and result.bound < 0:", "and result.bound <= 0:", True),
         ("conflicts: Annotated[_Count,", "conflicts: Annotated[_Number,", True),
     ],
 )

@@ -13,14 +13,19 @@ from strategies import examples
 
 from cocap_opt.experiments.cli import commands
 from cocap_opt.experiments.results.columns import Column
+from cocap_opt.experiments.results.judging import Judged
 from cocap_opt.experiments.results.printing import Listing
-from cocap_opt.experiments.results.rows import COLUMNS, Row
+from cocap_opt.experiments.results.rows import COLUMNS, PlanRow, Row
 from cocap_opt.experiments.results.statistics import Mean
 from cocap_opt.experiments.results.tables import DOCUMENTS, Tables
 from cocap_opt.experiments.results.trace import Trace
 from cocap_opt.experiments.sweeps.results import load_results
 from cocap_opt.files.documents import FileError
 from cocap_opt.formulations.result import Snapshot
+from cocap_opt.planners.sequential import sequential
+from cocap_opt.referee import check
+from cocap_opt.result import Reason, Result
+from cocap_opt.scenarios import load_scene
 
 SOME = st.lists(st.floats(0, 1e6), min_size=2, max_size=30)
 
@@ -312,3 +317,15 @@ def test_narrow_terminals_keep_all_columns(
     Listing("a wide table", [row]).print()
     lines = capsys.readouterr().out.splitlines()
     assert any("corridor" in line and line.count("x" * 12) == 8 for line in lines)
+
+
+def test_optimal_is_what_the_certificate_proves() -> None:
+    """Where the bound leaves something open, the method has finished, and the row says why."""
+    problem = load_scene("tiny-share", 0)
+    plan = sequential(problem).plan
+    value = check(problem, plan).reward
+    for bound, reason in ((value, "optimal"), (1.001 * value, "finished"), (math.inf, "optimal")):
+        judged = Judged.of("made", problem, Result(plan, value, Reason.OPTIMAL, bound=bound))
+        row = PlanRow.of(problem, 0, "made", judged)
+        assert (row.reason, row.limit) == (reason, "none")
+        assert ("within the accuracy" in row.message) == (reason == "finished")

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from random_certificates import as_rows, random_multipliers, random_proof, some_model
 from strategies import examples, problems, tiny
 
-from cocap_opt.experiments.results.verification import Verified
+from cocap_opt.experiments.results.verification import ProvedBound
 from cocap_opt.formulations.certificates import (
     CertificateError,
     CertificateFile,
@@ -68,15 +68,15 @@ def small() -> tuple[Problem, CertificateFile]:
 def test_a_sweep_that_is_wrong_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     """A value that the sweep finds too small would be a false bound: networkx contradicts it."""
     problem, file = small()
-    verified = Verified(problem, by_networkx=True)
-    verified.verify_bound(file)
-    assert verified.second_opinion is not None
-    assert verified.second_opinion.bound == pytest.approx(file.proved, rel=1e-12)
+    model = Model(problem, use_cache=False)
+    proved = ProvedBound.of(model, file, by_networkx=True)
+    assert proved.second_opinion is not None
+    assert proved.second_opinion.bound == pytest.approx(file.proved, rel=1e-12)
     sweep = pricing.plain_sweep
     monkeypatch.setattr(pricing, "plain_sweep", lambda *args: sweep(*args) * (1 - 1e-6))
-    Verified(problem).verify_bound(file)
+    ProvedBound.of(model, file)
     with pytest.raises(CertificateError, match=r"^bound: the sweep finds .*, networkx "):
-        verified.verify_bound(file)
+        ProvedBound.of(model, file, by_networkx=True)
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ the best of these is changed in one parameter after the other; and what is best 
 seeds that took no part in the search.
 """
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from csv import DictReader
 from io import StringIO
@@ -23,6 +24,7 @@ from cocap_opt.files.documents import FileError
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.model import compiled
 from cocap_opt.planners import PLANNERS
+from cocap_opt.planners.spare_plan import FELL_BACK
 from cocap_opt.problem import Motion, Problem
 from cocap_opt.referee import check
 from cocap_opt.result import Result
@@ -44,6 +46,7 @@ _PLANNED = {
     "orders": "best-of-orders", "lns": "cocap-lns",
 }  # fmt: skip
 _AT_LAST = ("orders", "lns")  # with fresh seeds only
+_ALWAYS = tuple(name for name in _PLANNED if name not in _AT_LAST)
 _LEVELS: dict[str, tuple[Any, ...]] = {
     "width": (1, 2, 3),
     "length": (3, 5, 7, 10, 13),
@@ -125,7 +128,7 @@ class Corridor(NamedTuple):
 
 
 class Trial(NamedTuple):
-    """J of planners on a corridor with a seed; 0 without a plan."""
+    """J of planners on a corridor with a seed: -infinite without a plan, None if not asked."""
 
     stage: str  # of the search: DRAWN, AGAIN, CHANGED or FRESH
     corridor: Corridor
@@ -133,14 +136,17 @@ class Trial(NamedTuple):
     sequential: float
     rounds: float  # of `sequential-rounds`
     cocap: float
-    orders: float  # of `best-of-orders`, and of `cocap-lns`; 0 where they were not asked
-    lns: float
+    orders: float | None  # of `best-of-orders`
+    lns: float | None  # of `cocap-lns`
     limit: str  # that stopped CoCap, or none
-    bound: float  # certified; 0 where it was not asked for
+    bound: float | None  # certified
+    fell_back: bool = False  # CoCap was stopped, and its plan is that of sequential planning
 
     def gain(self, planner: str = "cocap") -> float:
         """Returns J above that of sequential planning, in %; or of the bound."""
-        return 100 * (float(getattr(self, planner)) / self.sequential - 1)
+        value = getattr(self, planner)
+        assert value is not None, f"{planner} was not asked"
+        return 100 * (float(value) / self.sequential - 1)
 
     @property
     def record(self) -> dict[str, Any]:
@@ -154,11 +160,22 @@ class Trial(NamedTuple):
         """Returns the trial of a row that was read."""
         kinds = {"starts": str, "height": float}
         corridor = Corridor(*(kinds.get(k, int)(record[k]) for k in Corridor._fields))
-        numbers = {key: float(record[key]) for key in (*_PLANNED, "bound")}
-        return cls(
+        numbers: dict[str, Any] = {key: _value(record[key]) for key in (*_PLANNED, "bound")}
+        asked = _PLANNED if record["stage"] == FRESH else _ALWAYS
+        values = {key: -math.inf if numbers[key] is None else numbers[key] for key in asked}
+        trial = cls(
             stage=record["stage"], corridor=corridor, seed=int(record["seed"]),
-            limit=record["limit"], **numbers,
+            limit=record["limit"], **(numbers | values),
         )  # fmt: skip
+        if "fell_back" in record:
+            return trial._replace(fell_back=record["fell_back"] == str(True))
+        # Older files do not say it; what was stopped at the same J nearly always is that plan.
+        return trial._replace(fell_back=trial.limit != NO_LIMIT and trial.cocap == trial.sequential)
+
+
+def _value(text: str) -> float | None:
+    """Returns a number that was read; None where it is empty, or 0, as older files have it."""
+    return (float(text) or None) if text else None
 
 
 DRAWN, AGAIN, CHANGED, FRESH = "drawn", "again", "changed", "fresh"
@@ -237,21 +254,23 @@ def _tried(stage: str, corridor: Corridor, seed: int) -> Trial:
         if stage == FRESH or name not in _AT_LAST
     }
     values = {name: _judged(problem, result) for name, result in results.items()}
-    bound = 0.0
+    bound = None
     if stage == FRESH:
         start = results["lns"].plan
         bound = branch_and_price(problem, TimeLimit(_BOUND_SECONDS), start).bound
-    missing = dict.fromkeys(_PLANNED.keys() - values.keys(), 0.0)
-    limit = Limit.written(results["cocap"].limit)
-    return Trial(stage, corridor, seed, limit=limit, bound=bound, **values, **missing)
+    missing: dict[str, Any] = dict.fromkeys(_PLANNED.keys() - values.keys())
+    limit, fell_back = Limit.written(results["cocap"].limit), results["cocap"].message == FELL_BACK
+    return Trial(
+        stage, corridor, seed, limit=limit, bound=bound, fell_back=fell_back, **values, **missing
+    )
 
 
 def _judged(problem: Problem, result: Result) -> float:
-    """Returns J by the referee; 0 without a plan that obeys the rules."""
+    """Returns J by the referee; -infinite without a plan that obeys the rules."""
     if result.plan is None:
-        return 0.0
+        return -math.inf
     verdict = check(problem, result.plan)
-    return verdict.reward if verdict.valid else 0.0
+    return verdict.reward if verdict.valid else -math.inf
 
 
 def read_trials(path: Path) -> list[Trial]:
@@ -309,7 +328,7 @@ def _stopped(trials: Sequence[Trial]) -> int:
 
 
 def _fallen_back(trials: Sequence[Trial]) -> int:
-    return _stopped([trial for trial in trials if trial.cocap == trial.sequential])
+    return sum(trial.fell_back for trial in trials)
 
 
 def _of_the_best(fresh: Sequence[Trial]) -> list[str]:
@@ -317,21 +336,23 @@ def _of_the_best(fresh: Sequence[Trial]) -> list[str]:
     words = fresh[0].corridor.words
     if not own:
         return [f"CoCap gains most in a corridor {words}; with fresh seeds there are no plans."]
-    gains = {
-        name: Mean.resampled([trial.gain(name) for trial in own])
-        for name in ("cocap", "orders", "rounds", "lns", "bound")
-    }
-    verdict = Answer.above(gains["cocap"], PUBLISHED)
+    verdict = Answer.above(Mean.resampled([trial.gain() for trial in own]), PUBLISHED)
     many = sum(trial.gain() >= PUBLISHED for trial in own)
     return [
-        f"CoCap gains most in a corridor {words}: {gains['cocap'].text(1)} % on average over "
+        f"CoCap gains most in a corridor {words}: {_gain(own, 'cocap')} on average over "
         f"{len(own)} fresh seeds, {PUBLISHED:g} % or more on {many}. That the paper's figure can "
         f"be had there on average {verdict}.",
-        f"There sequential planning gains {gains['orders'].text(1)} % if it takes the best of ten "
-        f"orders and {gains['rounds'].text(1)} % if rounds follow it; cocap-lns gains "
-        f"{gains['lns'].text(1)} %, and no planner can gain more than {gains['bound'].text(1)} %, "
+        f"There sequential planning gains {_gain(own, 'orders')} if it takes the best of ten "
+        f"orders and {_gain(own, 'rounds')} if rounds follow it; cocap-lns gains "
+        f"{_gain(own, 'lns')}, and no planner can gain more than {_gain(own, 'bound')}, "
         "certified.",
     ]
+
+
+def _gain(trials: Sequence[Trial], planner: str) -> str:
+    """Returns the mean gain over the trials in which a planner has a plan, in words."""
+    own = [gain for trial in trials if math.isfinite(gain := trial.gain(planner))]
+    return f"{Mean.resampled(own).text(1)} %" if own else "nothing"
 
 
 def _of_its_neighbours(trials: Sequence[Trial], fresh: Sequence[Trial]) -> list[str]:

@@ -165,6 +165,7 @@ def _variants(
 
 def _row_beside(row: Row, problem: Problem, name: str, judged: Judged[Result], limit: float) -> Row:
     """Returns the row of another plan of the same instance."""
+    judged.warn(problem, row.seed or 0, name)
     planned = PlannedRow.of_planner(problem, row.seed or 0, name, judged, time_limit=limit)
     if "evaluated" in judged.result.statistics and name == DIVE:
         planned = replace(planned, views=int(judged.result.statistics["evaluated"]))
