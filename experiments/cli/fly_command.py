@@ -1,5 +1,7 @@
 """The command `fly`, which makes of a plan what drones fly."""
 
+import re
+from collections.abc import Collection, Iterator
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated
@@ -87,7 +89,7 @@ def _fly(
         check_output(path, scene, plan)
     save_files(files)
     answer: Record = {"scene": problem.name, "seed": seed, **record, **mission.facts}
-    notes = [*flight.notes(), *mission.notes]
+    notes = [*flight.notes(), *mission.notes, *_strays(output, suffix, files)]
     written = " ".join(map(str, files))
     if json:
         print_result({**answer, "drones": flight.rows(), "notes": notes, "file": written}, json)
@@ -103,12 +105,22 @@ def _named(output: Path, suffix: str, part: str) -> Path:
     return output.with_name(f"{first}.{part}{last}") if part else output
 
 
+def _strays(output: Path, suffix: str, files: Collection[Path]) -> Iterator[str]:
+    """Yields a sentence on files beside those of the drones that are of another flight."""
+    if set(files) == {output}:
+        return
+    pattern = re.compile(rf"{re.escape(output.name[: -len(suffix)])}\..*{re.escape(suffix)}")
+    names = (path.name for path in output.parent.iterdir() if path not in files)
+    if strays := sorted(name for name in names if pattern.fullmatch(name)):
+        yield f"of another flight, and not written now: {', '.join(strays)}; do not fly them along"
+
+
 def _in_words(error: ProblemError, scene: str, plan: Path) -> Exception:
     """Returns the error that names the option or the file that is to be changed."""
     field = error.field if isinstance(error, FieldError) else None
     if field in _OPTIONS:
         return UsageError(f"--{error}")
-    if field == "earth":
+    if field in ("earth", "step"):
         return FileError(f"{scene}: {error}")
     if field == "crs":  # something of the scene is where its system is not defined
         return FileError(f"{scene}: earth.{error}")

@@ -23,7 +23,7 @@ from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 import numpy as np
 
-from cocap_opt.data import FloatArray, ProblemError
+from cocap_opt.data import FieldError, FloatArray
 from cocap_opt.experiments.missions.export import Export, require_nothing_else
 from cocap_opt.experiments.results.flights import Flight
 from cocap_opt.flight.bernstein import elevated, halves, largest, squared_length
@@ -103,9 +103,10 @@ def _split(
     seconds = step * len(pieces)
     while True:
         if seconds / len(pieces) < _SHORTEST:
-            raise ProblemError(
-                f"step: must be longer than {step:g} s, for the curves of a show begin and end at "
-                "whole milliseconds"
+            raise FieldError(
+                "step",
+                f"must be longer than {step:g} s, for the curves of a show begin and end at whole "
+                "milliseconds",
             )
         found = simpler(pieces)
         ways = elevated(found, DEGREE) - pieces

@@ -336,12 +336,14 @@ def test_flights_that_a_format_cannot_hold_are_refused() -> None:
     there_and_back = [(State(3 + k % 2, 2, 0, 0, 0)) for k in range(33)]
     paths = (there_and_back, *([path[0]] * 33 for path in plan.paths[1:]))
     long = Flight.of(problem, Plan(paths=tuple(map(tuple, paths))), True)
+    hasty = Flight.of(problem.replace(step=0.002), Plan(paths=tuple(map(tuple, paths))), True)
     for ending, flight, every, words in (
         (".plan", nowhere, None, "earth: must say where the scene is"),
         (".waypoints", nowhere, None, "earth: must say where the scene is"),
         (".plan", smooth, None, "smooth: must be left out"),
         (".waypoints", straight, 0.1, "every: must be left out"),
         (".skyc", straight, 0.1, "every: must be left out"),
+        (".skyc", hasty, None, "step: must be longer than 0.002 s"),
         (".crazyflie.csv", straight, None, "smooth: must be given"),
         (".crazyflie.csv", smooth, 0.1, "every: must be left out"),
         (".crazyflie.csv", long, None, "drone 0 needs 32 polynomials, .* holds 31"),
@@ -403,3 +405,9 @@ def test_missions_are_written_whole_or_not_at_all(
         assert [Path(name).name for name in run.json["file"].split(" ")] == names
         assert ("delay_tolerance" in run.json) == (words == ["f.plan"])
         before |= set(tmp_path.iterdir())
+    old = tmp_path / "f.no-common-clock.drone2.plan"
+    old.write_text("{}")
+    run = Run(capsys, "fly", scene, plan, "-o", tmp_path / "f.plan", "--json")
+    (note,) = [words for words in run.json["notes"] if "of another flight" in words]
+    assert old.name in note
+    assert "drone1" not in note
