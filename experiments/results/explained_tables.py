@@ -120,7 +120,7 @@ def _rows(explained: Explained) -> list[str]:
     rest = sum(term.amount for term in more)
     note = f"{counted(len(more), 'more row')}: {_percent(explained, rest)}" if more else ""
     title = "Rules (at most one drone) and decisions with a price, % of the bound"
-    return [_table(title, ["", "step", "used by", "price", "amount", "%"], rows, note)]
+    return [_table(title, ["", "step", "drones in it", "price", "amount", "%"], rows, note)]
 
 
 def _row(explained: Explained, term: Term) -> str:

@@ -446,6 +446,15 @@ def test_views_are_those_of_all_coverage_or_those_evaluated() -> None:
     assert views["cocap-vs"] == PLANNERS["cocap-vs"](problem).statistics["evaluated"] <= every
 
 
+def test_the_readme_says_what_the_stored_page_says() -> None:
+    """Its sentences on the paper are the page's, word by word."""
+    page, text = ((path).read_text("utf-8") for path in (STORED / "paper.md", ROOT / "README.md"))
+    said = page.split("## In short")[1].split("## ")[0].strip().splitlines()
+    said += [line for line in page.splitlines() if line.startswith("- CoCap gains most in a")]
+    assert len(said) == 4
+    assert all(f"\n{line}\n" in text for line in said)
+
+
 # -- the table of planners ------------------------------------------------------------------
 
 
