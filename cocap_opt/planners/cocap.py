@@ -126,7 +126,7 @@ def _searched(
     plan_root: Planning = greedily,
     ending: Planning = _as_it_is,
 ) -> Result:
-    """Return the result of Alg. 1.
+    """Returns the result of Alg. 1.
 
     Parameters
     ----------

@@ -69,7 +69,7 @@ def cocap_lns(problem: Problem, stop: Stop = never, responses: int = RESPONSES) 
 def _better_and_better(
     nobody: Team, responses: Responses, stop: Stop, asked: int
 ) -> Iterator[Team]:
-    """Yield the team as it is planned, and then each better one."""
+    """Yields the team as it is planned, and then each better one."""
     team = nobody
     for team in then_in_rounds(nobody, responses):
         yield team
@@ -82,7 +82,7 @@ def _better_and_better(
 
 
 def _from_tree(known: Team, responses: Responses, stop: Stop) -> Team | None:
-    """Return the plan of CoCap's tree after rounds; None if it has none, or is not worth a try.
+    """Returns the plan of CoCap's tree after rounds; None if it has none, or is not worth a try.
 
     Where it needs many nodes, it is the plan of the node with the fewest conflicts, repaired. A
     tree whose root has more conflicts than it may have nodes is not begun.
@@ -109,7 +109,7 @@ def _from_tree(known: Team, responses: Responses, stop: Stop) -> Team | None:
 
 
 def _repaired(team: Team, responses: Responses) -> Team | None:
-    """Return the team without conflicts; None where a robot finds no way clear of the others.
+    """Returns the team without conflicts; None where a robot finds no way clear of the others.
 
     Again and again the robot in most conflicts is planned anew, clear of all others.
     """

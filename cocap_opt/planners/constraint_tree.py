@@ -82,7 +82,7 @@ class ConstraintTree:
         return self.open.last.team if self.open.last else self._root
 
     def statistics(self, expanded: int) -> Mapping[str, float]:
-        """Return the numbers of a search that has expanded so many nodes."""
+        """Returns the numbers of a search that has expanded so many nodes."""
         return {
             "generated": self.open.pushed,
             "expanded": expanded,

@@ -53,7 +53,7 @@ def greedy_lazy(problem: Problem, stop: Stop = never) -> Result:
 
 
 def _planned(problem: Problem, stop: Stop, low_level: LowLevel, planning: Planning) -> Result:
-    """Return the result of a team that is planned without rules."""
+    """Returns the result of a team that is planned without rules."""
     nobody = Team.of(problem, low_level, stop)
     team, limit = followed(nobody, planning(nobody, Responses(low_level, stop)))
     if limit is None and not team.is_whole:

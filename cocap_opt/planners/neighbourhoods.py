@@ -33,7 +33,7 @@ _PROMISING = 0.005  # relative loss up to which a neighbourhood is worth settlin
 def neighbourhood_search(
     team: Team, responses: Responses, asked: int, rng: np.random.Generator
 ) -> Iterator[Team]:
-    """Yield each better team that is found.
+    """Yields each better team that is found.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def neighbourhood_search(
 
 
 def _neighbours(team: Team, robot: int) -> IntArray:
-    """Return a robot and those that see most of what it sees [n]; all where they are few."""
+    """Returns a robot and those that see most of what it sees [n]; all where they are few."""
     if team.size <= LARGEST:
         return np.arange(team.size)
     roots = np.sqrt([single.pixels for single in team.found if single is not None])
@@ -74,7 +74,7 @@ def _neighbours(team: Team, robot: int) -> IntArray:
 def _with_its_way(
     team: Team, robot: int, responses: Responses, rng: np.random.Generator
 ) -> Team | None:
-    """Return the team in which a robot has its best path, and those in its way others.
+    """Returns the team in which a robot has its best path, and those in its way others.
 
     None where it has that path already, or leaves the others no way.
     """
@@ -92,7 +92,7 @@ def _with_its_way(
 def _some_anew(
     team: Team, neighbours: IntArray, responses: Responses, rng: np.random.Generator
 ) -> Team | None:
-    """Return the team with some of the neighbours planned anew; None where no way is left."""
+    """Returns the team with some of the neighbours planned anew; None where no way is left."""
     first, *others = rng.permutation(neighbours)[: rng.integers(2, len(neighbours) + 1)].tolist()
     left = team.without((first, *others))
     if rng.random() >= _DEVIATING:
@@ -103,7 +103,7 @@ def _some_anew(
 
 
 def _anew(team: Team, robots: list[int], responses: Responses) -> Team | None:
-    """Return the team with these robots planned in order; None where no way is left."""
+    """Returns the team with these robots planned in order; None where no way is left."""
     for robot in robots:
         single = responses.best(team, robot)
         if single.path is None:
@@ -113,7 +113,7 @@ def _anew(team: Team, robots: list[int], responses: Responses) -> Team | None:
 
 
 def _leaving(team: Team, robot: int, rng: np.random.Generator) -> Charges:
-    """Return charges that close the places of a robot's path from a random step on."""
+    """Returns charges that close the places of a robot's path from a random step on."""
     single, robot_class = team.found[robot], team.model.class_of[robot]
     path = np.array(single.path if single is not None else (), dtype=np.int64)
     end = len(path) - (robot_class.goal is not None)  # the goal stays open

@@ -99,7 +99,7 @@ class FocalNodes(OpenNodes):
         return bool(self._nodes)
 
     def nearest(self) -> Node | None:
-        """Return the open node, or the last one, that has the fewest conflicts.
+        """Returns the open node, or the last one, that has the fewest conflicts.
 
         Of several it is the one of the greatest J, then the oldest.
         """

@@ -31,7 +31,7 @@ class Responses:
         self.asked = self.evaluated = 0
 
     def best(self, team: Team, robot: int, rules: bool = True) -> SingleRobotPath:
-        """Return a robot's best path against all others that are planned.
+        """Returns a robot's best path against all others that are planned.
 
         Parameters
         ----------
@@ -50,7 +50,7 @@ class Responses:
         return self._known[task]
 
     def charged(self, team: Team, robot: int, charges: Charges) -> SingleRobotPath:
-        """Return a robot's best path under charges, be it clear of the others or not.
+        """Returns a robot's best path under charges, be it clear of the others or not.
 
         Raises
         ------
@@ -66,7 +66,7 @@ class Responses:
 def one_by_one(
     team: Team, responses: Responses, order: Sequence[int] | None = None, rules: bool = True
 ) -> Iterator[Team]:
-    """Yield the team after each robot is planned, until all are or one has no path left.
+    """Yields the team after each robot is planned, until all are or one has no path left.
 
     Under the rules each keeps clear of those before it, and of the starts of those after it.
 
@@ -87,7 +87,7 @@ def one_by_one(
 def in_rounds(
     team: Team, responses: Responses, order: Sequence[int] | None = None, rules: bool = True
 ) -> Iterator[Team]:
-    """Yield the team after each best response that gains, until no robot has one.
+    """Yields the team after each best response that gains, until no robot has one.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ def in_rounds(
 
 
 def then_in_rounds(nobody: Team, responses: Responses, rules: bool = True) -> Iterator[Team]:
-    """Yield the team after each robot is planned, and then after each best response that gains."""
+    """Yields the team after each robot is planned, and then after each best response that gains."""
     team = nobody
     for team in one_by_one(nobody, responses, rules=rules):
         yield team
@@ -116,17 +116,17 @@ def then_in_rounds(nobody: Team, responses: Responses, rules: bool = True) -> It
 
 
 def greedily(nobody: Team, responses: Responses) -> Iterator[Team]:
-    """Yield the team after each robot is planned, collisions ignored."""
+    """Yields the team after each robot is planned, collisions ignored."""
     return one_by_one(nobody, responses, rules=False)
 
 
 def greedily_in_rounds(nobody: Team, responses: Responses) -> Iterator[Team]:
-    """Yield the team as `then_in_rounds` does, collisions ignored."""
+    """Yields the team as `then_in_rounds` does, collisions ignored."""
     return then_in_rounds(nobody, responses, rules=False)
 
 
 def followed(team: Team, changes: Iterator[Team]) -> tuple[Team, Limit | None]:
-    """Return the last of a team's changes, and the limit that has stopped them, if one has."""
+    """Returns the last of a team's changes, and the limit that has stopped them, if one has."""
     try:
         for changed in changes:
             team = changed

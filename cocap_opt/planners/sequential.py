@@ -65,7 +65,7 @@ def best_of_orders(problem: Problem, stop: Stop = never, orders: int = ORDERS) -
 
 
 def _in_orders(nobody: Team, responses: Responses, orders: int) -> Iterator[Team]:
-    """Yield each better team; before there is a whole one, also the teams that lead to it."""
+    """Yields each better team; before there is a whole one, also the teams that lead to it."""
     rng, best = np.random.default_rng(0), None
     for n in range(orders):
         order = rng.permutation(nobody.size).tolist() if n else None
@@ -76,7 +76,7 @@ def _in_orders(nobody: Team, responses: Responses, orders: int) -> Iterator[Team
 
 
 def _result(team: Team, limit: Limit | None) -> Result:
-    """Return the result of a team that is planned as far as a limit or the others let it be."""
+    """Returns the result of a team that is planned as far as a limit or the others let it be."""
     if not team.is_whole and limit is None:
         robot = team.found.index(None)
         words = f"drone {robot} has no path left beside the drones before it"

@@ -32,7 +32,7 @@ class SparePlan:
             self._team = followed(self._nobody, changes)[0].hovering()
 
     def or_better(self, result: Result, limit: Limit) -> Result:
-        """Return a result, or that of the spare plan where it has a greater J."""
+        """Returns a result, or that of the spare plan where it has a greater J."""
         if self._team and self._team.is_whole and self._team.value > result.value:
             spare = self._team.result(limit, result.statistics)
             return replace(spare, message=FELL_BACK)

@@ -39,7 +39,7 @@ class Team:
 
     @classmethod
     def of(cls, problem: Problem, low_level: LowLevel, stop: Stop) -> "Team":
-        """Return a team of which nobody is planned, with the coverage that a low level needs.
+        """Returns a team of which nobody is planned, with the coverage that a low level needs.
 
         If a limit ends coverage early, the robots are planned with what there is
         (`Model.covered_by`).
@@ -49,7 +49,7 @@ class Team:
 
     @classmethod
     def nobody(cls, model: Model) -> "Team":
-        """Return a team of which nobody is planned."""
+        """Returns a team of which nobody is planned."""
         return cls(model, (None,) * len(model.problem.robots))
 
     @property
@@ -71,11 +71,11 @@ class Team:
         return pixels
 
     def task(self, robot: int, charges: Charges, stop: Stop) -> SingleRobotTask:
-        """Return the task to plan a robot for what it adds to what the planned others see."""
+        """Returns the task to plan a robot for what it adds to what the planned others see."""
         return SingleRobotTask(self.model, robot, self.others(robot), charges, stop)
 
     def avoiding(self, robot: int, waiting: Iterable[int] = ()) -> Charges:
-        """Return charges that keep a robot clear of the paths of all others that are planned.
+        """Returns charges that keep a robot clear of the paths of all others that are planned.
 
         Parameters
         ----------
@@ -108,11 +108,11 @@ class Team:
         return tuple(self.model.plan(self.paths).conflicts(self.model.problem))
 
     def with_path(self, robot: int, single: SingleRobotPath | None) -> "Team":
-        """Return the team with a first or another path for one robot; with None, with no path."""
+        """Returns the team with a first or another path for one robot; with None, with no path."""
         return Team(self.model, (*self.found[:robot], single, *self.found[robot + 1 :]))
 
     def without(self, robots: Collection[int]) -> "Team":
-        """Return the team in which some robots are not planned."""
+        """Returns the team in which some robots are not planned."""
         found = (None if i in robots else single for i, single in enumerate(self.found))
         return Team(self.model, tuple(found))
 
@@ -121,7 +121,7 @@ class Team:
         return self.value > other.value * (1 + 1e-9)
 
     def hovering(self) -> "Team":
-        """Return the team in which all robots without a path stay at their starts.
+        """Returns the team in which all robots without a path stay at their starts.
 
         A robot whose goal is elsewhere has no path then.
         """

@@ -66,11 +66,11 @@ class Compounded:
     gamma: float = GAMMA
 
     def collect(self, value: float, reward: float, k: int) -> float:
-        """Return Rbar_{k+1}."""
+        """Returns Rbar_{k+1}."""
         return (reward + value) * self.gamma ** (k - 1)
 
     def key(self, value: float, k: int, horizon: int) -> float:
-        """Return Rbar_{k+1}."""
+        """Returns Rbar_{k+1}."""
         return value
 
 
@@ -85,11 +85,11 @@ class Undiscounted:
     gamma: float | None = None  # None: _FINAL_DISCOUNT ** (1 / T)
 
     def collect(self, value: float, reward: float, k: int) -> float:
-        """Return the sum of the rewards so far."""
+        """Returns the sum of the rewards so far."""
         return value + reward
 
     def key(self, value: float, k: int, horizon: int) -> float:
-        """Return the sum, discounted by depth."""
+        """Returns the sum, discounted by depth."""
         gamma = _FINAL_DISCOUNT ** (1 / horizon) if self.gamma is None else self.gamma
         return value * gamma ** (k - 1)
 
