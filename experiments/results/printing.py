@@ -37,6 +37,7 @@ _LABELS = {
     "duration": "seconds of the flight",
     "deviation": "most from the straight flight at any moment (m)",
     "least_distance": "least distance of two drones at any moment (m)",
+    "people_distance": "least distance to a person at any moment, from above (m)",
     "delay_tolerance": "delay tolerance: drones may be apart in time by less than (s)",
     "slowed": "steps at which a drone passes more slowly, to be safe",
     "reward_straight": "J, straight, between the steps too",

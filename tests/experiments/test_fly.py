@@ -64,6 +64,9 @@ def test_a_plan_becomes_a_file_of_times_and_places(
             assert np.abs(np.diff(own.yaw)).max() <= 45.000001
     smooth = co.trajectory(problem, planned, smooth=True)
     assert smooth.attrs["reward"] == co.check(problem, planned).reward
+    assert run.json["people_distance"] == smooth.attrs["people_distance"] > 0
+    nobody = problem.replace(actors=())
+    assert co.trajectory(nobody, co.Plan(paths=planned.paths)).attrs["people_distance"] is None
     text = io.BytesIO((tmp_path / "flight.csv").read_bytes())
     assert list(pd.read_csv(text).columns) == list(smooth.columns)
     assert len(co.trajectory(problem, planned)) == 10
