@@ -227,7 +227,9 @@ def _way_out(straight: Trajectory) -> str:
     """Says what to do where no smooth flight is safe."""
     same = dangers(straight)
     other = (
-        f"neither is the straight flight safe: {same[0]}" if same else "--smooth left out is safe"
+        f"neither is the straight flight safe: {same[0]}"
+        if same
+        else "the straight flight is safe: leave --smooth out"
     )
     return f", even where it stops at both; {other}"
 
