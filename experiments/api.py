@@ -524,7 +524,9 @@ def trajectory(
         `pitch` (degrees, of the camera, 0 level, below is negative), `above_ground` where the map
         tells the ground, `above_takeoff` (over the map below the drone's start), and where the
         scene says it `latitude`, `longitude` (WGS 84), `above_sea` or `above_ellipsoid`. `attrs`
-        has `step`, `reward`, `least_distance` and the like.
+        has `step`, `reward`, `least_distance` (m, between two drones at any moment),
+        `people_distance` (m, from a drone to the middle of a person, from above; None where there
+        is nobody) and the like.
 
     Raises
     ------

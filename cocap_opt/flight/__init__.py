@@ -2,9 +2,10 @@
 
 `trajectory` has the flights, straight from step to step or `smooth`; `safety` checks them against
 the scene at every moment, on the polynomials themselves; `pace` against the drones' limits;
-`filming` computes J between the steps, too; `footprint` gives the ground in the images; `earth`
-gives latitudes and longitudes; `delays` says how far drones may be apart in time, `robustness` what
-becomes of a flight that is not as planned. `bernstein` has the polynomials of them all.
+`nearest` says when drones are nearest to each other and to people; `filming` computes J between the
+steps, too; `footprint` gives the ground in the images; `earth` gives latitudes and longitudes;
+`delays` says how far drones may be apart in time, `robustness` what becomes of a flight that is not
+as planned. `bernstein` has the polynomials of them all.
 """
 
 __all__ = [
@@ -13,6 +14,7 @@ __all__ = [
     "earth",
     "filming",
     "footprint",
+    "nearest",
     "pace",
     "robustness",
     "safety",

@@ -6,11 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cocap_opt.data import FieldError, FloatArray, IntArray
+from cocap_opt.data import FieldError
 from cocap_opt.experiments.results.flights import Flight, cells_below
-from cocap_opt.flight.bernstein import largest, squared_length
-from cocap_opt.flight.safety import walk_of
-from cocap_opt.flight.trajectory import DEGREE, between_drones
+from cocap_opt.flight.nearest import nearest_drones, nearest_people
 from cocap_opt.problem import Problem
 
 ROWS = 12  # of a drone's table, at most, where nobody asked for others
@@ -31,16 +29,6 @@ class Section(NamedTuple):
 
     title: str
     lines: list[str]
-
-
-class _Nearest(NamedTuple):
-    """The moment at which two are nearest to each other."""
-
-    distance: float  # m
-    t: float  # s since step 0
-    one: int
-    other: int
-    place: FloatArray  # [3] m, of the first
 
 
 def briefing(flight: Flight, every: float | None) -> list[Section]:
@@ -106,7 +94,7 @@ def _altitude(flight: Flight) -> str:
 def _distances(flight: Flight) -> Iterator[str]:
     """Yields how near drones come to each other and to people, and the rules for it."""
     problem = flight.flown.problem
-    near = _nearest_drones(flight)
+    near = nearest_drones(flight.flown)
     rules = str(problem.rules)
     if near is None:
         yield "Between drones: there is one only."
@@ -116,7 +104,7 @@ def _distances(flight: Flight) -> Iterator[str]:
             f"Between drones: {near.distance:.2f} m at least, of {near.one} and {near.other} at "
             f"{near.t:.2f} s near x {x:.1f}, y {y:.1f}, z {z:.1f} (rules: {rules})."
         )
-    close = _nearest_people(flight)
+    close = nearest_people(flight.flown)
     if close is not None:
         x, y, z = close.place.tolist()
         yield (
@@ -124,36 +112,6 @@ def _distances(flight: Flight) -> Iterator[str]:
             f"and person {close.other} at {close.t:.2f} s near x {x:.1f}, y {y:.1f}, z {z:.1f}."
         )
     yield f"Airspace: {str(problem.airspace) or 'no zones, no ceiling, no distance to people'}."
-
-
-def _nearest_drones(flight: Flight) -> _Nearest | None:
-    flown = flight.flown
-    ways = between_drones(flown.pieces)
-    if not len(ways):
-        return None
-    one, other = (side.astype(np.int64) for side in np.triu_indices(len(flown.pieces), 1))
-    return _nearest(flight, ways, one, other)
-
-
-def _nearest_people(flight: Flight) -> _Nearest | None:
-    """Returns when a drone is nearest to the middle of a person, seen from above."""
-    problem, pieces = flight.flown.problem, flight.flown.pieces
-    if not problem.actors:
-        return None
-    walks = np.array([walk_of(problem, actor)[:, :2] for actor in problem.actors])
-    ways = (pieces[:, None, :, :2] - walks).reshape(-1, 2, DEGREE + 1)
-    one, other = np.divmod(np.arange(len(pieces) * len(walks)), len(walks))
-    return _nearest(flight, ways, one, other)
-
-
-def _nearest(flight: Flight, ways: FloatArray, one: IntArray, other: IntArray) -> _Nearest:
-    """Returns the least length of ways [pairs T, d, 6], and when and where that is."""
-    peak = largest(-squared_length(ways))
-    pair, step = divmod(peak.which, flight.flown.pieces.shape[1])
-    t = (step + peak.share) * flight.flown.step
-    place = flight.flown.at(np.array([t])).place[int(one[pair])]
-    distance = math.sqrt(max(-peak.value, 0.0))
-    return _Nearest(distance, t, int(one[pair]), int(other[pair]), place)
 
 
 def _limits(flight: Flight) -> Iterator[str]:

@@ -19,7 +19,7 @@ from cocap_opt.experiments.missions.relief import Relief
 from cocap_opt.experiments.results.flights import MOST_ROWS, Flight, cells_below
 from cocap_opt.flight.trajectory import Trajectory
 from cocap_opt.problem import Actor, Camera
-from cocap_opt.world import Mesh
+from cocap_opt.world import HeightMap, Mesh
 
 ERROR = 0.001  # m, of linear motion between moments
 ERROR_OF_ANGLES = math.radians(0.1)
@@ -61,8 +61,7 @@ class _Scene:
         moments = _moments(flown)
         self._samples = flown.at(moments)
         self._times = self._clock(moments)
-        place = self._samples.place
-        self.origin = np.floor((place.min(axis=0) + place.max(axis=0)) / 2)
+        self.origin = _origin(self._problem.height_map)
         self._size = min(self._problem.height_map.shape) * self._problem.height_map.resolution
         self._relief = Relief.of(self._problem.height_map, self._heights(), self._part())
 
@@ -216,6 +215,15 @@ class _Scene:
         for path, values in rows.items():
             self._glb.place(node, path, values[0])
             self._channels.append((node, path, clock, self._glb.accessor(values)))
+
+
+def _origin(height_map: HeightMap) -> FloatArray:
+    """Returns the middle of the map [3] at its lowest ground, in whole metres.
+
+    All flights of a scene have the same, so that their files lie on each other.
+    """
+    middle = height_map.origin + height_map.resolution / 2 * np.array(height_map.shape)
+    return np.floor([*middle, height_map.ground.min()])
 
 
 def _moments(flown: Trajectory) -> FloatArray:

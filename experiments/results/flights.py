@@ -11,6 +11,7 @@ from cocap_opt.data import FieldError, FloatArray, IntArray, ProblemError
 from cocap_opt.experiments.results.printing import Record
 from cocap_opt.flight.earth import Geodesy
 from cocap_opt.flight.filming import parts_of, view_reward
+from cocap_opt.flight.nearest import nearest_people
 from cocap_opt.flight.pace import Demand, demands, tightest
 from cocap_opt.flight.safety import dangers
 from cocap_opt.flight.smooth import smooth as smoothed
@@ -123,12 +124,13 @@ class Flight(NamedTuple):
     def record(self) -> Record:
         """Returns what there is to say of the flights as a whole."""
         problem, least = self.flown.problem, self.flown.least_distance()
-        parts = parts_of(problem)
+        parts, close = parts_of(problem), nearest_people(self.flown)
         found: Record = {
             "flight": "smooth" if self.is_smooth else "straight",
             "step": self.flown.step,
             "duration": self.flown.seconds,
             "least_distance": least if math.isfinite(least) else None,
+            "people_distance": None if close is None else close.distance,
             "reward": self.verdict.reward,
             "reward_straight": view_reward(self.straight, parts) + self.verdict.reward_moves,
         }
@@ -225,7 +227,9 @@ def _way_out(straight: Trajectory) -> str:
     """Says what to do where no smooth flight is safe."""
     same = dangers(straight)
     other = (
-        f"neither is the straight flight safe: {same[0]}" if same else "--smooth left out is safe"
+        f"neither is the straight flight safe: {same[0]}"
+        if same
+        else "the straight flight is safe: leave --smooth out"
     )
     return f", even where it stops at both; {other}"
 

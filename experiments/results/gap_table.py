@@ -21,6 +21,9 @@ _MISSING = {  # why there is no bound
 }
 _UNFINISHED = (Reason.UNSUPPORTED, Reason.FAILED, Reason.INFEASIBLE, Reason.STOPPED)
 _NAMED = 3  # cases that are named in a sentence
+# What a narrow terminal does without, the least useful first.
+_SPARE = ("gap_free", "seconds", "reason", "bound", "seed", "limit", "reward_rendered", "reward")
+_SPARE_MEANS = ("gap_free", "seconds", "bound", "bounds proved", "reward")
 _MEANS = ("reward", "bound", "gap", "gap_free", "seconds")
 
 
@@ -29,7 +32,8 @@ def print_gap_table(rows: Sequence[Row]) -> None:
     _print_rows(rows)
     means = _means(rows)
     if len(rows) > len(means):
-        Listing("means over seeds", means).print()
+        listing = Listing("means over seeds", means).fitted(_SPARE_MEANS)
+        listing._replace(notes=_left_out(means, listing.rows, ".")).print()
 
 
 def _print_rows(rows: Sequence[Row]) -> None:
@@ -40,12 +44,29 @@ def _print_rows(rows: Sequence[Row]) -> None:
         keys.append("limit")
     keys.append("seconds")
     table: list[Record] = [{key: _shown(row, key) for key in keys} for row in rows]
-    Listing(_title(rows), table, list(_notes(rows, table))).print()
+    listing = Listing(_title(rows), table).fitted(_spare(rows, table))
+    left = _left_out(table, listing.rows, "; --json or --out DIR has all.")
+    notes = [*left, *_notes(rows, listing.rows)]
+    listing._replace(notes=notes).print()
+
+
+def _spare(rows: Sequence[Row], table: Sequence[Record]) -> list[str]:
+    """Returns the columns that need not be there: no bounds with marks, nor seeds that differ."""
+    kept = {"bound"} if any(shown["bound"].mark == _OPEN for shown in table) else set()
+    kept |= {"seed"} if len({row.seed for row in rows}) > 1 else set()
+    return [key for key in _SPARE if key not in kept]
+
+
+def _left_out(table: Sequence[Record], printed: Sequence[Record], end: str) -> list[str]:
+    """Returns a sentence that names the columns for which the terminal is too narrow, if any."""
+    names = [key for key in (table[0] if table else ()) if key not in printed[0]]
+    return [f"Left out, for want of width: {', '.join(names)}{end}"] if names else []
 
 
 def _notes(rows: Sequence[Row], table: Sequence[Record]) -> Iterator[str]:
     """Yields sentences that say what the table does not say of itself."""
-    if any(_OPEN in (shown["bound"].mark, shown["gap_free"].mark) for shown in table):
+    values = (value for shown in table for value in shown.values())
+    if any(isinstance(value, Marked) and value.mark == _OPEN for value in values):
         yield (
             f"{_OPEN} A limit stopped the search for this bound: it is certified, but the optimum "
             "may be lower."

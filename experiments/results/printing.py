@@ -37,6 +37,7 @@ _LABELS = {
     "duration": "seconds of the flight",
     "deviation": "most from the straight flight at any moment (m)",
     "least_distance": "least distance of two drones at any moment (m)",
+    "people_distance": "least distance to a person at any moment, from above (m)",
     "delay_tolerance": "delay tolerance: drones may be apart in time by less than (s)",
     "slowed": "steps at which a drone passes more slowly, to be safe",
     "reward_straight": "J, straight, between the steps too",
@@ -109,6 +110,32 @@ class Listing(NamedTuple):
 
     def print(self) -> None:
         """Prints it on standard output."""
+        _console(self._least_width).print(self._table())
+        console = _console()
+        for words in self.notes:
+            console.print(words, markup=False)
+
+    def fitted(self, spare: Sequence[str]) -> "Listing":
+        """Returns it without as many of some columns, the first first, as a terminal is too narrow.
+
+        Where standard output is no terminal, it is whole.
+        """
+        listing = self
+        for key in spare if sys.stdout.isatty() else ():
+            if listing._least_width <= _console().width:
+                break
+            rows = [{k: v for k, v in row.items() if k != key} for row in listing.rows]
+            listing = listing._replace(rows=rows)
+        return listing
+
+    @property
+    def _least_width(self) -> int:
+        """The number of characters in a line, at least."""
+        console = _console()
+        unbounded = console.options.update(max_width=_UNBOUNDED)  # else clamped to the terminal
+        return console.measure(self._table(), options=unbounded).minimum
+
+    def _table(self) -> Table:
         table = Table(title=self.title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False,
                       collapse_padding=True)  # fmt: skip
         for key, value in self.rows[0].items() if self.rows else ():
@@ -118,11 +145,7 @@ class Listing(NamedTuple):
                              min_width=min(_FOLDED, widest) if wraps else widest)  # fmt: skip
         for row in self.rows:
             table.add_row(*(escape(_text(key, value)) for key, value in row.items()))
-        console = _console()
-        unbounded = console.options.update(max_width=_UNBOUNDED)  # else clamped to the terminal
-        _console(console.measure(table, options=unbounded).minimum).print(table)
-        for words in self.notes:
-            console.print(words, markup=False)
+        return table
 
     def _widest(self, key: str) -> int:
         """Returns the number of characters that a column needs."""

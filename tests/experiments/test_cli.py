@@ -299,6 +299,45 @@ def test_a_bound_that_is_missing_is_not_said_to_be_certified(
     assert "* A limit stopped" in out and FAILURES[reason] in out
 
 
+@pytest.mark.parametrize(("width", "left"), [
+    (60, "gap_free, reason, seconds; --json or --out"), (70, "gap_free, seconds; --json or --out"),
+    (140, None),
+])  # fmt: skip
+def test_narrow_terminals_get_the_columns_that_matter(
+    width: int, left: str | None, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    """No row is broken, a line names what is left out; a pipe gets all."""
+    monkeypatch.setenv("COLUMNS", str(width))
+    rows = gap_rows((2.0, "stopped"), (2.0, "stopped"))
+    print_gap_table(rows)  # to a pipe
+    assert "seconds" in capsys.readouterr().out
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True, raising=False)
+    print_gap_table(rows)
+    out = re.sub("\x1b[^m]*m", "", capsys.readouterr().out)
+    told = " ".join(out.split())
+    assert max(map(len, out.splitlines())) <= width
+    head = next(line.split() for line in out.splitlines() if "planner" in line)
+    assert {"scene", "seed", "planner", "bound", "gap", "conflicts"} <= set(head)
+    if left is None:
+        assert {"seconds", "reason", "gap_free"} <= set(head) and "Left out" not in told
+    else:
+        assert f"Left out, for want of width: {left}" in told
+        assert not set(left.split(";")[0].split(", ")) & set(head)
+
+
+def test_a_marked_bound_stays_in_narrow_terminals(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Without marks the bound may go, and with it a seed that is the same in all rows."""
+    monkeypatch.setenv("COLUMNS", "40")
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True, raising=False)
+    for reason, kept in (("optimal", False), ("stopped", True)):
+        print_gap_table(gap_rows((2.0, reason)))
+        head = next(line for line in capsys.readouterr().out.splitlines() if "planner" in line)
+        assert ("bound" in head, "seed" in head) == (kept, False)
+
+
 def test_a_certificate_can_be_verified_alone(
     files: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
 ) -> None:

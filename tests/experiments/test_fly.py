@@ -64,6 +64,9 @@ def test_a_plan_becomes_a_file_of_times_and_places(
             assert np.abs(np.diff(own.yaw)).max() <= 45.000001
     smooth = co.trajectory(problem, planned, smooth=True)
     assert smooth.attrs["reward"] == co.check(problem, planned).reward
+    assert run.json["people_distance"] == smooth.attrs["people_distance"] > 0
+    nobody = problem.replace(actors=())
+    assert co.trajectory(nobody, co.Plan(paths=planned.paths)).attrs["people_distance"] is None
     text = io.BytesIO((tmp_path / "flight.csv").read_bytes())
     assert list(pd.read_csv(text).columns) == list(smooth.columns)
     assert len(co.trajectory(problem, planned)) == 10
@@ -127,7 +130,8 @@ def test_a_smooth_flight_beside_people_may_be_refused(monkeypatch: pytest.Monkey
     """A drone that stops is overtaken; what is said of the straight flight was checked."""
     problem, plan = beside_somebody()
     assert len(co.trajectory(problem, plan)) == 5
-    with pytest.raises(ValueError, match=r"actors\[0\], even .*; --smooth left out is safe$"):
+    words = r"actors\[0\], even .*; the straight flight is safe: leave --smooth out$"
+    with pytest.raises(ValueError, match=words):
         co.trajectory(problem, plan, smooth=True)
     monkeypatch.setattr(flights, "dangers", lambda flown: [Danger(2, (0,), "falls")])
     with pytest.raises(ValueError, match=r"neither is the straight flight safe: .* drone 0 falls$"):

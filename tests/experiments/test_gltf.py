@@ -124,6 +124,16 @@ def test_drones_cameras_and_people_are_played_where_they_are(smooth: bool) -> No
     assert clocks == {1.5}
 
 
+def test_flights_of_a_scene_have_one_origin() -> None:
+    """The middle of the map at its lowest ground: files of two flights lie on each other."""
+    problem, plan = scene()
+    hovering = co.Plan(paths=tuple((path[0],) * len(path) for path in plan.paths))
+    flights = Flight.of(problem, plan, False), Flight.of(problem, plan, True)
+    for flight in (*flights, Flight.of(problem, hovering, False)):
+        extras = Played(written(flight)).file.scenes[0].extras
+        assert extras["origin"] == [5e5 + 6, 4e6 + 5, 0]
+
+
 def angles(one: Array, other: Array) -> Array:
     """Angles (rad) between directions."""
     cross = np.linalg.norm(np.cross(one, other), axis=1)

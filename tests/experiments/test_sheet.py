@@ -68,6 +68,7 @@ def test_least_distances_are_those_of_dense_samples(smooth: bool) -> None:
     least, drone, person, when, *_ = numbers(people)
     assert (drone, person) == (np.argmin(aside.min(axis=1)), 0)
     assert least == pytest.approx(aside.min(), abs=0.006)
+    assert flight.record()["people_distance"] == pytest.approx(aside.min(), abs=1e-4)
     assert "1 no-fly zone" in airspace
 
 
