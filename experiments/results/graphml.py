@@ -120,7 +120,7 @@ def _elements(problem: Problem, robot: int, graph: "Graph") -> Iterator[str]:
 
 
 class _Known(NamedTuple):
-    """What the file says of a state at any step."""
+    """The parts of a node that are the same at every step of its state."""
 
     name: str
     data: str  # lines
