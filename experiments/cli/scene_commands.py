@@ -9,6 +9,7 @@ from cyclopts import Parameter
 
 from cocap_opt.experiments.cli.options import FLAG, Json, Output, Scene, Seed, Whole, load
 from cocap_opt.experiments.console.options import Option, UsageError
+from cocap_opt.experiments.console.progress import Watch
 from cocap_opt.experiments.results.files import check_output, save_bytes
 from cocap_opt.experiments.results.graphml import graphml
 from cocap_opt.experiments.results.printing import Listing, Record, print_result
@@ -142,7 +143,9 @@ def _export(
     answer: Record = {"scene": problem.name, "seed": seed}
     if as_graph:
         answer["drone"] = _drone(drone or 0, problem)
-        save_bytes(output, graphml(problem, answer["drone"]))
+        with Watch.on_terminal(f"{problem.name} seed {seed}") as watch:
+            content = graphml(problem, answer["drone"], watch.counter)
+        save_bytes(output, content)
     else:
         save_bytes(output, encode(SceneFile(problem=problem)))
     print_result({**answer, "file": output}, json)

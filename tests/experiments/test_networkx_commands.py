@@ -2,6 +2,7 @@
 
 import io
 import math
+from contextlib import nullcontext
 from pathlib import Path
 
 import networkx as nx
@@ -9,6 +10,8 @@ import pytest
 from strategies import tiny
 from test_cli import Run
 
+from cocap_opt.experiments.console import progress
+from cocap_opt.experiments.console.progress import Watch
 from cocap_opt.experiments.results.graphml import graphml
 from cocap_opt.graph.networks import time_expanded_graph
 from cocap_opt.planners import PLANNERS
@@ -20,9 +23,11 @@ def test_graphml_holds_the_graph_and_its_rewards() -> None:
     problem = tiny()
     rewarded = Objective(stationarity=3.0, keep_heading=1.0, count_start=True)
     problem = problem.replace(robots=problem.robots[1:], objective=rewarded)
-    graph = nx.read_graphml(io.BytesIO(graphml(problem, 0)))
+    content = graphml(problem.replace(name="é <&>"), 0)
+    graph = nx.read_graphml(io.BytesIO(content))
+    assert "\n".join(nx.generate_graphml(graph)).encode() == content  # as networkx writes it
     expanded = time_expanded_graph(problem, 0)
-    assert [graph.graph[key] for key in ("scene", "robot", "horizon")] == ["tiny", 0, 2]
+    assert [graph.graph[key] for key in ("scene", "robot", "horizon")] == ["é <&>", 0, 2]
     assert (len(graph), graph.number_of_edges()) == (len(expanded), expanded.number_of_edges())
     for state, t in expanded:
         found = graph.nodes[f"{t}/{state.x}/{state.y}/0/{state.heading}/0"]
@@ -37,13 +42,17 @@ def test_graphml_holds_the_graph_and_its_rewards() -> None:
 
 
 def test_export_writes_the_graph_of_a_drone(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The name's ending decides; which drone is an option of such files only."""
+    """The name's ending decides, a line says how far it is; --drone is for such files only."""
+    monkeypatch.setattr(Watch, "_ticking", lambda watch: nullcontext())
+    monkeypatch.setattr(progress, "SECONDS_BETWEEN_LINES", 0.0)
     path = tmp_path / "graph.GRAPHML"
     run = Run(capsys, "export", "tiny-share", "-o", path, "--drone", 1, "--json")
     assert run.json == {"scene": "tiny-share", "seed": 0, "drone": 1, "file": str(path)}
-    assert nx.read_graphml(path).graph["robot"] == 1
+    graph = nx.read_graphml(path)
+    assert graph.graph["robot"] == 1
+    assert f"node or edge 0/{len(graph) + graph.number_of_edges()}" in run.err
     for words, message in (
         (("-o", tmp_path / "a.graphml", "--drone", 2), "--drone: must be 0..1, not 2"),
         (("-o", tmp_path / "a.json", "--drone", 1), "--drone: is for a file whose name ends with"),
