@@ -125,6 +125,7 @@ def test_wrong_options_are_named(
     assert named in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_growth_writes_table_and_figure(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
 ) -> None:

@@ -261,6 +261,7 @@ def test_fractions_are_found_kind_by_kind() -> None:
     assert all(1e-4 < amount % 1 < 1 - 1e-4 for amount in found.values())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["corridor-tight", "bottleneck", "passage"])
 def test_plans_from_mixtures_obey_the_rules(name: str) -> None:
     """Rounding, best pairs and diving give plans that the referee accepts."""

@@ -378,6 +378,7 @@ def test_a_proof_at_the_time_limit_is_not_believed() -> None:
     assert result.value > check(problem, stay(problem)).reward
 
 
+@pytest.mark.slow
 def test_cp_sat_does_not_cut_the_optimum_off() -> None:
     """Presolve of CP-SAT 9.15 does, with its default parameters: or-tools issue 5293."""
     problem = load_scene("corridor").replace(horizon=2)
