@@ -81,6 +81,7 @@ def test_a_second_order_finds_what_the_first_does_not() -> None:
         assert values[0] < values[-1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", ["corridor", "corridor-tight"])
 def test_the_recommended_planner_is_near_the_optimum(scene: str) -> None:
     """Within 0.1 % of the proved optimum, and not below CoCap, on scenes of two drones."""

@@ -138,6 +138,7 @@ def test_a_plan_is_judged_once(monkeypatch: pytest.MonkeyPatch) -> None:
     assert check(problem, Plan(paths=plan.paths)) is verdict
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("planner", sorted(set(PLANNERS) - LAZY - {"joint"}))
 def test_planners_use_the_coverage_that_is_there(
     planner: str, monkeypatch: pytest.MonkeyPatch

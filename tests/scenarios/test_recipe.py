@@ -879,6 +879,7 @@ def test_a_scene_without_people_is_doubted() -> None:
     assert "no people" in doubts(load_scene("corridor", 0).replace(actors=()))[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in SCENES if not name.startswith("tiny")])
 def test_built_in_scenes_leave_no_doubt(name: str) -> None:
     """Nobody is in a wall, off the map or of a wrong size; narrow ways are meant, and no doubt."""
