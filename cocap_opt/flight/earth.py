@@ -50,12 +50,7 @@ class Geodesy:
         """Returns latitudes and longitudes [n] (degrees) of points [n] of the scene (m)."""
         east, north = x + self._corner[0], y + self._corner[1]
         longitude, latitude = self._to_earth.transform(east, north)
-        if not (np.isfinite(longitude).all() and np.isfinite(latitude).all()):
-            raise FieldError(
-                "crs",
-                f"must be a system that is defined where the scene is, at ({east[0]:.7g}, "
-                f"{north[0]:.7g}), not {self.name}",
-            )
+        self._require_defined(longitude, latitude, (east[0], north[0]))
         return np.asarray(latitude), np.asarray(longitude)
 
     def compass(self, x: FloatArray, y: FloatArray, yaw: FloatArray) -> FloatArray:
@@ -138,13 +133,17 @@ class Geodesy:
             self._crs, self._crs.geodetic_crs, always_xy=True, allow_ballpark=False
         )
         longitude, latitude = own.transform(*point)
-        if not (np.isfinite(latitude) and np.isfinite(longitude)):
+        self._require_defined(longitude, latitude, point)
+        return float(latitude), float(longitude)
+
+    def _require_defined(self, longitude: Any, latitude: Any, at: tuple[float, float]) -> None:
+        """Refuses a system that gives a point of the scene, at (m) in it, no place."""
+        if not (np.isfinite(longitude).all() and np.isfinite(latitude).all()):
             raise FieldError(
                 "crs",
-                f"must be a system that is defined where the scene is, at ({point[0]:.7g}, "
-                f"{point[1]:.7g}), not {self.name}",
+                f"must be a system that is defined where the scene is, at ({at[0]:.7g}, "
+                f"{at[1]:.7g}), not {self.name}",
             )
-        return float(latitude), float(longitude)
 
     def _best(self, near: tuple[float, float]) -> Any:
         """Returns the best operation to WGS 84 around a latitude and longitude."""

@@ -1,6 +1,7 @@
 """Solid matter: a height map, and meshes for bridges and other overhangs."""
 
 import math
+from collections.abc import Sequence
 from functools import cached_property, lru_cache
 from itertools import product
 from typing import NamedTuple
@@ -181,6 +182,14 @@ class Mesh(Data, frozen=True, eq=False, dict=True):
         sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
         triangles = [side[k] for side in sides for k in (0, 1, 2, 0, 2, 3)]
         return cls(vertices=corners, triangles=np.reshape(triangles, (-1, 3)))
+
+    @classmethod
+    def joined(cls, parts: Sequence["Mesh"]) -> "Mesh":
+        """Returns one mesh of several, which are not merged where they meet."""
+        firsts = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])])
+        triangles = [part.triangles + first for part, first in zip(parts, firsts, strict=True)]
+        vertices = np.concatenate([part.vertices for part in parts])
+        return cls(vertices=vertices, triangles=np.concatenate(triangles))
 
     @cached_property
     def is_solid(self) -> bool:

@@ -15,6 +15,7 @@ from cocap_opt.experiments.cli.options import (
     Output,
     Scene,
     Seed,
+    Smooth,
     StepSeconds,
     load,
     with_step,
@@ -38,9 +39,7 @@ def _fly(
     output: Output = None,
     seed: Seed = 0,
     step: StepSeconds = None,
-    smooth: Annotated[
-        bool, FLAG(name="--smooth", help="with continuous speed and acceleration")
-    ] = False,
+    smooth: Smooth = False,
     every: Annotated[
         float | None,
         Parameter(help="seconds between rows; else a row a step, and ten a step with --smooth"),

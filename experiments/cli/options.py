@@ -60,6 +60,7 @@ OfPlanners = Annotated[
     ),
 ]
 
+Smooth = Annotated[bool, FLAG(name="--smooth", help="with continuous speed and acceleration")]
 StepSeconds = Annotated[
     float | None,
     Parameter(name="--step", help="seconds of a step, of scenes that do not say it"),

@@ -7,7 +7,15 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from cocap_opt.data import ProblemError
-from cocap_opt.experiments.cli.options import FLAG, Json, Scene, Seed, StepSeconds, load, with_step
+from cocap_opt.experiments.cli.options import (
+    Json,
+    Scene,
+    Seed,
+    Smooth,
+    StepSeconds,
+    load,
+    with_step,
+)
 from cocap_opt.experiments.console.options import UsageError
 from cocap_opt.experiments.results.files import PlanReader
 from cocap_opt.experiments.results.flights import Flight
@@ -25,9 +33,7 @@ def _robustness(
     *,
     seed: Seed = 0,
     step: StepSeconds = None,
-    smooth: Annotated[
-        bool, FLAG(name="--smooth", help="with continuous speed and acceleration")
-    ] = False,
+    smooth: Smooth = False,
     late: Annotated[
         list[float] | None,
         Parameter(negative="", consume_multiple=True, help="s by which people are late, and early"),

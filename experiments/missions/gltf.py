@@ -275,17 +275,8 @@ def _triangles(actor: Actor) -> FloatArray:
     return np.concatenate(fans)
 
 
-def _joined(boxes: list[Mesh]) -> Mesh:
-    firsts = np.cumsum([0, *(len(box.vertices) for box in boxes[:-1])])
-    triangles = [box.triangles + first for box, first in zip(boxes, firsts, strict=True)]
-    return Mesh(
-        vertices=np.concatenate([box.vertices for box in boxes]),
-        triangles=np.concatenate(triangles),
-    )
-
-
 # A drone, 0.6 m wide, that looks along x.
-_BODY = _joined([
+_BODY = Mesh.joined([
     Mesh.box((-0.18, -0.12, -0.05), (0.18, 0.12, 0.05)),
     *(Mesh.box((x - 0.11, y - 0.11, 0.05), (x + 0.11, y + 0.11, 0.07))
       for x in (-0.2, 0.2) for y in (-0.2, 0.2)),

@@ -33,7 +33,7 @@ import numpy as np
 from cocap_opt.data import FieldError, FloatArray
 from cocap_opt.experiments.missions.export import Export, require_nothing_else
 from cocap_opt.experiments.results.flights import Flight
-from cocap_opt.flight.delays import bearable_delay
+from cocap_opt.experiments.results.robustness import told_delay
 from cocap_opt.flight.earth import Geodesy
 from cocap_opt.problem import CollisionRules
 from cocap_opt.scenarios.recipe.rules import SEPARATION
@@ -45,7 +45,6 @@ _HORIZON = 4 | 8  # GIMBAL_MANAGER_FLAGS_ROLL_LOCK, GIMBAL_MANAGER_FLAGS_PITCH_L
 _ITSELF, _UNCHANGED = -2.0, -1.0  # who controls a gimbal
 _RISE = 1.0  # m/s, at which drones are thought to take off
 _SETTLE = 10.0  # s, that the last one has left then
-_SHOWN = 0.01  # s, to which a difference in time is told, rounded down
 _REACHED = 0.5  # m from a waypoint; a quarter of the shortest leg if that is less
 
 
@@ -165,7 +164,7 @@ def waypoint_mission(
         raise FieldError("smooth", "must be left out, for waypoints have straight legs between")
     require_nothing_else(every, "the waypoints are the steps of the plan")
     routes = list(_routes(flight, flight.geodesy))
-    delay = _rounded_down(bearable_delay(flight.flown, _asked(flight)))
+    delay = told_delay(flight, _asked(flight))
     return Export(
         {f"{_PART}{i}": write(route) for i, route in enumerate(routes)},
         (*_clock(flight, delay), *_ends(routes), dialect.note),
@@ -262,10 +261,6 @@ def _asked(flight: Flight) -> CollisionRules:
     """Returns the separation that is asked about: the scene's, or the one that recipes have."""
     rules = flight.flown.problem.rules
     return rules if rules.separation else CollisionRules(separation=SEPARATION)
-
-
-def _rounded_down(seconds: float) -> float:
-    return math.floor(seconds / _SHOWN) * _SHOWN if math.isfinite(seconds) else seconds
 
 
 def _clock(flight: Flight, delay: float) -> Iterator[str]:

@@ -9,7 +9,7 @@ from cocap_opt.experiments.results.flights import Flight
 from cocap_opt.experiments.results.printing import Record
 from cocap_opt.flight.delays import bearable_delay
 from cocap_opt.flight.robustness import Outcome, Robustness
-from cocap_opt.referee import check
+from cocap_opt.problem import CollisionRules
 
 KEPT, NONE = "kept", "none"
 MOST_ASIDE = 100.0  # m
@@ -44,14 +44,13 @@ class Changes(NamedTuple):
             If a change is none, or larger than the flight is long; one line.
         """
         self._require(flight.flown.seconds)
-        verdict = check(flight.flown.problem, flight.plan)
-        robustness = Robustness(flight.flown)
-        planned = robustness.as_planned.reward + verdict.reward_moves
+        robustness, moves = Robustness(flight.flown), flight.verdict.reward_moves
+        planned = robustness.as_planned.reward + moves
         asks = flight.flown.problem.airspace.people_aside > 0
         fine = KEPT if asks or flight.flown.problem.rules.separation else NONE
         rows = []
         for words, outcome in self._outcomes(robustness):
-            reward, near = outcome.reward + verdict.reward_moves, sorted(outcome.too_near)
+            reward, near = outcome.reward + moves, sorted(outcome.too_near)
             rows.append({
                 "change": words,
                 "reward": reward,
@@ -87,16 +86,30 @@ class Changes(NamedTuple):
 
 
 def tolerated_delay(flight: Flight) -> float | None:
-    """Returns seconds below which drones may be behind each other, rounded down to hundredths.
+    """Returns what `told_delay` does for the scene's own rules.
 
     None: the scene has no separation, or any delay will do.
     """
     rules = flight.flown.problem.rules
     if not rules.separation or rules.none:
         return None
+    return _finite(told_delay(flight, rules))
+
+
+def told_delay(flight: Flight, rules: CollisionRules) -> float:
+    """Returns seconds below which drones may be behind each other, rounded down to hundredths.
+
+    Parameters
+    ----------
+    rules : have a separation
+
+    Returns
+    -------
+    inf where any delay will do.
+    """
     delay = bearable_delay(flight.flown, rules)
-    return math.floor(100 * delay) / 100 if math.isfinite(delay) else None
+    return math.floor(100 * delay) / 100 if math.isfinite(delay) else delay
 
 
-def _finite(metres: float) -> float | None:
-    return metres if math.isfinite(metres) else None
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

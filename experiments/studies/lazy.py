@@ -58,10 +58,7 @@ def _on_piers(deck: Mesh) -> Mesh:
         for y in (low[1] + _FROM_EDGE, high[1] - _FROM_EDGE):
             foot, top = (x - _PIER, y - _PIER, 0.0), (x + _PIER, y + _PIER, float(low[2]))
             parts.append(Mesh.box(foot, top))
-    first = np.cumsum([0] + [len(part.vertices) for part in parts])
-    triangles = [part.triangles + n for part, n in zip(parts, first[:-1], strict=True)]
-    vertices = np.concatenate([part.vertices for part in parts])
-    return Mesh(vertices=vertices, triangles=np.concatenate(triangles))
+    return Mesh.joined(parts)
 
 
 def _wide(name: str, seed: int) -> Problem:
