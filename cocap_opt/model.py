@@ -478,7 +478,13 @@ class _Coverage:
             steps * graph.n_states * _BYTES_PER_STATE + nodes * faces * _BYTES_PER_FACE,
             f"coverage and value iteration of {width} x {depth} cells in {len(spec.motion.layers)} "
             f"layers, {graph.n_orientations} orientations, {steps} steps and {faces} faces",
-            "use larger cells, a part of the map, fewer layers, headings or steps",
+            (width, depth),
+            radius,
+            {
+                "layers": len(spec.motion.layers),
+                "orientations (headings times pitches)": graph.n_orientations,
+                "steps, the start included": steps,
+            },
         )
 
     def prepare(self, spec: Robot, stop: Stop, progress: Progress, reserve: float) -> None:

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from msgspec import UNSET
 
-from cocap_opt.data import BoolArray, FloatArray
+from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.files.documents import problem_digest
 from cocap_opt.formulations.certificates import OPTIMISTIC, CertificateFile, Multipliers
 from cocap_opt.formulations.result import CertifiedResult
@@ -34,6 +34,7 @@ METHOD = "step-multipliers"
 _ROUNDING = 1e-9  # relative, much more than that of the sums here and in a certificate's pricing
 _MANY = 10_000_000  # states at steps from which on only one bound is computed
 _TOO_MANY = 30_000_000  # from which on none is: value iteration would take seconds for each
+_AT_ONCE = 100_000  # states whose ceilings are computed together
 _STEP_DOWN = 0.4  # from one share of what could be seen to the next
 
 
@@ -59,7 +60,10 @@ def early_bound(problem: Problem, limit: Limit) -> CertifiedResult:
 
 
 class _Sums(NamedTuple):
-    """The most that states of a robot class see, added up over the faces with their weights."""
+    """The most that states of a robot class see, added up over the faces with their weights.
+
+    Where there are too many states for value iteration S is 1: the most that any of them sees.
+    """
 
     roots: FloatArray  # [T+1, S] w sqrt(px/m2)
     pixels: FloatArray  # [T+1, S] w px/m2
@@ -87,7 +91,9 @@ class _Prices:
         """Collects coverage and ceilings of all classes."""
         problem = model.problem
         visible = np.zeros(len(problem.view_sum_weights), dtype=bool)
-        return cls(model, [_sums(model, k, visible) for k in range(len(model.classes))], visible)
+        classes = range(len(model.classes))
+        make = _most if _states(model) > _TOO_MANY else _sums
+        return cls(model, [make(model, k, visible) for k in classes], visible)
 
     def alone(self) -> _Steps:
         """Returns the multipliers of drones that are alone."""
@@ -112,7 +118,7 @@ class _Prices:
     @property
     def are_dear(self) -> bool:
         """True if a single bound takes long: value iteration over so many states."""
-        return sum(sums.roots.size for sums in self._sums) > _MANY
+        return _states(self._model) > _MANY
 
     def quick_file(self) -> CertificateFile:
         """Returns the certificate of the multipliers that are best for drones that jump.
@@ -120,7 +126,7 @@ class _Prices:
         Where value iteration would take too long it claims no more than what they prove for these.
         """
         best = min((self.alone(), *self.tangents()), key=self.without_motion)
-        if sum(sums.roots.size for sums in self._sums) <= _TOO_MANY:
+        if _states(self._model) <= _TOO_MANY:
             return self.file(best)
         return self.file(best, _rounded_up(self.without_motion(best)))
 
@@ -199,23 +205,62 @@ def _rounded_up(bound: float) -> float:
     return math.nextafter(bound + _ROUNDING * abs(bound), math.inf)
 
 
+def _states(model: Model) -> int:
+    """Returns the number of states at steps, over all robot classes."""
+    return (model.problem.horizon + 1) * sum(one.graph.n_states for one in model.classes)
+
+
 def _sums(model: Model, number: int, visible: BoolArray) -> _Sums:
     """Returns the sums of a class, and marks what it may see in `visible` [Z]."""
-    problem, robot_class = model.problem, model.classes[number]
-    graph = robot_class.graph
-    table, steps = model.coverage_so_far(robot_class)
-    weights = problem.view_sum_weights
+    graph = model.classes[number].graph
+    sums = _Sums(*np.zeros((2, model.problem.horizon + 1, graph.n_states)))
+    nodes, known = _known(model, number, visible)
+    for whole, own in zip(sums, known, strict=True):
+        whole.reshape(-1)[nodes] = own
+    shape = graph.n_orientations, graph.n_places
+    for t, places, *ceiling in _ceilings(model, number, visible):
+        for whole, own in zip(sums, ceiling, strict=True):
+            whole[t].reshape(shape)[:, places] = own
+    return sums
+
+
+def _most(model: Model, number: int, visible: BoolArray) -> _Sums:
+    """Returns the most of a class at each step, and marks what it may see in `visible` [Z]."""
+    sums = _Sums(*np.zeros((2, model.problem.horizon + 1, 1)))
+    nodes, known = _known(model, number, visible)
+    for whole, own in zip(sums, known, strict=True):
+        np.maximum.at(whole[:, 0], nodes // model.classes[number].graph.n_states, own)
+    for t, _, *ceiling in _ceilings(model, number, visible):
+        for whole, own in zip(sums, ceiling, strict=True):
+            whole[t] = max(whole[t, 0], own.max())
+    return sums
+
+
+def _known(model: Model, number: int, visible: BoolArray) -> tuple[IntArray, _Sums]:
+    """Returns nodes [n] of a class whose coverage is known, and their roots and pixels [n]."""
+    table, _ = model.coverage_so_far(model.classes[number])
     visible[table.view_sums] = True
-    roots, pixels = np.zeros((2, problem.horizon + 1, graph.n_states))
-    for sums, values in ((roots, np.sqrt(table.pixels)), (pixels, table.pixels)):
-        sums.reshape(-1)[table.nodes] = table.row_sums(values * weights[table.view_sums])
+    weights = model.problem.view_sum_weights[table.view_sums]
+    roots, pixels = (table.row_sums(x * weights) for x in (np.sqrt(table.pixels), table.pixels))
+    return table.nodes, _Sums(roots, pixels)
+
+
+def _ceilings(
+    model: Model, number: int, visible: BoolArray
+) -> Iterator[tuple[int, IntArray, FloatArray, FloatArray]]:
+    """Yields steps that are not known, places [n] that are reached then, roots and pixels [O, n].
+
+    They are in parts of a size that the processor's cache holds.
+    """
+    problem, robot_class = model.problem, model.classes[number]
+    graph, weights = robot_class.graph, problem.view_sum_weights
+    _, steps = model.coverage_so_far(robot_class)
     views, reachable = model.views(robot_class), model.reachable(robot_class)
     for t in range(max(steps, problem.first_step), problem.horizon + 1):
-        shape = graph.n_orientations, graph.n_places
-        places = np.flatnonzero(reachable[t].reshape(shape).any(axis=0))
-        at = problem.view_sums_at(t)
-        ceiling = views.ceiling(t, places, weights[at])
-        roots[t].reshape(shape)[:, places] = ceiling.roots
-        pixels[t].reshape(shape)[:, places] = ceiling.pixels
-        visible[at] |= ceiling.visible
-    return _Sums(roots, pixels)
+        reached = reachable[t].reshape(graph.n_orientations, graph.n_places).any(axis=0)
+        at, places = problem.view_sums_at(t), np.flatnonzero(reached)
+        parts = -(-len(places) * graph.n_orientations // _AT_ONCE)
+        for some in np.array_split(places, parts) if parts else []:
+            ceiling = views.ceiling(t, some, weights[at])
+            visible[at] |= ceiling.visible
+            yield t, some, ceiling.roots, ceiling.pixels

@@ -91,7 +91,9 @@ class TimeGraph:
             self.n_places * (moves + _BYTES_PER_PLACE),
             f"the graph of {x} x {y} cells in {len(self.motion.layers)} layers, with {moves} moves "
             "from each,",
-            "use larger cells, a part of the map, fewer layers, or a smaller radius",
+            (x, y),
+            self.motion.radius,
+            {"layers": len(self.motion.layers), "moves, by a smaller radius": moves},
         )
 
     @classmethod

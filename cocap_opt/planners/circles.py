@@ -7,7 +7,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.graph.timegraph import CLOSED
@@ -38,6 +37,8 @@ class Circle(NamedTuple):
 
         Around their circle robots are in the order in which they start around it.
         """
+        from scipy.optimize import linear_sum_assignment  # a quarter of what imports take
+
         count = min(len(problem.robots), len(problem.actors))
         if not count:
             return []

@@ -37,6 +37,8 @@ class _Ceiling(NamedTuple):
     @classmethod
     def joined(cls, parts: "list[_Ceiling]") -> "_Ceiling":
         """Returns the ceiling of all places from those of some each."""
+        if len(parts) == 1:
+            return parts[0]
         return cls(
             np.concatenate([part.roots for part in parts], axis=1),
             np.concatenate([part.pixels for part in parts], axis=1),

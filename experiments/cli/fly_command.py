@@ -21,7 +21,6 @@ from cocap_opt.experiments.cli.options import (
     with_step,
 )
 from cocap_opt.experiments.console.options import Option, UsageError
-from cocap_opt.experiments.missions import DATED, WRITERS
 from cocap_opt.experiments.results.files import PlanReader, check_output, save_files
 from cocap_opt.experiments.results.flights import Flight
 from cocap_opt.experiments.results.printing import Listing, Record, print_result
@@ -68,9 +67,11 @@ def _fly(
 
     Example: cocap-opt fly corridor plan.json --step 1 --smooth -o flight.csv
     """
+    from cocap_opt.experiments.missions import DATED, WRITERS  # matplotlib is slow to import
+
     suffix = Option("-o").ending(output, tuple(WRITERS))
     assert output is not None
-    begins = None if start is None else _start(start, suffix)
+    begins = None if start is None else _start(start, suffix, suffix in DATED)
     if every is not None and not Option("--every").require_seconds(every) > 0:
         raise UsageError("--every: must be more than 0 seconds")
     check_output(output, scene, plan)
@@ -128,9 +129,9 @@ def _in_words(error: ProblemError, scene: str, plan: Path) -> Exception:
     return FileError(f"{plan}: {error}")
 
 
-def _start(text: str, suffix: str) -> datetime:
+def _start(text: str, suffix: str, is_dated: bool) -> datetime:
     """Returns the time (UTC) at which a flight starts, for a file of some ending."""
-    if suffix not in DATED:
+    if not is_dated:
         raise UsageError(f"--start: must be left out for {suffix}, whose times are seconds")
     try:
         found = datetime.fromisoformat(text)

@@ -49,14 +49,16 @@ def _verify(
 ) -> int:
     """Check a plan, certificates and proofs, trusting nobody: exit 0 only if all claims hold.
 
-    The plan may also be in a scene format's own plan format. Of several
-    bounds the lowest is shown, and explained.
+    The plan may also be in a scene format's own plan format; a solution of
+    Hughes et al. names its scene, and needs no other. Of several bounds the
+    lowest is shown, and explained.
 
     Example: cocap-opt verify corridor plan.json certificate.json --explain
     """
-    if not file:
+    files = file or _plan_with_scene(scene)
+    if not files:
         raise UsageError("FILE: name a plan, a certificate or a proof")
-    claims = _Claims.read(scene, seed, free, file)
+    claims = _Claims.read(scene, seed, free, files)
     if explain and (claims.plan is None or not claims.bounds):
         raise UsageError("--explain: name a plan, and a certificate or a proof")
     if networkx and not claims.bounds:
@@ -83,6 +85,13 @@ def _data(explained: Explained) -> Record:
 
 def _finite(bound: float) -> float | None:
     return bound if math.isfinite(bound) else None
+
+
+def _plan_with_scene(scene: str) -> tuple[Path, ...]:
+    """Returns a scene's file if it is itself the file of a plan that tells which scene it is of."""
+    path = Path(scene)
+    both = any(kind.scenes.has(path) and kind.plans.has(path) for kind in FORMATS.values())
+    return (path,) if both else ()
 
 
 def _between_cells(path: Path, problem: Problem) -> tuple[float, ...] | None:

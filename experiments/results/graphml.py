@@ -2,8 +2,8 @@
 
 import math
 from collections.abc import Callable, Iterator
+from html import escape
 from typing import TYPE_CHECKING, NamedTuple
-from xml.sax.saxutils import escape
 
 import numpy as np
 
@@ -86,7 +86,7 @@ def _head() -> Iterator[str]:
 
 def _tail(problem: Problem, robot: int) -> Iterator[str]:
     """Yields the lines after the edges."""
-    for k, value in enumerate((escape(problem.name), robot, problem.horizon)):
+    for k, value in enumerate((escape(problem.name, quote=False), robot, problem.horizon)):
         yield f'    <data key="d{k}">{value}</data>'
     yield "  </graph>"
     yield "</graphml>"

@@ -21,14 +21,15 @@ no obstacles, no collision rule   `NO_RULES` on a flat map
 The robots are those of a solution: `solution_*.json` beside the scene, or, as they are published,
 `<planner>/solution.json`. A solution that is named in place of the scene is the one; its scene is
 beside it or in the folder above. The states of their formation planner lie between the cells:
-such a solution can be evaluated, not flown.
+such a solution can be evaluated, not flown. Where there is no other, robots start in the cells
+that are nearest to where it starts.
 
-`robot_fovs`, `sense_dist` and
-`num_robots` are in the file but were not used, and are not read. Their planner adds 0.02 for
-keeping the heading and 0.01 for keeping the position. These are no part of their evaluation; they
-are part of the objective only with the option `bonus`.
+`robot_fovs`, `sense_dist` and `num_robots` are in the file but were not used, and are not read.
+Their planner adds 0.02 for keeping the heading and 0.01 for keeping the position. These are no part
+of their evaluation; they are part of the objective only with the option `bonus`.
 """
 
+import logging
 import math
 from collections.abc import Mapping
 from pathlib import Path
@@ -54,8 +55,11 @@ from cocap_opt.problem import (
 )
 from cocap_opt.scenarios.formats.options import NO_YES, NOTHING, Options
 from cocap_opt.scenarios.text import integer, naming, number, read_table, read_text
+from cocap_opt.text import printable
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.world.workspace import HeightMap
+
+log = logging.getLogger(__name__)
 
 FLIGHT_HEIGHT = 5.0  # m
 BODY = Prism(sides=6, apothem=0.484, height=1.8)
@@ -104,6 +108,14 @@ class _State(msgspec.Struct):
     def is_cell(self) -> bool:
         """True if the state is in the middle of a cell."""
         return float(self.x).is_integer() and float(self.y).is_integer()
+
+    def nearest(self, size: tuple[int, int]) -> State:
+        """Returns the nearest state in the middle of a cell, on a map of so many cells."""
+        x, y = (
+            min(max(round(at) - 1, 0), cells - 1)
+            for at, cells in zip((self.x, self.y), size, strict=True)
+        )
+        return State(x, y, heading=HEADINGS.index(self.heading))
 
 
 class _Entry(msgspec.Struct):
@@ -165,14 +177,16 @@ def read(path: Path, seed: int = 0, options: Mapping[str, str] = NOTHING) -> Pro
                 )
         actors = tuple(_actor([frame[k] for frame in frames]) for k in range(count))
         size = math.floor(scene.scene.scale.x), math.floor(scene.scene.scale.y)
-    given, solution = _first_on_grid(path, solutions)
+    given, solution = _first_on_grid(solutions)
     with naming(given):
-        starts = [path_[0] for path_ in _paths(solution)]
         return Problem(
             name=path.resolve().parent.name,
             # The middles of the cells are at 1, 2, ..
             height_map=HeightMap(heights=np.zeros(size), origin=(0.5, 0.5)),
-            robots=tuple(Robot(start=start, motion=MOTION, camera=Cone()) for start in starts),
+            robots=tuple(
+                Robot(start=start, motion=MOTION, camera=Cone())
+                for start in _starts(given, solution, size)
+            ),
             actors=actors,
             horizon=len(frames) - 1,
             rules=NO_RULES,
@@ -280,7 +294,10 @@ def _scene_and_solutions(path: Path) -> tuple[Path, list[Path]]:
             scenes = [file for file in files if SCENE in file.read_bytes()]
             if len(scenes) == 1:
                 return scenes[0], [path]
-        raise ProblemError(f"{path}: its scene must be beside it or in the folder above")
+        raise ProblemError(
+            f'{path}: its scene, one .json file with "actor_positions", must be beside it or in '
+            "the folder above; copy it there"
+        )
     folder = path.parent
     solutions = [*sorted(folder.glob(BESIDE)), *sorted(folder.glob(BELOW))]
     if not solutions:
@@ -291,17 +308,26 @@ def _scene_and_solutions(path: Path) -> tuple[Path, list[Path]]:
     return path, solutions
 
 
-def _first_on_grid(path: Path, solutions: list[Path]) -> tuple[Path, _Solution]:
-    """Returns the first solution whose states are cells."""
+def _first_on_grid(solutions: list[Path]) -> tuple[Path, _Solution]:
+    """Returns the first solution whose states are cells; the first of all if there is none."""
+    found = []
     for given in solutions:
         with naming(given):
-            solution = _decode(given, _Solution)
-        if solution.is_on_grid:
-            return given, solution
-    raise ProblemError(
-        f"{path}: the states of {solutions[0].name} lie between the cells, where no drone of a "
-        "plan can start; name a scene that has another solution, too"
+            found.append((given, _decode(given, _Solution)))
+        if found[-1][1].is_on_grid:
+            return found[-1]
+    return found[0]
+
+
+def _starts(path: Path, solution: _Solution, size: tuple[int, int]) -> list[State]:
+    """Returns where the robots of a solution start, in order, on a map of so many cells."""
+    if solution.is_on_grid:
+        return [states[0] for states in _paths(solution)]
+    log.warning(
+        "%s: its states lie between the cells; plans start in the cells nearest to its starts",
+        printable(str(path)),
     )
+    return [entries[0].state.nearest(size) for _, entries in solution.elements]
 
 
 def _decode(path: Path, kind: type[T]) -> T:

@@ -9,6 +9,7 @@ __all__ = [
     "earth",
     "geotiff",
     "ground_plans",
+    "mesh_files",
     "meshes",
     "pace",
     "people",

@@ -59,7 +59,7 @@ class Grid(NamedTuple):
             raise ProblemError(
                 f"resolution: must be within {SMALLEST:g}..{LARGEST:g} m, not {resolution:g}"
             )
-        _refuse_too_many(width * dx, height * dy, resolution)
+        refuse_too_many("grid", "window", width * dx, height * dy, resolution)
         reduce = _REDUCTIONS[how]
         along_y = reduce(raster.values.T, _edges(height, resolution / dy))
         values = reduce(along_y.T, _edges(width, resolution / dx))
@@ -96,16 +96,24 @@ def _nearly_square(raster: Raster) -> bool:
     return abs(dx - dy) * longest <= SQUARE * min(dx, dy)
 
 
-def _refuse_too_many(width: float, height: float, resolution: float) -> None:
-    """Raises a ProblemError if width x height m have more cells than are allowed."""
+def refuse_too_many(field: str, name: str, width: float, height: float, resolution: float) -> None:
+    """Raises a ProblemError if width x height m have more cells than are allowed.
+
+    Parameters
+    ----------
+    field : that has them, for the message
+    name : of what makes them fewer
+    """
     x, y = (math.ceil(length / resolution * (1 - ROUNDING)) for length in (width, height))
     if x * y > MOST_CELLS:
         # The r where (width / r + 1) (height / r + 1) = MOST_CELLS, rounded up for three digits.
         half, more = (width + height) / 2, MOST_CELLS - 1
         enough = 1.005 * (half + math.sqrt(half**2 + more * width * height)) / more
+        edge = math.isqrt(MOST_CELLS) * resolution
         raise ProblemError(
-            f"grid: must have at most {MOST_CELLS} cells, not {x} x {y} of {resolution:.6g} m; a "
-            f"smaller window makes it so, or a resolution of {enough:.3g} m"
+            f"{field}: must have at most {MOST_CELLS} cells, not {x} x {y} of {resolution:.6g} m; "
+            f"a smaller {name}, such as {edge:.6g} x {edge:.6g} m, makes it so, or a resolution of "
+            f"{enough:.3g} m"
         )
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.scenarios.recipe.raster import Raster
 from cocap_opt.scenarios.recipe.raster_files import read_raster
-from cocap_opt.scenarios.recipe.resample import MOST_CELLS, Grid
+from cocap_opt.scenarios.recipe.resample import Grid, refuse_too_many
 from cocap_opt.scenarios.recipe.systems import same_system, short_name
 from cocap_opt.scenarios.recipe.tables import (
     Coordinate,
@@ -120,12 +120,8 @@ class MapTable(Table):
                     f"{field}: must be left out where the map has a size and no file"
                 )
         resolution = self.resolution or 1.0
+        refuse_too_many("size", "size", *size, resolution)
         cells = [max(math.ceil(length / resolution - 1e-9), 1) for length in size]
-        if math.prod(cells) > MOST_CELLS:
-            raise ProblemError(
-                f"size: must be at most {MOST_CELLS} cells, not {cells[0]} x {cells[1]} of "
-                f"{resolution:g} m"
-            )
         flat = np.zeros(cells)
         origin = self.origin or (0.0, 0.0)
         return Terrain(HeightMap(heights=flat, resolution=resolution, origin=origin), flat)

@@ -27,12 +27,15 @@ from cocap_opt.result import Reason
 
 ROOT = Path(__file__).parents[2]
 CALL = r"cocap-opt study ([a-z][^`\n]*)"
-SLOW = {"matplotlib", "pandas", "scipy", "cvxpy", "highspy", "ortools", "distributed"}
+SLOW = {
+    "matplotlib", "pandas", "scipy", "cvxpy", "highspy", "ortools", "distributed",
+    "pyproj", "rasterio", "shapely", "ssl",
+}  # fmt: skip
 
 
 def test_commands_load_their_work_late() -> None:
-    """The help of `cocap-opt study` waits for no solver and no plotting."""
-    code = "import sys, cocap_opt.experiments.studies.app; "
+    """No command waits for a solver, plotting or networks before its time limit counts."""
+    code = "import sys, cocap_opt.experiments.studies.app, cocap_opt.experiments.cli.commands; "
     code += f"print(*({SLOW!r} & sys.modules.keys()))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == []

@@ -13,7 +13,7 @@ from strategies import Calls, examples, meetings, problems
 
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.certificates import CertificateFile, verify
-from cocap_opt.formulations.early_bound import early_bound
+from cocap_opt.formulations.early_bound import _Prices, early_bound
 from cocap_opt.model import Model, compiled
 from cocap_opt.planners import LAZY, PLANNERS
 from cocap_opt.problem import Plan, Problem
@@ -65,6 +65,17 @@ def test_a_bound_holds_whatever_coverage_is_known(
     assert isinstance(certificate, CertificateFile)
     proved = verify(problem, certificate).bound
     assert best.value - SLACK * abs(best.value) <= proved <= result.bound
+
+
+def test_drones_that_jump_need_little_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where there are too many states for value iteration, the most of each step suffices."""
+    model, found = covered_in_part(load_scene("passage", 0), 20), []
+    for many in (math.inf, 0):
+        monkeypatch.setattr("cocap_opt.formulations.early_bound._TOO_MANY", many)
+        prices = _Prices.of(model)
+        found.append([prices.without_motion(s) for s in (prices.alone(), *prices.tangents())])
+    assert 0 < model.covered_steps < model.problem.horizon and len(found[0]) > 2
+    assert found[1] == pytest.approx(found[0], rel=1e-12)
 
 
 @examples(40)

@@ -263,6 +263,11 @@ def test_a_solution_between_the_cells_is_evaluated(
     answer = json.loads(capsys.readouterr().out)
     assert caught.value.code == 0 and answer["reward"] == pytest.approx(math.fsum(rewards))
     assert "cannot be flown" in answer["message"]
+    with pytest.raises(SystemExit) as caught:  # it tells which scene it is of
+        main(["verify", str(folder / "shifted.json"), "--json"])
+    assert caught.value.code == 0 and json.loads(capsys.readouterr().out) == answer
+    own_starts = [robot.start for robot in load_scene(str(folder / "shifted.json")).robots]
+    assert own_starts == [robot.start for robot in problem.robots]  # the nearest cells
 
 
 def test_a_sensor_at_a_face_sees_nothing_of_it() -> None:

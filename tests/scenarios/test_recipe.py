@@ -304,7 +304,7 @@ def test_seeds_place_drones_and_nothing_else(tmp_path: Path) -> None:
         (("[[walk]]", "[[tracks]]\nfile = 'a.txt'\nunit = 'yd'\n[[walk]]"),
          r"tracks\[0\].unit: must be one of cm, ft, m, mm, not 'yd'"),
         (("[20, 12]", "[20, 12]\nfill = 1"), "map: fill: must be left out where the map has a s"),
-        (("[20, 12]", "[1e6, 1e6]"), "map: size: must be at most 1000000 cells, not 1000000 x 1"),
+        (("[20, 12]", "[1e6, 1e6]"), "map: size: must have at most 1000000 cells, not 1000000"),
         (("starts", "tilts = [100]\nstarts"), r"drones.0.: tilts: must be within .-90 degrees"),
         (("starts = [{ x = 2.5, y = 6.5, heading = 0 }]", "count = 9\nnear = 0.8"),
          r"drones.0.: count: must be at most 1 here; 240 of 240 .* 0.8 m at step 0; rules: sep"),
