@@ -1,9 +1,16 @@
 """Text of files as it is shown."""
 
 
-def printable(text: str) -> str:
-    """Returns the text with line breaks, control and other non-printable characters escaped."""
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+def printable(text: str, kept: str = "") -> str:
+    """Returns the text with line breaks, control and other non-printable characters escaped.
+
+    Parameters
+    ----------
+    kept : characters that stay as they are
+    """
+    return "".join(
+        c if c.isprintable() or c in kept else c.encode("unicode_escape").decode() for c in text
+    )
 
 
 def shortened(name: str, most: int = 60) -> str:

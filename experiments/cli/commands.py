@@ -20,7 +20,7 @@ from cocap_opt.experiments.cli import (
     verify_command,
 )
 from cocap_opt.experiments.console.options import UsageError
-from cocap_opt.experiments.console.streams import say
+from cocap_opt.experiments.console.streams import one_line, say
 from cocap_opt.experiments.sweeps.crew import ClusterError
 from cocap_opt.files.documents import FileError
 
@@ -97,7 +97,15 @@ class _Once(logging.Filter):
         return new
 
 
+class _OneLine(logging.Formatter):
+    """Writes a message on one line; some of it may come from files, as what is said may."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        return one_line(super().format(record))
+
+
 def _log_to_stderr() -> None:
     handler = logging.StreamHandler(sys.stderr)
     handler.addFilter(_Once())
-    logging.basicConfig(handlers=[handler], level=logging.WARNING, format="cocap-opt: %(message)s")
+    handler.setFormatter(_OneLine("cocap-opt: %(message)s"))
+    logging.basicConfig(handlers=[handler], level=logging.WARNING)

@@ -13,9 +13,10 @@ from rich.text import Text
 from cocap_opt.experiments.console.streams import say
 from cocap_opt.formulations.result import Report, Snapshot
 from cocap_opt.stop import Clock
+from cocap_opt.text import printable
 
 _BAR_WIDTH = 40  # characters
-SECONDS_BETWEEN_LINES = 5.0  # where standard error is no terminal
+SECONDS_BETWEEN_LINES = 4.0  # where standard error is no terminal; no silence is longer than 5 s
 
 
 class Watch:
@@ -60,7 +61,7 @@ class Watch:
         """Yields a watch that is shown on standard error.
 
         On a terminal its lines change and are gone at the end; otherwise they are plain lines
-        that stay, one in five seconds.
+        that stay, one in four seconds.
         """
         console = Console(stderr=True)
         watch = cls(task, parts, plain=not console.is_terminal)
@@ -96,7 +97,7 @@ class Watch:
 
     def lines(self) -> RenderableType:
         """Returns the lines that a terminal shows."""
-        texts = (self._head(), self._status)
+        texts = (printable(text) for text in (self._head(), self._status))
         lines = [Text(text, no_wrap=True, overflow="ellipsis") for text in texts if text]
         if self._parts is None:
             return Group(*lines)

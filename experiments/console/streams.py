@@ -13,13 +13,18 @@ def discard(stream: TextIO) -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
-def say(message: str) -> None:
-    """Writes one line on standard error; where that fails, the work goes on without it.
+def one_line(message: str) -> str:
+    """Returns a message on one line.
 
     Some of it may come from files: what is no text, or would steer a terminal, is escaped.
     """
+    return printable(" ".join(message.split()))
+
+
+def say(message: str) -> None:
+    """Writes one line on standard error; where that fails, the work goes on without it."""
     try:
-        sys.stderr.write("cocap-opt: " + printable(" ".join(message.split())) + "\n")
+        sys.stderr.write(f"cocap-opt: {one_line(message)}\n")
         sys.stderr.flush()
     except OSError:
         with suppress(OSError):

@@ -5,6 +5,7 @@ Each drawing function takes an axes and returns it.
 
 import io
 import textwrap
+import warnings
 from collections.abc import Sequence
 
 import matplotlib as mpl
@@ -20,9 +21,11 @@ from PIL import Image
 from cocap_opt import drawing
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import Verdict, check
+from cocap_opt.text import printable
 
 _TITLE = 40  # characters of the name of a scene; longer ones are cut
 VIEW_LENGTH = 0.2  # of the map, length of view cones as they are drawn; cameras see farther
+_SPACES = "\n\u00a0\u2009\u202f"
 _FRAME_MILLISECONDS = 500
 PICTURES = (".png", ".pdf", ".svg")
 
@@ -177,7 +180,12 @@ def picture(figure: Figure, suffix: str) -> bytes:
     FigureCanvasAgg(figure)
     for text in figure.findobj(Text):  # names of scenes and files may hold dollar signs
         text.set_parse_math(False)
-    with mpl.rc_context({"pdf.fonttype": 42, "text.parse_math": False}):
+        text.set_text(printable(text.get_text(), _SPACES))
+    with (
+        mpl.rc_context({"pdf.fonttype": 42, "text.parse_math": False}),
+        warnings.catch_warnings(),
+    ):
+        warnings.filterwarnings("ignore", "Glyph")  # names may have any letters
         figure.savefig(content, format=suffix[1:])
     return content.getvalue()
 

@@ -37,6 +37,7 @@ from cocap_opt.files.documents import FileError
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.scenarios import load_scene
+from cocap_opt.text import printable
 
 _TOO_LARGE = (
     "What the gaps are made of is not told here, since the scene has too many states for a page; "
@@ -70,7 +71,7 @@ def report_page(folder: Path, rows: Sequence[Row], run: RunFile, against: str, p
     shown = {title: text for title, text in sections.items() if text}
     parts = {
         "style": PageFile("report.css").text,
-        "about": escape(_about(rows)),
+        "about": _escaped(_about(rows)),
         "contents": "\n".join(
             f'<a href="#{_anchor(title)}">{title}</a>' for title in shown
         ),
@@ -158,10 +159,10 @@ def _scene_plans(folder: Path, rows: Sequence[Row]) -> str:
     player = escape(Player(problem, list(plans.items()), terms).page())
     title = problem.name if seed is None else f"{problem.name}, seed {seed}"
     charts = _image(conflicts_figure(problem, plans), f"{title}: who collides with whom, and when.")
-    name = escape(title)
+    name = _escaped(title)
     left_out = f"<p>{_TOO_LARGE}</p>" if not explained and is_too_large(problem) else ""
     return (
-        f"<h3>{name}</h3>\n<p>{escape(_story(shown))}</p>\n"
+        f"<h3>{name}</h3>\n<p>{_escaped(_story(shown))}</p>\n"
         f'<iframe class="player" loading="lazy" title="plans of {name}" srcdoc="{player}">'
         f"</iframe>\n{charts}{_gaps_explained(title, explained)}{left_out}"
     )
@@ -297,7 +298,7 @@ def _settings(rows: Sequence[Row], run: RunFile) -> str:
             "packages": ", ".join(f"{name} {number}" for name, number in one.packages.items()),
         }
         facts += [(key, text) for key, text in own.items() if (key, text) not in facts]
-    lines = (f"<dt>{escape(key)}</dt><dd>{escape(text)}</dd>" for key, text in facts)
+    lines = (f"<dt>{_escaped(key)}</dt><dd>{_escaped(text)}</dd>" for key, text in facts)
     return f"<dl>{''.join(lines)}</dl>"
 
 
@@ -311,14 +312,19 @@ def _limits(limits: Iterable[tuple[float | None, int | None]]) -> str:
 
 
 def _list(sentences: Sequence[str]) -> str:
-    return f"<ul>{''.join(f'<li>{escape(words)}</li>' for words in sentences)}</ul>"
+    return f"<ul>{''.join(f'<li>{_escaped(words)}</li>' for words in sentences)}</ul>"
+
+
+def _escaped(text: str) -> str:
+    """Returns text for the page, some of which may come from files."""
+    return escape(printable(text, "\n"))
 
 
 def _image(figure: Figure, words: str) -> str:
     """Returns a figure with its caption."""
     content = base64.b64encode(picture(figure, ".svg")).decode()
     return (
-        f'<figure><img alt="{escape(words, quote=True)}" '
-        f'src="data:image/svg+xml;base64,{content}"><figcaption>{escape(words)}</figcaption>'
+        f'<figure><img alt="{_escaped(words)}" '
+        f'src="data:image/svg+xml;base64,{content}"><figcaption>{_escaped(words)}</figcaption>'
         "</figure>\n"
     )

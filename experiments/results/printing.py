@@ -21,6 +21,7 @@ Record = dict[str, Any]  # a row of a small table, or the answer of a command
 _FOLDED = 16  # least width, in characters, of text that goes on in the next line
 _UNBOUNDED = 10_000  # characters of a line that is measured only
 _WIDE = 200  # characters of a line that goes to a file or a pipe
+_BREAK = "\n"
 _MARKS = "|`*[]\\"  # what Markdown gives a meaning besides HTML
 # Names of statistics, as people read them; JSON has the keys.
 _LABELS = {
@@ -90,10 +91,10 @@ def print_texts(tables: Sequence[str], sentences: Sequence[str]) -> None:
     """Prints tables as they are, and sentences below each other."""
     console = _console()
     for text in tables:
-        console.print(f"\n{text}", markup=False, highlight=False, soft_wrap=True)
+        console.print(f"\n{printable(text, _BREAK)}", markup=False, highlight=False, soft_wrap=True)
     console.print()
     for text in sentences:
-        console.print(text, markup=False, highlight=False)
+        console.print(printable(text, _BREAK), markup=False, highlight=False)
 
 
 class Listing(NamedTuple):
@@ -113,7 +114,7 @@ class Listing(NamedTuple):
         _console(self._least_width).print(self._table())
         console = _console()
         for words in self.notes:
-            console.print(words, markup=False)
+            console.print(printable(words, _BREAK), markup=False)
 
     def fitted(self, spare: Sequence[str]) -> "Listing":
         """Returns it without as many of some columns, the first first, as a terminal is too narrow.
@@ -136,8 +137,8 @@ class Listing(NamedTuple):
         return console.measure(self._table(), options=unbounded).minimum
 
     def _table(self) -> Table:
-        table = Table(title=self.title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False,
-                      collapse_padding=True)  # fmt: skip
+        table = Table(title=escape(printable(self.title)), title_justify="left", box=SIMPLE_HEAD,
+                      pad_edge=False, collapse_padding=True)  # fmt: skip
         for key, value in self.rows[0].items() if self.rows else ():
             wraps, widest = key in ("scene", "about", "message"), self._widest(key)
             table.add_column(key, justify="left" if isinstance(value, str) else "right",

@@ -11,8 +11,9 @@ its mirror image. Free terrain (`.` and `G` ground, `S` swamp) has height 0; eve
 The rows of a scenario are trips from a start to a goal. The first rows let an actor walk their
 trip, on a shortest path that does not cut corners, as the benchmark's optimal lengths assume;
 actors ignore each other. The starts of others, those with somebody near first, are those of the
-robots. Without such an order (`near`), the first rows put a robot on their start each, and the
-following ones are the actors'.
+robots. Where too few are near, the next rows' actors walk in place of the first ones.
+Without such an order (`near`), the first rows put a robot on their start each, and the following
+ones are the actors'.
 """
 
 from __future__ import annotations  # networkx graphs take type arguments in stubs only
@@ -93,6 +94,7 @@ OPTIONS = Options(
         "near": _Numbers(f"{NEAR:g}", float, 0),
     }
 )
+_ATTEMPTS = 10  # people whom drones are sought near to, before it is given up
 _ARGUMENTS = {"drones": "robots", "people": "actors"}  # of `read`, where they are called otherwise
 
 
@@ -191,14 +193,27 @@ class _Cast(NamedTuple):
         ProblemError
             If the rows have too few of either.
         """
-        order, graph, why = iter(trips), walking_graph(free), ""
+        graph = walking_graph(free)
         if self.near is None:
+            order = iter(trips)
             starts = list(islice(_distinct_starts(order, free), self.robots))
             walks = list(islice(_walks(order, graph), self.actors))
-        else:
-            walks = list(islice(_walks(order, graph), self.actors))
-            rows = list(_distinct_starts(order, free))
-            starts, why = self._near_people(rows, walks, height_map)
+            return self._require_all(starts, walks, "")
+        first = self._people_first(trips, free, graph, height_map)
+        for k in range(1, _ATTEMPTS if self.actors else 0):
+            if len(first[0]) >= self.robots or len(first[1]) < self.actors:
+                break
+            skipped = k * self.actors % len(trips)
+            others = trips[skipped:] + trips[:skipped]
+            found = self._people_first(others, free, graph, height_map)
+            if len(found[0]) >= self.robots and len(found[1]) == self.actors:
+                return self._require_all(*found)
+        return self._require_all(*first)
+
+    def _require_all(
+        self, starts: list[GridCell], walks: list[list[GridCell]], why: str
+    ) -> tuple[list[GridCell], list[list[GridCell]]]:
+        """Returns starts and walks, if they are as many as wanted."""
         _require(
             (len(starts), len(walks)) == (self.robots, self.actors),
             "rows",
@@ -206,6 +221,15 @@ class _Cast(NamedTuple):
             f"path to their goal, but give only {len(starts)} and {len(walks)}{why}",
         )
         return starts, walks
+
+    def _people_first(
+        self, trips: list[_Trip], free: BoolArray, graph: Graph, height_map: HeightMap
+    ) -> tuple[list[GridCell], list[list[GridCell]], str]:
+        """Returns starts near the people of the first rows, their walks, and why they are few."""
+        order = iter(trips)
+        walks = list(islice(_walks(order, graph), self.actors))
+        starts, why = self._near_people(list(_distinct_starts(order, free)), walks, height_map)
+        return starts, walks, why
 
     def _near_people(
         self, rows: list[GridCell], walks: list[list[GridCell]], height_map: HeightMap
@@ -218,7 +242,8 @@ class _Cast(NamedTuple):
             return starts[: self.robots], ""
         return starts, (
             f"; only from {len(starts)} of the {len(rows)} free starts a drone comes within near = "
-            f"{self.near:g} m of somebody in sight in {self.steps} steps"
+            f"{self.near:g} m of somebody in sight in {self.steps} steps; fewer drones, another "
+            "seed, more steps or a larger near may do"
         )
 
 

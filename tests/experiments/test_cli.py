@@ -1058,6 +1058,7 @@ def test_text_of_files_steers_no_terminal(
     scene, plan, bound = hostile_files(tmp_path)
     broken = tmp_path / f"{HOSTILE.replace('/', '')}.json"
     broken.write_text(json.dumps({"format": HOSTILE, "version": 1}))
+    (tmp_path / f"f.{HOSTILE.replace('/', '')}.crazyflie.csv").touch()  # of another flight
     for words in (
         ["verify", scene, plan, bound], ["verify", scene, plan, bound, "--json"],
         ["plan", scene], ["plan", scene, "--json"], ["verify", "tiny-queue", plan],
@@ -1065,6 +1066,7 @@ def test_text_of_files_steers_no_terminal(
         ["gap", scene, "--planner", "greedy", "--out", tmp_path / "run"],
         ["table", tmp_path / "run", "--format", "markdown"], ["verify", scene, broken],
         ["show", scene, plan, "-o", tmp_path / "a.png"], ["plan", HOSTILE], ["plan", broken],
+        ["fly", scene, plan, "--step", "2", "--smooth", "-o", tmp_path / "f.crazyflie.csv"],
     ):  # fmt: skip
         run = Run(capsys, *words)
         text = run.out + run.err

@@ -435,16 +435,22 @@ def test_wrong_scenario_is_one_line(
 
 
 def test_near_is_named_where_it_leaves_no_starts(tmp_path: Path) -> None:
-    """Whoever lacks drones because nobody is near learns it, once, whichever way it was chosen."""
+    """Others walk where nobody starts near the first; who lacks drones still learns it, once."""
     wall = "." * 30 + "@" + "." * 9
     (tmp_path / "long.map").write_text(f"type octile\nheight 1\nwidth 40\nmap\n{wall}\n")
     rows = "".join(f"0\tlong.map\t40\t1\t{x}\t0\t{x + 1}\t0\t1\n" for x in (0, 2, 31, 33, 35))
     path = tmp_path / "long.scen"
     path.write_text(f"version 1\n{rows}")
-    words = "only from 0 of the 3 free starts a drone comes within near = {} m of somebody in sight"
-    _one_line(lambda: movingai.read(path), "long.scen: rows: ", words.format(15))
-    with pytest.raises(ProblemError, match=words.format(1)) as error:
-        movingai.read(path, options={"near": "1"})
+    problem = movingai.read(path)
+    starts = [robot.start.x for robot in problem.robots]
+    assert sorted(int(actor.poses[0, 0]) for actor in problem.actors) == [0, 35]
+    assert len(starts) == 2 and set(starts) <= {2, 31, 33}
+    for near in ("15", "1"):
+        options = {"near": near, "people": "1", "drones": "4"}
+        words = f"only from 1 of the 4 free starts a drone comes within near = {near} m of somebody"
+        _one_line(lambda: movingai.read(path, 0, options), "long.scen: rows: ", words)  # noqa: B023
+    with pytest.raises(ProblemError) as error:
+        movingai.read(path, options={"near": "1", "drones": "4"})
     assert str(error.value).count("long.scen") == 1
 
 
