@@ -199,38 +199,46 @@ def _about(problem: Problem, actor: Actor) -> Iterator[str]:
     if fastest > _FASTEST:
         yield f"moves by {fastest:.3g} m in one step: is the unit right?"
     steps: list[_Pose] = [(x, y, z, yaw) for x, y, z, yaw in poses.tolist()]
-    off = [t for t, (x, y, _, _) in enumerate(steps) if not _on_map(problem, x, y)]
+    off = [t for t, (x, y, _, _) in enumerate(steps) if not _on_map(problem.height_map, x, y)]
     if off:
         x, y, _, _ = steps[off[0]]
         yield _at(off, steps, "is off the map", f"at ({x:.7g}, {y:.7g}) m")
-    depths = {t: depth for t, pose in enumerate(steps) if (depth := _sunk(problem, actor, pose))}
-    if depths:
-        words = f"its feet are {next(iter(depths.values())):.3g} m below the top of the obstacle"
-        yield _at(list(depths), steps, "is inside an obstacle", words)
+    if words := buried(problem.workspace, actor, problem.horizon):
+        yield words
     high = {t: up for t, pose in enumerate(steps) if (up := _floats(problem, actor, pose))}
     if high:
         words = f"its feet are {next(iter(high.values())):.3g} m above the nearest matter below"
         yield _at(list(high), steps, "floats", words)
 
 
+def buried(workspace: Workspace, actor: Actor, horizon: int) -> str:
+    """Says when an actor is inside an obstacle, and how deep; nothing if it never is."""
+    steps: list[_Pose] = [(x, y, z, yaw) for x, y, z, yaw in actor.poses[: horizon + 1].tolist()]
+    depths = {t: depth for t, pose in enumerate(steps) if (depth := _sunk(workspace, actor, pose))}
+    if not depths:
+        return ""
+    words = f"its feet are {next(iter(depths.values())):.3g} m below the top of the obstacle"
+    return _at(list(depths), steps, "is inside an obstacle", words)
+
+
 def _at(when: list[int], steps: list[_Pose], what: str, words: str) -> str:
     return f"{what} at {len(when)} of {len(steps)} steps; at step {when[0]} {words}"
 
 
-def _on_map(problem: Problem, x: float, y: float) -> bool:
-    return problem.height_map.inside(*problem.height_map.cell_of(x, y))
+def _on_map(height_map: HeightMap, x: float, y: float) -> bool:
+    return height_map.inside(*height_map.cell_of(x, y))
 
 
-def _sunk(problem: Problem, actor: Actor, pose: _Pose) -> float:
+def _sunk(workspace: Workspace, actor: Actor, pose: _Pose) -> float:
     """Returns how far (m) an actor's feet are below the top of an obstacle; 0 outside of any."""
     x, y, z, _ = pose
-    if not _on_map(problem, x, y):
+    if not _on_map(workspace.height_map, x, y):
         return 0.0
     middle = z + actor.shape.height / 2
-    spans = problem.workspace.columns.at(*problem.height_map.cell_of(x, y))
+    spans = workspace.columns.at(*workspace.height_map.cell_of(x, y))
     if any(_holds(span, z, middle) for span in spans[1:]):
         # A part of a mesh is in the cell, perhaps not at the place of the actor.
-        spans = [spans[0], *_mesh_spans(problem, x, y)]
+        spans = [spans[0], *_mesh_spans(workspace.meshes, x, y)]
     return max((top - z for low, top in spans if _holds((low, top), z, middle)), default=0.0)
 
 
@@ -238,10 +246,10 @@ def _holds(span: tuple[float, float], foot: float, middle: float) -> bool:
     return span[0] < middle and span[1] > foot + _SUNK
 
 
-def _mesh_spans(problem: Problem, x: float, y: float) -> list[tuple[float, float]]:
+def _mesh_spans(meshes: tuple[Mesh, ...], x: float, y: float) -> list[tuple[float, float]]:
     """Returns the altitudes at which meshes are solid at a point."""
     found: list[tuple[float, float]] = []
-    for mesh in problem.meshes:
+    for mesh in meshes:
         vertices = (mesh.vertices - np.array([x, y, 0.0])) / np.array([_PROBE, _PROBE, 1.0])
         middle = np.array([0.5, 0.5, 0.0])
         spans = Spans.of_mesh(vertices + middle, mesh.triangles, (1, 1), mesh.is_solid)
@@ -252,7 +260,7 @@ def _mesh_spans(problem: Problem, x: float, y: float) -> list[tuple[float, float
 def _floats(problem: Problem, actor: Actor, pose: _Pose) -> float:
     """Returns how far (m) an actor's feet are above all matter below; 0 if it stands on some."""
     x, y, z, _ = pose
-    if not _on_map(problem, x, y):
+    if not _on_map(problem.height_map, x, y):
         return 0.0
     spans = problem.workspace.columns.at(*problem.height_map.cell_of(x, y))
     below = max((top for low, top in spans if low < z + actor.shape.height), default=math.inf)

@@ -10,6 +10,7 @@ from msgspec import Meta
 from cocap_opt.data import BoolArray, FloatArray, IntArray, ProblemError
 from cocap_opt.graph.encounters import NEAR, Encounters
 from cocap_opt.graph.motion import Window
+from cocap_opt.plausibility import buried
 from cocap_opt.problem import Actor, Airspace, Camera, CollisionRules, Limits, Motion, Robot, State
 from cocap_opt.scenarios.airframes import AIRFRAMES
 from cocap_opt.scenarios.cameras import CAMERAS
@@ -158,6 +159,9 @@ class DronesTable(Table):
         if actors:
             meet = int(self._can_meet(workspace, actors, horizon).sum())
             words += f"; from {meet} of them a drone comes within {NEAR:g} m of somebody in sight"
+            inside = (buried(workspace, actor, horizon) for actor in actors)
+            shut = [f"actors[{j}] {doubt}" for j, doubt in enumerate(inside) if doubt and not meet]
+            words = "; ".join([words, *shut[:1]])
         if self.near is not None:
             words += f"; some are within {self.near:g} m at step 0"
         return f"{words}; rules: {rules}"

@@ -467,6 +467,15 @@ def test_units_of_meshes(tmp_path: Path) -> None:
     assert np.ptp(read_mesh(tmp_path / "box.stl", unit="ft").vertices) == pytest.approx(304.8)
 
 
+def test_people_inside_a_mesh_are_named_where_no_drone_can_start(tmp_path: Path) -> None:
+    """Nobody comes near people inside a solid building: the refusal says where they are."""
+    trimesh.creation.box((14, 6, 20)).export(tmp_path / "house.stl")
+    mesh = '[[mesh]]\nfile = "house.stl"\nat = [10, 6, 10]\n[[drones]]\ncount = 1\n'
+    words = r"from 0 of them .* actors\[0\] is inside an obstacle at 5 of 5 steps; at step 0 its"
+    with pytest.raises(ProblemError, match=words):
+        read(write(tmp_path, FLAT + mesh))
+
+
 def test_an_open_mesh_is_doubted(tmp_path: Path) -> None:
     """A surface with a hole is used as a surface, and that is said."""
     box = trimesh.creation.box((1, 1, 1))
