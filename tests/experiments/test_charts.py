@@ -1,6 +1,7 @@
 import math
 from itertools import pairwise
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -146,6 +147,14 @@ def test_names_are_no_mathematics(tmp_path: Path) -> None:
     assert picture(gaps_figure(rows), ".png").startswith(b"\x89PNG")
     trace = Trace([Snapshot(1.0, 2.0, 1.0)])
     assert b"<svg" in picture(progress_figure({"$x^{_$": trace, "b": trace}), ".svg")
+
+
+@pytest.mark.filterwarnings("error")
+def test_names_break_no_picture() -> None:
+    """Control characters would make an SVG that nothing opens; letters of any font are let be."""
+    trace = Trace([Snapshot(1.0, 2.0, 1.0)])
+    text = picture(progress_figure({"a\x1b[2J": trace, "\u65b0\n": trace}), ".svg")
+    assert ElementTree.fromstring(text).tag.endswith("svg")
 
 
 def test_the_traces_of_a_sweep_are_drawn(
