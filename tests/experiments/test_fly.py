@@ -121,18 +121,20 @@ def beside_somebody() -> tuple[co.Problem, co.Plan]:
     problem = co.Problem(
         name="ahead", height_map=co.HeightMap(heights=np.zeros((12, 9))), horizon=4, step=1.0,
         actors=(co.Actor(poses=walk),), robots=(co.Robot(start=path[0]),),
-        airspace=co.Airspace(people_aside=2.9),
+        airspace=co.Airspace(people_aside=2.99),
     )  # fmt: skip
     return problem, co.Plan(paths=(path,))
 
 
 def test_a_smooth_flight_beside_people_may_be_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A drone that stops is overtaken; what is said of the straight flight was checked."""
+    """A drone that starts is overtaken; what is said to be enough, and of the straight one, is."""
     problem, plan = beside_somebody()
     assert len(co.trajectory(problem, plan)) == 5
-    words = r"actors\[0\], even .*; the straight flight is safe: leave --smooth out$"
+    words = r"actors\[0\], even .* people = 3.03 .* straight flight is safe: leave --smooth out$"
     with pytest.raises(ValueError, match=words):
         co.trajectory(problem, plan, smooth=True)
+    nearer = problem.replace(airspace=co.Airspace(people_aside=2.99 - (3.03 - 3.0)))
+    assert co.trajectory(nearer, plan, smooth=True).t.max() == 4.0
     monkeypatch.setattr(flights, "dangers", lambda flown: [Danger(2, (0,), "falls")])
     with pytest.raises(ValueError, match=r"neither is the straight flight safe: .* drone 0 falls$"):
         co.trajectory(problem, plan, smooth=True)
