@@ -86,13 +86,8 @@ def spare(problem: Problem, robot: Robot) -> float:
 
     It takes the shortest turns. With so much to spare to people, each plan has a smooth flight.
     """
-    motion, size = robot.motion, problem.height_map.resolution
-    moves = np.array(motion.moves)[:, 1:] * size
-    layers = np.array(motion.layers)
-    reach = min(motion.climb, len(layers) - 1)
-    climb = float((layers[reach:] - layers[: len(layers) - reach]).max())
-    most = np.hypot(np.hypot(*moves.T).max(), climb)
-    return float(most * largest(_SPEED[None]).value / SHORTEST)
+    most = robot.motion.longest_move(problem.height_map.resolution)
+    return most * largest(_SPEED[None]).value / SHORTEST
 
 
 class _Turns(NamedTuple):

@@ -15,6 +15,7 @@ from cocap_opt.flight.robustness import Robustness
 from cocap_opt.flight.safety import dangers
 from cocap_opt.flight.smooth import Smooth, smooth, spare
 from cocap_opt.flight.trajectory import Trajectory, split
+from cocap_opt.plausibility import doubts
 from cocap_opt.problem import (
     Actor,
     Airspace,
@@ -487,13 +488,15 @@ LIMITED = {
     "climb": ("motion.climb", "a step of 1 s"),
     "yaw_rate": ("motion.turn", "a step of 0.524 s"),
     "gimbal_rate": ("motion.pitch_turn", "a step of 0.5 s"),
+    "acceleration": ("motion.radius", "a step of 1.1 s, or cells of 0.2 m would do"),
 }
 
 
 @pytest.mark.parametrize("kind", LIMITED)
 def test_moves_that_a_step_does_not_allow_are_refused(kind: str) -> None:
     """The message names the field, and a duration with which the scene is accepted."""
-    limits = {"speed": 2 * 2**0.5, "climb": 2.0, "yaw_rate": 1.5, "gimbal_rate": 1.0}
+    limits = {"speed": 2 * 2**0.5, "climb": 2.0, "yaw_rate": 1.5, "gimbal_rate": 1.0,
+              "acceleration": 2.5}  # fmt: skip
     motion = Motion(radius=2, layers=(4.0, 6.0))
     field, words = LIMITED[kind]
     robot = Robot(start=State(1, 1), motion=motion, camera=Camera(tilts=(0.2, 0.7)),
@@ -506,3 +509,32 @@ def test_moves_that_a_step_does_not_allow_are_refused(kind: str) -> None:
     Problem(**scene, step=1.5)
     with pytest.raises(ProblemError, match="a radius of 1"):
         Problem(**scene | {"robots": (robot.replace(limits=Limits(speed=3.0)),)}, step=1.0)
+
+
+@pytest.mark.parametrize("motion", [Motion(), Motion(radius=0, layers=(4.0, 5.0, 7.0))])
+def test_the_shortest_move_from_rest_must_fit_into_a_step(motion: Motion) -> None:
+    """Half the acceleration times the squared step is 1 m at 1.25 s, where the scene is allowed."""
+    robot = Robot(start=State(1, 1), motion=motion, limits=Limits(acceleration=1.28))
+    scene = {"name": "heavy", "height_map": HeightMap(heights=np.zeros((3, 3))),
+             "robots": (robot,), "actors": (), "horizon": 2}  # fmt: skip
+    Problem(**scene, step=1.25)
+    other = "layers 0.998 m apart" if motion.layers[1:] else "cells of 0.998 m"
+    with pytest.raises(ProblemError, match=f"a step of 1.25 s, or {other} would do$") as caught:
+        Problem(**scene, step=1.249)
+    assert "\n" not in str(caught.value)
+    still = robot.replace(motion=motion.replace(radius=0, layers=(4.0,)))
+    Problem(**scene | {"robots": (still,)}, step=0.01)
+
+
+def test_drones_that_cannot_stop_at_each_step_are_doubted_once() -> None:
+    """From rest to rest the longest move asks for four times its length by the squared step."""
+    limits = Limits(acceleration=4 * 2**0.5)
+    robots = tuple(Robot(start=State(x, 1), limits=limits) for x in (1, 2))
+    problem = Problem(
+        name="doubted", height_map=HeightMap(heights=np.zeros((9, 9))), robots=robots, actors=(),
+        horizon=2, step=0.99,
+    )  # fmt: skip
+    found = [[words for words in doubts(problem.replace(step=step)) if "cannot stop" in words]
+             for step in (0.99, 1.0)]  # fmt: skip
+    assert [len(words) for words in found] == [1, 0]
+    assert found[0][0].startswith("robots[0] ") and found[0][0].endswith("a step of 1 s would do")
