@@ -209,6 +209,23 @@ class Interrupt(Stop):
         finally:
             signal.signal(signal.SIGINT, before)
 
+    @staticmethod
+    @contextmanager
+    def held_back() -> Iterator[None]:
+        """Let Ctrl-C wait until what is done inside, which takes no time to speak of, is done."""
+        before = signal.getsignal(signal.SIGINT)
+        if threading.current_thread() is not threading.main_thread() or not callable(before):
+            yield
+            return
+        pressed: list[int] = []
+        signal.signal(signal.SIGINT, lambda number, frame: pressed.append(number))
+        try:
+            yield
+        finally:
+            signal.signal(signal.SIGINT, before)
+        for number in pressed:
+            signal.raise_signal(number)
+
 
 class Clock:
     """Seconds of wall-clock time since it was made."""

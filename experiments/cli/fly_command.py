@@ -26,6 +26,7 @@ from cocap_opt.experiments.results.files import PlanReader, check_output, save_f
 from cocap_opt.experiments.results.flights import Flight
 from cocap_opt.experiments.results.printing import Listing, Record, print_result
 from cocap_opt.files.documents import FileError
+from cocap_opt.stop import Interrupt
 
 _OPTIONS = "every", "smooth", "start"
 _PLACES = "earth.crs", "earth.origin"
@@ -86,15 +87,16 @@ def _fly(
     files = {_named(output, suffix, part): content for part, content in mission.files.items()}
     for path in files:
         check_output(path, scene, plan)
-    save_files(files)
     answer: Record = {"scene": problem.name, "seed": seed, **record, **mission.facts}
     notes = [*flight.notes(), *mission.notes, *_strays(output, suffix, files)]
     written = " ".join(map(str, files))
-    if json:
-        print_result({**answer, "drones": flight.rows(), "notes": notes, "file": written}, json)
-    else:
-        print_result({**answer, "file": written}, json)
-        Listing("tightest moment of each drone", flight.rows(), notes).print()
+    with Interrupt.caught():  # who presses Ctrl-C now is told what is written, unless pressed twice
+        save_files(files)
+        if json:
+            print_result({**answer, "drones": flight.rows(), "notes": notes, "file": written}, json)
+        else:
+            print_result({**answer, "file": written}, json)
+            Listing("tightest moment of each drone", flight.rows(), notes).print()
     return 0
 
 

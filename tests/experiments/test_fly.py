@@ -1,5 +1,7 @@
 import io
+import os
 import re
+import signal
 from pathlib import Path
 
 import numpy as np
@@ -247,3 +249,32 @@ def test_changes_that_are_none_are_refused(
         assert expected in line
     with pytest.raises(ValueError, match="lag: must be more than 0"):
         co.robustness(co.load(scene), co.plan(co.load(scene), "sequential"), lag=[-1])
+
+
+def test_ctrl_c_while_files_are_written_is_told_what_they_are(
+    files: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    """All files are there, and so are the notes; pressed twice, one line says that they are."""
+    real, out = os.replace, tmp_path / "f.crazyflie.csv"
+    for presses in (1, 2):
+        left = [signal.SIGINT] * presses
+
+        def press(source: str, target: Path, left: list[int] = left) -> None:
+            while left:
+                signal.raise_signal(left.pop())
+            real(source, target)
+
+        with monkeypatch.context() as patch:
+            patch.setattr(os, "replace", press)
+            run = Run(capsys, "fly", *files, "--smooth", "-o", out)
+        names = sorted(tmp_path.glob("f.drone*.crazyflie.csv"))
+        assert len(names) == 2
+        if presses == 1:
+            assert run.code == 0 and "start all at once" in run.out
+        else:
+            assert run.code == 130
+            expected = ", ".join(map(str, names))
+            assert run.err.strip() == f"cocap-opt: interrupted, written: {expected}"
+        for path in names:
+            path.unlink()
