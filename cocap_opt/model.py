@@ -316,7 +316,7 @@ class Model:
         """
         states = sum(len(c.robots) * c.graph.n_states for c in self.classes)
         reserve = states * (self.problem.horizon + 1) * _SWEEPING
-        limit = None
+        limit, before = None, stop.reached()
         try:
             for robot_class in self.classes:
                 self._coverage.prepare(
@@ -324,7 +324,7 @@ class Model:
                 )
         except LimitReached as reached:
             limit = reached.limit
-        if Limit.INTERRUPT in (limit, stop.reached()):
+        if before is None and Limit.INTERRUPT in (limit, stop.reached()):
             stop.put_off(max(reserve, _WAITING))
         if limit is None:
             return self

@@ -662,6 +662,7 @@ class PressedLater(Interrupt):
         self._left = asked
 
     def reached(self) -> Limit | None:
+        """Count how often it is asked."""
         self._left -= 1
         self.pressed = self.pressed or self._left < 0
         return super().reached()
@@ -673,7 +674,7 @@ def test_ctrl_c_during_coverage_gives_a_plan_with_what_is_there(
     """It waits until drones are planned, as a time limit leaves time for it, but only once."""
     monkeypatch.setenv("COCAP_OPT_CACHE", str(tmp_path))
     problem = load_scene("tiny-approach")
-    stop = PressedLater(1)
+    stop = PressedLater(2)
     result = sequential(problem.replace(name="interrupted"), stop)
     assert stop.pressed and result.value > greedy(problem, TimeLimit(0)).value
     stop = PressedLater(0)
