@@ -233,21 +233,17 @@ def _way_out(danger: Danger, straight: Trajectory) -> str:
     """Says what to do where no smooth flight is safe: by how much a plan must keep farther away."""
     if same := dangers(straight):
         return f", even with its shortest turns; neither is the straight flight safe: {same[0]}"
-    problem = straight.problem
-    far = sum(spare(problem, problem.robots[drone]) for drone in danger.drones)
-    airspace, rules = problem.airspace, problem.rules
-    table, margins = "rules", {"separation": rules.separation, "vertical": rules.vertical}
-    if danger.person is not None:
-        above = airspace.people_above or 0.0
-        table, margins = "airspace", {"people": airspace.people_aside, "over_people": above}
-    would_do = " and ".join(
-        f"{name} = {math.ceil(100 * (least + far)) / 100:g}"
-        for name, least in margins.items()
-        if least
-    )
+    problem, other = straight.problem, "the straight flight is safe: leave --smooth out"
+    if danger.person is None:
+        return f", even with its shortest turns; {other}"
+    (drone,), airspace = danger.drones, problem.airspace
+    margin = math.ceil(100 * spare(problem, problem.robots[drone])) / 100
+    larger = f"people = {airspace.people_aside + margin:g}"
+    if airspace.people_above is not None:
+        larger += f" and over_people = {airspace.people_above + margin:g}"
     return (
-        f", even with its shortest turns; a plan with {would_do} in [{table}] has a smooth flight, "
-        "and of this one the straight flight is safe: leave --smooth out"
+        f", even with its shortest turns; plan with {larger} in [airspace], and fly that with "
+        f"--margin {margin:g}; of this plan {other}"
     )
 
 

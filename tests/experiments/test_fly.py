@@ -132,14 +132,33 @@ def test_a_smooth_flight_beside_people_may_be_refused(monkeypatch: pytest.Monkey
     """A drone that starts is overtaken; what is said to be enough, and of the straight one, is."""
     problem, plan = beside_somebody()
     assert len(co.trajectory(problem, plan)) == 5
-    words = r"actors\[0\], even .* people = 3.03 .* straight flight is safe: leave --smooth out$"
+    words = r"actors\[0\], even .* people = 3.03 .* --margin 0.04; .* leave --smooth out$"
     with pytest.raises(ValueError, match=words):
         co.trajectory(problem, plan, smooth=True)
-    nearer = problem.replace(airspace=co.Airspace(people_aside=2.99 - (3.03 - 3.0)))
-    assert co.trajectory(nearer, plan, smooth=True).t.max() == 4.0
     monkeypatch.setattr(flights, "dangers", lambda flown: [Danger(2, (0,), "falls")])
     with pytest.raises(ValueError, match=r"neither is the straight flight safe: .* drone 0 falls$"):
         co.trajectory(problem, plan, smooth=True)
+
+
+def test_a_margin_makes_room_for_a_smooth_flight(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A plan that keeps more from people is flown as the message says, and keeps the rest."""
+    problem, plan = beside_somebody()
+    scene, file, out = (tmp_path / name for name in ("scene.json", "plan.json", "f.csv"))
+    co.save(scene, problem)
+    co.save(file, plan, problem)
+    run = Run(capsys, "fly", scene, file, "--smooth", "-o", out)
+    assert run.code == 2 and not out.exists()
+    (margin,) = re.findall(r"--margin (\S+);", run.err)
+    run = Run(capsys, "fly", scene, file, "--smooth", "-o", out, "--margin", margin, "--json")
+    assert run.code == 0
+    assert run.json["people_distance"] >= 2.99 - float(margin)
+    assert any("drones keep 2.95 m from people" in note for note in run.json["notes"])
+    assert Run(capsys, "robustness", scene, file, "--smooth", "--margin", margin).code == 0
+    for wrong in (-0.1, 2.99, "nan"):
+        run = Run(capsys, "fly", scene, file, "-o", out, "--margin", wrong)
+        assert run.code == 2 and "--margin: must be from 0 m to less than" in run.err
 
 
 def test_errors_name_what_is_to_be_changed(
