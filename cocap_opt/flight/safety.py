@@ -37,6 +37,7 @@ from cocap_opt.world.columns import Columns
 
 _DEEPEST = 40  # halvings
 _TOUCH = 1e-9  # cells
+_Piece = tuple[int, bytes]  # drone and coefficients
 
 
 class Danger(NamedTuple):
@@ -61,13 +62,19 @@ class Danger(NamedTuple):
         return f"step {self.step} to {self.step + 1}: {noun} {who} {self.words}"
 
 
-def dangers(flown: Trajectory) -> list[Danger]:
+def dangers(flown: Trajectory, known: dict[_Piece, str] | None = None) -> list[Danger]:
     """Returns the pieces in which flights break a rule of their scene; none if they are safe.
 
     Walls are not looked at for drones that may cut corners (`Motion.corner_cutting`): their plans
     do not keep away from them between the steps either.
+
+    Parameters
+    ----------
+    known : remembers what pieces of flights in the same scene enter, for other flights of which
+        some pieces are the same
     """
-    found = [*_between_drones(flown), *_near_people(flown), *_in_matter(flown)]
+    matter = _in_matter(flown, {} if known is None else known)
+    found = [*_between_drones(flown), *_near_people(flown), *matter]
     return sorted(found, key=lambda danger: (danger.step, danger.part, danger.drones))
 
 
@@ -119,21 +126,28 @@ def _nearness(ways: FloatArray, rules: CollisionRules) -> list[FloatArray]:
     return [aside] if most >= LARGEST / 2 else [aside, most**2 - product(z, z)]
 
 
-def _in_matter(flown: Trajectory) -> Iterator[Danger]:
+def _in_matter(flown: Trajectory, known: dict[_Piece, str]) -> Iterator[Danger]:
     """Yields where drones come too near to matter, or leave the map or the airspace."""
     workspace = flown.problem.workspace
     for i, (robot, path) in enumerate(zip(flown.problem.robots, flown.pieces, strict=True)):
         zones = _Cells(flown.problem, workspace.forbidden, 0.0)
         walls = _Cells(flown.problem, workspace.columns, robot.motion.clearance)
         for k, piece in enumerate(path[:, :3]):
-            if (piece == piece[:, :1]).all():
-                continue  # it stays
-            step, part = divmod(k, flown.parts)
-            if not zones.are_free_for(piece):
-                words = "leaves the map, enters a no-fly zone, or is too high"
-                yield Danger(step, (i,), words, part)
-            elif not (robot.motion.corner_cutting or walls.are_free_for(piece)):
-                yield Danger(step, (i,), "comes too near to solid matter", part)
+            key = i, piece.tobytes()
+            if key not in known:
+                known[key] = _closed(piece, zones, None if robot.motion.corner_cutting else walls)
+            if known[key]:
+                step, part = divmod(k, flown.parts)
+                yield Danger(step, (i,), known[key], part)
+
+
+def _closed(piece: FloatArray, zones: "_Cells", walls: "_Cells | None") -> str:
+    """Says what a piece [3, 6] of a flight enters, if it does; who stays enters nothing."""
+    if (piece == piece[:, :1]).all():
+        return ""
+    if not zones.are_free_for(piece):
+        return "leaves the map, enters a no-fly zone, or is too high"
+    return "" if walls is None or walls.are_free_for(piece) else "comes too near to solid matter"
 
 
 class _Cells(NamedTuple):

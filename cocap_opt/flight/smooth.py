@@ -72,9 +72,10 @@ def _mended(problem: Problem, plan: Plan, slow: bool) -> Smooth:
     """
     straight, points = Trajectory.straight(problem, plan), waypoints(problem, plan)
     turns = _Turns.longest(points)
+    known: dict[tuple[int, bytes], str] = {}  # of pieces that stay the same
     while True:
         flown = straight.with_pieces(turns.pieces(points))
-        found = dangers(flown)
+        found = dangers(flown, known)
         mended = turns.mended(found, [not slow or _walks(problem, danger) for danger in found])
         if mended.same(turns):
             return Smooth(flown, tuple(found), turns.slowed, turns.shortened)
@@ -156,6 +157,7 @@ class _Turns(NamedTuple):
         """
         new = self._replace(**{name: rows.copy() for name, rows in self._asdict().items()})
         near = defaultdict[_Turn, set[int]](set)  # on which sides of turns
+        slow = set[tuple[Danger, _Turn]]()  # several pieces of a step are one danger
         for danger, short in zip(found, shorter, strict=True):
             ends, drones = (danger.step, danger.step + 1), danger.drones
             turns = [(drone, k) for drone in drones for k in ends]
@@ -166,8 +168,9 @@ class _Turns(NamedTuple):
                 for turn in reaching:
                     near[turn].add(_AFTER if turn[1] == danger.step else _BEFORE)
             else:
-                for turn in turns:  # who is in two dangers at once is slowed for each
-                    new.shares[turn] *= _SLOWER
+                slow |= {(danger._replace(part=0), turn) for turn in turns}
+        for _, turn in slow:  # who is in two dangers at once is slowed for each
+            new.shares[turn] *= _SLOWER
         for turn, sides in near.items():
             self._shorten(new, turn, sides)
         new.shares[new.shares < _LEAST] = 0.0
