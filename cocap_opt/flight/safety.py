@@ -100,7 +100,8 @@ def _near_people(flown: Trajectory) -> Iterator[Danger]:
         near = come_too_near(ways.reshape(-1, 3, DEGREE + 1), airspace.rules_beside(actor))
         for k in np.flatnonzero(near).tolist():
             step, part = divmod(k % count, flown.parts)
-            yield Danger(step, (k // count,), f"comes too near to actors[{j}]", part, j)
+            words = f"comes nearer than {airspace.people_aside:g} m to actors[{j}]"
+            yield Danger(step, (k // count,), words, part, j)
 
 
 def walk_of(problem: Problem, actor: Actor, parts: int) -> FloatArray:

@@ -2,21 +2,22 @@
 
 At each step a drone is exactly where the plan says, and looks as it says. It passes with the mean
 of the speeds before and after, and with the acceleration from the one to the other; a drone begins
-and ends at rest. Such a turn takes all of the steps before and after. Where it breaks a rule
-(`safety`), it is mended in one of two ways, as far as it must be:
+and ends at rest. The part of a flight in which the one speed becomes the other is a blend; it takes
+all of the steps before and after. Where it breaks a rule (`safety`), it is mended in one of two
+ways, as far as it must be:
 
 - slower: the drone passes with a share of that speed, and at last stops. Drones that stop at the
   steps before and after a move fly the straight line of the plan, and all by one law of time if
-  their turns are equally short. So stopping is as safe as the plan against walls, zones and drones.
-- shorter: the turn takes one of the two steps only, or a half, a quarter, an eighth of them; for
+  their blends are equally short. So it is as safe as the plan against walls, zones and drones.
+- shorter: the blend takes one of the two steps only, or a half, a quarter, an eighth of them; for
   the rest the drone keeps the even pace of the plan. People, who walk evenly, ask for that.
 
-In a turn a drone leaves its even pace by two polynomials of the fifth degree: one has the change of
-its speed at the step, the other its acceleration there, and both end with neither. A drone that
+In a blend a drone leaves its even pace by two polynomials of the fifth degree: one has the change
+of its speed at the step, the other its acceleration there, and both end with neither. A drone that
 stops strays from its even pace by no more than a fifth of its move times the part of the step that
 the stop takes. So a plan that keeps farther from people than it must, by a 40th of the longest
 move, always has a smooth flight (`spare`). In one that does not, drones may be too near to people
-where they start, land, or turn at two steps in a row.
+where they start, land, or change their speed at two steps in a row.
 """
 
 from collections import defaultdict
@@ -31,7 +32,7 @@ from cocap_opt.flight.safety import Danger, dangers
 from cocap_opt.flight.trajectory import DEGREE, Trajectory, evenly, split, waypoints
 from cocap_opt.problem import Plan, Problem, Robot
 
-SHORTEST = 8  # a turn takes at least this part of a step
+SHORTEST = 8  # the shortest blend takes one in so many parts of a step
 _SLOWER = 0.5
 _LEAST = 0.2  # below which a drone stops
 _STEADY = 1.25  # times the slower rate on either side: no angle goes beyond those at the steps
@@ -39,7 +40,7 @@ _SPEED = np.array([0, 1 / 5, 2 / 5, 0, 0, 0])  # has the speed 1 at 0; all else 
 _BEND = np.array([0, 0, 1 / 20, 0, 0, 0])  # likewise the acceleration
 _SAME = 1e-9  # m, by which equal moves may differ
 _BEFORE, _BOTH, _AFTER = -1, 0, 1
-_Turn = tuple[int, int]  # drone and step
+_Blend = tuple[int, int]  # its drone and its step
 
 
 class Smooth(NamedTuple):
@@ -48,7 +49,7 @@ class Smooth(NamedTuple):
     Attributes
     ----------
     slowed : steps of drones at which they pass more slowly than they could
-    shortened : steps of drones at which they turn, start or stop more shortly than they could
+    shortened : steps of drones at which they change speed in less time than they could
     """
 
     trajectory: Trajectory
@@ -68,36 +69,36 @@ def _mended(problem: Problem, plan: Plan, slow: bool) -> Smooth:
 
     Parameters
     ----------
-    slow : True: turns are slower first, but beside people who walk; False: all are shorter first
+    slow : True: blends are slower first, but beside people who walk; False: all are shorter first
     """
     straight, points = Trajectory.straight(problem, plan), waypoints(problem, plan)
-    turns = _Turns.longest(points)
+    blends = _Blends.longest(points)
     known: dict[tuple[int, bytes], str] = {}  # of pieces that stay the same
     while True:
-        flown = straight.with_pieces(turns.pieces(points))
+        flown = straight.with_pieces(blends.pieces(points))
         found = dangers(flown, known)
-        mended = turns.mended(found, [not slow or _walks(problem, danger) for danger in found])
-        if mended.same(turns):
-            return Smooth(flown, tuple(found), turns.slowed, turns.shortened)
-        turns = mended
+        mended = blends.mended(found, [not slow or _walks(problem, danger) for danger in found])
+        if mended.same(blends):
+            return Smooth(flown, tuple(found), blends.slowed, blends.shortened)
+        blends = mended
 
 
 def spare(problem: Problem, robot: Robot) -> float:
     """Returns how far (m) a drone that stops at each step strays from its even pace at most.
 
-    It takes the shortest turns. With so much to spare to people, each plan has a smooth flight.
+    It takes the shortest blends. With so much to spare to people, each plan has a smooth flight.
     """
     most = robot.motion.longest_move(problem.height_map.resolution)
     return most * largest(_SPEED[None]).value / SHORTEST
 
 
-class _Turns(NamedTuple):
-    """The speed and the duration of each drone's turn at each step; it starts and ends with one.
+class _Blends(NamedTuple):
+    """The speed and the duration of each drone's blend at each step, the first and last included.
 
     Attributes
     ----------
     shares : [R, T+1] of the speed with which it could pass
-    cuts : [R, T+1] a turn takes one in so many parts of the steps before and after
+    cuts : [R, T+1] a blend takes one in so many parts of the steps before and after
     sides : [R, T+1] on which of the step it is made: before, after or both
     bent : [R, T+1] true if moves before and after differ
     """
@@ -109,7 +110,7 @@ class _Turns(NamedTuple):
 
     @classmethod
     def longest(cls, points: FloatArray) -> Self:
-        """Returns turns at points [R, T+1, 5] that take all of the steps, at the largest speeds."""
+        """Returns blends at points [R, T+1, 5] that take all of the steps, with the mean speeds."""
         shares = np.ones(points.shape[:2])
         shares[:, [0, -1]] = 0.0
         cuts = np.ones(shares.shape, dtype=np.int64)
@@ -119,12 +120,12 @@ class _Turns(NamedTuple):
 
     @property
     def slowed(self) -> int:
-        """Number of turns that are slower than they could be."""
+        """Number of blends that are slower than they could be."""
         return int((self.shares[:, 1:-1] < 1).sum())
 
     @property
     def shortened(self) -> int:
-        """Number of turns that are shorter than they could be."""
+        """Number of blends that are shorter than they could be."""
         return int(((self.cuts > 1) | (self.sides != _BOTH)).sum())
 
     @property
@@ -149,55 +150,55 @@ class _Turns(NamedTuple):
         return read_only(even + (first + last).reshape(even.shape))
 
     def mended(self, found: list[Danger], shorter: list[bool]) -> Self:
-        """Returns turns of which those at dangers are mended, as far as they can be.
+        """Returns blends of which those at dangers are mended, as far as they can be.
 
         Parameters
         ----------
-        shorter : of each danger, True: turns are shorter first, False: they are slower
+        shorter : of each danger, True: blends are shorter first, False: they are slower
         """
         new = self._replace(**{name: rows.copy() for name, rows in self._asdict().items()})
-        near = defaultdict[_Turn, set[int]](set)  # on which sides of turns
-        slow = set[tuple[Danger, _Turn]]()  # several pieces of a step are one danger
+        near = defaultdict[_Blend, set[int]](set)  # on which sides of blends
+        slow = set[tuple[Danger, _Blend]]()  # several pieces of a step are one danger
         for danger, short in zip(found, shorter, strict=True):
             ends, drones = (danger.step, danger.step + 1), danger.drones
-            turns = [(drone, k) for drone in drones for k in ends]
-            if len(drones) > 1 and not any(self.shares[turn] for turn in turns):
+            blends = [(drone, k) for drone in drones for k in ends]
+            if len(drones) > 1 and not any(self.shares[blend] for blend in blends):
                 for k in ends:  # all by one law of time
                     new.cuts[drones, k] = new.cuts[drones, k].max()
             elif short and (reaching := list(self._reaching(danger))):
-                for turn in reaching:
-                    near[turn].add(_AFTER if turn[1] == danger.step else _BEFORE)
+                for blend in reaching:
+                    near[blend].add(_AFTER if blend[1] == danger.step else _BEFORE)
             else:
-                slow |= {(danger._replace(part=0), turn) for turn in turns}
-        for _, turn in slow:  # who is in two dangers at once is slowed for each
-            new.shares[turn] *= _SLOWER
-        for turn, sides in near.items():
-            self._shorten(new, turn, sides)
+                slow |= {(danger._replace(part=0), blend) for blend in blends}
+        for _, blend in slow:  # who is in two dangers at once is slowed for each
+            new.shares[blend] *= _SLOWER
+        for blend, sides in near.items():
+            self._shorten(new, blend, sides)
         new.shares[new.shares < _LEAST] = 0.0
         new.sides[new.shares < 1] = _BOTH
         return new
 
-    def _shorten(self, new: Self, turn: _Turn, near: set[int]) -> None:
-        """Makes a turn shorter: only on the side that is not near, or in half of the time."""
-        (side, *others), passes = near, self.shares[turn] == 1
-        if passes and self.sides[turn] == _BOTH and not others:
-            new.sides[turn] = -side
-        elif self.cuts[turn] < SHORTEST:
-            new.cuts[turn] = 2 * self.cuts[turn]
-            new.sides[turn] = _BOTH
+    def _shorten(self, new: Self, blend: _Blend, near: set[int]) -> None:
+        """Makes a blend shorter: only on the side that is not near, or in half of the time."""
+        (side, *others), passes = near, self.shares[blend] == 1
+        if passes and self.sides[blend] == _BOTH and not others:
+            new.sides[blend] = -side
+        elif self.cuts[blend] < SHORTEST:
+            new.cuts[blend] = 2 * self.cuts[blend]
+            new.sides[blend] = _BOTH
         else:
-            new.shares[turn] *= _SLOWER
+            new.shares[blend] *= _SLOWER
 
-    def _reaching(self, danger: Danger) -> Iterator[_Turn]:
-        """Yields the turns of drones that reach into a piece of a step and can be mended."""
+    def _reaching(self, danger: Danger) -> Iterator[_Blend]:
+        """Yields the blends of drones that reach into a piece of a step and can be mended."""
         for drone in danger.drones:
             first = (drone, danger.step), danger.part, _AFTER
             last = (drone, danger.step + 1), self.parts - 1 - danger.part, _BEFORE
-            for turn, away, side in (first, last):
-                share, cuts, bent = self.shares[turn], self.cuts[turn], self.bent[turn]
-                reaches = away * cuts < self.parts and self.sides[turn] != -side
+            for blend, away, side in (first, last):
+                share, cuts, bent = self.shares[blend], self.cuts[blend], self.bent[blend]
+                reaches = away * cuts < self.parts and self.sides[blend] != -side
                 if reaches and (bent or share < 1) and (share > 0 or cuts < SHORTEST):
-                    yield turn
+                    yield blend
 
     def _rates(self, moves: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Returns speeds and accelerations [R, T+1, 5] at the steps, of a step's duration."""
@@ -217,7 +218,7 @@ def _off(cuts: IntArray, parts: int, speed: FloatArray, bend: FloatArray) -> Flo
 
     Parameters
     ----------
-    cuts : [R, T, 5] the turns take one in so many parts of the steps
+    cuts : [R, T, 5] the blends take one in so many parts of the steps
     parts : pieces of a step
     speed, bend : [R, T, 5] off the even pace at the step, of a step's duration
     """

@@ -24,6 +24,7 @@ from cocap_opt.world import HeightMap
 PER_STEP = 10  # rows of a smooth flight that nobody asked for otherwise
 MOST_ROWS = 5_000_000
 _TOUCH = 1e-6  # m, less is rounding
+_EVEN = ", even where it changes its speed as shortly as it can; "
 _UNITS = {"speed": "m/s", "climb": "m/s", "descent": "m/s", "acceleration": "m/s2",
           "yaw_rate": "deg/s", "gimbal_rate": "deg/s"}  # fmt: skip
 _ANGLES = "yaw_rate", "gimbal_rate"  # in rad/s where they are computed
@@ -40,7 +41,7 @@ class Flight(NamedTuple):
     geodesy : None where nobody knows where the scene is on the Earth
     demands : the largest of each kind on each drone
     slowed : steps of drones at which they pass more slowly than they could
-    shortened : steps of drones at which they turn, start or stop more shortly than they could
+    shortened : steps of drones at which they change speed in less time than they could
     start : when step 0 is, in UTC; None: nobody says
     """
 
@@ -232,18 +233,18 @@ def _geodesy(problem: Problem) -> Geodesy | None:
 def _way_out(danger: Danger, straight: Trajectory) -> str:
     """Says what to do where no smooth flight is safe: by how much a plan must keep farther away."""
     if same := dangers(straight):
-        return f", even with its shortest turns; neither is the straight flight safe: {same[0]}"
+        return f"{_EVEN}neither is the straight flight safe: {same[0]}"
     problem, other = straight.problem, "the straight flight is safe: leave --smooth out"
     if danger.person is None:
-        return f", even with its shortest turns; {other}"
+        return f"{_EVEN}{other}"
     (drone,), airspace = danger.drones, problem.airspace
     margin = math.ceil(100 * spare(problem, problem.robots[drone])) / 100
     larger = f"people = {airspace.people_aside + margin:g}"
     if airspace.people_above is not None:
         larger += f" and over_people = {airspace.people_above + margin:g}"
     return (
-        f", even with its shortest turns; plan with {larger} in [airspace], and fly that with "
-        f"--margin {margin:g}; of this plan {other}"
+        f"{_EVEN}plan with {larger} in [airspace], and fly that with --margin {margin:g}; of this "
+        f"plan {other}"
     )
 
 
@@ -257,7 +258,7 @@ def _require_limits(found: list[Demand], step: float, shortened: int) -> None:
     limit = (worst.limit or 0.0) * scale
     shorter = ""
     if shortened and worst.kind == "acceleration":
-        shorter = ", or a plan that keeps farther from people, for whom it turns so shortly"
+        shorter = ", or a plan that keeps farther from people, for whom it changes speed so fast"
     raise ProblemError(
         f"drone {worst.drone} cannot fly this: {worst.kind.replace('_', ' ')} "
         f"{worst.most * scale:.4g} {_UNITS[worst.kind]} at {worst.t:.4g} s, more than its "

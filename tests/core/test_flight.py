@@ -382,7 +382,7 @@ def test_drones_pass_people_as_far_as_the_plan() -> None:
 
 
 def test_a_plan_with_a_little_to_spare_beside_people_has_a_smooth_flight() -> None:
-    """Turns are shortened where somebody walks, as far as they must be, and all stays smooth."""
+    """Blends are shortened where somebody walks, as far as they must be, and all stays smooth."""
     shortened = 0
     for problem, plan, _ in flights():
         near = nearest_people(Trajectory.straight(problem, plan))
