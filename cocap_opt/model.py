@@ -32,6 +32,7 @@ Sight = tuple[Motion, AnyCamera]  # what a robot's coverage depends on besides i
 # Seconds that value iteration over a state takes, and the ceiling of what a state sees of an actor:
 # measured, and rounded up.
 _SWEEPING, _BOUNDING = 6e-8, 4e-8
+_WAITING = 1.0  # s that Ctrl-C waits for a plan at least, with the coverage that is there
 
 # Bytes of a state at a step, in the arrays of value iteration, and of a face seen from one, in the
 # table while it is made, where few of the faces are seen: measured.
@@ -308,13 +309,14 @@ class Model:
     def covered_by(self, stop: Stop, progress: Progress = _tell_nobody) -> "Model":
         """Return this model with its coverage, or with as much of it as there is time for.
 
-        Time is kept for planning every robot once, but no more than half of what there is. In a
-        model that is cut short, robots see nothing at the steps whose coverage is missing, but
-        along their own paths: plans are judged right, but made without looking that far.
+        Time is kept for planning every robot once, but no more than half of what there is; Ctrl-C
+        waits as long, or a second. In a model that is cut short, robots see nothing at the steps
+        whose coverage is missing, but along their own paths: plans are judged right, but made
+        without looking that far.
         """
         states = sum(len(c.robots) * c.graph.n_states for c in self.classes)
         reserve = states * (self.problem.horizon + 1) * _SWEEPING
-        limit = None
+        limit, before = None, stop.reached()
         try:
             for robot_class in self.classes:
                 self._coverage.prepare(
@@ -322,6 +324,8 @@ class Model:
                 )
         except LimitReached as reached:
             limit = reached.limit
+        if before is None and Limit.INTERRUPT in (limit, stop.reached()):
+            stop.put_off(max(reserve, _WAITING))
         if limit is None:
             return self
         part = object.__new__(Model)
@@ -429,7 +433,8 @@ class _Coverage:
         self._tables: dict[Sight, CoverageTable] = {}
         self._reachable: dict[Sight, BoolArray] = {}
         self._growing: dict[Sight, GrowingTable] = {}
-        self._ended: Stop | None = None  # the stop that has ended coverage early
+        # The stop that has ended coverage early, and by which limit.
+        self._ended: tuple[Stop, Limit] | None = None
 
     def views(self, spec: Robot) -> Views:
         graph = _graph(self.problem, spec)
@@ -499,8 +504,8 @@ class _Coverage:
         """
         if _sight(spec) in self._tables:
             return
-        if stop is self._ended:
-            raise LimitReached(stop.reached() or Limit.TIME)
+        if self._ended is not None and stop is self._ended[0]:
+            raise LimitReached(self._ended[1])
         self.require_memory(spec)
         clock = Clock()
         if math.isfinite(stop.seconds_left):
@@ -508,8 +513,8 @@ class _Coverage:
         try:
             self._tables[_sight(spec)] = self._made(spec, stop.before(reserve), progress)
             self._growing.pop(_sight(spec), None)
-        except LimitReached:
-            self._ended = stop
+        except LimitReached as reached:
+            self._ended = stop, reached.limit
             raise
         finally:
             self.seconds += clock.seconds

@@ -57,7 +57,7 @@ def doubts(problem: Problem) -> list[str]:
         found += [f"actors[{j}] {doubt}" for doubt in _about(problem, actor)]
     around = _around_robots(problem)
     outings = [around[robot.motion].outing(robot.start) for robot in problem.robots]
-    return [*found, *_in_the_way(problem), *_shut_in(problem, outings)]
+    return [*found, *_strained(problem), *_in_the_way(problem), *_shut_in(problem, outings)]
 
 
 def narrow_way(problem: Problem) -> str:
@@ -158,6 +158,17 @@ def _below_ground(problem: Problem, mesh: Mesh) -> bool:
     tops = Workspace(problem.height_map, (mesh,)).columns.high[1:].max(axis=0, initial=-math.inf)
     above = tops > -math.inf
     return bool(above.any() and (tops <= problem.height_map.heights)[above].all())
+
+
+def _strained(problem: Problem) -> Iterator[str]:
+    """Yields a doubt for the first robot of each kind that cannot stop at each step."""
+    kinds = {(robot.motion, robot.limits): i for i, robot in reversed([*enumerate(problem.robots)])}
+    for (motion, limits), i in sorted(kinds.items(), key=lambda item: item[1]):
+        if limits is None or problem.step is None:
+            continue
+        words = limits.strained_by(motion, problem.height_map.resolution, problem.step)
+        if words:
+            yield f"robots[{i}] {words}"
 
 
 def _in_the_way(problem: Problem) -> Iterator[str]:

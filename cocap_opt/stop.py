@@ -66,6 +66,12 @@ class Stop:
         """Seconds until the time limit, for solvers that take one; infinite without one."""
         return math.inf
 
+    def put_off(self, seconds: float) -> None:
+        """Let Ctrl-C wait for so many seconds once more; other limits stay.
+
+        Who is interrupted while something is prepared gets what can be made of it soon.
+        """
+
     def before(self, seconds: float) -> "Stop":
         """Return a stop that is reached with this one, or so many seconds before its time limit.
 
@@ -91,6 +97,10 @@ class _Before(Stop):
     def count_work(self) -> None:
         """Count one more unit of work for the other stop."""
         self._stop.count_work()
+
+    def put_off(self, seconds: float) -> None:
+        """Let Ctrl-C wait in the other stop."""
+        self._stop.put_off(seconds)
 
     @property
     def seconds_left(self) -> float:
@@ -168,6 +178,11 @@ class FirstOf(Stop):
         for stop in self._criteria:
             stop.count_work()
 
+    def put_off(self, seconds: float) -> None:
+        """Let Ctrl-C wait in all criteria."""
+        for stop in self._criteria:
+            stop.put_off(seconds)
+
     @property
     def seconds_left(self) -> float:
         """Seconds until the first time limit among the criteria."""
@@ -182,10 +197,17 @@ class Interrupt(Stop):
 
     def __init__(self) -> None:
         self.pressed = False
+        self._waits_until = -math.inf
 
     def reached(self) -> Limit | None:
         """Return `Limit.INTERRUPT` once Ctrl-C was pressed."""
-        return Limit.INTERRUPT if self.pressed else None
+        waits = time.monotonic() < self._waits_until
+        return Limit.INTERRUPT if self.pressed and not waits else None
+
+    def put_off(self, seconds: float) -> None:
+        """Let Ctrl-C wait for so many seconds from now on, but only once; a second one does not."""
+        if self._waits_until == -math.inf:
+            self._waits_until = time.monotonic() + seconds
 
     @classmethod
     @contextmanager
@@ -208,6 +230,23 @@ class Interrupt(Stop):
             yield interrupt
         finally:
             signal.signal(signal.SIGINT, before)
+
+    @staticmethod
+    @contextmanager
+    def held_back() -> Iterator[None]:
+        """Let Ctrl-C wait until what is done inside, which takes no time to speak of, is done."""
+        before = signal.getsignal(signal.SIGINT)
+        if threading.current_thread() is not threading.main_thread() or not callable(before):
+            yield
+            return
+        pressed: list[int] = []
+        signal.signal(signal.SIGINT, lambda number, frame: pressed.append(number))
+        try:
+            yield
+        finally:
+            signal.signal(signal.SIGINT, before)
+        for number in pressed:
+            signal.raise_signal(number)
 
 
 class Clock:

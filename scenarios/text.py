@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from cocap_opt.data import ProblemError
+from cocap_opt.files.documents import unreadable
 from cocap_opt.files.messages import no_text
 
 # How files begin that are no text, and the way out.
@@ -33,11 +34,9 @@ def naming(place: Path | str) -> Iterator[None]:
 
 
 def _require_regular(path: Path) -> None:
-    """Raises ProblemError if a path is no name, or a pipe or a device, which may not end."""
-    if "\0" in str(path):
-        raise ProblemError("must be the name of a file, in which no character is NUL")
-    if path.exists() and not (path.is_file() or path.is_dir()):
-        raise ProblemError("must be a regular file, no pipe or device")
+    """Raises ProblemError if a path is no name, or a pipe or a device."""
+    if words := unreadable(path):
+        raise ProblemError(words)
 
 
 def read_text(path: Path) -> str:

@@ -8,37 +8,56 @@ from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 
+from cocap_opt.stop import Interrupt
+
 UNFINISHED = ".cocap-opt-"  # what names of temporary files begin with
 
 
 def write_atomically(contents: Mapping[Path, bytes]) -> None:
     """Writes files whole or not at all; none takes its name before all are written.
 
-    Each is written to a temporary file beside it, which is then renamed.
+    Each is written to a temporary file beside it, which is then renamed. Ctrl-C before that leaves
+    no file, and later all of them.
 
     Raises
     ------
     OSError
         If one cannot be written, or there is something else, such as a folder or a device.
+    KeyboardInterrupt
+        With words on the files, if they were written.
     """
     written: list[tuple[str, Path]] = []
     try:
         for path, content in contents.items():
             target = file_to_write(path)
             # The target's own name may be as long as names can be.
-            handle, name = tempfile.mkstemp(dir=target.parent, prefix=UNFINISHED)
-            written.append((name, target))
+            with Interrupt.held_back():
+                handle, name = tempfile.mkstemp(dir=target.parent, prefix=UNFINISHED)
+                written.append((name, target))
             with os.fdopen(handle, "wb") as file:
                 file.write(content)
             # mkstemp makes private files; give it the mode any other new file would get.
             umask = os.umask(0)
             os.umask(umask)
             os.chmod(name, 0o666 & ~umask)
-        for name, target in written:
-            os.replace(name, target)
+        _rename(written, ", ".join(map(str, contents)))
     except BaseException:
         for name, _ in written:
             Path(name).unlink(missing_ok=True)
+        raise
+
+
+def _rename(written: list[tuple[str, Path]], names: str) -> None:
+    """Gives all files their names."""
+    done = False
+    try:
+        with Interrupt.held_back():
+            for name, target in written:
+                os.replace(name, target)
+            done = True
+    except KeyboardInterrupt as interrupt:
+        if done:
+            interrupt.args = (f"written: {names}",)
         raise
 
 

@@ -159,10 +159,19 @@ def _default(kind: type[Document], field: str) -> object:
     return next(f.default for f in msgspec.structs.fields(kind) if f.name == field)
 
 
+def unreadable(path: Path) -> str:
+    """Says that a path is no name, or a pipe or a device, which may not end, if it is so."""
+    if "\0" in str(path):
+        return "must be the name of a file, in which no character is NUL"
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        return "must be a regular file, no pipe or device"
+    return ""
+
+
 def read_bytes(path: Path) -> bytes:
     """Content of a file, or a FileError that names it."""
-    if path.exists() and not (path.is_file() or path.is_dir()):
-        raise FileError(f"{path}: must be a regular file, no pipe or device")
+    if words := unreadable(path):
+        raise FileError(f"{path}: {words}")
     try:
         return path.read_bytes()
     except OSError as error:

@@ -23,7 +23,7 @@ from cocap_opt.problem import CollisionRules
 from cocap_opt.problem.rules import TOLERANCE
 
 FINE = 2e-3  # s, by which an answer may be too small
-_FINEST = 1e-5  # steps, and
+_FINEST = 1e-5  # of a piece, and
 _MOST = 500_000  # squares at once, below and above which it may be smaller still
 _HALVES = tuple(product((0, 1), repeat=2))  # of one piece and of the other: a square's quarters
 _ENDS = tuple(product((0, -1), repeat=2))
@@ -42,29 +42,29 @@ def bearable_delay(flown: Trajectory, rules: CollisionRules) -> float:
     rules : have a separation
     """
     pieces = flown.pieces[:, :, :3]
-    robots, steps = pieces.shape[:2]
+    robots, count = pieces.shape[:2]
     pairs = np.argwhere(~np.eye(robots, dtype=np.bool_))
-    most, fine = np.inf, FINE / flown.step
-    for ahead in range(steps):
+    most, fine = np.inf, FINE / flown.piece_seconds
+    for ahead in range(count):
         if ahead - 1 >= most:
-            break  # pieces so many steps apart are less apart by up to one step
+            break  # pieces that begin so far apart are less apart by up to one piece
         one = pieces[pairs[:, 0], ahead:].reshape(-1, *pieces.shape[2:])
-        other = pieces[pairs[:, 1], : steps - ahead].reshape(one.shape)
+        other = pieces[pairs[:, 1], : count - ahead].reshape(one.shape)
         most = _least(one, other, ahead, rules, most, fine)
-    return most * flown.step
+    return most * flown.piece_seconds
 
 
 def _least(
     one: FloatArray, other: FloatArray, ahead: int, rules: CollisionRules, most: float, fine: float
 ) -> float:
-    """Returns the least difference (steps) between moments at which drones may be too near.
+    """Returns the least difference (pieces) between moments at which drones may be too near.
 
     Parameters
     ----------
     one, other : [n, 3, 6] pieces of flights
-    ahead : steps by which the first ones begin later; less than 0 no difference counts
-    most : steps, beyond which nothing matters
-    fine : steps, by which the answer may be too small
+    ahead : pieces by which the first ones begin later; less than 0 no difference counts
+    most : pieces, beyond which nothing matters
+    fine : pieces, by which the answer may be too small
     """
     apart, width, answer = np.full(len(one), float(ahead)), 1.0, most
     clash = most + fine  # the least difference at which two are too near, as far as it is known

@@ -38,17 +38,17 @@ def nearest_people(flown: Trajectory) -> Nearest | None:
     problem, pieces = flown.problem, flown.pieces
     if not problem.actors:
         return None
-    walks = np.array([walk_of(problem, actor)[:, :2] for actor in problem.actors])
+    walks = np.array([walk_of(problem, actor, flown.parts)[:, :2] for actor in problem.actors])
     ways = (pieces[:, None, :, :2] - walks).reshape(-1, 2, DEGREE + 1)
     one, other = np.divmod(np.arange(len(pieces) * len(walks)), len(walks))
     return _nearest(flown, ways, one, other)
 
 
 def _nearest(flown: Trajectory, ways: FloatArray, one: IntArray, other: IntArray) -> Nearest:
-    """Returns the least length of ways [pairs T, d, 6], and when and where that is."""
+    """Returns the least length of ways [pairs N, d, 6], and when and where that is."""
     peak = largest(-squared_length(ways))
-    pair, step = divmod(peak.which, flown.pieces.shape[1])
-    t = (step + peak.share) * flown.step
+    pair, piece = divmod(peak.which, flown.pieces.shape[1])
+    t = (piece + peak.share) * flown.piece_seconds
     place = flown.at(np.array([t])).place[int(one[pair])]
     distance = math.sqrt(max(-peak.value, 0.0))
     return Nearest(distance, t, int(one[pair]), int(other[pair]), place)

@@ -58,7 +58,7 @@ def demands(flown: Trajectory, is_smooth: bool) -> list[Demand]:
     for i, robot in enumerate(flown.problem.robots):
         limits = robot.limits or Limits()
         for kind, peak in _peaks(flown, i, is_smooth):
-            t = (peak.which % flown.pieces.shape[1] + peak.share) * flown.step
+            t = (peak.which % flown.pieces.shape[1] + peak.share) * flown.piece_seconds
             most = 0.0 if peak.value < _AT_REST else peak.value
             found.append(Demand(i, kind, most, t, getattr(limits, kind)))
     return found

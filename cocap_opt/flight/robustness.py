@@ -75,9 +75,10 @@ class Robustness:
         )
         film = Film(problem, self._parts, self._lowest, late)
         reward = film.reward(film.coverages(self._flown.at(film.moments)))
-        steps, duration = late / self._flown.step, self._ways.shape[1]
-        drones = _punctual(self._ways, steps, duration)
-        walks = [_late(walk_of(problem, actor), steps, duration) for actor in problem.actors]
+        pieces, duration = late / self._flown.piece_seconds, self._ways.shape[1]
+        drones = _punctual(self._ways, pieces, duration)
+        walks = [_late(walk_of(problem, actor, self._flown.parts), pieces, duration)
+                 for actor in problem.actors]  # fmt: skip
         return self._outcome(reward, between_drones(self._flown.pieces), drones, walks)
 
     def with_laggard(self, lag: float) -> Outcome:
@@ -92,18 +93,18 @@ class Robustness:
 
     def _lagging(self, robot: int, lag: float) -> Outcome:
         """Returns the outcome if a drone is late, but for what the others do to each other."""
-        steps, duration = lag / self._flown.step, self._ways.shape[1]
+        pieces, duration = lag / self._flown.piece_seconds, self._ways.shape[1]
         own, others = self._ways[robot], np.delete(self._ways, robot, axis=0)
-        longer = duration + int(np.ceil(steps))  # until the last of them has landed
-        between = _punctual(others, steps, longer) - _late(own, steps, longer)
+        longer = duration + int(np.ceil(pieces))  # until the last of them has landed
+        between = _punctual(others, pieces, longer) - _late(own, pieces, longer)
         coverages = [*self._coverages]
         views = self._flown.at(np.maximum(self._film.moments - lag, 0.0))
         coverages[robot] = self._film.coverage(robot, views)
         drones = np.concatenate(
-            [_late(own, steps, duration)[None], _punctual(others, steps, duration)]
+            [_late(own, pieces, duration)[None], _punctual(others, pieces, duration)]
         )
-        actors = self._problem.actors
-        walks = [_punctual(walk_of(self._problem, one), steps, duration) for one in actors]
+        walks = [_punctual(walk_of(self._problem, actor, self._flown.parts), pieces, duration)
+                 for actor in self._problem.actors]  # fmt: skip
         return self._outcome(
             self._film.reward(coverages), between.reshape(-1, 3, DEGREE + 1), drones, walks
         )
@@ -153,23 +154,23 @@ def _moved(actor: Actor, left: float) -> Actor:
     return actor.replace(poses=poses)
 
 
-def _punctual(pieces: FloatArray, late: float, steps: int) -> FloatArray:
-    """Returns pieces [.., 2 steps, d, n] of flights [.., T, d, n], cut for others that are late."""
-    return np.concatenate(parted(_at(pieces, np.arange(steps)), late % 1), axis=-3)
+def _punctual(pieces: FloatArray, late: float, count: int) -> FloatArray:
+    """Returns pieces [.., 2 count, d, n] of flights [.., N, d, n], cut for others that are late."""
+    return np.concatenate(parted(_at(pieces, np.arange(count)), late % 1), axis=-3)
 
 
-def _late(pieces: FloatArray, late: float, steps: int) -> FloatArray:
-    """Returns pieces [.., 2 steps, d, n] of late flights, cut as `_punctual` cuts the others."""
-    began = np.arange(steps) - int(np.floor(late))
+def _late(pieces: FloatArray, late: float, count: int) -> FloatArray:
+    """Returns pieces [.., 2 count, d, n] of late flights, cut as `_punctual` cuts the others."""
+    began = np.arange(count) - int(np.floor(late))
     before = parted(_at(pieces, began - 1), 1 - late % 1)[1]
     after = parted(_at(pieces, began), 1 - late % 1)[0]
     return np.concatenate([before, after], axis=-3)
 
 
-def _at(pieces: FloatArray, steps: IntArray) -> FloatArray:
-    """Returns pieces at some steps; before and after a flight, those of its first or last place."""
+def _at(pieces: FloatArray, numbers: IntArray) -> FloatArray:
+    """Returns pieces by number; before and after a flight, those of its first or last place."""
     last = pieces.shape[-3] - 1
-    found: FloatArray = pieces[..., np.clip(steps, 0, last), :, :].copy()
-    found[..., steps < 0, :, :] = pieces[..., :1, :, :1]
-    found[..., steps > last, :, :] = pieces[..., -1:, :, -1:]
+    found: FloatArray = pieces[..., np.clip(numbers, 0, last), :, :].copy()
+    found[..., numbers < 0, :, :] = pieces[..., :1, :, :1]
+    found[..., numbers > last, :, :] = pieces[..., -1:, :, -1:]
     return found

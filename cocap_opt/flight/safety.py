@@ -29,22 +29,32 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.data import LARGEST, BoolArray, FloatArray
-from cocap_opt.flight.bernstein import elevated, ever_positive, halves, product, squared_length
-from cocap_opt.flight.trajectory import DEGREE, Trajectory, between_drones
+from cocap_opt.flight.bernstein import ever_positive, halves, product, squared_length
+from cocap_opt.flight.trajectory import DEGREE, Trajectory, between_drones, evenly
 from cocap_opt.problem import Actor, CollisionRules, Problem
 from cocap_opt.problem.rules import TOLERANCE
 from cocap_opt.world.columns import Columns
 
 _DEEPEST = 40  # halvings
 _TOUCH = 1e-9  # cells
+_Piece = tuple[int, bytes]  # drone and coefficients
 
 
 class Danger(NamedTuple):
-    """Something that drones do in a step and may not."""
+    """Something that drones do in a step and may not.
 
-    step: int  # it is between this one and the next
+    Attributes
+    ----------
+    step : it is between this one and the next
+    part : piece of the step
+    person : to whom they come too near, if it is that
+    """
+
+    step: int
     drones: tuple[int, ...]
     words: str
+    part: int = 0
+    person: int | None = None
 
     def __str__(self) -> str:
         who = " and ".join(map(str, self.drones))
@@ -52,42 +62,52 @@ class Danger(NamedTuple):
         return f"step {self.step} to {self.step + 1}: {noun} {who} {self.words}"
 
 
-def dangers(flown: Trajectory) -> list[Danger]:
-    """Returns the steps in which flights break a rule of their scene; none if they are safe.
+def dangers(flown: Trajectory, known: dict[_Piece, str] | None = None) -> list[Danger]:
+    """Returns the pieces in which flights break a rule of their scene; none if they are safe.
 
     Walls are not looked at for drones that may cut corners (`Motion.corner_cutting`): their plans
     do not keep away from them between the steps either.
+
+    Parameters
+    ----------
+    known : remembers what pieces of flights in the same scene enter, for other flights of which
+        some pieces are the same
     """
-    found = [*_between_drones(flown), *_near_people(flown), *_in_matter(flown)]
-    return sorted(found, key=lambda danger: (danger.step, danger.drones))
+    matter = _in_matter(flown, {} if known is None else known)
+    found = [*_between_drones(flown), *_near_people(flown), *matter]
+    return sorted(found, key=lambda danger: (danger.step, danger.part, danger.drones))
 
 
 def _between_drones(flown: Trajectory) -> Iterator[Danger]:
-    rules, steps = flown.problem.rules, flown.pieces.shape[1]
+    rules, count = flown.problem.rules, flown.pieces.shape[1]
     ways = between_drones(flown.pieces)
     if rules.none or not rules.separation or not len(ways):
         return
     pairs = list(combinations(range(len(flown.pieces)), 2))
     for k in np.flatnonzero(come_too_near(ways, rules)).tolist():
-        yield Danger(k % steps, pairs[k // steps], f"come nearer than the {rules}")
+        step, part = divmod(k % count, flown.parts)
+        yield Danger(step, pairs[k // count], f"come nearer than the {rules}", part)
 
 
 def _near_people(flown: Trajectory) -> Iterator[Danger]:
     """Yields where drones come too near to people, who walk straight from step to step."""
     problem = flown.problem
-    airspace, steps = problem.airspace, flown.pieces.shape[1]
+    airspace, count = problem.airspace, flown.pieces.shape[1]
     if not airspace.people_aside:
         return
     for j, actor in enumerate(problem.actors):
-        ways = (flown.pieces[:, :, :3] - walk_of(problem, actor)).reshape(-1, 3, DEGREE + 1)
-        for k in np.flatnonzero(come_too_near(ways, airspace.rules_beside(actor))):
-            yield Danger(int(k) % steps, (int(k) // steps,), f"comes too near to actors[{j}]")
+        ways = flown.pieces[:, :, :3] - walk_of(problem, actor, flown.parts)
+        near = come_too_near(ways.reshape(-1, 3, DEGREE + 1), airspace.rules_beside(actor))
+        for k in np.flatnonzero(near).tolist():
+            step, part = divmod(k % count, flown.parts)
+            words = f"comes nearer than {airspace.people_aside:g} m to actors[{j}]"
+            yield Danger(step, (k // count,), words, part, j)
 
 
-def walk_of(problem: Problem, actor: Actor) -> FloatArray:
-    """Returns the coefficients [T, 3, 6] of the walk of the middle of a person's body."""
+def walk_of(problem: Problem, actor: Actor, parts: int) -> FloatArray:
+    """Returns the coefficients [T parts, 3, 6] of the walk of the middle of a person's body."""
     middles = actor.middles[: problem.horizon + 1] - [*problem.height_map.origin, 0.0]
-    return elevated(np.stack([middles[:-1], middles[1:]], axis=-1), DEGREE)
+    return evenly(middles, parts)
 
 
 def come_too_near(ways: FloatArray, rules: CollisionRules) -> BoolArray:
@@ -107,19 +127,28 @@ def _nearness(ways: FloatArray, rules: CollisionRules) -> list[FloatArray]:
     return [aside] if most >= LARGEST / 2 else [aside, most**2 - product(z, z)]
 
 
-def _in_matter(flown: Trajectory) -> Iterator[Danger]:
+def _in_matter(flown: Trajectory, known: dict[_Piece, str]) -> Iterator[Danger]:
     """Yields where drones come too near to matter, or leave the map or the airspace."""
     workspace = flown.problem.workspace
     for i, (robot, path) in enumerate(zip(flown.problem.robots, flown.pieces, strict=True)):
         zones = _Cells(flown.problem, workspace.forbidden, 0.0)
         walls = _Cells(flown.problem, workspace.columns, robot.motion.clearance)
-        for t, piece in enumerate(path[:, :3]):
-            if (piece == piece[:, :1]).all():
-                continue  # it stays
-            if not zones.are_free_for(piece):
-                yield Danger(t, (i,), "leaves the map, enters a no-fly zone, or is too high")
-            elif not (robot.motion.corner_cutting or walls.are_free_for(piece)):
-                yield Danger(t, (i,), "comes too near to solid matter")
+        for k, piece in enumerate(path[:, :3]):
+            key = i, piece.tobytes()
+            if key not in known:
+                known[key] = _closed(piece, zones, None if robot.motion.corner_cutting else walls)
+            if known[key]:
+                step, part = divmod(k, flown.parts)
+                yield Danger(step, (i,), known[key], part)
+
+
+def _closed(piece: FloatArray, zones: "_Cells", walls: "_Cells | None") -> str:
+    """Says what a piece [3, 6] of a flight enters, if it does; who stays enters nothing."""
+    if (piece == piece[:, :1]).all():
+        return ""
+    if not zones.are_free_for(piece):
+        return "leaves the map, enters a no-fly zone, or is too high"
+    return "" if walls is None or walls.are_free_for(piece) else "comes too near to solid matter"
 
 
 class _Cells(NamedTuple):

@@ -1,83 +1,248 @@
 """Smooth flights: those of a plan with continuous speed and acceleration.
 
 At each step a drone is exactly where the plan says, and looks as it says. It passes with the mean
-of the speeds before and after, and with the acceleration from the one to the other, or with a
-share of both: with 0 it stops there. A drone begins and ends at rest.
+of the speeds before and after, and with the acceleration from the one to the other; a drone begins
+and ends at rest. The part of a flight in which the one speed becomes the other is a blend; it takes
+all of the steps before and after. Where it breaks a rule (`safety`), it is mended in one of two
+ways, as far as it must be:
 
-Stopping is as safe as the plan against walls, zones and other drones: drones that stop at the steps
-before and after a move fly the straight line of the plan, all at the same pace. So where smooth
-flights come too near to each other or to anything else (`safety`), the drones concerned pass more
-slowly, and at last stop. Beside people, who walk evenly, that may not be enough, and the flight is
-refused.
+- slower: the drone passes with a share of that speed, and at last stops. Drones that stop at the
+  steps before and after a move fly the straight line of the plan, and all by one law of time if
+  their blends are equally short. So it is as safe as the plan against walls, zones and drones.
+- shorter: the blend takes one of the two steps only, or a half, a quarter, an eighth of them; for
+  the rest the drone keeps the even pace of the plan. People, who walk evenly, ask for that.
+
+In a blend a drone leaves its even pace by two polynomials of the fifth degree: one has the change
+of its speed at the step, the other its acceleration there, and both end with neither. A drone that
+stops strays from its even pace by no more than a fifth of its move times the part of the step that
+the stop takes. So a plan that keeps farther from people than it must, by a 40th of the longest
+move, always has a smooth flight (`spare`). In one that does not, drones may be too near to people
+where they start, land, or change their speed at two steps in a row.
 """
 
-from typing import NamedTuple
+from collections import defaultdict
+from collections.abc import Iterator
+from typing import NamedTuple, Self
 
 import numpy as np
 
-from cocap_opt.data import FloatArray, read_only
+from cocap_opt.data import BoolArray, FloatArray, IntArray, read_only
+from cocap_opt.flight.bernstein import largest
 from cocap_opt.flight.safety import Danger, dangers
-from cocap_opt.flight.trajectory import Trajectory, waypoints
-from cocap_opt.problem import Plan, Problem
+from cocap_opt.flight.trajectory import DEGREE, Trajectory, evenly, split, waypoints
+from cocap_opt.problem import Plan, Problem, Robot
 
+SHORTEST = 8  # the shortest blend takes one in so many parts of a step
 _SLOWER = 0.5
 _LEAST = 0.2  # below which a drone stops
 _STEADY = 1.25  # times the slower rate on either side: no angle goes beyond those at the steps
+_SPEED = np.array([0, 1 / 5, 2 / 5, 0, 0, 0])  # has the speed 1 at 0; all else at 0 and 1 is 0
+_BEND = np.array([0, 0, 1 / 20, 0, 0, 0])  # likewise the acceleration
+_SAME = 1e-9  # m, by which equal moves may differ
+_BEFORE, _BOTH, _AFTER = -1, 0, 1
+_Blend = tuple[int, int]  # its drone and its step
 
 
 class Smooth(NamedTuple):
-    """Smooth flights, and what could not be made safe."""
+    """Smooth flights, and what could not be made safe.
+
+    Attributes
+    ----------
+    slowed : steps of drones at which they pass more slowly than they could
+    shortened : steps of drones at which they change speed in less time than they could
+    """
 
     trajectory: Trajectory
     dangers: tuple[Danger, ...]
-    slowed: int  # steps of drones at which they pass more slowly than they could
+    slowed: int
+    shortened: int
 
 
 def smooth(problem: Problem, plan: Plan) -> Smooth:
     """Returns the smooth flights of a plan that can be flown and breaks no rule."""
-    straight = Trajectory.straight(problem, plan)
-    shares = np.ones((len(problem.robots), problem.horizon + 1))
-    shares[:, [0, -1]] = 0.0
-    while True:
-        flown = straight.with_pieces(_pieces(waypoints(problem, plan), shares))
-        found = dangers(flown)
-        before = shares.copy()
-        for danger in found:
-            for drone in danger.drones:
-                shares[drone, danger.step : danger.step + 2] *= _SLOWER
-        shares[shares < _LEAST] = 0.0
-        # A drone that passes two dangers at once is slowed for each.
-        if (shares == before).all():
-            return Smooth(flown, tuple(found), int((shares[:, 1:-1] < 1).sum()))
+    made = _mended(problem, plan, slow=True)
+    return _mended(problem, plan, slow=False) if made.dangers else made
 
 
-def _pieces(points: FloatArray, shares: FloatArray) -> FloatArray:
-    """Returns the coefficients [R, T, 5, 6] of flights through points [R, T+1, 5].
+def _mended(problem: Problem, plan: Plan, slow: bool) -> Smooth:
+    """Returns smooth flights, mended until they are safe or cannot be mended further.
 
     Parameters
     ----------
-    shares : [R, T+1] of the speed at each step
+    slow : True: blends are slower first, but beside people who walk; False: all are shorter first
     """
-    before, after = points[:, 1:-1] - points[:, :-2], points[:, 2:] - points[:, 1:-1]
-    speed, bend = np.zeros_like(points), np.zeros_like(points)  # per step, and per step squared
-    share = shares[:, 1:-1, None]
-    speed[:, 1:-1, :3] = (share * (before + after) / 2)[..., :3]
-    bend[:, 1:-1, :3] = (share * (after - before))[..., :3]
-    speed[:, 1:-1, 3:] = _steady(before[..., 3:], after[..., 3:])
-    a, b = points[:, :-1], points[:, 1:]
-    return read_only(
-        np.stack(
-            [
-                a,
-                a + speed[:, :-1] / 5,
-                a + 2 * speed[:, :-1] / 5 + bend[:, :-1] / 20,
-                b - 2 * speed[:, 1:] / 5 + bend[:, 1:] / 20,
-                b - speed[:, 1:] / 5,
-                b,
-            ],
-            axis=-1,
-        )
-    )
+    straight, points = Trajectory.straight(problem, plan), waypoints(problem, plan)
+    blends = _Blends.longest(points)
+    known: dict[tuple[int, bytes], str] = {}  # of pieces that stay the same
+    while True:
+        flown = straight.with_pieces(blends.pieces(points))
+        found = dangers(flown, known)
+        mended = blends.mended(found, [not slow or _walks(problem, danger) for danger in found])
+        if mended.same(blends):
+            return Smooth(flown, tuple(found), blends.slowed, blends.shortened)
+        blends = mended
+
+
+def spare(problem: Problem, robot: Robot) -> float:
+    """Returns how far (m) a drone that stops at each step strays from its even pace at most.
+
+    It takes the shortest blends. With so much to spare to people, each plan has a smooth flight.
+    """
+    most = robot.motion.longest_move(problem.height_map.resolution)
+    return most * largest(_SPEED[None]).value / SHORTEST
+
+
+class _Blends(NamedTuple):
+    """The speed and the duration of each drone's blend at each step, the first and last included.
+
+    Attributes
+    ----------
+    shares : [R, T+1] of the speed with which it could pass
+    cuts : [R, T+1] a blend takes one in so many parts of the steps before and after
+    sides : [R, T+1] on which of the step it is made: before, after or both
+    bent : [R, T+1] true if moves before and after differ
+    """
+
+    shares: FloatArray
+    cuts: IntArray
+    sides: IntArray
+    bent: BoolArray
+
+    @classmethod
+    def longest(cls, points: FloatArray) -> Self:
+        """Returns blends at points [R, T+1, 5] that take all of the steps, with the mean speeds."""
+        shares = np.ones(points.shape[:2])
+        shares[:, [0, -1]] = 0.0
+        cuts = np.ones(shares.shape, dtype=np.int64)
+        bent = np.ones(shares.shape, dtype=np.bool_)
+        bent[:, 1:-1] = (np.abs(np.diff(points[..., :3], n=2, axis=1)) > _SAME).any(axis=-1)
+        return cls(shares, cuts, _BOTH * cuts, bent)
+
+    @property
+    def slowed(self) -> int:
+        """Number of blends that are slower than they could be."""
+        return int((self.shares[:, 1:-1] < 1).sum())
+
+    @property
+    def shortened(self) -> int:
+        """Number of blends that are shorter than they could be."""
+        return int(((self.cuts > 1) | (self.sides != _BOTH)).sum())
+
+    @property
+    def parts(self) -> int:
+        """Pieces of each step."""
+        return int(self.cuts.max())
+
+    def same(self, other: Self) -> bool:
+        """Returns True if these are equal to others."""
+        return all((own == rows).all() for own, rows in zip(self, other, strict=True))
+
+    def pieces(self, points: FloatArray) -> FloatArray:
+        """Returns the coefficients [R, N, 5, 6] of flights through points [R, T+1, 5]."""
+        moves = np.diff(points, axis=1)
+        speed, bend = self._rates(moves)
+        parts, cuts = self.parts, np.repeat(self.cuts[..., None], points.shape[2], axis=-1)
+        cuts[..., 3:] = 1
+        first = _off(cuts[:, :-1], parts, speed[:, :-1] - moves, bend[:, :-1])
+        # What leads to a step looks, backwards, like what follows it.
+        last = _off(cuts[:, 1:], parts, moves - speed[:, 1:], bend[:, 1:])[:, :, ::-1, :, ::-1]
+        even = evenly(points, parts)
+        return read_only(even + (first + last).reshape(even.shape))
+
+    def mended(self, found: list[Danger], shorter: list[bool]) -> Self:
+        """Returns blends of which those at dangers are mended, as far as they can be.
+
+        Parameters
+        ----------
+        shorter : of each danger, True: blends are shorter first, False: they are slower
+        """
+        new = self._replace(**{name: rows.copy() for name, rows in self._asdict().items()})
+        near = defaultdict[_Blend, set[int]](set)  # on which sides of blends
+        slow = set[tuple[Danger, _Blend]]()  # several pieces of a step are one danger
+        for danger, short in zip(found, shorter, strict=True):
+            ends, drones = (danger.step, danger.step + 1), danger.drones
+            blends = [(drone, k) for drone in drones for k in ends]
+            if len(drones) > 1 and not any(self.shares[blend] for blend in blends):
+                for k in ends:  # all by one law of time
+                    new.cuts[drones, k] = new.cuts[drones, k].max()
+            elif short and (reaching := list(self._reaching(danger))):
+                for blend in reaching:
+                    near[blend].add(_AFTER if blend[1] == danger.step else _BEFORE)
+            else:
+                slow |= {(danger._replace(part=0), blend) for blend in blends}
+        for _, blend in slow:  # who is in two dangers at once is slowed for each
+            new.shares[blend] *= _SLOWER
+        for blend, sides in near.items():
+            self._shorten(new, blend, sides)
+        new.shares[new.shares < _LEAST] = 0.0
+        new.sides[new.shares < 1] = _BOTH
+        return new
+
+    def _shorten(self, new: Self, blend: _Blend, near: set[int]) -> None:
+        """Makes a blend shorter: only on the side that is not near, or in half of the time."""
+        (side, *others), passes = near, self.shares[blend] == 1
+        if passes and self.sides[blend] == _BOTH and not others:
+            new.sides[blend] = -side
+        elif self.cuts[blend] < SHORTEST:
+            new.cuts[blend] = 2 * self.cuts[blend]
+            new.sides[blend] = _BOTH
+        else:
+            new.shares[blend] *= _SLOWER
+
+    def _reaching(self, danger: Danger) -> Iterator[_Blend]:
+        """Yields the blends of drones that reach into a piece of a step and can be mended."""
+        for drone in danger.drones:
+            first = (drone, danger.step), danger.part, _AFTER
+            last = (drone, danger.step + 1), self.parts - 1 - danger.part, _BEFORE
+            for blend, away, side in (first, last):
+                share, cuts, bent = self.shares[blend], self.cuts[blend], self.bent[blend]
+                reaches = away * cuts < self.parts and self.sides[blend] != -side
+                if reaches and (bent or share < 1) and (share > 0 or cuts < SHORTEST):
+                    yield blend
+
+    def _rates(self, moves: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Returns speeds and accelerations [R, T+1, 5] at the steps, of a step's duration."""
+        before, after = moves[:, :-1], moves[:, 1:]
+        speed = np.zeros((moves.shape[0], moves.shape[1] + 1, moves.shape[2]))
+        bend = np.zeros_like(speed)
+        share, cuts, side, _ = (rows[:, 1:-1, None] for rows in self)
+        mean = (1 + side) / 2 * before + (1 - side) / 2 * after
+        speed[:, 1:-1, :3] = (share * mean)[..., :3]
+        bend[:, 1:-1, :3] = (share * cuts * (side == _BOTH) * (after - before))[..., :3]
+        speed[:, 1:-1, 3:] = _steady(before[..., 3:], after[..., 3:])
+        return speed, bend
+
+
+def _off(cuts: IntArray, parts: int, speed: FloatArray, bend: FloatArray) -> FloatArray:
+    """Returns the coefficients [R, T, parts, 5, 6] of ways off the even pace after each step.
+
+    Parameters
+    ----------
+    cuts : [R, T, 5] the blends take one in so many parts of the steps
+    parts : pieces of a step
+    speed, bend : [R, T, 5] off the even pace at the step, of a step's duration
+    """
+    which = np.log2(cuts).astype(np.int64)
+    total = np.zeros((*cuts.shape, parts, DEGREE + 1))
+    for unit, values in ((_SPEED, speed / cuts), (_BEND, bend / cuts**2)):
+        kinds = np.array([_part(unit, 2**k, parts) for k in range(int(which.max()) + 1)])
+        total += kinds[which] * values[..., None, None]
+    return total.swapaxes(2, 3)
+
+
+def _part(unit: FloatArray, cut: int, parts: int) -> FloatArray:
+    """Returns the coefficients [parts, 6] of a polynomial over one in so many parts, and then 0."""
+    found = np.zeros((parts, len(unit)))
+    found[: parts // cut] = split(unit[None, None], parts // cut)[:, 0]
+    return found
+
+
+def _walks(problem: Problem, danger: Danger) -> bool:
+    """Returns True if there is a person in a danger, who does not stand."""
+    if danger.person is None:
+        return False
+    middles = problem.actors[danger.person].middles
+    return bool((middles[danger.step] != middles[danger.step + 1]).any())
 
 
 def _steady(before: FloatArray, after: FloatArray) -> FloatArray:

@@ -1,8 +1,8 @@
 """The flights of a plan: where each drone is at every moment, and how it looks.
 
-Between two steps each coordinate of a drone is a polynomial of the fifth degree. A straight
-flight goes from step to step at a constant speed, as the plan says; a smooth one (`smooth`) is at
-the same places at the steps.
+Between two steps each coordinate of a drone is a polynomial of the fifth degree, or several, each
+of an equal part of the step. A straight flight goes from step to step at a constant speed, as the
+plan says; a smooth one (`smooth`) is at the same places at the steps.
 """
 
 from dataclasses import dataclass, replace
@@ -12,13 +12,19 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray, ProblemError, read_only
-from cocap_opt.flight.bernstein import derivative, elevated, largest, squared_length, values
+from cocap_opt.flight.bernstein import (
+    derivative,
+    largest,
+    parted,
+    squared_length,
+    values,
+)
 from cocap_opt.problem import Plan, Problem
 
 DEGREE = 5
 YAW, PITCH = 3, 4  # rows besides x, y and z
 _PARTS = 40  # of a step, at which distances from chords are computed
-_SLACK = 1e-9  # of a step, by which a moment may be rounded beyond the last
+_SLACK = 1e-9  # of a piece, by which a moment may be rounded beyond the last
 
 
 class Samples(NamedTuple):
@@ -38,8 +44,8 @@ class Trajectory:
     Attributes
     ----------
     problem : the scene, which has a `step`
-    pieces : [R, T, 5, 6] Bernstein coefficients of x, y (m from the corner of the map), z (m),
-        yaw and pitch (rad) in each step
+    pieces : [R, N, 5, 6] Bernstein coefficients of x, y (m from the corner of the map), z (m),
+        yaw and pitch (rad) in each piece; N is T times the `parts` of a step
     """
 
     problem: Problem
@@ -56,9 +62,7 @@ class Trajectory:
         """
         if problem.step is None:
             raise ProblemError("step: must be given, for nobody says how long a step lasts")
-        ends = waypoints(problem, plan)
-        pieces = elevated(np.stack([ends[:, :-1], ends[:, 1:]], axis=-1), DEGREE)
-        return cls(problem, read_only(pieces))
+        return cls(problem, read_only(evenly(waypoints(problem, plan), 1)))
 
     def with_pieces(self, pieces: FloatArray) -> "Trajectory":
         """Returns other flights in the same scene."""
@@ -71,25 +75,36 @@ class Trajectory:
         return self.problem.step
 
     @property
+    def parts(self) -> int:
+        """Pieces in each step."""
+        count: int = self.pieces.shape[1]
+        return count // self.problem.horizon
+
+    @property
+    def piece_seconds(self) -> float:
+        """Seconds that each piece lasts."""
+        return self.step / self.parts
+
+    @property
     def seconds(self) -> float:
         """Duration of the flights."""
-        return float(self.pieces.shape[1] * self.step)
+        return float(self.problem.horizon * self.step)
 
     @cached_property
     def velocities(self) -> FloatArray:
-        """Coefficients [R, T, 5, 5] of the rates of change, per second."""
-        return read_only(derivative(self.pieces) / self.step)
+        """Coefficients [R, N, 5, 5] of the rates of change, per second."""
+        return read_only(derivative(self.pieces) / self.piece_seconds)
 
     @cached_property
     def accelerations(self) -> FloatArray:
-        """Coefficients [R, T, 5, 4] of their rates of change."""
-        return read_only(derivative(self.velocities) / self.step)
+        """Coefficients [R, N, 5, 4] of their rates of change."""
+        return read_only(derivative(self.velocities) / self.piece_seconds)
 
     def at(self, times: FloatArray) -> Samples:
         """Returns where all drones are at times [n], s since step 0."""
-        robots, steps = self.pieces.shape[:2]
-        place = times / self.step
-        which = np.clip(np.floor(place + _SLACK), 0, steps - 1).astype(np.int64)
+        robots, count = self.pieces.shape[:2]
+        place = times / self.piece_seconds
+        which = np.clip(np.floor(place + _SLACK), 0, count - 1).astype(np.int64)
         shares = np.clip(place - which, 0.0, 1.0)
         found = np.stack([values(own[which], shares) for own in self.pieces]).reshape(-1, 5)
         return Samples(
@@ -101,8 +116,12 @@ class Trajectory:
         )
 
     def distance_from(self, other: "Trajectory") -> float:
-        """Returns the largest distance (m) from the same drone's other flight at any moment."""
-        ways = (self.pieces - other.pieces)[:, :, :3].reshape(-1, 3, DEGREE + 1)
+        """Returns the largest distance (m) from the same drone's other flight at any moment.
+
+        The other's steps have as many pieces, or one.
+        """
+        pieces = other.pieces if other.parts == self.parts else split(other.pieces, self.parts)
+        ways = (self.pieces - pieces)[:, :, :3].reshape(-1, 3, DEGREE + 1)
         return float(np.sqrt(max(largest(squared_length(ways)).value, 0.0)))
 
     def distance_from_chords(self, times: FloatArray) -> float:
@@ -115,14 +134,15 @@ class Trajectory:
         ----------
         times : [n] s from 0 to the end
         """
-        robots, steps = self.pieces.shape[:2]
-        moments = np.union1d(times, np.linspace(0.0, self.seconds, _PARTS * steps + 1))
+        robots, count = self.pieces.shape[:2]
+        cuts = max(1, _PARTS // self.parts) * count
+        moments = np.union1d(times, np.linspace(0.0, self.seconds, cuts + 1))
         places, rows = (self.at(t).place.reshape(robots, -1, 3) for t in (moments, times))
         chords = np.array([[np.interp(moments, times, axis) for axis in own.T] for own in rows])
         off = np.sqrt(((places - chords.swapaxes(1, 2)) ** 2).sum(axis=-1))
         bends = np.sqrt((self.accelerations[:, :, :3] ** 2).sum(axis=2)).max(axis=2)
-        which = ((moments[1:] + moments[:-1]) / 2 / self.step).astype(np.int64)
-        strays = bends[:, which.clip(0, steps - 1)] * np.diff(moments) ** 2 / 8
+        which = ((moments[1:] + moments[:-1]) / 2 / self.piece_seconds).astype(np.int64)
+        strays = bends[:, which.clip(0, count - 1)] * np.diff(moments) ** 2 / 8
         return float((np.maximum(off[:, 1:], off[:, :-1]) + strays).max())
 
     def least_distance(self) -> float:
@@ -155,8 +175,31 @@ def least_length(ways: FloatArray) -> float:
     return float(np.sqrt(max(-largest(-squared_length(ways)).value, 0.0)))
 
 
+def evenly(places: FloatArray, parts: int) -> FloatArray:
+    """Returns the pieces [.., T parts, d, 6] of even ways from each of places [.., T+1, d] on.
+
+    They begin and end exactly there, and who stays has the same coefficients.
+    """
+    a, b = places[..., :-1, None, :, None], places[..., 1:, None, :, None]
+    shares = (np.arange(parts)[:, None, None] + np.linspace(0.0, 1.0, DEGREE + 1)) / parts
+    way = np.where(shares < 0.5, a + (b - a) * shares, b - (b - a) * (1 - shares))
+    result: FloatArray = way.reshape(*places.shape[:-2], -1, places.shape[-1], DEGREE + 1)
+    return result
+
+
+def split(pieces: FloatArray, parts: int) -> FloatArray:
+    """Returns pieces [.., T parts, d, n] of others [.., T, d, n], each cut in equal parts."""
+    rest, cut = pieces, []
+    for k in range(parts, 1, -1):
+        first, rest = parted(rest, 1 / k)
+        cut.append(first)
+    joined = np.stack([*cut, rest], axis=-3)
+    result: FloatArray = joined.reshape(*pieces.shape[:-3], -1, *pieces.shape[-2:])
+    return result
+
+
 def between_drones(pieces: FloatArray) -> FloatArray:
-    """Returns the ways [pairs T, 3, 6] from each drone to each later one, step after step."""
+    """Returns the ways [pairs N, 3, 6] from each drone to each later one, piece after piece."""
     one, other = np.triu_indices(len(pieces), 1)
     ways: FloatArray = (pieces[other] - pieces[one])[:, :, :3].reshape(-1, 3, DEGREE + 1)
     return ways

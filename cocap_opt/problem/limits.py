@@ -67,7 +67,50 @@ class Limits(Data, frozen=True):
                     f"step of {step:g} s is {most / step:.4g} {unit}; a step of "
                     f"{_up(most / limit):g} s{way_out} would do"
                 )
-        return ""
+        return self._start_breaks(motion, resolution, step)
+
+    def _start_breaks(self, motion: Motion, resolution: float, step: float) -> str:
+        """Says that not even the shortest move can be made from rest in a step, if it is so.
+
+        Drones begin at rest, so that without such a move none gets anywhere. More is not asked of
+        all scenes: drones need not stop at each step, and one that goes straight on accelerates
+        no more (`strained_by` tells of the longest move; a smooth flight is checked as it is).
+        """
+        shortest = motion.shortest_move(resolution)
+        if self.acceleration is None or math.isinf(shortest):
+            return ""
+        least = math.sqrt(2 * shortest / self.acceleration)
+        if step * math.sqrt(1 + ROUNDING) >= least:
+            return ""
+        field, shorter = "layers", "layers {:g} m apart"
+        if motion.radius and shortest == resolution:
+            field, shorter = "radius", "cells of {:g} m"
+        return (
+            f"motion.{field}: must allow at most {self.acceleration:.4g} m/s2, but from rest the "
+            f"shortest move, {shortest:.4g} m, in a step of {step:g} s asks for "
+            f"{2 * shortest / step**2:.4g} m/s2; a step of {_up(least):g} s, or "
+            f"{shorter.format(_down(self.acceleration * step**2 / 2))} would do"
+        )
+
+    def strained_by(self, motion: Motion, resolution: float, step: float) -> str:
+        """Says that the longest move from rest to rest takes longer than a step, if it does.
+
+        The best law speeds up for half of the step and slows down for the other half.
+
+        Parameters
+        ----------
+        resolution : m, edge of a cell
+        step : s
+        """
+        longest = motion.longest_move(resolution)
+        if self.acceleration is None or 4 * longest <= self.acceleration * step**2 * (1 + ROUNDING):
+            return ""
+        return (
+            f"cannot stop at each step: from rest to rest the longest move, {longest:.4g} m, in a "
+            f"step of {step:g} s asks for {4 * longest / step**2:.4g} m/s2, more than its "
+            f"{self.acceleration:.4g}, so that smooth flights with sharp turns may be refused; a "
+            f"step of {_up(2 * math.sqrt(longest / self.acceleration)):g} s would do"
+        )
 
     def _demands(
         self, motion: Motion, tilts: Sequence[float], resolution: float, step: float
@@ -82,7 +125,7 @@ class Limits(Data, frozen=True):
         words = f"a move of {motion.radius} cells of {resolution:g} m along both axes, {most:.4g} m"
         smaller = f", or a radius of {cells}" if cells else ""
         yield "radius", words, most, self.speed, smaller, "m/s"
-        most = _largest(motion.layers, motion.climb)
+        most = motion.largest_climb
         for way, limit in (("climb", self.climb), ("descent", self.descent)):
             yield "climb", f"a {way} of {most:g} m", most, limit, ", or nearer layers", "m/s"
         turn = min(motion.turn, motion.headings // 2) * 360 / motion.headings
@@ -99,9 +142,15 @@ def _largest(values: Sequence[float], reach: int) -> float:
     return max(abs(a - b) for k, a in enumerate(values) for b in values[k : k + reach + 1])
 
 
-def _up(seconds: float) -> float:
-    """Returns a duration, rounded up to three digits."""
-    if seconds <= 0:
+def _up(value: float) -> float:
+    """Returns a number >= 0, rounded up to three digits."""
+    if value <= 0:
         return 0.0
-    digit = 10.0 ** (math.floor(math.log10(seconds)) - 2)
-    return float(f"{math.ceil(seconds / digit - ROUNDING) * digit:.3g}")
+    digit = 10.0 ** (math.floor(math.log10(value)) - 2)
+    return float(f"{math.ceil(value / digit - ROUNDING) * digit:.3g}")
+
+
+def _down(value: float) -> float:
+    """Returns a number > 0, rounded down to three digits."""
+    digit = 10.0 ** (math.floor(math.log10(value)) - 2)
+    return float(f"{math.floor(value / digit + ROUNDING) * digit:.3g}")

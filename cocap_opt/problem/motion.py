@@ -1,5 +1,6 @@
 """Motion of a robot: its states, and the steps that it can take."""
 
+import math
 from itertools import product
 from typing import NamedTuple
 
@@ -78,6 +79,22 @@ class Motion(Data, frozen=True):
         climb = min(self.climb, len(self.layers) - 1)
         reach, climbs = range(-self.radius, self.radius + 1), range(-climb, climb + 1)
         return sorted(product(climbs, reach, reach), key=lambda move: (move != (0, 0, 0), move))
+
+    @property
+    def largest_climb(self) -> float:
+        """The largest difference in height (m) of one step's layers."""
+        layers, reach = self.layers, self.climb
+        return max(b - a for k, a in enumerate(layers) for b in layers[k : k + reach + 1])
+
+    def longest_move(self, resolution: float) -> float:
+        """Returns the length (m) of the longest move, among cells with edges of so many metres."""
+        return math.hypot(self.radius * resolution * math.sqrt(2), self.largest_climb)
+
+    def shortest_move(self, resolution: float) -> float:
+        """Returns the length (m) of the shortest move but to stay; inf if there is none."""
+        climbs = [b - a for a, b in zip(self.layers, self.layers[1:], strict=False)]
+        lengths = [resolution] if self.radius else []
+        return min([*lengths, *(climbs if self.climb else [])], default=math.inf)
 
     def headings_after(self, heading: int) -> set[int]:
         """Returns the headings, a ring, that one step can turn `heading` to."""

@@ -105,12 +105,13 @@ class GrowingTable:
         pool = ThreadPoolExecutor(self._threads)
         try:
             for first, last in _groups(sizes, self.steps, self._views.batch):
+                batches, found = self._batches(first, last), [_NO_ROWS]
                 stop.check()
-                found = [_NO_ROWS]
-                for rows in pool.map(partial(_seen_by, self._views), self._batches(first, last)):
+                for rows in pool.map(partial(_seen_by, self._views), batches):
                     found.append(rows)
                     progress(self.steps, n_steps)
-                    stop.check()
+                    if len(found) <= len(batches):  # else these steps are whole
+                        stop.check()
                 self._parts.append(_in_order(_joined(found)))
                 self.steps = last
                 progress(last, n_steps)

@@ -155,26 +155,36 @@ class ConeSight:
         ----------
         eyes, yaw : places [n, 3] (m from the geometry's origin) and directions [n] (rad)
         """
-        owners = self._problem.face_owner
-        detected = self.off(t, eyes, yaw) <= self._cone.opening / 2 + ON_THE_EDGE
-        ways, turned = self.ways(t, eyes)
+        ways, turned = self._ways(t, eyes)
         ahead = np.abs(ways[..., 0] * np.cos(yaw)[:, None] + ways[..., 1] * np.sin(yaw)[:, None])
-        result: FloatArray = detected[:, owners] * ahead * turned / square(ways) ** 2
+        detected = self.detected(t, eyes, yaw)[:, self._problem.face_owner]
+        result: FloatArray = detected * _law(ahead, turned, ways)
         return result
+
+    def ceiling(self, t: int, eyes: FloatArray) -> FloatArray:
+        """Returns the coverage [n, F] if all faces were detected and looked at straight ahead."""
+        ways, turned = self._ways(t, eyes)
+        return _law(np.hypot(ways[..., 0], ways[..., 1]), turned, ways)
+
+    def detected(
+        self, t: int, eyes: FloatArray, yaw: FloatArray, edge: float = ON_THE_EDGE
+    ) -> BoolArray:
+        """Returns an array [n, A], true if an actor is in the cone towards [n] or [1] (rad)."""
+        return np.asarray(self._off(t, eyes, yaw) <= self._cone.opening / 2 + edge)
 
     def _feet(self, t: int) -> FloatArray:
         """Returns the actors' foot points [A, 3] m."""
         feet = np.array([actor.poses[t, :3] for actor in self._problem.actors])
         return np.asarray(feet - self._geometry.origin)
 
-    def off(self, t: int, eyes: FloatArray, yaw: FloatArray) -> FloatArray:
+    def _off(self, t: int, eyes: FloatArray, yaw: FloatArray) -> FloatArray:
         """Returns the angles [n, A] (rad) between look directions [n] or [1] and the actors."""
         ways = self._feet(t)[None] - eyes[:, None]  # [n, A, 3]
         off = np.arctan2(ways[..., 1], ways[..., 0]) - yaw[:, None]
         result: FloatArray = np.abs((off + np.pi) % (2 * np.pi) - np.pi)
         return result
 
-    def ways(self, t: int, eyes: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _ways(self, t: int, eyes: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Returns the ways [n, F, 3] m to the faces, and how far [n, F] these are turned to them.
 
         All faces count as if they were on the ground.
@@ -185,10 +195,12 @@ class ConeSight:
         return ways, np.maximum(-dot(ways, faces.normals), 0.0)
 
 
-def square(ways: FloatArray) -> FloatArray:
-    """Returns squared lengths [..] of ways [.., 3]; infinite for 0, from where nothing is seen."""
+def _law(ahead: FloatArray, turned: FloatArray, ways: FloatArray) -> FloatArray:
+    """Returns the coverage [..] of faces at ways [.., 3], so far ahead and turned to the eye."""
     square = dot(ways, ways)
-    return np.where(square > 0, square, np.inf)
+    square = np.where(square > 0, square, np.inf)  # where the eye is, nothing is seen
+    result: FloatArray = ahead * turned / square**2
+    return result
 
 
 def pose_coverage(

@@ -14,7 +14,7 @@ from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.problem import AnyCamera, Camera, Cone, Problem
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.projection import Projection, dot
-from cocap_opt.vision.sights import ON_THE_EDGE, ConeSight, PinholeSight, Seen, square
+from cocap_opt.vision.sights import ON_THE_EDGE, ConeSight, PinholeSight, Seen
 from cocap_opt.vision.unhidden import Unhidden
 
 # Most states at once, and states times actors, so that limits are checked every 0.3 s or so.
@@ -239,7 +239,6 @@ class _ConeViews(Views):
         self._geometry = geometry
         self._problem = problem
         self._graph = graph
-        self._opening = cone.opening
         self._sight = ConeSight(geometry, problem, cone)
 
     def coverage(self, t: int, states: IntArray) -> FloatArray:
@@ -264,10 +263,10 @@ class _ConeViews(Views):
         for some in _chunks(places, headings * len(first)):
             eyes = self._eyes(some)
             yaw = 2 * np.pi * np.arange(headings)[:, None] / headings
-            off: FloatArray = np.stack([self._sight.off(t, eyes, one) for one in yaw])  # [O, n, A]
-            detected: BoolArray = off <= self._opening / 2 + 2 * ON_THE_EDGE
-            ways, turned = self._sight.ways(t, eyes)
-            seen = np.hypot(ways[..., 0], ways[..., 1]) * turned / square(ways) ** 2
+            detected = np.stack(  # [O, n, A]
+                [self._sight.detected(t, eyes, one, 2 * ON_THE_EDGE) for one in yaw]
+            )
+            seen = self._sight.ceiling(t, eyes)
             roots, pixels = (
                 (detected * np.add.reduceat(values, first, axis=1)).sum(axis=-1)
                 for values in (np.sqrt(seen) * weights, seen * weights)

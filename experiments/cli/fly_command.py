@@ -12,12 +12,14 @@ from cocap_opt.data import FieldError, ProblemError
 from cocap_opt.experiments.cli.options import (
     FLAG,
     Json,
+    Margin,
     Output,
     Scene,
     Seed,
     Smooth,
     StepSeconds,
     load,
+    with_margin,
     with_step,
 )
 from cocap_opt.experiments.console.options import Option, UsageError
@@ -25,6 +27,8 @@ from cocap_opt.experiments.results.files import PlanReader, check_output, save_f
 from cocap_opt.experiments.results.flights import Flight
 from cocap_opt.experiments.results.printing import Listing, Record, print_result
 from cocap_opt.files.documents import FileError
+from cocap_opt.problem import Problem
+from cocap_opt.stop import Interrupt
 
 _OPTIONS = "every", "smooth", "start"
 _PLACES = "earth.crs", "earth.origin"
@@ -47,6 +51,7 @@ def _fly(
         str | None,
         Parameter(help="when step 0 is, such as 2026-05-01T10:00:00Z, in files that hold dates"),
     ] = None,
+    margin: Margin = None,
     local: Annotated[bool, FLAG(name="--local", help="leave out latitudes and longitudes")] = False,
     json: Json = False,
 ) -> int:
@@ -61,6 +66,9 @@ def _fly(
 
     Not checked: wind and errors of drones, which are to fly exactly so, and take-off and landing;
     notes below the answer say what else the scene leaves open.
+
+    A smooth flight that comes too near to people is refused with the way out: a plan that keeps so
+    much more from them, flown with --margin, keeps what it did before.
 
     Missions of waypoints, a file per drone: .plan (QGroundControl, for PX4) and .waypoints (for
     ArduPilot). By one clock fly .skyc (Skybrush) and .crazyflie.csv (polynomials, with --smooth).
@@ -77,7 +85,7 @@ def _fly(
     check_output(output, scene, plan)
     problem, planned = PlanReader(scene, load(scene, seed)).plan(plan)
     problem = with_step(problem, step)
-    problem = problem.replace(earth=None) if local else problem
+    problem = with_margin(problem.replace(earth=None) if local else problem, margin)
     try:
         flight = Flight.of(problem, planned, smooth)._replace(start=begins)
         mission = WRITERS[suffix](flight, every)
@@ -87,16 +95,25 @@ def _fly(
     files = {_named(output, suffix, part): content for part, content in mission.files.items()}
     for path in files:
         check_output(path, scene, plan)
-    save_files(files)
     answer: Record = {"scene": problem.name, "seed": seed, **record, **mission.facts}
-    notes = [*flight.notes(), *mission.notes, *_strays(output, suffix, files)]
+    notes = [*flight.notes(), *_on_margin(problem, margin), *mission.notes]
+    notes += _strays(output, suffix, files)
     written = " ".join(map(str, files))
-    if json:
-        print_result({**answer, "drones": flight.rows(), "notes": notes, "file": written}, json)
-    else:
-        print_result({**answer, "file": written}, json)
-        Listing("tightest moment of each drone", flight.rows(), notes).print()
+    with Interrupt.caught():  # who presses Ctrl-C now is told what is written, unless pressed twice
+        save_files(files)
+        if json:
+            print_result({**answer, "drones": flight.rows(), "notes": notes, "file": written}, json)
+        else:
+            print_result({**answer, "file": written}, json)
+            Listing("tightest moment of each drone", flight.rows(), notes).print()
     return 0
+
+
+def _on_margin(problem: Problem, margin: float | None) -> Iterator[str]:
+    """Yields how near to people drones may come, if that is nearer than the scene says."""
+    if margin:
+        aside = problem.airspace.people_aside
+        yield f"drones keep {aside:g} m from people: the scene's distance less --margin {margin:g}"
 
 
 def _named(output: Path, suffix: str, part: str) -> Path:

@@ -38,8 +38,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         discard(sys.stdout)
         say(f"standard output: cannot be written: {error.strerror}")
         code = 2
-    except KeyboardInterrupt:  # a second Ctrl-C, or one before there was anything to give
-        say("interrupted")
+    except KeyboardInterrupt as interrupt:  # a second one, or before there was anything to give
+        say(", ".join(["interrupted", *map(str, interrupt.args)]))
         code = _INTERRUPTED
     sys.exit(code)
 

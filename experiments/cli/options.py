@@ -65,6 +65,10 @@ StepSeconds = Annotated[
     float | None,
     Parameter(name="--step", help="seconds of a step, of scenes that do not say it"),
 ]
+Margin = Annotated[
+    float | None,
+    Parameter(help="metres of the scene's distance to people that a flight need not keep"),
+]
 
 
 def load(scene: str, seed: int, options: Mapping[str, str] = NOTHING) -> Problem:
@@ -127,3 +131,21 @@ def with_step(problem: Problem, step: float | None) -> Problem:
         return problem if step is None else problem.replace(step=step)
     except ProblemError as error:  # it is out of range, or too short for the drones' limits
         raise UsageError(f"--step: {error}") from error
+
+
+def with_margin(problem: Problem, margin: float | None) -> Problem:
+    """Returns a scene in which drones may be nearer to people by a margin (m)."""
+    if margin is None:
+        return problem
+    airspace = problem.airspace
+    aside = airspace.people_aside - margin
+    if not (margin >= 0 and aside > 0):
+        raise UsageError(
+            f"--margin: must be from 0 m to less than what the scene's drones keep from people, "
+            f"{airspace.people_aside:g} m"
+        )
+    above = None if airspace.people_above is None else max(airspace.people_above - margin, 0.0)
+    try:
+        return problem.replace(airspace=airspace.replace(people_aside=aside, people_above=above))
+    except ProblemError as error:
+        raise UsageError(f"--margin: {error}") from error

@@ -9,11 +9,13 @@ from cyclopts import Parameter
 from cocap_opt.data import ProblemError
 from cocap_opt.experiments.cli.options import (
     Json,
+    Margin,
     Scene,
     Seed,
     Smooth,
     StepSeconds,
     load,
+    with_margin,
     with_step,
 )
 from cocap_opt.experiments.console.options import UsageError
@@ -34,6 +36,7 @@ def _robustness(
     seed: Seed = 0,
     step: StepSeconds = None,
     smooth: Smooth = False,
+    margin: Margin = None,
     late: Annotated[
         list[float] | None,
         Parameter(negative="", consume_multiple=True, help="s by which people are late, and early"),
@@ -57,6 +60,7 @@ def _robustness(
     """
     problem, planned = PlanReader(scene, load(scene, seed)).plan(plan)
     problem = with_step(problem, step).replace(earth=None)  # places on the Earth do not matter
+    problem = with_margin(problem, margin)
     changes = Changes(
         _USUAL.late if late is None else late,
         _USUAL.aside if aside is None else aside,

@@ -3,8 +3,8 @@
 A row has a duration (s) and the coefficients of x, y, z (m) and yaw (rad, counter-clockwise from
 x) in the seconds since it began, as Crazyswarm's `uav_trajectory.loadcsv` and Bitcraze's
 high-level commander take them. Pieces of smooth flights are of the fifth degree and become rows
-exactly; steps in which a drone stays as it is are one row. x and y begin at the map's corner,
-for the drone computes in single precision.
+to a micrometre; those in a row that go on as one polynomial, as where a drone stays as it is, are
+one row. x and y begin at the map's corner, for the drone computes in single precision.
 
 The memory of a Crazyflie holds 31 pieces (132 of 4096 bytes each): "Trajectory formats",
 https://www.bitcraze.io/documentation/repository/crazyflie-firmware/master/functional-areas/trajectory_formats/
@@ -12,7 +12,6 @@ https://www.bitcraze.io/documentation/repository/crazyflie-firmware/master/funct
 
 import io
 from collections.abc import Iterator
-from itertools import groupby
 from math import comb
 
 import numpy as np
@@ -20,10 +19,12 @@ import numpy as np
 from cocap_opt.data import FieldError, FloatArray, ProblemError
 from cocap_opt.experiments.missions.export import Export, require_nothing_else
 from cocap_opt.experiments.results.flights import Flight
+from cocap_opt.flight.bernstein import parted
 from cocap_opt.flight.trajectory import DEGREE, YAW
 
 _HOLDS = 31  # pieces
 _COEFFICIENTS = 8
+_OFF = 1e-6  # m or rad, by which the rest of a polynomial may leave the pieces that it stands for
 _AXES = "x", "y", "z", "yaw"
 _HEADER = ("duration", *(f"{axis}^{k}" for axis in _AXES for k in range(_COEFFICIENTS)))
 _NOTES = (
@@ -46,7 +47,8 @@ def crazyflie(flight: Flight, every: float | None) -> Export:
     require_nothing_else(every, "a polynomial has no moments")
     files = {}
     for i, pieces in enumerate(flight.flown.pieces):
-        rows = [_row(run, flight.flown.step) for run in _runs(pieces[:, : YAW + 1])]
+        span = flight.flown.piece_seconds
+        rows = [_row(piece, span, count) for piece, count in _runs(pieces[:, : YAW + 1])]
         if len(rows) > _HOLDS:
             raise ProblemError(
                 f"drone {i} needs {len(rows)} polynomials, and the memory of a Crazyflie holds "
@@ -56,20 +58,35 @@ def crazyflie(flight: Flight, every: float | None) -> Export:
     return Export(files, _NOTES)
 
 
-def _runs(pieces: FloatArray) -> Iterator[list[FloatArray]]:
-    """Yields each piece [4, 6] alone, but those in a row in which a drone stays as it is."""
-    for stays, run in groupby(pieces, key=lambda piece: bool((piece == piece[:, :1]).all())):
-        if stays:
-            yield list(run)
+def _runs(pieces: FloatArray) -> Iterator[tuple[FloatArray, int]]:
+    """Yields a piece [4, 6], and the number of those from it on that go on as it does."""
+    first, count = pieces[0], 1
+    for piece in pieces[1:]:
+        if np.abs(_continued(first, count) - piece).max() <= _OFF:
+            count += 1
         else:
-            yield from ([piece] for piece in run)
+            yield first, count
+            first, count = piece, 1
+    yield first, count
 
 
-def _row(run: list[FloatArray], step: float) -> FloatArray:
-    """Returns a row [33]: a duration, and the coefficients of each axis."""
+def _continued(piece: FloatArray, count: int) -> FloatArray:
+    """Returns the coefficients of a polynomial as many pieces later."""
+    until, _ = parted(piece, count + 1)
+    return parted(until, count / (count + 1))[1]
+
+
+def _row(piece: FloatArray, span: float, count: int) -> FloatArray:
+    """Returns a row [33]: a duration, and the coefficients of each axis.
+
+    Parameters
+    ----------
+    span : s, of a piece
+    count : pieces that go on as it does
+    """
     powers = np.zeros((len(_AXES), _COEFFICIENTS))
-    powers[:, : DEGREE + 1] = run[0] @ _powers() / step ** np.arange(DEGREE + 1)
-    return np.array([len(run) * step, *powers.ravel()])
+    powers[:, : DEGREE + 1] = piece @ _powers() / span ** np.arange(DEGREE + 1)
+    return np.array([count * span, *powers.ravel()])
 
 
 def _powers() -> FloatArray:

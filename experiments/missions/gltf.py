@@ -232,7 +232,8 @@ def _moments(flown: Trajectory) -> FloatArray:
     A polynomial strays from its chord by at most an eighth of its largest second derivative times
     the squared duration, and no derivative is larger than its coefficients.
     """
-    curves, rates = flown.accelerations * flown.step**2, flown.velocities * flown.step
+    span = flown.piece_seconds
+    curves, rates = flown.accelerations * span**2, flown.velocities * span
     place = np.sqrt((curves[:, :, :3] ** 2).sum(axis=2)).max(axis=(0, 2)) / (8 * ERROR)
     angle = np.abs(curves[:, :, 3:]).max(axis=(0, 2, 3)) / (8 * ERROR_OF_ANGLES)
     turn = np.abs(rates[:, :, 3:]).max(axis=(0, 2, 3)) / _MOST_TURN
@@ -240,11 +241,11 @@ def _moments(flown: Trajectory) -> FloatArray:
     rows = np.maximum(counts, 1).sum() * len(flown.pieces)
     if rows > MOST_ROWS:
         raise ProblemError(f"the flights must have at most {MOST_ROWS} moments, not {rows:.3g}")
-    return _subdivided(np.maximum(counts, 1).astype(np.int64)) * flown.step
+    return _subdivided(np.maximum(counts, 1).astype(np.int64)) * span
 
 
 def _subdivided(parts: IntArray) -> FloatArray:
-    """Returns the numbers 0..T [n] with each step t in parts[t] equal parts."""
+    """Returns the numbers 0..N [n] with each n-th of them in parts[n] equal parts."""
     step = np.repeat(np.arange(len(parts)), parts)
     first = np.repeat(np.cumsum(parts) - parts, parts)
     inner = step + (np.arange(len(step)) - first) / parts[step]

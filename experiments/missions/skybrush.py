@@ -17,6 +17,7 @@ https://doc.collmot.com/public/skybrush-studio-for-blender/latest/concepts.html
 
 import io
 import json
+import math
 from collections.abc import Callable, Iterator
 from typing import Any
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
@@ -27,7 +28,7 @@ from cocap_opt.data import FieldError, FloatArray
 from cocap_opt.experiments.missions.export import Export, require_nothing_else
 from cocap_opt.experiments.results.flights import Flight
 from cocap_opt.flight.bernstein import elevated, halves, largest, squared_length
-from cocap_opt.flight.trajectory import DEGREE, YAW
+from cocap_opt.flight.trajectory import DEGREE, YAW, Trajectory
 from cocap_opt.problem import Problem
 
 _OFF = 5e-4  # m, by which cubic curves may leave the flight
@@ -43,7 +44,7 @@ def skybrush(flight: Flight, every: float | None) -> Export:
     grounds = [problem.height_map.heights[r.start.x, r.start.y] for r in problem.robots]
     local = flight.flown.pieces - np.array([0, 0, min(grounds), 0, 0])[:, None]
     drones = [
-        _drone(f"drone{i}", own, float(ground) - min(grounds), flight.flown.step)
+        _drone(f"drone{i}", own, float(ground) - min(grounds), flight.flown)
         for i, (own, ground) in enumerate(zip(local, grounds, strict=True))
     ]
     show = {
@@ -61,58 +62,61 @@ def _settings(problem: Problem) -> dict[str, Any]:
     return {"validation": {"minDistance": separation}} if separation else {}
 
 
-def _drone(name: str, pieces: FloatArray, ground: float, step: float) -> dict[str, Any]:
+def _drone(name: str, pieces: FloatArray, ground: float, flown: Trajectory) -> dict[str, Any]:
     """Returns the specification of a drone.
 
     Parameters
     ----------
-    pieces : [T, 5, 6]
+    pieces : [N, 5, 6]
     ground : m, where it takes off
+    flown : the flights of all drones
     """
     home = [*_rounded(pieces[0, :2, 0]), round(ground, _DIGITS)]
-    trajectory = {"version": 1, "takeoffTime": 0, "points": _points(pieces[:, :3], step)}
-    yaw = {"version": 1, "setpoints": _setpoints(pieces[:, YAW : YAW + 1], step)}
+    trajectory = {"version": 1, "takeoffTime": 0, "points": _points(pieces[:, :3], flown)}
+    yaw = {"version": 1, "setpoints": _setpoints(pieces[:, YAW : YAW + 1], flown)}
     settings = {"name": name, "home": home, "trajectory": trajectory, "yawControl": yaw}
     return {"type": "generic", "settings": settings}
 
 
-def _points(pieces: FloatArray, step: float) -> list[list[Any]]:
-    """Returns the points of a trajectory [T, 3, 6]."""
+def _points(pieces: FloatArray, flown: Trajectory) -> list[list[Any]]:
+    """Returns the points of a trajectory [N, 3, 6]."""
     points: list[list[Any]] = [[0, _rounded(pieces[0, :, 0]), []]]
-    curves = _split(pieces, _cubic, _OFF, step)
+    curves = _split(pieces, _cubic, _OFF, flown)
     for k, curve in enumerate(curves):
         is_line = np.allclose(elevated(curve[:, [0, -1]], 3), curve, rtol=0, atol=1e-9)
         control = [] if is_line else [_rounded(point) for point in curve[:, 1:-1].T]
-        t = (k + 1) * step * len(pieces) / len(curves)
+        t = (k + 1) * flown.seconds / len(curves)
         points.append([_ms(t), _rounded(curve[:, -1]), control])
     return points
 
 
-def _setpoints(pieces: FloatArray, step: float) -> list[list[float]]:
-    """Returns the setpoints of a yaw [T, 1, 6] (rad, counter-clockwise)."""
-    lines = _split(pieces, _line, _TURNED_OFF, step)
-    times = np.arange(len(lines) + 1) * (step * len(pieces) / len(lines))
+def _setpoints(pieces: FloatArray, flown: Trajectory) -> list[list[float]]:
+    """Returns the setpoints of a yaw [N, 1, 6] (rad, counter-clockwise)."""
+    lines = _split(pieces, _line, _TURNED_OFF, flown)
+    times = np.arange(len(lines) + 1) * (flown.seconds / len(lines))
     angles = -np.degrees([lines[0, 0, 0], *lines[:, 0, -1]])
     return [[_ms(t), round(a + 0.0, _DIGITS)] for t, a in zip(times, angles.tolist(), strict=True)]
 
 
 def _split(
-    pieces: FloatArray, simpler: Callable[[FloatArray], FloatArray], off: float, step: float
+    pieces: FloatArray, simpler: Callable[[FloatArray], FloatArray], off: float, flown: Trajectory
 ) -> FloatArray:
-    """Returns curves [n, d, .] of a lower degree, evenly spaced, along pieces [T, d, 6]."""
-    seconds = step * len(pieces)
+    """Returns curves [n, d, .] of a lower degree, evenly spaced, along pieces [N, d, 6]."""
     while True:
-        if seconds / len(pieces) < _SHORTEST:
-            raise FieldError(
-                "step",
-                f"must be longer than {step:g} s, for the curves of a show begin and end at whole "
-                "milliseconds",
-            )
         found = simpler(pieces)
         ways = elevated(found, DEGREE) - pieces
         if largest(squared_length(ways)).value <= off**2:
-            return found
+            break
         pieces = np.stack(halves(pieces), axis=1).reshape(-1, *pieces.shape[1:])
+    shortest = flown.seconds / len(pieces)
+    if shortest < _SHORTEST:
+        least = math.ceil(1000 * flown.step * _SHORTEST / shortest - 1e-6) / 1000
+        raise FieldError(
+            "step",
+            f"must be at least {least:g} s for a show of this flight, not {flown.step:g} s: its "
+            f"curves, of {1000 * shortest:.2g} ms, begin and end at whole milliseconds",
+        )
+    return found
 
 
 def _cubic(pieces: FloatArray) -> FloatArray:

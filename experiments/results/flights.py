@@ -13,7 +13,8 @@ from cocap_opt.flight.earth import Geodesy
 from cocap_opt.flight.filming import parts_of, view_reward
 from cocap_opt.flight.nearest import nearest_people
 from cocap_opt.flight.pace import Demand, demands, tightest
-from cocap_opt.flight.safety import dangers
+from cocap_opt.flight.safety import Danger, dangers
+from cocap_opt.flight.smooth import Smooth, spare
 from cocap_opt.flight.smooth import smooth as smoothed
 from cocap_opt.flight.trajectory import Trajectory
 from cocap_opt.problem import Plan, Problem
@@ -23,6 +24,7 @@ from cocap_opt.world import HeightMap
 PER_STEP = 10  # rows of a smooth flight that nobody asked for otherwise
 MOST_ROWS = 5_000_000
 _TOUCH = 1e-6  # m, less is rounding
+_EVEN = ", even where it changes its speed as shortly as it can; "
 _UNITS = {"speed": "m/s", "climb": "m/s", "descent": "m/s", "acceleration": "m/s2",
           "yaw_rate": "deg/s", "gimbal_rate": "deg/s"}  # fmt: skip
 _ANGLES = "yaw_rate", "gimbal_rate"  # in rad/s where they are computed
@@ -39,6 +41,7 @@ class Flight(NamedTuple):
     geodesy : None where nobody knows where the scene is on the Earth
     demands : the largest of each kind on each drone
     slowed : steps of drones at which they pass more slowly than they could
+    shortened : steps of drones at which they change speed in less time than they could
     start : when step 0 is, in UTC; None: nobody says
     """
 
@@ -49,6 +52,7 @@ class Flight(NamedTuple):
     geodesy: Geodesy | None
     demands: list[Demand]
     slowed: int
+    shortened: int
     start: datetime | None = None
 
     @classmethod
@@ -66,14 +70,14 @@ class Flight(NamedTuple):
         if broken:
             raise ProblemError(f"{broken[0]}; what is flown must obey the scene's rules")
         straight = Trajectory.straight(problem, plan)
-        flown, found, slowed = (
-            smoothed(problem, plan) if smooth else (straight, tuple(dangers(straight)), 0)
+        flown, found, slowed, shortened = (
+            smoothed(problem, plan) if smooth else Smooth(straight, tuple(dangers(straight)), 0, 0)
         )
         if found:
-            raise ProblemError(f"{found[0]}{_way_out(straight) if smooth else ''}")
+            raise ProblemError(f"{found[0]}{_way_out(found[0], straight) if smooth else ''}")
         asked = demands(flown, smooth)
-        _require_limits(asked, flown.step)
-        return cls(flown, straight, plan, verdict, _geodesy(problem), asked, slowed)
+        _require_limits(asked, flown.step, shortened)
+        return cls(flown, straight, plan, verdict, _geodesy(problem), asked, slowed, shortened)
 
     @property
     def is_smooth(self) -> bool:
@@ -143,6 +147,7 @@ class Flight(NamedTuple):
                 else None,
                 "deviation": self.flown.distance_from(self.straight),
                 "slowed": self.slowed,
+                "shortened": self.shortened,
             }
         if self.geodesy is not None:
             found |= {"crs": self.geodesy.name, "accuracy": self.geodesy.accuracy}
@@ -183,7 +188,9 @@ class Flight(NamedTuple):
         if any(robot.motion.corner_cutting for robot in problem.robots):
             yield "the scene lets drones cut corners: walls were checked at the steps only"
         if all(robot.limits is None for robot in problem.robots):
-            yield "no limits of these drones are known, and none were checked"
+            most = max((d.most for d in self.demands if d.kind == "acceleration"), default=0.0)
+            asked = f"; the flight asks for {most:.3g} m/s2" if self.is_smooth else ""
+            yield f"no limits of these drones are known, and none were checked{asked}"
         if problem.earth is not None and problem.earth.heights is None:
             yield "nobody says if z is above the sea or the ellipsoid; [earth] of a recipe does"
 
@@ -223,18 +230,25 @@ def _geodesy(problem: Problem) -> Geodesy | None:
         raise FieldError(f"earth.{error.field}", error.allowed) from error
 
 
-def _way_out(straight: Trajectory) -> str:
-    """Says what to do where no smooth flight is safe."""
-    same = dangers(straight)
-    other = (
-        f"neither is the straight flight safe: {same[0]}"
-        if same
-        else "the straight flight is safe: leave --smooth out"
+def _way_out(danger: Danger, straight: Trajectory) -> str:
+    """Says what to do where no smooth flight is safe: by how much a plan must keep farther away."""
+    if same := dangers(straight):
+        return f"{_EVEN}neither is the straight flight safe: {same[0]}"
+    problem, other = straight.problem, "the straight flight is safe: leave --smooth out"
+    if danger.person is None:
+        return f"{_EVEN}{other}"
+    (drone,), airspace = danger.drones, problem.airspace
+    margin = math.ceil(100 * spare(problem, problem.robots[drone])) / 100
+    larger = f"people = {airspace.people_aside + margin:g}"
+    if airspace.people_above is not None:
+        larger += f" and over_people = {airspace.people_above + margin:g}"
+    return (
+        f"{_EVEN}plan with {larger} in [airspace], and fly that with --margin {margin:g}; of this "
+        f"plan {other}"
     )
-    return f", even where it stops at both; {other}"
 
 
-def _require_limits(found: list[Demand], step: float) -> None:
+def _require_limits(found: list[Demand], step: float, shortened: int) -> None:
     """Refuses flights that a drone cannot fly, with the duration of a step that would do."""
     broken = [demand for demand in found if not demand.is_kept]
     if not broken:
@@ -242,8 +256,11 @@ def _require_limits(found: list[Demand], step: float) -> None:
     worst = max(broken, key=lambda demand: demand.slower)
     scale = 180 / math.pi if worst.kind in _ANGLES else 1.0
     limit = (worst.limit or 0.0) * scale
+    shorter = ""
+    if shortened and worst.kind == "acceleration":
+        shorter = ", or a plan that keeps farther from people, for whom it changes speed so fast"
     raise ProblemError(
         f"drone {worst.drone} cannot fly this: {worst.kind.replace('_', ' ')} "
         f"{worst.most * scale:.4g} {_UNITS[worst.kind]} at {worst.t:.4g} s, more than its "
-        f"{limit:.4g}; steps of {math.ceil(100 * step * worst.slower) / 100:g} s would do"
+        f"{limit:.4g}; steps of {math.ceil(100 * step * worst.slower) / 100:g} s would do{shorter}"
     )

@@ -41,6 +41,7 @@ _LABELS = {
     "people_distance": "least distance to a person at any moment, from above (m)",
     "delay_tolerance": "delay tolerance: drones may be apart in time by less than (s)",
     "slowed": "steps at which a drone passes more slowly, to be safe",
+    "shortened": "steps at which a drone changes speed in less time, to be safe",
     "reward_straight": "J, straight, between the steps too",
     "reward_smooth": "J, smooth, between the steps too",
     "smoothing_cost": "share of J that smoothness costs",

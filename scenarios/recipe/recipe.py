@@ -104,7 +104,8 @@ corner_cutting = false      # true: a move may cut a wall's corner, only its end
 speed = 8                   # m/s; climb and descent likewise
 climb = 5
 descent = 4
-acceleration = 6            # m/s2
+acceleration = 8            # m/s2; from rest it must allow the shortest move within a step,
+                            # 2 x its length / step^2: with cells of 1 m and steps of 0.5 s 8 m/s2
 yaw_rate = 90               # degrees/s, as the gimbal's
 gimbal_rate = 90
 endurance = 1200            # s for which the battery lasts

@@ -1,6 +1,8 @@
 """Files are written whole or not at all."""
 
 import os
+import signal
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -71,3 +73,20 @@ def test_files_that_belong_together_are_all_new_or_all_old(tmp_path: Path) -> No
     folder.rmdir()
     write_atomically({path: b"new", folder: b"newer"})
     assert (path.read_bytes(), folder.read_bytes()) == (b"new", b"newer")
+
+
+def test_ctrl_c_leaves_none_or_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Before the first file has its name there is none, and later all, which is said."""
+    first, second = tmp_path / "a", tmp_path / "b"
+    for name, words, kept in (("chmod", "^$", []), ("replace", "^written: .*a, .*b$", ["a", "b"])):
+        real = getattr(os, name)
+
+        def press(*args: object, real: Callable[..., None] = real) -> None:
+            signal.raise_signal(signal.SIGINT)
+            real(*args)
+
+        with monkeypatch.context() as patch:
+            patch.setattr(os, name, press)
+            with pytest.raises(KeyboardInterrupt, match=words):
+                write_atomically({first: b"one", second: b"two"})
+        assert sorted(path.name for path in tmp_path.iterdir()) == kept

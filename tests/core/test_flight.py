@@ -7,11 +7,15 @@ import pytest
 
 from cocap_opt.data import BoolArray, FloatArray, ProblemError
 from cocap_opt.flight.bernstein import elevated, ever_positive, largest, product, values
+from cocap_opt.flight.delays import bearable_delay
 from cocap_opt.flight.filming import view_reward
+from cocap_opt.flight.nearest import nearest_people
 from cocap_opt.flight.pace import demands, tightest
+from cocap_opt.flight.robustness import Robustness
 from cocap_opt.flight.safety import dangers
-from cocap_opt.flight.smooth import Smooth, smooth
-from cocap_opt.flight.trajectory import Trajectory
+from cocap_opt.flight.smooth import Smooth, smooth, spare
+from cocap_opt.flight.trajectory import Trajectory, split
+from cocap_opt.plausibility import doubts
 from cocap_opt.problem import (
     Actor,
     Airspace,
@@ -115,8 +119,7 @@ def flights(count: int = 6, seed: int = 0) -> list[tuple[Problem, Plan, Smooth]]
 
 def sampled(flown: Trajectory, per_step: int = 40) -> FloatArray:
     """Where drones are, [R, n, 3] m."""
-    steps = flown.pieces.shape[1]
-    times = np.linspace(0.0, flown.seconds, steps * per_step + 1)
+    times = np.linspace(0.0, flown.seconds, flown.problem.horizon * per_step + 1)
     return flown.at(times).place.reshape(len(flown.pieces), -1, 3)
 
 
@@ -237,14 +240,14 @@ def test_straight_flights_are_what_the_referee_allows() -> None:
 
 def test_smooth_flights_pass_the_plan_without_jumps() -> None:
     """At each step drones are where the plan says; speed and acceleration are continuous."""
-    for problem, plan, (flown, _, slowed) in flights():
+    for problem, plan, (flown, _, slowed, shortened) in flights():
         straight = Trajectory.straight(problem, plan)
         ends = flown.pieces[..., 0], flown.pieces[..., -1]
         np.testing.assert_array_equal(ends[0], straight.pieces[..., 0])
         for rates in (flown.velocities, flown.accelerations):
             np.testing.assert_allclose(rates[:, 1:, :, 0], rates[:, :-1, :, -1], atol=1e-8)
             assert np.abs(rates[:, [0, -1], :, [0, -1]]).max() < 1e-8  # at rest at both ends
-        if not slowed:
+        if not slowed + shortened:
             bends = np.diff(straight.velocities[:, :, :3, 0], axis=1) / flown.step
             np.testing.assert_allclose(flown.accelerations[:, 1:, :3, 0], bends, atol=1e-8)
         places, moved = sampled(flown), sampled(straight)
@@ -259,7 +262,7 @@ def test_smooth_flights_pass_the_plan_without_jumps() -> None:
 @pytest.mark.parametrize("every", [0.05, 0.3, 1.3])
 def test_lines_between_rows_are_as_near_as_is_said(every: float) -> None:
     """No sample of a flight is farther from them than the bound, and some nearly as far."""
-    for _, _, (flown, _, _) in flights()[:2]:
+    for _, _, (flown, *_) in flights()[:2]:
         rows = np.append(np.arange(0.0, flown.seconds, every), flown.seconds)
         moments, places = np.linspace(0.0, flown.seconds, 1201), sampled(flown, 200)
         at = flown.at(rows).place.reshape(len(places), -1, 3)
@@ -278,7 +281,7 @@ def test_lines_between_the_steps_are_a_straight_flight() -> None:
 
 def test_demands_are_the_largest_of_all_samples() -> None:
     """Rates and accelerations of samples reach the stated ones, and never exceed them."""
-    for _, _, (flown, _, _) in flights()[:3]:
+    for _, _, (flown, *_) in flights()[:3]:
         count = STEPS * 1000
         places = sampled(flown, 1000)
         found = flown.at(np.linspace(0.0, flown.seconds, count + 1))
@@ -378,6 +381,70 @@ def test_drones_pass_people_as_far_as_the_plan() -> None:
     assert least(smooth(problem.replace(airspace=Airspace()), Plan(paths=(one,)))) < 1.999
 
 
+def test_a_plan_with_a_little_to_spare_beside_people_has_a_smooth_flight() -> None:
+    """Blends are shortened where somebody walks, as far as they must be, and all stays smooth."""
+    shortened = 0
+    for problem, plan, _ in flights():
+        near = nearest_people(Trajectory.straight(problem, plan))
+        assert near is not None
+        least = near.distance - spare(problem, problem.robots[0])
+        if least < 0.1:
+            continue
+        problem = problem.replace(airspace=problem.airspace.replace(people_aside=least))
+        flown, found, _, shorter = smooth(problem, plan)
+        assert found == ()
+        places = sampled(flown, 20)
+        assert not (too_near_matter(problem, places) | too_near_others(problem, places)).any()
+        for rates in (flown.velocities, flown.accelerations):
+            np.testing.assert_allclose(rates[:, 1:, :, 0], rates[:, :-1, :, -1], atol=1e-7)
+        points = flown.at(np.arange(STEPS + 1) * flown.step).place
+        expected = [problem.where(*own) for own in zip(problem.robots, plan.paths, strict=True)]
+        np.testing.assert_allclose(points, np.concatenate(expected), atol=1e-8)
+        shortened += shorter
+    assert shortened > 1
+
+
+def test_a_turn_beside_somebody_is_made_where_nobody_is_near() -> None:
+    """A drone flies at the pace of somebody at the least distance, and turns before and after."""
+    one = tuple(State(x, y) for x, y in ((0, 4), (1, 3), (2, 2), (3, 2), (4, 2), (5, 3)))
+    walk = np.array([[0.5 + t, 0.5, 0.0, 0.0] for t in range(6)])
+    problem = Problem(
+        name="pace", height_map=HeightMap(heights=np.zeros((9, 9))), actors=(Actor(poses=walk),),
+        robots=(Robot(start=one[0]),), horizon=5, step=1.0, airspace=Airspace(people_aside=2.0),
+    )  # fmt: skip
+    flown, found, slowed, shortened = smooth(problem, Plan(paths=(one,)))
+    assert found == () and slowed == 0 and shortened == 2
+    straight = Trajectory.straight(problem, Plan(paths=(one,)))
+    np.testing.assert_allclose(flown.pieces[0, 2:4], straight.pieces[0, 2:4], atol=1e-12)
+    assert flown.distance_from(straight) > 0.05
+    free = smooth(problem.replace(airspace=Airspace()), Plan(paths=(one,)))
+    assert free.shortened == 0
+
+
+def test_flights_in_more_pieces_are_the_same() -> None:
+    """Nothing that is told of a flight depends on the number of pieces that its steps have."""
+
+    def told(flown: Trajectory) -> list[float]:
+        near, late = nearest_people(flown), Robustness(flown).with_laggard(0.7 * flown.step)
+        assert near is not None
+        return [
+            flown.seconds, flown.least_distance(), near.distance, near.t, late.apart, late.aside,
+            *(demand.most for demand in demands(flown, is_smooth=True)),
+            flown.distance_from_chords(np.arange(0.0, flown.seconds, 0.3)),
+            bearable_delay(flown, CollisionRules(separation=0.2)),
+        ]  # fmt: skip
+
+    for problem, plan, made in flights()[:3]:
+        flown, straight = made.trajectory, Trajectory.straight(problem, plan)
+        cut = flown.with_pieces(split(flown.pieces, 4))
+        assert cut.parts == 4 * flown.parts
+        np.testing.assert_allclose(sampled(cut, 7), sampled(flown, 7), atol=1e-9)
+        assert cut.distance_from(straight) == pytest.approx(flown.distance_from(straight))
+        assert told(cut) == pytest.approx(told(flown), rel=1e-3, abs=3e-3)
+        broken = [{danger[:3] for danger in dangers(one)} for one in (cut, flown)]
+        assert broken[0] == broken[1]
+
+
 def test_polynomials_are_enclosed() -> None:
     """Products, values, largest values and positivity agree with samples."""
     rng = np.random.default_rng(0)
@@ -421,13 +488,15 @@ LIMITED = {
     "climb": ("motion.climb", "a step of 1 s"),
     "yaw_rate": ("motion.turn", "a step of 0.524 s"),
     "gimbal_rate": ("motion.pitch_turn", "a step of 0.5 s"),
+    "acceleration": ("motion.radius", "a step of 1.1 s, or cells of 0.2 m would do"),
 }
 
 
 @pytest.mark.parametrize("kind", LIMITED)
 def test_moves_that_a_step_does_not_allow_are_refused(kind: str) -> None:
     """The message names the field, and a duration with which the scene is accepted."""
-    limits = {"speed": 2 * 2**0.5, "climb": 2.0, "yaw_rate": 1.5, "gimbal_rate": 1.0}
+    limits = {"speed": 2 * 2**0.5, "climb": 2.0, "yaw_rate": 1.5, "gimbal_rate": 1.0,
+              "acceleration": 2.5}  # fmt: skip
     motion = Motion(radius=2, layers=(4.0, 6.0))
     field, words = LIMITED[kind]
     robot = Robot(start=State(1, 1), motion=motion, camera=Camera(tilts=(0.2, 0.7)),
@@ -440,3 +509,32 @@ def test_moves_that_a_step_does_not_allow_are_refused(kind: str) -> None:
     Problem(**scene, step=1.5)
     with pytest.raises(ProblemError, match="a radius of 1"):
         Problem(**scene | {"robots": (robot.replace(limits=Limits(speed=3.0)),)}, step=1.0)
+
+
+@pytest.mark.parametrize("motion", [Motion(), Motion(radius=0, layers=(4.0, 5.0, 7.0))])
+def test_the_shortest_move_from_rest_must_fit_into_a_step(motion: Motion) -> None:
+    """Half the acceleration times the squared step is 1 m at 1.25 s, where the scene is allowed."""
+    robot = Robot(start=State(1, 1), motion=motion, limits=Limits(acceleration=1.28))
+    scene = {"name": "heavy", "height_map": HeightMap(heights=np.zeros((3, 3))),
+             "robots": (robot,), "actors": (), "horizon": 2}  # fmt: skip
+    Problem(**scene, step=1.25)
+    other = "layers 0.998 m apart" if motion.layers[1:] else "cells of 0.998 m"
+    with pytest.raises(ProblemError, match=f"a step of 1.25 s, or {other} would do$") as caught:
+        Problem(**scene, step=1.249)
+    assert "\n" not in str(caught.value)
+    still = robot.replace(motion=motion.replace(radius=0, layers=(4.0,)))
+    Problem(**scene | {"robots": (still,)}, step=0.01)
+
+
+def test_drones_that_cannot_stop_at_each_step_are_doubted_once() -> None:
+    """From rest to rest the longest move asks for four times its length by the squared step."""
+    limits = Limits(acceleration=4 * 2**0.5)
+    robots = tuple(Robot(start=State(x, 1), limits=limits) for x in (1, 2))
+    problem = Problem(
+        name="doubted", height_map=HeightMap(heights=np.zeros((9, 9))), robots=robots, actors=(),
+        horizon=2, step=0.99,
+    )  # fmt: skip
+    found = [[words for words in doubts(problem.replace(step=step)) if "cannot stop" in words]
+             for step in (0.99, 1.0)]  # fmt: skip
+    assert [len(words) for words in found] == [1, 0]
+    assert found[0][0].startswith("robots[0] ") and found[0][0].endswith("a step of 1 s would do")

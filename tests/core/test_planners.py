@@ -654,6 +654,37 @@ def test_ctrl_c_is_a_stop_and_twice_an_interrupt() -> None:
     assert signal.getsignal(signal.SIGINT) is before
 
 
+class PressedLater(Interrupt):
+    """Ctrl-C comes when it is asked for the n-th time."""
+
+    def __init__(self, asked: int) -> None:
+        super().__init__()
+        self._left = asked
+
+    def reached(self) -> Limit | None:
+        """Count how often it is asked."""
+        self._left -= 1
+        self.pressed = self.pressed or self._left < 0
+        return super().reached()
+
+
+def test_ctrl_c_during_coverage_gives_a_plan_with_what_is_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It waits until drones are planned, as a time limit leaves time for it, but only once."""
+    monkeypatch.setenv("COCAP_OPT_CACHE", str(tmp_path))
+    problem = load_scene("tiny-approach")
+    stop = PressedLater(2)
+    result = sequential(problem.replace(name="interrupted"), stop)
+    assert stop.pressed and result.value > greedy(problem, TimeLimit(0)).value
+    stop = PressedLater(0)
+    stop.put_off(0.01)
+    assert stop.reached() is None
+    time.sleep(0.02)
+    stop.put_off(60.0)
+    assert FirstOf(stop, never).reached() is Limit.INTERRUPT
+
+
 def test_in_other_threads_ctrl_c_is_never_pressed() -> None:
     """Only the main thread may handle signals: elsewhere the stop is there, and nothing changes."""
     handlers = []

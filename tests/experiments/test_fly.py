@@ -1,5 +1,7 @@
 import io
+import os
 import re
+import signal
 from pathlib import Path
 
 import numpy as np
@@ -121,21 +123,42 @@ def beside_somebody() -> tuple[co.Problem, co.Plan]:
     problem = co.Problem(
         name="ahead", height_map=co.HeightMap(heights=np.zeros((12, 9))), horizon=4, step=1.0,
         actors=(co.Actor(poses=walk),), robots=(co.Robot(start=path[0]),),
-        airspace=co.Airspace(people_aside=2.9),
+        airspace=co.Airspace(people_aside=2.99),
     )  # fmt: skip
     return problem, co.Plan(paths=(path,))
 
 
 def test_a_smooth_flight_beside_people_may_be_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A drone that stops is overtaken; what is said of the straight flight was checked."""
+    """A drone that starts is overtaken; what is said to be enough, and of the straight one, is."""
     problem, plan = beside_somebody()
     assert len(co.trajectory(problem, plan)) == 5
-    words = r"actors\[0\], even .*; the straight flight is safe: leave --smooth out$"
+    words = r"actors\[0\], even .* people = 3.03 .* --margin 0.04; .* leave --smooth out$"
     with pytest.raises(ValueError, match=words):
         co.trajectory(problem, plan, smooth=True)
     monkeypatch.setattr(flights, "dangers", lambda flown: [Danger(2, (0,), "falls")])
     with pytest.raises(ValueError, match=r"neither is the straight flight safe: .* drone 0 falls$"):
         co.trajectory(problem, plan, smooth=True)
+
+
+def test_a_margin_makes_room_for_a_smooth_flight(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A plan that keeps more from people is flown as the message says, and keeps the rest."""
+    problem, plan = beside_somebody()
+    scene, file, out = (tmp_path / name for name in ("scene.json", "plan.json", "f.csv"))
+    co.save(scene, problem)
+    co.save(file, plan, problem)
+    run = Run(capsys, "fly", scene, file, "--smooth", "-o", out)
+    assert run.code == 2 and not out.exists()
+    (margin,) = re.findall(r"--margin (\S+);", run.err)
+    run = Run(capsys, "fly", scene, file, "--smooth", "-o", out, "--margin", margin, "--json")
+    assert run.code == 0
+    assert run.json["people_distance"] >= 2.99 - float(margin)
+    assert any("drones keep 2.95 m from people" in note for note in run.json["notes"])
+    assert Run(capsys, "robustness", scene, file, "--smooth", "--margin", margin).code == 0
+    for wrong in (-0.1, 2.99, "nan"):
+        run = Run(capsys, "fly", scene, file, "-o", out, "--margin", wrong)
+        assert run.code == 2 and "--margin: must be from 0 m to less than" in run.err
 
 
 def test_errors_name_what_is_to_be_changed(
@@ -245,3 +268,32 @@ def test_changes_that_are_none_are_refused(
         assert expected in line
     with pytest.raises(ValueError, match="lag: must be more than 0"):
         co.robustness(co.load(scene), co.plan(co.load(scene), "sequential"), lag=[-1])
+
+
+def test_ctrl_c_while_files_are_written_is_told_what_they_are(
+    files: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    """All files are there, and so are the notes; pressed twice, one line says that they are."""
+    real, out = os.replace, tmp_path / "f.crazyflie.csv"
+    for presses in (1, 2):
+        left = [signal.SIGINT] * presses
+
+        def press(source: str, target: Path, left: list[int] = left) -> None:
+            while left:
+                signal.raise_signal(left.pop())
+            real(source, target)
+
+        with monkeypatch.context() as patch:
+            patch.setattr(os, "replace", press)
+            run = Run(capsys, "fly", *files, "--smooth", "-o", out)
+        names = sorted(tmp_path.glob("f.drone*.crazyflie.csv"))
+        assert len(names) == 2
+        if presses == 1:
+            assert run.code == 0 and "start all at once" in run.out
+        else:
+            assert run.code == 130
+            expected = ", ".join(map(str, names))
+            assert run.err.strip() == f"cocap-opt: interrupted, written: {expected}"
+        for path in names:
+            path.unlink()

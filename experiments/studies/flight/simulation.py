@@ -37,17 +37,18 @@ class Reference(NamedTuple):
     @classmethod
     def of(cls, flown: Trajectory, parts: int) -> "Reference":
         """Returns the flights at each tick; each step has a multiple of so many ticks."""
-        robots, steps = flown.pieces.shape[:2]
+        robots, pieces = flown.pieces.shape[:2]
         count = parts * math.ceil(flown.step / parts / TICK - 1e-9)
-        ticks = np.arange(steps * count + 1)
-        which = np.minimum(ticks // count, steps - 1)
-        shares = ticks / count - which
+        ticks = np.arange(flown.problem.horizon * count + 1)
+        which = np.minimum(ticks * flown.parts // count, pieces - 1)
+        shares: FloatArray = ticks * flown.parts / count - which
         found = [
             np.stack([values(part[i, which], shares) for i in range(robots)])
             for part in (flown.pieces, flown.velocities, flown.accelerations)
         ]
         found[0][..., :3] += [*flown.problem.height_map.origin, 0.0]
-        return cls(ticks * (flown.step / count), *found)
+        times = np.asarray(ticks * (flown.step / count), dtype=np.float64)
+        return cls(times, *found)
 
 
 class Simulated(NamedTuple):
