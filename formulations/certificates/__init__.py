@@ -42,7 +42,12 @@ from cocap_opt.formulations.certificates.format import (
     ProofFile,
     ReferencePixels,
     Row,
+    Stage,
+    Staged,
+    StepConstant,
+    StepPayments,
 )
+from cocap_opt.formulations.certificates.joint_states import JointStates, NotEndedError, Wanted
 from cocap_opt.formulations.certificates.pricing import Pricing
 from cocap_opt.formulations.certificates.resources import (
     MOST_MOVES,
@@ -55,10 +60,13 @@ from cocap_opt.formulations.certificates.resources import (
     Visit,
     charges_of,
 )
+from cocap_opt.formulations.certificates.joint_paths import BestPlan, best_plan, may_be_used
+from cocap_opt.formulations.certificates.narrowing import Narrowing
 
 __all__ = [
     "MOST_MOVES",
     "OPTIMISTIC",
+    "BestPlan",
     "Branch",
     "Cells",
     "Certificate",
@@ -69,19 +77,29 @@ __all__ = [
     "Cut",
     "Decision",
     "EnvelopeCut",
+    "JointStates",
     "Leaf",
     "Move",
     "Moves",
     "Multipliers",
+    "Narrowing",
+    "NotEndedError",
     "PathCells",
     "Pricing",
     "ProofFile",
     "ReferencePixels",
     "Resource",
     "Row",
+    "Stage",
+    "Staged",
+    "StepConstant",
+    "StepPayments",
     "Swap",
     "Visit",
+    "Wanted",
+    "best_plan",
     "certify",
     "charges_of",
+    "may_be_used",
     "verify",
 ]
