@@ -18,7 +18,7 @@ from cocap_opt.problem import Problem
 
 
 def certify(
-    problem: Problem, model: Model, method: str, certificate: Certificate
+    problem: Problem, model: Model, method: str, certificate: Certificate | Staged
 ) -> CertificateFile:
     """Prices a certificate and returns the file that claims the bound it gives.
 
@@ -77,7 +77,7 @@ def verify(
     return pricing
 
 
-def _priced(model: Model, certificate: Certificate) -> Pricing:
+def _priced(model: Model, certificate: Certificate | Staged) -> Pricing:
     """Returns the bound that a certificate proves, in stages or at once."""
     if isinstance(certificate, Staged):
         return price_staged(model, certificate)

@@ -93,9 +93,11 @@ def _kernel() -> Any:
 
 
 def _advance(
-    first, faces, pixels, weights, payment, charge, class_of, own, counts, conflict,
-    at, states, numbers, position, values, seen, heights, chosen, best, floor, nodes,
-):  # type: ignore[no-untyped-def]  # fmt: skip
+    first: Any, faces: Any, pixels: Any, weights: Any, payment: Any, charge: Any,
+    class_of: Any, own: Any, counts: Any, conflict: Any,
+    at: Any, states: Any, numbers: Any, position: Any, values: Any, seen: Any, heights: Any,
+    chosen: Any, best: float, floor: float, nodes: int,
+) -> float:  # fmt: skip
     """Goes on with a search for so many nodes; returns the largest height so far."""
     robots, n_classes = len(own), counts.shape[1]
     largest, largest_low = np.empty(n_classes), np.empty(n_classes)

@@ -193,7 +193,7 @@ class Staged(_Part, frozen=True, tag="staged", omit_defaults=True):
     joint_paths: bool = False  # at the end, all sequences of joint states that are left are tried
 
 
-Certificate = Multipliers | ReferencePixels | Staged
+Certificate = Multipliers | ReferencePixels
 
 
 class _Claim(Document, frozen=True, kw_only=True):
@@ -220,7 +220,7 @@ class CertificateFile(_Claim, frozen=True, kw_only=True):
     # The coverage that the bound was computed with, where it was not the true one: at the steps
     # that a limit left open, nothing hid anybody. The claim is checked on the true one.
     coverage: Literal["optimistic"] | UnsetType = UNSET
-    certificate: Certificate
+    certificate: Certificate | Staged
 
 
 class Branch(_Part, frozen=True, tag="branch"):

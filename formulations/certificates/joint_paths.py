@@ -138,7 +138,7 @@ class _Ways:
     def placed(
         self, t: int, tails: Sequence[Placed], heads: Sequence[Placed]
     ) -> tuple[Placed, ...] | None:
-        """Returns where each robot goes so that together they are in `heads`; None if they cannot."""
+        """Returns where each robot goes so that together they are in `heads`; None if it fails."""
         options = [
             [k for k, (n, state) in enumerate(heads)
              if n == number and state in self._heads(t, number, tail)]
@@ -178,6 +178,4 @@ def _paths(node: _Node | None) -> tuple[Path, ...]:
         along.append(node.placed)
         node = node.before
     steps = along[::-1][1:]  # the first node is before step 0
-    return tuple(
-        tuple(placed[robot][1] for placed in steps) for robot in range(len(steps[0]))
-    )
+    return tuple(tuple(placed[robot][1] for placed in steps) for robot in range(len(steps[0])))

@@ -3,7 +3,8 @@
 A joint state is one state for each robot. It is worth the weighted roots of what its robots see
 together; each robot is paid for its state. The search finds the largest difference of the two,
 
-    V = max over joint states s of  F(s) - sum_i payment(s_i),    F(s) = sum_f w_f sqrt(sum_i c_f(s_i)),
+    V = max over joint states s of  F(s) - sum_i payment(s_i),
+    F(s) = sum_f w_f sqrt(sum_i c_f(s_i)),
 
 over the states that are left at the step. Robots of one class are alike, so that joint states
 are multisets; two robots whose states conflict are no joint state.
@@ -31,6 +32,7 @@ from cocap_opt.stop import Stop, never
 
 UNIT_ROUNDOFF = 2.0**-53
 _PLAIN_NODES = 2000  # after which the compiled search takes over, where there is one
+_COMPILING = 10.0  # seconds that the first compiled search of a machine may take
 _AT_ONCE = 200_000  # nodes of the compiled search between two looks at the stop
 
 
@@ -100,7 +102,7 @@ class JointStates:
         """
         class_of = np.repeat(np.arange(len(left)), [len(some) for some in left])
         pixels = np.concatenate([_pixels(model, c, t, some) for c, some in enumerate(left)])
-        weights = model.problem.view_sum_weights.reshape(-1, model.n_faces)[t]
+        weights = model.problem.view_sum_weights[t * model.n_faces : (t + 1) * model.n_faces]
         seen = (pixels > 0).any(axis=0) & (weights > 0)
         at = np.concatenate([
             model.positions[c][some % model.classes[c].graph.n_places]
@@ -154,7 +156,11 @@ class JointStates:
         LimitReached
             At a limit.
         """
-        is_long = wanted.most_nodes > _PLAIN_NODES and compiled_search.is_there()
+        is_long = (
+            wanted.most_nodes > _PLAIN_NODES
+            and compiled_search.is_there()
+            and stop.seconds_left > _COMPILING
+        )
         plain = PlainSearch(self, wanted, _PLAIN_NODES if is_long else wanted.most_nodes)
         try:
             return plain.run(stop)
@@ -192,7 +198,11 @@ class JointStates:
     def _sparse(self) -> tuple[IntArray, IntArray, FloatArray]:
         """The pixels in compressed sparse rows: first entry of each state [n+1], faces, pixels."""
         rows, faces = np.nonzero(self.pixels)
-        return np.searchsorted(rows, np.arange(len(self.pixels) + 1)), faces, self.pixels[rows, faces]
+        return (
+            np.searchsorted(rows, np.arange(len(self.pixels) + 1)),
+            faces,
+            self.pixels[rows, faces],
+        )
 
 
 def _pixels(model: Model, number: int, t: int, states: IntArray) -> FloatArray:

@@ -63,7 +63,7 @@ class Narrowing:
             raise CertificateError("certificate.target: must be finite")
         self.model, self.target, self._rows = model, target, multipliers.rows
         self._prices = prices = Prices.of(model, multipliers)
-        constants = prices.payment.constants.reshape(-1, model.n_faces)
+        constants = prices.payment.constants.reshape(model.problem.horizon + 1, model.n_faces)
         self.constants: FloatArray = constants.sum(axis=1)
         classes = range(len(model.classes))
         self.rewards = [prices.rewards(number) for number in classes]
@@ -111,7 +111,8 @@ class Narrowing:
     @property
     def states_left(self) -> IntArray:
         """Number of states that are left at each step [T+1]."""
-        return np.sum([some.sum(axis=1) for some in self.left], axis=0)
+        left: IntArray = np.sum([some.sum(axis=1) for some in self.left], axis=0)
+        return left
 
     def rest(self, t: int, states: Iterable[tuple[int, int]]) -> float:
         """Returns what plans above the target can still be worth after a step, at most.
@@ -154,11 +155,11 @@ class Narrowing:
     def joint_states(self, t: int) -> JointStates:
         """Returns the joint states that are left at a step, with what they are paid."""
         states = [np.flatnonzero(left[t]) for left in self.left]
-        parts = [
+        payment, charge = (
             [array[t, some] for array, some in zip(arrays, states, strict=True)]
             for arrays in (self.rewards, self._charged)
-        ]
-        return JointStates.of(self.model, t, states, *parts, float(self._floors[t]))
+        )
+        return JointStates.of(self.model, t, states, payment, charge, float(self._floors[t]))
 
     def lower(self, t: int, wanted: Wanted, stop: Stop = never) -> Highest:
         """Lowers K_t to the height of the highest joint state, or to the least height wanted.
@@ -206,5 +207,3 @@ class Narrowing:
             (reward, np.where(left, slack, 0.0))
             for reward, slack, left in zip(self.rewards, self._slack, self.left, strict=True)
         ]
-
-

@@ -51,7 +51,9 @@ def price_staged(model: Model, certificate: Staged, stop: Stop = never) -> Prici
                     f"{name}: its search takes more than {MOST_NODES:,} nodes"
                 ) from error
         if not math.isfinite(narrowing.rounding):
-            raise CertificateError(f"{field}: a step has payments but no constant, or too large ones")
+            raise CertificateError(
+                f"{field}: a step has payments but no constant, or too large ones"
+            )
         narrowing.close_states()
     if not certificate.joint_paths:
         return narrowing.pricing
@@ -80,7 +82,9 @@ def _check(model: Model, stage: Stage, field: str) -> None:
         if len(payments.payments) != len(payments.states):
             raise CertificateError(f"{name}.payments: must hold a number for each state")
         if not all(abs(payment) <= LARGEST_PAYMENT for payment in payments.payments):
-            raise CertificateError(f"{name}.payments: must be -{LARGEST_PAYMENT:g}..{LARGEST_PAYMENT:g}")
+            raise CertificateError(
+                f"{name}.payments: must be -{LARGEST_PAYMENT:g}..{LARGEST_PAYMENT:g}"
+            )
         for state in payments.states:
             if wrong := Visit(payments.t, state, payments.class_number).why_absent(model):
                 raise CertificateError(f"{name}.{wrong}")

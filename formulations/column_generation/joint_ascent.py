@@ -1,4 +1,4 @@
-"""Local search for high joint states of one step: one robot after the other, as high as it can be."""
+"""Local search for high joint states of one step: robot after robot, as high as can be."""
 
 from collections.abc import Sequence
 

@@ -29,6 +29,7 @@ from cocap_opt.formulations.certificates import (
     StepPayments,
     Wanted,
     best_plan,
+    compiled_search,
     may_be_used,
 )
 from cocap_opt.formulations.column_generation.incumbent import Incumbent
@@ -46,6 +47,7 @@ from cocap_opt.graph.value_iteration import backward_sweep, best_path
 from cocap_opt.model import Model, Path
 
 METHOD = "step-envelopes"
+MOST_STATES = 10_000_000  # of all steps and classes, which sweeps go through
 MOST_STATES_LEFT = 12_000  # over all steps: beyond it, searches take too long
 MOST_AT_A_STEP = 1_000
 MOST_ROUNDS = 12
@@ -63,9 +65,7 @@ CLEARLY = 1e-9  # of the bound: what counts as higher
 JointKey = tuple[tuple[int, int], ...]  # class and state number of each robot, sorted
 
 
-def step_envelopes(
-    search: Search, duals: Duals, cutoff: Callable[[], float]
-) -> None:
+def step_envelopes(search: Search, duals: Duals, cutoff: Callable[[], float]) -> None:
     """Offers the search a staged certificate of a lower bound, if it finds one.
 
     Parameters
@@ -81,6 +81,9 @@ def step_envelopes(
     """
     model = search.model
     if search.incumbent is None or model.problem.objective.over_time:
+        return
+    states = sum(robot_class.graph.n_states for robot_class in model.classes)
+    if states * (model.problem.horizon + 1) > MOST_STATES:
         return
     envelopes = _Envelopes(search, Narrowing(model, duals.certificate(model), search.value), duals)
     try:
@@ -165,7 +168,9 @@ class _Envelopes:
     def file(self) -> CertificateFile:
         """Returns the certificate of the stages so far."""
         model, narrowing = self.model, self.narrowing
-        pricing = narrowing.pricing if self.tried is None else narrowing.pricing_of(self.tried.value)
+        pricing = (
+            narrowing.pricing if self.tried is None else narrowing.pricing_of(self.tried.value)
+        )
         return CertificateFile(
             scene=model.problem.name,
             digest=problem_digest(model.problem),
@@ -173,9 +178,11 @@ class _Envelopes:
             classes="single" if model.is_disaggregated else "alike",
             bound=pricing.bound,
             certificate=Staged(
-                self.duals.certificate(model), narrowing.target, tuple(self.stages),
+                self.duals.certificate(model),
+                narrowing.target,
+                tuple(self.stages),
                 joint_paths=self.tried is not None,
-            ),  # fmt: skip
+            ),
         )
 
     def _is_small(self) -> bool:
@@ -223,7 +230,9 @@ class _Envelopes:
             (int(c), int(s)): k
             for k, (c, s) in enumerate(zip(joint.class_of, joint.states, strict=True))
         }
-        found = [[at[one] for one in key] for key in self.known.get(t, {}) if all(o in at for o in key)]
+        found = [
+            [at[one] for one in key] for key in self.known.get(t, {}) if all(o in at for o in key)
+        ]
         return [positions for positions in found if joint.counts(positions)]
 
     def _highest_known(self, t: int, joint: JointStates) -> float:
@@ -258,11 +267,12 @@ class _Envelopes:
         if payments is None:
             return
         heights = {}
+        most_nodes = MANY_NODES if compiled_search.is_there() else PLAIN_NODES
         for t, joint in sorted(bundle.joints.items(), key=lambda item: len(item[1].states)):
             paid = replace(joint, payment=payments[bundle.span(t)])
             least = self._highest_known(t, paid)
             try:
-                found = paid.highest(Wanted(least, MANY_NODES), self.search.stop)
+                found = paid.highest(Wanted(least, most_nodes), self.search.stop)
             except NotEndedError:
                 continue
             self._note(t, joint, found.positions)
@@ -279,9 +289,7 @@ class _Envelopes:
         total += bundle.rest + bundle.best_paths(chosen)[0]
         if not heights or total >= self.narrowing.bound:
             return
-        written = [
-            part for t in heights for part in bundle.written(t, payments[bundle.span(t)])
-        ]
+        written = [part for t in heights for part in bundle.written(t, payments[bundle.span(t)])]
         stage = Stage(tuple(written), tuple(StepConstant(t, heights[t]) for t in heights))
         for part in stage.payments:
             self.narrowing.pay(part)

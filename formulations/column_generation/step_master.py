@@ -1,4 +1,4 @@
-"""The master problem of step envelopes: payments for states that the joint states known so far allow.
+"""The master problem of step envelopes: the payments that known joint states and arcs allow.
 
 Over payments phi(t, s), constants K_t and potentials u(t, s) it minimises
 
@@ -82,7 +82,12 @@ class StepMaster(NamedTuple):
         last = max(place[1] for place in nodes)
         rows = _Rows(first, first + len(centre))
         for arc in arcs:
-            rows.add(nodes[arc.tail], nodes[arc.head], paid.get(arc.tail), arc.gain + unpaid.get(arc.tail, 0.0))
+            rows.add(
+                nodes[arc.tail],
+                nodes[arc.head],
+                paid.get(arc.tail),
+                arc.gain + unpaid.get(arc.tail, 0.0),
+            )
         for place, node in nodes.items():
             if place[1] == last:
                 rows.add(node, None, paid.get(place), unpaid.get(place, 0.0))

@@ -36,6 +36,8 @@ def solve_cones(
     for name, value in settings.items():
         setattr(chosen, name, value)
     none = sparse.csc_matrix((len(cost), len(cost)))
-    solver = clarabel.DefaultSolver(none if quadratic is None else quadratic, cost, rows, rhs, cones, chosen)
+    solver = clarabel.DefaultSolver(
+        none if quadratic is None else quadratic, cost, rows, rhs, cones, chosen
+    )
     solver.set_termination_callback(lambda info: bool(stop.reached()))
     return solver.solve()
