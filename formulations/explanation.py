@@ -36,6 +36,7 @@ from cocap_opt.formulations.certificates import (
     Pricing,
     ProofFile,
     Resource,
+    Staged,
 )
 from cocap_opt.formulations.certificates.pricing import Prices
 from cocap_opt.formulations.certificates.sweep import values_to_go
@@ -44,7 +45,7 @@ from cocap_opt.model import Model, Path
 from cocap_opt.problem import Objective, Plan, State
 
 _NOTHING = 1e-9  # bound of a scene in which there is nothing to be had, but for rounding
-Kind = Literal["path", "face", "row", "decision", "leaves", "claim", "rounding"]
+Kind = Literal["path", "face", "row", "decision", "leaves", "stages", "claim", "rounding"]
 
 
 class Term(NamedTuple):
@@ -52,7 +53,8 @@ class Term(NamedTuple):
 
     A path's term is what a robot loses by the move that it makes from `step` on. A face's term is
     what the certificate pays for a block, which is a face of an actor at a step, beyond what the
-    robots together get for it; where pixels add up over time it has no step.
+    robots together get for it; where pixels add up over time it has no step. What the stages of a
+    certificate take off the bound of its multipliers again is a term < 0.
     """
 
     kind: Kind
@@ -155,14 +157,17 @@ def explain(
     passed = [PathCells.of(model, robot, path) for robot, path in enumerate(paths)]
     node = _leaf_of(model, file, passed) if isinstance(file, ProofFile) else None
     position, certificate, decisions = _numbers(file, node)
+    is_staged = isinstance(file, CertificateFile) and isinstance(file.certificate, Staged)
     pricing = Pricing.of(model, certificate, decisions)
     prices = Prices.of(model, certificate, decisions)
-    largest = pricing.bound if node is None else file.proved if proved is None else proved
+    is_lone = node is None and not is_staged
+    largest = pricing.bound if is_lone else file.proved if proved is None else proved
     terms = (
         *_path_terms(prices, plan, paths),
         *_face_terms(prices, paths),
         *_row_terms(model, certificate, decisions, passed),
         *([] if node is None else [Term("leaves", largest - pricing.bound)]),
+        *([Term("stages", largest - pricing.bound)] if is_staged else []),
         Term("claim", file.proved - largest),
         Term("rounding", pricing.rounding),
     )
@@ -184,10 +189,12 @@ def _numbers(
 ) -> tuple[int, Certificate, tuple[Decision, ...]]:
     """Returns a leaf's position among the leaves, its certificate, and the decisions above it.
 
-    A certificate alone is the only leaf of a tree without decisions.
+    A certificate alone is the only leaf of a tree without decisions; of a staged one the
+    multipliers are meant.
     """
     if isinstance(file, CertificateFile):
-        return 0, file.certificate, ()
+        own = file.certificate
+        return 0, own.multipliers if isinstance(own, Staged) else own, ()
     leaves = enumerate(file.leaves())
     return next(
         (position, leaf.certificate, decisions)

@@ -21,6 +21,7 @@ _PARTS: dict[str, tuple[Kind, ...]] = {
     "faces": ("face",),
     "rules": ("row", "decision"),
     "other leaves": ("leaves",),
+    "stages": ("stages",),
     "rounding": ("claim", "rounding"),
 }
 

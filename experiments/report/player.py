@@ -188,7 +188,7 @@ def _gap(problem: Problem, gap: Explanation) -> Data:
         "losses": [[_digits(gap.share(x)) for x in row] for row in gap.losses().tolist()],
         "faces": [[_digits(value) for value in row] for row in faces.tolist()],
         "rules": gap.share(gap.total("row", "decision")),
-        "rest": gap.share(gap.total("leaves", "claim", "rounding")),
+        "rest": gap.share(gap.total("leaves", "stages", "claim", "rounding")),
     }
 
 

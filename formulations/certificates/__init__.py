@@ -17,7 +17,10 @@ order:
    corners, and convexity proves that it is no larger between and beyond them. The functions
    themselves may be any.
 5. `format`: which nodes are a tree, and which cuts of a file have a constant.
-6. `checking`: the file's digest belongs to the scene, and it claims no more than it proves.
+6. `narrowing`, `joint_states`, `joint_paths`, `staged`: certificates in stages, which close states
+   that no better plan visits and bound what all faces of a step are worth together.
+   `compiled_search` repeats a search of `joint_states`, faster, and is held to it by tests.
+7. `checking`: the file's digest belongs to the scene, and it claims no more than it proves.
 
 Below it, the trusted core: `cocap_opt.problem`, `world` and `graph` without `value_iteration`
 (which moves there are), `vision` (what a view sees), `model` (which drones share a graph, and what
@@ -42,7 +45,14 @@ from cocap_opt.formulations.certificates.format import (
     ProofFile,
     ReferencePixels,
     Row,
+    Stage,
+    Staged,
+    StepConstant,
+    StepPayments,
 )
+from cocap_opt.formulations.certificates.joint_paths import BestPlan, best_plan, may_be_used
+from cocap_opt.formulations.certificates.joint_states import JointStates, NotEndedError, Wanted
+from cocap_opt.formulations.certificates.narrowing import Narrowing
 from cocap_opt.formulations.certificates.pricing import Pricing
 from cocap_opt.formulations.certificates.resources import (
     MOST_MOVES,
@@ -59,6 +69,7 @@ from cocap_opt.formulations.certificates.resources import (
 __all__ = [
     "MOST_MOVES",
     "OPTIMISTIC",
+    "BestPlan",
     "Branch",
     "Cells",
     "Certificate",
@@ -69,19 +80,29 @@ __all__ = [
     "Cut",
     "Decision",
     "EnvelopeCut",
+    "JointStates",
     "Leaf",
     "Move",
     "Moves",
     "Multipliers",
+    "Narrowing",
+    "NotEndedError",
     "PathCells",
     "Pricing",
     "ProofFile",
     "ReferencePixels",
     "Resource",
     "Row",
+    "Stage",
+    "Staged",
+    "StepConstant",
+    "StepPayments",
     "Swap",
     "Visit",
+    "Wanted",
+    "best_plan",
     "certify",
     "charges_of",
+    "may_be_used",
     "verify",
 ]

@@ -9,14 +9,16 @@ from cocap_opt.formulations.certificates.format import (
     CertificateError,
     CertificateFile,
     ProofFile,
+    Staged,
 )
 from cocap_opt.formulations.certificates.pricing import Pricing
+from cocap_opt.formulations.certificates.staged import price_staged
 from cocap_opt.model import Model
 from cocap_opt.problem import Problem
 
 
 def certify(
-    problem: Problem, model: Model, method: str, certificate: Certificate
+    problem: Problem, model: Model, method: str, certificate: Certificate | Staged
 ) -> CertificateFile:
     """Prices a certificate and returns the file that claims the bound it gives.
 
@@ -24,7 +26,7 @@ def certify(
     ----------
     method : name of the method that found the numbers
     """
-    bound = Pricing.of(model, certificate).bound
+    bound = _priced(model, certificate).bound
     return CertificateFile(
         scene=problem.name,
         digest=problem_digest(problem),
@@ -66,10 +68,17 @@ def verify(
     if isinstance(file, ProofFile):
         pricing = Pricing.of_proof(model, file, progress)
     else:
-        pricing = Pricing.of(model, file.certificate)
+        pricing = _priced(model, file.certificate)
     if not pricing.bound <= file.proved:
         numbers = "leaves" if proof else "multipliers"
         raise CertificateError(
             f"bound: claims {file.proved!r}, but the {numbers} prove only {pricing.bound!r}"
         )
     return pricing
+
+
+def _priced(model: Model, certificate: Certificate | Staged) -> Pricing:
+    """Returns the bound that a certificate proves, in stages or at once."""
+    if isinstance(certificate, Staged):
+        return price_staged(model, certificate)
+    return Pricing.of(model, certificate)

@@ -19,6 +19,7 @@ from cocap_opt.files.documents import SAMPLED, Document
 from cocap_opt.formulations.certificates.envelope import Curve, Cut
 from cocap_opt.formulations.certificates.resources import Resource
 from cocap_opt.model import Model
+from cocap_opt.problem import State
 
 MOST_NODES = 1_000_000
 MOST_WORK = 256  # breakpoints of all classes, each counted once per robot of its class
@@ -154,6 +155,44 @@ class ReferencePixels(_Part, frozen=True, tag="reference"):
     pixels: Table  # px/m2
 
 
+class StepPayments(_Part, frozen=True):
+    """What robots of a class are paid for being in some states at a step, whatever they see."""
+
+    t: int
+    class_number: int = msgspec.field(name="robot_class")
+    states: tuple[State, ...]
+    payments: tuple[float, ...]  # one for each state, in units of J
+
+
+class StepConstant(_Part, frozen=True):
+    """A claim: no joint state that is left at a step is worth more than its payments and this.
+
+    It takes the place of the sum of the constants of the step's faces, and is checked by search.
+    """
+
+    t: int
+    constant: float
+
+
+class Stage(_Part, frozen=True, omit_defaults=True):
+    """A stage of a staged certificate; at its end states are closed once more."""
+
+    payments: tuple[StepPayments, ...] = ()  # instead of those by multipliers, from now on
+    constants: tuple[StepConstant, ...] = ()
+
+
+class Staged(_Part, frozen=True, tag="staged", omit_defaults=True):
+    """Multipliers, and the stages in which the states of better plans are narrowed down.
+
+    It proves that no plan's J is above the target, or the bound of the plans that are left.
+    """
+
+    multipliers: Multipliers
+    target: float  # J: plans that are not above it need not be bounded
+    stages: tuple[Stage, ...]
+    joint_paths: bool = False  # at the end, all sequences of joint states that are left are tried
+
+
 Certificate = Multipliers | ReferencePixels
 
 
@@ -181,7 +220,7 @@ class CertificateFile(_Claim, frozen=True, kw_only=True):
     # The coverage that the bound was computed with, where it was not the true one: at the steps
     # that a limit left open, nothing hid anybody. The claim is checked on the true one.
     coverage: Literal["optimistic"] | UnsetType = UNSET
-    certificate: Certificate
+    certificate: Certificate | Staged
 
 
 class Branch(_Part, frozen=True, tag="branch"):

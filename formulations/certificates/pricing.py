@@ -105,7 +105,7 @@ class Pricing(NamedTuple):
             magnitude += sum(float(made_of[start]) for start in robot_class.starts)
         if not (math.isfinite(total) and math.isfinite(magnitude)):
             raise CertificateError("certificate: too large, the bound is infinite")
-        rounding = _rounding_factor(model, len(charge.costs), payment.cuts) * magnitude
+        rounding = rounding_factor(model, len(charge.costs), payment.cuts) * magnitude
         return cls(math.nextafter(total + rounding, math.inf), rounding)
 
     @classmethod
@@ -167,7 +167,7 @@ class Prices(NamedTuple):
         return charges_of(self.model, number, self.charge.costs)
 
 
-def _rounding_factor(model: Model, n_costs: int, n_cuts: int) -> float:
+def rounding_factor(model: Model, n_costs: int, n_cuts: int) -> float:
     """Returns the relative error of a bound, of the sum of absolute values it is made of.
 
     Every number is a sum of at most `terms` terms, each the result of a few operations: the

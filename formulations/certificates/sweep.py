@@ -6,7 +6,7 @@ definition.
 """
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -52,7 +52,7 @@ def values_to_go(
     value = value - places.get(problem.horizon, 0.0) - states.get(problem.horizon, 0.0)
     yield value.reshape(-1)
     for t in range(problem.horizon - 1, -1, -1):
-        turned = _plain_turns(graph, value, objective.keep_heading)
+        turned = _plain_turns(graph.turns, value, objective.keep_heading, graph.shape[1])
         best = np.full(shape, -np.inf)
         for k, (shift, allowed) in enumerate(zip(graph.shifts, graph.allowed, strict=True)):
             tails = np.flatnonzero(allowed)
@@ -69,15 +69,74 @@ def values_to_go(
         yield value.reshape(-1)
 
 
-def _plain_turns(graph: TimeGraph, value: FloatArray, keep_heading: float) -> FloatArray:
-    """Returns the best that one step can turn to from each state [O, P].
+def values_so_far(
+    problem: Problem,
+    robot_class: RobotClass,
+    reward: FloatArray,
+    charges: Charges,
+    first: FloatArray,
+) -> Iterator[FloatArray]:
+    """Yields the value of the best way into every state [S], at step 0 first, at step T last.
+
+    What a state itself is worth is not in it: with `values_to_go` it adds up to the value of the
+    best path through the state.
+
+    Parameters
+    ----------
+    first : [S] the value with which paths begin in a state at step 0; -inf where none does
+    problem, robot_class, reward, charges : as in `plain_sweep`
+    """
+    graph, objective = robot_class.graph, problem.objective
+    shape = (graph.n_orientations, graph.n_places)
+    stay = objective.stationarity + objective.keep_cell
+    stay += objective.keep_heading + objective.balanced
+    bonuses = _bonuses_of_moves(graph, objective)
+    places, states, moves = _spread(graph, Charges.joined([graph.closed, charges]))
+    value = np.where(graph.free, first.reshape(shape), -np.inf)
+    yield value.reshape(-1)
+    for t in range(problem.horizon):
+        here = value + reward[t].reshape(shape) - places.get(t, 0.0) - states.get(t, 0.0)
+        turned = _plain_turns(_turned_from(graph), here, objective.keep_heading, graph.shape[1])
+        best = np.full(shape, -np.inf)
+        for k, (shift, allowed) in enumerate(zip(graph.shifts, graph.allowed, strict=True)):
+            tails = np.flatnonzero(allowed)
+            so_far = turned[:, tails]
+            if k in bonuses:
+                so_far = so_far + bonuses[k]
+            if (t, k) in moves:
+                so_far = so_far - moves[t, k][tails]
+            best[:, tails + shift] = np.maximum(best[:, tails + shift], so_far)
+        if objective.stationarity:
+            # To stay is the first of the moves.
+            best = np.maximum(best, here + stay - moves.get((t, 0), 0.0))
+        value = np.where(graph.free, best, -np.inf)
+        yield value.reshape(-1)
+
+
+def _turned_from(graph: TimeGraph) -> list[list[int]]:
+    """Returns the orientations from which one step can turn to each orientation."""
+    tails: list[list[int]] = [[] for _ in graph.turns]
+    for tail, heads in enumerate(graph.turns):
+        for head in heads:
+            tails[head].append(tail)
+    return tails
+
+
+def _plain_turns(
+    turns_of: Sequence[Sequence[int]], value: FloatArray, keep_heading: float, pitches: int
+) -> FloatArray:
+    """Returns the best of the values [O, P] over the turns of one step, for each orientation.
 
     The reward for keeping the heading is included.
+
+    Parameters
+    ----------
+    turns_of : the orientations to, or from, which a step can turn, for each orientation
+    pitches : orientations of one heading
     """
-    turned = np.stack([value[turns].max(axis=0) for turns in graph.turns])
+    turned = np.stack([value[list(turns)].max(axis=0) for turns in turns_of])
     if keep_heading:
-        pitches = graph.shape[1]
-        for orientation, turns in enumerate(graph.turns):
+        for orientation, turns in enumerate(turns_of):
             kept = [turn for turn in turns if turn // pitches == orientation // pitches]
             ahead = value[kept].max(axis=0) + keep_heading
             turned[orientation] = np.maximum(turned[orientation], ahead)

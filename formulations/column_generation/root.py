@@ -8,6 +8,7 @@ from cocap_opt.formulations.certificates import Cut
 from cocap_opt.formulations.column_generation.master import Master
 from cocap_opt.formulations.column_generation.relaxation import Relaxation
 from cocap_opt.formulations.column_generation.search import Search
+from cocap_opt.formulations.column_generation.step_envelopes import step_envelopes
 
 MOST_DISAGGREGATED = 20_000_000  # robots x steps x states up to which robots are disaggregated
 LEAST_GAIN = 0.12  # of what is open, that the first cuts of disaggregated robots must close,
@@ -67,9 +68,12 @@ class Root:
             At a limit; `relaxation` is then the one that was being solved.
         """
         self.solve_aggregated()
-        if self.relaxation.is_stuck or not self._can_disaggregate():
+        if self.relaxation.is_stuck or self.relaxation.best.bound <= self.cutoff():
             return
         self.relaxation.look_for_plans()
+        step_envelopes(self.search, self.relaxation.best.duals, self.cutoff)
+        if self.search.is_proved(self.cutoff()) or not self._can_disaggregate():
+            return
         aggregated = self.relaxation
         self.relaxation = _disaggregated(aggregated)
         self.relaxation.solve(self.cutoff, self.rough, rounds=1)
@@ -82,7 +86,7 @@ class Root:
             model = aggregated.search.model
             aggregated.search.offer(self.search.incumbent.in_model(model))
         if self.relaxation.best.bound < aggregated.best.bound:
-            aggregated.search.spare = self.relaxation.certificate("column-generation")
+            aggregated.search.offer_spare(self.relaxation.certificate("column-generation"))
         self.relaxation = aggregated
 
     def _can_disaggregate(self) -> bool:

@@ -39,8 +39,8 @@ class Search:
     report : told about every iteration
     incumbent : the best plan so far
     columns : number of columns generated in all
-    spare : proves the bound of a relaxation that was given up, if that is lower than the bound of
-        the one that is pursued
+    spare : proves the lowest bound besides that of the relaxation that is pursued: by step
+        envelopes, or of a relaxation that was given up
     lowest : the lowest bound that was reported
     pricer : prices multipliers for the model
     local_search : improves plans of the model
@@ -89,6 +89,15 @@ class Search:
         """Makes a candidate the incumbent if it is better."""
         if candidate is not None and candidate.value > self.value:
             self.incumbent = candidate
+
+    def offer_spare(self, file: CertificateFile) -> None:
+        """Keeps a file that proves a bound besides that of the relaxation, if it is the lowest."""
+        if self.spare is None or file.proved < self.spare.proved:
+            self.spare = file
+
+    def is_proved(self, cutoff: float) -> bool:
+        """Returns True if the spare file proves at most a cutoff, of all plans."""
+        return self.spare is not None and self.spare.proved <= cutoff
 
     def use_start(self, start: Plan | None) -> str:
         """Offers a plan to begin with; returns why it is rejected, if it is."""

@@ -81,7 +81,8 @@ class Tree:
 
     def is_pruned(self, node: _Node) -> bool:
         """Returns True if the node holds no plan that is better by more than the gap."""
-        return node.best.bound <= self._cutoff()
+        cutoff = self._cutoff()
+        return node.best.bound <= cutoff or self.search.is_proved(cutoff)
 
     def _cutoff(self) -> float:
         return self.search.cutoff(self._gap)

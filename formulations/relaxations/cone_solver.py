@@ -18,6 +18,7 @@ def solve_cones(
     rhs: FloatArray,
     cones: Sequence[object],
     stop: Stop,
+    quadratic: sparse.csc_matrix | None = None,
     **settings: Any,
 ) -> Any:
     """Solves min cost x subject to rows x + s = rhs, s in the cones; returns Clarabel's solution.
@@ -25,6 +26,7 @@ def solve_cones(
     Parameters
     ----------
     cost, rows, rhs : [n], [m, n] and [m]
+    quadratic : [n, n] upper triangle of Q, of which x Q x / 2 is added to the cost
     settings : of Clarabel, besides its threads and limits
     """
     chosen = clarabel.DefaultSettings()
@@ -34,6 +36,8 @@ def solve_cones(
     for name, value in settings.items():
         setattr(chosen, name, value)
     none = sparse.csc_matrix((len(cost), len(cost)))
-    solver = clarabel.DefaultSolver(none, cost, rows, rhs, cones, chosen)
+    solver = clarabel.DefaultSolver(
+        none if quadratic is None else quadratic, cost, rows, rhs, cones, chosen
+    )
     solver.set_termination_callback(lambda info: bool(stop.reached()))
     return solver.solve()

@@ -9,6 +9,7 @@ from cocap_opt.formulations.certificates import (
     CertificateFile,
     Pricing,
     ProofFile,
+    Staged,
 )
 from cocap_opt.formulations.second_opinion.prices import Leaf, Prices, TooLargeError
 from cocap_opt.graph.networks import edges_in_reach
@@ -45,11 +46,12 @@ class SecondOpinion(NamedTuple):
             If that would take longer than some minutes, or more than a gigabyte for a drone.
         """
         require_small(problem, file)
-        leaves: list[Leaf] = (
-            [(file.certificate, ())]
-            if isinstance(file, CertificateFile)
-            else [(leaf.certificate, decisions) for _, leaf, decisions in file.leaves()]
-        )
+        leaves: list[Leaf]
+        if isinstance(file, ProofFile):
+            leaves = [(leaf.certificate, decisions) for _, leaf, decisions in file.leaves()]
+        else:
+            assert not isinstance(file.certificate, Staged)
+            leaves = [(file.certificate, ())]
         return cls(*max(Prices(problem, file.classes == "single").of(leaves, progress)))
 
     def agrees(self, pricing: Pricing) -> bool:
@@ -65,7 +67,15 @@ class SecondOpinion(NamedTuple):
 
 
 def require_small(problem: Problem, file: CertificateFile | ProofFile) -> None:
-    """Raises TooLargeError if pricing a file would take too long, by an estimate."""
+    """Raises TooLargeError if pricing a file would take too long, by an estimate.
+
+    It is also raised for a staged certificate, whose joint states networkx knows nothing of.
+    """
+    if isinstance(file, CertificateFile) and isinstance(file.certificate, Staged):
+        raise TooLargeError(
+            "the certificate narrows joint states down in stages, which networkx cannot price; "
+            "`bound` with --method envelope gives one of multipliers alone"
+        )
     known: dict[tuple[object, ...], int] = {}
     edges = 0
     for i, robot in enumerate(problem.robots):

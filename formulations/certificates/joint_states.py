@@ -1,0 +1,306 @@
+"""The joint states of a team at one step, and the search for the highest of them.
+
+A joint state is one state for each robot. It is worth the weighted roots of what its robots see
+together; each robot is paid for its state. The search finds the largest difference of the two,
+
+    V = max over joint states s of  F(s) - sum_i payment(s_i),
+    F(s) = sum_f w_f sqrt(sum_i c_f(s_i)),
+
+over the states that are left at the step. Robots of one class are alike, so that joint states
+are multisets; two robots whose states conflict are no joint state.
+
+It goes through the tree of partial joint states in depth. A partial one of pixels z can be
+completed to at most F(z) - payments so far + sum over the robots left of the largest gain, since
+gains only shrink as more is seen (F is submodular): what cannot exceed the least height wanted
+is left out, for the whole subtree.
+
+Only such joint states count as some plan above a target may visit: their worth less what they are
+charged is at least a floor (`staged` has the inequality).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.formulations.certificates import compiled_search
+from cocap_opt.model import Model
+from cocap_opt.stop import Stop, never
+
+UNIT_ROUNDOFF = 2.0**-53
+_PLAIN_NODES = 2000  # after which the compiled search takes over, where there is one
+_COMPILING = 10.0  # seconds that the first compiled search of a machine may take
+_AT_ONCE = 200_000  # nodes of the compiled search between two looks at the stop
+
+
+class Wanted(NamedTuple):
+    """What a search of joint states looks for."""
+
+    least: float  # heights up to here do not matter
+    most_nodes: int  # of the tree
+
+
+class Highest(NamedTuple):
+    """The highest joint state that counts."""
+
+    height: float  # or the least one wanted, if none is higher
+    positions: tuple[int, ...] = ()  # of its states; none if none is higher
+
+
+class NotEndedError(Exception):
+    """The search has not ended within its number of nodes."""
+
+
+@dataclass(frozen=True, eq=False)
+class JointStates:
+    """The states that are left to the robots at one step, class by class.
+
+    Attributes
+    ----------
+    t : the step
+    sizes : number of robots of each class
+    class_of : [n] number of each state's class, not decreasing
+    states : [n] number of each state in the graph of its class
+    pixels : [n, F] coverage of the faces that any of the states sees, px/m2
+    weights : [F] of these faces, > 0
+    payment : [n] of each state, in units of J
+    charge : [n] of each state; a joint state counts if its worth less its charges is >= `floor`
+    floor : in units of J
+    conflict : [n, n] whether two robots may not be in these states at once
+    """
+
+    t: int
+    sizes: tuple[int, ...]
+    class_of: IntArray
+    states: IntArray
+    pixels: FloatArray
+    weights: FloatArray
+    payment: FloatArray
+    charge: FloatArray
+    floor: float
+    conflict: BoolArray
+
+    @classmethod
+    def of(
+        cls,
+        model: Model,
+        t: int,
+        left: Sequence[IntArray],
+        payment: Sequence[FloatArray],
+        charge: Sequence[FloatArray],
+        floor: float,
+    ) -> "JointStates":
+        """Returns the joint states of a step.
+
+        Parameters
+        ----------
+        left : of each class, the numbers [n] of the states that are left at the step
+        payment, charge : of each class, of these states [n]
+        """
+        class_of = np.repeat(np.arange(len(left)), [len(some) for some in left])
+        pixels = np.concatenate([_pixels(model, c, t, some) for c, some in enumerate(left)])
+        weights = model.problem.view_sum_weights[t * model.n_faces : (t + 1) * model.n_faces]
+        seen = (pixels > 0).any(axis=0) & (weights > 0)
+        at = np.concatenate([
+            model.positions[c][some % model.classes[c].graph.n_places]
+            for c, some in enumerate(left)
+        ])  # fmt: skip
+        return cls(
+            t, model.class_sizes, class_of, np.concatenate(left), pixels[:, seen], weights[seen],
+            np.concatenate(payment), np.concatenate(charge), floor,
+            model.problem.rules.too_near(at[None] - at[:, None]),
+        )  # fmt: skip
+
+    @cached_property
+    def keys(self) -> list[tuple[int, int]]:
+        """Class and number of each state [n]."""
+        return list(zip(self.class_of.tolist(), self.states.tolist(), strict=True))
+
+    @property
+    def margin(self) -> float:
+        """What rounding may change of any height, in units of J.
+
+        A height is a sum of at most R (F + 2) terms, each the result of a few operations, none
+        of them larger than what all robots see and are paid at most.
+        """
+        robots = sum(self.sizes)
+        most = self.weights @ np.sqrt(robots * self.pixels.max(axis=0, initial=0.0))
+        most += robots * np.abs(self.payment).max(initial=0.0)
+        most += robots * np.abs(self.charge).max(initial=0.0)
+        return float(16 * robots * (len(self.weights) + robots + 4) * UNIT_ROUNDOFF * most)
+
+    def worth(self, chosen: Sequence[int]) -> float:
+        """Returns F of a joint state, whose states are given by their positions."""
+        return float(self.weights @ np.sqrt(self.pixels[list(chosen)].sum(axis=0)))
+
+    def height(self, chosen: Sequence[int]) -> float:
+        """Returns the height of a joint state, its worth less its payments."""
+        return self.worth(chosen) - float(self.payment[list(chosen)].sum())
+
+    def counts(self, chosen: Sequence[int]) -> bool:
+        """Returns True for a joint state that some plan above the target may visit."""
+        at = list(chosen)
+        apart = not np.triu(self.conflict[np.ix_(at, at)], 1).any()
+        return apart and self.worth(at) - float(self.charge[at].sum()) >= self.floor - self.margin
+
+    def highest(self, wanted: Wanted, stop: Stop = never) -> Highest:
+        """Returns the highest joint state that counts.
+
+        Raises
+        ------
+        NotEndedError
+            If the tree is larger than its limit.
+        LimitReached
+            At a limit.
+        """
+        is_long = (
+            wanted.most_nodes > _PLAIN_NODES
+            and compiled_search.is_there()
+            and stop.seconds_left > _COMPILING
+        )
+        plain = PlainSearch(self, wanted, _PLAIN_NODES if is_long else wanted.most_nodes)
+        try:
+            return plain.run(stop)
+        except NotEndedError:
+            if not is_long:
+                raise
+        return self._compiled(wanted, stop)
+
+    def all_that_count(self, most_nodes: int, stop: Stop = never) -> list[tuple[int, ...]]:
+        """Returns the positions of the states of all joint states that count.
+
+        Raises
+        ------
+        NotEndedError, LimitReached
+            As `highest` does.
+        """
+        search = PlainSearch(self, Wanted(-np.inf, most_nodes), most_nodes, collects=True)
+        search.run(stop)
+        return search.found
+
+    def _compiled(self, wanted: Wanted, stop: Stop) -> Highest:
+        """Returns the same by the compiled search."""
+        first, faces, pixels = self._sparse
+        running = compiled_search.Running.of(
+            (first, faces, pixels, self.weights, self.payment, self.charge),
+            self.class_of, self.sizes, self.conflict, wanted.least, self.floor - self.margin,
+        )  # fmt: skip
+        for _ in range(0, wanted.most_nodes, _AT_ONCE):
+            stop.check()
+            if running.advance(_AT_ONCE):
+                return Highest(running.best, running.positions)
+        raise NotEndedError
+
+    @cached_property
+    def _sparse(self) -> tuple[IntArray, IntArray, FloatArray]:
+        """The pixels in compressed sparse rows: first entry of each state [n+1], faces, pixels."""
+        rows, faces = np.nonzero(self.pixels)
+        return (
+            np.searchsorted(rows, np.arange(len(self.pixels) + 1)),
+            faces,
+            self.pixels[rows, faces],
+        )
+
+
+def _pixels(model: Model, number: int, t: int, states: IntArray) -> FloatArray:
+    """Returns the coverage of all faces at a step [n, F] from states [n] of a class."""
+    robot_class = model.classes[number]
+    table = model.coverage(robot_class)
+    which, entries = table.entries(t * robot_class.graph.n_states + states)
+    pixels = np.zeros((len(states), model.n_faces))
+    pixels[which, table.view_sums[entries] - t * model.n_faces] = table.pixels[entries]
+    return pixels
+
+
+class _Node(NamedTuple):
+    """A partial joint state."""
+
+    chosen: tuple[int, ...]  # positions of its states
+    pixels: FloatArray  # [F] seen so far
+    height: float  # worth so far less the payments so far
+    low: float  # worth so far less the charges so far
+    counts: tuple[int, ...]  # robots left of each class
+    states: IntArray  # positions of the states that may still be taken, class by class
+
+
+class PlainSearch:
+    """The plain search, written to be read; `compiled_search` does the same, faster.
+
+    Parameters
+    ----------
+    most_nodes : after which it gives up, in place of the number that is wanted
+    collects : look for all joint states that count instead of the highest one
+
+    Attributes
+    ----------
+    found : positions of the joint states that were collected
+    """
+
+    def __init__(
+        self, joint: JointStates, wanted: Wanted, most_nodes: int, collects: bool = False
+    ) -> None:
+        self._joint, self._most_nodes, self._collects = joint, most_nodes, collects
+        self.found: list[tuple[int, ...]] = []
+        self._best = Highest(wanted.least)
+        self._floor = joint.floor - joint.margin
+        self._nodes = 0
+
+    def run(self, stop: Stop = never) -> Highest:
+        """Returns the highest joint state; raises NotEndedError and LimitReached."""
+        joint = self._joint
+        nothing, everything = np.zeros(len(joint.weights)), np.arange(len(joint.states))
+        self._explore(_Node((), nothing, 0.0, 0.0, joint.sizes, everything), stop)
+        return self._best
+
+    def _explore(self, node: _Node, stop: Stop) -> None:
+        """Goes through all completions of a partial joint state that count and may be higher."""
+        self._nodes += 1
+        if self._nodes > self._most_nodes:
+            raise NotEndedError
+        if not self._nodes % 500:
+            stop.check()
+        joint, own = self._joint, next((c for c, n in enumerate(node.counts) if n), None)
+        if own is None:
+            if self._collects:
+                self.found.append(node.chosen)
+            elif node.height > self._best.height:
+                self._best = Highest(node.height, node.chosen)
+            return
+        worth = np.sqrt(node.pixels) @ joint.weights
+        gains = np.sqrt(node.pixels + joint.pixels[node.states]) @ joint.weights - worth
+        low = gains - joint.charge[node.states]
+        gains -= joint.payment[node.states]
+        classes = joint.class_of[node.states]
+        most = _most(node.height, gains, classes, node.counts)
+        most_low = _most(node.low, low, classes, node.counts)
+        able = np.flatnonzero((most > self._best.height) & (most_low >= self._floor))
+        first = int(np.searchsorted(classes[able], own, side="right"))
+        able[:first] = able[:first][np.argsort(-gains[able[:first]], kind="stable")]
+        states, gains, low, most = node.states[able], gains[able], low[able], most[able]
+        counts = tuple(n - (c == own) for c, n in enumerate(node.counts))
+        for k in range(first):
+            # Of this class, none of those before it is taken any more.
+            if most[k] - counts[own] * (gains[0] - gains[k]) <= self._best.height:
+                break
+            later = states[k if counts[own] else first :]
+            child = _Node(
+                (*node.chosen, int(states[k])),
+                node.pixels + joint.pixels[states[k]],
+                node.height + float(gains[k]), node.low + float(low[k]), counts,
+                later[~joint.conflict[states[k], later]],
+            )  # fmt: skip
+            self._explore(child, stop)
+
+
+def _most(
+    so_far: float, gains: FloatArray, classes: IntArray, counts: tuple[int, ...]
+) -> FloatArray:
+    """Returns what completions that take each of the states can reach at most [n]."""
+    best = np.full(len(counts), -np.inf)
+    np.maximum.at(best, classes, gains)
+    total = so_far + sum(n * best[c] for c, n in enumerate(counts) if n)
+    most: FloatArray = total - best[classes] + gains
+    return most

@@ -1,0 +1,209 @@
+"""Narrowing down where better plans can be: payments for states, and states that are closed.
+
+Multipliers bound J by constants K_t for the faces of each step, a constant for rows, and one best
+path per robot (`pricing`). Write B for that bound, sigma_i(t, s) for what robot i's best path
+through state s at step t lacks to its best path, and h_t for the height of the joint state of a
+plan at t: its worth less what is paid for it (`joint_states`). Then
+
+    J = B - sum of the paths' slacks - sum_t (K_t - h_t) - mu (1 - used),     all terms >= 0,
+
+so that a plan with J > target obeys, at every step,
+
+    sum_i sigma_i(t, s_i) + (K_t - h_t) <= B - target.                                         (*)
+
+States whose own slack breaks it are closed: no plan above the target visits them (Lagrangian
+fixing). From then on it is enough to bound plans that visit only states that are left, and
+only joint states that obey (*). For these, robots may be paid anything for being in a state at a
+step, if K_t is a number that none of their heights exceeds then: the concave envelope over joint
+states, of which each set of payments is a supporting plane. Stages of the two take turns: new
+payments and their constants, states closed. At the end
+
+    J <= max(target, B)    for all plans.
+"""
+
+import math
+from collections.abc import Iterable
+
+import numpy as np
+
+from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.formulations.certificates.format import (
+    CertificateError,
+    Multipliers,
+    StepPayments,
+)
+from cocap_opt.formulations.certificates.joint_states import (
+    Highest,
+    JointStates,
+    Wanted,
+)
+from cocap_opt.formulations.certificates.pricing import Prices, Pricing, rounding_factor
+from cocap_opt.formulations.certificates.sweep import values_so_far, values_to_go
+from cocap_opt.graph.charges import Charges
+from cocap_opt.model import Model
+from cocap_opt.stop import Stop, never
+
+
+class Narrowing:
+    """The bound on the plans above a target, as payments change and states are closed.
+
+    Attributes
+    ----------
+    model : whose classes the multipliers count
+    target : J: plans that are not above it need not be bounded
+    constants : [T+1] K_t; infinite where payments are new
+    rewards : of each class, the payments [T+1, S]
+    left : of each class, the states [T+1, S] that plans above the target may visit
+    """
+
+    def __init__(self, model: Model, multipliers: Multipliers, target: float) -> None:
+        if model.problem.objective.over_time:
+            raise CertificateError("certificate: where pixels add up over time, there are no steps")
+        if not math.isfinite(target):
+            raise CertificateError("certificate.target: must be finite")
+        self.model, self.target, self._rows = model, target, multipliers.rows
+        self._prices = prices = Prices.of(model, multipliers)
+        constants = prices.payment.constants.reshape(model.problem.horizon + 1, model.n_faces)
+        self.constants: FloatArray = constants.sum(axis=1)
+        classes = range(len(model.classes))
+        self.rewards = [prices.rewards(number) for number in classes]
+        self.left: list[BoolArray] = [np.ones(some.shape, dtype=np.bool_) for some in self.rewards]
+        self._charges = [prices.charges(number) for number in classes]
+        self._sweep()
+        # Whether a joint state counts is decided with the payments with which states were closed.
+        self._charged = [some + slack for some, slack in self._charged_now()]
+        self._floors = np.full(len(self.constants), -np.inf)
+
+    @property
+    def bound(self) -> float:
+        """B, which no plan above the target exceeds, but for rounding."""
+        return float(self.constants.sum()) + self._prices.charge.constant + self._paths
+
+    @property
+    def rounding(self) -> float:
+        """What rounding may change of B, in units of J."""
+        payment, charge = self._prices.payment, self._prices.charge
+        made_of = payment.magnitude + charge.magnitude + self._paths_made_of
+        made_of += float(np.abs(self.constants).sum())
+        return rounding_factor(self.model, len(charge.costs), payment.cuts) * made_of
+
+    @property
+    def pricing(self) -> Pricing:
+        """What the stages so far prove of all plans."""
+        proved = max(self.target, math.nextafter(self.bound + self.rounding, math.inf))
+        return Pricing(proved, self.rounding)
+
+    def pricing_of(self, best: float) -> Pricing:
+        """What the stages prove, once all plans above the target have been tried.
+
+        Parameters
+        ----------
+        best : J of the best of them; -infinity if there is none
+        """
+        proved = max(self.target, math.nextafter(best + self.rounding, math.inf))
+        return self.pricing._replace(bound=min(self.pricing.bound, proved))
+
+    @property
+    def room(self) -> float:
+        """The right side of (*), rounding included."""
+        return self.bound + 2 * self.rounding - self.target
+
+    @property
+    def states_left(self) -> IntArray:
+        """Number of states that are left at each step [T+1]."""
+        left: IntArray = np.sum([some.sum(axis=1) for some in self.left], axis=0)
+        return left
+
+    def rest(self, t: int, states: Iterable[tuple[int, int]]) -> float:
+        """Returns what plans above the target can still be worth after a step, at most.
+
+        Parameters
+        ----------
+        states : class and state number of each robot at the step; no two of them conflict
+        """
+        later = float(self.constants[t + 1 :].sum())
+        later += sum(row.multiplier for row in self._rows if row.resource.t >= t)
+        # Rows charge at most their multipliers at the step itself, which the sum above holds.
+        return later + sum(
+            float(self._to_go[number][t, state] - self.rewards[number][t, state])
+            for number, state in states
+        )
+
+    def charges(self, number: int) -> Charges:
+        """Returns what the robots of a class are charged by rows."""
+        return self._charges[number]
+
+    def close_states(self) -> None:
+        """Closes the states that no plan above the target visits."""
+        for left, slack in zip(self.left, self._slack, strict=True):
+            left &= slack <= self.room
+        self._sweep()
+        self._charged = [some + slack for some, slack in self._charged_now()]
+        self._floors = self.constants - self.room
+
+    def pay(self, payments: StepPayments) -> None:
+        """Replaces the payments of a class for some states; K_t is not known from then on."""
+        graph = self.model.classes[payments.class_number].graph
+        states = [graph.index(state) for state in payments.states]
+        self.rewards[payments.class_number][payments.t, states] = payments.payments
+        self.constants[payments.t] = math.inf
+
+    def price(self) -> None:
+        """Finds the best paths, after payments have been replaced."""
+        self._sweep()
+
+    def joint_states(self, t: int) -> JointStates:
+        """Returns the joint states that are left at a step, with what they are paid."""
+        states = [np.flatnonzero(left[t]) for left in self.left]
+        payment, charge = (
+            [array[t, some] for array, some in zip(arrays, states, strict=True)]
+            for arrays in (self.rewards, self._charged)
+        )
+        return JointStates.of(self.model, t, states, payment, charge, float(self._floors[t]))
+
+    def lower(self, t: int, wanted: Wanted, stop: Stop = never) -> Highest:
+        """Lowers K_t to the height of the highest joint state, or to the least height wanted.
+
+        Raises
+        ------
+        NotEndedError
+            If the search takes more nodes.
+        LimitReached
+            At a limit.
+        """
+        joint = self.joint_states(t)
+        highest = joint.highest(wanted, stop)
+        self.constants[t] = min(float(self.constants[t]), highest.height + joint.margin)
+        return highest
+
+    def _sweep(self) -> None:
+        """Prices the paths that are left, and finds the slack of every state."""
+        problem, factors = self.model.problem, len(self.model.problem.robots)
+        self._slack: list[FloatArray] = []
+        self._to_go: list[FloatArray] = []
+        self._paths = self._paths_made_of = 0.0
+        bonus = problem.objective.stationarity + problem.objective.keep_cell
+        bonus += problem.objective.keep_heading + problem.objective.balanced
+        self._paths_made_of += factors * problem.horizon * bonus
+        for number, robot_class in enumerate(self.model.classes):
+            reward = np.where(self.left[number], self.rewards[number], -np.inf)
+            charges, starts = self._charges[number], list(robot_class.starts)
+            to_go = np.array([*values_to_go(problem, robot_class, reward, charges)])[::-1]
+            self._to_go.append(to_go)
+            best = to_go[0, starts]
+            self._paths += float(best.sum())
+            most = np.abs(np.where(self.left[number], reward, 0.0)).max(axis=1)
+            self._paths_made_of += float(most.sum()) * len(starts)
+            first = np.full(reward.shape[1], -np.inf)
+            found = best > -np.inf
+            np.maximum.at(first, np.array(starts)[found], -best[found])
+            so_far = np.array([*values_so_far(problem, robot_class, reward, charges, first)])
+            self._slack.append(np.maximum(-(so_far + to_go), 0.0))
+            self.left[number] &= self._slack[number] < np.inf
+
+    def _charged_now(self) -> list[tuple[FloatArray, FloatArray]]:
+        """Returns of each class the payments and the slacks [T+1, S], 0 where nothing is left."""
+        return [
+            (reward, np.where(left, slack, 0.0))
+            for reward, slack, left in zip(self.rewards, self._slack, self.left, strict=True)
+        ]

@@ -1,0 +1,101 @@
+"""Staged certificates: the bound of multipliers, lowered in stages.
+
+A stage replaces payments and constants, and then closes states (`narrowing` has the inequalities).
+At the end all sequences of the joint states that are left may be tried (`joint_paths`).
+"""
+
+import math
+
+from cocap_opt.formulations.certificates.format import CertificateError, Stage, Staged
+from cocap_opt.formulations.certificates.joint_paths import best_plan, may_be_used
+from cocap_opt.formulations.certificates.joint_states import NotEndedError, Wanted
+from cocap_opt.formulations.certificates.narrowing import Narrowing
+from cocap_opt.formulations.certificates.pricing import Pricing
+from cocap_opt.formulations.certificates.resources import Visit
+from cocap_opt.model import Model
+from cocap_opt.stop import Stop, never
+
+MOST_STATES = 3000  # of a step: beyond it, the table of conflicts and the search are too large
+MOST_NODES = 100_000_000  # of a step's search: some minutes
+LARGEST_PAYMENT = 1e50  # its square is finite
+
+
+def price_staged(model: Model, certificate: Staged, stop: Stop = never) -> Pricing:
+    """Returns the bound that a staged certificate proves.
+
+    Raises
+    ------
+    CertificateError
+        If a number is out of range, a state is none, or a step's search takes too long.
+    """
+    narrowing = Narrowing(model, certificate.multipliers, certificate.target)
+    narrowing.close_states()
+    for n, stage in enumerate(certificate.stages):
+        field = f"certificate.stages[{n}]"
+        _check(model, stage, field)
+        for payments in stage.payments:
+            narrowing.pay(payments)
+        if stage.payments:
+            narrowing.price()
+        for k, step in enumerate(stage.constants):
+            name = f"{field}.constants[{k}]"
+            if narrowing.states_left[step.t] > MOST_STATES:
+                raise CertificateError(
+                    f"{name}: {narrowing.states_left[step.t]:,} states are left at step {step.t}; "
+                    f"at most {MOST_STATES:,} can be searched"
+                )
+            try:
+                narrowing.lower(step.t, Wanted(step.constant, MOST_NODES), stop)
+            except NotEndedError as error:
+                raise CertificateError(
+                    f"{name}: its search takes more than {MOST_NODES:,} nodes"
+                ) from error
+        if not math.isfinite(narrowing.rounding):
+            raise CertificateError(
+                f"{field}: a step has payments but no constant, or too large ones"
+            )
+        narrowing.close_states()
+    if not certificate.joint_paths:
+        return narrowing.pricing
+    if not may_be_used(model):
+        raise CertificateError(
+            "certificate.joint_paths: moves are rewarded, or views do not count at step 1"
+        )
+    try:
+        best = best_plan(narrowing, MOST_NODES, stop=stop)
+    except NotEndedError as error:
+        raise CertificateError("certificate.joint_paths: too many joint states are left") from error
+    return narrowing.pricing_of(best.value)
+
+
+def _check(model: Model, stage: Stage, field: str) -> None:
+    """Refuses steps, classes and states that do not exist, and numbers that are none."""
+    problem = model.problem
+    for k, payments in enumerate(stage.payments):
+        name = f"{field}.payments[{k}]"
+        _check_step(model, payments.t, name)
+        if not 0 <= payments.class_number < len(model.classes):
+            raise CertificateError(
+                f"{name}.robot_class: must be 0..{len(model.classes) - 1}, "
+                f"not {payments.class_number}"
+            )
+        if len(payments.payments) != len(payments.states):
+            raise CertificateError(f"{name}.payments: must hold a number for each state")
+        if not all(abs(payment) <= LARGEST_PAYMENT for payment in payments.payments):
+            raise CertificateError(
+                f"{name}.payments: must be -{LARGEST_PAYMENT:g}..{LARGEST_PAYMENT:g}"
+            )
+        for state in payments.states:
+            if wrong := Visit(payments.t, state, payments.class_number).why_absent(model):
+                raise CertificateError(f"{name}.{wrong}")
+    for k, step in enumerate(stage.constants):
+        _check_step(model, step.t, f"{field}.constants[{k}]")
+        if not abs(step.constant) <= LARGEST_PAYMENT * len(problem.robots):
+            raise CertificateError(f"{field}.constants[{k}].constant: must be finite")
+
+
+def _check_step(model: Model, t: int, field: str) -> None:
+    """Refuses a step at which no view counts."""
+    first, last = model.problem.first_step, model.problem.horizon
+    if not first <= t <= last:
+        raise CertificateError(f"{field}.t: must be {first}..{last}, not {t}")

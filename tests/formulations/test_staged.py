@@ -1,0 +1,309 @@
+import json
+import math
+from itertools import combinations_with_replacement, product
+
+import msgspec
+import numpy as np
+import pytest
+from brute_force import all_paths, objective_from_scratch, optimum
+from hypothesis import given
+from hypothesis import strategies as st
+from random_certificates import random_multipliers, some_model
+from strategies import examples, meetings, problems, tiny
+
+from cocap_opt.formulations.certificates import (
+    CertificateError,
+    CertificateFile,
+    JointStates,
+    Narrowing,
+    NotEndedError,
+    Stage,
+    Staged,
+    StepConstant,
+    StepPayments,
+    Wanted,
+    best_plan,
+    certify,
+    compiled_search,
+    may_be_used,
+    verify,
+)
+from cocap_opt.formulations.certificates.staged import price_staged
+from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
+from cocap_opt.formulations.explanation import explain
+from cocap_opt.formulations.second_opinion import TooLargeError
+from cocap_opt.formulations.second_opinion.opinion import require_small
+from cocap_opt.model import Model, compiled
+from cocap_opt.problem import Objective, Plan, Problem
+from cocap_opt.referee import check
+from cocap_opt.stop import never
+
+seeds = st.integers(0, 10**9)
+
+
+def random_payments(model: Model, rng: np.random.Generator) -> tuple[StepPayments, ...]:
+    """Payments for some states of some steps, none of them good."""
+    problem, found = model.problem, []
+    for t in range(problem.first_step, problem.horizon + 1):
+        for number, robot_class in enumerate(model.classes):
+            graph = robot_class.graph
+            free = np.flatnonzero(np.tile(graph.free, graph.n_orientations))
+            some = rng.choice(free, size=min(len(free), int(rng.integers(1, 20))), replace=False)
+            states = tuple(graph.state(int(state)) for state in some)
+            amounts = rng.choice([-5.0, 0.0, 3.0, 40.0, 200.0], size=len(states))
+            found.append(StepPayments(t, number, states, tuple(amounts.tolist())))
+    return tuple(found)
+
+
+def random_staged(model: Model, target: float, rng: np.random.Generator) -> Staged:
+    """A staged certificate, none of whose numbers is good, but that it claims the least it may."""
+    problem = model.problem
+    steps = range(problem.first_step, problem.horizon + 1)
+    stages = []
+    for k in range(int(rng.integers(1, 4))):
+        constants = tuple(StepConstant(t, -1e3) for t in steps if k or rng.integers(2))
+        stages.append(Stage(random_payments(model, rng) if k else (), constants))
+    joint_paths = bool(may_be_used(model) and rng.integers(2))
+    return Staged(random_multipliers(model, rng), target, tuple(stages), joint_paths)
+
+
+@examples(80)
+@given(st.one_of(problems(), meetings(), meetings(team=3)), seeds)
+def test_no_plan_is_worth_more_than_any_staged_certificate_proves(
+    problem: Problem, seed: int
+) -> None:
+    """Whatever the payments and the target: optimum <= max(target, bound of what is left)."""
+    rng, best = np.random.default_rng(seed), optimum(problem)
+    model = some_model(problem, rng)
+    value = best.value if math.isfinite(best.value) else 0.0
+    for target in (value * 0.999 - 1e-3, value, float(rng.uniform(0, 1.2)) * value, -1.0):
+        staged = random_staged(model, target, rng)
+        pricing = price_staged(model, staged)
+        assert pricing.bound >= max(target, best.value)
+        if staged.joint_paths and target < best.value:  # all plans above the target were tried
+            assert pricing.bound <= max(best.value, 0.0) * (1 + 1e-9) + 2 * pricing.rounding + 1e-9
+
+
+@examples(40)
+@given(problems(most_plans=100), seeds, st.floats(0, 1))
+def test_plans_above_the_target_visit_only_states_that_are_left(
+    problem: Problem, seed: int, share: float
+) -> None:
+    """Fixing closes no state of a plan above the target, and what counts has its joint states."""
+    rng = np.random.default_rng(seed)
+    paths = [all_paths(problem, robot) for robot in range(len(problem.robots))]
+    plans = [Plan(paths=tuple(chosen)) for chosen in product(*paths)]
+    plans = [plan for plan in plans if next(plan.conflicts(problem), None) is None]
+    if not plans:
+        return
+    worths = [objective_from_scratch(problem, plan) for plan in plans]
+    model = some_model(problem, rng)
+    target = share * max(worths)
+    narrowing = Narrowing(model, random_multipliers(model, rng), target)
+    narrowing.close_states()
+    for plan, worth in zip(plans, worths, strict=True):
+        if worth <= target * (1 + 1e-9):
+            continue
+        states = model.paths(plan)
+        for t in range(problem.horizon + 1):
+            placed = [
+                (number, states[robot][t])
+                for number, robot_class in enumerate(model.classes)
+                for robot in robot_class.robots
+            ]
+            assert all(narrowing.left[number][t, state] for number, state in placed)
+            joint = narrowing.joint_states(t)
+            assert joint.counts([joint.keys.index(one) for one in placed])
+
+
+def random_joint_states(rng: np.random.Generator) -> JointStates:
+    """Joint states of one to three classes of robots."""
+    sizes = tuple(rng.integers(1, 4, size=rng.integers(1, 4)).tolist())
+    counts = rng.integers(1, 6, size=len(sizes))
+    n, faces = int(counts.sum()), int(rng.integers(1, 6))
+    pixels = rng.uniform(0, 50, (n, faces)) * (rng.random((n, faces)) < 0.6)
+    conflict = rng.random((n, n)) < 0.15
+    return JointStates(
+        1, sizes, np.repeat(np.arange(len(sizes)), counts), np.arange(n), pixels,
+        rng.uniform(0.5, 2, faces), rng.uniform(-1, 8, n), rng.uniform(-1, 8, n),
+        float(rng.choice([-np.inf, -5.0, 0.0, 4.0])), conflict | conflict.T,
+    )  # fmt: skip
+
+
+def joint_by_enumeration(joint: JointStates) -> list[tuple[int, ...]]:
+    """All joint states that count, as sorted positions."""
+    parts = [
+        combinations_with_replacement(np.flatnonzero(joint.class_of == c).tolist(), size)
+        for c, size in enumerate(joint.sizes)
+    ]
+    return sorted(
+        chosen
+        for some in product(*parts)
+        if joint.counts(chosen := tuple(sorted(k for part in some for k in part)))
+    )
+
+
+@examples(150)
+@given(seeds)
+def test_the_search_finds_the_highest_of_all_joint_states(seed: int) -> None:
+    """The plain search agrees with enumeration, and collects all joint states that count."""
+    joint = random_joint_states(np.random.default_rng(seed))
+    every = joint_by_enumeration(joint)
+    found = joint.all_that_count(10**6)
+    assert sorted(tuple(sorted(chosen)) for chosen in found) == every
+    highest = joint.highest(Wanted(-np.inf, 10**6))
+    assert highest.height == pytest.approx(max(map(joint.height, every), default=-np.inf))
+    assert tuple(sorted(highest.positions)) in every or not every
+    assert joint.highest(Wanted(highest.height + 1, 10**6)).height == highest.height + 1
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not compiled_search.is_there(), reason="needs the extra [fast]")
+def test_the_compiled_search_finds_the_same() -> None:
+    """The compiled search agrees with the plain one, however often it is interrupted."""
+    rng = np.random.default_rng(0)
+    for _ in range(60):
+        joint = random_joint_states(rng)
+        wanted = Wanted(float(rng.choice([-np.inf, 0.0, 10.0])), 10**6)
+        plain, compiled_ = joint.highest(wanted), joint._compiled(wanted, never)
+        assert compiled_.height == pytest.approx(plain.height)
+        if plain.positions:
+            assert joint.height(compiled_.positions) == pytest.approx(plain.height)
+
+
+def test_a_search_that_is_too_long_says_so() -> None:
+    """A search gives no number where it has not gone through all joint states."""
+    joint = random_joint_states(np.random.default_rng(1))
+    with pytest.raises(NotEndedError):
+        joint.highest(Wanted(-np.inf, 1))
+
+
+@examples(60)
+@given(st.one_of(problems(), meetings(), meetings(team=3)), seeds)
+def test_joint_value_iteration_finds_the_best_plan(problem: Problem, seed: int) -> None:
+    """With a low target, it is the optimum, by a plan that obeys the rules."""
+    rng = np.random.default_rng(seed)
+    problem = problem.replace(objective=Objective())
+    best = optimum(problem)
+    if best.plan is None:
+        return
+    model = some_model(problem, rng)
+    assert may_be_used(model)
+    narrowing = Narrowing(model, random_multipliers(model, rng), 0.9 * best.value - 1)
+    narrowing.close_states()
+    found = best_plan(narrowing, 10**6)
+    plan = model.plan(found.paths)
+    verdict = check(problem, plan)
+    assert verdict.valid
+    assert verdict.reward == pytest.approx(found.value) == pytest.approx(best.value)
+
+
+def staged_result() -> tuple[Problem, CertificateFile]:
+    """A tiny scene with a staged certificate of all kinds of stages."""
+    problem, rng = tiny(), np.random.default_rng(3)
+    model = compiled(problem)
+    best = optimum(problem).value
+    staged = replace_stages(random_staged(model, best, rng), model, rng)
+    return problem, certify(problem, model, "step-envelopes", staged)
+
+
+def replace_stages(staged: Staged, model: Model, rng: np.random.Generator) -> Staged:
+    """The same certificate with two stages, of payments and constants."""
+    steps = range(model.problem.first_step, model.problem.horizon + 1)
+    constants = tuple(StepConstant(t, -1e3) for t in steps)
+    stages = (Stage(constants=constants), Stage(random_payments(model, rng), constants))
+    return msgspec.structs.replace(staged, stages=stages, joint_paths=True)
+
+
+def test_staged_files_are_read_back_and_verified() -> None:
+    """What is written is read back, and proves what it claims."""
+    problem, file = staged_result()
+    content = msgspec.json.encode(file)
+    again = msgspec.json.decode(content, type=CertificateFile)
+    assert again == file
+    assert verify(problem, again).bound == file.bound
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"target": math.inf}, "target: must be finite"),
+        ({"stages": 0, "constants": 0, "t": 99}, "t: must be"),
+        ({"stages": 0, "constants": 0, "constant": math.nan}, "constant: must be finite"),
+        ({"stages": 1, "payments": 0, "t": -1}, "t: must be"),
+        ({"stages": 1, "payments": 0, "robot_class": 7}, "robot_class: must be"),
+        ({"stages": 1, "payments": 0, "payments ": [1.0]}, "payments: must hold a number"),
+        ({"stages": 1, "payments": 0, "first payment": math.inf}, "payments: must be"),
+        ({"stages": 1, "payments": 0, "first state": [99, 0, 0, 0, 0]}, "state: "),
+        ({"stages": 1, "constants": []}, "a step has payments but no constant"),
+    ],
+)
+def test_altered_staged_files_are_refused_in_words(change: dict, words: str) -> None:
+    """Each field that is out of range is named."""
+    problem, file = staged_result()
+    plain = msgspec.to_builtins(file)
+    inner = plain["certificate"]
+    for key, value in change.items():
+        if key in ("stages", "constants", "payments") and isinstance(value, int):
+            inner = inner[key][value]
+        elif key == "first payment":
+            inner["payments"] = [value, *inner["payments"][1:]]
+        elif key == "first state":
+            inner["states"] = [value, *inner["states"][1:]]
+        else:
+            inner[key.strip()] = value
+    with pytest.raises(CertificateError, match=words):
+        verify(problem, msgspec.convert(plain, CertificateFile))
+
+
+@examples(20)
+@given(seeds)
+def test_altered_staged_files_prove_nothing_false(seed: int) -> None:
+    """Numbers changed anywhere are refused, or still prove a bound."""
+    rng = np.random.default_rng(seed)
+    problem, file = staged_result()
+    best = optimum(problem).value
+    plain = json.loads(msgspec.json.encode(file))
+    places = list(numbers(plain["certificate"]))
+    for _ in range(int(rng.integers(1, 4))):
+        inner, key = places[int(rng.integers(len(places)))]
+        old = inner[key]
+        new = old + int(rng.integers(-2, 3)) if isinstance(old, int) else old * rng.normal(1, 3)
+        inner[key] = new
+    try:
+        changed = msgspec.convert(plain, CertificateFile, strict=False)
+        assert price_staged(compiled(problem), changed.certificate).bound >= best
+    except (CertificateError, msgspec.ValidationError):
+        pass
+
+
+def numbers(content: object) -> "list[tuple[dict | list, object]]":
+    """Places of all numbers in plain data."""
+    items = (
+        content.items() if isinstance(content, dict)
+        else enumerate(content) if isinstance(content, list) else ()
+    )  # fmt: skip
+    found = []
+    for key, value in items:
+        if isinstance(value, int | float) and not isinstance(value, bool):
+            found.append((content, key))
+        found += numbers(value)
+    return found
+
+
+@examples(40)
+@given(st.one_of(meetings(), meetings(team=3)))
+def test_solutions_by_step_envelopes_are_optimal_and_explained(problem: Problem) -> None:
+    """Branch-and-price finds the optimum; a staged certificate verifies, and its gap adds up."""
+    result, best = branch_and_price(problem), optimum(problem)
+    assert (result.plan is None) == (best.plan is None)
+    file = result.certificate
+    if not (isinstance(file, CertificateFile) and isinstance(file.certificate, Staged)):
+        return
+    pricing = verify(problem, file)
+    assert best.value <= pricing.bound <= file.proved
+    reward = check(problem, result.plan).reward
+    explanation = explain(compiled(problem), result.plan, reward, file, pricing.bound)
+    assert explanation.total() == pytest.approx(file.proved - reward, abs=1e-9 * file.proved)
+    with pytest.raises(TooLargeError, match="in stages"):
+        require_small(problem, file)
