@@ -1,0 +1,142 @@
+"""The states of one robot that are worth most at each step, while all others keep their paths.
+
+They are found step by step from the start, as in beam search: of the states that those kept at
+one step lead to, those are kept through which the best paths lead. What is ahead of a state is
+known exactly, by value iteration without the others in the way.
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.graph.move_rewards import Bonuses
+from cocap_opt.graph.timegraph import CLOSED, TimeGraph
+from cocap_opt.graph.value_iteration import backward_sweep
+from cocap_opt.objective import marginal_reward
+from cocap_opt.planners.team import Team
+from cocap_opt.stop import Stop
+
+
+class Layer(NamedTuple):
+    """The n states kept at one step, and the m edges to them from those of the step before."""
+
+    states: IntArray  # [n] increasing
+    before: FloatArray  # [n] best reward of the steps before, on the way here
+    tails: IntArray  # [m] positions among the states of the step before, increasing
+    heads: IntArray  # [m] positions among `states`; of one tail the calmest edge comes first
+    rewards: FloatArray  # [m] of the edges themselves
+
+
+def kept_layers(team: Team, robot: int, width: int, stop: Stop) -> list[Layer]:
+    """Returns the states that are kept at the steps 0..T; all but the last ones have a way on.
+
+    Parameters
+    ----------
+    team : whole; what the others see in it is what states are worth by
+    width : states that are kept at a step, beside the one on the robot's own path
+
+    Raises
+    ------
+    LimitReached
+        If a limit is reached before the states are there.
+    """
+    return _without_dead_ends(list(_Beam(team, robot, width, stop).layers()))
+
+
+# Share of what the others see that counts: they will not all keep their paths. Measured on passage
+# and bottleneck-tight: with all of it the best plan's states are missed on the latter.
+_KEPT_BY_OTHERS = 0.5
+
+
+class _Beam:
+    """Finds the states that are kept, step by step."""
+
+    def __init__(self, team: Team, robot: int, width: int, stop: Stop) -> None:
+        robot_class, single = team.model.class_of[robot], team.found[robot]
+        self._graph, self._width = robot_class.graph, width
+        self._own = single.path or () if single is not None else ()
+        self._bonuses = Bonuses.of(team.model.problem.objective)
+        self._reward = marginal_reward(
+            team.model, robot_class, _KEPT_BY_OTHERS * team.others(robot)
+        )
+        self._value = backward_sweep(
+            self._graph, self._reward, self._bonuses, goal=robot_class.goal, stop=stop
+        )
+        lengths = (np.array(self._graph.moves) ** 2).sum(axis=1)
+        self._moves, self._turns = np.argsort(lengths, kind="stable"), _turns(self._graph)
+        self._position = np.empty(self._graph.n_states, dtype=np.int64)  # of `_numbered` states
+
+    def layers(self) -> Iterator[Layer]:
+        """Yields the layers of all steps."""
+        nothing = np.zeros(0, dtype=np.int64)
+        layer = Layer(np.array(self._own[:1]), np.zeros(1), nothing, nothing, np.zeros(0))
+        yield layer
+        for t in range(len(self._own) - 1):
+            layer = self._after(t, layer)
+            yield layer
+
+    def _after(self, t: int, layer: Layer) -> Layer:
+        """Returns the layer after that of step t."""
+        tails, heads = self._edges(t, layer.states)
+        rewards = np.zeros(len(heads))
+        if not self._bonuses.none:
+            rewards = self._bonuses.of_edges(self._graph.shape, layer.states[tails], heads)
+        so_far = layer.before + self._reward[t, layer.states]
+        states = self._numbered(heads)
+        to, before = self._position[heads], np.full(len(states), CLOSED)
+        np.maximum.at(before, to, so_far[tails] + rewards)
+        kept = self._kept(t + 1, states, before + self._value[t + 1, states])
+        edges, position = kept[to], np.cumsum(kept) - 1
+        return Layer(states[kept], before[kept], tails[edges], position[to[edges]], rewards[edges])
+
+    def _edges(self, t: int, states: IntArray) -> tuple[IntArray, IntArray]:
+        """Returns all edges from states at t: positions of the tails, and states at t+1."""
+        orientation, place = np.divmod(states, self._graph.n_places)
+        places = self._graph.heads_at(t, place)[self._moves].T[:, :, None]  # [n, K, 1]
+        turned = self._turns[orientation][:, None, :]  # [n, 1, turns]
+        there = (places >= 0) & (turned >= 0)
+        return np.nonzero(there)[0], (turned * self._graph.n_places + places)[there]
+
+    def _numbered(self, states: IntArray) -> IntArray:
+        """Returns which states there are, increasing, and takes down their positions."""
+        numbers = np.arange(len(states))
+        self._position[states] = numbers
+        found = np.sort(states[self._position[states] == numbers])
+        self._position[found] = np.arange(len(found))
+        return found
+
+    def _kept(self, t: int, states: IntArray, through: FloatArray) -> BoolArray:
+        """Returns which states are kept at t, by the value of the best path through each."""
+        kept = through > CLOSED
+        if np.count_nonzero(kept) > self._width:
+            kept[np.argsort(-through, kind="stable")[self._width :]] = False
+            kept[self._position[self._own[t]]] = True
+        return kept
+
+
+def _turns(graph: TimeGraph) -> IntArray:
+    """Returns the orientations that one step can turn to [O, n], smallest turn first, then -1."""
+    headings, pitches = graph.shape[:2]
+    turns = np.full((graph.n_orientations, max(map(len, graph.turns))), -1)
+    for tail, heads in enumerate(graph.turns):
+        (before, pitch), (after, pitched) = divmod(tail, pitches), np.divmod(heads, pitches)
+        turn = np.minimum((after - before) % headings, (before - after) % headings)
+        order = np.lexsort([np.abs(pitched - pitch), turn])
+        turns[tail, : len(heads)] = np.array(heads)[order]
+    return turns
+
+
+def _without_dead_ends(layers: list[Layer]) -> list[Layer]:
+    """Returns layers in which all states but the last ones have a way on."""
+    result = [layers[-1]]
+    for layer in reversed(layers[:-1]):
+        after, goes_on = result.pop(), np.zeros(len(layer.states), dtype=np.bool_)
+        goes_on[after.tails] = True
+        position, edges = np.cumsum(goes_on) - 1, goes_on[layer.heads]
+        result.append(after._replace(tails=position[after.tails]))
+        states, before = layer.states[goes_on], layer.before[goes_on]
+        heads = position[layer.heads[edges]]
+        result.append(Layer(states, before, layer.tails[edges], heads, layer.rewards[edges]))
+    return result[::-1]
