@@ -30,7 +30,9 @@ from cocap_opt.result import Reason, Result
 from cocap_opt.stop import Stop, never
 from cocap_opt.timing import timed
 
-RESPONSES = 50  # for each robot, in the search
+# For each robot. Measured on passage, bottleneck, the tight scenes and merge, seeds 0 to 9: they
+# take 12 to 19 times the processor time of sequential planning.
+RESPONSES = 45
 
 
 @timed

@@ -1,8 +1,9 @@
-"""The states of one robot that are worth most at each step, while all others keep their paths.
+"""The states of one robot that are worth most at each step, for search near a plan.
 
 They are found step by step from the start, as in beam search: of the states that those kept at
-one step lead to, those are kept through which the best paths lead. What is ahead of a state is
-known exactly, by value iteration without the others in the way.
+one step lead to, those are kept through which the best paths lead. Half of them are the best if
+all others keep their paths, half if the robot were alone: others will change theirs. What is ahead
+of a state is known exactly, by value iteration with nobody in the way.
 """
 
 from collections.abc import Iterator
@@ -23,7 +24,7 @@ class Layer(NamedTuple):
     """The n states kept at one step, and the m edges to them from those of the step before."""
 
     states: IntArray  # [n] increasing
-    before: FloatArray  # [n] best reward of the steps before, on the way here
+    before: FloatArray  # [2, n] best rewards of the steps before, beside the others and alone
     tails: IntArray  # [m] positions among the states of the step before, increasing
     heads: IntArray  # [m] positions among `states`; of one tail the calmest edge comes first
     rewards: FloatArray  # [m] of the edges themselves
@@ -35,7 +36,7 @@ def kept_layers(team: Team, robot: int, width: int, stop: Stop) -> list[Layer]:
     Parameters
     ----------
     team : whole; what the others see in it is what states are worth by
-    width : states that are kept at a step, beside the one on the robot's own path
+    width : states that are kept at a step at most, beside the one on the robot's own path
 
     Raises
     ------
@@ -43,11 +44,6 @@ def kept_layers(team: Team, robot: int, width: int, stop: Stop) -> list[Layer]:
         If a limit is reached before the states are there.
     """
     return _without_dead_ends(list(_Beam(team, robot, width, stop).layers()))
-
-
-# Share of what the others see that counts: they will not all keep their paths. Measured on passage
-# and bottleneck-tight: with all of it the best plan's states are missed on the latter.
-_KEPT_BY_OTHERS = 0.5
 
 
 class _Beam:
@@ -58,12 +54,12 @@ class _Beam:
         self._graph, self._width = robot_class.graph, width
         self._own = single.path or () if single is not None else ()
         self._bonuses = Bonuses.of(team.model.problem.objective)
-        self._reward = marginal_reward(
-            team.model, robot_class, _KEPT_BY_OTHERS * team.others(robot)
-        )
-        self._value = backward_sweep(
-            self._graph, self._reward, self._bonuses, goal=robot_class.goal, stop=stop
-        )
+        seen = team.others(robot), team.model.problem.no_pixels()
+        self._rewards = [marginal_reward(team.model, robot_class, pixels) for pixels in seen]
+        self._values = [
+            backward_sweep(self._graph, reward, self._bonuses, goal=robot_class.goal, stop=stop)
+            for reward in self._rewards
+        ]
         lengths = (np.array(self._graph.moves) ** 2).sum(axis=1)
         self._moves, self._turns = np.argsort(lengths, kind="stable"), _turns(self._graph)
         self._position = np.empty(self._graph.n_states, dtype=np.int64)  # of `_numbered` states
@@ -71,7 +67,7 @@ class _Beam:
     def layers(self) -> Iterator[Layer]:
         """Yields the layers of all steps."""
         nothing = np.zeros(0, dtype=np.int64)
-        layer = Layer(np.array(self._own[:1]), np.zeros(1), nothing, nothing, np.zeros(0))
+        layer = Layer(np.array(self._own[:1]), np.zeros((2, 1)), nothing, nothing, np.zeros(0))
         yield layer
         for t in range(len(self._own) - 1):
             layer = self._after(t, layer)
@@ -83,13 +79,19 @@ class _Beam:
         rewards = np.zeros(len(heads))
         if not self._bonuses.none:
             rewards = self._bonuses.of_edges(self._graph.shape, layer.states[tails], heads)
-        so_far = layer.before + self._reward[t, layer.states]
         states = self._numbered(heads)
-        to, before = self._position[heads], np.full(len(states), CLOSED)
-        np.maximum.at(before, to, so_far[tails] + rewards)
-        kept = self._kept(t + 1, states, before + self._value[t + 1, states])
+        to, before = self._position[heads], np.full((2, len(states)), CLOSED)
+        kept = np.zeros(len(states), dtype=np.bool_)
+        for best, so_far, reward, value in zip(
+            before, layer.before, self._rewards, self._values, strict=True
+        ):
+            gained = so_far + reward[t, layer.states]
+            np.maximum.at(best, to, gained[tails] + rewards)
+            kept |= self._kept(t + 1, states, best + value[t + 1, states])
         edges, position = kept[to], np.cumsum(kept) - 1
-        return Layer(states[kept], before[kept], tails[edges], position[to[edges]], rewards[edges])
+        return Layer(
+            states[kept], before[:, kept], tails[edges], position[to[edges]], rewards[edges]
+        )
 
     def _edges(self, t: int, states: IntArray) -> tuple[IntArray, IntArray]:
         """Returns all edges from states at t: positions of the tails, and states at t+1."""
@@ -108,10 +110,10 @@ class _Beam:
         return found
 
     def _kept(self, t: int, states: IntArray, through: FloatArray) -> BoolArray:
-        """Returns which states are kept at t, by the value of the best path through each."""
+        """Returns half of those that are kept at t, by the value of the best path through each."""
         kept = through > CLOSED
-        if np.count_nonzero(kept) > self._width:
-            kept[np.argsort(-through, kind="stable")[self._width :]] = False
+        if np.count_nonzero(kept) > self._width // 2:
+            kept[np.argsort(-through, kind="stable")[self._width // 2 :]] = False
             kept[self._position[self._own[t]]] = True
         return kept
 
@@ -136,7 +138,7 @@ def _without_dead_ends(layers: list[Layer]) -> list[Layer]:
         goes_on[after.tails] = True
         position, edges = np.cumsum(goes_on) - 1, goes_on[layer.heads]
         result.append(after._replace(tails=position[after.tails]))
-        states, before = layer.states[goes_on], layer.before[goes_on]
+        states, before = layer.states[goes_on], layer.before[:, goes_on]
         heads = position[layer.heads[edges]]
         result.append(Layer(states, before, layer.tails[edges], heads, layer.rewards[edges]))
     return result[::-1]

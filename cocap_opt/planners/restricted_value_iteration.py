@@ -20,7 +20,10 @@ from cocap_opt.planners.low_level import SingleRobotPath, SingleRobotTask
 from cocap_opt.planners.team import Team
 from cocap_opt.stop import Stop
 
-WIDTH = 80  # states of a robot that are kept at a step
+# States of a robot that are kept at a step. Measured on passage and bottleneck-tight, seeds 0 to 9:
+# J is 0.14 and 0.09 % below the optimum with 80, 0.11 and 0.05 % with 120, and 0.12 and 0.07 % with
+# 160 and 42 responses for each robot, which take as long.
+WIDTH = 120
 
 
 class RestrictedValueIteration:
@@ -29,7 +32,7 @@ class RestrictedValueIteration:
     Parameters
     ----------
     team : whole; what states are worth is what they add to what the others see in it
-    width : states that are kept at each step, beside those of the robot's path in `team`
+    width : states that are kept at each step at most, beside those of the robot's path in `team`
 
     Raises
     ------
