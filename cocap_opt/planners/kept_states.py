@@ -15,6 +15,7 @@ from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.timegraph import CLOSED, TimeGraph
 from cocap_opt.graph.value_iteration import backward_sweep
+from cocap_opt.model import Model, RobotClass
 from cocap_opt.objective import marginal_reward
 from cocap_opt.planners.team import Team
 from cocap_opt.stop import Stop
@@ -30,36 +31,59 @@ class Layer(NamedTuple):
     rewards: FloatArray  # [m] of the edges themselves
 
 
-def kept_layers(team: Team, robot: int, width: int, stop: Stop) -> list[Layer]:
+class Worth(NamedTuple):
+    """What a robot's states are worth to it, given what others see."""
+
+    reward: FloatArray  # [T+1, S] of being there
+    value: FloatArray  # [T+1, S] and of the best way on, with nobody in it
+
+    @classmethod
+    def of(cls, model: Model, robot_class: RobotClass, pixels: FloatArray, stop: Stop) -> "Worth":
+        """Returns what the states of a class are worth.
+
+        Parameters
+        ----------
+        pixels : [Z] px/m2 that others have in every view sum
+
+        Raises
+        ------
+        LimitReached
+            If a limit is reached before.
+        """
+        bonuses = Bonuses.of(model.problem.objective)
+        reward = marginal_reward(model, robot_class, pixels)
+        goal = robot_class.goal
+        value = backward_sweep(robot_class.graph, reward, bonuses, goal=goal, stop=stop)
+        return cls(reward, value)
+
+
+def kept_layers(team: Team, robot: int, width: int, alone: Worth, stop: Stop) -> list[Layer]:
     """Returns the states that are kept at the steps 0..T; all but the last ones have a way on.
 
     Parameters
     ----------
     team : whole; what the others see in it is what states are worth by
     width : states that are kept at a step at most, beside the one on the robot's own path
+    alone : what the states of its class are worth if nobody sees anything
 
     Raises
     ------
     LimitReached
         If a limit is reached before the states are there.
     """
-    return _without_dead_ends(list(_Beam(team, robot, width, stop).layers()))
+    robot_class = team.model.class_of[robot]
+    beside = Worth.of(team.model, robot_class, team.others(robot), stop)
+    return _without_dead_ends(list(_Beam(team, robot, width, (beside, alone)).layers()))
 
 
 class _Beam:
     """Finds the states that are kept, step by step."""
 
-    def __init__(self, team: Team, robot: int, width: int, stop: Stop) -> None:
-        robot_class, single = team.model.class_of[robot], team.found[robot]
-        self._graph, self._width = robot_class.graph, width
+    def __init__(self, team: Team, robot: int, width: int, worth: tuple[Worth, Worth]) -> None:
+        single = team.found[robot]
+        self._graph, self._width, self._worth = team.model.class_of[robot].graph, width, worth
         self._own = single.path or () if single is not None else ()
         self._bonuses = Bonuses.of(team.model.problem.objective)
-        seen = team.others(robot), team.model.problem.no_pixels()
-        self._rewards = [marginal_reward(team.model, robot_class, pixels) for pixels in seen]
-        self._values = [
-            backward_sweep(self._graph, reward, self._bonuses, goal=robot_class.goal, stop=stop)
-            for reward in self._rewards
-        ]
         lengths = (np.array(self._graph.moves) ** 2).sum(axis=1)
         self._moves, self._turns = np.argsort(lengths, kind="stable"), _turns(self._graph)
         self._position = np.empty(self._graph.n_states, dtype=np.int64)  # of `_numbered` states
@@ -82,12 +106,10 @@ class _Beam:
         states = self._numbered(heads)
         to, before = self._position[heads], np.full((2, len(states)), CLOSED)
         kept = np.zeros(len(states), dtype=np.bool_)
-        for best, so_far, reward, value in zip(
-            before, layer.before, self._rewards, self._values, strict=True
-        ):
-            gained = so_far + reward[t, layer.states]
+        for best, so_far, worth in zip(before, layer.before, self._worth, strict=True):
+            gained = so_far + worth.reward[t, layer.states]
             np.maximum.at(best, to, gained[tails] + rewards)
-            kept |= self._kept(t + 1, states, best + value[t + 1, states])
+            kept |= self._kept(t + 1, states, best + worth.value[t + 1, states])
         edges, position = kept[to], np.cumsum(kept) - 1
         return Layer(
             states[kept], before[:, kept], tails[edges], position[to[edges]], rewards[edges]

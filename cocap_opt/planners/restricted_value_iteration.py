@@ -15,7 +15,7 @@ from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.graph.charges import Charges
 from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.model import Model, Path
-from cocap_opt.planners.kept_states import Layer, kept_layers
+from cocap_opt.planners.kept_states import Layer, Worth, kept_layers
 from cocap_opt.planners.low_level import SingleRobotPath, SingleRobotTask
 from cocap_opt.planners.team import Team
 from cocap_opt.stop import Stop
@@ -41,9 +41,12 @@ class RestrictedValueIteration:
     """
 
     def __init__(self, team: Team, stop: Stop, width: int = WIDTH) -> None:
-        robots = range(team.size)
-        layers = (kept_layers(team, robot, width, stop) for robot in robots)
-        self._graphs = [_Graph(team.model, *both) for both in zip(robots, layers, strict=True)]
+        model, seen = team.model, team.model.problem.no_pixels()
+        alone = [Worth.of(model, robot_class, seen, stop) for robot_class in model.classes]
+        self._graphs = []
+        for robot, robot_class in enumerate(model.class_of):
+            own = alone[model.classes.index(robot_class)]
+            self._graphs.append(_Graph(model, robot, kept_layers(team, robot, width, own, stop)))
 
     def __call__(self, task: SingleRobotTask) -> SingleRobotPath:
         """Plan a task.
