@@ -32,7 +32,7 @@ class Layer(NamedTuple):
 
 
 class Worth(NamedTuple):
-    """What a robot's states are worth to it, given what others see."""
+    """Rewards and values of all states of a robot, given what others see."""
 
     reward: FloatArray  # [T+1, S] of being there
     value: FloatArray  # [T+1, S] and of the best way on, with nobody in it
