@@ -233,8 +233,11 @@ class Model:
     def _cells_along(self) -> Callable[[int, Path], tuple[Cell, ...]]:
         @lru_cache(_KEPT_PATHS)
         def cells(robot: int, path: Path) -> tuple[Cell, ...]:
-            state = self.class_of[robot].graph.state
-            return tuple(self.problem.cell(robot, state(number)) for number in path)
+            robot_class = self.class_of[robot]
+            places = np.array(path, dtype=np.int64) % robot_class.graph.n_places
+            layer, x, y = robot_class.graph.coordinates(places)
+            layer = _layers(self.problem, robot_class)[layer]
+            return tuple(map(Cell, x.tolist(), y.tolist(), layer.tolist()))
 
         return cells
 
@@ -596,10 +599,15 @@ def _graph(problem: Problem, spec: Robot) -> TimeGraph:
     return TimeGraph.of(problem.workspace, spec.motion, len(spec.camera.tilts), window, people)
 
 
+def _layers(problem: Problem, robot_class: RobotClass) -> IntArray:
+    """Returns the number among all layers of the problem of each layer of a class."""
+    return np.array([problem.layers.index(height) for height in robot_class.spec.motion.layers])
+
+
 def _cells(problem: Problem, robot_class: RobotClass) -> tuple[Cell, ...]:
     graph = robot_class.graph
     layer, x, y = graph.coordinates(np.arange(graph.n_places))
-    own = np.array([problem.layers.index(height) for height in robot_class.spec.motion.layers])
+    own = _layers(problem, robot_class)
     layers, inside = np.full(graph.n_places, -1), _inside(graph)
     layers[inside] = own[layer[inside]]
     return tuple(map(Cell, x.tolist(), y.tolist(), layers.tolist()))

@@ -30,7 +30,9 @@ def objective(model: Model, paths: Sequence[Path], pixels: FloatArray | None = N
         pixels = model.problem.no_pixels()
         for robot, path in enumerate(paths):
             pixels = pixels + model.robot_pixels(robot, path)
-    moves = sum(_move_reward(model, robot, path) for robot, path in enumerate(paths))
+    bonuses = Bonuses.of(model.problem.objective)
+    shapes = (robot_class.graph.shape for robot_class in model.class_of)
+    moves = sum(bonuses.of_path(*both) for both in zip(shapes, paths, strict=True))
     return float(view_reward(model.problem, pixels).sum()) + moves
 
 
@@ -38,12 +40,6 @@ def view_reward(problem: Problem, pixels: FloatArray) -> FloatArray:
     """Reward of each view sum [Z] of all robots together, as an array [view_sum_steps, F]."""
     reward = problem.view_sum_weights * np.sqrt(pixels)
     return reward.reshape(problem.view_sum_steps, -1)
-
-
-def _move_reward(model: Model, robot: int, path: Path) -> float:
-    """Reward of one robot for the moves along its path."""
-    bonuses = Bonuses.of(model.problem.objective)
-    return bonuses.of_path(model.class_of[robot].graph.shape, path)
 
 
 def marginal_gain(seen: FloatArray, coverage: FloatArray) -> FloatArray:

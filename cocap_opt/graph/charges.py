@@ -90,13 +90,18 @@ class Charges:
         parts = [NO_CHARGES, *parts]
         return cls.of(*(
             (np.concatenate([c.keys for c in costs]), np.concatenate([c.costs for c in costs]))
-            for costs in zip(*((p._places, p._moves, p._states) for p in parts), strict=True)
+            for costs in zip(*(charges.parts for charges in parts), strict=True)
         ))  # fmt: skip
+
+    @property
+    def parts(self) -> tuple[_Costs, _Costs, _Costs]:
+        """Keys and costs of places, of moves and of states, as `of` takes them, by step."""
+        return self._places, self._moves, self._states
 
     @property
     def none(self) -> bool:
         """True if nothing is charged."""
-        return not any(len(part.costs) for part in (self._places, self._moves, self._states))
+        return not any(len(part.costs) for part in self.parts)
 
     @cached_property
     def places(self) -> Mapping[tuple[int, ...], float]:

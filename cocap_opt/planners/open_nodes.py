@@ -98,14 +98,6 @@ class FocalNodes(OpenNodes):
     def __bool__(self) -> bool:
         return bool(self._nodes)
 
-    def nearest(self) -> Node | None:
-        """Returns the open node, or the last one, that has the fewest conflicts.
-
-        Of several it is the one of the greatest J, then the oldest.
-        """
-        nodes = self._nodes if self.last is None else [*self._nodes, self.last]
-        return min(nodes, key=_conflicts_then_value, default=None)
-
     def _put(self, node: Node) -> None:
         self._nodes.append(node)
 

@@ -398,14 +398,14 @@ class Problem(Data, frozen=True, eq=False, dict=True):
         """Make view sums [Z] to which no robot has added anything yet."""
         return np.zeros(self.view_sum_steps * len(self.face_weights))
 
-    @property
+    @cached_property
     def view_sum_weights(self) -> FloatArray:
         """Weight w of every view sum [Z]; 0 for steps that do not count."""
         if self.objective.over_time:  # pixels of steps that do not count are not added
             always: FloatArray = self.step_weights[0]
             return always
         counts = np.arange(self.horizon + 1) >= self.first_step
-        return (counts[:, None] * self.step_weights).ravel()
+        return read_only((counts[:, None] * self.step_weights).ravel())
 
     @property
     def most_views(self) -> int:

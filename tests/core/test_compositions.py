@@ -5,7 +5,7 @@ import pytest
 from brute_force import all_paths
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from strategies import examples, meetings, problems, tiny
+from strategies import WALL, examples, meetings, problems, standing, tiny
 
 from cocap_opt.graph.charges import NO_CHARGES
 from cocap_opt.model import compiled
@@ -13,16 +13,22 @@ from cocap_opt.planners import PLANNERS
 from cocap_opt.planners.cocap import cocap
 from cocap_opt.planners.cocap_lns import cocap_lns
 from cocap_opt.planners.low_level import SingleRobotPath, value_iteration
-from cocap_opt.planners.neighbourhoods import LARGEST, _neighbours, neighbourhood_search
+from cocap_opt.planners.neighbourhoods import (
+    LARGEST,
+    _exchanged,
+    _neighbours,
+    neighbourhood_search,
+)
 from cocap_opt.planners.open_nodes import BestNodes, FocalNodes, Node
 from cocap_opt.planners.responses import Responses, followed, one_by_one
+from cocap_opt.planners.restricted_value_iteration import RestrictedValueIteration
 from cocap_opt.planners.sequential import best_of_orders, sequential, sequential_rounds
 from cocap_opt.planners.team import Team
 from cocap_opt.problem import Plan, Problem, State
 from cocap_opt.referee import check
-from cocap_opt.result import Reason, Result
+from cocap_opt.result import Reason
 from cocap_opt.scenarios import load_scene
-from cocap_opt.stop import Limit, LimitReached, Stop, WorkLimit, never
+from cocap_opt.stop import Limit, Stop, WorkLimit, never
 from cocap_opt.world.workspace import HeightMap
 
 SETTLED = ("sequential-rounds", "cocap-focal", "cocap-lns")
@@ -191,11 +197,64 @@ def test_a_focal_list_takes_the_fewest_conflicts_within_a_share_of_the_best() ->
     assert (focal.pushed, focal.popped) == (4, 4)
 
 
-def test_a_work_limit_counts_the_nodes_of_the_tree_only() -> None:
-    """A plan that sequential planning has is kept, and the result names the limit."""
-    problem = load_scene("bottleneck-tight", 0, {})
-    result: Result = cocap_lns(problem, WorkLimit(0))
-    assert result.limit is Limit.WORK
-    assert result.value >= sequential_rounds(problem).value
-    with pytest.raises(LimitReached):
-        Asked(0).check()
+def _niche() -> Problem:
+    """Two robots that must pass each other in a corridor, where there is a niche."""
+    niche = HeightMap(heights=np.array([[0.0, WALL], [0.0, 0.0], [0.0, WALL]]), resolution=4.0)
+    one, other = tiny().robots
+    one = one.replace(start=State(0, 0), goal=(2, 0))
+    other = other.replace(start=State(2, 0, heading=2), goal=(0, 0))
+    actors = (standing(9.0, 4.0, 0.0, 0.0, steps=4),)
+    return tiny().replace(height_map=niche, robots=(one, other), actors=actors, horizon=4)
+
+
+def test_where_sequential_planning_fails_there_is_a_tree() -> None:
+    """It finds the plan, and a work limit, which counts its nodes only, stops it."""
+    assert sequential(_niche()).reason is Reason.FAILED
+    assert cocap_lns(_niche()).plan is not None
+    assert cocap_lns(_niche(), WorkLimit(0)).limit is Limit.WORK
+    problem = load_scene("corridor-tight", 0, {})
+    assert cocap_lns(problem, WorkLimit(0), responses=1).limit is None
+
+
+@examples(8)
+@given(problem=crowds, width=st.sampled_from([1, 3, 10_000]))
+def test_responses_over_few_states(problem: Problem, width: int) -> None:
+    """They keep to charges, lose nothing, and are the best of all if all states are kept."""
+    assume(not problem.objective.over_time)
+    team = _planned(problem)
+    restricted = RestrictedValueIteration(team, never, width)
+    for robot in range(team.size):
+        for charges in (NO_CHARGES, team.avoiding(robot)):
+            task = team.task(robot, charges, never)
+            few, best = (
+                team.with_path(robot, low_level(task))
+                for low_level in (restricted, value_iteration)
+            )
+            verdict = check(problem, team.model.plan(few.paths))
+            assert verdict.violations == ()
+            assert charges is NO_CHARGES or verdict.conflicts == ()
+            assert team.value * (1 - 1e-9) <= few.value <= best.value * (1 + 1e-9)
+            assert width < 10_000 or few.value == pytest.approx(best.value)
+
+
+@examples(8)
+@given(problem=meetings(team=3))
+def test_who_exchange_their_ways_see_the_same_together(problem: Problem) -> None:
+    """Two robots that go on along each other's paths obey the rules and change no view sum."""
+    team, rng = _planned(problem), np.random.default_rng(0)
+    for _ in range(5):
+        changed = _exchanged(team, np.arange(team.size), rng)
+        if changed is not None:
+            assert changed.paths != team.paths
+            assert not changed.conflicts
+            together = [sum(one.pixels for one in some.found) for some in (team, changed)]
+            assert together[0] == pytest.approx(together[1])
+            assert check(problem, team.model.plan(changed.paths)).valid
+
+
+def _planned(problem: Problem) -> Team:
+    """A team that is planned sequentially."""
+    nobody = Team.nobody(compiled(problem))
+    team, _ = followed(nobody, one_by_one(nobody, Responses(value_iteration, never)))
+    assume(team.is_whole)
+    return team

@@ -231,16 +231,15 @@ def test_what_changes_next_to_nothing_is_said_to_be_as_good() -> None:
 
 
 def test_compositions_obey_the_rules_and_lose_nothing() -> None:
-    """Rounds after a plan, and a search after rounds, never make it worse."""
+    """Rounds after a plan never make it worse."""
     problem = load_scene("corridor-tight", 1)
     sequential, rounds = (PLANNERS[n](problem) for n in ("sequential", "sequential-rounds"))
     assert sequential.plan is not None
     better = measured.polished(problem, sequential.plan)
-    search = measured.without_tree(problem)
-    assert better.plan is not None and search.plan is not None
+    assert better.plan is not None
     assert better.value == pytest.approx(rounds.value)  # no drone can better it
-    assert search.value >= rounds.value > sequential.value
-    assert check(problem, better.plan).valid and check(problem, search.plan).valid
+    assert rounds.value > sequential.value
+    assert check(problem, better.plan).valid
 
 
 def test_what_adds_little_is_said_to_add_little() -> None:
@@ -364,7 +363,7 @@ def test_the_stored_page_is_made_of_the_stored_tables(tmp_path: Path) -> None:
     assert made == stored
     assert {row.scene for row in stored_rows()} == set(SCENES)
     sides = Page(stored_rows(), stored_trials()).verdict()
-    assert sum(map(len, sides.values())) == 5 * len(SCENES) + 4  # every claim is on one side
+    assert sum(map(len, sides.values())) == 5 * len(SCENES) + 3  # every claim is on one side
 
 
 @pytest.mark.parametrize("scene", SCENES)

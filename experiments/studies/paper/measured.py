@@ -14,8 +14,6 @@ from pathlib import Path
 from statistics import median
 from time import process_time
 
-import numpy as np
-
 from cocap_opt.experiments.results.files import read_text, save_csv
 from cocap_opt.experiments.results.judging import Judged
 from cocap_opt.experiments.results.rows import COLUMNS, BoundColumns, PlannedRow, Row
@@ -25,20 +23,17 @@ from cocap_opt.files.code import code_digest
 from cocap_opt.model import Model, compiled
 from cocap_opt.planners import LAZY, PLANNERS
 from cocap_opt.planners.cocap import cocap
-from cocap_opt.planners.cocap_lns import RESPONSES
 from cocap_opt.planners.low_level import SingleRobotPath, value_iteration
-from cocap_opt.planners.neighbourhoods import neighbourhood_search
-from cocap_opt.planners.responses import Responses, followed, in_rounds, then_in_rounds
+from cocap_opt.planners.responses import Responses, followed, in_rounds
 from cocap_opt.planners.team import Team
 from cocap_opt.planners.view_search import Compounded, ViewSearch
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import Result
 from cocap_opt.stop import Stop, TimeLimit, never
-from cocap_opt.timing import timed
 
 STORED = Path(__file__).parents[1] / "stored"
 MEASURED = "measured.csv"  # in the folder of the results
-WITHOUT_TREE, POLISHED, DIVE = "lns-without-tree", "cocap-polished", "cocap-vs-dive"
+POLISHED, DIVE = "cocap-polished", "cocap-vs-dive"
 _SHORT, _LONG = 0.1, 10.0  # s: three runs below the first, none again from the second on
 _KEPT = (
     "scene", "seed", "planner", "reward", "bound", "gap", "reason", "limit", "seconds",
@@ -49,23 +44,6 @@ _KEPT = (
 
 
 # -- compositions ------------------------------------------------------------------------------
-
-
-@timed
-def without_tree(problem: Problem, stop: Stop = never) -> Result:
-    """Plans as `cocap-lns` does, but with no constraint tree and as many responses."""
-    team = Team.of(problem, value_iteration, stop)
-    team, limit = followed(team, _rounds_and_search(team, Responses(value_iteration, stop)))
-    return team.hovering().result(limit)
-
-
-def _rounds_and_search(nobody: Team, responses: Responses) -> Iterator[Team]:
-    team = nobody
-    for team in then_in_rounds(nobody, responses):
-        yield team
-    if team.is_whole:
-        asked, rng = RESPONSES * team.size, np.random.default_rng(0)
-        yield from neighbourhood_search(team, responses, asked, rng)
 
 
 def polished(problem: Problem, plan: Plan, stop: Stop = never) -> Result:
@@ -157,7 +135,6 @@ def _variants(
 ) -> Iterator[tuple[str, tuple[Result, float | None]]]:
     """Yields the compositions with their results and seconds; a polish alone is not timed."""
     problem, plan = instance.problem, instance.plan("cocap")
-    yield WITHOUT_TREE, _timed(without_tree, problem, limit, 0.0)
     if plan is not None:
         yield POLISHED, (polished(problem, plan, TimeLimit(limit)), None)
     yield DIVE, _timed(_dive, problem, limit, _LONG)

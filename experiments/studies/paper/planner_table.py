@@ -31,7 +31,7 @@ _PARTS = {  # of what a planner is made, and what it promises
     "cocap-rounds": ("cocap from a root planned in rounds", _COMPLETE),
     "cocap-focal": ("cocap-rounds with a focal list, then rounds", f"{_COMPLETE}; {_ALONE}"),
     "cocap-lns": (
-        "sequential, rounds, a small cocap-focal, then large neighbourhood search",
+        "sequential (cocap-focal where it fails), rounds, large neighbourhood search",
         f"{_COMPLETE}; {_ALONE}",
     ),
     "joint": ("value iteration over both drones at once", "the proved optimum"),
