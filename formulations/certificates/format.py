@@ -156,7 +156,7 @@ class ReferencePixels(_Part, frozen=True, tag="reference"):
 
 
 class StepPayments(_Part, frozen=True):
-    """What robots of a class are paid for being in some states at a step, whatever they see."""
+    """Payments to robots of a class for being in some states at a step, whatever they see."""
 
     t: int
     class_number: int = msgspec.field(name="robot_class")

@@ -37,7 +37,7 @@ _AT_ONCE = 200_000  # nodes of the compiled search between two looks at the stop
 
 
 class Wanted(NamedTuple):
-    """What a search of joint states looks for."""
+    """The height and the work that a search of joint states is asked for."""
 
     least: float  # heights up to here do not matter
     most_nodes: int  # of the tree
@@ -121,7 +121,7 @@ class JointStates:
 
     @property
     def margin(self) -> float:
-        """What rounding may change of any height, in units of J.
+        """The most that rounding changes of any height, in units of J.
 
         A height is a sum of at most R (F + 2) terms, each the result of a few operations, none
         of them larger than what all robots see and are paid at most.

@@ -81,7 +81,7 @@ class Narrowing:
 
     @property
     def rounding(self) -> float:
-        """What rounding may change of B, in units of J."""
+        """The most that rounding changes of B, in units of J."""
         payment, charge = self._prices.payment, self._prices.charge
         made_of = payment.magnitude + charge.magnitude + self._paths_made_of
         made_of += float(np.abs(self.constants).sum())
@@ -89,12 +89,12 @@ class Narrowing:
 
     @property
     def pricing(self) -> Pricing:
-        """What the stages so far prove of all plans."""
+        """The bound on all plans that the stages so far prove."""
         proved = max(self.target, math.nextafter(self.bound + self.rounding, math.inf))
         return Pricing(proved, self.rounding)
 
     def pricing_of(self, best: float) -> Pricing:
-        """What the stages prove, once all plans above the target have been tried.
+        """Returns the bound on all plans, once those above the target have been tried.
 
         Parameters
         ----------
