@@ -46,6 +46,7 @@ class Running:
         conflict: BoolArray,
         least: float,
         floor: float,
+        most_found: int = 0,
     ) -> "Running":
         """Returns a search at its beginning.
 
@@ -56,13 +57,16 @@ class Running:
         class_of, sizes : class of each state [n], not decreasing; robots of each class
         conflict : [n, n] whether two robots may not be in these states at once
         least, floor : as in `joint_states`
+        most_found : if not 0, all joint states that count are collected, up to so many
         """
         n, n_faces, robots = len(class_of), len(views[3]), sum(sizes)
         own = np.repeat(np.arange(len(sizes)), sizes)  # class of the robot that is chosen next
         left = np.array([[int((own[d:] == c).sum()) for c in range(len(sizes))]
                          for d in range(robots + 1)])  # fmt: skip
         memory = (
-            np.array([0, 1, 0]),  # depth, whether its node is new, whether all is done
+            np.array(
+                [0, 1, 0, 0]
+            ),  # depth, whether its node is new, whether all is done, how many found
             np.tile(np.arange(n), (robots + 1, 1)),  # positions of states that may be taken
             np.tile([n, 0], (robots + 1, 1)),  # how many, and how many of the next robot's class
             np.zeros(robots + 1, dtype=np.int64),  # next child
@@ -70,14 +74,26 @@ class Running:
             np.zeros((2, robots + 1, n_faces)),  # pixels so far, and their roots
             np.zeros((2, robots + 1)),  # worth so far less payments, and less charges
             np.full((2, robots), -1),  # positions of the robots' states, and of the highest's
+            np.zeros((most_found, robots), dtype=np.int64),  # positions of those that are collected
         )
         return cls((*views, class_of, own, left, conflict), memory, least, floor)
 
     @property
     def positions(self) -> tuple[int, ...]:
         """Positions of the states of the highest joint state; none if none is higher."""
-        found = self.memory[-1][1]
+        found = self.memory[-2][1]
         return tuple(found.tolist()) if found[0] >= 0 else ()
+
+    @property
+    def found(self) -> list[tuple[int, ...]]:
+        """Positions of the joint states that were collected."""
+        count = int(self.memory[0][3])
+        return [tuple(some) for some in self.memory[-1][:count].tolist()]
+
+    @property
+    def is_full(self) -> bool:
+        """True if there are more joint states to collect than allowed."""
+        return bool(self.memory[0][3] > len(self.memory[-1]))
 
     def advance(self, nodes: int) -> bool:
         """Goes on for so many nodes; returns True once all is done."""
@@ -96,7 +112,7 @@ def _advance(
     first: Any, faces: Any, pixels: Any, weights: Any, payment: Any, charge: Any,
     class_of: Any, own: Any, counts: Any, conflict: Any,
     at: Any, states: Any, numbers: Any, position: Any, values: Any, seen: Any, heights: Any,
-    chosen: Any, best: float, floor: float, nodes: int,
+    chosen: Any, collected: Any, best: float, floor: float, nodes: int,
 ) -> float:  # fmt: skip
     """Goes on with a search for so many nodes; returns the largest height so far."""
     robots, n_classes = len(own), counts.shape[1]
@@ -108,7 +124,13 @@ def _advance(
             at[1] = 0
             done += 1
             if d == robots:
-                if heights[0, d] > best:
+                if len(collected):
+                    if at[3] < len(collected):
+                        collected[at[3]] = chosen[0]
+                    else:
+                        at[2] = 1
+                    at[3] += 1
+                elif heights[0, d] > best:
                     best = heights[0, d]
                     chosen[1] = chosen[0]
                 d -= 1

@@ -33,6 +33,7 @@ from cocap_opt.stop import Stop, never
 UNIT_ROUNDOFF = 2.0**-53
 _PLAIN_NODES = 2000  # after which the compiled search takes over, where there is one
 _COMPILING = 10.0  # seconds that the first compiled search of a machine may take
+_MOST_FOUND = 50_000  # joint states of one step that are collected
 _AT_ONCE = 200_000  # nodes of the compiled search between two looks at the stop
 
 
@@ -156,11 +157,7 @@ class JointStates:
         LimitReached
             At a limit.
         """
-        is_long = (
-            wanted.most_nodes > _PLAIN_NODES
-            and compiled_search.is_there()
-            and stop.seconds_left > _COMPILING
-        )
+        is_long = self._is_long(wanted, stop)
         plain = PlainSearch(self, wanted, _PLAIN_NODES if is_long else wanted.most_nodes)
         try:
             return plain.run(stop)
@@ -177,21 +174,44 @@ class JointStates:
         NotEndedError, LimitReached
             As `highest` does.
         """
-        search = PlainSearch(self, Wanted(-np.inf, most_nodes), most_nodes, collects=True)
-        search.run(stop)
+        wanted = Wanted(-np.inf, most_nodes)
+        limit = _PLAIN_NODES if self._is_long(wanted, stop) else most_nodes
+        search = PlainSearch(self, wanted, limit, collects=True)
+        try:
+            search.run(stop)
+        except NotEndedError:
+            if limit == most_nodes:
+                raise
+            return self._run_compiled(wanted, stop, _MOST_FOUND).found
         return search.found
 
+    def _is_long(self, wanted: Wanted, stop: Stop) -> bool:
+        """Returns True for a search that is to go on compiled, where it can be."""
+        return (
+            wanted.most_nodes > _PLAIN_NODES
+            and compiled_search.is_there()
+            and stop.seconds_left > _COMPILING
+        )
+
     def _compiled(self, wanted: Wanted, stop: Stop) -> Highest:
-        """Returns the same by the compiled search."""
+        """Returns the same as the plain search, by the compiled one."""
+        running = self._run_compiled(wanted, stop)
+        return Highest(running.best, running.positions)
+
+    def _run_compiled(
+        self, wanted: Wanted, stop: Stop, most_found: int = 0
+    ) -> compiled_search.Running:
+        """Returns a compiled search that has ended."""
         first, faces, pixels = self._sparse
         running = compiled_search.Running.of(
             (first, faces, pixels, self.weights, self.payment, self.charge),
             self.class_of, self.sizes, self.conflict, wanted.least, self.floor - self.margin,
+            most_found,
         )  # fmt: skip
         for _ in range(0, wanted.most_nodes, _AT_ONCE):
             stop.check()
-            if running.advance(_AT_ONCE):
-                return Highest(running.best, running.positions)
+            if running.advance(_AT_ONCE) and not running.is_full:
+                return running
         raise NotEndedError
 
     @cached_property

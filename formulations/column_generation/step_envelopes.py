@@ -53,7 +53,7 @@ MOST_AT_A_STEP = 1_000
 MOST_ROUNDS = 12
 FEW_NODES, MANY_NODES = 2_000, 2_000_000  # of a step's search, with old and with new payments
 PLAIN_NODES = 50_000  # of a search that is not compiled
-FEW_TRIED, MANY_TRIED = 20_000, 300_000  # pairs of joint states
+FEW_TRIED, MANY_TRIED = 20_000, 200_000  # pairs of joint states
 MOST_ITERATIONS = 60  # of the bundle method
 CONVERGED = 0.02  # of what is open: less is not worth another iteration
 LEAST_ROUND = 0.05  # of what is open, that a round must close for another one
@@ -139,7 +139,7 @@ class _Envelopes:
             if before - narrowing.pricing.bound < LEAST_ROUND * open_:
                 break
         if narrowing.pricing.bound > cutoff():
-            self._tried_all(PLAIN_NODES, MANY_TRIED)
+            self._tried_all(MANY_NODES if compiled_search.is_there() else PLAIN_NODES, MANY_TRIED)
 
     def _tried_all(self, most_nodes: int, most_tried: int) -> bool:
         """Tries all sequences of joint states that are left; False if there are too many."""
