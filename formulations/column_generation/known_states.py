@@ -1,0 +1,85 @@
+"""The joint states and the paths that are known to step envelopes, and local search from them."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from cocap_opt.formulations.certificates import JointStates
+from cocap_opt.formulations.column_generation.incumbent import Incumbent
+from cocap_opt.formulations.column_generation.joint_ascent import ascended, greedy
+from cocap_opt.model import Path
+
+KNOWN_STARTS, RANDOM_STARTS = 6, 3  # of local searches of one step
+
+JointKey = tuple[tuple[int, int], ...]  # class and state number of each robot, sorted
+
+
+@dataclass
+class Known:
+    """The joint states and the paths that were found so far.
+
+    Attributes
+    ----------
+    rng : of local searches
+    paths : class numbers and paths
+    """
+
+    rng: np.random.Generator
+    paths: dict[tuple[int, Path], None] = field(default_factory=dict)
+    _joint: dict[int, dict[JointKey, None]] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, incumbent: Incumbent, steps: Iterable[int], rng: np.random.Generator) -> "Known":
+        """Returns the paths and the joint states of a plan."""
+        known = cls(rng)
+        numbers = [column.along.class_number for column in incumbent.columns]
+        for number, path in zip(numbers, incumbent.paths, strict=True):
+            known.add_path(number, path)
+        for t in steps:
+            at = ((number, path[t]) for number, path in zip(numbers, incumbent.paths, strict=True))
+            known._joint[t] = {tuple(sorted(at)): None}
+        return known
+
+    def add_path(self, number: int, path: Path) -> bool:
+        """Remembers a path of a class; returns True if it is new."""
+        is_new = (number, path) not in self.paths
+        self.paths[number, path] = None
+        return is_new
+
+    def add(self, joint: JointStates, positions: Sequence[int]) -> bool:
+        """Remembers a joint state, if there is one; returns True if it is new."""
+        if not positions:
+            return False
+        key = tuple(sorted(joint.keys[k] for k in positions))
+        own = self._joint.setdefault(joint.t, {})
+        is_new = key not in own
+        own[key] = None
+        return is_new
+
+    def at(self, joint: JointStates) -> list[list[int]]:
+        """Returns the positions of the joint states that are known and still count."""
+        at = {one: k for k, one in enumerate(joint.keys)}
+        keys = self._joint.get(joint.t, {})
+        found = [[at[one] for one in key] for key in keys if all(one in at for one in key)]
+        return [positions for positions in found if joint.counts(positions)]
+
+    def ascended(self, joint: JointStates) -> list[tuple[int, ...]]:
+        """Returns joint states that count and that no robot can raise alone."""
+        robots, known = sum(joint.sizes), self.at(joint)
+        self.rng.shuffle(known)
+        starts: list[Sequence[int]] = [*known[:KNOWN_STARTS]]
+        if first := greedy(joint):
+            starts.append(first)
+        for start in starts[:RANDOM_STARTS]:
+            changed = list(start)
+            for k in self.rng.integers(robots, size=robots // 2 + 1).tolist():
+                same = np.flatnonzero(joint.class_of == joint.class_of[changed[k]])
+                changed[k] = int(self.rng.choice(same))
+            starts.append(changed)
+        found = dict.fromkeys(ascended(joint, start) for start in starts)
+        return [positions for positions in found if positions and joint.counts(positions)]
+
+    def highest(self, joint: JointStates) -> float:
+        """Returns the largest height that local search finds."""
+        return max((joint.height(found) for found in self.ascended(joint)), default=-np.inf)

@@ -1,0 +1,201 @@
+"""The bundle method over payments for states, of which each set makes a step envelope.
+
+Payments are judged by local search: the joint states that it finds above the constants, and the
+best paths, are what the master problem (`step_master`) knows at the next iteration.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from cocap_opt.data import FloatArray
+from cocap_opt.formulations.certificates import JointStates, Narrowing, StepPayments
+from cocap_opt.formulations.column_generation.known_states import Known
+from cocap_opt.formulations.column_generation.step_master import (
+    KnownArc,
+    KnownHeight,
+    Place,
+    StepMaster,
+)
+from cocap_opt.graph.move_rewards import Bonuses
+from cocap_opt.graph.value_iteration import backward_sweep, best_path
+from cocap_opt.model import Path
+from cocap_opt.stop import Stop
+
+MOST_ITERATIONS = 60
+CONVERGED = 0.02  # of what is open: less is not worth another iteration
+SERIOUS, GOOD = 0.1, 0.3  # of what the master promises: for a new centre, and for a longer step
+FIRST_WEIGHT = 5.0  # of the distance to the centre at first, over the mean payment
+CLEARLY = 1e-9  # of the bound, by which a height is above a constant
+
+
+class PaymentBundle:
+    """The bundle method over the payments of the states that are left.
+
+    Attributes
+    ----------
+    joints : of each step, the joint states that are left
+    centre : [n] the payments of all their states, step by step
+    rest : what the bound has beside the steps' constants and the paths
+    """
+
+    def __init__(
+        self, narrowing: Narrowing, known: Known, joints: dict[int, JointStates], stop: Stop
+    ) -> None:
+        self._narrowing, self._known, self.joints = narrowing, known, joints
+        self._model, self._stop = narrowing.model, stop
+        ends = np.cumsum([0, *(len(joint.states) for joint in joints.values())]).tolist()
+        self._spans = {t: slice(a, b) for t, a, b in zip(joints, ends[:-1], ends[1:], strict=True)}
+        self.centre = np.concatenate([joint.payment for joint in joints.values()])
+        self._paid: dict[Place, int] = {
+            (int(c), t, int(s)): self._spans[t].start + k
+            for t, joint in joints.items()
+            for k, (c, s) in enumerate(zip(joint.class_of, joint.states, strict=True))
+        }
+        self._bonuses = Bonuses.of(self._model.problem.objective)
+        self._unpaid = [
+            np.where(left, rewards, -np.inf)
+            for left, rewards in zip(narrowing.left, narrowing.rewards, strict=True)
+        ]
+        steps = sum(float(narrowing.constants[t]) for t in joints)
+        self.rest = narrowing.bound - steps - self.best_paths(self.centre)[0]
+        self._starts: dict[Place, int] = {}
+        for number, robot_class in enumerate(self._model.classes):
+            for start in robot_class.starts:
+                place = (number, 0, start)
+                self._starts[place] = self._starts.get(place, 0) + 1
+
+    def span(self, t: int) -> slice:
+        """Returns the positions of a step's payments."""
+        return self._spans[t]
+
+    def run(self, cutoff: Callable[[], float], report: Callable[[], None]) -> FloatArray | None:
+        """Returns better payments, as far as local search can tell; None if there are none.
+
+        Parameters
+        ----------
+        cutoff : bound at which nothing is open
+        report : called at every iteration
+
+        Raises
+        ------
+        LimitReached
+            At a limit.
+        """
+        best, payments = np.inf, None
+        centre, rho = self.centre, FIRST_WEIGHT / max(float(np.abs(self.centre).mean()), 1e-9)
+        for iteration in range(MOST_ITERATIONS):
+            self._stop.check()
+            arcs, heights = self._arcs(), self._heights()
+            if {height.t for height in heights} != set(self.joints):
+                return None  # at some step no joint state is known that counts
+            solved = StepMaster.solve(
+                centre, rho, self._paid, self._unpaid_of(arcs), self._starts, arcs, heights,
+                self._stop,
+            )  # fmt: skip
+            value, new = self._judged(solved)
+            promised = best - solved.value - self.rest
+            if value < best - CLEARLY * abs(value) and (
+                best == np.inf or best - value >= SERIOUS * promised
+            ):
+                rho /= 3 if best < np.inf and best - value > GOOD * promised else 1
+                best, centre, payments = value, solved.payments, solved.payments
+            elif iteration % 4 == 3:
+                rho *= 1.5
+            open_ = self._narrowing.bound - cutoff()
+            if not new or best - cutoff() < CONVERGED * open_:
+                break
+            if best - solved.value - self.rest < CONVERGED * open_:
+                break
+            report()
+        return payments if best < self._narrowing.bound else None
+
+    def _judged(self, solved: StepMaster) -> tuple[float, int]:
+        """Returns the bound of payments as far as local search can tell, and what is new."""
+        known = self._known
+        total, paths = self.best_paths(solved.payments)
+        new = sum(known.add_path(number, path) for number, path in paths)
+        for t, joint in self.joints.items():
+            paid = replace(joint, payment=solved.payments[self._spans[t]])
+            highest = solved.constants[t]
+            for found in known.ascended(paid):
+                if (height := paid.height(found)) > solved.constants[t] + CLEARLY * abs(total):
+                    new += known.add(joint, found)
+                    highest = max(highest, height)
+            total += highest
+        return total + self.rest, new
+
+    def best_paths(self, payments: FloatArray) -> tuple[float, list[tuple[int, Path]]]:
+        """Returns what the best paths are worth together, and the paths with their classes."""
+        total, paths = 0.0, []
+        for number, robot_class in enumerate(self._model.classes):
+            reward = self._unpaid[number].copy()
+            for t, joint in self.joints.items():
+                own = joint.class_of == number
+                reward[t, joint.states[own]] = payments[self._spans[t]][own]
+            charges = self._narrowing.charges(number)
+            value = backward_sweep(
+                robot_class.graph, reward, self._bonuses, charges, robot_class.goal, self._stop
+            )
+            for start in robot_class.starts:
+                total += float(value[0, start])
+                path = best_path(robot_class.graph, value, start, self._bonuses, charges)
+                if path is not None:
+                    paths.append((number, tuple(path)))
+        return total, paths
+
+    def _arcs(self) -> list[KnownArc]:
+        """Returns the arcs of the known paths that visit only states that are left."""
+        found: dict[tuple[Place, Place], KnownArc] = {}
+        for number, path in self._known.paths:
+            left, graph = self._narrowing.left[number], self._model.classes[number].graph
+            if not all(left[t, state] for t, state in enumerate(path)):
+                continue
+            charges, n_places = self._narrowing.charges(number), graph.n_places
+            for t in range(len(path) - 1):
+                tail, head = path[t], path[t + 1]
+                ends = (number, t, tail), (number, t + 1, head)
+                if ends in found:
+                    continue
+                gain = float(self._bonuses.of_edges(graph.shape, tail, np.array([head]))[0])
+                gain -= charges.moves.get((t, tail % n_places, head % n_places), 0.0)
+                gain -= charges.places.get((t + 1, head % n_places), 0.0)
+                gain -= charges.states.get((t + 1, head), 0.0)
+                if t == 0:
+                    gain -= charges.places.get((0, tail % n_places), 0.0)
+                    gain -= charges.states.get((0, tail), 0.0)
+                found[ends] = KnownArc(*ends, gain)
+        return list(found.values())
+
+    def _unpaid_of(self, arcs: list[KnownArc]) -> dict[Place, float]:
+        """Returns the rewards of the states on arcs that have no payment."""
+        places = {place for arc in arcs for place in (arc.tail, arc.head)}
+        return {
+            place: float(self._unpaid[place[0]][place[1], place[2]])
+            for place in places
+            if place not in self._paid
+        }
+
+    def _heights(self) -> list[KnownHeight]:
+        """Returns the joint states that are known and count."""
+        return [
+            KnownHeight(
+                t,
+                tuple(self._spans[t].start + k for k in positions),
+                joint.worth(positions),
+            )
+            for t, joint in self.joints.items()
+            for positions in self._known.at(joint)
+        ]
+
+    def written(self, t: int, payments: FloatArray) -> list[StepPayments]:
+        """Returns the payments of a step as they stand in a certificate, class by class."""
+        joint = self.joints[t]
+        parts = []
+        for number in np.unique(joint.class_of).tolist():
+            own = joint.class_of == number
+            graph = self._model.classes[number].graph
+            states = tuple(graph.state(int(state)) for state in joint.states[own])
+            parts.append(StepPayments(t, number, states, tuple(payments[own].tolist())))
+        return parts
