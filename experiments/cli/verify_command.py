@@ -159,7 +159,8 @@ class _Claims(NamedTuple):
             assert model is not None
             name = printable(str(path))
             with Watch.on_terminal(name) as watch:
-                counters = watch.counter("leaf"), watch.counter("best path by networkx")
+                part = "leaf" if isinstance(file, ProofFile) else "search of a step"
+                counters = watch.counter(part), watch.counter("best path by networkx")
                 try:
                     bounds.append(ProvedBound.of(model, file, by_networkx, *counters))
                 except CertificateError as error:

@@ -49,7 +49,8 @@ def verify(
 
     Parameters
     ----------
-    progress : told how many leaves of a proof are done, and of how many
+    progress : told how many leaves of a proof are done, or searches of a staged certificate, and
+        of how many
     model : of the problem, made without the cache; so that several files share its coverage
 
     Raises
@@ -68,7 +69,7 @@ def verify(
     if isinstance(file, ProofFile):
         pricing = Pricing.of_proof(model, file, progress)
     else:
-        pricing = _priced(model, file.certificate)
+        pricing = _priced(model, file.certificate, progress)
     if not pricing.bound <= file.proved:
         numbers = "leaves" if proof else "multipliers"
         raise CertificateError(
@@ -77,8 +78,12 @@ def verify(
     return pricing
 
 
-def _priced(model: Model, certificate: Certificate | Staged) -> Pricing:
+def _priced(
+    model: Model,
+    certificate: Certificate | Staged,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> Pricing:
     """Returns the bound that a certificate proves, in stages or at once."""
     if isinstance(certificate, Staged):
-        return price_staged(model, certificate)
+        return price_staged(model, certificate, progress=progress)
     return Pricing.of(model, certificate)

@@ -5,6 +5,8 @@ At the end all sequences of the joint states that are left may be tried (`joint_
 """
 
 import math
+from collections.abc import Callable
+from itertools import count
 
 from cocap_opt.formulations.certificates.format import CertificateError, Stage, Staged
 from cocap_opt.formulations.certificates.joint_paths import best_plan, may_be_used
@@ -20,8 +22,17 @@ MOST_NODES = 100_000_000  # of a step's search: some minutes
 LARGEST_PAYMENT = 1e50  # its square is finite
 
 
-def price_staged(model: Model, certificate: Staged, stop: Stop = never) -> Pricing:
+def price_staged(
+    model: Model,
+    certificate: Staged,
+    stop: Stop = never,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> Pricing:
     """Returns the bound that a staged certificate proves.
+
+    Parameters
+    ----------
+    progress : told how many searches of steps are done, and of how many
 
     Raises
     ------
@@ -30,31 +41,13 @@ def price_staged(model: Model, certificate: Staged, stop: Stop = never) -> Prici
     """
     narrowing = Narrowing(model, certificate.multipliers, certificate.target)
     narrowing.close_states()
+    searches = count(1)
+    total = sum(len(stage.constants) for stage in certificate.stages)
     for n, stage in enumerate(certificate.stages):
-        field = f"certificate.stages[{n}]"
-        _check(model, stage, field)
-        for payments in stage.payments:
-            narrowing.pay(payments)
-        if stage.payments:
-            narrowing.price()
-        for k, step in enumerate(stage.constants):
-            name = f"{field}.constants[{k}]"
-            if narrowing.states_left[step.t] > MOST_STATES:
-                raise CertificateError(
-                    f"{name}: {narrowing.states_left[step.t]:,} states are left at step {step.t}; "
-                    f"at most {MOST_STATES:,} can be searched"
-                )
-            try:
-                narrowing.lower(step.t, Wanted(step.constant, MOST_NODES), stop)
-            except NotEndedError as error:
-                raise CertificateError(
-                    f"{name}: its search takes more than {MOST_NODES:,} nodes"
-                ) from error
-        if not math.isfinite(narrowing.rounding):
-            raise CertificateError(
-                f"{field}: a step has payments but no constant, or too large ones"
-            )
-        narrowing.close_states()
+        _apply(
+            narrowing, stage, f"certificate.stages[{n}]", stop,
+            lambda: progress(next(searches), total),
+        )  # fmt: skip
     if not certificate.joint_paths:
         return narrowing.pricing
     if not may_be_used(model):
@@ -66,6 +59,34 @@ def price_staged(model: Model, certificate: Staged, stop: Stop = never) -> Prici
     except NotEndedError as error:
         raise CertificateError("certificate.joint_paths: too many joint states are left") from error
     return narrowing.pricing_of(best.value)
+
+
+def _apply(
+    narrowing: Narrowing, stage: Stage, field: str, stop: Stop, tell: Callable[[], None]
+) -> None:
+    """Replaces the payments and constants of a stage, and closes states."""
+    _check(narrowing.model, stage, field)
+    for payments in stage.payments:
+        narrowing.pay(payments)
+    if stage.payments:
+        narrowing.price()
+    for k, step in enumerate(stage.constants):
+        name = f"{field}.constants[{k}]"
+        if narrowing.states_left[step.t] > MOST_STATES:
+            raise CertificateError(
+                f"{name}: {narrowing.states_left[step.t]:,} states are left at step {step.t}; "
+                f"at most {MOST_STATES:,} can be searched"
+            )
+        try:
+            narrowing.lower(step.t, Wanted(step.constant, MOST_NODES), stop)
+        except NotEndedError as error:
+            raise CertificateError(
+                f"{name}: its search takes more than {MOST_NODES:,} nodes"
+            ) from error
+        tell()
+    if not math.isfinite(narrowing.rounding):
+        raise CertificateError(f"{field}: a step has payments but no constant, or too large ones")
+    narrowing.close_states()
 
 
 def _check(model: Model, stage: Stage, field: str) -> None:
