@@ -34,6 +34,7 @@ from cocap_opt.formulations.column_generation.payment_bundle import PaymentBundl
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.relaxations.duals import Duals
 from cocap_opt.model import Model
+from cocap_opt.stop import LimitReached
 
 METHOD = "step-envelopes"
 MOST_STATES = 10_000_000  # of all steps and classes, which sweeps go through
@@ -158,17 +159,22 @@ class _Envelopes:
 
     def _lower(self) -> None:
         """Lowers the constants of the present payments, where that takes few nodes."""
-        constants = []
-        for t in self.steps:
-            joint, before = self.narrowing.joint_states(t), float(self.narrowing.constants[t])
-            least = self.known.highest(joint)
-            try:
-                found = self.narrowing.lower(t, Wanted(least, FEW_NODES), self.search.stop)
-            except NotEndedError:
-                continue
-            self.known.add(joint, found.positions)
-            if self.narrowing.constants[t] < before:
-                constants.append(StepConstant(t, found.height))
+        constants: list[StepConstant] = []
+        try:
+            for t in self.steps:
+                joint, before = self.narrowing.joint_states(t), float(self.narrowing.constants[t])
+                least = self.known.highest(joint)
+                try:
+                    found = self.narrowing.lower(t, Wanted(least, FEW_NODES), self.search.stop)
+                except NotEndedError:
+                    continue
+                self.known.add(joint, found.positions)
+                if self.narrowing.constants[t] < before:
+                    constants.append(StepConstant(t, found.height))
+        except LimitReached:
+            # What has been lowered counts, so that the certificate has to tell of it.
+            self.stages.append(Stage(constants=tuple(constants)))
+            raise
         self._close(Stage(constants=tuple(constants)))
 
     def _close(self, stage: Stage) -> None:

@@ -17,6 +17,7 @@ from cocap_opt.formulations.certificates import (
     JointStates,
     Narrowing,
     NotEndedError,
+    ProofFile,
     Stage,
     Staged,
     StepConstant,
@@ -36,7 +37,8 @@ from cocap_opt.formulations.second_opinion.opinion import require_small
 from cocap_opt.model import Model, compiled
 from cocap_opt.problem import Objective, Plan, Problem
 from cocap_opt.referee import check
-from cocap_opt.stop import never
+from cocap_opt.scenarios import load_scene
+from cocap_opt.stop import Limit, Stop, never
 
 seeds = st.integers(0, 10**9)
 
@@ -309,3 +311,30 @@ def test_solutions_by_step_envelopes_are_optimal_and_explained(problem: Problem)
     assert explanation.total() == pytest.approx(file.proved - reward, abs=1e-9 * file.proved)
     with pytest.raises(TooLargeError, match="in stages"):
         require_small(problem, file)
+
+
+class Asked(Stop):
+    """A stop that is reached once it has been asked so often."""
+
+    def __init__(self, most: float = math.inf) -> None:
+        self.most, self.asked = most, 0
+
+    def reached(self) -> Limit | None:
+        """Counts, and answers."""
+        self.asked += 1
+        return Limit.WORK if self.asked > self.most else None
+
+
+@pytest.mark.slow
+def test_a_limit_anywhere_in_the_stages_leaves_a_true_claim() -> None:
+    """Constants that were lowered before a limit are in the file that claims what they prove."""
+    problem, whole = load_scene("bottleneck", 2).replace(horizon=6), Asked()
+    proved = branch_and_price(problem, whole).bound
+    staged = 0
+    for most in range(whole.asked - 60, whole.asked, 4):
+        result = branch_and_price(problem, Asked(most))
+        assert result.bound >= proved * (1 - 1e-9)
+        assert isinstance(result.certificate, CertificateFile | ProofFile)
+        assert verify(problem, result.certificate, model=compiled(problem)).bound <= result.bound
+        staged += isinstance(result.certificate, CertificateFile)
+    assert staged > 3
