@@ -1,6 +1,6 @@
 import json
 import math
-from itertools import combinations_with_replacement, product
+from itertools import combinations_with_replacement, count, product
 
 import msgspec
 import numpy as np
@@ -17,7 +17,6 @@ from cocap_opt.formulations.certificates import (
     JointStates,
     Narrowing,
     NotEndedError,
-    ProofFile,
     Stage,
     Staged,
     StepConstant,
@@ -29,16 +28,21 @@ from cocap_opt.formulations.certificates import (
     may_be_used,
     verify,
 )
+from cocap_opt.formulations.certificates.joint_states import Highest
 from cocap_opt.formulations.certificates.staged import price_staged
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
+from cocap_opt.formulations.column_generation.root import Root
+from cocap_opt.formulations.column_generation.search import Search
+from cocap_opt.formulations.column_generation.step_envelopes import step_envelopes
 from cocap_opt.formulations.explanation import explain
+from cocap_opt.formulations.result import OPTIMALITY
 from cocap_opt.formulations.second_opinion import TooLargeError
 from cocap_opt.formulations.second_opinion.opinion import require_small
 from cocap_opt.model import Model, compiled
 from cocap_opt.problem import Objective, Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.scenarios import load_scene
-from cocap_opt.stop import Limit, Stop, never
+from cocap_opt.stop import Limit, LimitReached, Stop, never
 
 seeds = st.integers(0, 10**9)
 
@@ -313,28 +317,24 @@ def test_solutions_by_step_envelopes_are_optimal_and_explained(problem: Problem)
         require_small(problem, file)
 
 
-class Asked(Stop):
-    """A stop that is reached once it has been asked so often."""
-
-    def __init__(self, most: float = math.inf) -> None:
-        self.most, self.asked = most, 0
-
-    def reached(self) -> Limit | None:
-        """Counts, and answers."""
-        self.asked += 1
-        return Limit.WORK if self.asked > self.most else None
-
-
-@pytest.mark.slow
-def test_a_limit_anywhere_in_the_stages_leaves_a_true_claim() -> None:
+def test_a_limit_among_constants_leaves_a_true_claim(monkeypatch: pytest.MonkeyPatch) -> None:
     """Constants that were lowered before a limit are in the file that claims what they prove."""
-    problem, whole = load_scene("bottleneck", 2).replace(horizon=6), Asked()
-    proved = branch_and_price(problem, whole).bound
-    staged = 0
-    for most in range(whole.asked - 60, whole.asked, 4):
-        result = branch_and_price(problem, Asked(most))
-        assert result.bound >= proved * (1 - 1e-9)
-        assert isinstance(result.certificate, CertificateFile | ProofFile)
-        assert verify(problem, result.certificate, model=compiled(problem)).bound <= result.bound
-        staged += isinstance(result.certificate, CertificateFile)
-    assert staged > 3
+    problem = load_scene("bottleneck", 2).replace(horizon=5)
+    search = Search(compiled(problem))
+    root = Root.of(search, OPTIMALITY)
+    root.solve_aggregated()
+    root.relaxation.look_for_plans()
+    lower, calls = Narrowing.lower, count()
+
+    def limited(self: Narrowing, t: int, wanted: Wanted, stop: Stop = never) -> Highest:
+        if next(calls) == 3:
+            raise LimitReached(Limit.WORK)
+        return lower(self, t, wanted, stop)
+
+    monkeypatch.setattr(Narrowing, "lower", limited)
+    with pytest.raises(LimitReached):
+        step_envelopes(search, root.relaxation.best.duals, root.cutoff)
+    monkeypatch.undo()
+    assert search.spare is not None
+    assert search.spare.proved < root.relaxation.best.bound
+    assert verify(problem, search.spare, model=compiled(problem)).bound <= search.spare.proved
