@@ -71,7 +71,8 @@ def verify(
     else:
         pricing = _priced(model, file.certificate, progress)
     if not pricing.bound <= file.proved:
-        numbers = "leaves" if proof else "multipliers"
+        staged = not isinstance(file, ProofFile) and isinstance(file.certificate, Staged)
+        numbers = "leaves" if proof else "stages" if staged else "multipliers"
         raise CertificateError(
             f"bound: claims {file.proved!r}, but the {numbers} prove only {pricing.bound!r}"
         )

@@ -105,7 +105,10 @@ class Running:
 def _kernel() -> Any:
     import numba
 
-    return numba.njit(cache=True)(_advance)
+    try:
+        return numba.njit(cache=True)(_advance)
+    except RuntimeError:  # there is no folder to keep what is compiled
+        return numba.njit(_advance)
 
 
 def _advance(

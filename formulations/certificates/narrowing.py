@@ -70,6 +70,7 @@ class Narrowing:
         self.left: list[BoolArray] = [np.ones(some.shape, dtype=np.bool_) for some in self.rewards]
         self._charges = [prices.charges(number) for number in classes]
         self._sweep()
+        self._require_finite()
         # Whether a joint state counts is decided with the payments with which states were closed.
         self._charged = [some + slack for some, slack in self._charged_now()]
         self._floors = np.full(len(self.constants), -np.inf)
@@ -89,7 +90,8 @@ class Narrowing:
 
     @property
     def pricing(self) -> Pricing:
-        """The bound on all plans that the stages so far prove."""
+        """The bound on all plans that the stages so far prove; raises CertificateError."""
+        self._require_finite()
         proved = max(self.target, math.nextafter(self.bound + self.rounding, math.inf))
         return Pricing(proved, self.rounding)
 
@@ -134,12 +136,18 @@ class Narrowing:
         return self._charges[number]
 
     def close_states(self) -> None:
-        """Closes the states that no plan above the target visits."""
+        """Closes the states that no plan above the target visits; raises CertificateError."""
+        self._require_finite()
         for left, slack in zip(self.left, self._slack, strict=True):
             left &= slack <= self.room
         self._sweep()
         self._charged = [some + slack for some, slack in self._charged_now()]
         self._floors = self.constants - self.room
+
+    def _require_finite(self) -> None:
+        """Refuses numbers so large that nothing follows from them: inf - inf bounds nothing."""
+        if not math.isfinite(self.rounding) or math.isnan(self.bound) or self.bound == math.inf:
+            raise CertificateError("certificate: too large, the bound is infinite")
 
     def pay(self, payments: StepPayments) -> None:
         """Replaces the payments of a class for some states; K_t is not known from then on."""

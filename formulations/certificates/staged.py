@@ -19,6 +19,7 @@ from cocap_opt.stop import Stop, never
 
 MOST_STATES = 3000  # of a step: beyond it, the table of conflicts and the search are too large
 MOST_NODES = 100_000_000  # of a step's search: some minutes
+MOST_COLLECTING = 2_000_000  # of a step's search for all joint states that count
 LARGEST_PAYMENT = 1e50  # its square is finite
 
 
@@ -54,8 +55,10 @@ def price_staged(
         raise CertificateError(
             "certificate.joint_paths: moves are rewarded, or views do not count at step 1"
         )
+    for t in range(model.problem.horizon + 1):
+        _require_few(narrowing, t, "certificate.joint_paths")
     try:
-        best = best_plan(narrowing, MOST_NODES, stop=stop)
+        best = best_plan(narrowing, MOST_COLLECTING, stop=stop)
     except NotEndedError as error:
         raise CertificateError("certificate.joint_paths: too many joint states are left") from error
     return narrowing.pricing_of(best.value)
@@ -72,11 +75,7 @@ def _apply(
         narrowing.price()
     for k, step in enumerate(stage.constants):
         name = f"{field}.constants[{k}]"
-        if narrowing.states_left[step.t] > MOST_STATES:
-            raise CertificateError(
-                f"{name}: {narrowing.states_left[step.t]:,} states are left at step {step.t}; "
-                f"at most {MOST_STATES:,} can be searched"
-            )
+        _require_few(narrowing, step.t, name)
         try:
             narrowing.lower(step.t, Wanted(step.constant, MOST_NODES), stop)
         except NotEndedError as error:
@@ -87,6 +86,15 @@ def _apply(
     if not math.isfinite(narrowing.rounding):
         raise CertificateError(f"{field}: a step has payments but no constant, or too large ones")
     narrowing.close_states()
+
+
+def _require_few(narrowing: Narrowing, t: int, field: str) -> None:
+    """Refuses to search a step at which too many states are left."""
+    if (left := int(narrowing.states_left[t])) > MOST_STATES:
+        raise CertificateError(
+            f"{field}: {left:,} states are left at step {t}; "
+            f"at most {MOST_STATES:,} can be searched"
+        )
 
 
 def _check(model: Model, stage: Stage, field: str) -> None:

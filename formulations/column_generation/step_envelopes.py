@@ -44,6 +44,7 @@ MOST_ROUNDS = 12
 FEW_NODES, MANY_NODES = 2_000, 2_000_000  # of a step's search, with old and with new payments
 PLAIN_NODES = 50_000  # of a search that is not compiled
 FEW_TRIED, MANY_TRIED = 20_000, 200_000  # pairs of joint states
+CLEARLY = 1e-9  # of the bound, that stages must take off it
 LEAST_ROUND = 0.05  # of what is open, that a round must close for another one
 
 
@@ -70,12 +71,13 @@ def step_envelopes(search: Search, duals: Duals, cutoff: Callable[[], float]) ->
     narrowing = Narrowing(model, duals.certificate(model), search.value)
     steps = range(model.problem.first_step, model.problem.horizon + 1)
     known = Known.of(search.incumbent, steps, search.rng)
+    before = narrowing.pricing.bound
     envelopes = _Envelopes(search, narrowing, duals, known, steps)
     try:
         envelopes.run(cutoff)
     finally:
-        if envelopes.stages:
-            search.offer_spare(envelopes.file())
+        if envelopes.stages and (file := envelopes.file()).proved < before - CLEARLY * abs(before):
+            search.offer_spare(file)
 
 
 @dataclass

@@ -8,15 +8,18 @@ import pytest
 from brute_force import all_paths, objective_from_scratch, optimum
 from hypothesis import given
 from hypothesis import strategies as st
-from random_certificates import random_multipliers, some_model
+from random_certificates import as_rows, random_multipliers, some_model
 from strategies import examples, meetings, problems, tiny
 
 from cocap_opt.formulations.certificates import (
+    Cells,
     CertificateError,
     CertificateFile,
     JointStates,
+    Multipliers,
     Narrowing,
     NotEndedError,
+    Row,
     Stage,
     Staged,
     StepConstant,
@@ -317,9 +320,10 @@ def test_solutions_by_step_envelopes_are_optimal_and_explained(problem: Problem)
         require_small(problem, file)
 
 
+@pytest.mark.slow
 def test_a_limit_among_constants_leaves_a_true_claim(monkeypatch: pytest.MonkeyPatch) -> None:
     """Constants that were lowered before a limit are in the file that claims what they prove."""
-    problem = load_scene("bottleneck", 2).replace(horizon=5)
+    problem = load_scene("bottleneck", 2)
     search = Search(compiled(problem))
     root = Root.of(search, OPTIMALITY)
     root.solve_aggregated()
@@ -338,3 +342,19 @@ def test_a_limit_among_constants_leaves_a_true_claim(monkeypatch: pytest.MonkeyP
     assert search.spare is not None
     assert search.spare.proved < root.relaxation.best.bound
     assert verify(problem, search.spare, model=compiled(problem)).bound <= search.spare.proved
+
+
+@pytest.mark.parametrize("joint_paths", [False, True])
+def test_numbers_too_large_prove_nothing(joint_paths: bool) -> None:
+    """Infinite constants and prices are refused, though any target is below them."""
+    problem = tiny()
+    model, shape = compiled(problem), (problem.view_sum_steps, len(problem.face_weights))
+    start = problem.cell(0, problem.robots[0].start)
+    row = Row(Cells(0, (start,)), 1.7e308)
+    for multipliers in (
+        Multipliers(as_rows(np.zeros(shape)), as_rows(np.full(shape, 5e-324))),
+        Multipliers(as_rows(np.ones(shape)), as_rows(np.ones(shape)), rows=(row, row)),
+    ):
+        for stages in ((), (Stage(),)):
+            with pytest.raises(CertificateError, match="infinite"):
+                price_staged(model, Staged(multipliers, 1.0, stages, joint_paths))
