@@ -56,7 +56,7 @@ _MODULES = (
 )
 # Libraries that compute something of a result; some are optional.
 _LIBRARIES = (
-    "clarabel", "cvxpy", "embreex", "highspy", "msgspec", "networkx", "numpy", "ortools",
+    "clarabel", "cvxpy", "embreex", "highspy", "msgspec", "networkx", "numba", "numpy", "ortools",
     "pyscipopt", "scipy", "shapely", "trimesh",
 )  # fmt: skip
 _EXPLAINED = ast.Module | ast.ClassDef | ast.FunctionDef
