@@ -59,6 +59,7 @@ class Player:
         self._problem = problem if plans else _without_goals(problem)
         self._plans = plans or [("drones at their starts", _waiting(problem))]
         self._gaps = gaps or [None] * len(self._plans)
+        self._judged = problem if plans else _without_distance_to_people(self._problem)
 
     def page(self) -> str:
         """Returns the text of the HTML file."""
@@ -83,7 +84,8 @@ class Player:
         scene = SceneData(problem)
         seen = [_seen_pixels(problem, plan) for plan in plans]
         shown = [
-            _plan_data(scene, titled, pixels) | {"gap": None if gap is None else _gap(problem, gap)}
+            _plan_data(scene, self._judged, titled, pixels)
+            | {"gap": None if gap is None else _gap(problem, gap)}
             for titled, pixels, gap in zip(self._plans, seen, self._gaps, strict=True)
         ]
         return {
@@ -138,6 +140,12 @@ def _without_goals(problem: Problem) -> Problem:
     return problem.replace(robots=tuple(robot.replace(goal=None) for robot in problem.robots))
 
 
+def _without_distance_to_people(problem: Problem) -> Problem:
+    """Returns the problem in which people may walk by drones that stay at their starts."""
+    airspace = problem.airspace.replace(people_aside=0.0, people_above=None)
+    return problem.replace(airspace=airspace)
+
+
 def _inert(data: Data) -> str:
     """Returns JSON that neither ends nor begins an HTML element, whatever names are in it."""
     text = json.dumps(data, separators=(",", ":"), allow_nan=False)
@@ -153,9 +161,9 @@ def _seen_pixels(problem: Problem, plan: Plan) -> FloatArray:
     return seen
 
 
-def _plan_data(scene: SceneData, titled: Titled, seen: FloatArray) -> Data:
+def _plan_data(scene: SceneData, judged: Problem, titled: Titled, seen: FloatArray) -> Data:
     problem, (title, plan) = scene.problem, titled
-    verdict = check(problem, plan)
+    verdict = check(judged, plan)
     robots = problem.robots
     return {
         "title": title,

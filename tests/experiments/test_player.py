@@ -290,6 +290,17 @@ def test_a_player_without_plans_shows_the_starts() -> None:
         assert path == path[:1] * (problem.horizon + 1)
 
 
+def test_drones_that_wait_at_their_starts_may_have_people_walk_by() -> None:
+    """Starts are shown, with their rewards, also where staying there comes too near to people."""
+    problem = hills()
+    (wait,) = told(Player(problem).page())["plans"]
+    close = problem.replace(airspace=Airspace(people_aside=7.5))
+    starts = Plan(paths=tuple((robot.start,) * (problem.horizon + 1) for robot in problem.robots))
+    (shown,) = told(Player(close).page())["plans"]
+    assert check(close, starts).violations
+    assert shown["rewards"] == wait["rewards"]
+
+
 # -- command ------------------------------------------------------------------------------
 
 

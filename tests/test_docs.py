@@ -1,0 +1,149 @@
+"""The how-to is run as it is written: its Python, its recipe, its commands, its messages."""
+
+import re
+import shlex
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from test_cli import Run
+
+ROOT = Path(__file__).parents[1]
+PAGE = ROOT / "docs" / "how-to" / "from-a-map-to-a-flight.md"
+BLOCK = r"(?ms)^```(\w+)\n(.*?)^```$"  # of code: its language and text
+SHOW, FLY = "show scene.toml -o bad.html", "fly scene.toml plan.json --smooth -o bad.csv"
+
+
+def blocks(page: str) -> Iterator[tuple[str, str]]:
+    """Language and text of each block of code of a page."""
+    for found in re.finditer(BLOCK, page):
+        yield found[1], found[2]
+
+
+def in_words(text: str) -> list[str]:
+    """Lines of a text with single blanks, so that the widths of columns do not matter."""
+    return [" ".join(line.split()) for line in text.splitlines() if line.strip()]
+
+
+class Reader:
+    """Someone who does all that a page says, in the current folder."""
+
+    def __init__(self, capsys: pytest.CaptureFixture[str]) -> None:
+        self.capsys = capsys
+        self.printed: list[str] = []  # by the last block of commands
+
+    def follow(self, language: str, text: str) -> None:
+        """Do what a block says, or compare what it shows."""
+        todo: dict[str, Callable[[str], None]] = {
+            "python": self.python, "toml": self.recipe, "sh": self.commands, "text": self.output,
+        }  # fmt: skip
+        todo[language](text)
+
+    def python(self, text: str) -> None:
+        """Run Python."""
+        exec(compile(text, PAGE.name, "exec"), {})
+
+    def recipe(self, text: str) -> None:
+        """Save a file, whose first line is its name."""
+        Path(text.splitlines()[0].removeprefix("# ")).write_text(text)
+
+    def commands(self, text: str) -> None:
+        """Run commands, which must succeed."""
+        self.printed = []
+        for line in text.splitlines():
+            name, *words = shlex.split(line)
+            run = Run(self.capsys, *words)
+            assert (name, run.code) == ("cocap-opt", 0), f"{line}: {run.err}"
+            self.printed += in_words(run.out)
+
+    def output(self, text: str) -> None:
+        """Find lines among those that the last commands have printed, in their order."""
+        rest = iter(self.printed)
+        for line in in_words(text):
+            assert line in rest, f"{line!r} is not in the output: {self.printed}"
+
+
+def swapped(file: str, old: str, new: str) -> Callable[[], None]:
+    """Returns what replaces something in a file."""
+
+    def swap() -> None:
+        text = Path(file).read_text()
+        assert old in text
+        Path(file).write_text(text.replace(old, new))
+
+    return swap
+
+
+def told(**tags: Any) -> Callable[[], None]:
+    """Returns what changes attributes of the map, such as its system of coordinates."""
+
+    def tell() -> None:
+        import rasterio
+
+        with rasterio.open("houses.tif", "r+") as file:
+            for name, value in tags.items():
+                setattr(file, name, value)
+
+    return tell
+
+
+INPUTS = ("scene.toml", "houses.tif", "people.csv", "plan.json")
+# For each message of the page's table: the last of these commands says it when this is wrong.
+WRONG: dict[str, tuple[str, Callable[[], None]]] = {
+    "must be metres of a projection, not degrees": (SHOW, told(crs="EPSG:4326")),
+    "coordinates: must be metres, not US survey foot": (SHOW, told(crs="EPSG:2263")),
+    'heights: must be metres, not ft; unit = "ft" reads them': (SHOW, told(units=("ft",))),
+    "unit: must be given, for the file does not state it": (
+        SHOW, swapped("people.csv", "x [m],y [m]", "x,y"),
+    ),
+    "must be slower than": (SHOW, swapped("people.csv", "2,0.0,505024.0", "2,0.0,505924.0")),
+    "cell (13, 15) is blocked: height 7 m, flight height 5 m": (
+        SHOW, swapped("scene.toml", "x = 505018.5, y = 4790013.5", "x = 505013.5, y = 4790015.5"),
+    ),
+    "motion.radius: must allow at most 1 m/s": (
+        SHOW, swapped("scene.toml", "endurance = 1200", "speed = 1"),
+    ),
+    "must allow at most 3 m/s2, but from rest": (
+        SHOW, swapped("scene.toml", "step = 2.5", "step = 0.8"),
+    ),
+    "cannot fly this: acceleration": (FLY, lambda: None),
+    "comes nearer than 4.5 m to actors[1]": (
+        f"plan scene.toml --planner sequential -o plan.json; {FLY}",
+        swapped("scene.toml", "people = 3.5", "people = 4.5"),
+    ),
+    "--smooth: must be left out, for waypoints have straight legs": (
+        FLY.replace("bad.csv", "bad.plan --margin 0.5"), lambda: None,
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.slow
+def test_the_how_to_runs_as_it_is_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its blocks work one after the other; its messages come, as its table quotes them."""
+    pytest.importorskip("rasterio")
+    pytest.importorskip("pyproj")
+    page = PAGE.read_text(encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    reader = Reader(capsys)
+    for language, text in blocks(page):
+        reader.follow(language, text)
+    quoted = re.findall(r"^\| `(.+?)` \|", page, re.MULTILINE)
+    assert quoted == list(WRONG)
+    kept = {name: Path(name).read_bytes() for name in INPUTS}
+    for words, (commands, spoil) in WRONG.items():
+        spoil()
+        *_, run = [Run(capsys, *command.split()) for command in commands.split("; ")]
+        assert (run.code, words in run.err) == (2, True), (words, run.err)
+        assert not list(Path().glob("bad*"))
+        for name, content in kept.items():
+            Path(name).write_bytes(content)
+
+
+def test_the_how_to_can_be_found() -> None:
+    """The README leads to it, and it is short enough to be read."""
+    name = PAGE.relative_to(ROOT).as_posix()
+    assert f"]({name})" in (ROOT / "README.md").read_text(encoding="utf-8")
+    assert len(re.sub(BLOCK, "", PAGE.read_text(encoding="utf-8")).split()) <= 1200
