@@ -127,6 +127,7 @@ def test_the_how_to_runs_as_it_is_written(
     pytest.importorskip("pyproj")
     page = PAGE.read_text(encoding="utf-8")
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")  # the page's lines are not folded
     reader = Reader(capsys)
     for language, text in blocks(page):
         reader.follow(language, text)

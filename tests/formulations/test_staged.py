@@ -76,7 +76,7 @@ def random_staged(model: Model, target: float, rng: np.random.Generator) -> Stag
     return Staged(random_multipliers(model, rng), target, tuple(stages), joint_paths)
 
 
-@examples(60)
+@examples(40)
 @given(st.one_of(problems(), meetings(), meetings(team=3)), seeds)
 def test_no_plan_is_worth_more_than_any_staged_certificate_proves(
     problem: Problem, seed: int
