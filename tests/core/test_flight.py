@@ -404,6 +404,29 @@ def test_a_plan_with_a_little_to_spare_beside_people_has_a_smooth_flight() -> No
     assert shortened > 1
 
 
+@pytest.mark.parametrize("radius", [1, 2])
+def test_the_longest_move_climbs_with_the_ground(radius: int) -> None:
+    """What is to spare to people is a 40th of the longest of all moves between two places."""
+    ground = np.random.default_rng(radius).uniform(0.0, 6.0, (5, 4))
+    motion = Motion(radius=radius, layers=(4.0, 5.0, 7.0))
+    robot = Robot(start=State(1, 1), motion=motion)
+    problem = Problem(
+        name="hill", height_map=HeightMap(heights=ground, datum=ground, resolution=1.5),
+        robots=(robot,), actors=(), horizon=1, step=1.0,
+    )  # fmt: skip
+    states = [State(x, y, k) for x in range(5) for y in range(4) for k in range(3)]
+    places = problem.where(robot, tuple(states))
+    longest = max(
+        np.linalg.norm(places[m] - places[n])
+        for m, a in enumerate(states)
+        for n, b in enumerate(states)
+        if (b.layer - a.layer, b.x - a.x, b.y - a.y) in motion.moves
+    )
+    level = problem.replace(height_map=HeightMap(heights=np.zeros((5, 4)), resolution=1.5))
+    share = spare(level, robot) / motion.longest_move(1.5)
+    assert spare(problem, robot) == pytest.approx(share * longest, rel=1e-9)
+
+
 def test_a_turn_beside_somebody_is_made_where_nobody_is_near() -> None:
     """A drone flies at the pace of somebody at the least distance, and turns before and after."""
     one = tuple(State(x, y) for x, y in ((0, 4), (1, 3), (2, 2), (3, 2), (4, 2), (5, 3)))
