@@ -17,7 +17,7 @@ from cocap_opt.flight.safety import Danger, dangers
 from cocap_opt.flight.smooth import Smooth, spare
 from cocap_opt.flight.smooth import smooth as smoothed
 from cocap_opt.flight.trajectory import Trajectory
-from cocap_opt.problem import Plan, Problem
+from cocap_opt.problem import Airspace, Plan, Problem
 from cocap_opt.referee import Verdict, check
 from cocap_opt.world import HeightMap
 
@@ -43,6 +43,7 @@ class Flight(NamedTuple):
     slowed : steps of drones at which they pass more slowly than they could
     shortened : steps of drones at which they change speed in less time than they could
     start : when step 0 is, in UTC; None: nobody says
+    asked : the scene's airspace, where drones fly nearer to people than it says; else None
     """
 
     flown: Trajectory
@@ -54,6 +55,7 @@ class Flight(NamedTuple):
     slowed: int
     shortened: int
     start: datetime | None = None
+    asked: Airspace | None = None
 
     @classmethod
     def of(cls, problem: Problem, plan: Plan, smooth: bool) -> "Flight":
@@ -172,7 +174,18 @@ class Flight(NamedTuple):
             "yaw is 0 along x and counter-clockwise; pitch is that of the camera, 0 is level and "
             "below is negative (degrees)"
         )
+        yield from self.nearer_to_people()
         yield from self.doubts()
+
+    def nearer_to_people(self) -> Iterable[str]:
+        """Yields how near to people drones may come, if that is nearer than the scene says."""
+        if self.asked is not None:
+            kept = self.flown.problem.airspace
+            own, asked = f"{kept.people_aside:g} m aside", f"{self.asked.people_aside:g}"
+            if kept.people_above is not None:
+                own += f" or {kept.people_above:g} m over heads"
+                asked += f" and {self.asked.people_above:g}"
+            yield (f"--margin lets drones be nearer to people: {own}; the scene asks for {asked} m")
 
     def doubts(self) -> Iterable[str]:
         """Yields sentences on what was not checked or is not known."""

@@ -154,11 +154,25 @@ def test_a_margin_makes_room_for_a_smooth_flight(
     run = Run(capsys, "fly", scene, file, "--smooth", "-o", out, "--margin", margin, "--json")
     assert run.code == 0
     assert run.json["people_distance"] >= 2.99 - float(margin)
-    assert any("drones keep 2.95 m from people" in note for note in run.json["notes"])
-    assert Run(capsys, "robustness", scene, file, "--smooth", "--margin", margin).code == 0
-    for wrong in (-0.1, 2.99, "nan"):
+    note = "--margin lets drones be nearer to people: 2.95 m aside; the scene asks for 2.99 m"
+    assert note in run.json["notes"]
+    run = Run(capsys, "robustness", scene, file, "--smooth", "--margin", margin, "--json")
+    assert run.code == 0 and note in run.json["notes"]
+    for wrong in (-0.1, 2.99, 2.99 - 1e-9, "nan"):
         run = Run(capsys, "fly", scene, file, "-o", out, "--margin", wrong)
         assert run.code == 2 and "--margin: must be from 0 m to less than" in run.err
+        assert "people_aside" not in run.err
+    over = problem.replace(airspace=co.Airspace(people_aside=2.99, people_above=3.0))
+    co.save(scene, over)
+    co.save(file, plan, over)
+    run = Run(capsys, "robustness", scene, file, "--margin", 1, "--json")
+    words = "1.99 m aside or 2 m over heads; the scene asks for 2.99 and 3 m"
+    assert any(note.endswith(words) for note in run.json["notes"])
+    free = problem.replace(airspace=co.Airspace())
+    co.save(scene, free)
+    co.save(file, plan, free)
+    run = Run(capsys, "fly", scene, file, "-o", out, "--margin", 1)
+    assert run.code == 2 and "--margin: the scene asks for no distance to people" in run.err
 
 
 def test_errors_name_what_is_to_be_changed(
