@@ -271,9 +271,10 @@ def _require_limits(found: list[Demand], step: float, shortened: int) -> None:
     limit = (worst.limit or 0.0) * scale
     shorter = ""
     if shortened and worst.kind == "acceleration":
-        shorter = ", or a plan that keeps farther from people, for whom it changes speed so fast"
+        shorter = "; or plan farther from people, for whom it changes speed so fast"
     raise ProblemError(
         f"drone {worst.drone} cannot fly this: {worst.kind.replace('_', ' ')} "
         f"{worst.most * scale:.4g} {_UNITS[worst.kind]} at {worst.t:.4g} s, more than its "
-        f"{limit:.4g}; steps of {math.ceil(100 * step * worst.slower) / 100:g} s would do{shorter}"
+        f"{limit:.4g}; steps of {math.ceil(100 * step * worst.slower) / 100:g} s would do for the "
+        f"same plan (--step); a scene that states another step asks for another plan{shorter}"
     )
