@@ -90,7 +90,7 @@ def _fly(
         flight = Flight.of(nearer, planned, smooth)._replace(start=begins, asked=asked)
         mission = WRITERS[suffix](flight, every)
     except ProblemError as error:
-        raise _in_words(error, scene, plan) from error
+        raise _in_words(error, scene, plan, step is not None) from error
     record = flight.record()
     files = {_named(output, suffix, part): content for part, content in mission.files.items()}
     for path in files:
@@ -125,10 +125,15 @@ def _strays(output: Path, suffix: str, files: Collection[Path]) -> Iterator[str]
         yield f"of another flight, and not written now: {', '.join(strays)}; do not fly them along"
 
 
-def _in_words(error: ProblemError, scene: str, plan: Path) -> Exception:
-    """Returns the error that names the option or the file that is to be changed."""
+def _in_words(error: ProblemError, scene: str, plan: Path, by_option: bool) -> Exception:
+    """Returns the error that names the option or the file that is to be changed.
+
+    Parameters
+    ----------
+    by_option : True: `--step` says how long a step lasts, not the scene
+    """
     field = error.field if isinstance(error, FieldError) else None
-    if field in _OPTIONS:
+    if field in _OPTIONS or (field == "step" and by_option):
         return UsageError(f"--{error}")
     if field in ("earth", "step"):
         return FileError(f"{scene}: {error}")

@@ -197,6 +197,17 @@ def test_errors_name_what_is_to_be_changed(
         assert run.err.strip().endswith(words)
 
 
+def test_a_step_that_is_too_short_for_a_show_is_named_by_its_option(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It is `--step` that is to be changed where it was given."""
+    plan, out = tmp_path / "plan.json", tmp_path / "show.skyc"
+    co.save(plan, co.plan(co.load("tiny-queue"), "sequential"))
+    run = Run(capsys, "fly", "tiny-queue", plan, "-o", out, "--smooth", "--step", 0.001)
+    assert run.code == 2 and not out.exists()
+    assert re.search("--step: must be at least .* s for a show of this flight", run.err)
+
+
 def test_limits_hold_for_scenes_and_for_flights(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
