@@ -252,13 +252,18 @@ def _way_out(danger: Danger, straight: Trajectory) -> str:
         return f"{_EVEN}{other}"
     (drone,), airspace = danger.drones, problem.airspace
     margin = math.ceil(100 * spare(problem, problem.robots[drone])) / 100
-    larger = f"people = {airspace.people_aside + margin:g}"
+    larger = f"people = {_up(airspace.people_aside + margin)}"
     if airspace.people_above is not None:
-        larger += f" and over_people = {airspace.people_above + margin:g}"
+        larger += f" and over_people = {_up(airspace.people_above + margin)}"
     return (
-        f"{_EVEN}plan with {larger} in [airspace], and fly that with --margin {margin:g}; of this "
-        f"plan {other}"
+        f"{_EVEN}plan with {larger} in [airspace], and fly that with --margin {_up(margin)}; of "
+        f"this plan {other}"
     )
+
+
+def _up(metres: float) -> str:
+    """Returns a distance, rounded up to centimetres."""
+    return f"{math.ceil(100 * metres - _TOUCH) / 100:.2f}".rstrip("0").rstrip(".")
 
 
 def _require_limits(found: list[Demand], step: float, shortened: int) -> None:

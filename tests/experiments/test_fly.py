@@ -135,6 +135,10 @@ def test_a_smooth_flight_beside_people_may_be_refused(monkeypatch: pytest.Monkey
     words = r"actors\[0\], even .* people = 3.03 .* --margin 0.04; .* leave --smooth out$"
     with pytest.raises(ValueError, match=words):
         co.trajectory(problem, plan, smooth=True)
+    over = co.Airspace(people_aside=2.9899, people_above=12345.678)
+    words = r" people = 3.03 and over_people = 12345.72 in .* --margin 0.04; "
+    with pytest.raises(ValueError, match=words):
+        co.trajectory(problem.replace(airspace=over), plan, smooth=True)
     monkeypatch.setattr(flights, "dangers", lambda flown: [Danger(2, (0,), "falls")])
     with pytest.raises(ValueError, match=r"neither is the straight flight safe: .* drone 0 falls$"):
         co.trajectory(problem, plan, smooth=True)
