@@ -47,8 +47,8 @@ def skybrush(flight: Flight, every: float | None) -> Export:
     turns = [_split(own[:, YAW : YAW + 1], _line, _TURNED_OFF) for own in local]
     _require_seconds(max(map(len, [*curves, *turns])), flight.flown)
     drones = [
-        _drone(f"drone{i}", *own, float(ground) - min(grounds), flight.flown)
-        for i, (*own, ground) in enumerate(zip(curves, turns, grounds, strict=True))
+        _drone(f"drone{i}", way, yaw, float(ground) - min(grounds), flight.flown)
+        for i, (way, yaw, ground) in enumerate(zip(curves, turns, grounds, strict=True))
     ]
     show = {
         "version": 1,
