@@ -406,7 +406,7 @@ def test_a_plan_with_a_little_to_spare_beside_people_has_a_smooth_flight() -> No
 
 @pytest.mark.parametrize("radius", [1, 2])
 def test_the_longest_move_climbs_with_the_ground(radius: int) -> None:
-    """What is to spare to people is a 40th of the longest of all moves between two places."""
+    """To people a 40th of the longest of all moves between two places is to spare."""
     ground = np.random.default_rng(radius).uniform(0.0, 6.0, (5, 4))
     motion = Motion(radius=radius, layers=(4.0, 5.0, 7.0))
     robot = Robot(start=State(1, 1), motion=motion)
