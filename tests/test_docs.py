@@ -104,9 +104,6 @@ WRONG: dict[str, tuple[str, Callable[[], None]]] = {
     "motion.radius: must allow at most 1 m/s": (
         SHOW, swapped("scene.toml", "endurance = 1200", "speed = 1"),
     ),
-    "must allow at most 3 m/s2, but from rest": (
-        SHOW, swapped("scene.toml", "step = 2.5", "step = 0.8"),
-    ),
     "cannot fly this: acceleration": (FLY, lambda: None),
     "comes nearer than 4.5 m to actors[1]": (
         f"plan scene.toml --planner sequential -o plan.json; {FLY}",

@@ -16,10 +16,11 @@ In a blend a drone leaves its even pace by two polynomials of the fifth degree: 
 of its speed at the step, the other its acceleration there, and both end with neither. A drone that
 stops strays from its even pace by no more than a fifth of its move times the part of the step that
 the stop takes. So a plan that keeps farther from people than it must, by a 40th of the longest
-move, always has a smooth flight (`spare`). In one that does not, drones may be too near to people
-where they start, land, or change their speed at two steps in a row.
+move in space, always has a smooth flight (`spare`). In one that does not, drones may be too near to
+people where they start, land, or change their speed at two steps in a row.
 """
 
+import math
 from collections import defaultdict
 from collections.abc import Iterator
 from typing import NamedTuple, Self
@@ -30,7 +31,7 @@ from cocap_opt.data import BoolArray, FloatArray, IntArray, read_only
 from cocap_opt.flight.bernstein import largest
 from cocap_opt.flight.safety import Danger, dangers
 from cocap_opt.flight.trajectory import DEGREE, Trajectory, evenly, split, waypoints
-from cocap_opt.problem import Plan, Problem, Robot
+from cocap_opt.problem import Motion, Plan, Problem, Robot
 
 SHORTEST = 8  # the shortest blend takes one in so many parts of a step
 _SLOWER = 0.5
@@ -88,8 +89,25 @@ def spare(problem: Problem, robot: Robot) -> float:
 
     It takes the shortest blends. With so much to spare to people, each plan has a smooth flight.
     """
-    most = robot.motion.longest_move(problem.height_map.resolution)
-    return most * largest(_SPEED[None]).value / SHORTEST
+    return _longest_move(problem, robot.motion) * largest(_SPEED[None]).value / SHORTEST
+
+
+def _longest_move(problem: Problem, motion: Motion) -> float:
+    """Returns the length (m) of a motion's longest move, up or down the ground that layers follow.
+
+    It may be one that nobody makes: down where the layer is the lowest, or into a wall.
+    """
+    edge, ground = problem.height_map.resolution, problem.height_map.datum
+    if ground is None:
+        return motion.longest_move(edge)
+    longest, (width, depth) = 0.0, ground.shape
+    for i in range(min(motion.radius, width - 1) + 1):
+        for j in range(min(motion.radius, depth - 1) + 1):
+            ahead = ground[i:, j:] - ground[: width - i, : depth - j]
+            across = ground[i:, : depth - j] - ground[: width - i, j:]
+            slope = max(float(np.abs(ahead).max()), float(np.abs(across).max()))
+            longest = max(longest, math.hypot(i * edge, j * edge, slope + motion.largest_climb))
+    return longest
 
 
 class _Blends(NamedTuple):

@@ -67,49 +67,37 @@ class Limits(Data, frozen=True):
                     f"step of {step:g} s is {most / step:.4g} {unit}; a step of "
                     f"{_up(most / limit):g} s{way_out} would do"
                 )
-        return self._start_breaks(motion, resolution, step)
-
-    def _start_breaks(self, motion: Motion, resolution: float, step: float) -> str:
-        """Says that not even the shortest move can be made from rest in a step, if it is so.
-
-        Drones begin at rest, so that without such a move none gets anywhere. More is not asked of
-        all scenes: drones need not stop at each step, and one that goes straight on accelerates
-        no more (`strained_by` tells of the longest move; a smooth flight is checked as it is).
-        """
-        shortest = motion.shortest_move(resolution)
-        if self.acceleration is None or math.isinf(shortest):
-            return ""
-        least = math.sqrt(2 * shortest / self.acceleration)
-        if step * math.sqrt(1 + ROUNDING) >= least:
-            return ""
-        field, shorter = "layers", "layers {:g} m apart"
-        if motion.radius and shortest == resolution:
-            field, shorter = "radius", "cells of {:g} m"
-        return (
-            f"motion.{field}: must allow at most {self.acceleration:.4g} m/s2, but from rest the "
-            f"shortest move, {shortest:.4g} m, in a step of {step:g} s asks for "
-            f"{2 * shortest / step**2:.4g} m/s2; a step of {_up(least):g} s, or "
-            f"{shorter.format(_down(self.acceleration * step**2 / 2))} would do"
-        )
+        return ""
 
     def strained_by(self, motion: Motion, resolution: float, step: float) -> str:
-        """Says that the longest move from rest to rest takes longer than a step, if it does.
+        """Says which moves, at rest before or after, take longer than a step, if there are any.
 
-        The best law speeds up for half of the step and slows down for the other half.
+        It is no proof that nothing can be flown: drones need not stop at each step, one that goes
+        straight on accelerates no more, and one that stays for a step can take a run-up in it. A
+        smooth flight is checked as it is. The best law from rest speeds up for all of the step;
+        that from rest to rest speeds up for half of it and slows down for the other half.
 
         Parameters
         ----------
         resolution : m, edge of a cell
         step : s
         """
-        longest = motion.longest_move(resolution)
-        if self.acceleration is None or 4 * longest <= self.acceleration * step**2 * (1 + ROUNDING):
+        if self.acceleration is None:
+            return ""
+        most = self.acceleration * step**2 * (1 + ROUNDING)
+        shortest, longest = motion.shortest_move(resolution), motion.longest_move(resolution)
+        if math.isfinite(shortest) and 2 * shortest > most:
+            ask, flights = 2 * shortest, "smooth flights"
+            words = f"can make no move in a step from rest: the shortest, {shortest:.4g} m"
+        elif 4 * longest > most:
+            ask, flights = 4 * longest, "smooth flights with sharp turns"
+            words = f"cannot stop at each step: from rest to rest the longest move, {longest:.4g} m"
+        else:
             return ""
         return (
-            f"cannot stop at each step: from rest to rest the longest move, {longest:.4g} m, in a "
-            f"step of {step:g} s asks for {4 * longest / step**2:.4g} m/s2, more than its "
-            f"{self.acceleration:.4g}, so that smooth flights with sharp turns may be refused; a "
-            f"step of {_up(2 * math.sqrt(longest / self.acceleration)):g} s would do"
+            f"{words}, in a step of {step:g} s asks for {ask / step**2:.4g} m/s2, more than its "
+            f"{self.acceleration:.4g}, so that {flights} may be refused; a step of "
+            f"{_up(math.sqrt(ask / self.acceleration)):g} s would do"
         )
 
     def _demands(
@@ -148,9 +136,3 @@ def _up(value: float) -> float:
         return 0.0
     digit = 10.0 ** (math.floor(math.log10(value)) - 2)
     return float(f"{math.ceil(value / digit - ROUNDING) * digit:.3g}")
-
-
-def _down(value: float) -> float:
-    """Returns a number > 0, rounded down to three digits."""
-    digit = 10.0 ** (math.floor(math.log10(value)) - 2)
-    return float(f"{math.floor(value / digit + ROUNDING) * digit:.3g}")

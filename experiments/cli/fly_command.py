@@ -27,7 +27,6 @@ from cocap_opt.experiments.results.files import PlanReader, check_output, save_f
 from cocap_opt.experiments.results.flights import Flight
 from cocap_opt.experiments.results.printing import Listing, Record, print_result
 from cocap_opt.files.documents import FileError
-from cocap_opt.problem import Problem
 from cocap_opt.stop import Interrupt
 
 _OPTIONS = "every", "smooth", "start"
@@ -85,18 +84,19 @@ def _fly(
     check_output(output, scene, plan)
     problem, planned = PlanReader(scene, load(scene, seed)).plan(plan)
     problem = with_step(problem, step)
-    problem = with_margin(problem.replace(earth=None) if local else problem, margin)
+    problem = problem.replace(earth=None) if local else problem
+    nearer, asked = with_margin(problem, margin)
     try:
-        flight = Flight.of(problem, planned, smooth)._replace(start=begins)
+        flight = Flight.of(nearer, planned, smooth)._replace(start=begins, asked=asked)
         mission = WRITERS[suffix](flight, every)
     except ProblemError as error:
-        raise _in_words(error, scene, plan) from error
+        raise _in_words(error, scene, plan, step is not None) from error
     record = flight.record()
     files = {_named(output, suffix, part): content for part, content in mission.files.items()}
     for path in files:
         check_output(path, scene, plan)
     answer: Record = {"scene": problem.name, "seed": seed, **record, **mission.facts}
-    notes = [*flight.notes(), *_on_margin(problem, margin), *mission.notes]
+    notes = [*flight.notes(), *mission.notes]
     notes += _strays(output, suffix, files)
     written = " ".join(map(str, files))
     with Interrupt.caught():  # who presses Ctrl-C now is told what is written, unless pressed twice
@@ -107,13 +107,6 @@ def _fly(
             print_result({**answer, "file": written}, json)
             Listing("tightest moment of each drone", flight.rows(), notes).print()
     return 0
-
-
-def _on_margin(problem: Problem, margin: float | None) -> Iterator[str]:
-    """Yields how near to people drones may come, if that is nearer than the scene says."""
-    if margin:
-        aside = problem.airspace.people_aside
-        yield f"drones keep {aside:g} m from people: the scene's distance less --margin {margin:g}"
 
 
 def _named(output: Path, suffix: str, part: str) -> Path:
@@ -132,10 +125,15 @@ def _strays(output: Path, suffix: str, files: Collection[Path]) -> Iterator[str]
         yield f"of another flight, and not written now: {', '.join(strays)}; do not fly them along"
 
 
-def _in_words(error: ProblemError, scene: str, plan: Path) -> Exception:
-    """Returns the error that names the option or the file that is to be changed."""
+def _in_words(error: ProblemError, scene: str, plan: Path, by_option: bool) -> Exception:
+    """Returns the error that names the option or the file that is to be changed.
+
+    Parameters
+    ----------
+    by_option : True: `--step` says how long a step lasts, not the scene
+    """
     field = error.field if isinstance(error, FieldError) else None
-    if field in _OPTIONS:
+    if field in _OPTIONS or (field == "step" and by_option):
         return UsageError(f"--{error}")
     if field in ("earth", "step"):
         return FileError(f"{scene}: {error}")

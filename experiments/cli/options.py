@@ -13,7 +13,7 @@ from cocap_opt.experiments.console.options import Option, UsageError
 from cocap_opt.experiments.results.judging import Allowance
 from cocap_opt.experiments.results.rows import Row
 from cocap_opt.plausibility import doubts, narrow_way
-from cocap_opt.problem import Problem
+from cocap_opt.problem import Airspace, Problem
 from cocap_opt.scenarios import NOTHING, load_scene
 
 _log = logging.getLogger(__name__)
@@ -67,7 +67,10 @@ StepSeconds = Annotated[
 ]
 Margin = Annotated[
     float | None,
-    Parameter(help="metres of the scene's distance to people that a flight need not keep"),
+    Parameter(
+        help="metres by which drones may be nearer to people than the scene says, aside (`people`) "
+        "and over heads (`over_people`)"
+    ),
 ]
 
 
@@ -133,19 +136,26 @@ def with_step(problem: Problem, step: float | None) -> Problem:
         raise UsageError(f"--step: {error}") from error
 
 
-def with_margin(problem: Problem, margin: float | None) -> Problem:
-    """Returns a scene in which drones may be nearer to people by a margin (m)."""
+def with_margin(problem: Problem, margin: float | None) -> tuple[Problem, Airspace | None]:
+    """Returns a scene in which drones may be nearer to people by a margin (m).
+
+    Its own airspace follows, or None where nothing is changed.
+    """
     if margin is None:
-        return problem
+        return problem, None
     airspace = problem.airspace
+    if not airspace.people_aside:
+        raise UsageError("--margin: the scene asks for no distance to people; leave it out")
+    wrong = UsageError(
+        "--margin: must be from 0 m to less than what the scene's drones keep from people, "
+        f"{airspace.people_aside:g} m"
+    )
     aside = airspace.people_aside - margin
     if not (margin >= 0 and aside > 0):
-        raise UsageError(
-            f"--margin: must be from 0 m to less than what the scene's drones keep from people, "
-            f"{airspace.people_aside:g} m"
-        )
+        raise wrong
     above = None if airspace.people_above is None else max(airspace.people_above - margin, 0.0)
     try:
-        return problem.replace(airspace=airspace.replace(people_aside=aside, people_above=above))
-    except ProblemError as error:
-        raise UsageError(f"--margin: {error}") from error
+        kept = airspace.replace(people_aside=aside, people_above=above)
+    except ProblemError:  # what is left is no more than rounding
+        raise wrong from None
+    return problem.replace(airspace=kept), airspace if margin else None

@@ -60,14 +60,14 @@ def _robustness(
     """
     problem, planned = PlanReader(scene, load(scene, seed)).plan(plan)
     problem = with_step(problem, step).replace(earth=None)  # places on the Earth do not matter
-    problem = with_margin(problem, margin)
+    nearer, asked = with_margin(problem, margin)
     changes = Changes(
         _USUAL.late if late is None else late,
         _USUAL.aside if aside is None else aside,
         _USUAL.lag if lag is None else lag,
     )
     try:
-        flight = Flight.of(problem, planned, smooth)
+        flight = Flight.of(nearer, planned, smooth)._replace(asked=asked)
     except ProblemError as error:
         raise FileError(f"{plan}: {error}") from error
     try:
@@ -107,6 +107,7 @@ def _notes(flight: Flight, delay: float | None) -> Iterator[str]:
         "people seen from above; left and right are those of people who walk; of the drones that "
         "may be late the worst counts, in each column"
     )
+    yield from flight.nearer_to_people()
     if delay is not None:
         yield f"the {problem.rules} is kept while no drone is {delay:.2f} s or more behind another"
     elif not problem.rules.separation and len(problem.robots) > 1:

@@ -112,6 +112,7 @@ def _distances(flight: Flight) -> Iterator[str]:
             f"and person {close.other} at {close.t:.2f} s near x {x:.1f}, y {y:.1f}, z {z:.1f}."
         )
     yield f"Airspace: {str(problem.airspace) or 'no zones, no ceiling, no distance to people'}."
+    yield from (f"{words}." for words in flight.nearer_to_people())
 
 
 def _limits(flight: Flight) -> Iterator[str]:

@@ -43,9 +43,12 @@ def skybrush(flight: Flight, every: float | None) -> Export:
     problem = flight.flown.problem
     grounds = [problem.height_map.heights[r.start.x, r.start.y] for r in problem.robots]
     local = flight.flown.pieces - np.array([0, 0, min(grounds), 0, 0])[:, None]
+    curves = [_split(own[:, :3], _cubic, _OFF) for own in local]
+    turns = [_split(own[:, YAW : YAW + 1], _line, _TURNED_OFF) for own in local]
+    _require_seconds(max(map(len, [*curves, *turns])), flight.flown)
     drones = [
-        _drone(f"drone{i}", own, float(ground) - min(grounds), flight.flown)
-        for i, (own, ground) in enumerate(zip(local, grounds, strict=True))
+        _drone(f"drone{i}", way, yaw, float(ground) - min(grounds), flight.flown)
+        for i, (way, yaw, ground) in enumerate(zip(curves, turns, grounds, strict=True))
     ]
     show = {
         "version": 1,
@@ -62,26 +65,28 @@ def _settings(problem: Problem) -> dict[str, Any]:
     return {"validation": {"minDistance": separation}} if separation else {}
 
 
-def _drone(name: str, pieces: FloatArray, ground: float, flown: Trajectory) -> dict[str, Any]:
+def _drone(
+    name: str, curves: FloatArray, turns: FloatArray, ground: float, flown: Trajectory
+) -> dict[str, Any]:
     """Returns the specification of a drone.
 
     Parameters
     ----------
-    pieces : [N, 5, 6]
+    curves : [n, 3, 4]
+    turns : [m, 1, 2] of its yaw
     ground : m, where it takes off
     flown : the flights of all drones
     """
-    home = [*_rounded(pieces[0, :2, 0]), round(ground, _DIGITS)]
-    trajectory = {"version": 1, "takeoffTime": 0, "points": _points(pieces[:, :3], flown)}
-    yaw = {"version": 1, "setpoints": _setpoints(pieces[:, YAW : YAW + 1], flown)}
+    home = [*_rounded(curves[0, :2, 0]), round(ground, _DIGITS)]
+    trajectory = {"version": 1, "takeoffTime": 0, "points": _points(curves, flown)}
+    yaw = {"version": 1, "setpoints": _setpoints(turns, flown)}
     settings = {"name": name, "home": home, "trajectory": trajectory, "yawControl": yaw}
     return {"type": "generic", "settings": settings}
 
 
-def _points(pieces: FloatArray, flown: Trajectory) -> list[list[Any]]:
-    """Returns the points of a trajectory [N, 3, 6]."""
-    points: list[list[Any]] = [[0, _rounded(pieces[0, :, 0]), []]]
-    curves = _split(pieces, _cubic, _OFF, flown)
+def _points(curves: FloatArray, flown: Trajectory) -> list[list[Any]]:
+    """Returns the points of a trajectory of curves [n, 3, 4]."""
+    points: list[list[Any]] = [[0, _rounded(curves[0, :, 0]), []]]
     for k, curve in enumerate(curves):
         is_line = np.allclose(elevated(curve[:, [0, -1]], 3), curve, rtol=0, atol=1e-9)
         control = [] if is_line else [_rounded(point) for point in curve[:, 1:-1].T]
@@ -90,25 +95,28 @@ def _points(pieces: FloatArray, flown: Trajectory) -> list[list[Any]]:
     return points
 
 
-def _setpoints(pieces: FloatArray, flown: Trajectory) -> list[list[float]]:
-    """Returns the setpoints of a yaw [N, 1, 6] (rad, counter-clockwise)."""
-    lines = _split(pieces, _line, _TURNED_OFF, flown)
+def _setpoints(lines: FloatArray, flown: Trajectory) -> list[list[float]]:
+    """Returns the setpoints of a yaw of lines [n, 1, 2] (rad, counter-clockwise)."""
     times = np.arange(len(lines) + 1) * (flown.seconds / len(lines))
     angles = -np.degrees([lines[0, 0, 0], *lines[:, 0, -1]])
     return [[_ms(t), round(a + 0.0, _DIGITS)] for t, a in zip(times, angles.tolist(), strict=True)]
 
 
 def _split(
-    pieces: FloatArray, simpler: Callable[[FloatArray], FloatArray], off: float, flown: Trajectory
+    pieces: FloatArray, simpler: Callable[[FloatArray], FloatArray], off: float
 ) -> FloatArray:
     """Returns curves [n, d, .] of a lower degree, evenly spaced, along pieces [N, d, 6]."""
     while True:
         found = simpler(pieces)
         ways = elevated(found, DEGREE) - pieces
         if largest(squared_length(ways)).value <= off**2:
-            break
+            return found
         pieces = np.stack(halves(pieces), axis=1).reshape(-1, *pieces.shape[1:])
-    shortest = flown.seconds / len(pieces)
+
+
+def _require_seconds(curves: int, flown: Trajectory) -> None:
+    """Refuses a flight of which a drone has so many curves that they are too short."""
+    shortest = flown.seconds / curves
     if shortest < _SHORTEST:
         least = math.ceil(1000 * flown.step * _SHORTEST / shortest - 1e-6) / 1000
         raise FieldError(
@@ -116,7 +124,6 @@ def _split(
             f"must be at least {least:g} s for a show of this flight, not {flown.step:g} s: its "
             f"curves, of {1000 * shortest:.2g} ms, begin and end at whole milliseconds",
         )
-    return found
 
 
 def _cubic(pieces: FloatArray) -> FloatArray:

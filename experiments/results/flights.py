@@ -17,7 +17,7 @@ from cocap_opt.flight.safety import Danger, dangers
 from cocap_opt.flight.smooth import Smooth, spare
 from cocap_opt.flight.smooth import smooth as smoothed
 from cocap_opt.flight.trajectory import Trajectory
-from cocap_opt.problem import Plan, Problem
+from cocap_opt.problem import Airspace, Plan, Problem
 from cocap_opt.referee import Verdict, check
 from cocap_opt.world import HeightMap
 
@@ -43,6 +43,7 @@ class Flight(NamedTuple):
     slowed : steps of drones at which they pass more slowly than they could
     shortened : steps of drones at which they change speed in less time than they could
     start : when step 0 is, in UTC; None: nobody says
+    asked : the scene's airspace, where drones fly nearer to people than it says; else None
     """
 
     flown: Trajectory
@@ -54,6 +55,7 @@ class Flight(NamedTuple):
     slowed: int
     shortened: int
     start: datetime | None = None
+    asked: Airspace | None = None
 
     @classmethod
     def of(cls, problem: Problem, plan: Plan, smooth: bool) -> "Flight":
@@ -172,7 +174,18 @@ class Flight(NamedTuple):
             "yaw is 0 along x and counter-clockwise; pitch is that of the camera, 0 is level and "
             "below is negative (degrees)"
         )
+        yield from self.nearer_to_people()
         yield from self.doubts()
+
+    def nearer_to_people(self) -> Iterable[str]:
+        """Yields how near to people drones may come, if that is nearer than the scene says."""
+        if self.asked is not None:
+            kept = self.flown.problem.airspace
+            own, asked = f"{kept.people_aside:g} m aside", f"{self.asked.people_aside:g}"
+            if kept.people_above is not None:
+                own += f" or {kept.people_above:g} m over heads"
+                asked += f" and {self.asked.people_above:g}"
+            yield (f"--margin lets drones be nearer to people: {own}; the scene asks for {asked} m")
 
     def doubts(self) -> Iterable[str]:
         """Yields sentences on what was not checked or is not known."""
@@ -239,13 +252,18 @@ def _way_out(danger: Danger, straight: Trajectory) -> str:
         return f"{_EVEN}{other}"
     (drone,), airspace = danger.drones, problem.airspace
     margin = math.ceil(100 * spare(problem, problem.robots[drone])) / 100
-    larger = f"people = {airspace.people_aside + margin:g}"
+    larger = f"people = {_up(airspace.people_aside + margin)}"
     if airspace.people_above is not None:
-        larger += f" and over_people = {airspace.people_above + margin:g}"
+        larger += f" and over_people = {_up(airspace.people_above + margin)}"
     return (
-        f"{_EVEN}plan with {larger} in [airspace], and fly that with --margin {margin:g}; of this "
-        f"plan {other}"
+        f"{_EVEN}plan with {larger} in [airspace], and fly that with --margin {_up(margin)}; of "
+        f"this plan {other}"
     )
+
+
+def _up(metres: float) -> str:
+    """Returns a distance, rounded up to centimetres."""
+    return f"{math.ceil(100 * metres - _TOUCH) / 100:.2f}".rstrip("0").rstrip(".")
 
 
 def _require_limits(found: list[Demand], step: float, shortened: int) -> None:
@@ -258,9 +276,10 @@ def _require_limits(found: list[Demand], step: float, shortened: int) -> None:
     limit = (worst.limit or 0.0) * scale
     shorter = ""
     if shortened and worst.kind == "acceleration":
-        shorter = ", or a plan that keeps farther from people, for whom it changes speed so fast"
+        shorter = "; or plan farther from people, for whom it changes speed so fast"
     raise ProblemError(
         f"drone {worst.drone} cannot fly this: {worst.kind.replace('_', ' ')} "
         f"{worst.most * scale:.4g} {_UNITS[worst.kind]} at {worst.t:.4g} s, more than its "
-        f"{limit:.4g}; steps of {math.ceil(100 * step * worst.slower) / 100:g} s would do{shorter}"
+        f"{limit:.4g}; steps of {math.ceil(100 * step * worst.slower) / 100:g} s would do for the "
+        f"same plan (--step); a scene that states another step asks for another plan{shorter}"
     )

@@ -115,7 +115,7 @@ class DronesTable(Table):
         return team
 
     def require_pace(self, resolution: float, step: float) -> None:
-        """Raises a ProblemError if no drone could be so fast.
+        """Raises a ProblemError if no drone, or not one with these limits, could be so fast.
 
         Parameters
         ----------
@@ -129,6 +129,10 @@ class DronesTable(Table):
                 f"cells of {resolution:g} m in a step of {step:g} s are {speed:.4g} m/s: are "
                 "resolution and step right?"
             )
+        limits = self._limits()
+        words = limits and limits.broken_by(self.motion, self._camera().tilts, resolution, step)
+        if words:
+            raise ProblemError(words)
 
     def _camera(self) -> Camera:
         if self.camera not in CAMERAS:

@@ -404,6 +404,29 @@ def test_a_plan_with_a_little_to_spare_beside_people_has_a_smooth_flight() -> No
     assert shortened > 1
 
 
+@pytest.mark.parametrize("radius", [1, 2])
+def test_the_longest_move_climbs_with_the_ground(radius: int) -> None:
+    """To people a 40th of the longest of all moves between two places is to spare."""
+    ground = np.random.default_rng(radius).uniform(0.0, 6.0, (5, 4))
+    motion = Motion(radius=radius, layers=(4.0, 5.0, 7.0))
+    robot = Robot(start=State(1, 1), motion=motion)
+    problem = Problem(
+        name="hill", height_map=HeightMap(heights=ground, datum=ground, resolution=1.5),
+        robots=(robot,), actors=(), horizon=1, step=1.0,
+    )  # fmt: skip
+    states = [State(x, y, k) for x in range(5) for y in range(4) for k in range(3)]
+    places = problem.where(robot, tuple(states))
+    longest = max(
+        np.linalg.norm(places[m] - places[n])
+        for m, a in enumerate(states)
+        for n, b in enumerate(states)
+        if (b.layer - a.layer, b.x - a.x, b.y - a.y) in motion.moves
+    )
+    level = problem.replace(height_map=HeightMap(heights=np.zeros((5, 4)), resolution=1.5))
+    share = spare(level, robot) / motion.longest_move(1.5)
+    assert spare(problem, robot) == pytest.approx(share * longest, rel=1e-9)
+
+
 def test_a_turn_beside_somebody_is_made_where_nobody_is_near() -> None:
     """A drone flies at the pace of somebody at the least distance, and turns before and after."""
     one = tuple(State(x, y) for x, y in ((0, 4), (1, 3), (2, 2), (3, 2), (4, 2), (5, 3)))
@@ -488,15 +511,13 @@ LIMITED = {
     "climb": ("motion.climb", "a step of 1 s"),
     "yaw_rate": ("motion.turn", "a step of 0.524 s"),
     "gimbal_rate": ("motion.pitch_turn", "a step of 0.5 s"),
-    "acceleration": ("motion.radius", "a step of 1.1 s, or cells of 0.2 m would do"),
 }
 
 
 @pytest.mark.parametrize("kind", LIMITED)
 def test_moves_that_a_step_does_not_allow_are_refused(kind: str) -> None:
     """The message names the field, and a duration with which the scene is accepted."""
-    limits = {"speed": 2 * 2**0.5, "climb": 2.0, "yaw_rate": 1.5, "gimbal_rate": 1.0,
-              "acceleration": 2.5}  # fmt: skip
+    limits = {"speed": 2 * 2**0.5, "climb": 2.0, "yaw_rate": 1.5, "gimbal_rate": 1.0}
     motion = Motion(radius=2, layers=(4.0, 6.0))
     field, words = LIMITED[kind]
     robot = Robot(start=State(1, 1), motion=motion, camera=Camera(tilts=(0.2, 0.7)),
@@ -512,18 +533,32 @@ def test_moves_that_a_step_does_not_allow_are_refused(kind: str) -> None:
 
 
 @pytest.mark.parametrize("motion", [Motion(), Motion(radius=0, layers=(4.0, 5.0, 7.0))])
-def test_the_shortest_move_from_rest_must_fit_into_a_step(motion: Motion) -> None:
-    """Half the acceleration times the squared step is 1 m at 1.25 s, where the scene is allowed."""
+def test_a_shortest_move_that_takes_long_from_rest_is_doubted(motion: Motion) -> None:
+    """Half the acceleration times the squared step is 1 m at 1.25 s."""
     robot = Robot(start=State(1, 1), motion=motion, limits=Limits(acceleration=1.28))
-    scene = {"name": "heavy", "height_map": HeightMap(heights=np.zeros((3, 3))),
-             "robots": (robot,), "actors": (), "horizon": 2}  # fmt: skip
-    Problem(**scene, step=1.25)
-    other = "layers 0.998 m apart" if motion.layers[1:] else "cells of 0.998 m"
-    with pytest.raises(ProblemError, match=f"a step of 1.25 s, or {other} would do$") as caught:
-        Problem(**scene, step=1.249)
-    assert "\n" not in str(caught.value)
+    problem = Problem(
+        name="heavy", height_map=HeightMap(heights=np.zeros((3, 3))), robots=(robot,), actors=(),
+        horizon=2, step=1.249,
+    )  # fmt: skip
+    (words,) = [words for words in doubts(problem) if "from rest: the shortest, 1 m" in words]
+    assert words.startswith("robots[0] ") and words.endswith("a step of 1.25 s would do")
     still = robot.replace(motion=motion.replace(radius=0, layers=(4.0,)))
-    Problem(**scene | {"robots": (still,)}, step=0.01)
+    for other in (problem.replace(step=1.25), problem.replace(robots=(still,), step=0.01)):
+        assert not any("the shortest" in words for words in doubts(other))
+
+
+def test_a_run_up_makes_moves_that_none_can_make_from_rest() -> None:
+    """A drone that stays for a step goes back and comes forth, in less than 2 m/s2."""
+    path = tuple(State(x, 1) for x in (1, 1, 2, 3, 4, 4))
+    robot = Robot(start=path[0], limits=Limits(acceleration=1.8))
+    problem = Problem(
+        name="run-up", height_map=HeightMap(heights=np.zeros((6, 3))), robots=(robot,), actors=(),
+        horizon=5, step=1.0,
+    )  # fmt: skip
+    assert any("the shortest" in words for words in doubts(problem))
+    for way, kept in ((path, True), ((*path[1:], path[-1]), False)):
+        asked = demands(smooth(problem, Plan(paths=(way,))).trajectory, True)
+        assert all(one.is_kept for one in asked) == kept
 
 
 def test_drones_that_cannot_stop_at_each_step_are_doubted_once() -> None:

@@ -135,6 +135,10 @@ def test_a_smooth_flight_beside_people_may_be_refused(monkeypatch: pytest.Monkey
     words = r"actors\[0\], even .* people = 3.03 .* --margin 0.04; .* leave --smooth out$"
     with pytest.raises(ValueError, match=words):
         co.trajectory(problem, plan, smooth=True)
+    over = co.Airspace(people_aside=2.9899, people_above=12345.678)
+    words = r" people = 3.03 and over_people = 12345.72 in .* --margin 0.04; "
+    with pytest.raises(ValueError, match=words):
+        co.trajectory(problem.replace(airspace=over), plan, smooth=True)
     monkeypatch.setattr(flights, "dangers", lambda flown: [Danger(2, (0,), "falls")])
     with pytest.raises(ValueError, match=r"neither is the straight flight safe: .* drone 0 falls$"):
         co.trajectory(problem, plan, smooth=True)
@@ -154,11 +158,25 @@ def test_a_margin_makes_room_for_a_smooth_flight(
     run = Run(capsys, "fly", scene, file, "--smooth", "-o", out, "--margin", margin, "--json")
     assert run.code == 0
     assert run.json["people_distance"] >= 2.99 - float(margin)
-    assert any("drones keep 2.95 m from people" in note for note in run.json["notes"])
-    assert Run(capsys, "robustness", scene, file, "--smooth", "--margin", margin).code == 0
-    for wrong in (-0.1, 2.99, "nan"):
+    note = "--margin lets drones be nearer to people: 2.95 m aside; the scene asks for 2.99 m"
+    assert note in run.json["notes"]
+    run = Run(capsys, "robustness", scene, file, "--smooth", "--margin", margin, "--json")
+    assert run.code == 0 and note in run.json["notes"]
+    for wrong in (-0.1, 2.99, 2.99 - 1e-9, "nan"):
         run = Run(capsys, "fly", scene, file, "-o", out, "--margin", wrong)
         assert run.code == 2 and "--margin: must be from 0 m to less than" in run.err
+        assert "people_aside" not in run.err
+    over = problem.replace(airspace=co.Airspace(people_aside=2.99, people_above=3.0))
+    co.save(scene, over)
+    co.save(file, plan, over)
+    run = Run(capsys, "robustness", scene, file, "--margin", 1, "--json")
+    words = "1.99 m aside or 2 m over heads; the scene asks for 2.99 and 3 m"
+    assert any(note.endswith(words) for note in run.json["notes"])
+    free = problem.replace(airspace=co.Airspace())
+    co.save(scene, free)
+    co.save(file, plan, free)
+    run = Run(capsys, "fly", scene, file, "-o", out, "--margin", 1)
+    assert run.code == 2 and "--margin: the scene asks for no distance to people" in run.err
 
 
 def test_errors_name_what_is_to_be_changed(
@@ -183,14 +201,25 @@ def test_errors_name_what_is_to_be_changed(
         assert run.err.strip().endswith(words)
 
 
+def test_a_step_that_is_too_short_for_a_show_is_named_by_its_option(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It is `--step` that is to be changed where it was given."""
+    plan, out = tmp_path / "plan.json", tmp_path / "show.skyc"
+    co.save(plan, co.plan(co.load("tiny-queue"), "sequential"))
+    run = Run(capsys, "fly", "tiny-queue", plan, "-o", out, "--smooth", "--step", 0.001)
+    assert run.code == 2 and not out.exists()
+    assert re.search("--step: must be at least .* s for a show of this flight", run.err)
+
+
 def test_limits_hold_for_scenes_and_for_flights(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Moves that no step allows make no scene; accelerations that are too large make no flight."""
     scene, plan = tmp_path / "scene.toml", tmp_path / "plan.json"
     for limits, words in (
-        ("limits = { speed = 2 }", r"robots\[0\].motion.radius: .* a step of 0.708 s would do"),
-        ('airframe = "px4"', r"robots\[0\].motion.turn: .* a step of 0.75 s"),
+        ("limits = { speed = 2 }", r"drones\[0\]: motion.radius: .* a step of 0.708 s would do"),
+        ('airframe = "px4"', r"drones\[0\]: motion.turn: .* a step of 0.75 s"),
         ('airframe = "kite"', "airframe: must be one of px4"),
         ("limits = { wings = 2 }", "wings"),
         ("limits = { endurance = 1.9 }", "endurance: the flight takes 2 s, but the battery lasts"),
@@ -205,7 +234,8 @@ def test_limits_hold_for_scenes_and_for_flights(
         run = Run(capsys, "fly", scene, plan, "--smooth", "-o", tmp_path / "f.csv", "--json")
         assert run.code == code
         assert (tmp_path / "f.csv").exists() == (code == 0)
-        assert code == 0 or re.search("cannot fly this: acceleration .* s would do", run.err)
+        words = r"cannot fly this: acceleration .* s would do for the same plan \(--step\); a scene"
+        assert code == 0 or re.search(words, run.err)
     assert run.json["step"] == 1.0
     assert [row["tightest"] for row in run.json["drones"]] == ["acceleration"] * 2
 

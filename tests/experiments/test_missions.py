@@ -4,6 +4,7 @@ import math
 import re
 import zipfile
 from collections.abc import Iterator
+from contextlib import nullcontext
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -351,6 +352,22 @@ def test_flights_that_a_format_cannot_hold_are_refused() -> None:
         with pytest.raises(ProblemError, match=words) as caught:
             WRITERS[ending](flight, every)
         assert "\n" not in str(caught.value)
+
+
+def test_a_show_names_the_step_that_all_of_it_needs() -> None:
+    """Drone 0 moves and turns, so that its yaw needs more curves than its way; another stays."""
+    problem, plan = scene(horizon=8)
+    turning = tuple(State(3 + k % 2, 2, 0, k % 2, 0) for k in range(9))
+    staying = tuple((path[0],) * 9 for path in plan.paths[1:])
+    for paths in ((turning, *staying), (turning[:1] * 9, *staying)):
+        hasty = problem.replace(step=0.001)
+        with pytest.raises(ProblemError, match="step: must be at least") as caught:
+            WRITERS[".skyc"](Flight.of(hasty, Plan(paths=paths), True), None)
+        (least,) = re.findall(r"at least (\S+) s", str(caught.value))
+        for step, fits in ((float(least), True), (float(least) - 0.001, False)):
+            flight = Flight.of(problem.replace(step=step), Plan(paths=paths), True)
+            with nullcontext() if fits else pytest.raises(ProblemError):
+                WRITERS[".skyc"](flight, None)
 
 
 RECIPE = """

@@ -47,6 +47,15 @@ def test_a_battery_is_what_the_scene_knows() -> None:
         assert any(words in line for line in text_of(flight)["Flight"])
 
 
+def test_a_margin_is_told_beside_what_the_scene_asks_for() -> None:
+    """The crew reads which distance to people is kept, and which the scene says."""
+    problem, plan = scene()
+    flight = Flight.of(problem, plan, False)
+    for asked, count in ((None, 0), (problem.airspace.replace(people_aside=9.0), 1)):
+        lines = text_of(flight._replace(asked=asked))["Distances and limits"]
+        assert sum("the scene asks for 9" in line for line in lines) == count
+
+
 @pytest.mark.parametrize("smooth", [False, True])
 def test_least_distances_are_those_of_dense_samples(smooth: bool) -> None:
     """Between drones, and from drones to people seen from above, with when and where."""
