@@ -256,6 +256,7 @@ def test_the_page_asks_nobody() -> None:
 @examples(15)
 @given(name=st.text(max_size=30) | st.just(EVIL))
 @example(name=EVIL)
+@pytest.mark.slow
 def test_names_stay_names(name: str) -> None:
     """No name of a scene or a plan ends the data, begins an element or is lost."""
     problem = tiny().replace(name=name)

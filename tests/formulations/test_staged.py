@@ -93,6 +93,7 @@ def test_no_plan_is_worth_more_than_any_staged_certificate_proves(
             assert pricing.bound <= max(best.value, 0.0) * (1 + 1e-9) + 2 * pricing.rounding + 1e-9
 
 
+@pytest.mark.slow
 @examples(20)
 @given(problems(most_plans=60), seeds, st.floats(0, 1))
 def test_plans_above_the_target_visit_only_states_that_are_left(
