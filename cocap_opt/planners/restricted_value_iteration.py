@@ -97,11 +97,8 @@ class _Graph:
         graph, sizes = model.class_of[robot].graph, [len(layer.states) for layer in layers]
         t = np.repeat(np.arange(len(layers)), sizes)
         states = np.concatenate([layer.states for layer in layers])
-        self._states, self._n_states, self._n_places = (
-            states.tolist(),
-            graph.n_states,
-            graph.n_places,
-        )
+        self._states = states.tolist()
+        self._n_states, self._n_places = graph.n_states, graph.n_places
         self._connect(layers, np.cumsum([0, *sizes]))
         self._look(model, robot, t * graph.n_states + states)
         places = states % graph.n_places
@@ -149,10 +146,8 @@ class _Graph:
         ----------
         pixels : [Z] px/m2 that the other robots have in every view sum
         """
-        value, edge_rewards = (
-            self._rewards_of_nodes(pixels, charges),
-            self._rewards_of_edges(charges),
-        )
+        value = self._rewards_of_nodes(pixels, charges)
+        edge_rewards = self._rewards_of_edges(charges)
         ahead = np.empty(len(self._heads))  # value of taking each edge
         for nodes, after, edges, heads, tails in self._steps:
             some = ahead[edges]

@@ -64,9 +64,7 @@ class Running:
         left = np.array([[int((own[d:] == c).sum()) for c in range(len(sizes))]
                          for d in range(robots + 1)])  # fmt: skip
         memory = (
-            np.array(
-                [0, 1, 0, 0]
-            ),  # depth, whether its node is new, whether all is done, how many found
+            np.array([0, 1, 0, 0]),  # depth, is its node new, is all done, how many are found
             np.tile(np.arange(n), (robots + 1, 1)),  # positions of states that may be taken
             np.tile([n, 0], (robots + 1, 1)),  # how many, and how many of the next robot's class
             np.zeros(robots + 1, dtype=np.int64),  # next child
@@ -130,8 +128,6 @@ def _advance(
                 if len(collected):
                     if at[3] < len(collected):
                         collected[at[3]] = chosen[0]
-                    else:
-                        at[2] = 1
                     at[3] += 1
                 elif heights[0, d] > best:
                     best = heights[0, d]

@@ -61,12 +61,13 @@ def best_plan(
     if not may_be_used(narrowing.model):
         raise ValueError("joint paths: moves are rewarded, or views do not count at step 1")
     ways, tried = _Ways(narrowing.model), 0
+    matters = narrowing.target - 2 * narrowing.rounding
     nodes = [_Node(0.0, _starts(narrowing.model), None)]
     for t in range(problem.horizon + 1):
         found: list[_Node] = []
         for value, heads in _worths(narrowing, t, most_nodes, stop):
             # What is worth no more than the target at the end need not be followed.
-            least = narrowing.target - 2 * narrowing.rounding - narrowing.rest(t, heads) - value
+            least = matters - narrowing.rest(t, heads) - value
             for node in nodes:
                 if node.value <= least:
                     break
@@ -104,7 +105,7 @@ def _worths(
     if t == 0:
         starts, joint = _starts(narrowing.model), narrowing.joint_states(0)
         if all(narrowing.left[number][0, state] for number, state in starts):
-            at = {(int(c), int(s)): k for k, (c, s) in enumerate(joint.keys)}
+            at = {key: k for k, key in enumerate(joint.keys)}
             counts = narrowing.model.problem.first_step == 0
             yield (joint.worth([at[one] for one in starts]) if counts else 0.0), starts
         return

@@ -27,10 +27,10 @@ import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.formulations.certificates import compiled_search
+from cocap_opt.formulations.certificates.pricing import UNIT_ROUNDOFF
 from cocap_opt.model import Model
 from cocap_opt.stop import Stop, never
 
-UNIT_ROUNDOFF = 2.0**-53
 _PLAIN_NODES = 2000  # after which the compiled search takes over, where there is one
 _COMPILING = 10.0  # seconds that the first compiled search of a machine may take
 _MOST_FOUND = 50_000  # joint states of one step that are collected
@@ -120,7 +120,7 @@ class JointStates:
         """Class and number of each state [n]."""
         return list(zip(self.class_of.tolist(), self.states.tolist(), strict=True))
 
-    @property
+    @cached_property
     def margin(self) -> float:
         """The most that rounding changes of any height, in units of J.
 
@@ -157,14 +157,8 @@ class JointStates:
         LimitReached
             At a limit.
         """
-        is_long = self._is_long(wanted, stop)
-        plain = PlainSearch(self, wanted, _PLAIN_NODES if is_long else wanted.most_nodes)
-        try:
-            return plain.run(stop)
-        except NotEndedError:
-            if not is_long:
-                raise
-        return self._compiled(wanted, stop)
+        search = self._searched(wanted, stop)
+        return Highest(search.best, search.positions)
 
     def all_that_count(self, most_nodes: int, stop: Stop = never) -> list[tuple[int, ...]]:
         """Returns the positions of the states of all joint states that count.
@@ -174,29 +168,26 @@ class JointStates:
         NotEndedError, LimitReached
             As `highest` does.
         """
-        wanted = Wanted(-np.inf, most_nodes)
-        limit = _PLAIN_NODES if self._is_long(wanted, stop) else most_nodes
-        search = PlainSearch(self, wanted, limit, collects=True)
-        try:
-            search.run(stop)
-        except NotEndedError:
-            if limit == most_nodes:
-                raise
-            return self._run_compiled(wanted, stop, _MOST_FOUND).found
-        return search.found
+        return self._searched(Wanted(-np.inf, most_nodes), stop, collects=True).found
 
-    def _is_long(self, wanted: Wanted, stop: Stop) -> bool:
-        """Returns True for a search that is to go on compiled, where it can be."""
-        return (
+    def _searched(
+        self, wanted: Wanted, stop: Stop, collects: bool = False
+    ) -> "PlainSearch | compiled_search.Running":
+        """Returns a search that has ended: a long one is begun again, compiled, where it can be."""
+        is_long = (
             wanted.most_nodes > _PLAIN_NODES
             and compiled_search.is_there()
             and stop.seconds_left > _COMPILING
         )
-
-    def _compiled(self, wanted: Wanted, stop: Stop) -> Highest:
-        """Returns the same as the plain search, by the compiled one."""
-        running = self._run_compiled(wanted, stop)
-        return Highest(running.best, running.positions)
+        first = wanted._replace(most_nodes=_PLAIN_NODES) if is_long else wanted
+        plain = PlainSearch(self, first, collects)
+        try:
+            plain.run(stop)
+        except NotEndedError:
+            if not is_long:
+                raise
+            return self._run_compiled(wanted, stop, _MOST_FOUND if collects else 0)
+        return plain
 
     def _run_compiled(
         self, wanted: Wanted, stop: Stop, most_found: int = 0
@@ -210,7 +201,10 @@ class JointStates:
         )  # fmt: skip
         for _ in range(0, wanted.most_nodes, _AT_ONCE):
             stop.check()
-            if running.advance(_AT_ONCE) and not running.is_full:
+            is_done = running.advance(_AT_ONCE)
+            if running.is_full:
+                break
+            if is_done:
                 return running
         raise NotEndedError
 
@@ -251,29 +245,28 @@ class PlainSearch:
 
     Parameters
     ----------
-    most_nodes : after which it gives up, in place of the number that is wanted
     collects : look for all joint states that count instead of the highest one
 
     Attributes
     ----------
+    best : largest height found, at first the least one wanted
+    positions : of the states of the highest joint state; none if none is higher
     found : positions of the joint states that were collected
     """
 
-    def __init__(
-        self, joint: JointStates, wanted: Wanted, most_nodes: int, collects: bool = False
-    ) -> None:
-        self._joint, self._most_nodes, self._collects = joint, most_nodes, collects
+    def __init__(self, joint: JointStates, wanted: Wanted, collects: bool = False) -> None:
+        self._joint, self._most_nodes, self._collects = joint, wanted.most_nodes, collects
+        self.best = wanted.least
+        self.positions: tuple[int, ...] = ()
         self.found: list[tuple[int, ...]] = []
-        self._best = Highest(wanted.least)
         self._floor = joint.floor - joint.margin
         self._nodes = 0
 
-    def run(self, stop: Stop = never) -> Highest:
-        """Returns the highest joint state; raises NotEndedError and LimitReached."""
+    def run(self, stop: Stop = never) -> None:
+        """Goes through the tree; raises NotEndedError and LimitReached."""
         joint = self._joint
         nothing, everything = np.zeros(len(joint.weights)), np.arange(len(joint.states))
         self._explore(_Node((), nothing, 0.0, 0.0, joint.sizes, everything), stop)
-        return self._best
 
     def _explore(self, node: _Node, stop: Stop) -> None:
         """Goes through all completions of a partial joint state that count and may be higher."""
@@ -286,8 +279,8 @@ class PlainSearch:
         if own is None:
             if self._collects:
                 self.found.append(node.chosen)
-            elif node.height > self._best.height:
-                self._best = Highest(node.height, node.chosen)
+            elif node.height > self.best:
+                self.best, self.positions = node.height, node.chosen
             return
         worth = np.sqrt(node.pixels) @ joint.weights
         gains = np.sqrt(node.pixels + joint.pixels[node.states]) @ joint.weights - worth
@@ -296,14 +289,14 @@ class PlainSearch:
         classes = joint.class_of[node.states]
         most = _most(node.height, gains, classes, node.counts)
         most_low = _most(node.low, low, classes, node.counts)
-        able = np.flatnonzero((most > self._best.height) & (most_low >= self._floor))
+        able = np.flatnonzero((most > self.best) & (most_low >= self._floor))
         first = int(np.searchsorted(classes[able], own, side="right"))
         able[:first] = able[:first][np.argsort(-gains[able[:first]], kind="stable")]
         states, gains, low, most = node.states[able], gains[able], low[able], most[able]
         counts = tuple(n - (c == own) for c, n in enumerate(node.counts))
         for k in range(first):
             # Of this class, none of those before it is taken any more.
-            if most[k] - counts[own] * (gains[0] - gains[k]) <= self._best.height:
+            if most[k] - counts[own] * (gains[0] - gains[k]) <= self.best:
                 break
             later = states[k if counts[own] else first :]
             child = _Node(

@@ -38,7 +38,11 @@ from cocap_opt.formulations.certificates.joint_states import (
     Wanted,
 )
 from cocap_opt.formulations.certificates.pricing import Prices, Pricing, rounding_factor
-from cocap_opt.formulations.certificates.sweep import values_so_far, values_to_go
+from cocap_opt.formulations.certificates.sweep import (
+    reward_of_staying,
+    values_so_far,
+    values_to_go,
+)
 from cocap_opt.graph.charges import Charges
 from cocap_opt.model import Model
 from cocap_opt.stop import Stop, never
@@ -69,10 +73,10 @@ class Narrowing:
         self.rewards = [prices.rewards(number) for number in classes]
         self.left: list[BoolArray] = [np.ones(some.shape, dtype=np.bool_) for some in self.rewards]
         self._charges = [prices.charges(number) for number in classes]
-        self._sweep()
+        self.price()
         self._require_finite()
         # Whether a joint state counts is decided with the payments with which states were closed.
-        self._charged = [some + slack for some, slack in self._charged_now()]
+        self._charged = self._charged_now()
         self._floors = np.full(len(self.constants), -np.inf)
 
     @property
@@ -140,8 +144,8 @@ class Narrowing:
         self._require_finite()
         for left, slack in zip(self.left, self._slack, strict=True):
             left &= slack <= self.room
-        self._sweep()
-        self._charged = [some + slack for some, slack in self._charged_now()]
+        self.price()
+        self._charged = self._charged_now()
         self._floors = self.constants - self.room
 
     def _require_finite(self) -> None:
@@ -155,10 +159,6 @@ class Narrowing:
         states = [graph.index(state) for state in payments.states]
         self.rewards[payments.class_number][payments.t, states] = payments.payments
         self.constants[payments.t] = math.inf
-
-    def price(self) -> None:
-        """Finds the best paths, after payments have been replaced."""
-        self._sweep()
 
     def joint_states(self, t: int) -> JointStates:
         """Returns the joint states that are left at a step, with what they are paid."""
@@ -184,15 +184,17 @@ class Narrowing:
         self.constants[t] = min(float(self.constants[t]), highest.height + joint.margin)
         return highest
 
-    def _sweep(self) -> None:
-        """Prices the paths that are left, and finds the slack of every state."""
-        problem, factors = self.model.problem, len(self.model.problem.robots)
+    def price(self) -> None:
+        """Prices the paths that are left, and finds the slack of every state.
+
+        It is asked for after payments have been replaced.
+        """
+        problem = self.model.problem
         self._slack: list[FloatArray] = []
         self._to_go: list[FloatArray] = []
-        self._paths = self._paths_made_of = 0.0
-        bonus = problem.objective.stationarity + problem.objective.keep_cell
-        bonus += problem.objective.keep_heading + problem.objective.balanced
-        self._paths_made_of += factors * problem.horizon * bonus
+        self._paths = 0.0
+        moves = len(problem.robots) * problem.horizon
+        self._paths_made_of = moves * reward_of_staying(problem.objective)
         for number, robot_class in enumerate(self.model.classes):
             reward = np.where(self.left[number], self.rewards[number], -np.inf)
             charges, starts = self._charges[number], list(robot_class.starts)
@@ -209,9 +211,9 @@ class Narrowing:
             self._slack.append(np.maximum(-(so_far + to_go), 0.0))
             self.left[number] &= self._slack[number] < np.inf
 
-    def _charged_now(self) -> list[tuple[FloatArray, FloatArray]]:
-        """Returns of each class the payments and the slacks [T+1, S], 0 where nothing is left."""
+    def _charged_now(self) -> list[FloatArray]:
+        """Returns payment and slack together of each class's states [T+1, S] that are left."""
         return [
-            (reward, np.where(left, slack, 0.0))
+            reward + np.where(left, slack, 0.0)
             for reward, slack, left in zip(self.rewards, self._slack, self.left, strict=True)
         ]

@@ -40,11 +40,7 @@ def values_to_go(
     Parameters are those of `plain_sweep`.
     """
     graph, objective = robot_class.graph, problem.objective
-    shape = (graph.n_orientations, graph.n_places)
-    stay = objective.stationarity + objective.keep_cell
-    stay += objective.keep_heading + objective.balanced
-    bonuses = _bonuses_of_moves(graph, objective)
-    places, states, moves = _spread(graph, Charges.joined([graph.closed, charges]))
+    shape, stay, bonuses, places, states, moves = _Terms.of(graph, objective, charges)
     value = np.where(graph.free, reward[-1].reshape(shape), -np.inf)
     if robot_class.goal is not None:
         _, x, y = graph.coordinates(np.arange(graph.n_places))
@@ -87,16 +83,13 @@ def values_so_far(
     problem, robot_class, reward, charges : as in `plain_sweep`
     """
     graph, objective = robot_class.graph, problem.objective
-    shape = (graph.n_orientations, graph.n_places)
-    stay = objective.stationarity + objective.keep_cell
-    stay += objective.keep_heading + objective.balanced
-    bonuses = _bonuses_of_moves(graph, objective)
-    places, states, moves = _spread(graph, Charges.joined([graph.closed, charges]))
+    shape, stay, bonuses, places, states, moves = _Terms.of(graph, objective, charges)
     value = np.where(graph.free, first.reshape(shape), -np.inf)
     yield value.reshape(-1)
+    turns = _turned_from(graph)
     for t in range(problem.horizon):
         here = value + reward[t].reshape(shape) - places.get(t, 0.0) - states.get(t, 0.0)
-        turned = _plain_turns(_turned_from(graph), here, objective.keep_heading, graph.shape[1])
+        turned = _plain_turns(turns, here, objective.keep_heading, graph.shape[1])
         best = np.full(shape, -np.inf)
         for k, (shift, allowed) in enumerate(zip(graph.shifts, graph.allowed, strict=True)):
             tails = np.flatnonzero(allowed)
@@ -111,6 +104,31 @@ def values_so_far(
             best = np.maximum(best, here + stay - moves.get((t, 0), 0.0))
         value = np.where(graph.free, best, -np.inf)
         yield value.reshape(-1)
+
+
+class _Terms(NamedTuple):
+    """The rewards for moves and the charges of a sweep, as arrays over the graph."""
+
+    shape: tuple[int, int]  # (O, P)
+    stay: float  # reward of the step that changes nothing
+    bonuses: dict[int, FloatArray]  # of each move k, for each place it may begin in
+    places: dict[int, FloatArray]  # by step, [P]
+    states: dict[int, FloatArray]  # by step, [O, P]
+    moves: dict[tuple[int, int], FloatArray]  # by step and move k, [P]
+
+    @classmethod
+    def of(cls, graph: TimeGraph, objective: Objective, charges: Charges) -> "_Terms":
+        """Returns the terms of one sweep; what people close is charged, too."""
+        spread = _spread(graph, Charges.joined([graph.closed, charges]))
+        shape = (graph.n_orientations, graph.n_places)
+        stay = reward_of_staying(objective)
+        return cls(shape, stay, _bonuses_of_moves(graph, objective), *spread)
+
+
+def reward_of_staying(objective: Objective) -> float:
+    """Returns the reward of the step that changes nothing, the largest of all."""
+    stay = objective.stationarity + objective.keep_cell
+    return stay + (objective.keep_heading + objective.balanced)
 
 
 def _turned_from(graph: TimeGraph) -> list[list[int]]:

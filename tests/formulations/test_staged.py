@@ -175,8 +175,8 @@ def test_the_compiled_search_finds_the_same() -> None:
     for _ in range(40):
         joint = random_joint_states(rng)
         wanted = Wanted(float(rng.choice([-np.inf, 0.0, 10.0])), 10**6)
-        plain, compiled_ = joint.highest(wanted), joint._compiled(wanted, never)
-        assert compiled_.height == pytest.approx(plain.height)
+        plain, compiled_ = joint.highest(wanted), joint._run_compiled(wanted, never)
+        assert compiled_.best == pytest.approx(plain.height)
         found = joint._run_compiled(Wanted(-np.inf, 10**6), never, most_found=10**4).found
         assert sorted(found) == sorted(joint.all_that_count(10**6))
         if plain.positions:
