@@ -1,13 +1,12 @@
 """Settings of Sphinx for the pages of this folder: `sphinx-build -W docs build/docs`."""
 
-from importlib.metadata import version as version_of
-
+import cocap_opt
 from cocap_opt.experiments.manual.entries import all_entries
 
 project = "cocap-opt"
 author = "the authors of cocap-opt"
 project_copyright = author
-version = release = version_of("cocap-opt")
+version = release = cocap_opt.__version__
 extensions = [
     "myst_nb",  # Markdown and notebooks
     "numpydoc",

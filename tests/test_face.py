@@ -3,6 +3,7 @@
 import ast
 import dataclasses
 import inspect
+import platform
 import subprocess
 import sys
 from pathlib import Path
@@ -250,6 +251,16 @@ def test_methods_and_limits_are_checked() -> None:
     assert co.plan(problem, stop=co.WorkLimit(0)).reason in tuple(co.Reason)
     mine = co.plan(problem, lambda problem, stop: co.PLANNERS["greedy"](problem, stop))
     assert mine.value == co.plan(problem, "greedy").value
+
+
+def test_versions_are_shown(capsys: pytest.CaptureFixture[str]) -> None:
+    """A report of a bug names the versions of all that runs, and nothing that only tests need."""
+    co.show_versions()
+    shown = dict(line.split(maxsplit=1) for line in capsys.readouterr().out.splitlines())
+    assert shown["cocap-opt"] == co.__version__
+    assert shown["python"] == platform.python_version()
+    assert {"numpy", "highspy", "numba", "system"} <= set(shown)
+    assert not {"pytest", "sphinx"} & set(shown)
 
 
 def test_types_are_known() -> None:
