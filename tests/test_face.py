@@ -363,9 +363,10 @@ def test_a_plan_that_was_read_is_for_the_problem_of_its_file(tmp_path: Path) -> 
     assert co.check(other, co.Plan(paths=plan.paths)).valid
 
 
-def test_the_planner_of_contributing_is_one() -> None:
-    """The example of a planner in CONTRIBUTING works, obeys a stop and is as good as it says."""
-    block = (ROOT / "CONTRIBUTING.md").read_text().split("```python\n")[1].split("```")[0]
+def test_the_planner_of_the_pages_is_one() -> None:
+    """The example of a planner works, obeys a stop and is as good as it says."""
+    page = (ROOT / "docs" / "extend" / "planner.md").read_text(encoding="utf-8")
+    block = page.split("```python\n")[1].split("```")[0]
     names: dict[str, Any] = {}
     exec(block, names)
     problem = co.load("tiny-queue")

@@ -65,16 +65,41 @@ def test_what_is_inserted_has_a_name() -> None:
 def test_a_document_is_quoted_into_between_its_marks(tmp_path: Path) -> None:
     """What stands around the marks stays; unknown names and files without marks are refused."""
     page = tmp_path / "page.md"
-    page.write_text("a\n<!-- quote: planners -->\nold\n<!-- end of quote -->\nb\n")
+    page.write_text("a\n<!-- quote: planners_measured -->\nold\n<!-- end of quote -->\nb\n")
     requote(page)
     again = page.read_text(encoding="utf-8")
-    assert again.startswith("a\n<!-- quote: planners -->\n\n| planner |") and "old" not in again
+    assert again.startswith("a\n<!-- quote: planners_measured -->\n\n| planner |")
+    assert "old" not in again
     assert again.endswith("\n\n<!-- end of quote -->\nb\n")
-    for text, message in (("none", "must hold"), (again.replace("planners", "plans"), "one of")):
+    for text, message in (("none", "must hold"), (again.replace("planners_", "plans_"), "one of")):
         page.write_text(text)
         with pytest.raises(FileError, match=message):
             requote(page)
         assert page.read_text() == text
+
+
+def told() -> list[Path]:
+    """Returns the pages whose Python is run here; one page is run with its commands elsewhere."""
+    return [
+        page
+        for page in pages()
+        if page.name != "from-a-map-to-a-flight.md"
+        and any(language == "python" for language, _ in blocks(page.read_text(encoding="utf-8")))
+    ]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", told(), ids=lambda page: page.stem)
+def test_python_on_pages_runs(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The blocks of a page work one after the other, in an empty folder, and print something."""
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {}
+    for language, text in blocks(page.read_text(encoding="utf-8")):
+        if language == "python":
+            exec(compile(text, page.name, "exec"), names)
+    assert capsys.readouterr().out
 
 
 def test_commands_on_pages_exist() -> None:

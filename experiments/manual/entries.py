@@ -5,6 +5,7 @@ from functools import partial
 
 from cocap_opt.experiments.manual.commands import commands_in_markdown, studies_in_markdown
 from cocap_opt.experiments.manual.formats import DOCUMENTS, example, fields_in_markdown
+from cocap_opt.experiments.manual.gallery import gallery_in_markdown
 from cocap_opt.experiments.manual.lists import LISTS
 from cocap_opt.experiments.studies.quotes import QUOTES
 
@@ -16,6 +17,7 @@ def _json(name: str) -> str:
 ENTRIES: dict[str, Callable[[], str]] = {
     **QUOTES,
     **LISTS,
+    "gallery": gallery_in_markdown,
     "commands": commands_in_markdown,
     "studies": studies_in_markdown,
     **{f"{name}_fields": partial(fields_in_markdown, name) for name in DOCUMENTS},

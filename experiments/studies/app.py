@@ -409,14 +409,14 @@ def _peers(
 
 
 @app.command(name="speed")
-def _speed() -> int:
+def _speed(*, out: _Out = None) -> int:
     """Measure the speed of coverage, planners and the command line.
 
-    Example: cocap-opt study speed
+    Example: cocap-opt study speed --out speed
     """
     from cocap_opt.experiments.studies.speed import speed
 
-    speed()
+    speed(out)
     return 0
 
 

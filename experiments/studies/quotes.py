@@ -21,12 +21,17 @@ from cocap_opt.experiments.studies.paper.conditions import PUBLISHED, read_trial
 from cocap_opt.experiments.studies.paper.measured import STORED, read_rows
 from cocap_opt.experiments.studies.paper.page import Page
 from cocap_opt.experiments.studies.paper.planner_table import (
-    planners_in_markdown,
+    described_planners_in_markdown,
+    measured_planners_in_markdown,
     short_planners_in_markdown,
 )
 from cocap_opt.experiments.studies.paper.reproduction import SCENES
 from cocap_opt.experiments.studies.separation.points import Point
 from cocap_opt.experiments.studies.separation.tables import separation_in_markdown
+from cocap_opt.experiments.studies.stored_tables import (
+    published_in_markdown,
+    start_sets_in_markdown,
+)
 from cocap_opt.files.documents import FileError
 from cocap_opt.planners import RECOMMENDED
 from cocap_opt.planners.view_search import GAMMA
@@ -61,7 +66,8 @@ def _gap(scene: str, planner: str) -> str:
 
 
 QUOTES: dict[str, Callable[[], str]] = {
-    "planners": planners_in_markdown,
+    "planners_described": described_planners_in_markdown,
+    "planners_measured": measured_planners_in_markdown,
     "planners_in_short": short_planners_in_markdown,
     "separation": lambda: separation_in_markdown(Point.read(STORED / "separation.csv")),
     "flights": lambda: flights_in_markdown(FlightRun.read(FLIGHTS)),
@@ -69,6 +75,8 @@ QUOTES: dict[str, Callable[[], str]] = {
     "gammas": gammas_in_markdown,
     "gamma": lambda: f"{GAMMA:g}",
     "lazy": lazy_in_markdown,
+    "greedy_perspectives": start_sets_in_markdown,
+    "greedy_perspectives_plans": partial(published_in_markdown, "greedy-perspectives-plans.csv"),
     "paper_in_short": lambda: _listed(_paper().summary()),
     "paper_for": partial(_side, "For CoCap"),
     "paper_against": partial(_side, "Against it"),

@@ -104,16 +104,31 @@ def planners_in_markdown(path: Path | None = None) -> str:
     return _with_note(planner_table(rows), rows)
 
 
+def described_planners_in_markdown() -> str:
+    """Returns what each planner is made of, what it takes and what it promises."""
+    return _lines(_without(planner_table(()), "time"))
+
+
+def measured_planners_in_markdown() -> str:
+    """Returns the stored gap and time of each planner."""
+    rows = _rows()
+    return _with_note(_without(planner_table(rows), "made of", "takes", "promises"), rows)
+
+
 def short_planners_in_markdown() -> str:
     """Returns the rows and columns of the stored table that a newcomer wants to see first."""
     rows = _rows()
-    left_out = ("takes", "promises")
-    table = [
-        {key: cell for key, cell in row.items() if key not in left_out}
-        for row in planner_table(rows)
-        if row["planner"].split("`")[1] in _IN_SHORT
-    ]
-    return _with_note(table, rows)
+    table = [row for row in planner_table(rows) if row["planner"].split("`")[1] in _IN_SHORT]
+    return _with_note(_without(table, "takes", "promises"), rows)
+
+
+def _without(table: Table, *columns: str) -> Table:
+    return [{key: cell for key, cell in row.items() if key not in columns} for row in table]
+
+
+def _lines(table: Table) -> str:
+    lines = [list(table[0]), ["---"] * len(table[0]), *(list(row.values()) for row in table)]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
 def _rows(path: Path | None = None) -> Sequence[Row]:
@@ -128,10 +143,8 @@ def _with_note(table: Table, rows: Sequence[Row]) -> str:
     """Returns a table in Markdown, and what its numbers are."""
     seeds = len({row.seed for row in rows})
     limit = max(Row.values(rows, "time_limit"), default=0.0)
-    lines = [list(table[0]), ["---"] * len(table[0]), *(list(row.values()) for row in table)]
-    body = "\n".join(f"| {' | '.join(line)} |" for line in lines)
     return (
-        f"{body}\n\n"
+        f"{_lines(table)}\n\n"
         f"Gaps: means over {seeds} seeds below the certified bound, in %; in brackets how many "
         "plans obey the rules, where not all do; \\* where the limit of "
         f"{limit:g} s stopped some. Time: of the processor, for the search, as a multiple of that "
