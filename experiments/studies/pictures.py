@@ -6,10 +6,12 @@ It needs Chromium and its driver from the system's packages, and selenium.
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
+from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple, Self
 
+from PIL import Image
 from selenium import webdriver
 from selenium.webdriver.chrome.service import Service
 from selenium.webdriver.support.wait import WebDriverWait
@@ -23,6 +25,8 @@ PLAYER_IS_READY = "document.documentElement.dataset.ready === 'yes'"
 _SCENE, _STEP = "bottleneck", 6  # of the picture
 _PLANNERS = ("greedy", "cocap")  # a plan with conflicts beside one without
 _SIZE = 1280, 800  # px
+_SMALL = 800, 500  # px, of the moving picture
+_PACE, _QUALITY = 600, 80  # of the moving picture: ms a step; of WebP
 _PATIENCE = 30.0  # s
 _OPTIONS = (
     "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage",
@@ -38,7 +42,7 @@ class _Programs(NamedTuple):
 
 
 def write_pictures(folder: Path) -> None:
-    """Writes player.html, which plays two plans of the bottleneck, and its picture player.png.
+    """Writes player.html, which plays two plans of the bottleneck, player.png and player.webp.
 
     Raises
     ------
@@ -53,6 +57,11 @@ def write_pictures(folder: Path) -> None:
     with _Browser.opened(page) as browser:
         browser.go_to(_STEP)
         browser.save_screenshot(str(folder / "player.png"))
+        frames = [browser.frame(step) for step in range(problem.horizon + 1)]
+    frames[0].save(
+        folder / "player.webp", save_all=True, append_images=frames[1:], duration=_PACE, loop=0,
+        quality=_QUALITY,
+    )  # fmt: skip
 
 
 class _Browser(webdriver.Chrome):
@@ -104,6 +113,12 @@ class _Browser(webdriver.Chrome):
         width, height = size
         screen = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
         self.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", screen)
+
+    def frame(self, step: int) -> Image.Image:
+        """Returns a small picture of the player at a step."""
+        self.go_to(step)
+        picture = Image.open(BytesIO(self.get_screenshot_as_png())).convert("RGB")
+        return picture.resize(_SMALL, Image.Resampling.LANCZOS)
 
     def go_to(self, step: int) -> None:
         """Puts the player's slider to a step, and waits until the page has drawn it."""

@@ -30,6 +30,7 @@ from cocap_opt.experiments.studies.separation.points import Point
 from cocap_opt.experiments.studies.separation.tables import separation_in_markdown
 from cocap_opt.experiments.studies.stored_tables import (
     published_in_markdown,
+    solver_figures_in_markdown,
     start_sets_in_markdown,
 )
 from cocap_opt.files.documents import FileError
@@ -77,6 +78,7 @@ QUOTES: dict[str, Callable[[], str]] = {
     "lazy": lazy_in_markdown,
     "greedy_perspectives": start_sets_in_markdown,
     "greedy_perspectives_plans": partial(published_in_markdown, "greedy-perspectives-plans.csv"),
+    "solver_figures": solver_figures_in_markdown,
     "paper_in_short": lambda: _listed(_paper().summary()),
     "paper_for": partial(_side, "For CoCap"),
     "paper_against": partial(_side, "Against it"),
