@@ -5,6 +5,7 @@ from pathlib import Path
 from sphinx.application import Sphinx
 
 import cocap_opt
+from cocap_opt.experiments.manual.docstrings import with_meanings
 from cocap_opt.experiments.manual.entries import all_entries
 from cocap_opt.experiments.manual.gallery import write_players
 
@@ -34,6 +35,16 @@ html_css_files = ["pages.css"]
 html_theme_options = {"navigation_with_keys": True}
 
 
+def _write_players(app: Sphinx) -> None:
+    write_players(Path(app.outdir) / "players")
+
+
+def _move_meanings(app: Sphinx, kind: str, name: str, thing: object, options: object,
+                   lines: list[str]) -> None:  # fmt: skip
+    lines[:] = with_meanings(lines)
+
+
 def setup(app: Sphinx) -> None:
-    """Write the players of the gallery beside its page."""
-    app.connect("builder-inited", lambda app: write_players(Path(app.outdir) / "players"))
+    """Write the players of the gallery, and prepare docstrings before numpydoc reads them."""
+    app.connect("builder-inited", _write_players)
+    app.connect("autodoc-process-docstring", _move_meanings, priority=100)

@@ -56,6 +56,6 @@ def _row(argument: Argument) -> str:
 
 def _default(argument: Argument) -> str:
     if argument.required:
-        return "must be given"
+        return "required"
     default = argument.field_info.default
     return "" if default in (None, False, argument.field_info.empty) else f"`{default}`"

@@ -61,7 +61,7 @@ def _told(docstring: str) -> tuple[str, dict[str, str]]:
 def _default(name: str, field: Mapping[str, Any], required: object) -> str:
     assert isinstance(required, tuple | list)
     if name in required:
-        return "must be there"
+        return "required"
     default = field.get("default")
     return "" if default is None or isinstance(default, dict | list) else f"`{default}`"
 

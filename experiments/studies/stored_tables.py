@@ -1,6 +1,7 @@
 """Tables in Markdown of what studies have stored as CSV, a function for each study."""
 
 import csv
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -8,6 +9,7 @@ from cocap_opt.experiments.results.printing import Listing, Record
 from cocap_opt.experiments.studies.paper.measured import STORED
 
 _Rows = list[dict[str, str]]
+_MET = {"must": "target", "moonshot": "ambitious", "missed": "missed", "open": "not yet"}
 
 
 def start_sets_in_markdown() -> str:
@@ -75,9 +77,10 @@ def solver_figures_in_markdown() -> str:
         {
             "row": row["row"],
             "figure": row["figure"],
-            "measured": f"{float(row['value']):.3g} {row['unit']}".strip(),
+            "measured": _number(row["value"], row["unit"]),
             "target": row["must"] or "-",
-            "met": row["met"],
+            "ambitious": row["moonshot"] or "-",
+            "met": _MET.get(row["met"], "-"),
         }
         for row in _stored("solver-figures.csv")
     ])  # fmt: skip
@@ -89,7 +92,7 @@ def growth_in_markdown() -> str:
         {
             "changes": row["axis"],
             **{key: row[key] for key in ("robots", "actors", "cells", "steps")},
-            "to a gap of 3 %": _seconds(row["seconds_to_gap"]),
+            "to a gap of 3 %": _number(row["seconds_to_gap"], "s"),
             "gap at the end": f"{float(row['gap_percent']):.2f} %",
             "stopped": f"{row['at_limit']} of {row['seeds']}",
             "memory": f"{float(row['gigabytes']):.2f} GB",
@@ -103,7 +106,7 @@ def speed_in_markdown() -> str:
     return _table([
         {
             "figure": row["figure"],
-            "measured": f"{float(row['measured']):.3g} {row['unit']}".strip(),
+            "measured": _number(row["measured"], row["unit"]),
             "target": row["target"] or "-",
         }
         for row in _stored("speed.csv")
@@ -124,6 +127,6 @@ def _percent(share: str) -> str:
     return f"{100 * float(share):.2f} %" if share else "-"
 
 
-def _seconds(text: str) -> str:
-    seconds = float(text)
-    return "-" if seconds == float("inf") else f"{seconds:.3g} s"
+def _number(text: str, unit: str) -> str:
+    number = float(text)
+    return f"{number:.3g} {unit}".strip() if math.isfinite(number) else "-"
