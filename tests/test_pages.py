@@ -45,6 +45,14 @@ def test_pages_are_short() -> None:
     assert len(README.read_text(encoding="utf-8").splitlines()) <= 120
 
 
+def test_words_are_spelt_as_in_dictionaries() -> None:
+    """No page has a word that is known to be misspelt."""
+    files = [*pages(), README, ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md"]
+    command = [sys.executable, "-m", "codespell_lib", *map(str, files)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stdout) == (0, "")
+
+
 def test_the_readme_quotes_what_is_stored(tmp_path: Path) -> None:
     """`cocap-opt study quote --into README.md` would change nothing."""
     copy = tmp_path / "README.md"

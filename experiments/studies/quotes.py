@@ -32,6 +32,7 @@ from cocap_opt.experiments.studies.stored_tables import (
     published_in_markdown,
     solver_figures_in_markdown,
     start_sets_in_markdown,
+    views_in_markdown,
 )
 from cocap_opt.files.documents import FileError
 from cocap_opt.planners import RECOMMENDED
@@ -78,6 +79,7 @@ QUOTES: dict[str, Callable[[], str]] = {
     "lazy": lazy_in_markdown,
     "greedy_perspectives": start_sets_in_markdown,
     "greedy_perspectives_plans": partial(published_in_markdown, "greedy-perspectives-plans.csv"),
+    "views": views_in_markdown,
     "solver_figures": solver_figures_in_markdown,
     "paper_in_short": lambda: _listed(_paper().summary()),
     "paper_for": partial(_side, "For CoCap"),

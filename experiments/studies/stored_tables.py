@@ -53,20 +53,18 @@ def published_in_markdown(name: str) -> str:
 
 def views_in_markdown() -> str:
     """Returns how far planned pixels are from rendered ones, face by face."""
-    errors = {"clear": ("99 %", "largest"), "hidden": ("median", "90 %")}
+    errors = {"median": "half", "90 %": "nine tenths", "99 %": "99 of 100", "largest": "all"}
     return _table([
         {
             "scene": row["scene"],
+            "faces": words,
+            "number": row[kind],
             **{
-                title: text
-                for kind, shown in errors.items()
-                for title, text in (
-                    (f"{kind} faces", row[kind]),
-                    *((f"{one} error", f"{float(row[f'{kind}, {one} error (%)']):.2g} %")
-                      for one in shown),
-                )
+                f"{share} within": f"{float(row[f'{kind}, {error} error (%)']):.2g} %"
+                for error, share in errors.items()
             },
         }
+        for kind, words in (("clear", "in full view"), ("hidden", "partly hidden"))
         for row in _stored("views.csv")
     ])  # fmt: skip
 

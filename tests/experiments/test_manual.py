@@ -1,4 +1,4 @@
-"""The parts of the pages that are made from the code, and the tables of what studies have stored."""
+"""The parts of the pages that are made from the code."""
 
 import re
 
@@ -64,6 +64,7 @@ def test_examples_of_files_can_be_read(name: str) -> None:
     assert msgspec.json.decode(text)["format"] == f"cocap-opt {name}"
 
 
+@pytest.mark.slow
 def test_lists_have_all_that_there_is() -> None:
     """Scenes and columns are all named."""
     assert all(f"| {name} |" in LISTS["scenes"]() for name in SCENES)
