@@ -422,9 +422,7 @@ def _speed(*, out: _Out = None) -> int:
 
 @app.command(name="pictures")
 def _pictures(folder: Path, /) -> int:
-    """Draw the pictures of the README and of the pages: charts of stored results, and the player.
-
-    The player needs Chromium.
+    """Write the player's page and its picture, as in the README; needs Chromium.
 
     Example: cocap-opt study pictures pictures
     """
@@ -434,10 +432,7 @@ def _pictures(folder: Path, /) -> int:
         from cocap_opt.experiments.studies.pictures import write_pictures
     except ModuleNotFoundError as error:
         raise FileError(f"{error.name} is not installed: pip install -e '.[test]'") from error
-    from cocap_opt.experiments.studies.drawings import write_drawings
-
     make_folder(folder)
-    write_drawings(folder)
     try:
         write_pictures(folder)
     except FileNotFoundError as error:

@@ -14,7 +14,6 @@ from studies import rows_of, study
 from cocap_opt.experiments.results.files import save_csv
 from cocap_opt.experiments.studies import app as app_module
 from cocap_opt.experiments.studies.app import app
-from cocap_opt.experiments.studies.drawings import DRAWINGS, source_of
 from cocap_opt.experiments.studies.gamma import _measured, gammas_in_markdown
 from cocap_opt.experiments.studies.lazy import ALL, lazy_in_markdown, means
 from cocap_opt.experiments.studies.lazy import _measured as _measured_lazily
@@ -144,12 +143,6 @@ def test_pictures_say_where_they_cannot_be_written(
     path.write_text("")
     assert study("pictures", path) == 2
     assert len(capsys.readouterr().err.splitlines()) == 1
-
-
-@pytest.mark.parametrize("name", DRAWINGS)
-def test_pictures_are_drawn_from_the_stored_results(name: str) -> None:
-    """`cocap-opt study pictures` was run since the results have changed."""
-    assert source_of(ROOT / "experiments" / "pictures" / name) == DRAWINGS[name].source
 
 
 # -- lazy value iteration ---------------------------------------------------------------------
