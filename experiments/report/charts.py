@@ -88,8 +88,8 @@ def _draw_planner(ax: Axes, y: float, rows: Sequence[Row]) -> None:
         ax.scatter(gaps[some], heights[some], s=14, facecolor=face, edgecolor=_BLUE, lw=0.8,
                    alpha=0.6)  # fmt: skip
     found = Mean.of(gaps.tolist())
-    if found.size > 1:
-        ax.plot([max(found.low, 0), found.high], [y, y], color=_RED, lw=2.5, solid_capstyle="butt")
+    if not math.isnan(found.low):
+        ax.plot([found.low, found.high], [y, y], color=_RED, lw=2.5, solid_capstyle="butt")
     ax.plot(found.value, y, "D", color=_RED, ms=5, mec="white", mew=0.7)
 
 
@@ -106,7 +106,7 @@ def _label(planner: str, rows: Sequence[Row]) -> str:
 
 
 def _gap_axis(ax: Axes, most: float) -> None:
-    """Makes an axis for gaps up to the largest; intervals of few seeds may reach beyond."""
+    """Makes an axis for gaps up to the largest."""
     ax.set_xscale("symlog", linthresh=_LINEAR, linscale=1.0)
     high = 1.15 * max(most, _LINEAR)
     ticks = [tick for tick in _GAP_TICKS if tick <= high]

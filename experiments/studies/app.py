@@ -12,7 +12,7 @@ from cocap_opt.files.documents import FileError
 app = App(
     name="study",
     help="Measure again what the project says of itself.",
-    help_format="plaintext",
+    help_format="markdown",  # plain text is shown with the line breaks of the source
     version_flags=[],
 )
 _Out = Annotated[Path | None, Parameter(help="folder for the results")]

@@ -89,7 +89,7 @@ def _draw_gains(ax: Axes, planners: Curves) -> Axes:
         own, other = (np.cumsum([some[s] for s in seeds], axis=1) for some in (rewards, base))
         gains = 100 * (own / np.where(other > 0, other, np.nan) - 1)
         steps = np.arange(1, gains.shape[1] + 1)
-        means = [Mean.resampled(some[np.isfinite(some)].tolist() or [0.0]) for some in gains.T]
+        means = [Mean.of(some[np.isfinite(some)].tolist() or [0.0]) for some in gains.T]
         colour = _COLOURS.get(planner, "black")
         ax.fill_between(steps, [m.low for m in means], [m.high for m in means], color=colour,
                         alpha=0.12, lw=0)  # fmt: skip
