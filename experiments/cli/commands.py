@@ -5,9 +5,9 @@ import logging
 import sys
 from collections.abc import Callable, Sequence
 from importlib.metadata import version
-from typing import Literal
+from typing import Annotated, Literal
 
-from cyclopts import App, CycloptsError
+from cyclopts import App, CycloptsError, Parameter
 
 from cocap_opt.data import ProblemError
 from cocap_opt.experiments.cli import (
@@ -70,7 +70,9 @@ app.command(
 
 
 @app.command(name="completion", usage="Usage: cocap-opt completion SHELL")
-def _completion(shell: Literal["bash", "zsh", "fish"], /) -> int:
+def _completion(
+    shell: Annotated[Literal["bash", "zsh", "fish"], Parameter(help="which shell")], /
+) -> int:
     """Print what completes names of commands and options in a shell.
 
     Example: cocap-opt completion bash > ~/.local/share/bash-completion/completions/cocap-opt

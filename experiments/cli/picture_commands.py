@@ -10,6 +10,7 @@ from cocap_opt.data import MOST_PIXELS
 from cocap_opt.experiments.cli.options import (
     Json,
     Output,
+    PlanPath,
     Scene,
     Seed,
     Whole,
@@ -38,7 +39,7 @@ SHOWN = (".html", ".png", ".pdf", ".svg", ".gif")
 def _show(
     scene: Scene,
     /,
-    *plan: Path,
+    *plan: PlanPath,
     output: Output = None,
     seed: Seed = 0,
     certificate: Annotated[
@@ -74,7 +75,7 @@ def _show(
 
 def _render(
     scene: Scene,
-    plan: Path,
+    plan: PlanPath,
     /,
     *,
     output: Annotated[Path | None, Parameter(name=["-o", "--output"], help="folder to write to")],

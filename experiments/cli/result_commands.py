@@ -7,7 +7,15 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from cocap_opt.experiments.cli.options import Json, OfPlanners, OfScenes, Output, Whole, chosen
+from cocap_opt.experiments.cli.options import (
+    Json,
+    OfPlanners,
+    OfScenes,
+    Output,
+    Results,
+    Whole,
+    chosen,
+)
 from cocap_opt.experiments.console.options import Option, UsageError
 from cocap_opt.experiments.results.files import check_output, save_bytes
 from cocap_opt.experiments.results.printing import Listing, print_result
@@ -25,7 +33,7 @@ _ENDINGS = {"markdown": (".md", ".txt"), "latex": (".tex",), "html": (".html",)}
 
 
 def _table(
-    folder: Path,
+    folder: Results,
     /,
     *,
     style: Annotated[
@@ -77,7 +85,7 @@ def _format(style: str | None, output: Path | None) -> str:
 
 
 def _report(
-    folder: Path,
+    folder: Results,
     /,
     *,
     output: Output,

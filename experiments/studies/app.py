@@ -101,7 +101,9 @@ def _planners(
 
 @app.command(name="others")
 def _others(
-    folder: Path,
+    folder: Annotated[
+        Path, Parameter(help="with scenes of Greedy Perspectives or of Hughes et al., however deep")
+    ],
     /,
     *,
     planner: Annotated[
@@ -138,8 +140,8 @@ def _others(
 @app.command(name="growth")
 def _growth(
     *,
-    robots: str = "2,4,8,16,32,64",
-    steps: str = "8,16,32,64,80",
+    robots: Annotated[str, Parameter(help="numbers of drones")] = "2,4,8,16,32,64",
+    steps: Annotated[str, Parameter(help="numbers of steps")] = "8,16,32,64,80",
     cells: Annotated[str, Parameter(help="along each edge")] = "15,30,48,64,96",
     seeds: Annotated[str, Parameter(help="medians are taken over them")] = "0-4",
     limit: Annotated[float, Parameter(help="seconds for each run")] = 60.0,
@@ -381,8 +383,8 @@ def _flight(
 
 @app.command(name="peers")
 def _peers(
-    scene: Path,
-    coverage: Path,
+    scene: Annotated[Path, Parameter(help="their seq.yaml")],
+    coverage: Annotated[Path, Parameter(help="their CSV of pixels")],
     /,
     *,
     states: Annotated[int, Parameter(help="how many random ones are compared")] = 500,
@@ -410,7 +412,9 @@ def _speed() -> int:
 
 
 @app.command(name="pictures")
-def _pictures(folder: Path, /) -> int:
+def _pictures(
+    folder: Annotated[Path, Parameter(help="folder for the page and the picture")], /
+) -> int:
     """Write the player's page and its picture, as in the README; needs Chromium.
 
     Example: cocap-opt study pictures pictures

@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from itertools import permutations
 from pathlib import Path
 from typing import Any
@@ -12,8 +13,10 @@ from typing import Any
 import numpy as np
 import pytest
 import result_rows
+from cyclopts import App
 from scene_files import SMALL_SEQUENCE
 
+from cocap_opt.experiments.cli import commands
 from cocap_opt.experiments.cli.main import main
 from cocap_opt.experiments.cli.solver_commands import AT_THE_ROOT
 from cocap_opt.experiments.console import progress
@@ -926,6 +929,26 @@ def test_ctrl_c_prints_what_is_finished(tmp_path: Path) -> None:
     assert process.returncode == 0
     assert 0 < len(json.loads(out)["rows"]) < 50
     assert (tmp_path / "results.csv").is_file()
+
+
+def parameters(program: App, *path: str) -> Iterator[tuple[str, str]]:
+    """The names of all commands' parameters, with their help."""
+    for name in program:
+        command = program[name]
+        if name.startswith("-"):
+            continue
+        if command.default_command is None:
+            yield from parameters(command, *path, name)
+            continue
+        for argument in command.assemble_argument_collection():
+            yield " ".join((*path, name, argument.name)), argument.parameter.help or ""
+
+
+def test_every_parameter_has_help() -> None:
+    """Nobody has to guess what a FILE or a FOLDER is."""
+    found = dict(parameters(commands.app))
+    assert {"verify FILE", "plan SCENE", "figure gaps FOLDER", "study others FOLDER"} <= set(found)
+    assert [name for name, words in found.items() if len(words) < 5] == []
 
 
 def test_narrow_ways_are_said_where_they_help(
