@@ -45,7 +45,7 @@ def _gaps(
     planner: OfPlanners = None,
     json: Json = False,
 ) -> int:
-    """Draw the gaps of a sweep's planners: a point per seed, mean and 95 % interval.
+    """Draw the gaps of a sweep's planners: a stroke per seed, mean and 95 % interval.
 
     Example: cocap-opt figure gaps results -o gaps.pdf
     """

@@ -19,6 +19,7 @@ from matplotlib.text import Text
 from PIL import Image
 
 from cocap_opt import drawing
+from cocap_opt.experiments.report.style import BLUE, TITLE, families_for, new_figure, set_frame
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import Verdict, check
 from cocap_opt.text import printable
@@ -27,6 +28,7 @@ _TITLE = 40  # characters of the name of a scene; longer ones are cut
 VIEW_LENGTH = 0.2  # of the map, length of view cones as they are drawn; cameras see farther
 _SPACES = "\n\u00a0\u2009\u202f"
 _FRAME_MILLISECONDS = 500
+_TO_COME = "#c9d6df"
 PICTURES = (".png", ".pdf", ".svg")
 
 
@@ -119,34 +121,24 @@ def _draw_robots(ax: Axes, problem: Problem, plan: Plan, t: int) -> Axes:
 def _draw_reward(ax: Axes, verdict: Verdict, t: int) -> Axes:
     """Draws the view reward of each step, up to step t in a darker colour."""
     steps = np.arange(1, len(verdict.reward_per_step) + 1)
-    ax.bar(
-        steps, verdict.reward_per_step, color=["#30638e" if s <= t else "#c9d6df" for s in steps]
-    )
+    ax.bar(steps, verdict.reward_per_step, color=[BLUE if s <= t else _TO_COME for s in steps])
     ax.set_xlabel("step")
     ax.set_ylabel("view reward")
     ax.set_xticks(steps[:: max(1, len(steps) // 10)])
-    draw_frame(ax)
-    return ax
-
-
-def draw_frame(ax: Axes) -> Axes:
-    """Leaves only the two sides of the frame that have numbers."""
-    for side in ("top", "right"):
-        ax.spines[side].set_visible(False)
-    return ax
+    return set_frame(ax, None)
 
 
 def _plan_figure(problem: Problem, plan: Plan, verdict: Verdict, t: int) -> Figure:
     """Draws the top view at step t above the reward per step."""
     width, depth = problem.height_map.shape
     height = min(max(5.0 * depth / width, 2.5), 9.0)
-    figure = Figure(figsize=(5.6, height + 1.7), layout="constrained", dpi=110)
+    figure = new_figure(5.6, height + 1.7)
     top, bottom = figure.subplots(2, 1, height_ratios=[height, 1.1])
     draw_plan(top, problem, plan, t)
     conflicts = f", {len(verdict.conflicts)} conflicts" if verdict.conflicts else ""
     words = f"step {t} of {problem.horizon} (whole plan: J = {verdict.reward:,.0f}{conflicts})"
     name = textwrap.shorten(problem.name, _TITLE, placeholder=" ..")
-    top.set_title(f"{name[:_TITLE]}, {words}", fontsize=10)
+    top.set_title(f"{name[:_TITLE]}, {words}", fontsize=TITLE)
     _draw_reward(bottom, verdict, t)
     return figure
 
@@ -181,6 +173,7 @@ def picture(figure: Figure, suffix: str) -> bytes:
     for text in figure.findobj(Text):  # names of scenes and files may hold dollar signs
         text.set_parse_math(False)
         text.set_text(printable(text.get_text(), _SPACES))
+        text.set_fontfamily(families_for(text.get_text()))
     with (
         mpl.rc_context({"pdf.fonttype": 42, "text.parse_math": False}),
         warnings.catch_warnings(),
