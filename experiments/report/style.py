@@ -17,6 +17,7 @@ FADED = "#8d99ae"  # of what is there to be compared with
 TITLE, LABEL, SMALL = 10, 9, 8  # pt, sizes of letters
 _DPI = 130
 _DEFAULT = "DejaVu Sans"  # comes with matplotlib
+_BOXES = "Last Resort"  # a font that has a box for every letter
 
 _log = logging.getLogger(__name__)
 
@@ -64,7 +65,8 @@ def families_for(text: str) -> tuple[str, ...]:
     """Returns the font of all figures and, if it lacks letters, installed ones that have them."""
     lacking = _lacking(text, _letters(font_manager.findfont(_DEFAULT)))
     found = [_DEFAULT]
-    for font in sorted(font_manager.fontManager.ttflist, key=_oddness) if lacking else ():
+    fonts = [font for font in font_manager.fontManager.ttflist if _BOXES not in font.name]
+    for font in sorted(fonts, key=_oddness) if lacking else ():
         left = _lacking(lacking, _letters(font.fname))
         if len(left) < len(lacking):
             lacking = left
