@@ -11,6 +11,7 @@ Every name below is imported when it is first used: no solver is loaded before i
 """
 
 from importlib import import_module
+from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
         trajectory,
         verify,
     )
+    from cocap_opt.experiments.console.versions import show_versions
     from cocap_opt.experiments.report.player import Player
     from cocap_opt.experiments.results.verification import Verified
     from cocap_opt.files.documents import FileError
@@ -77,6 +79,7 @@ _MODULES = {
         "benchmark", "bound", "check", "explain", "gap", "load", "plan", "read", "replans",
         "robustness", "save", "show", "solve", "trajectory", "verify",
     ),
+    "cocap_opt.experiments.console.versions": ("show_versions",),
     "cocap_opt.experiments.report.player": ("Player",),
     "cocap_opt.files.documents": ("FileError",),
     "cocap_opt.formulations": ("BOUNDS", "EXACT"),
@@ -100,6 +103,8 @@ __all__ = sorted(_HOME)
 
 def __getattr__(name: str) -> Any:
     """Import a name when it is first used."""
+    if name == "__version__":  # which pyproject.toml states
+        return version("cocap-opt")
     if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     value = getattr(import_module(_HOME[name]), name)

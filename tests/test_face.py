@@ -3,6 +3,7 @@
 import ast
 import dataclasses
 import inspect
+import platform
 import subprocess
 import sys
 from pathlib import Path
@@ -252,6 +253,16 @@ def test_methods_and_limits_are_checked() -> None:
     assert mine.value == co.plan(problem, "greedy").value
 
 
+def test_versions_are_shown(capsys: pytest.CaptureFixture[str]) -> None:
+    """A report of a bug names the versions of all that runs, and nothing that only tests need."""
+    co.show_versions()
+    shown = dict(line.split(maxsplit=1) for line in capsys.readouterr().out.splitlines())
+    assert shown["cocap-opt"] == co.__version__
+    assert shown["python"] == platform.python_version()
+    assert {"numpy", "highspy", "numba", "system"} <= set(shown)
+    assert not {"pytest", "sphinx"} & set(shown)
+
+
 def test_types_are_known() -> None:
     """The functions' types can be resolved, so that editors show them."""
     for name in ("load", "plan", "bound", "solve", "check", "verify"):
@@ -352,9 +363,10 @@ def test_a_plan_that_was_read_is_for_the_problem_of_its_file(tmp_path: Path) -> 
     assert co.check(other, co.Plan(paths=plan.paths)).valid
 
 
-def test_the_planner_of_contributing_is_one() -> None:
-    """The example of a planner in CONTRIBUTING works, obeys a stop and is as good as it says."""
-    block = (ROOT / "CONTRIBUTING.md").read_text().split("```python\n")[1].split("```")[0]
+def test_the_planner_of_the_pages_is_one() -> None:
+    """The example of a planner works, obeys a stop and is as good as it says."""
+    page = (ROOT / "docs" / "extend" / "planner.md").read_text(encoding="utf-8")
+    block = page.split("```python\n")[1].split("```")[0]
     names: dict[str, Any] = {}
     exec(block, names)
     problem = co.load("tiny-queue")

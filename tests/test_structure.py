@@ -6,6 +6,7 @@ from importlib import import_module
 from pathlib import Path
 
 import pytest
+from pages import pages
 from sources import CORE, ROOT, imports, package_of, reached, room_of, sources
 
 # What each package may import of the project besides itself.
@@ -31,6 +32,7 @@ ORDER = {
     "scenarios": ("text", "kinds", "cameras", "airframes", "formats", "recipe", "built_in"),
     "experiments": (
         "console", "results", "missions", "sweeps", "report", "api", "studies", "notebooks", "cli",
+        "manual",
     ),
 }  # fmt: skip
 SOLVERS = {"cvxpy", "clarabel", "highspy", "ortools", "pyscipopt"}
@@ -174,19 +176,22 @@ def test_certificates_use_nothing_that_searches() -> None:
         assert f"{CORE}.formulations.result" not in reached(module), module
 
 
-@pytest.mark.parametrize("page", ["README.md", "CONTRIBUTING.md"])
-def test_files_that_are_named_exist(page: str) -> None:
+def test_files_that_are_named_exist() -> None:
     """Links, and names in backquotes that begin with a folder of this repository, lead somewhere.
 
     `file::name` and `folder -> other` name what stands before.
     """
     root = Path(__file__).parents[1]
-    text = (root / page).read_text(encoding="utf-8")
-    linked = re.findall(r"\]\(([^)#:\s]+)\)", text)
-    folders = "|".join(("cocap_opt", "formulations", "scenarios", "experiments", "tests"))
-    named = re.findall(rf"`((?:{folders})/[\w./-]*)", text)
-    assert len(named) > 3
-    assert [name for name in linked + named if not (root / name).exists()] == []
+    folders = "|".join(("cocap_opt", "formulations", "scenarios", "experiments", "tests", "docs"))
+    found = 0
+    for page in (root / "README.md", root / "CONTRIBUTING.md", *pages()):
+        text = page.read_text(encoding="utf-8")
+        linked = re.findall(r"\]\(([^)#:\s]+)\)", text)
+        named = re.findall(rf"`((?:{folders})/[\w./-]*)", text)
+        files = [page.parent / name for name in linked] + [root / name for name in named]
+        assert [file for file in files if not file.exists()] == [], page
+        found += len(named)
+    assert found > 10
 
 
 def test_nothing_imports_the_tests() -> None:

@@ -45,7 +45,7 @@ class Cone(Data, frozen=True, tag="cone"):
     """The sensor of Hughes et al. 2024, which has no image, no range, and sees past obstacles.
 
     It detects the actors whose foot point is ahead, within half of the opening to either side.
-    Each of their faces then has |d.u| max(0, -d.n) / |d|^4 in place of px/m2, where n is the
+    Each of their faces then has `|d.u| max(0, -d.n) / |d|^4` in place of px/m2, where n is the
     face's normal, d the way to its middle, dropped to the ground, and u the level look direction.
 
     Attributes

@@ -27,49 +27,50 @@ def _scenes(*, json: Json = False) -> int:
 
     Example: cocap-opt scenes
     """
-    rows = [
-        {
-            "scene": name,
-            "rules": str(build(0).rules),
-            "about": (build.__doc__ or "").strip().splitlines()[0],
-        }
-        for name, build in SCENES.items()
-    ]
-    formats = [{"format": name, "about": f.description} for name, f in FORMATS.items()]
-    cameras = [
-        {
-            "camera": name, "width": camera.width, "height": camera.height, "focal": camera.focal,
-            "angle of view (deg)": 2 * math.degrees(camera.half_angle),
-        }
-        for name, camera in CAMERAS.items()
-    ]  # fmt: skip
-    airframes = [
-        {
-            "airframe": name,
-            "limits": ", ".join(f"{kind} {value:.3g}" for kind, value in _known(limits)),
-        }
-        for name, limits in AIRFRAMES.items()
-    ]
-    options = [
-        {"option": name, "values": ", ".join(words), "of files": key}
-        for key, kind in FORMATS.items() if kind.options is not None
-        for name, words in kind.options.allowed.items()
-    ]  # fmt: skip
+    known = known_scenes()
     if json:
-        print_result(
-            {
-                "scenes": rows, "formats": formats, "cameras": cameras, "airframes": airframes,
-                "options": options,
-            },
-            json,
-        )  # fmt: skip
+        print_result(known, json)
     else:
-        Listing("built-in scenes", rows).print()
-        Listing("files that can be read in place of a scene's name", formats).print()
-        Listing("options of `export`, as in --option triangles=no", options).print()
-        Listing("cameras that `export` can put on a scene's drones (px)", cameras).print()
-        Listing("airframes of recipes (m/s, m/s2, degrees/s)", airframes).print()
+        Listing("built-in scenes", known["scenes"]).print()
+        Listing("files that can be read in place of a scene's name", known["formats"]).print()
+        Listing("options of `export`, as in --option triangles=no", known["options"]).print()
+        Listing("cameras that `export` can put on a scene's drones (px)", known["cameras"]).print()
+        Listing("airframes of recipes (m/s, m/s2, degrees/s)", known["airframes"]).print()
     return 0
+
+
+def known_scenes() -> dict[str, list[Record]]:
+    """Returns rows of all scenes, formats, cameras and airframes, and of options of formats."""
+    return {
+        "scenes": [
+            {
+                "scene": name,
+                "rules": str(build(0).rules),
+                "about": (build.__doc__ or "").strip().splitlines()[0],
+            }
+            for name, build in SCENES.items()
+        ],
+        "formats": [{"format": name, "about": f.description} for name, f in FORMATS.items()],
+        "cameras": [
+            {
+                "camera": name, "width": camera.width, "height": camera.height,
+                "focal": camera.focal, "angle of view (deg)": 2 * math.degrees(camera.half_angle),
+            }
+            for name, camera in CAMERAS.items()
+        ],
+        "airframes": [
+            {
+                "airframe": name,
+                "limits": ", ".join(f"{kind} {value:.3g}" for kind, value in _known(limits)),
+            }
+            for name, limits in AIRFRAMES.items()
+        ],
+        "options": [
+            {"option": name, "values": ", ".join(words), "of files": key}
+            for key, kind in FORMATS.items() if kind.options is not None
+            for name, words in kind.options.allowed.items()
+        ],
+    }  # fmt: skip
 
 
 def _known(limits: Limits) -> Iterator[tuple[str, float]]:

@@ -119,15 +119,6 @@ def read_text(path: Path) -> str:
         raise FileError(f"{path}: must be text in UTF-8") from error
 
 
-def replace_between(document: Path, begin: str, end: str, text: str) -> None:
-    """Replaces what stands between two marks in a document."""
-    before, first, rest = read_text(document).partition(begin)
-    _, last, after = rest.partition(end)
-    if not (first and last):
-        raise FileError(f"{document}: must hold the lines {begin} and {end}")
-    save_bytes(document, f"{before}{begin}\n\n{text}\n{end}{after}".encode())
-
-
 class PlanReader(NamedTuple):
     """Reads plans and what proves them from files, for one scene.
 

@@ -78,24 +78,41 @@ def _planners(
     paper: Annotated[
         Path | None, Parameter(help="folder of `study paper`; the stored results if not given")
     ] = None,
-    into: Annotated[
-        Path | None, Parameter(help="Markdown file whose table of planners is replaced")
-    ] = None,
 ) -> int:
     """Print the table of planners: what each takes and promises, its measured gap and time.
 
-    Example: cocap-opt study planners --into README.md
+    Example: cocap-opt study planners --paper paper
     """
-    from cocap_opt.experiments.results.files import replace_between
     from cocap_opt.experiments.results.printing import print_texts
     from cocap_opt.experiments.studies.paper.measured import MEASURED
-    from cocap_opt.experiments.studies.paper.planner_table import BEGIN, END, planners_in_markdown
+    from cocap_opt.experiments.studies.paper.planner_table import planners_in_markdown
 
-    text = planners_in_markdown(None if paper is None else paper / MEASURED)
-    if into is None:
-        print_texts([text], [])
+    print_texts([planners_in_markdown(None if paper is None else paper / MEASURED)], [])
+    return 0
+
+
+@app.command(name="quote")
+def _quote(
+    name: Annotated[str | None, Parameter(help="what is quoted; without it, all names")] = None,
+    /,
+    *,
+    into: Annotated[
+        Path | None, Parameter(help="Markdown file in which all that is quoted is replaced")
+    ] = None,
+) -> int:
+    """Print a number, a sentence or a table of the stored results, as the documentation quotes it.
+
+    With --into it writes them between the marks of a file.
+
+    Example: cocap-opt study quote --into README.md
+    """
+    from cocap_opt.experiments.results.printing import print_texts
+    from cocap_opt.experiments.studies.quotes import QUOTES, quote, requote
+
+    if into is not None:
+        requote(into)
     else:
-        replace_between(into, BEGIN, END, text)
+        print_texts([], list(QUOTES) if name is None else [quote(name)])
     return 0
 
 
@@ -312,9 +329,6 @@ def _separation(
     stored: Annotated[
         bool, Parameter(negative="", help="compute nothing: tables and figure of the stored runs")
     ] = False,
-    into: Annotated[
-        Path | None, Parameter(help="Markdown file whose tables are replaced by the stored ones")
-    ] = None,
 ) -> int:
     """Measure what it costs that drones keep apart at every moment, certified.
 
@@ -322,8 +336,8 @@ def _separation(
     """
     from cocap_opt.experiments.studies.separation.separation import separation, tell_stored
 
-    if stored or into is not None:
-        tell_stored(into, out)
+    if stored:
+        tell_stored(out)
         return 0
     _require_positive("--limit", limit)
     wanted = metres or [0.5, 1.0, 2.0, 3.0]
@@ -352,9 +366,6 @@ def _flight(
     stored: Annotated[
         bool, Parameter(negative="", help="simulate nothing: take the stored results")
     ] = False,
-    into: Annotated[
-        Path | None, Parameter(help="Markdown file whose table of flights is replaced")
-    ] = None,
 ) -> int:
     """Fly plans in RotorPy, a simulator by others: errors, distances, and J of what is filmed.
 
@@ -377,7 +388,7 @@ def _flight(
             "--stored: must be given without scenes, for it takes those that are stored"
         )
     runs = Run.read(STORED) if stored else flight(scenes or SCENES, chosen, winds, step, out)
-    tell(runs, out, into)
+    tell(runs, out)
     return 0
 
 
@@ -400,14 +411,14 @@ def _peers(
 
 
 @app.command(name="speed")
-def _speed() -> int:
+def _speed(*, out: _Out = None) -> int:
     """Measure the speed of coverage, planners and the command line.
 
-    Example: cocap-opt study speed
+    Example: cocap-opt study speed --out speed
     """
     from cocap_opt.experiments.studies.speed import speed
 
-    speed()
+    speed(out)
     return 0
 
 

@@ -22,6 +22,7 @@ _ORDERS: dict[str, type[Compounded | Undiscounted]] = {
     "cocap-vs": Compounded,
     "cocap-vs-undiscounted": Undiscounted,
 }
+STORED = Path(__file__).parent / "stored" / "gamma.csv"
 
 
 def gamma(
@@ -88,6 +89,25 @@ def _means(measured: "pd.DataFrame") -> "pd.DataFrame":
     table["ended"] = groups["reason"].agg(lambda reasons: int((reasons == "finished").sum()))
     table["runs"] = groups.size()
     return table.reset_index()
+
+
+def gammas_in_markdown() -> str:
+    """Returns the stored means in Markdown: J and views of both orders by gamma, and a note."""
+    import pandas as pd
+
+    means = _means(pd.read_csv(STORED)).set_index(["planner", "gamma"])
+    rows = [
+        {
+            "gamma": f"{gamma:g}",
+            **{
+                f"{planner}: {title}": f"{100 * means.loc[(planner, gamma), key]:.0f} %"
+                for planner in _ORDERS
+                for key, title in (("reward", "J"), ("views", "views"))
+            },
+        }
+        for gamma in _GAMMAS
+    ]
+    return Listing("", rows).markdown
 
 
 def _run(problem: Problem, discount: Compounded | Undiscounted, seconds: float) -> Result:

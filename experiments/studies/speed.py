@@ -19,6 +19,7 @@ from typing import NamedTuple
 from rich.console import Console
 from rich.table import Table
 
+from cocap_opt.experiments.results.files import make_folder, save_csv
 from cocap_opt.graph.value_iteration import backward_sweep
 from cocap_opt.model import Model, compiled
 from cocap_opt.objective import marginal_reward
@@ -45,19 +46,23 @@ print(json.dumps([clock.seconds, resource.getrusage(resource.RUSAGE_SELF).ru_max
 
 
 class _Figure(NamedTuple):
-    name: str
+    figure: str
     measured: float
     unit: str
     target: str = ""
 
 
-def speed() -> None:
-    """Measures and prints all figures."""
+def speed(out: Path | None = None) -> None:
+    """Measures and prints all figures, and writes the table (speed.csv)."""
+    make_folder(out)
+    path = None if out is None else out.resolve() / "speed.csv"
     os.chdir(Path(__file__).parents[2])  # for the programs that are started
     table = Table("figure", "measured", "target", title="speed (medians; one thread)")
-    for measure in _MEASURES:
-        for figure in measure():
-            table.add_row(figure.name, f"{figure.measured:.3g} {figure.unit}", figure.target)
+    figures = [figure for measure in _MEASURES for figure in measure()]
+    for figure in figures:
+        table.add_row(figure.figure, f"{figure.measured:.3g} {figure.unit}", figure.target)
+    if path is not None:
+        save_csv(path, [figure._asdict() for figure in figures])
     Console(soft_wrap=True).print(table)
     peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1e6
     Console().print(f"largest process started: {peak:.2f} GB; Python {sys.version.split()[0]}")

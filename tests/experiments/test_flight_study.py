@@ -16,7 +16,7 @@ from cocap_opt.experiments.studies.flight.measures import (
 )
 from cocap_opt.experiments.studies.flight.runs import Run, fitting_step
 from cocap_opt.experiments.studies.flight.simulation import Reference, Simulated
-from cocap_opt.experiments.studies.flight.tables import BEGIN, END, in_markdown, sentences
+from cocap_opt.experiments.studies.flight.tables import flights_in_markdown, sentences
 from cocap_opt.experiments.studies.flight.wind import Wind
 from cocap_opt.flight.pace import demands
 from cocap_opt.flight.smooth import smooth
@@ -25,11 +25,9 @@ from cocap_opt.scenarios.airframes import AIRFRAMES
 ROOT = Path(__file__).parents[2]
 
 
-def test_the_readme_quotes_the_stored_flights() -> None:
-    """Its table and its sentences are those of the stored runs, of all scenes, kinds and winds."""
+def test_all_flights_are_stored() -> None:
+    """There is one run for each scene, seed, kind of flight and wind."""
     runs = Run.read(STORED)
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    assert text.partition(BEGIN)[2].partition(END)[0].strip() == in_markdown(runs).strip()
     kinds = {(run.scene, run.seed, run.flight, run.wind) for run in runs}
     assert len(kinds) == len(runs) == 2 * 3 * 2 * 3
 
@@ -44,14 +42,12 @@ def test_stored_flights_are_of_plans_that_can_be_flown() -> None:
 
 
 def test_what_is_stored_is_told_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Without the simulator: tables of 80 columns, a figure, and a document between two marks."""
-    page = tmp_path / "page.md"
-    page.write_text(f"a\n{BEGIN}\nold\n{END}\nb\n")
-    tell(Run.read(STORED), tmp_path, page)
+    """Without the simulator: tables of 80 columns, a figure, and a table in Markdown."""
+    runs = Run.read(STORED)
+    tell(runs, tmp_path)
     rows = [line for line in capsys.readouterr().out.splitlines() if line.startswith(" ")]
     assert rows and max(map(len, map(str.rstrip, rows))) <= 80
-    assert page.read_text().startswith(f"a\n{BEGIN}\n\n| scene |")
-    assert "old" not in page.read_text() and page.read_text().endswith(f"{END}\nb\n")
+    assert flights_in_markdown(runs).startswith("| scene |")
     assert (tmp_path / "flight.png").stat().st_size > 10_000
 
 
@@ -142,7 +138,6 @@ def test_what_cannot_be_simulated_is_refused(
         (("tiny-turn", "--step", "0"), "--step: must be a positive number of seconds"),
         (("tiny-turn", "--seeds", "x"), "--seeds: must be numbers"),
         (("tiny-turn", "--stored"), "--stored: must be given without scenes"),
-        (("--stored", "--into", tmp_path / "page.md"), "page.md: "),
     ):
         assert study("flight", *words, "--out", out) == 2
         err = capsys.readouterr().err.splitlines()

@@ -13,7 +13,7 @@ from result_rows import row
 from strategies import examples, problems
 from studies import study
 
-from cocap_opt.experiments.results.files import replace_between, save_csv
+from cocap_opt.experiments.results.files import save_csv
 from cocap_opt.experiments.results.judging import Judged
 from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.results.statistics import Mean
@@ -28,10 +28,7 @@ from cocap_opt.experiments.studies.paper.conditions import Corridor, Search, Tri
 from cocap_opt.experiments.studies.paper.giving_way import Encounter, _own_reward
 from cocap_opt.experiments.studies.paper.page import Page
 from cocap_opt.experiments.studies.paper.planner_table import (
-    BEGIN,
-    END,
     planner_table,
-    planners_in_markdown,
 )
 from cocap_opt.files.documents import FileError
 from cocap_opt.model import compiled
@@ -443,23 +440,11 @@ def test_views_are_those_of_all_coverage_or_those_evaluated() -> None:
     assert views["cocap-vs"] == PLANNERS["cocap-vs"](problem).statistics["evaluated"] <= every
 
 
-def test_the_readme_says_what_the_stored_page_says() -> None:
-    """Its sentences on the paper are the page's, word by word."""
-    page, text = ((path).read_text("utf-8") for path in (STORED / "paper.md", ROOT / "README.md"))
-    said = page.split("## In short")[1].split("## ")[0].strip().splitlines()
-    said += [line for line in page.splitlines() if line.startswith("- CoCap gains most in a")]
-    assert len(said) == 4
-    assert all(f"\n{line}\n" in text for line in said)
-
-
 # -- the table of planners ------------------------------------------------------------------
 
 
-def test_the_readme_has_the_table_of_planners() -> None:
-    """It is what the command makes of the stored results, and every planner is in it."""
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    table = text.split(BEGIN)[1].split(END)[0]
-    assert table.strip() == planners_in_markdown().strip()
+def test_every_planner_is_in_the_table_of_planners() -> None:
+    """It says of what each is made, and of nearly each how long it takes."""
     rows = planner_table(stored_rows())
     assert [row["planner"].split("`")[1] for row in rows] == list(PLANNERS)
     assert all(row["made of"] != "-" for row in rows)
@@ -487,15 +472,3 @@ def test_a_folder_without_results_makes_no_table(
         assert study("planners", "--paper", tmp_path) == 2
         (line,) = capsys.readouterr().err.splitlines()
         assert str(tmp_path / "measured.csv") in line
-
-
-def test_the_table_of_planners_is_put_between_its_marks(tmp_path: Path) -> None:
-    """What stands around it stays; a file without marks is refused and left as it is."""
-    page = tmp_path / "page.md"
-    page.write_text(f"before\n\n{BEGIN}\n\nold\n\n{END}\n\nafter\n")
-    replace_between(page, BEGIN, END, "new\n")
-    assert page.read_text() == f"before\n\n{BEGIN}\n\nnew\n\n{END}\n\nafter\n"
-    page.write_text("no marks")
-    with pytest.raises(FileError, match="must hold the lines"):
-        replace_between(page, BEGIN, END, "new\n")
-    assert page.read_text() == "no marks"

@@ -8,18 +8,19 @@ from statistics import fmean
 
 import pytest
 from cyclopts import CycloptsError
+from pages import pages
 from studies import rows_of, study
 
 from cocap_opt.experiments.results.files import save_csv
 from cocap_opt.experiments.studies import app as app_module
 from cocap_opt.experiments.studies.app import app
-from cocap_opt.experiments.studies.gamma import _measured
-from cocap_opt.experiments.studies.lazy import ALL, means
+from cocap_opt.experiments.studies.gamma import _measured, gammas_in_markdown
+from cocap_opt.experiments.studies.lazy import ALL, lazy_in_markdown, means
 from cocap_opt.experiments.studies.lazy import _measured as _measured_lazily
 from cocap_opt.experiments.studies.runs import Run
 from cocap_opt.experiments.studies.separation.points import Point
 from cocap_opt.experiments.studies.separation.separation import built, separation
-from cocap_opt.experiments.studies.separation.tables import BEGIN, END, separation_in_markdown
+from cocap_opt.experiments.studies.separation.tables import separation_in_markdown
 from cocap_opt.files.documents import FileError
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.planners import view_search
@@ -58,16 +59,16 @@ def test_every_study_that_is_named_exists() -> None:
     assert named <= set(app)
 
 
-def test_the_readme_and_the_help_agree() -> None:
-    """Each study is in the README or CONTRIBUTING, and every call that is shown there is one."""
-    texts = [(ROOT / name).read_text(encoding="utf-8") for name in ("README.md", "CONTRIBUTING.md")]
+def test_studies_are_told_and_shown() -> None:
+    """Pages or CONTRIBUTING tell of each study, and each has an example in its help."""
+    texts = [page.read_text(encoding="utf-8") for page in (*pages(), ROOT / "CONTRIBUTING.md")]
     described, shown = (
         {call.split("[")[0].strip() for text in some for call in re.findall(CALL, text)}
         for some in (texts, [inspect.getsource(app_module)])
     )
     commands = set(app) - {"--help", "-h"}
     assert {call.split()[0] for call in described} == commands
-    assert {call.split()[0] for call in shown} >= commands  # as examples in their help
+    assert {call.split()[0] for call in shown} >= commands
     for call in described | shown:
         app.parse_args(call, print_error=False, exit_on_error=False)
     with pytest.raises(CycloptsError):
@@ -87,15 +88,13 @@ def stored_shares(planner: str, gamma: float) -> list[str]:
     return [f"{100 * fmean(float(row[key]) for row in rows):.0f}" for key in ("reward", "views")]
 
 
-def test_the_readme_quotes_the_stored_table() -> None:
-    """Each line of its table of gammas is that of the stored runs."""
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    table = text.split("| gamma |")[1].split("\n\n")[0].splitlines()[2:]
-    assert len(table) >= 5
-    for line in table:
+def test_the_table_of_gammas_is_that_of_the_stored_runs() -> None:
+    """Each line has the means of both orders, in %."""
+    lines = gammas_in_markdown().splitlines()[2:]
+    assert len(lines) >= 5
+    for line in lines:
         gamma, *shares = re.findall(r"[\d.]+", line)
         assert shares == [share for name in ORDERS for share in stored_shares(name, float(gamma))]
-    assert f"`cocap-vs` takes {view_search.GAMMA:g}" in text
 
 
 def test_the_planner_quotes_the_stored_table() -> None:
@@ -151,15 +150,12 @@ def test_pictures_say_where_they_cannot_be_written(
 LAZY = ROOT / "experiments" / "studies" / "stored" / "lazy.csv"
 
 
-def test_the_readme_quotes_the_stored_views() -> None:
-    """Each line of its table of lazy value iteration is that of the stored runs."""
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    head, _, *lines = text.split("| scene | planner | states |")[1].split("\n\n")[0].splitlines()
-    rows = means(rows_of(LAZY))
-    assert [row["scene"] for row in rows] == ALL
-    assert [name.strip() for name in head.split("|") if name.strip()] == list(rows[0])[3:]
-    shown = [[cell.strip() for cell in line.split("|")[1:-1]] for line in lines]
-    assert shown == [list(row.values()) for row in rows]
+def test_the_lazy_table_has_all_scenes() -> None:
+    """The stored runs are those of the study without options."""
+    assert [row["scene"] for row in means(rows_of(LAZY))] == ALL
+    assert [line.split(" | ")[0] for line in lazy_in_markdown().splitlines()[2:]] == [
+        f"| {scene}" for scene in ALL
+    ]
 
 
 def test_the_stored_views_are_what_planners_evaluate() -> None:
@@ -181,13 +177,6 @@ def test_lazy_planning_is_measured(tmp_path: Path, capsys: pytest.CaptureFixture
 # -- the price of separation ----------------------------------------------------------------
 
 SEPARATION = ROOT / "experiments" / "studies" / "stored" / "separation.csv"
-
-
-def test_the_readme_has_the_tables_of_the_stored_prices() -> None:
-    """Its tables of separations are those that the command makes of the stored runs."""
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    table = text.split(BEGIN)[1].split(END)[0]
-    assert table.strip() == separation_in_markdown(Point.read(SEPARATION)).strip()
 
 
 def point(separation: float, value: float, bound: float, seconds: float, limit: str) -> Point:

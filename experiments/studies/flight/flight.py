@@ -7,7 +7,6 @@ from cocap_opt.experiments.console.streams import say
 from cocap_opt.experiments.report.figures import picture
 from cocap_opt.experiments.results.files import (
     make_folder,
-    replace_between,
     save_bytes,
     save_csv,
 )
@@ -15,13 +14,7 @@ from cocap_opt.experiments.results.printing import print_texts
 from cocap_opt.experiments.studies.flight.figure import flight_figure
 from cocap_opt.experiments.studies.flight.runs import Run, flown
 from cocap_opt.experiments.studies.flight.simulation import span
-from cocap_opt.experiments.studies.flight.tables import (
-    BEGIN,
-    END,
-    in_markdown,
-    listings,
-    sentences,
-)
+from cocap_opt.experiments.studies.flight.tables import listings, sentences
 
 SCENES = ("bridge", "passage")
 STORED = Path(__file__).parents[1] / "stored" / "flight.csv"
@@ -62,10 +55,8 @@ def flight(
     return runs
 
 
-def tell(runs: Sequence[Run], out: Path | None = None, into: Path | None = None) -> None:
-    """Prints tables and sentences, draws the figure (flight.png), and writes into a document."""
-    if into is not None:
-        replace_between(into, BEGIN, END, in_markdown(runs))
+def tell(runs: Sequence[Run], out: Path | None = None) -> None:
+    """Prints tables and sentences, and draws the figure (flight.png)."""
     for listing in listings(runs):
         listing.print()
     print_texts([], sentences(runs))

@@ -9,7 +9,6 @@ from cocap_opt.experiments.results.printing import Listing, Record
 from cocap_opt.experiments.studies.flight.runs import SMOOTH, STRAIGHT, Run
 from cocap_opt.scenarios.recipe.rules import SEPARATION
 
-BEGIN, END = "<!-- simulated flights -->", "<!-- end of the simulated flights -->"
 _NOTE = (
     "error: how far drones are from where they should be, mean and largest; late: the same along "
     "the way, in time, as it fits best and at most; drones, walls: least distance between two, "
@@ -83,14 +82,13 @@ def sentences(runs: Sequence[Run]) -> list[str]:
     return [*_on_scenes(runs), *_on_separation(runs)]
 
 
-def in_markdown(runs: Sequence[Run]) -> str:
-    """Returns the tables as one in Markdown, and the sentences."""
+def flights_in_markdown(runs: Sequence[Run]) -> str:
+    """Returns the tables as one in Markdown, and a sentence on what its columns are."""
     rows = [
         {"scene": scene, "flight": flight, "wind (m/s)": f"{wind:g}", **summary.row()}
         for (scene, flight, wind), summary in _summaries(runs)
     ]
-    told = "\n".join(f"- {sentence}" for sentence in sentences(runs))
-    return f"{Listing('', rows).markdown}\n{_capital(_NOTE)}.\n\n{told}\n"
+    return f"{Listing('', rows).markdown}\n{_capital(_NOTE)}.\n"
 
 
 def _on_scenes(runs: Sequence[Run]) -> Iterator[str]:

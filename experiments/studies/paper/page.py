@@ -1,6 +1,6 @@
 """The page of the paper's study: the verdict, the answers and the tables, all from numbers."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 from cocap_opt.experiments.results.rows import Row
@@ -91,11 +91,11 @@ class Page(NamedTuple):
             *(scene.times() for scene in scenes),
         ]
 
-    def text(self) -> str:
-        """Returns the page in Markdown."""
+    def questions(self) -> dict[str, list[str]]:
+        """Returns the answers to further questions, in sentences."""
         scenes = SceneAnswers.all_of(self.rows)
         effects = [ablation.Effect.over_all(self.rows, one) for one in ablation.CONTRASTS]
-        questions: Mapping[str, list[str]] = {
+        return {
             "What do collisions cost at all?": [scene.price() for scene in scenes],
             "When does sequential planning fail?": [s.sequential_failures() for s in scenes],
             "What do others gain over sequential planning?": [
@@ -109,17 +109,21 @@ class Page(NamedTuple):
                 conditions.sentences(self.trials) if self.trials else ["It was not searched for."]
             ),
         }
+
+    def text(self) -> str:
+        """Returns the page in Markdown."""
         parts = ["# The CoCap paper, reproduced and answered\n"]
         if self.missing:
             words = f"{self.missing} of the scenes and seeds are not computed yet."
             parts.append(f"**Unfinished: {words}**\n")
         parts.append(_listed("In short", self.summary()))
         parts += [_listed(title, said) for title, said in self.verdict().items()]
-        parts += [_listed(question, said) for question, said in questions.items()]
-        return "\n".join([*parts, *self._measured(scenes), *self._others()])
+        parts += [_listed(question, said) for question, said in self.questions().items()]
+        return "\n".join([*parts, *self._measured(), *self._others()])
 
-    def _measured(self, scenes: Sequence[SceneAnswers]) -> list[str]:
+    def _measured(self) -> list[str]:
         """Returns the tables of the scenes."""
+        scenes = SceneAnswers.all_of(self.rows)
         comparison = [row for answers in scenes for row in answers.comparison()]
         tables = {
             "Planners": comparison,

@@ -13,7 +13,9 @@ from cocap_opt.files.documents import FileError
 from cocap_opt.planners import LAZY, PLANNERS, RECOMMENDED
 from cocap_opt.stop import NO_LIMIT
 
-BEGIN, END = "<!-- table of planners -->", "<!-- end of the table of planners -->"
+_IN_SHORT = (  # planners of the README's table
+    "greedy", "sequential", "sequential-rounds", "best-of-orders", "cocap", "cocap-vs", "cocap-lns",
+)  # fmt: skip
 _ALONE = "no drone alone can better it"
 _COMPLETE = "a plan, or the proof that there is none, if it is not stopped"
 _PARTS = {  # of what a planner is made, and what it promises
@@ -98,18 +100,53 @@ def planners_in_markdown(path: Path | None = None) -> str:
     ----------
     path : rows of the paper's study; None for the stored ones
     """
+    rows = _rows(path)
+    return _with_note(planner_table(rows), rows)
+
+
+def described_planners_in_markdown() -> str:
+    """Returns what each planner is made of, what it takes and what it promises."""
+    return _lines(_without(planner_table(()), "time"))
+
+
+def measured_planners_in_markdown() -> str:
+    """Returns the stored gap and time of each planner."""
+    rows = _rows()
+    return _with_note(_without(planner_table(rows), "made of", "takes", "promises"), rows)
+
+
+def short_planners_in_markdown() -> str:
+    """Returns the rows and columns of the stored table that a newcomer wants to see first."""
+    rows = _rows()
+    table = [row for row in planner_table(rows) if row["planner"].split("`")[1] in _IN_SHORT]
+    return _with_note(_without(table, "takes", "promises"), rows)
+
+
+def _without(table: Table, *columns: str) -> Table:
+    return [{key: cell for key, cell in row.items() if key not in columns} for row in table]
+
+
+def _lines(table: Table) -> str:
+    lines = [list(table[0]), ["---"] * len(table[0]), *(list(row.values()) for row in table)]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def _rows(path: Path | None = None) -> Sequence[Row]:
     path = path or STORED / "paper.csv"
     rows = read_rows(path)
     if not rows:
         raise FileError(f"{path}: has no rows of the paper's study")
+    return rows
+
+
+def _with_note(table: Table, rows: Sequence[Row]) -> str:
+    """Returns a table in Markdown, and what its numbers are."""
     seeds = len({row.seed for row in rows})
     limit = max(Row.values(rows, "time_limit"), default=0.0)
-    table = planner_table(rows)
-    lines = [list(table[0]), ["---"] * len(table[0]), *(list(row.values()) for row in table)]
-    body = "\n".join(f"| {' | '.join(line)} |" for line in lines)
     return (
-        f"{body}\n\n"
-        f"Gaps: means over {seeds} seeds below the certified bound, in %; \\* where the limit of "
+        f"{_lines(table)}\n\n"
+        f"Gaps: means over {seeds} seeds below the certified bound, in %; in brackets how many "
+        "plans obey the rules, where not all do; \\* where the limit of "
         f"{limit:g} s stopped some. Time: of the processor, for the search, as a multiple of that "
         "of `sequential` on the same scenes (geometric mean); coverage is apart, but for planners "
         "that take single views.\n"

@@ -10,14 +10,13 @@ from cocap_opt.experiments.console.streams import say
 from cocap_opt.experiments.report.figures import picture
 from cocap_opt.experiments.results.files import (
     make_folder,
-    replace_between,
     save_bytes,
     save_csv,
 )
 from cocap_opt.experiments.results.printing import Listing, print_texts
 from cocap_opt.experiments.studies.runs import Run
 from cocap_opt.experiments.studies.separation.points import Point
-from cocap_opt.experiments.studies.separation.tables import BEGIN, END, separation_in_markdown
+from cocap_opt.experiments.studies.separation.tables import separation_in_markdown
 from cocap_opt.files.documents import FileError
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.formulations.result import CertifiedResult, Report, silent
@@ -82,20 +81,10 @@ def separation(
     return whole
 
 
-def tell_stored(into: Path | None = None, out: Path | None = None) -> None:
-    """Prints the tables of the stored results, or puts them into a document; draws the figure.
-
-    Parameters
-    ----------
-    into : document in Markdown that has the marks between which the tables stand
-    out : folder for the figure
-    """
+def tell_stored(out: Path | None = None) -> None:
+    """Prints the tables of the stored results, and draws the figure into a folder."""
     points = Point.read(STORED / TABLE)
-    text = separation_in_markdown(points)
-    if into is None:
-        print_texts([text], [])
-    else:
-        replace_between(into, BEGIN, END, text)
+    print_texts([separation_in_markdown(points)], [])
     if out is not None:
         make_folder(out)
         _draw(points, out)

@@ -10,7 +10,6 @@ from cocap_opt.experiments.studies.separation.points import Point, between
 from cocap_opt.result import relative_gap
 from cocap_opt.stop import NO_LIMIT
 
-BEGIN, END = "<!-- price of separation -->", "<!-- end of the price of separation -->"
 _GOAL = 2  # times the time under the papers' rules
 _PLANNERS = ("cocap", "cocap-lns")
 

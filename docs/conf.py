@@ -1,0 +1,39 @@
+"""Settings of Sphinx for the pages of this folder: `sphinx-build -W docs build/docs`."""
+
+from pathlib import Path
+
+from sphinx.application import Sphinx
+
+import cocap_opt
+from cocap_opt.experiments.manual.entries import all_entries
+from cocap_opt.experiments.manual.gallery import write_players
+
+project = "cocap-opt"
+author = "the authors of cocap-opt"
+project_copyright = author
+version = release = cocap_opt.__version__
+extensions = [
+    "myst_nb",  # Markdown and notebooks
+    "numpydoc",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.mathjax",
+]
+exclude_patterns = ["notebooks/.ipynb_checkpoints", "notebooks/__init__.py"]
+myst_enable_extensions = ["colon_fence", "deflist", "dollarmath", "substitution"]
+myst_heading_anchors = 3
+myst_substitutions = all_entries()  # {{ name }}; a name that is missing fails the build
+smartquotes = False  # they would join the hyphens of options
+nb_execution_mode = "off"  # `cocap-opt study notebooks` runs them
+autodoc_member_order = "bysource"
+default_role = "literal"  # docstrings put code between single backquotes
+numpydoc_show_class_members = False
+html_theme = "furo"
+html_title = f"cocap-opt {release}"
+html_static_path = ["_static"]
+html_css_files = ["pages.css"]
+html_theme_options = {"navigation_with_keys": True}
+
+
+def setup(app: Sphinx) -> None:
+    """Write the players of the gallery beside its page."""
+    app.connect("builder-inited", lambda app: write_players(Path(app.outdir) / "players"))

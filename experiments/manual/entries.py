@@ -1,0 +1,30 @@
+"""All that pages of `docs` insert by a name, `{{ name }}`: quotes, and lists made from the code."""
+
+from collections.abc import Callable
+from functools import partial
+
+from cocap_opt.experiments.manual.commands import commands_in_markdown, studies_in_markdown
+from cocap_opt.experiments.manual.formats import DOCUMENTS, example, fields_in_markdown
+from cocap_opt.experiments.manual.gallery import gallery_in_markdown
+from cocap_opt.experiments.manual.lists import LISTS
+from cocap_opt.experiments.studies.quotes import QUOTES
+
+
+def _json(name: str) -> str:
+    return f"```json\n{example(name).strip()}\n```"
+
+
+ENTRIES: dict[str, Callable[[], str]] = {
+    **QUOTES,
+    **LISTS,
+    "gallery": gallery_in_markdown,
+    "commands": commands_in_markdown,
+    "studies": studies_in_markdown,
+    **{f"{name}_fields": partial(fields_in_markdown, name) for name in DOCUMENTS},
+    **{f"{name}_example": partial(_json, name) for name in ("scene", "plan", "certificate")},
+}
+
+
+def all_entries() -> dict[str, str]:
+    """Returns the Markdown of each name."""
+    return {name: make().strip() for name, make in ENTRIES.items()}

@@ -1,0 +1,114 @@
+"""The page of file formats: each document's fields, its JSON Schema, and an example."""
+
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import msgspec
+
+from cocap_opt.files.documents import Document, PlanFile, SceneFile, encode, problem_digest
+from cocap_opt.formulations import BOUNDS
+from cocap_opt.formulations.certificates import CertificateFile, ProofFile
+from cocap_opt.planners import PLANNERS
+from cocap_opt.scenarios import load_scene
+from cocap_opt.stop import never
+
+DOCUMENTS: Mapping[str, type[Document]] = {
+    "scene": SceneFile, "plan": PlanFile, "certificate": CertificateFile, "proof": ProofFile,
+}  # fmt: skip
+_EXAMPLE = "tiny-approach"  # the smallest scene
+_ARRAY = {"type": "array", "items": {"type": "array", "items": {"type": "number"}}}
+
+
+def schema(kind: type[Document]) -> dict[str, Any]:
+    """Returns the JSON Schema of a document; arrays of numbers have two axes."""
+    return msgspec.json.schema(kind, schema_hook=lambda _: _ARRAY)
+
+
+def fields_in_markdown(name: str) -> str:
+    """Returns a table of the fields of each part of a document."""
+    parts = schema(DOCUMENTS[name])["$defs"]
+    return "\n\n".join(_part(title, part) for title, part in parts.items())
+
+
+def _part(title: str, part: Mapping[str, Any]) -> str:
+    about, meanings = _told(part.get("description", ""))
+    if "properties" not in part:
+        return f"**{title}** is {_kind(part)}. {about}"
+    required = part.get("required", ())
+    rows = [
+        f"| `{name}` | {_kind(field)} | {_default(name, field, required)} "
+        f"| {meanings.get(name, '')} |"
+        for name, field in part["properties"].items()
+    ]
+    table = "\n".join(["| field | type | default | meaning |", "|---|---|---|---|", *rows])
+    return f"**{title}**: {about}\n\n{table}"
+
+
+def _told(docstring: str) -> tuple[str, dict[str, str]]:
+    """Returns the first paragraph of a docstring, and the meaning of each attribute."""
+    first, _, rest = docstring.partition("\n\n")
+    _, _, attributes = rest.partition("----------\n")
+    found = re.findall(r"(?ms)^ *([\w, ]+) : (.*?)(?=^ *[\w, ]+ : |\n\n|\Z)", attributes)
+    meanings = {
+        name.strip(): " ".join(words.split()).replace("|", "\\|")
+        for names, words in found
+        for name in names.split(",")
+    }
+    return " ".join(first.split()), meanings
+
+
+def _default(name: str, field: Mapping[str, Any], required: object) -> str:
+    assert isinstance(required, tuple | list)
+    if name in required:
+        return "must be there"
+    default = field.get("default")
+    return "" if default is None or isinstance(default, dict | list) else f"`{default}`"
+
+
+def _kind(field: Mapping[str, Any]) -> str:
+    """Says in words what a field of a JSON Schema may hold."""
+    if "$ref" in field:
+        return str(field["$ref"]).removeprefix("#/$defs/")
+    if "anyOf" in field:
+        return " or ".join(dict.fromkeys(map(_kind, field["anyOf"])))
+    if "enum" in field:
+        return " or ".join(f"`{word}`" for word in field["enum"])
+    if field.get("type") == "array":
+        return _array(field)
+    return str(field.get("type", "anything")) + "".join(_range(field))
+
+
+def _array(field: Mapping[str, Any]) -> str:
+    if "prefixItems" in field:
+        return f"[{', '.join(map(_kind, field['prefixItems']))}]"
+    return f"array of {_kind(field['items'])}"
+
+
+def _range(field: Mapping[str, Any]) -> Iterator[str]:
+    words = {"minimum": ">=", "exclusiveMinimum": ">", "maximum": "<=", "exclusiveMaximum": "<"}
+    for key, sign in words.items():
+        if key in field:
+            yield f" {sign} {field[key]:g}"
+
+
+def example(name: str) -> str:
+    """Returns a small document of a kind, as the project writes it, with short arrays on a line."""
+    text = encode(_example(name)).decode()
+    return re.sub(r"\[\s*([^\[\]{}\"]*?)\s*\]", lambda m: f"[{' '.join(m[1].split())}]", text)
+
+
+def _example(name: str) -> msgspec.Struct:
+    problem = load_scene(_EXAMPLE)
+    if name == "scene":
+        return SceneFile(problem=problem)
+    if name == "certificate":
+        found = BOUNDS["alone"](problem, never).certificate
+        assert found is not None
+        return found
+    result = PLANNERS["greedy"](problem, never)
+    assert result.plan is not None
+    return PlanFile(
+        scene=problem.name, digest=problem_digest(problem), planner="greedy", reward=result.value,
+        plan=result.plan,
+    )  # fmt: skip

@@ -1,0 +1,30 @@
+"""Lists that are made from the code: columns, built-in scenes, formats, cameras, airframes."""
+
+from collections.abc import Callable
+from functools import partial
+
+from cocap_opt.experiments.cli.scene_commands import known_scenes
+from cocap_opt.experiments.results.printing import Listing
+from cocap_opt.experiments.results.rows import COLUMNS
+
+
+def _columns() -> str:
+    rows = [
+        {"column": name, "type": column.kind.__name__, "unit": column.unit,
+         "meaning": column.meaning}
+        for name, column in COLUMNS.items()
+    ]  # fmt: skip
+    return Listing("", rows).markdown
+
+
+def _known(kind: str) -> str:
+    return Listing("", known_scenes()[kind]).markdown
+
+
+LISTS: dict[str, Callable[[], str]] = {
+    "columns": _columns,
+    **{
+        kind: partial(_known, kind)
+        for kind in ("scenes", "formats", "options", "cameras", "airframes")
+    },
+}

@@ -1,0 +1,114 @@
+"""What pages may quote of the stored results: a name for each number, sentence and table.
+
+Pages of `docs` write `{{ name }}`, which Sphinx replaces when it builds them. The README has marks,
+`<!-- quote: name -->` and `<!-- end of quote -->`, between which `cocap-opt study quote --into
+README.md` writes. Both take what is below, and nothing else: no number is written by hand.
+"""
+
+import re
+from collections.abc import Callable, Iterable
+from functools import cache, partial
+from pathlib import Path
+
+from cocap_opt.experiments.results.files import read_text, save_bytes
+from cocap_opt.experiments.results.rows import Row
+from cocap_opt.experiments.studies.flight.flight import STORED as FLIGHTS
+from cocap_opt.experiments.studies.flight.runs import Run as FlightRun
+from cocap_opt.experiments.studies.flight.tables import flights_in_markdown, sentences
+from cocap_opt.experiments.studies.gamma import gammas_in_markdown
+from cocap_opt.experiments.studies.lazy import lazy_in_markdown
+from cocap_opt.experiments.studies.paper.conditions import PUBLISHED, read_trials
+from cocap_opt.experiments.studies.paper.measured import STORED, read_rows
+from cocap_opt.experiments.studies.paper.page import Page
+from cocap_opt.experiments.studies.paper.planner_table import (
+    described_planners_in_markdown,
+    measured_planners_in_markdown,
+    short_planners_in_markdown,
+)
+from cocap_opt.experiments.studies.paper.reproduction import SCENES
+from cocap_opt.experiments.studies.separation.points import Point
+from cocap_opt.experiments.studies.separation.tables import separation_in_markdown
+from cocap_opt.experiments.studies.stored_tables import (
+    published_in_markdown,
+    start_sets_in_markdown,
+)
+from cocap_opt.files.documents import FileError
+from cocap_opt.planners import RECOMMENDED
+from cocap_opt.planners.view_search import GAMMA
+
+_MARKED = re.compile(r"(<!-- quote: (\S+) -->\n).*?(<!-- end of quote -->)", re.DOTALL)
+
+
+@cache
+def _paper() -> Page:
+    rows, trials = STORED / "paper.csv", STORED / "paper-conditions.csv"
+    return Page(read_rows(rows), read_trials(trials))
+
+
+def _listed(said: Iterable[str]) -> str:
+    return "".join(f"- {sentence}\n" for sentence in said)
+
+
+def _side(title: str) -> str:
+    """Returns what speaks for CoCap, what against it, or what is left open."""
+    return _listed(_paper().verdict()[title])
+
+
+def _answers(question: str) -> str:
+    return _listed(_paper().questions()[question])
+
+
+def _gap(scene: str, planner: str) -> str:
+    """Returns the mean gap of a planner in a scene, in %."""
+    own = [row for row in _paper().rows if (row.scene, row.planner) == (scene, planner)]
+    gaps = Row.percent([row for row in own if row.valid], "gap")
+    return f"{sum(gaps) / len(gaps):.2f} %"
+
+
+QUOTES: dict[str, Callable[[], str]] = {
+    "planners_described": described_planners_in_markdown,
+    "planners_measured": measured_planners_in_markdown,
+    "planners_in_short": short_planners_in_markdown,
+    "separation": lambda: separation_in_markdown(Point.read(STORED / "separation.csv")),
+    "flights": lambda: flights_in_markdown(FlightRun.read(FLIGHTS)),
+    "flights_in_sentences": lambda: _listed(sentences(FlightRun.read(FLIGHTS))),
+    "gammas": gammas_in_markdown,
+    "gamma": lambda: f"{GAMMA:g}",
+    "lazy": lazy_in_markdown,
+    "greedy_perspectives": start_sets_in_markdown,
+    "greedy_perspectives_plans": partial(published_in_markdown, "greedy-perspectives-plans.csv"),
+    "paper_in_short": lambda: _listed(_paper().summary()),
+    "paper_for": partial(_side, "For CoCap"),
+    "paper_against": partial(_side, "Against it"),
+    "paper_left_open": partial(_side, "Left open"),
+    "paper_prices": partial(_answers, "What do collisions cost at all?"),
+    "paper_parts": partial(_answers, "What does each part add?"),
+    "paper_conditions": partial(_answers, f"When does CoCap gain {PUBLISHED:g} %?"),
+    **{
+        f"gap_{planner}_{scene}".replace("-", "_"): partial(_gap, scene, planner)
+        for planner in ("sequential", "cocap", RECOMMENDED)
+        for scene in SCENES
+    },
+}
+
+
+def quote(name: str) -> str:
+    """Returns the Markdown of a name.
+
+    Raises
+    ------
+    FileError
+        If nothing has this name.
+    """
+    if name not in QUOTES:
+        raise FileError(f"quote: must be one of {', '.join(QUOTES)}, not {name!r}")
+    return QUOTES[name]().strip()
+
+
+def requote(document: Path) -> None:
+    """Replaces what stands between the marks of a document in Markdown."""
+    text = read_text(document)
+    if not _MARKED.search(text):
+        raise FileError(f"{document}: must hold <!-- quote: NAME --> and <!-- end of quote -->")
+    again = _MARKED.sub(lambda found: f"{found[1]}\n{quote(found[2])}\n\n{found[3]}", text)
+    save_bytes(document, again.encode())

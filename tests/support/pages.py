@@ -1,0 +1,26 @@
+"""The pages of the documentation: where they are, and their blocks of code."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+BLOCK = r"(?ms)^```(\w+)\n(.*?)^```$"  # of code: its language and text
+
+
+def pages() -> list[Path]:
+    """Returns all pages that people write, notebooks aside."""
+    return sorted(path for path in DOCS.rglob("*.md"))
+
+
+def blocks(page: str) -> Iterator[tuple[str, str]]:
+    """Yields language and text of each block of code of a page."""
+    for found in re.finditer(BLOCK, page):
+        yield found[1], found[2]
+
+
+def words(page: str) -> int:
+    """Returns how many words of a page are to be read, code and directives aside."""
+    prose = re.sub(r"(?ms)^(```|:::).*?^\1$", "", page)
+    return len(prose.split())

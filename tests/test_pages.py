@@ -1,0 +1,110 @@
+"""The pages of docs and the README: built without a warning, short, and true to what is stored."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from pages import DOCS, ROOT, blocks, pages, words
+
+from cocap_opt.experiments.cli.commands import app
+from cocap_opt.experiments.manual.entries import ENTRIES, all_entries
+from cocap_opt.experiments.studies.quotes import requote
+from cocap_opt.files.documents import FileError
+
+README = ROOT / "README.md"
+LONGEST = 1500  # words of a page
+
+
+def commands() -> list[str]:
+    """Returns all lines of the pages that call cocap-opt, without what shells do with them."""
+    lines = [
+        line.split("  #")[0].split(" > ")[0]
+        for page in (README, ROOT / "CONTRIBUTING.md", *pages())
+        for language, text in blocks(page.read_text(encoding="utf-8"))
+        if language == "sh"
+        for line in text.splitlines()
+    ]
+    return [line for line in lines if line.startswith("cocap-opt ")]
+
+
+@pytest.mark.slow
+def test_the_pages_are_built_without_a_warning(tmp_path: Path) -> None:
+    """Links lead somewhere, each page is in the index, and each number that is quoted is stored."""
+    command = [sys.executable, "-m", "sphinx", "-W", "-q", "-d", tmp_path / "trees", DOCS, tmp_path]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "bottleneck" in (tmp_path / "results" / "paper.html").read_text(encoding="utf-8")
+
+
+def test_pages_are_short() -> None:
+    """Nobody is asked to read more than five minutes at once, and the README is two screens."""
+    long = {page.name: words(page.read_text(encoding="utf-8")) for page in pages()}
+    assert {name: count for name, count in long.items() if count > LONGEST} == {}
+    assert len(README.read_text(encoding="utf-8").splitlines()) <= 120
+
+
+def test_the_readme_quotes_what_is_stored(tmp_path: Path) -> None:
+    """`cocap-opt study quote --into README.md` would change nothing."""
+    copy = tmp_path / "README.md"
+    copy.write_bytes(README.read_bytes())
+    requote(copy)
+    assert copy.read_text(encoding="utf-8") == README.read_text(encoding="utf-8")
+
+
+def test_what_is_inserted_has_a_name() -> None:
+    """Pages insert by names that exist; each of them says something."""
+    texts = [page.read_text(encoding="utf-8") for page in pages()]
+    inserted = {name for text in texts for name in re.findall(r"\{\{ *(\w*) *\}\}", text)}
+    assert len(inserted) > 20
+    assert inserted <= set(ENTRIES)
+    assert all(all_entries().values())
+
+
+def test_a_document_is_quoted_into_between_its_marks(tmp_path: Path) -> None:
+    """What stands around the marks stays; unknown names and files without marks are refused."""
+    page = tmp_path / "page.md"
+    page.write_text("a\n<!-- quote: planners_measured -->\nold\n<!-- end of quote -->\nb\n")
+    requote(page)
+    again = page.read_text(encoding="utf-8")
+    assert again.startswith("a\n<!-- quote: planners_measured -->\n\n| planner |")
+    assert "old" not in again
+    assert again.endswith("\n\n<!-- end of quote -->\nb\n")
+    for text, message in (("none", "must hold"), (again.replace("planners_", "plans_"), "one of")):
+        page.write_text(text)
+        with pytest.raises(FileError, match=message):
+            requote(page)
+        assert page.read_text() == text
+
+
+def told() -> list[Path]:
+    """Returns the pages whose Python is run here; one page is run with its commands elsewhere."""
+    return [
+        page
+        for page in pages()
+        if page.name != "from-a-map-to-a-flight.md"
+        and any(language == "python" for language, _ in blocks(page.read_text(encoding="utf-8")))
+    ]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", told(), ids=lambda page: page.stem)
+def test_python_on_pages_runs(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The blocks of a page work one after the other, in an empty folder, and print something."""
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {}
+    for language, text in blocks(page.read_text(encoding="utf-8")):
+        if language == "python":
+            exec(compile(text, page.name, "exec"), names)
+    assert capsys.readouterr().out
+
+
+def test_commands_on_pages_exist() -> None:
+    """Each command that a page shows is understood, with its options."""
+    lines = commands()
+    assert len(lines) > 20
+    for line in lines:
+        app.parse_args(line.removeprefix("cocap-opt "), print_error=False, exit_on_error=False)

@@ -1,0 +1,94 @@
+"""What is published: the sdist, the wheel that is made of it, and the files that describe both."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from zipfile import ZipFile
+
+import msgspec
+import pytest
+import yaml
+
+ROOT = Path(__file__).parents[1]
+PACKAGES = ("cocap_opt", "formulations", "scenarios", "experiments")
+PUBLISHED = ("pyproject.toml", "README.md", "LICENSE", *PACKAGES)
+
+
+def run(words: Sequence[object], folder: Path, **environment: str) -> str:
+    """Run a program, which must succeed; returns what it prints."""
+    done = subprocess.run(
+        [str(word) for word in words], cwd=folder, capture_output=True, text=True, timeout=120,
+        check=False, env=os.environ | environment,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def modules(text: str) -> list[str]:
+    """Returns the lines of a notebook's cells that import something."""
+    notebook = msgspec.json.decode(text)
+    cells = ["".join(c["source"]) for c in notebook["cells"] if c["cell_type"] == "code"]
+    return [line for cell in cells for line in cell.splitlines() if re.match("import|from", line)]
+
+
+@pytest.mark.slow
+def test_the_wheel_works_without_the_repository(tmp_path: Path) -> None:
+    """Built of the sdist and installed alone, it plans, plays, and imports what notebooks do."""
+    source, built, installed = (tmp_path / name for name in ("source", "built", "installed"))
+    source.mkdir()
+    for name in PUBLISHED:
+        path = ROOT / name
+        if path.is_dir():
+            shutil.copytree(path, source / name, symlinks=True,
+                            ignore=shutil.ignore_patterns("__pycache__"))  # fmt: skip
+        else:
+            shutil.copy(path, source / name)
+    run([sys.executable, "-m", "build", "-q", "--no-isolation", "-o", built], source)
+    (wheel,) = built.glob("*.whl")
+    assert len(list(built.glob("*.tar.gz"))) == 1
+    within = {name for name in ZipFile(wheel).namelist() if name.startswith("cocap_opt/")}
+    expected = {
+        (path.relative_to(ROOT) if name == "cocap_opt" else "cocap_opt" / path.relative_to(ROOT))
+        for name in PACKAGES
+        for path in (ROOT / name).rglob("*")
+        if path.is_file() and path.suffix in (".py", ".js", ".css", ".html", ".ipynb", ".csv")
+    }
+    assert {path.as_posix() for path in expected} <= within
+    run([sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--no-index", "--target",
+         installed, wheel], tmp_path)  # fmt: skip
+    alone = {"PYTHONPATH": str(installed), "COCAP_OPT_CACHE": str(tmp_path / "cache")}
+    command = installed / "bin" / "cocap-opt"
+    run([command, "plan", "tiny-turn", "-o", "plan.json"], tmp_path, **alone)
+    run([command, "show", "tiny-turn", "plan.json", "-o", "plan.html"], tmp_path, **alone)
+    assert "</html>" in (tmp_path / "plan.html").read_text(encoding="utf-8")
+    notebooks = sorted(installed.rglob("notebooks/*.ipynb"))
+    lines = [line for path in notebooks for line in modules(path.read_text(encoding="utf-8"))]
+    assert len(lines) > 5
+    lines += ["import cocap_opt", "print(cocap_opt.__file__)"]
+    found = run([sys.executable, "-c", "\n".join(lines)], tmp_path, **alone)
+    assert Path(found.strip()) == installed / "cocap_opt" / "__init__.py"
+
+
+def test_the_version_is_stated_once() -> None:
+    """pyproject.toml has it, and the citation follows."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    assert citation["version"] == project["version"]
+    assert citation["license"] == project["license"]
+    assert citation["title"] == project["name"]
+
+
+def test_the_workflow_runs_what_is_run_here() -> None:
+    """It runs .ci/run, builds the pages with warnings as errors, and tries the stated Pythons."""
+    text = (ROOT / ".github" / "workflows" / "ci.yml").read_text(encoding="utf-8")
+    jobs = yaml.safe_load(text)["jobs"]
+    test = [step.get("run") for step in jobs["test"]["steps"]]
+    docs = [step.get("run", "") for step in jobs["docs"]["steps"]]
+    assert ".ci/run" in test
+    assert any("sphinx -W" in line for line in docs)
+    assert min(jobs["test"]["strategy"]["matrix"]["python"]) == "3.11"
