@@ -57,7 +57,9 @@ def draw_level(ax: Axes, height: float, words: str, align: str = "left") -> None
     """Draws a level as a dotted line, with words above it."""
     ax.axhline(height, color=GREY, lw=0.8, ls=":")
     ax.annotate(words, (0.01 if align == "left" else 0.99, height), fontsize=SMALL, color=GREY,
-                xycoords=("axes fraction", "data"), va="bottom", ha=align)  # fmt: skip
+                xycoords=("axes fraction", "data"), va="bottom", ha=align, zorder=5,
+                bbox={"boxstyle": "square,pad=0.1", "fc": "white", "ec": "none", "alpha": 0.8},
+                )  # fmt: skip
 
 
 @lru_cache(maxsize=256)

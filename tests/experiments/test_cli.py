@@ -860,6 +860,30 @@ def test_show_draws_a_picture(
         assert image.width > 300
 
 
+@pytest.mark.slow
+def test_show_draws_any_step(
+    tmp_path: Path, files: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One of them, or several beside each other; what the scene has not is refused."""
+    from PIL import Image
+
+    sizes, show = {}, ("show", "corridor-tight", files[0])
+    for steps in ("0", "8", "0,4,8"):
+        picture = tmp_path / f"{steps}.png"
+        assert Run(capsys, *show, "--steps", steps, "-o", picture).code == 0
+        with Image.open(picture) as image:
+            sizes[steps] = image.size
+    assert sizes["0,4,8"][0] > sizes["0"][0] == sizes["8"][0]
+    assert (tmp_path / "0.png").read_bytes() != (tmp_path / "8.png").read_bytes()
+    for steps, name, words in (
+        ("9", "a.png", "--steps: must be 0..8, not 9"),
+        ("1-", "a.png", "--steps: must be numbers and ranges"),
+        ("1", "a.html", "--steps: needs a plan, and a picture"),
+    ):
+        run = Run(capsys, *show, "--steps", steps, "-o", tmp_path / name)
+        assert run.code == 2 and words in run.err
+
+
 def test_scenes_lists_all_scenes_and_formats(capsys: pytest.CaptureFixture[str]) -> None:
     """Everything that can stand for SCENE is listed."""
     from cocap_opt.scenarios import FORMATS, SCENES

@@ -1,14 +1,13 @@
 """Figures of the paper's experiments."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from cocap_opt.data import FloatArray
-from cocap_opt.experiments.report.figures import draw_plan
+from cocap_opt.experiments.report.figures import Frame, draw_plan
 from cocap_opt.experiments.report.style import (
     AMBER,
     BLUE,
@@ -34,6 +33,7 @@ from cocap_opt.experiments.studies.paper.conditions import (
     Trial,
     planned,
 )
+from cocap_opt.experiments.studies.paper.curves import Curves
 from cocap_opt.experiments.studies.paper.giving_way import Encounter
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
@@ -42,14 +42,11 @@ _COLOURS = {
     "greedy": FADED, "sequential": AMBER, "cocap": BLUE, "cocap-vs": GREEN,
     "sequential-rounds": RED, "cocap-lns": PURPLE,
 }  # fmt: skip
-_AROUND = 2.0  # m
 _NAMES = {
     "greedy": "unconstrained (collides)", "sequential": "sequential",
     "cocap": "CoCap, value iteration", "cocap-vs": "CoCap, view search",
     "sequential-rounds": "sequential, then rounds", "cocap-lns": "cocap-lns",
 }  # fmt: skip
-
-Curves = Mapping[str, Mapping[int, Sequence[float]]]  # reward per step by planner and seed
 
 
 def curves_figure(curves: Mapping[str, Curves]) -> Figure:
@@ -170,14 +167,13 @@ def encounter_figure(problem: Problem, encounter: Encounter, plans: Mapping[str,
     ----------
     plans : by planner
     """
-    low, high = _extent(problem, plans.values())
-    height = 1.2 + 4.0 * (high[1] - low[1]) / (high[0] - low[0])
+    frame = Frame.of(problem, plans.values())
+    width, depth = frame.size
+    height = 1.2 + 4.0 * depth / width
     figure = new_figure(4.6 * len(plans), height)
     for ax, (name, plan) in zip(np.ravel(figure.subplots(1, len(plans))), plans.items(),
                                 strict=True):  # fmt: skip
-        draw_plan(ax, problem, plan, encounter.step)
-        ax.set_xlim(low[0], high[0])
-        ax.set_ylim(low[1], high[1])
+        draw_plan(ax, problem, plan, encounter.step, frame)
         verdict = check(problem, plan)
         words = f", {len(verdict.conflicts)} conflicts" if verdict.conflicts else ""
         ax.set_title(f"{_NAMES.get(name, name)}\nJ = {verdict.reward:,.0f}{words}", fontsize=9)
@@ -187,17 +183,6 @@ def encounter_figure(problem: Problem, encounter: Encounter, plans: Mapping[str,
         fontsize=TITLE,
     )
     return figure
-
-
-def _extent(problem: Problem, plans: Iterable[Plan]) -> tuple[FloatArray, FloatArray]:
-    """Returns the corners (m) of the part of the map where drones fly and people walk."""
-    centre = problem.height_map.centre
-    places = [centre(s.x, s.y) for plan in plans for path in plan.paths for s in path]
-    places += [(float(x), float(y)) for actor in problem.actors for x, y in actor.poses[:, :2]]
-    origin = np.array(problem.height_map.origin)
-    end = origin + np.array(problem.height_map.shape) * problem.height_map.resolution
-    low, high = np.min(places, axis=0) - _AROUND, np.max(places, axis=0) + _AROUND
-    return np.maximum(low, origin), np.minimum(high, end)
 
 
 def scaling_figure(points: Mapping[str, Sequence[tuple[int, float, float]]]) -> Figure:
