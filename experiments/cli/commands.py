@@ -5,8 +5,9 @@ import logging
 import sys
 from collections.abc import Callable, Sequence
 from importlib.metadata import version
+from typing import Annotated, Literal
 
-from cyclopts import App, CycloptsError
+from cyclopts import App, CycloptsError, Parameter
 
 from cocap_opt.data import ProblemError
 from cocap_opt.experiments.cli import (
@@ -66,6 +67,18 @@ app.command(
     name="study",
     help="Measure again what the project says of itself.",
 )
+
+
+@app.command(name="completion", usage="Usage: cocap-opt completion SHELL")
+def _completion(
+    shell: Annotated[Literal["bash", "zsh", "fish"], Parameter(help="which shell")], /
+) -> int:
+    """Print what completes names of commands and options in a shell.
+
+    Example: cocap-opt completion bash > ~/.local/share/bash-completion/completions/cocap-opt
+    """
+    sys.stdout.write(app.generate_completion(shell=shell))
+    return 0
 
 
 def run(arguments: Sequence[str] | None) -> int:

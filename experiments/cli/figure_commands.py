@@ -1,8 +1,9 @@
 """The commands of `cocap-opt figure`: charts for papers, as PNG, PDF or SVG."""
 
 from pathlib import Path
+from typing import Annotated
 
-from cyclopts import App
+from cyclopts import App, Parameter
 from matplotlib.figure import Figure
 
 from cocap_opt.experiments.cli.options import (
@@ -10,6 +11,8 @@ from cocap_opt.experiments.cli.options import (
     OfPlanners,
     OfScenes,
     Output,
+    PlanPath,
+    Results,
     Scene,
     Seed,
     chosen,
@@ -27,9 +30,14 @@ from cocap_opt.experiments.sweeps.results import load_results
 app = App(name="figure", help="Draw charts of results, as PNG, PDF or SVG.", version_flags=[])
 
 
+_Trace = Annotated[
+    Path, Parameter(help="file that `solve --trace` has written, or folder of a sweep")
+]
+
+
 @app.command(name="gaps")
 def _gaps(
-    folder: Path,
+    folder: Results,
     /,
     *,
     output: Output,
@@ -37,7 +45,7 @@ def _gaps(
     planner: OfPlanners = None,
     json: Json = False,
 ) -> int:
-    """Draw the gaps of a sweep's planners: a point per seed, mean and 95 % interval.
+    """Draw the gaps of a sweep's planners: a stroke per seed, mean and 95 % interval.
 
     Example: cocap-opt figure gaps results -o gaps.pdf
     """
@@ -46,7 +54,7 @@ def _gaps(
 
 
 @app.command(name="progress")
-def _progress(*trace: Path, output: Output, json: Json = False) -> int:
+def _progress(*trace: _Trace, output: Output, json: Json = False) -> int:
     """Draw the gap of solver runs over time, from files that --trace has written, or a sweep.
 
     A folder stands for the traces of the sweep in it.
@@ -75,7 +83,7 @@ def _traces(path: Path) -> list[Path]:
 
 @app.command(name="conflicts")
 def _conflicts(
-    scene: Scene, /, *plan: Path, output: Output, seed: Seed = 0, json: Json = False
+    scene: Scene, /, *plan: PlanPath, output: Output, seed: Seed = 0, json: Json = False
 ) -> int:  # fmt: skip
     """Draw which drones collide at which step, in one or more plans.
 

@@ -14,6 +14,7 @@ from cocap_opt.experiments.cli.options import (
     Json,
     Margin,
     Output,
+    PlanPath,
     Scene,
     Seed,
     Smooth,
@@ -35,7 +36,7 @@ _PLACES = "earth.crs", "earth.origin"
 
 def _fly(
     scene: Scene,
-    plan: Annotated[Path, Parameter(help="file of a plan for it, such as `plan` writes")],
+    plan: PlanPath,
     /,
     *,
     output: Output = None,

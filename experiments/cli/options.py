@@ -30,6 +30,10 @@ FLAG = partial(Parameter, negative="", show_default=False)
 Scene = Annotated[
     str, Parameter(help="name of a built-in scene, or a scene's file in any format that is known")
 ]
+PlanPath = Annotated[
+    Path, Parameter(help="file of a plan for it: of `plan`, or in a scene format's own plan format")
+]
+Results = Annotated[Path, Parameter(help="folder that `gap --out` has filled")]
 Whole = Annotated[int, Parameter(converter=_whole)]
 Seed = Annotated[int, Parameter(converter=_whole, help="seed of the scene, >= 0")]
 Seconds = Annotated[float, Parameter(name="--time-limit", help="seconds for each computation")]

@@ -10,6 +10,7 @@ from cocap_opt.data import MOST_PIXELS
 from cocap_opt.experiments.cli.options import (
     Json,
     Output,
+    PlanPath,
     Scene,
     Seed,
     Whole,
@@ -32,26 +33,31 @@ from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import UnsupportedError
 
 _SHOWN = Path("show.html")
+_MOST_STEPS = 100  # in one picture
 SHOWN = (".html", ".png", ".pdf", ".svg", ".gif")
 
 
 def _show(
     scene: Scene,
     /,
-    *plan: Path,
+    *plan: PlanPath,
     output: Output = None,
     seed: Seed = 0,
     certificate: Annotated[
         Path | None,
         Parameter(help="certificate or proof; the player tells what is lost by leaving each step"),
     ] = None,
+    steps: Annotated[
+        str | None,
+        Parameter(help="such as 5 or 0,4,8, which a picture shows; else the last, a GIF all"),
+    ] = None,
     json: Json = False,
 ) -> int:
     """Play plans side by side in an HTML file, or draw one from above.
 
-    The HTML file needs no network and no other file. PNG, PDF and SVG show the last step, a GIF
-    all steps. Without a plan the map, the people and the drones at their starts are shown. Without
-    -o the file is show.html.
+    The HTML file needs no network and no other file. PNG, PDF and SVG show one step, or several
+    side by side, a GIF one after the other. Without a plan the map, the people and the drones at
+    their starts are shown. Without -o the file is show.html.
 
     Example: cocap-opt show corridor greedy.json cocap.json -o plans.html
     """
@@ -63,18 +69,21 @@ def _show(
         raise UsageError(f"PLAN: a {suffix} file shows one plan, not {len(plan)}; .html takes more")
     if certificate and (suffix != ".html" or not plan):
         raise UsageError("--certificate: needs a plan, and a file that ends in .html")
+    if steps is not None and (suffix == ".html" or not plan):
+        raise UsageError("--steps: needs a plan, and a picture: the player shows all steps")
     check_output(output, scene, *plan, certificate)
     problem, plans = PlanReader(scene, load(scene, seed)).plans(plan)
     say_narrow_way(scene, seed, problem)
     gaps = _gaps(problem, plans, certificate) if certificate else []
-    save_bytes(output, _shown(problem, plans, PlanReader.titles(plan), suffix, gaps))
+    chosen = () if steps is None else _steps(problem, steps)
+    save_bytes(output, _shown(problem, plans, PlanReader.titles(plan), suffix, gaps, chosen))
     print_result({"scene": problem.name, "seed": seed, "file": output}, json)
     return 0
 
 
 def _render(
     scene: Scene,
-    plan: Path,
+    plan: PlanPath,
     /,
     *,
     output: Annotated[Path | None, Parameter(name=["-o", "--output"], help="folder to write to")],
@@ -123,12 +132,23 @@ def _gaps(problem: Problem, plans: Sequence[Plan], path: Path) -> list[Explanati
         raise FileError(f"{path}: {error}") from error
 
 
+def _steps(problem: Problem, text: str) -> tuple[int, ...]:
+    """Returns the steps of a list, all of which the scene has."""
+    found = Option("--steps").numbers(text)
+    if max(found) > problem.horizon:
+        raise UsageError(f"--steps: must be 0..{problem.horizon}, not {max(found)}")
+    if len(found) > _MOST_STEPS:
+        raise UsageError(f"--steps: must be at most {_MOST_STEPS} steps, not {len(found)}")
+    return found
+
+
 def _shown(
     problem: Problem,
     plans: Sequence[Plan],
     names: Sequence[str],
     suffix: str,
     gaps: Sequence[Explanation],
+    steps: Sequence[int],
 ) -> bytes:
     """Returns the file that shows plans: a player, or a picture of the only one or the starts."""
     from cocap_opt.experiments.report.figures import plan_picture  # matplotlib is slow to import
@@ -136,7 +156,7 @@ def _shown(
 
     if suffix == ".html":
         return Player(problem, list(zip(names, plans, strict=True)), gaps).page().encode()
-    return plan_picture(problem, plans[0] if plans else None, suffix)
+    return plan_picture(problem, plans[0] if plans else None, suffix, steps)
 
 
 COMMANDS = {"show": _show, "render": _render}

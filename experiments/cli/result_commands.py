@@ -7,7 +7,15 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from cocap_opt.experiments.cli.options import Json, OfPlanners, OfScenes, Output, Whole, chosen
+from cocap_opt.experiments.cli.options import (
+    Json,
+    OfPlanners,
+    OfScenes,
+    Output,
+    Results,
+    Whole,
+    chosen,
+)
 from cocap_opt.experiments.console.options import Option, UsageError
 from cocap_opt.experiments.results.files import check_output, save_bytes
 from cocap_opt.experiments.results.printing import Listing, print_result
@@ -20,14 +28,22 @@ Against = Annotated[
     str | None, Parameter(help=f"the planner that others are compared with, else {AGAINST}")
 ]
 
+_PIPED = "markdown"  # the format of tables in a pipe, if none is named
+_ENDINGS = {"markdown": (".md", ".txt"), "latex": (".tex",), "html": (".html",)}
+
 
 def _table(
-    folder: Path,
+    folder: Results,
     /,
     *,
     style: Annotated[
-        str, Parameter(name="--format", help=f"one of {', '.join(DOCUMENTS)}")
-    ] = "markdown",
+        str | None,
+        Parameter(
+            name="--format",
+            help=f"one of {', '.join(DOCUMENTS)}; if not given, as the file's ending says, "
+            "markdown in a pipe, plain text on a terminal",
+        ),
+    ] = None,
     scene: OfScenes = None,
     planner: OfPlanners = None,
     against: Against = None,
@@ -36,26 +52,40 @@ def _table(
 ) -> int:
     """Make tables of the results in a folder: planners, differences, prices, times.
 
-    Means come with 95 % confidence intervals (Student's t), times as
+    Means of five seeds or more come with 95 % bootstrap intervals, times are
     shifted geometric means.
 
-    Example: cocap-opt table results --format latex -o tables.tex
+    Example: cocap-opt table results -o tables.tex
     """
-    Option("--format").require_one_of(style, DOCUMENTS)
     check_output(output)
+    as_document = DOCUMENTS[_format(style, output)]
     rows = chosen(load_results(folder), scene, planner)
     tables = Tables.of(rows, _against(against, rows))
+    if output is not None:
+        save_bytes(output, as_document(tables).encode())
     if json:
         print_result({"tables": tables}, json)
+    elif output is None and style is None and sys.stdout.isatty():
+        tables.print()
     elif output is None:
-        sys.stdout.write(DOCUMENTS[style](tables))
-    if output is not None:
-        save_bytes(output, DOCUMENTS[style](tables).encode())
+        sys.stdout.write(as_document(tables))
     return 0
 
 
+def _format(style: str | None, output: Path | None) -> str:
+    """Returns the format of tables: the one that is named, or the one of the file's ending."""
+    if style is not None:
+        Option("--format").require_one_of(style, DOCUMENTS)
+    if output is None:
+        return style or _PIPED
+    endings = {
+        end: name for name, ends in _ENDINGS.items() for end in ends if style in (None, name)
+    }
+    return endings[Option("-o").ending(output, tuple(endings))]
+
+
 def _report(
-    folder: Path,
+    folder: Results,
     /,
     *,
     output: Output,

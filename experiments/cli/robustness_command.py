@@ -1,7 +1,6 @@
 """The command `robustness`, which tells what is left of a plan that is not flown as planned."""
 
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
@@ -10,6 +9,7 @@ from cocap_opt.data import ProblemError
 from cocap_opt.experiments.cli.options import (
     Json,
     Margin,
+    PlanPath,
     Scene,
     Seed,
     Smooth,
@@ -30,7 +30,7 @@ _USUAL = Changes()
 
 def _robustness(
     scene: Scene,
-    plan: Path,
+    plan: PlanPath,
     /,
     *,
     seed: Seed = 0,

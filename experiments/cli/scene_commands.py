@@ -19,6 +19,8 @@ from cocap_opt.scenarios import FORMATS, SCENES
 from cocap_opt.scenarios.airframes import AIRFRAMES
 from cocap_opt.scenarios.cameras import CAMERAS, with_cameras
 
+_GRAPH = ".graphml"
+
 
 def _scenes(*, json: Json = False) -> int:
     """List the built-in scenes, the file formats that can be read, their options, and cameras.
@@ -128,12 +130,12 @@ def _export(
 
     Example: cocap-opt export corridor --seed 3 -o corridor-3.json
     """
-    if output is None:
-        raise UsageError("-o: name the file to write")
-    as_graph = output.suffix.lower() == ".graphml"
+    if output is not None:
+        check_output(output, scene)
+    as_graph = Option("-o").ending(output, (".json", _GRAPH)) == _GRAPH
+    assert output is not None
     if drone is not None and not as_graph:
-        raise UsageError("--drone: is for a file whose name ends with .graphml")
-    check_output(output, scene)
+        raise UsageError(f"--drone: is for a file whose name ends with {_GRAPH}")
     problem = load(scene, seed, Option("--option").values(option or []))
     if over_time:
         objective = problem.objective.replace(over_time=True)

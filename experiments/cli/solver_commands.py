@@ -48,6 +48,7 @@ from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import Reason, Result, UnsupportedError
 from cocap_opt.stop import Interrupt, Stop
 
+_ENDINGS = {"--trace": (".csv",)}  # of files; all others hold JSON
 AT_THE_ROOT = "column-generation"  # a bound that comes with a plan
 _SOLVE_METHODS = (*EXACT, AT_THE_ROOT)
 
@@ -75,7 +76,7 @@ def _plan(
     """
     Option("--planner").require_one_of(planner, SOLVERS)
     allowance = allowed(time_limit, work_limit)
-    check_output(output, scene)
+    _check_outputs({"-o": output}, scene)
     task = _Task.read(scene, seed, free, None)
     problem = task.problem
     with Interrupt.caught() as interrupt, Watch.on_terminal(f"{problem.name} seed {seed}") as watch:
@@ -240,12 +241,13 @@ class _Task(NamedTuple):
 
 
 def _check_outputs(paths: Mapping[str, Path | None], *inputs: str | Path | None) -> None:
-    """Refuses files that cannot be written, and one file for two things."""
+    """Refuses files that cannot be written, other endings, and one file for two things."""
     used: dict[str, str] = {}
     for option, path in paths.items():
         if path is None:
             continue
         check_output(path, *inputs)
+        Option(option).ending(path, _ENDINGS.get(option, (".json",)))
         other = used.setdefault(os.path.realpath(path), option)
         if other != option:
             raise UsageError(f"{option}: must be another file than {other}, not {path}")

@@ -5,6 +5,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
+from cyclopts import Parameter
+
 from cocap_opt.data import ProblemError
 from cocap_opt.experiments.cli.options import FLAG, Free, Json, Scene, Seed, load, say_narrow_way
 from cocap_opt.experiments.console.options import UsageError
@@ -34,7 +36,9 @@ _OPTIMISTIC = (
 def _verify(
     scene: Scene,
     /,
-    *file: Path,
+    *file: Annotated[
+        Path, Parameter(help="a plan, and any certificates and proofs of bounds, in any order")
+    ],
     seed: Seed = 0,
     free: Free = False,
     explain: Annotated[

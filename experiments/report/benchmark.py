@@ -19,7 +19,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
 
-from cocap_opt.experiments.report.figures import draw_frame
+from cocap_opt.experiments.report.style import (
+    SERIES,
+    TITLE,
+    add_legend,
+    draw_level,
+    new_figure,
+    set_frame,
+)
 from cocap_opt.experiments.results.files import read_text
 from cocap_opt.files.documents import FileError
 from cocap_opt.formulations.result import OPTIMALITY
@@ -27,7 +34,6 @@ from cocap_opt.formulations.result import OPTIMALITY
 if TYPE_CHECKING:
     import pandas as pd
 
-_COLOURS = ("#30638e", "#d1495b", "#edae49", "#00798c", "#7b5ea7", "#5a5a5a", "#8c5a2b", "#2e8b57")
 _MARKS = "osD^vP*X"
 _SIZE = (10.5, 4.6)  # inches
 _LEAST_GAP = 100 * OPTIMALITY  # %, of a bound that is called the optimum
@@ -110,30 +116,26 @@ class Benchmark:
         ----------
         figure : an empty one, such as one of pyplot's, to be drawn in
         """
-        figure = figure or Figure(figsize=_SIZE, layout="constrained", dpi=110)
+        figure = figure or new_figure(*_SIZE)
         time, bound = figure.subplots(1, 2)
         methods = list(dict.fromkeys(run.method for run in self.runs))
         width = _SPREAD / max(len(methods) - 1, 1)
-        styles = zip(cycle(_COLOURS), cycle(_MARKS), strict=False)
+        styles = zip(cycle(SERIES), cycle(_MARKS), strict=False)
         for k, (method, style) in enumerate(zip(methods, styles, strict=False)):
             runs, aside = [r for r in self.runs if r.method == method], k * width - _SPREAD / 2
             _Series(runs, method, style, aside).draw(time, lambda run: run.processor)
             _Series(runs, method, style, aside).draw(bound, self._shown)
-        time.set_title("time until the optimum is proved (hollow: stopped before)", fontsize=10)
+        time.set_title("time until the optimum is proved (hollow: stopped before)", fontsize=TITLE)
         time.set_ylabel("seconds of one processor")
-        bound.set_title("bound above the optimum (hollow: not proved)", fontsize=10)
+        bound.set_title("bound above the optimum (hollow: not proved)", fontsize=TITLE)
         bound.set_ylabel(f"% (at most {_LEAST_GAP:g}: proved)")
         for ax in (time, bound):
             _set_axes(ax)
         most = max((run.processor for run in self.runs if run.processor > 0), default=1.0)
         time.set_ylim(_LEAST_SECONDS, 3 * most)
         bound.set_ylim(_LEAST_GAP / 3, 3 * _MOST_GAP)
-        bound.axhline(_MOST_GAP, color="grey", lw=0.8, ls=":")
-        words, where = "none, or more", ("axes fraction", "data")
-        bound.annotate(words, (0.01, _MOST_GAP), xycoords=where, fontsize=8, color="grey",
-                       va="bottom")  # fmt: skip
-        figure.legend(*time.get_legend_handles_labels(), loc="outside lower center", fontsize=9,
-                      ncols=len(methods), frameon=False)  # fmt: skip
+        draw_level(bound, _MOST_GAP, "none, or more")
+        add_legend(figure, time)
         return figure
 
     def _above(self, run: MethodRun) -> float:
@@ -189,8 +191,7 @@ def _set_axes(ax: Axes) -> None:
     ax.yaxis.set_minor_formatter(NullFormatter())
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
     ax.set_xlabel("steps")
-    ax.grid(True, lw=0.4, alpha=0.5)
-    draw_frame(ax)
+    set_frame(ax)
 
 
 def _run(row: dict[str, str]) -> MethodRun:

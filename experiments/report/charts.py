@@ -13,7 +13,19 @@ from matplotlib.image import AxesImage
 from matplotlib.ticker import FixedLocator, LogLocator, MaxNLocator, NullFormatter
 
 from cocap_opt.data import FloatArray
-from cocap_opt.experiments.report.figures import draw_frame, robot_colour
+from cocap_opt.experiments.report.figures import robot_colour
+from cocap_opt.experiments.report.style import (
+    AMBER,
+    BLUE,
+    FADED,
+    GREY,
+    RED,
+    SMALL,
+    TITLE,
+    add_legend,
+    new_figure,
+    set_frame,
+)  # fmt: skip
 from cocap_opt.experiments.results.printing import counted
 from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.results.statistics import Mean
@@ -21,11 +33,9 @@ from cocap_opt.experiments.results.trace import Trace
 from cocap_opt.formulations.result import OPTIMALITY, Snapshot
 from cocap_opt.problem import Conflict, Plan, Problem, VertexConflict
 
-_DPI = 130
 _LOSSES = "Reds"
 _WRITTEN_ROBOTS, _WRITTEN_STEPS = 12, 20  # at most, where numbers are written on colours
 _LEAST_WRITTEN = 0.005  # %
-_BLUE, _AMBER, _RED, _GREY = "#30638e", "#edae49", "#d1495b", "#8d99ae"
 _LINEAR = 1.0  # %, up to which the axis of gaps is linear; from there on it is logarithmic
 _GAP_TICKS = (0, 0.25, 0.5, 0.75, 1, 2, 5, 10, 20, 50, 100)
 _NAMED = 12  # runs, up to which a legend names each
@@ -44,18 +54,18 @@ def gaps_figure(rows: Sequence[Row]) -> Figure:
     """
     scenes = Row.grouped(rows, "scene")
     heights = [1.1 + 0.42 * len(Row.grouped(some, "planner")) for some in scenes.values()]
-    figure = Figure(figsize=(7.2, sum(heights)), layout="constrained", dpi=_DPI)
+    figure = new_figure(7.2, sum(heights))
     panels = figure.subplots(len(scenes), 1, height_ratios=heights, squeeze=False)[:, 0]
     for ax, ((scene,), some) in zip(panels, scenes.items(), strict=True):
         _draw_gaps(ax, some)
-        ax.set_title(scene, fontsize=10, loc="left")
+        ax.set_title(scene, fontsize=TITLE, loc="left")
     return figure
 
 
 def _draw_gaps(ax: Axes, rows: Sequence[Row]) -> Axes:
-    """Draws each planner's gap to the best certified bound: a point per seed, mean, 95 % interval.
+    """Draws each planner's gap to the best certified bound: a stroke per seed, mean, 95 % interval.
 
-    The bound of a hollow point is not proved to be the optimum, so that the gap may be smaller
+    The bound of a faint stroke is not proved to be the optimum, so that the gap may be smaller
     than it shows. Plans that break a rule have no gap; they are counted at the side.
 
     Parameters
@@ -66,15 +76,13 @@ def _draw_gaps(ax: Axes, rows: Sequence[Row]) -> Axes:
     for y, some in enumerate(planners.values()):
         _draw_planner(ax, y, some)
     if not all(row.bound_is_proved for row in rows):
-        ax.scatter([], [], s=14, facecolor="none", edgecolor=_BLUE, label="bound not proved best")
-        ax.legend(fontsize=7, loc="lower right", bbox_to_anchor=(1.0, 1.0), frameon=False)
+        words = "faint: the bound is not proved to be the optimum"
+        ax.set_title(words, fontsize=SMALL, loc="right", color=GREY)
     labels = [_label(planner, some) for (planner,), some in planners.items()]
     ax.set_yticks(range(len(planners)), labels)
     ax.set_ylim(len(planners) - 0.5, -0.5)
     _gap_axis(ax, max(Row.percent(rows, "gap"), default=0.0))
-    ax.grid(axis="x", alpha=0.25)
-    draw_frame(ax)
-    return ax
+    return set_frame(ax, "x")
 
 
 def _draw_planner(ax: Axes, y: float, rows: Sequence[Row]) -> None:
@@ -83,30 +91,26 @@ def _draw_planner(ax: Axes, y: float, rows: Sequence[Row]) -> None:
         return
     gaps = np.array(Row.percent(bounded, "gap"))
     proved = np.array([row.bound_is_proved for row in bounded])
-    heights = y + _spread(len(gaps))
-    for some, face in ((proved, _BLUE), (~proved, "none")):
-        ax.scatter(gaps[some], heights[some], s=14, facecolor=face, edgecolor=_BLUE, lw=0.8,
-                   alpha=0.6)  # fmt: skip
+    for some, alpha in ((proved, 0.75), (~proved, 0.3)):
+        ax.plot(gaps[some], np.full(some.sum(), y), "|", color=BLUE, ms=13, mew=1.3, alpha=alpha)
     found = Mean.of(gaps.tolist())
-    if found.size > 1:
-        ax.plot([max(found.low, 0), found.high], [y, y], color=_RED, lw=2.5, solid_capstyle="butt")
-    ax.plot(found.value, y, "D", color=_RED, ms=5, mec="white", mew=0.7)
-
-
-def _spread(count: int) -> FloatArray:
-    """Returns heights that keep points apart, the same each time."""
-    golden = (math.sqrt(5) - 1) / 2
-    places: FloatArray = 0.32 - 0.64 * ((golden * np.arange(count, dtype=np.float64)) % 1.0)
-    return places
+    if not math.isnan(found.low):
+        ax.plot([found.low, found.high], [y, y], color=RED, lw=3, solid_capstyle="butt")
+    ax.plot(found.value, y, "D", color=RED, ms=6, mec="white", mew=0.8)
+    if best := int((gaps <= _LEAST_GAP).sum()):
+        ax.annotate(f"{best} of {len(rows)} at 0", (0, y - 0.3), fontsize=SMALL, color=GREY,
+                    va="center", ha="left", annotation_clip=False)  # fmt: skip
 
 
 def _label(planner: str, rows: Sequence[Row]) -> str:
     breaking = sum(not row.valid for row in rows)
-    return f"{planner}\n({breaking} of {len(rows)} invalid)" if breaking else planner
+    verb = "breaks" if breaking == 1 else "break"
+    words = f"\n({breaking} of {len(rows)} {verb} rules)" if breaking else ""
+    return planner + words
 
 
 def _gap_axis(ax: Axes, most: float) -> None:
-    """Makes an axis for gaps up to the largest; intervals of few seeds may reach beyond."""
+    """Makes an axis for gaps up to the largest."""
     ax.set_xscale("symlog", linthresh=_LINEAR, linscale=1.0)
     high = 1.15 * max(most, _LINEAR)
     ticks = [tick for tick in _GAP_TICKS if tick <= high]
@@ -123,12 +127,14 @@ def _gap_axis(ax: Axes, most: float) -> None:
 def progress_figure(traces: Mapping[str, Trace]) -> Figure:
     """Draws gaps over time; of a single run value and bound, too."""
     rows = 2 if len(traces) == 1 else 1
-    figure = Figure(figsize=(6.0, 2.0 + 2.1 * rows), layout="constrained", dpi=_DPI)
+    figure = new_figure(6.0, 2.0 + 2.1 * rows)
     panels = np.ravel(figure.subplots(rows, 1, sharex=True))
     if rows == 2:
         _draw_bounds(panels[0], *traces.values())
         panels[0].set_xlabel("")
     _draw_progress(panels[-1], traces)
+    if 1 < len(traces) <= _NAMED:
+        add_legend(figure, panels[-1], columns=3)
     return figure
 
 
@@ -153,20 +159,16 @@ def _draw_progress(ax: Axes, traces: Mapping[str, Trace]) -> Axes:
     ax.set_ylim(_LEAST_GAP / 2, 2 * max(most, 10 * _LEAST_GAP))  # first: all may be at one height
     ax.set_xscale("log")
     ax.set_yscale("log")
-    ax.axhline(_LEAST_GAP, color=_GREY, lw=0.8, ls=":")
+    ax.axhline(_LEAST_GAP, color=FADED, lw=0.8, ls=":")
     ax.set_ylabel("gap (%)")
     ax.yaxis.set_major_formatter("{x:g}")
     _time_axis(ax)
-    ax.grid(alpha=0.25)
-    if 1 < len(shown) <= _NAMED:
-        ax.legend(fontsize=7)
-    draw_frame(ax)
-    return ax
+    return set_frame(ax)
 
 
 def _draw_bounds(ax: Axes, trace: Trace) -> Axes:
     """Draws the value and the bound of a run over time."""
-    for key, colour in (("bound", _AMBER), ("value", _BLUE)):
+    for key, colour in (("bound", AMBER), ("value", BLUE)):
         known = [s for s in trace.snapshots if math.isfinite(getattr(s, key)) and s.seconds > 0]
         ax.plot([s.seconds for s in known], [getattr(s, key) for s in known],
                 drawstyle="steps-post", color=colour, lw=1.6, label=key)  # fmt: skip
@@ -174,10 +176,8 @@ def _draw_bounds(ax: Axes, trace: Trace) -> Axes:
     _time_axis(ax)
     ax.set_ylabel("J")
     ax.yaxis.set_major_formatter("{x:,.0f}")
-    ax.grid(alpha=0.25)
-    ax.legend(fontsize=8)
-    draw_frame(ax)
-    return ax
+    ax.legend(fontsize=SMALL, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False)
+    return set_frame(ax)
 
 
 def _time_axis(ax: Axes) -> None:
@@ -204,7 +204,7 @@ def losses_figure(losses: Mapping[str, FloatArray]) -> Figure:
     """
     rows = max(len(own) for own in losses.values())
     height = 0.8 + 0.22 * min(max(rows, 3), 24)
-    figure = Figure(figsize=(6.4, 0.3 + height * len(losses)), layout="constrained", dpi=_DPI)
+    figure = new_figure(6.4, 0.3 + height * len(losses))
     panels = figure.subplots(len(losses), 1, sharex=True, squeeze=False)[:, 0]
     most = max(float(own.max(initial=0.0)) for own in losses.values())
     for ax, (name, own) in zip(panels, losses.items(), strict=True):
@@ -238,7 +238,7 @@ def _draw_losses(ax: Axes, losses: FloatArray, most: float) -> AxesImage:
 def conflicts_figure(problem: Problem, plans: Mapping[str, Plan]) -> Figure:
     """Draws the conflicts of plans, a panel each, on the same steps."""
     height = 0.9 + 0.16 * max(len(problem.robots), 4)
-    figure = Figure(figsize=(6.4, 0.4 + height * len(plans)), layout="constrained", dpi=_DPI)
+    figure = new_figure(6.4, 0.4 + height * len(plans))
     panels = figure.subplots(len(plans), 1, sharex=True, squeeze=False)[:, 0]
     for ax, (name, plan) in zip(panels, plans.items(), strict=True):
         _draw_conflicts(ax, problem, plan)
@@ -257,9 +257,9 @@ def _draw_conflicts(ax: Axes, problem: Problem, plan: Plan) -> Axes:
         ax.axhline(robot, color=robot_colour(robot), lw=1.2, alpha=0.45, zorder=1)
     for x, conflict in _placed(plan.conflicts(problem)):
         style = "-" if isinstance(conflict, VertexConflict) else "--"
-        ax.plot([x, x], conflict.robots, color=_RED, lw=1.6, ls=style, zorder=2)
+        ax.plot([x, x], conflict.robots, color=RED, lw=1.6, ls=style, zorder=2)
         for robot in conflict.robots:
-            ax.plot(x, robot, "o", color=robot_colour(robot), mec=_RED, mew=1.2, ms=6, zorder=3)
+            ax.plot(x, robot, "o", color=robot_colour(robot), mec=RED, mew=1.2, ms=6, zorder=3)
     every = max(1, math.ceil(len(problem.robots) / 16))
     ax.set_yticks(range(0, len(problem.robots), every))
     ax.set_ylim(len(problem.robots) - 0.4, -0.6)
@@ -267,8 +267,7 @@ def _draw_conflicts(ax: Axes, problem: Problem, plan: Plan) -> Axes:
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
     ax.set_xlabel("step")
     ax.set_ylabel("drone")
-    draw_frame(ax)
-    return ax
+    return set_frame(ax, None)
 
 
 def _placed(found: Iterable[Conflict]) -> list[tuple[float, Conflict]]:

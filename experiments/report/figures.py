@@ -4,9 +4,11 @@ Each drawing function takes an axes and returns it.
 """
 
 import io
+import math
 import textwrap
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple, Self
 
 import matplotlib as mpl
 import numpy as np
@@ -19,6 +21,17 @@ from matplotlib.text import Text
 from PIL import Image
 
 from cocap_opt import drawing
+from cocap_opt.data import FloatArray
+from cocap_opt.experiments.report.style import (
+    BLUE,
+    LABEL,
+    SMALL,
+    TITLE,
+    families_for,
+    new_figure,
+    set_frame,
+)
+from cocap_opt.experiments.results.printing import counted
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import Verdict, check
 from cocap_opt.text import printable
@@ -27,6 +40,9 @@ _TITLE = 40  # characters of the name of a scene; longer ones are cut
 VIEW_LENGTH = 0.2  # of the map, length of view cones as they are drawn; cameras see farther
 _SPACES = "\n\u00a0\u2009\u202f"
 _FRAME_MILLISECONDS = 500
+_AROUND, _LEAST_SIDE = 3.0, 12.0  # m, around the action, and of the part that is drawn
+_COLUMNS, _STRIP = 4, 3.2  # panels beside each other in a strip, and the width of each (inches)
+_TO_COME = "#c9d6df"
 PICTURES = (".png", ".pdf", ".svg")
 
 
@@ -35,11 +51,39 @@ def robot_colour(robot: int) -> tuple[float, float, float, float]:
     return to_rgba(drawing.DRONE_COLOURS[robot % len(drawing.DRONE_COLOURS)])
 
 
-def draw_plan(ax: Axes, problem: Problem, plan: Plan, t: int) -> Axes:
+class Frame(NamedTuple):
+    """The part of a map that is drawn, from its lower to its upper corner (m)."""
+
+    low: FloatArray
+    high: FloatArray
+
+    @classmethod
+    def of(cls, problem: Problem, plans: Iterable[Plan]) -> Self:
+        """Returns the part in which drones fly and people walk, with some room around it."""
+        centre = problem.height_map.centre
+        places = [centre(s.x, s.y) for plan in plans for path in plan.paths for s in path]
+        places += [(float(x), float(y)) for a in problem.actors for x, y in a.poses[:, :2]]
+        origin = np.array(problem.height_map.origin)
+        end = origin + np.array(problem.height_map.shape) * problem.height_map.resolution
+        low, high = np.min(places, axis=0), np.max(places, axis=0)
+        middle, size = (low + high) / 2, np.maximum(high - low + 2 * _AROUND, _LEAST_SIDE)
+        return cls(np.maximum(middle - size / 2, origin), np.minimum(middle + size / 2, end))
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Width and depth (m)."""
+        width, depth = (self.high - self.low).tolist()
+        return width, depth
+
+
+def draw_plan(ax: Axes, problem: Problem, plan: Plan, t: int, frame: Frame) -> Axes:
     """Draws the terrain from above, and drones and people at step t with their ways so far."""
     _draw_terrain(ax, problem)
-    _draw_robots(ax, problem, plan, t)
-    return _draw_actors(ax, problem, t)
+    _draw_robots(ax, problem, plan, t, VIEW_LENGTH * max(frame.size))
+    _draw_actors(ax, problem, t)
+    ax.set_xlim(frame.low[0], frame.high[0])
+    ax.set_ylim(frame.low[1], frame.high[1])
+    return ax
 
 
 def _draw_terrain(ax: Axes, problem: Problem) -> Axes:
@@ -57,7 +101,8 @@ def _draw_terrain(ax: Axes, problem: Problem) -> Axes:
     shown = {kind: word for kind, word in words.items() if (view.kinds == kind).any()}
     if 1 in shown:
         handles = [Patch(color=colour, label=label) for colour, label in shown.values()]
-        ax.legend(handles=handles, fontsize=6, loc="upper right", framealpha=0.8)
+        ax.legend(handles=handles, fontsize=SMALL, loc="upper left", bbox_to_anchor=(0.0, -0.13),
+                  ncols=2, frameon=False)  # fmt: skip
     return ax
 
 
@@ -87,9 +132,13 @@ def _draw_actors(ax: Axes, problem: Problem, t: int) -> Axes:
     return ax
 
 
-def _draw_robots(ax: Axes, problem: Problem, plan: Plan, t: int) -> Axes:
-    """Draws drones at step t with their view cones and paths; a ring marks each start."""
-    length = VIEW_LENGTH * min(problem.height_map.shape) * problem.height_map.resolution
+def _draw_robots(ax: Axes, problem: Problem, plan: Plan, t: int, length: float) -> Axes:
+    """Draws drones at step t with their paths; a ring marks each start.
+
+    Parameters
+    ----------
+    length : m, of the cones that show where cameras look
+    """
     for i, (robot, path) in enumerate(zip(problem.robots, plan.paths, strict=True)):
         colour = robot_colour(i)
         track = np.array([problem.height_map.centre(state.x, state.y) for state in path])
@@ -119,54 +168,79 @@ def _draw_robots(ax: Axes, problem: Problem, plan: Plan, t: int) -> Axes:
 def _draw_reward(ax: Axes, verdict: Verdict, t: int) -> Axes:
     """Draws the view reward of each step, up to step t in a darker colour."""
     steps = np.arange(1, len(verdict.reward_per_step) + 1)
-    ax.bar(
-        steps, verdict.reward_per_step, color=["#30638e" if s <= t else "#c9d6df" for s in steps]
-    )
+    ax.bar(steps, verdict.reward_per_step, color=[BLUE if s <= t else _TO_COME for s in steps])
     ax.set_xlabel("step")
     ax.set_ylabel("view reward")
     ax.set_xticks(steps[:: max(1, len(steps) // 10)])
-    draw_frame(ax)
-    return ax
-
-
-def draw_frame(ax: Axes) -> Axes:
-    """Leaves only the two sides of the frame that have numbers."""
-    for side in ("top", "right"):
-        ax.spines[side].set_visible(False)
-    return ax
+    return set_frame(ax, None)
 
 
 def _plan_figure(problem: Problem, plan: Plan, verdict: Verdict, t: int) -> Figure:
     """Draws the top view at step t above the reward per step."""
-    width, depth = problem.height_map.shape
+    frame = Frame.of(problem, [plan])
+    width, depth = frame.size
     height = min(max(5.0 * depth / width, 2.5), 9.0)
-    figure = Figure(figsize=(5.6, height + 1.7), layout="constrained", dpi=110)
+    figure = new_figure(5.6, height + 1.7)
     top, bottom = figure.subplots(2, 1, height_ratios=[height, 1.1])
-    draw_plan(top, problem, plan, t)
-    conflicts = f", {len(verdict.conflicts)} conflicts" if verdict.conflicts else ""
-    words = f"step {t} of {problem.horizon} (whole plan: J = {verdict.reward:,.0f}{conflicts})"
-    name = textwrap.shorten(problem.name, _TITLE, placeholder=" ..")
-    top.set_title(f"{name[:_TITLE]}, {words}", fontsize=10)
+    draw_plan(top, problem, plan, t, frame)
+    words = f"step {t} of {problem.horizon} ({_told(verdict)})"
+    top.set_title(f"{_name(problem)}, {words}", fontsize=TITLE)
     _draw_reward(bottom, verdict, t)
     return figure
 
 
-def plan_picture(problem: Problem, plan: Plan | None, suffix: str) -> bytes:
-    """Returns a file that shows a plan: its last step, or in a GIF file all steps.
+def _strip_figure(problem: Problem, plan: Plan, verdict: Verdict, steps: Sequence[int]) -> Figure:
+    """Draws top views at several steps, row by row."""
+    frame = Frame.of(problem, [plan])
+    width, depth = frame.size
+    rows = math.ceil(len(steps) / _COLUMNS)
+    columns = math.ceil(len(steps) / rows)
+    height = min(max(_STRIP * depth / width, 1.5), 6.0) + 0.5
+    figure = new_figure(_STRIP * columns + 0.6, height * rows + 0.4)
+    panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
+    for ax, t in zip(panels, steps, strict=False):
+        draw_plan(ax, problem, plan, t, frame)
+        ax.set_title(f"step {t}", fontsize=LABEL)
+        ax.label_outer()
+    for ax in panels[len(steps) :]:
+        ax.set_axis_off()
+    figure.suptitle(f"{_name(problem)} ({_told(verdict)})", fontsize=TITLE)
+    return figure
+
+
+def _name(problem: Problem) -> str:
+    return textwrap.shorten(problem.name, _TITLE, placeholder=" ..")[:_TITLE]
+
+
+def _told(verdict: Verdict) -> str:
+    """Returns J and the conflicts of a plan in words."""
+    conflicts = f", {counted(len(verdict.conflicts), 'conflict')}" if verdict.conflicts else ""
+    return f"whole plan: J = {verdict.reward:,.0f}{conflicts}"
+
+
+def plan_picture(
+    problem: Problem, plan: Plan | None, suffix: str, steps: Sequence[int] = ()
+) -> bytes:
+    """Returns a file that shows a plan at some steps; a GIF file shows them one after the other.
 
     Parameters
     ----------
     plan : without it, the drones are shown at their starts
     suffix : one of PICTURES, or of a plan ``".gif"``
+    steps : without any, the last one, or in a GIF file all
     """
     if plan is None:
         starts = problem.plot().get_figure(root=True)
         assert starts is not None
         return picture(starts, suffix)
     verdict = check(problem, plan)
-    if suffix != ".gif":
-        return picture(_plan_figure(problem, plan, verdict, problem.horizon), suffix)
-    return _gif([_plan_figure(problem, plan, verdict, t) for t in range(problem.horizon + 1)])
+    if suffix == ".gif":
+        shown = steps or range(problem.horizon + 1)
+        return _gif([_plan_figure(problem, plan, verdict, t) for t in shown])
+    if len(steps) > 1:
+        return picture(_strip_figure(problem, plan, verdict, steps), suffix)
+    (t,) = steps or (problem.horizon,)
+    return picture(_plan_figure(problem, plan, verdict, t), suffix)
 
 
 def picture(figure: Figure, suffix: str) -> bytes:
@@ -181,6 +255,7 @@ def picture(figure: Figure, suffix: str) -> bytes:
     for text in figure.findobj(Text):  # names of scenes and files may hold dollar signs
         text.set_parse_math(False)
         text.set_text(printable(text.get_text(), _SPACES))
+        text.set_fontfamily(families_for(text.get_text()))
     with (
         mpl.rc_context({"pdf.fonttype": 42, "text.parse_math": False}),
         warnings.catch_warnings(),

@@ -3,11 +3,11 @@
 from collections.abc import Iterator, Sequence
 
 from cocap_opt.experiments.results.rows import SAMPLED_COVERAGE, Row
+from cocap_opt.experiments.results.statistics import ENOUGH
 from cocap_opt.experiments.sweeps.cells import FAILED
 from cocap_opt.experiments.sweeps.run_file import RunFile
 from cocap_opt.planners import LAZY
 
-_FEW = 5  # seeds, below which intervals say little
 _ALWAYS = (
     "Rewards are those of the coverage model: the area of a face's projection clipped to the "
     "image, less what columns, convex meshes and other people hide of it. Bounds and optima hold "
@@ -45,16 +45,15 @@ def _of_seeds(rows: Sequence[Row]) -> Iterator[str]:
         for (scene,), some in Row.grouped(rows, "scene").items()
     }
     one = [scene for scene, count in seeds.items() if count == 1]
-    few = [scene for scene, count in seeds.items() if 1 < count < _FEW]
+    few = [scene for scene, count in seeds.items() if 1 < count < ENOUGH]
     if one:
         yield f"Of {', '.join(one)} there is one seed: a single case, which has no mean."
     if few:
-        yield f"Of {', '.join(few)} there are fewer than {_FEW} seeds; the intervals are wide."
-    if len(one) < len(seeds):
+        yield f"Of {', '.join(few)} there are fewer than {ENOUGH} seeds, too few for intervals."
+    if len(one) + len(few) < len(seeds):
         yield (
-            "Intervals are Student's t over seeds. They are about the generator of a scene, not "
-            "about other scenes, and assume that means are about normally distributed, which few "
-            "seeds with many gaps of zero are not."
+            "Intervals are percentile bootstrap intervals over seeds. They are about the generator "
+            "of a scene, not about other scenes, and somewhat too short where seeds are few."
         )
 
 

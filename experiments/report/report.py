@@ -103,7 +103,7 @@ def _about(rows: Sequence[Row]) -> str:
 def _results(rows: Sequence[Row], against: str) -> str:
     gaps = _image(
         gaps_figure(rows),
-        "Gap of each plan to the best certified bound of its scene and seed: a point per seed, "
+        "Gap of each plan to the best certified bound of its scene and seed: a stroke per seed, "
         "their mean and its 95 % interval. Plans that break a rule have no gap.",
     )
     return gaps + Tables.of(rows, against).html(level=3)

@@ -1,9 +1,13 @@
 """Conflicts of a plan in words."""
 
 import math
+import re
+from collections.abc import Iterator, Sequence
 
 from cocap_opt.data import FloatArray
 from cocap_opt.problem import CollisionRules, Conflict, PassConflict, Problem, SwapConflict
+
+_LINE = re.compile(r"step (\d+)(?: to (\d+))?: (drones \d+ and \d+) (.*)")
 
 
 def told_conflict(problem: Problem, conflict: Conflict) -> str:
@@ -32,3 +36,46 @@ def _apart(rules: CollisionRules, way: FloatArray) -> str:
             f"{rules.separation:g} m and {rules.vertical:g} m"
         )
     return f"{math.hypot(x, y, z):.3g} m apart, less than {rules.separation:g} m"
+
+
+def grouped_conflicts(lines: Sequence[str]) -> list[str]:
+    """Returns a line for each pair of drones, with all of its steps, of a line for each conflict.
+
+    Where a pair breaks a rule in several ways, as at several distances, the first is said.
+
+    Parameters
+    ----------
+    lines : in the referee's words
+    """
+    found: dict[str, tuple[list[tuple[int, int]], list[str]]] = {}
+    others = []
+    for line in lines:
+        if not (match := _LINE.fullmatch(line)):
+            others.append(line)
+            continue
+        first, last, pair, deed = match.groups()
+        times, deeds = found.setdefault(pair, ([], []))
+        times.append((int(first), int(last or first)))
+        deeds.append(deed)
+    return others + [
+        f"{pair} {deeds[0]}{' at first' if len(set(deeds)) > 1 else ''}: {_steps(times)}"
+        for pair, (times, deeds) in found.items()
+    ]
+
+
+def _steps(times: Sequence[tuple[int, int]]) -> str:
+    """Returns steps in words, those that follow each other together."""
+    words = [f"{a}" if a == b else f"{a} to {b}" for a, b in _merged(times)]
+    noun = "step" if words == [f"{times[0][0]}"] else "steps"
+    return f"{noun} {', '.join(words[:-1])}{' and ' if words[1:] else ''}{words[-1]}"
+
+
+def _merged(times: Sequence[tuple[int, int]]) -> Iterator[tuple[int, int]]:
+    """Yields the first and the last step of each run of steps without a gap."""
+    begin, end = times[0]
+    for first, last in times[1:]:
+        if first > end + 1:
+            yield begin, end
+            begin = first
+        end = max(end, last)
+    yield begin, end

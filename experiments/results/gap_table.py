@@ -32,8 +32,7 @@ def print_gap_table(rows: Sequence[Row]) -> None:
     _print_rows(rows)
     means = _means(rows)
     if len(rows) > len(means):
-        listing = Listing("means over seeds", means).fitted(_SPARE_MEANS)
-        listing._replace(notes=_left_out(means, listing.rows, ".")).print()
+        Listing("means over seeds", means).fitted(_SPARE_MEANS).print()
 
 
 def _print_rows(rows: Sequence[Row]) -> None:
@@ -44,10 +43,8 @@ def _print_rows(rows: Sequence[Row]) -> None:
         keys.append("limit")
     keys.append("seconds")
     table: list[Record] = [{key: _shown(row, key) for key in keys} for row in rows]
-    listing = Listing(_title(rows), table).fitted(_spare(rows, table))
-    left = _left_out(table, listing.rows, "; --json or --out DIR has all.")
-    notes = [*left, *_notes(rows, listing.rows)]
-    listing._replace(notes=notes).print()
+    listing = Listing(_title(rows), table).fitted(_spare(rows, table), "--json or --out DIR")
+    listing._replace(notes=[*listing.notes, *_notes(rows, listing.rows)]).print()
 
 
 def _spare(rows: Sequence[Row], table: Sequence[Record]) -> list[str]:
@@ -55,12 +52,6 @@ def _spare(rows: Sequence[Row], table: Sequence[Record]) -> list[str]:
     kept = {"bound"} if any(shown["bound"].mark == _OPEN for shown in table) else set()
     kept |= {"seed"} if len({row.seed for row in rows}) > 1 else set()
     return [key for key in _SPARE if key not in kept]
-
-
-def _left_out(table: Sequence[Record], printed: Sequence[Record], end: str) -> list[str]:
-    """Returns a sentence that names the columns for which the terminal is too narrow, if any."""
-    names = [key for key in (table[0] if table else ()) if key not in printed[0]]
-    return [f"Left out, for want of width: {', '.join(names)}{end}"] if names else []
 
 
 def _notes(rows: Sequence[Row], table: Sequence[Record]) -> Iterator[str]:

@@ -14,6 +14,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from cocap_opt.experiments.results.conflicts import grouped_conflicts
+from cocap_opt.stop import NO_LIMIT
 from cocap_opt.text import printable, shortened
 
 Record = dict[str, Any]  # a row of a small table, or the answer of a command
@@ -47,6 +49,8 @@ _LABELS = {
     "smoothing_cost": "share of J that smoothness costs",
     "accuracy": "latitudes and longitudes may be off by (m)",
 }
+# Values that say nothing, by their keys; JSON has them.
+_SILENT = {"limit": NO_LIMIT, "evaluated": 0, "reward_at_start": 0.0}
 _SHARES = ("gap", "gap_free", "largest gap", "largest gap_free", "smoothing_cost")  # printed in %
 
 
@@ -83,8 +87,9 @@ def print_result(row: Record, json: bool) -> None:
         return
     table = Table(show_header=False, box=None)
     for key, value in row.items():
-        if value is not None and value != "":
-            table.add_row(_LABELS.get(key, key), escape(_text(key, value)))
+        if value is not None and value != "" and _SILENT.get(key) != value:
+            shown = grouped_conflicts(value) if key == "violations" else value
+            table.add_row(_LABELS.get(key, key), escape(_text(key, shown)))
     _console().print(table)
 
 
@@ -117,18 +122,28 @@ class Listing(NamedTuple):
         for words in self.notes:
             console.print(printable(words, _BREAK), markup=False)
 
-    def fitted(self, spare: Sequence[str]) -> "Listing":
+    def fitted(self, spare: Sequence[str], whole: str = "") -> "Listing":
         """Returns it without as many of some columns, the first first, as a terminal is too narrow.
 
-        Where standard output is no terminal, it is whole.
+        A note names them. Where standard output is no terminal, it is whole.
+
+        Parameters
+        ----------
+        whole : what shows all columns, as the note says
         """
-        listing = self
-        for key in spare if sys.stdout.isatty() else ():
+        listing, gone = self, []
+        for key in spare if sys.stdout.isatty() and self.rows else ():
             if listing._least_width <= _console().width:
                 break
-            rows = [{k: v for k, v in row.items() if k != key} for row in listing.rows]
-            listing = listing._replace(rows=rows)
-        return listing
+            if key in listing.rows[0]:
+                gone.append(key)
+                rows = [{k: v for k, v in row.items() if k != key} for row in listing.rows]
+                listing = listing._replace(rows=rows)
+        if not gone:
+            return self
+        words = f"Left out, for want of width: {', '.join(k for k in self.rows[0] if k in gone)}"
+        note = f"{words}; {whole} has all." if whole else f"{words}."
+        return listing._replace(notes=[note, *listing.notes])
 
     @property
     def _least_width(self) -> int:
@@ -142,7 +157,7 @@ class Listing(NamedTuple):
                       pad_edge=False, collapse_padding=True)  # fmt: skip
         for key, value in self.rows[0].items() if self.rows else ():
             wraps, widest = key in ("scene", "about", "message"), self._widest(key)
-            table.add_column(key, justify="left" if isinstance(value, str) else "right",
+            table.add_column(key, justify="left" if _is_name(value) else "right",
                              no_wrap=not wraps, overflow="fold",
                              min_width=min(_FOLDED, widest) if wraps else widest)  # fmt: skip
         for row in self.rows:
@@ -169,6 +184,11 @@ class Listing(NamedTuple):
         """Returns text for a cell of a Markdown table, in which no character has a meaning."""
         escaped = html.escape(printable(text), quote=False)
         return "".join(f"&#{ord(c)};" if c in _MARKS else c for c in escaped)
+
+
+def _is_name(value: object) -> bool:
+    """Returns True for words, which begin where their column begins; numbers end where it ends."""
+    return isinstance(value, str) and not (value[:1].isdigit() or value[:1] == "-")
 
 
 class Marked(NamedTuple):

@@ -11,12 +11,13 @@ from cocap_opt.data import IntArray
 
 _CONFIDENCE = 0.95
 NONE = "-"  # in place of a number that does not exist
+ENOUGH = 5  # values, of which on there is an interval
 _RESAMPLES = 10_000  # of a bootstrap interval
 _SHIFT = 10.0  # s, of geometric means of times, as in qpbenchmark and Mittelmann's benchmarks
 
 
 class Mean(NamedTuple):
-    """Mean of a sample and its confidence interval, nan of fewer than two values."""
+    """Mean of a sample and its confidence interval, nan of too few values."""
 
     value: float
     low: float
@@ -25,40 +26,29 @@ class Mean(NamedTuple):
     size: int
 
     @classmethod
-    def of(cls, values: Sequence[float]) -> "Mean":
-        """Returns the mean of at least one value, with an interval by Student's t."""
-        from scipy.stats import t as student  # slow to import
-
-        sample = np.asarray(values, dtype=float)
-        n, value = len(sample), float(sample.mean())
-        if n < 2:
-            return cls(value, math.nan, math.nan, math.nan, n)
-        spread = float(sample.std(ddof=1))
-        reach = float(student.ppf((1 + _CONFIDENCE) / 2, n - 1)) * spread / math.sqrt(n)
-        return cls(value, value - reach, value + reach, spread, n)
-
-    @classmethod
-    def resampled(cls, *groups: Sequence[float]) -> "Mean":
+    def of(cls, *groups: Sequence[float]) -> "Mean":
         """Returns the mean over groups of their means, with a percentile bootstrap interval.
 
         Each group is drawn again with replacement by itself, always the same way. What is never
         negative, as gaps are, has no interval with negative ends (Efron and Tibshirani 1993).
-        Of few values the interval is somewhat too short; of one there is none.
+        Of few values the interval would be far too short, so that there is none.
         """
         samples = [np.asarray(group, dtype=float) for group in groups]
-        size = sum(map(len, samples))
-        value = float(np.mean([sample.mean() for sample in samples]))
-        if min(map(len, samples)) < 2:
-            return cls(value, math.nan, math.nan, math.nan, size)
+        values = np.concatenate(samples)
+        mean = float(np.mean([sample.mean() for sample in samples]))
+        spread = float(values.std(ddof=1)) if len(values) > 1 else math.nan
+        if len(values) < ENOUGH or min(map(len, samples)) < 2:
+            return cls(mean, math.nan, math.nan, spread, len(values))
         drawn = [sample[_draws(len(sample), n)].mean(axis=1) for n, sample in enumerate(samples)]
         rest = (1 - _CONFIDENCE) / 2
         low, high = np.quantile(np.mean(drawn, axis=0), [rest, 1 - rest]).tolist()
-        return cls(value, low, high, float(np.concatenate(samples).std(ddof=1)), size)
+        return cls(mean, low, high, spread, len(values))
 
-    def text(self, digits: int) -> str:
-        """Returns the mean and its interval in words."""
+    def text(self, digits: int, unit: str = "") -> str:
+        """Returns the mean, with its unit, and its interval in words, if there is one."""
         mean, *ends = (Mean.rounded(number, digits) for number in self[:3])
-        return mean if math.isnan(self.low) else f"{mean} [{', '.join(ends)}]"
+        reach = "" if math.isnan(self.low) else f" ({' to '.join(ends)})"
+        return mean + unit + reach
 
     @staticmethod
     def shifted_geometric(values: Sequence[float], shift: float = _SHIFT) -> float:
@@ -70,8 +60,8 @@ class Mean(NamedTuple):
         return math.exp(math.fsum(logs) / len(values)) - shift
 
     @staticmethod
-    def interval(values: Sequence[float], digits: int = 3) -> str:
-        """Returns mean and confidence interval in words, if there are values."""
+    def in_words(values: Sequence[float], digits: int = 3) -> str:
+        """Returns the mean of values and its interval in words, if there are values."""
         if not values:
             return NONE
         return Mean.of(values).text(digits)

@@ -21,6 +21,17 @@ if TYPE_CHECKING:
 Table = list[dict[str, str]]
 _LARGE = 1000  # rewards from which on no decimals are shown
 AGAINST = "sequential"  # what the paper compares itself with
+PLANNERS, DIFFERENCES, PRICE, TIME = (
+    "Planners", "Paired differences", "Price of collision avoidance", "Time",
+)  # fmt: skip
+# Columns that a narrow terminal does without, the least useful first.
+_SPARE = {
+    PLANNERS: ("stopped by a limit", "gap to free (%)", "median seconds", "seeds",
+               "proved optimal", "mean reward", "largest gap (%)"),
+    DIFFERENCES: ("seeds", "equal", "worse", "better"),
+    PRICE: ("seeds", "largest (%)", "bound proved best"),
+    TIME: ("runs", "longest (s)", "shifted geometric mean (s)", "no valid plan"),
+}  # fmt: skip
 
 
 class Tables(dict[str, Table]):
@@ -36,12 +47,17 @@ class Tables(dict[str, Table]):
         """
         planners = {row.planner for row in rows}
         tables = {
-            "Planners": _planner_table(rows),
-            "Paired differences": _difference_table(rows, against) if against in planners else [],
-            "Price of collision avoidance": _price_table(rows),
-            "Time": _time_table(rows),
+            PLANNERS: _planner_table(rows),
+            DIFFERENCES: _difference_table(rows, against) if against in planners else [],
+            PRICE: _price_table(rows),
+            TIME: _time_table(rows),
         }
         return cls({title: table for title, table in tables.items() if table})
+
+    def print(self) -> None:
+        """Prints the tables for a terminal, without the columns that say least if it is narrow."""
+        for title, table in self.items():
+            Listing(title, table).fitted(_SPARE[title], "-o FILE").print()
 
     def markdown(self) -> str:
         """Returns the tables in Markdown under headings; special characters are escaped."""
@@ -107,13 +123,13 @@ def _planner_table(rows: Sequence[Row]) -> Table:
                 "planner": planner,
                 "seeds": str(len(some)),
                 "obeys the rules": _share(len(valid), len(some)),
-                "reward, all plans": _spread(Row.values(some, "reward")),
-                "gap (%)": _of(Mean.interval(gaps), len(gaps), len(some)),
+                "mean reward": _spread(Row.values(some, "reward")),
+                "gap (%)": _of(Mean.in_words(gaps), len(gaps), len(some)),
                 "largest gap (%)": Mean.rounded(max(gaps, default=None), 3),
-                "gap to free (%)": Mean.interval(Row.percent(valid, "gap_free")),
+                "gap to free (%)": Mean.in_words(Row.percent(valid, "gap_free")),
                 "proved optimal": _share(sum(row.is_optimal for row in valid), len(some)),
                 "stopped by a limit": str(sum(row.reason == Reason.STOPPED for row in some)),
-                "seconds, median": _median(Row.values(some, "seconds")),
+                "median seconds": _median(Row.values(some, "seconds")),
             }
         )
     return table
@@ -141,7 +157,7 @@ def _difference_table(rows: Sequence[Row], against: str = AGAINST) -> Table:
                 {
                     "scene": scene,
                     "planner": planner,
-                    f"against {against} (%)": Mean.interval(shares),
+                    f"against {against} (%)": Mean.in_words(shares),
                     "better": str(sum(a > b for a, b in pairs)),
                     "equal": str(sum(a == b for a, b in pairs)),
                     "worse": str(sum(a < b for a, b in pairs)),
@@ -164,8 +180,8 @@ def _price_table(rows: Sequence[Row]) -> Table:
         table.append(
             {
                 "scene": scene,
-                "at least (%)": Mean.interval([100 * low for low, _ in ends]),
-                "at most (%)": Mean.interval([100 * high for _, high in ends]),
+                "at least (%)": Mean.in_words([100 * low for low, _ in ends]),
+                "at most (%)": Mean.in_words([100 * high for _, high in ends]),
                 "largest (%)": Mean.rounded(max((100 * high for _, high in ends), default=None), 3),
                 "bound proved best": _share(sum(row.bound_is_proved for row in first), len(first)),
                 "seeds": str(len(ends)),
@@ -177,8 +193,9 @@ def _price_table(rows: Sequence[Row]) -> Table:
 def _time_table(rows: Sequence[Row]) -> Table:
     """Returns shifted geometric means of seconds by scene and planner, at the end over all scenes.
 
-    A run without a plan that obeys the rules counts as one that took the time it was allowed.
-    Over all scenes only planners are compared that were run on every scene and seed.
+    A run without a plan counts as one that took the time it was allowed. A planner whose plans
+    break rules is quick at something else: it has no mean, and is nobody's measure. Over all
+    scenes only planners are compared that were run on every scene and seed.
     """
     timed = [row for row in rows if _is_timed(row)]
     scenes = Row.grouped(timed, "scene")
@@ -206,10 +223,15 @@ def _times(scene: str, rows: Sequence[Row]) -> Table:
     planners = {planner: some for (planner,), some in Row.grouped(rows, "planner").items()}
     instances = [{row.key for row in some} for some in planners.values()]
     common = set.intersection(*instances) if instances else set()
-    means = {planner: _mean_seconds(some) for planner, some in planners.items()}
+    obedient = {
+        planner: some
+        for planner, some in planners.items()
+        if all(row.valid or row.reward is None for row in some)
+    }
+    means = {planner: _mean_seconds(some) for planner, some in obedient.items()}
     alike = {
         planner: _mean_seconds([row for row in some if row.key in common])
-        for planner, some in planners.items()
+        for planner, some in obedient.items()
         if common
     }
     least = min(alike.values(), default=0.0)
@@ -219,8 +241,10 @@ def _times(scene: str, rows: Sequence[Row]) -> Table:
             "planner": planner,
             "runs": str(len(some)),
             "no valid plan": str(sum(not row.valid for row in some)),
-            "shifted geometric mean (s)": Mean.rounded(means[planner], 3),
-            "of the fastest": Mean.rounded(alike[planner] / least if least > 0 else None, 1),
+            "shifted geometric mean (s)": Mean.rounded(means.get(planner), 3),
+            "of the fastest": Mean.rounded(
+                alike[planner] / least if least > 0 and planner in alike else None, 1
+            ),
             "median (s)": _median(Row.values(some, "seconds")),
             "longest (s)": Mean.rounded(max(Row.values(some, "seconds"), default=None), 3),
         }

@@ -12,7 +12,7 @@ from cocap_opt.files.documents import FileError
 app = App(
     name="study",
     help="Measure again what the project says of itself.",
-    help_format="plaintext",
+    help_format="markdown",  # plain text is shown with the line breaks of the source
     version_flags=[],
 )
 _Out = Annotated[Path | None, Parameter(help="folder for the results")]
@@ -118,7 +118,9 @@ def _quote(
 
 @app.command(name="others")
 def _others(
-    folder: Path,
+    folder: Annotated[
+        Path, Parameter(help="with scenes of Greedy Perspectives or of Hughes et al., however deep")
+    ],
     /,
     *,
     planner: Annotated[
@@ -155,8 +157,8 @@ def _others(
 @app.command(name="growth")
 def _growth(
     *,
-    robots: str = "2,4,8,16,32,64",
-    steps: str = "8,16,32,64,80",
+    robots: Annotated[str, Parameter(help="numbers of drones")] = "2,4,8,16,32,64",
+    steps: Annotated[str, Parameter(help="numbers of steps")] = "8,16,32,64,80",
     cells: Annotated[str, Parameter(help="along each edge")] = "15,30,48,64,96",
     seeds: Annotated[str, Parameter(help="medians are taken over them")] = "0-4",
     limit: Annotated[float, Parameter(help="seconds for each run")] = 60.0,
@@ -392,8 +394,8 @@ def _flight(
 
 @app.command(name="peers")
 def _peers(
-    scene: Path,
-    coverage: Path,
+    scene: Annotated[Path, Parameter(help="their seq.yaml")],
+    coverage: Annotated[Path, Parameter(help="their CSV of pixels")],
     /,
     *,
     states: Annotated[int, Parameter(help="how many random ones are compared")] = 500,
@@ -421,7 +423,9 @@ def _speed(*, out: _Out = None) -> int:
 
 
 @app.command(name="pictures")
-def _pictures(folder: Path, /) -> int:
+def _pictures(
+    folder: Annotated[Path, Parameter(help="folder for the page and the picture")], /
+) -> int:
     """Write the player's page and its picture, as in the README; needs Chromium.
 
     Example: cocap-opt study pictures pictures

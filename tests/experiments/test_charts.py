@@ -19,6 +19,7 @@ from cocap_opt.experiments.report.charts import (
     progress_figure,
 )
 from cocap_opt.experiments.report.figures import picture
+from cocap_opt.experiments.report.style import families_for
 from cocap_opt.experiments.results.trace import Trace
 from cocap_opt.files.documents import FileError
 from cocap_opt.formulations.result import CertifiedResult, Snapshot
@@ -121,18 +122,17 @@ def test_conflicts_are_drawn_where_they_are() -> None:
 
 
 def test_gaps_are_drawn_for_plans_that_obey_the_rules() -> None:
-    """A point per seed; whose bound is open is hollow; who breaks a rule is counted."""
+    """A stroke per seed; whose bound is open is faint; who breaks a rule is counted."""
     rows = [row("greedy", 0, 120.0, conflicts=3, gap=None)]
     rows += [row("cocap", seed, 100 - seed) for seed in range(3)]
     rows += [row("cocap", 3, 90.0, bound_reason="stopped")]
     ax = _draw_gaps(Figure().subplots(), rows)
-    points = [p.get_offsets() for p in ax.collections]
-    assert sorted(float(x) for some in points for x, _ in some) == pytest.approx([0, 1, 2, 10])
+    strokes = [line.get_xdata() for line in ax.lines if line.get_marker() == "|"]
+    assert sorted(float(x) for some in strokes for x in some) == pytest.approx([0, 1, 2, 10])
     assert [text.get_text() for text in ax.get_yticklabels()] == [
-        "greedy\n(1 of 1 invalid)", "cocap",
+        "greedy\n(1 of 1 breaks rules)", "cocap",
     ]  # fmt: skip
-    legend = ax.get_legend()
-    assert legend is not None and "not proved" in legend.get_texts()[0].get_text()
+    assert "not proved" in ax.get_title(loc="right")
 
 
 def test_runs_without_a_gap_are_not_drawn() -> None:
@@ -167,3 +167,11 @@ def test_the_traces_of_a_sweep_are_drawn(
     assert "has no traces" in capsys.readouterr().err
     (tmp_path / "traces" / "a-0.csv").write_text(Trace([Snapshot(1.0, 2.0, 1.0)]).text)
     assert commands.run(draw) == 0
+
+
+def test_letters_are_looked_for_in_other_fonts(caplog: pytest.LogCaptureFixture) -> None:
+    """The common font has Latin, Greek and Cyrillic; what no font has is said once."""
+    assert families_for("gap (%), ±, é, λ, Ж") == ("DejaVu Sans",)
+    families_for("\U000e0001 and \U000f8ff0")  # letters that are nobody's
+    families_for("\U000e0001 and \U000f8ff0")
+    assert caplog.text.count("no font that is installed has") == 1

@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from itertools import permutations
 from pathlib import Path
 from typing import Any
@@ -12,8 +13,10 @@ from typing import Any
 import numpy as np
 import pytest
 import result_rows
+from cyclopts import App
 from scene_files import SMALL_SEQUENCE
 
+from cocap_opt.experiments.cli import commands
 from cocap_opt.experiments.cli.main import main
 from cocap_opt.experiments.cli.solver_commands import AT_THE_ROOT
 from cocap_opt.experiments.console import progress
@@ -753,6 +756,9 @@ WRONG = [
     (["plan", "corridor", "-o", "no/such/folder/plan.json"], "no/such/folder"),
     (["plan", "corridor", "-o", "x" * 300], "x" * 300 + ": cannot be written"),
     (["export", "corridor", "-o", "/dev/null"], "/dev/null: cannot be written"),
+    (["export", "corridor", "-o", "scene.yaml"], "-o: name a file that ends in .json or .graphml"),
+    (["plan", "corridor", "-o", "plan.xyz"], "-o: name a file that ends in .json"),
+    (["solve", "corridor", "--trace", "t.json"], "--trace: name a file that ends in .csv"),
     (["bound", "corridor", "-o", "/"], "/: cannot be written"),
     (["plan", "bottleneck", "--planner", "joint"], "one or two drones"),
     (["plan"], "SCENE"),
@@ -854,6 +860,30 @@ def test_show_draws_a_picture(
         assert image.width > 300
 
 
+@pytest.mark.slow
+def test_show_draws_any_step(
+    tmp_path: Path, files: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One of them, or several beside each other; what the scene has not is refused."""
+    from PIL import Image
+
+    sizes, show = {}, ("show", "corridor-tight", files[0])
+    for steps in ("0", "8", "0,4,8"):
+        picture = tmp_path / f"{steps}.png"
+        assert Run(capsys, *show, "--steps", steps, "-o", picture).code == 0
+        with Image.open(picture) as image:
+            sizes[steps] = image.size
+    assert sizes["0,4,8"][0] > sizes["0"][0] == sizes["8"][0]
+    assert (tmp_path / "0.png").read_bytes() != (tmp_path / "8.png").read_bytes()
+    for steps, name, words in (
+        ("9", "a.png", "--steps: must be 0..8, not 9"),
+        ("1-", "a.png", "--steps: must be numbers and ranges"),
+        ("1", "a.html", "--steps: needs a plan, and a picture"),
+    ):
+        run = Run(capsys, *show, "--steps", steps, "-o", tmp_path / name)
+        assert run.code == 2 and words in run.err
+
+
 def test_scenes_lists_all_scenes_and_formats(capsys: pytest.CaptureFixture[str]) -> None:
     """Everything that can stand for SCENE is listed."""
     from cocap_opt.scenarios import FORMATS, SCENES
@@ -923,6 +953,26 @@ def test_ctrl_c_prints_what_is_finished(tmp_path: Path) -> None:
     assert process.returncode == 0
     assert 0 < len(json.loads(out)["rows"]) < 50
     assert (tmp_path / "results.csv").is_file()
+
+
+def parameters(program: App, *path: str) -> Iterator[tuple[str, str]]:
+    """The names of all commands' parameters, with their help."""
+    for name in program:
+        command = program[name]
+        if name.startswith("-"):
+            continue
+        if command.default_command is None:
+            yield from parameters(command, *path, name)
+            continue
+        for argument in command.assemble_argument_collection():
+            yield " ".join((*path, name, argument.name)), argument.parameter.help or ""
+
+
+def test_every_parameter_has_help() -> None:
+    """Nobody has to guess what a FILE or a FOLDER is."""
+    found = dict(parameters(commands.app))
+    assert {"verify FILE", "plan SCENE", "figure gaps FOLDER", "study others FOLDER"} <= set(found)
+    assert [name for name, words in found.items() if len(words) < 5] == []
 
 
 def test_narrow_ways_are_said_where_they_help(

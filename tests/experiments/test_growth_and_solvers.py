@@ -13,7 +13,7 @@ from cocap_opt.experiments.report.benchmark import Benchmark, MethodRun, Outcome
 from cocap_opt.experiments.results.files import save_csv
 from cocap_opt.experiments.studies import runs as runs_module
 from cocap_opt.experiments.studies import steps as steps_module
-from cocap_opt.experiments.studies.growth.points import MEASURES, Point
+from cocap_opt.experiments.studies.growth.points import MEASURES, Point, Sample
 from cocap_opt.experiments.studies.runs import Run, _measured, scene
 from cocap_opt.experiments.studies.solvers import table as solvers_module
 from cocap_opt.experiments.studies.solvers.figures import Figure, Target
@@ -139,15 +139,17 @@ def test_growth_writes_table_and_figure(
         return finished(0.1 * steps * robots**2, Limit.TIME if steps == 64 else None)
 
     monkeypatch.setattr(Run, "of", made)
-    arguments = ["growth", "--robots", "2,4,8", "--steps", "8,16,32,64", "--cells", "15,30,48"]
+    arguments = ["growth", "--robots", "2,4,8,16", "--steps", "8,16,32,64", "--cells", "15,30"]
     assert study(*arguments, "--seeds", "0-1", "--out", tmp_path) == 0
-    rows = rows_of(tmp_path / "growth.csv")
-    assert [row["axis"] for row in rows] == ["robots"] * 3 + ["steps"] * 4 + ["cells"] * 3
-    slopes = {row["axis"]: float(row["exponent_of_seconds"]) for row in rows}
-    assert slopes == pytest.approx({"robots": 2, "steps": 1, "cells": 0}, abs=1e-9)
-    assert [row["at_limit"] for row in rows[3:7]] == ["0", "0", "0", "2"]
+    samples = Sample.read(tmp_path / "growth.csv")
+    assert [s.axis for s in samples] == ["robots"] * 8 + ["steps"] * 8 + ["cells"] * 4
+    points = Point.all_of(samples)
+    slopes = {axis: MEASURES["seconds"].exponent([p for p in points if p.axis == axis])
+              for axis in ("robots", "steps", "cells")}  # fmt: skip
+    assert slopes == pytest.approx({"robots": 2, "steps": math.nan, "cells": math.nan}, nan_ok=True)
+    assert [point.finished for point in points[4:8]] == [True, True, True, False]
     assert (tmp_path / "growth.png").read_bytes().startswith(b"\x89PNG")
-    assert "fitted exponents" in capsys.readouterr().out
+    assert "power law" in capsys.readouterr().out
 
 
 def test_growth_outlives_a_failed_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -288,13 +290,20 @@ def test_methods_are_measured_until_they_refuse(
     assert "made, 2 steps, seed 3: failed" in capsys.readouterr().err
 
 
+def sampled(size: int, seconds: float, limit: Limit | None = None) -> Point:
+    """A point of one run."""
+    run = finished(seconds, limit)
+    return Point("robots", size, (Sample.of("robots", size, 0, 40.0, run),))
+
+
 def test_exponents_are_those_of_power_laws() -> None:
-    """The slope is exact on a power law, and unknown from two sizes."""
-    points = [Point("robots", n, (finished(0.5 * n**1.5),)) for n in (2, 8, 32)]
-    assert MEASURES["seconds"].exponent(points) == pytest.approx(1.5)
-    assert math.isnan(MEASURES["seconds"].exponent(points[:2]))
-    stopped = Point("robots", 64, (finished(1.0, Limit.TIME),))
-    assert MEASURES["seconds"].exponent([*points, stopped]) == pytest.approx(1.5)
+    """The slope is exact on a power law, and unknown from few sizes and where there is none."""
+    points = [sampled(n, 0.5 * n**1.5) for n in (2, 8, 16, 32)]
+    exponent = MEASURES["seconds"].exponent
+    assert exponent(points) == pytest.approx(1.5)
+    assert exponent([*points, sampled(64, 1.0, Limit.TIME)]) == pytest.approx(1.5)
+    assert math.isnan(exponent(points[:3]))
+    assert math.isnan(exponent([*points, sampled(64, 1.0)]))
 
 
 def test_targets() -> None:

@@ -460,6 +460,7 @@ def test_the_code_is_all_that_cells_depend_on(monkeypatch: pytest.MonkeyPatch) -
         "console.progress",
         "console.streams",
         "results.columns",
+        "results.conflicts",
         "results.layout",
         "results.printing",
     }  # they compute nothing

@@ -7,30 +7,38 @@ from statistics import fmean
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from cocap_opt.experiments.report.figures import draw_frame
+from cocap_opt.experiments.report.style import (
+    BLUE,
+    RED,
+    SMALL,
+    TITLE,
+    add_legend,
+    draw_level,
+    new_figure,
+    set_frame,
+)  # fmt: skip
 from cocap_opt.experiments.studies.flight.runs import SMOOTH, STRAIGHT, Run
 from cocap_opt.scenarios.recipe.rules import SEPARATION
 
-_COLOURS = {SMOOTH: "#30638e", STRAIGHT: "#d1495b"}
+_COLOURS = {SMOOTH: BLUE, STRAIGHT: RED}
 _ASIDE = {SMOOTH: -0.17, STRAIGHT: 0.17}
 
 
 def flight_figure(runs: Sequence[Run]) -> Figure:
     """Draws the mean and the largest error, the least distances, and the share of J filmed."""
-    figure = Figure(figsize=(12, 4.6), layout="constrained", dpi=130)
+    figure = new_figure(12, 4.6)
     error, apart, kept = figure.subplots(1, 3)
     _draw(error, runs, lambda run: run.error_mean, lambda run: run.error_most)
-    error.set_title("off the flight, mean (bar) and largest (dot)", fontsize=10)
+    error.set_title("off the flight, mean (bar) and largest (dot)", fontsize=TITLE)
     error.set_ylabel("m")
     _draw(apart, runs, lambda run: run.apart_flown, None, lambda run: run.apart_planned)
-    apart.axhline(SEPARATION, color="grey", lw=0.8, ls=":")
-    apart.set_title("least distance of two drones, flown (bar) and planned (line)", fontsize=10)
+    draw_level(apart, SEPARATION, f"{SEPARATION:g} m")
+    apart.set_title("least distance of two drones, flown (bar) and planned (line)", fontsize=TITLE)
     apart.set_ylabel("m")
     _draw(kept, runs, lambda run: 100 * run.kept_between)
-    kept.set_title("J of what is filmed, between the steps, too", fontsize=10)
+    kept.set_title("J of what is filmed, between the steps, too", fontsize=TITLE)
     kept.set_ylabel("% of the flight's")
-    figure.legend(*error.get_legend_handles_labels(), loc="outside lower center", fontsize=9,
-                  ncols=2, frameon=False)  # fmt: skip
+    add_legend(figure, error)
     return figure
 
 
@@ -64,8 +72,8 @@ def _draw(
             ax.hlines(ends, [x - 0.15 for x in places], [x + 0.15 for x in places],
                       color="black", lw=1.5)  # fmt: skip
     ax.set_xticks(range(len(groups)), [f"{scene}\n{wind:g} m/s" for scene, wind in groups],
-                  fontsize=8)  # fmt: skip
-    return draw_frame(ax)
+                  fontsize=SMALL)  # fmt: skip
+    return set_frame(ax, "y")
 
 
 def _finite(value: float) -> float:

@@ -1,15 +1,12 @@
 """Simulated flights of plans: a row per scene, seed, kind of flight and wind."""
 
-import csv
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-import msgspec
-
 from cocap_opt.data import ProblemError
-from cocap_opt.experiments.results.files import read_text
+from cocap_opt.experiments.results.files import load_csv
 from cocap_opt.experiments.results.flights import Flight
 from cocap_opt.experiments.studies.flight.measures import (
     delays,
@@ -20,7 +17,6 @@ from cocap_opt.experiments.studies.flight.measures import (
 from cocap_opt.experiments.studies.flight.simulation import simulate, span
 from cocap_opt.experiments.studies.flight.wind import Wind
 from cocap_opt.experiments.studies.separation.separation import built
-from cocap_opt.files.documents import FileError
 from cocap_opt.flight.filming import Film, parts_of
 from cocap_opt.flight.pace import demands
 from cocap_opt.flight.smooth import smooth
@@ -114,14 +110,7 @@ class Run(NamedTuple):
     @classmethod
     def read(cls, path: Path) -> "list[Run]":
         """Returns the rows of a file that `save_csv` has written."""
-        header, *rows = csv.reader(read_text(path).splitlines() or [""])
-        try:
-            if header != list(cls._fields):
-                raise ValueError("other columns")
-            return [msgspec.convert(row, cls, strict=False) for row in rows]
-        except ValueError as error:
-            words = f"must be what `cocap-opt study flight` has written: {error}"
-            raise FileError(f"{path}: {words}") from error
+        return load_csv(path, cls, "cocap-opt study flight")
 
 
 def flown(scene: str, seed: int, winds: Sequence[float], step: float | None) -> Iterator[Run]:

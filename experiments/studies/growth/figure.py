@@ -3,28 +3,35 @@
 import math
 from collections.abc import Sequence
 from statistics import median
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullFormatter, NullLocator
+from matplotlib.ticker import NullLocator
 
-from cocap_opt.experiments.report.figures import draw_frame
-from cocap_opt.experiments.studies.growth.points import (
-    BASES,
-    GAP,
-    MEASURES,
-    SIZES,
-    Measure,
-    Point,
-)
+from cocap_opt.experiments.report.style import (
+    AMBER,
+    BLUE,
+    RED,
+    SMALL,
+    TITLE,
+    add_legend,
+    draw_level,
+    new_figure,
+    set_frame,
+    set_plain_log,
+)  # fmt: skip
+from cocap_opt.experiments.studies.growth.points import BASES, GAP, MEASURES, SIZES, Measure, Point
 
-_TO_END, _TO_GAP, _GAP_COLOUR = "#30638e", "#edae49", "#d1495b"
 _LABELS = {
     "robots": "drones",
     "steps": "steps",
     "cells": "cells along each side of the field",
+}
+_STYLES = {  # of each measure: its name, colour and mark
+    "seconds": ("time to the end", BLUE, "o"),
+    "seconds_to_gap": (f"time to a certified gap of {100 * GAP:g} %", AMBER, "s"),
+    "gap_percent": ("certified gap at the end or the limit", RED, "D"),
 }
 
 
@@ -35,90 +42,65 @@ def growth_figure(points: Sequence[Point], limit: float) -> Figure:
     ----------
     limit : s, of each run
     """
-    figure = Figure(figsize=(12, 6.2), layout="constrained", dpi=130)
-    grid = figure.subplots(2, 3, sharex="col", sharey="row", height_ratios=[1.25, 1])
-    for column, axis in enumerate(SIZES):
+    figure = new_figure(12, 6.4)
+    panels = figure.subplots(2, 3, sharex="col", sharey="row", height_ratios=[1.25, 1])
+    for (top, bottom), axis in zip(panels.T, SIZES, strict=True):
         some = [point for point in points if point.axis == axis]
-        top, bottom = grid[0, column], grid[1, column]
-        _draw_seconds(top, some, limit)
-        _draw_gaps(bottom, some)
+        draw_level(top, limit, f"limit {limit:g} s")
+        for ax, names in ((top, ("seconds", "seconds_to_gap")), (bottom, ("gap_percent",))):
+            for name in names:
+                _draw_measure(ax, some, name)
+            set_plain_log(ax, "x")
+            set_plain_log(ax, "y")
+            set_frame(ax)
         others = [f"{n} {what}" for what, n in BASES[axis]._asdict().items() if what != axis]
-        top.set_title(f"{axis}  ({', '.join(others)})", fontsize=10)
+        top.set_title(f"{axis}  ({', '.join(others)})", fontsize=TITLE)
         bottom.set_xlabel(_LABELS[axis])
-        _sizes_as_ticks(bottom, some)
-    grid[0, 0].set_ylabel("time (s)")
-    grid[1, 0].set_ylabel("certified gap (%)")
-    figure.suptitle("Growth of column generation (fields; medians, a dot per seed)", fontsize=12)
+        _set_sizes(bottom, some)
+    panels[0, 0].set_ylabel("time (s)")
+    panels[1, 0].set_ylabel("certified gap (%)")
+    names = panels[0, 1]
+    for name in _STYLES:
+        label, colour, mark = _STYLES[name]
+        names.plot([], [], mark, color=colour, ms=6, ls="-", lw=1, label=label)
+    names.plot([], [], "o", mfc="white", mec="grey", ms=6, ls="none",
+               label="hollow: the limit stopped a seed")  # fmt: skip
+    add_legend(figure, names)
     return figure
 
 
-def _draw_seconds(ax: Axes, points: Sequence[Point], limit: float) -> Axes:
-    """Draws the time to the end and to a small gap; the limit as a line."""
-    ax.axhline(limit, color="grey", lw=0.8, ls=":")
-    ax.annotate(f"limit {limit:g} s", (0.01, limit), xycoords=("axes fraction", "data"),
-                fontsize=8, color="grey", va="bottom")  # fmt: skip
-    _draw_measure(ax, points, MEASURES["seconds"], "to the end", _TO_END, "o")
-    name = f"to a gap of {100 * GAP:g} %"
-    _draw_measure(ax, points, MEASURES["seconds_to_gap"], name, _TO_GAP, "s")
-    return _finish(ax, any(not point.finished for point in points))
+def _draw_measure(ax: Axes, points: Sequence[Point], name: str) -> None:
+    """Draws medians against sizes, a dot per seed, and dashed the power law if there is one.
+
+    A mark is hollow where the limit stopped a run.
+    """
+    measure, (_, colour, mark) = MEASURES[name], _STYLES[name]
+    known = [(p, median(measure.of(p))) for p in points]
+    known = [(p, value) for p, value in known if math.isfinite(value)]
+    ax.plot([p.size for p, _ in known], [value for _, value in known], color=colour, lw=1)
+    for point, value in known:
+        seeds = [v for v in measure.of(point) if math.isfinite(v)] if len(point.samples) > 1 else []
+        ax.plot([point.size] * len(seeds), seeds, ".", color=colour, ms=4, alpha=0.5)
+        filling = colour if measure.whole(point) else "white"
+        ax.plot(point.size, value, mark, mfc=filling, mec=colour, ms=6, zorder=4)
+    _draw_law(ax, measure, points, colour)
 
 
-def _draw_gaps(ax: Axes, points: Sequence[Point]) -> Axes:
-    """Draws the certified gap at the end or at the limit."""
-    name = "gap at the end or the limit"
-    _draw_measure(ax, points, MEASURES["gap_percent"], name, _GAP_COLOUR, "o")
-    return _finish(ax, spoilt=False)
+def _draw_law(ax: Axes, measure: Measure, points: Sequence[Point], colour: str) -> None:
+    law = measure.fit(points)
+    if law is None:
+        return
+    slope, offset = law
+    ends = np.array([min(p.size for p in points), max(p.size for p in points)])
+    heights = np.exp(offset) * ends**slope
+    ax.plot(ends, heights, color=colour, lw=1, ls="--", zorder=3)
+    ax.annotate(f"~ n^{slope:.1f}", (ends[1], heights[1]), xytext=(-6, -12), color=colour,
+                textcoords="offset points", ha="right", fontsize=SMALL)  # fmt: skip
 
 
-def _draw_measure(
-    ax: Axes,
-    points: Sequence[Point],
-    measure: Measure,
-    name: str,
-    colour: str,
-    marker: str,
-) -> Axes:
-    """Draws medians against sizes, hollow where the limit stopped a run, and the fit dashed."""
-    shown = [(p, median(measure.of(p))) for p in points]
-    shown = [(p, value) for p, value in shown if math.isfinite(value)]
-    line = measure.fit(points)
-    _draw_pairs(ax, [(p.size, v) for p, v in shown], color=colour, lw=1, alpha=0.35)
-    dots = [(p.size, v) for p, _ in shown if len(p.runs) > 1 for v in measure.of(p)]
-    _draw_pairs(ax, dots, color=colour, ls="none", marker=".", ms=4, alpha=0.4)
-    whole = [(p.size, v) for p, v in shown if measure.whole(p)]
-    spoilt = [(p.size, v) for p, v in shown if not measure.whole(p)]
-    label = name if line is None else f"{name}, ~ n^{line[0]:.1f}"
-    style = {"ls": "none", "marker": marker, "ms": 7, "mec": colour, "zorder": 4}
-    _draw_pairs(ax, whole, label=label, mfc=colour, **style)
-    _draw_pairs(ax, spoilt, mfc="white", **style)
-    if line is not None:
-        n = np.array([whole[0][0], whole[-1][0]])
-        ax.plot(n, np.exp(line[1]) * n ** line[0], color=colour, lw=1.2, ls="--", zorder=3)
-    return ax
-
-
-def _draw_pairs(ax: Axes, pairs: Sequence[tuple[float, float]], **style: Any) -> None:
-    x, y = [x for x, _ in pairs], [y if math.isfinite(y) else math.nan for _, y in pairs]
-    ax.plot(x, y, **style)
-
-
-def _sizes_as_ticks(ax: Axes, points: Sequence[Point]) -> None:
+def _set_sizes(ax: Axes, points: Sequence[Point]) -> None:
+    """Writes the sizes that were measured on the axis, and no others."""
     ticks = sorted({point.size for point in points})
     if ticks:
         ax.set_xticks(ticks, [str(size) for size in ticks])
     ax.xaxis.set_minor_locator(NullLocator())
-
-
-def _finish(ax: Axes, spoilt: bool) -> Axes:
-    ax.set_xscale("log")
-    ax.set_yscale("log")
-    ax.yaxis.set_major_formatter("{x:g}")
-    ax.yaxis.set_minor_formatter(NullFormatter())
-    ax.grid(True, which="major", lw=0.4, alpha=0.5)
-    draw_frame(ax)
-    if spoilt:
-        ax.plot([], [], ls="none", marker="o", mfc="white", mec="grey", ms=7,
-                label="hollow: a seed was stopped by the limit")  # fmt: skip
-    if ax.get_legend_handles_labels()[0]:
-        ax.legend(fontsize=8, frameon=True, framealpha=0.85, edgecolor="none")
-    return ax

@@ -12,7 +12,7 @@ from statistics import median
 from cocap_opt.experiments.console.streams import say
 from cocap_opt.experiments.report.figures import picture
 from cocap_opt.experiments.results.files import make_folder, save_bytes, save_csv
-from cocap_opt.experiments.results.printing import Listing, Record
+from cocap_opt.experiments.results.printing import Listing
 from cocap_opt.experiments.studies.growth.figure import growth_figure
 from cocap_opt.experiments.studies.growth.points import (
     BASES,
@@ -21,16 +21,19 @@ from cocap_opt.experiments.studies.growth.points import (
     SIZES,
     Field,
     Point,
+    Sample,
 )
 from cocap_opt.experiments.studies.runs import Run
 from cocap_opt.formulations.column_generation.column_generation import column_generation
 from cocap_opt.scenarios.built_in.field import field
 
+TABLE = "growth.csv"
+
 
 def growth(
     sizes: Mapping[str, Sequence[int]], seeds: Sequence[int], limit: float, out: Path | None = None
 ) -> bool:
-    """Measures, prints, and writes the table (growth.csv) and the figure (growth.png).
+    """Measures, prints, and writes the samples (growth.csv) and the figure (growth.png).
 
     Parameters
     ----------
@@ -43,48 +46,31 @@ def growth(
         True if no run failed.
     """
     make_folder(out)
-    points: list[Point] = []
+    samples: list[Sample] = []
     known: dict[tuple[Field, int], Run | None] = {}
+    wanted = [
+        (axis, size, seed) for axis in SIZES for size in sorted(sizes[axis]) for seed in seeds
+    ]
     try:
-        for axis in SIZES:
-            for size in sorted(sizes[axis]):
-                wanted = BASES[axis]._replace(**{axis: size})
-                for seed in seeds:
-                    if (wanted, seed) not in known:
-                        known[wanted, seed] = _measured(wanted, seed, limit)
-                found = [r for seed in seeds if (r := known[wanted, seed]) is not None]
-                if found:
-                    points.append(Point(axis, size, tuple(found)))
-                if out is not None and found:
-                    save_csv(out / "growth.csv", _table(points, limit))
+        for axis, size, seed in wanted:
+            key = BASES[axis]._replace(**{axis: size}), seed
+            if key not in known:
+                known[key] = _measured(*key, limit)
+            if (run := known[key]) is not None:
+                samples.append(Sample.of(axis, size, seed, limit, run))
+                if out is not None:
+                    save_csv(out / TABLE, [sample._asdict() for sample in samples])
     finally:
-        _print(points, limit)
-    if out is not None and points:
-        save_bytes(out / "growth.png", picture(growth_figure(points, limit), ".png"))
-    return all(r is not None for r in known.values())
+        _print(samples)
+    if out is not None and samples:
+        draw(samples, out)
+    return all(run is not None for run in known.values())
 
 
-def _table(points: Sequence[Point], limit: float) -> list[Record]:
-    """Returns the rows of the CSV file: medians per size, and the exponents of each axis so far."""
-    return [
-        {
-            "axis": point.axis, "size": point.size, **point.field._asdict(),
-            "seeds": len(point.runs),
-            "at_limit": sum(not r.finished for r in point.runs),
-            "limit": limit,
-            **{name: median(measure.of(point)) for name, measure in MEASURES.items()},
-            "gigabytes": max(r.gigabytes for r in point.runs),
-            **{
-                f"exponent_of_{name}": measure.exponent(_on_axis(points, point.axis))
-                for name, measure in MEASURES.items()
-            },
-        }
-        for point in points
-    ]  # fmt: skip
-
-
-def _on_axis(points: Sequence[Point], axis: str) -> list[Point]:
-    return [point for point in points if point.axis == axis]
+def draw(samples: Sequence[Sample], out: Path) -> None:
+    """Writes the figure into a folder."""
+    figure = growth_figure(Point.all_of(samples), samples[0].limit)
+    save_bytes(out / "growth.png", picture(figure, ".png"))
 
 
 def _measured(wanted: Field, seed: int, limit: float) -> Run | None:
@@ -98,30 +84,36 @@ def _measured(wanted: Field, seed: int, limit: float) -> Run | None:
     return result
 
 
-def _print(points: Sequence[Point], limit: float) -> None:
+def _print(samples: Sequence[Sample]) -> None:
+    points, to_gap = Point.all_of(samples), f"to a gap of {100 * GAP:g} %"
+    middle = {name: [median(m.of(p)) for p in points] for name, m in MEASURES.items()}
     rows = [
         {
             "axis": point.axis,
             "size": point.size,
-            "to the end (s)": f"{median(point.seconds):.2f}{'' if point.finished else ' *'}",
-            f"to a gap of {100 * GAP:g} % (s)": _number(median(point.seconds_to_gap)),
-            "gap (%)": f"{median(point.gaps):.4f}",
-            "peak (GB)": f"{max(r.gigabytes for r in point.runs):.2f}",
+            "to the end (s)": f"{seconds:.2f}{'' if point.finished else ' *'}",
+            f"{to_gap} (s)": _number(seconds_to_gap),
+            "gap (%)": f"{gap:.4f}",
+            "peak (GB)": f"{max(s.gigabytes for s in point.samples):.2f}",
         }
-        for point in points
+        for point, seconds, seconds_to_gap, gap in zip(points, *middle.values(), strict=True)
     ]
-    Listing(f"growth of column generation (medians; * stopped at {limit:g} s)", rows).print()
+    Listing("growth of column generation (medians; * the limit stopped some)", rows).print()
     slopes = [
         {
             "axis": axis,
-            "to the end": _number(MEASURES["seconds"].exponent(some)),
-            f"to a gap of {100 * GAP:g} %": _number(MEASURES["seconds_to_gap"].exponent(some)),
-            "of the gap": _number(MEASURES["gap_percent"].exponent(some)),
+            **{
+                words: _number(MEASURES[name].exponent([p for p in points if p.axis == axis]))
+                for words, name in (
+                    ("to the end", "seconds"), (to_gap, "seconds_to_gap"),
+                    ("of the gap", "gap_percent"),
+                )
+            },
         }
         for axis in SIZES
-        if (some := _on_axis(points, axis))
-    ]
-    Listing("fitted exponents (times: of sizes that got there; gap: of all sizes)", slopes).print()
+    ]  # fmt: skip
+    Listing("exponents, where medians follow a power law (times: of sizes that got there)",
+            slopes).print()  # fmt: skip
 
 
 def _number(value: float) -> str:

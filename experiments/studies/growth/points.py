@@ -1,22 +1,26 @@
-"""Sizes at which growth is measured, the runs of each, and power laws fitted to them.
+"""Sizes at which growth is measured, the samples of each, and power laws fitted to them.
 
 The exponent of a size n is the slope of log seconds over log n, by least squares over the sizes
-at which all seeds came to their end within the limit; that of the gap is over all sizes.
+at which all seeds came to their end within the limit; that of the gap is over all sizes. Where
+medians are not near such a line, no power law is said.
 """
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from statistics import median
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 
+from cocap_opt.experiments.results.files import load_csv
 from cocap_opt.experiments.studies.runs import Run
 from cocap_opt.formulations.result import OPTIMALITY
 
 GAP = 0.03  # certified gap whose time is taken: one that most sizes reach
-_LEAST_SIZES = 3  # of a fit: any two points are on a line
+_LEAST_SIZES = 4  # of a fit: any two points are on a line, and three are often near one
+_NEAR = 1.5  # times, by which medians may be off a power law
 
 
 class Field(NamedTuple):
@@ -43,44 +47,54 @@ SIZES: dict[str, tuple[int, ...]] = {
 }
 
 
+class Sample(NamedTuple):
+    """One run of column generation: a row of growth.csv."""
+
+    axis: str  # a key of SIZES, the parameter that changes
+    size: int  # its value
+    seed: int
+    limit: float  # s
+    finished: bool  # no limit stopped it
+    seconds: float
+    seconds_to_gap: float  # to a certified gap of GAP; infinite where it was not reached
+    gap: float  # certified, relative, at the end or the limit
+    gigabytes: float  # peak memory
+
+    @classmethod
+    def of(cls, axis: str, size: int, seed: int, limit: float, run: Run) -> Self:
+        """Returns what is kept of a run."""
+        return cls(
+            axis, size, seed, limit, run.finished, run.seconds, run.seconds_to_gap(GAP), run.gap,
+            run.gigabytes,
+        )  # fmt: skip
+
+    @classmethod
+    def read(cls, path: Path) -> list[Self]:
+        """Returns the samples that are stored in a file."""
+        return load_csv(path, cls, "cocap-opt study growth")
+
+
 @dataclass(frozen=True)
 class Point:
-    """Runs of one size, one per seed.
-
-    Attributes
-    ----------
-    axis : a key of SIZES, the parameter that changes
-    size : its value
-    """
+    """The samples of one size, one per seed."""
 
     axis: str
     size: int
-    runs: tuple[Run, ...]
+    samples: tuple[Sample, ...]
 
-    @property
-    def field(self) -> Field:
-        """Parameters of the scene."""
-        return BASES[self.axis]._replace(**{self.axis: self.size})
+    @classmethod
+    def all_of(cls, samples: Sequence[Sample]) -> list[Self]:
+        """Returns the points of some samples, axis by axis."""
+        sizes = dict.fromkeys((sample.axis, sample.size) for sample in samples)
+        return [
+            cls(axis, size, tuple(s for s in samples if (s.axis, s.size) == (axis, size)))
+            for axis, size in sizes
+        ]
 
     @property
     def finished(self) -> bool:
         """True if all runs came to their end."""
-        return all(r.finished for r in self.runs)
-
-    @property
-    def seconds(self) -> list[float]:
-        """Seconds of each run."""
-        return [r.seconds for r in self.runs]
-
-    @property
-    def seconds_to_gap(self) -> list[float]:
-        """Seconds of each run to a certified gap of GAP; infinite where it was not reached."""
-        return [r.seconds_to_gap(GAP) for r in self.runs]
-
-    @property
-    def gaps(self) -> list[float]:
-        """Certified gap (%) of each run at its end or the limit, at least the gap of a proof."""
-        return [100 * max(r.gap, OPTIMALITY) for r in self.runs]
+        return all(sample.finished for sample in self.samples)
 
 
 class Measure(NamedTuple):
@@ -88,22 +102,26 @@ class Measure(NamedTuple):
 
     Attributes
     ----------
-    of : the numbers of a point's runs
+    one : the number of a sample
     whole : true of a point if no limit has cut one of its numbers short
     """
 
-    of: Callable[[Point], list[float]]
+    one: Callable[[Sample], float]
     whole: Callable[[Point], bool]
 
+    def of(self, point: Point) -> list[float]:
+        """Returns the numbers of a point's samples."""
+        return [self.one(sample) for sample in point.samples]
+
     def exponent(self, points: Sequence[Point]) -> float:
-        """Returns the exponent of the power law through the medians; NaN from too few sizes."""
+        """Returns the exponent of the power law through the medians; NaN if there is none."""
         line = self.fit(points)
         return math.nan if line is None else line[0]
 
     def fit(self, points: Sequence[Point]) -> tuple[float, float] | None:
         """Returns slope and offset of log measure over log size, of sizes that no limit cut short.
 
-        None if there are fewer than three such sizes.
+        None if there are fewer than four such sizes, or if the medians are not near the line.
         """
         pairs = [(p.size, median(self.of(p))) for p in points if self.whole(p)]
         pairs = [(size, value) for size, value in pairs if 0 < value < math.inf]
@@ -111,14 +129,18 @@ class Measure(NamedTuple):
             return None
         n, values = np.log(np.array(pairs)).T
         slope, offset = np.polyfit(n, values, 1)
+        if np.abs(slope * n + offset - values).max() > math.log(_NEAR):
+            return None
         return float(slope), float(offset)
 
 
 MEASURES: dict[str, Measure] = {
-    "seconds": Measure(lambda point: point.seconds, lambda point: point.finished),
+    "seconds": Measure(lambda sample: sample.seconds, lambda point: point.finished),
     "seconds_to_gap": Measure(
-        lambda point: point.seconds_to_gap,
-        lambda point: all(map(math.isfinite, point.seconds_to_gap)),
+        lambda sample: sample.seconds_to_gap,
+        lambda point: all(math.isfinite(sample.seconds_to_gap) for sample in point.samples),
     ),
-    "gap_percent": Measure(lambda point: point.gaps, lambda point: True),
+    "gap_percent": Measure(  # at least the gap of a proof
+        lambda sample: 100 * max(sample.gap, OPTIMALITY), lambda point: True
+    ),
 }

@@ -90,7 +90,7 @@ class Effect(NamedTuple):
     @property
     def mean(self) -> Mean | None:
         """Mean over scenes of means over seeds; None without seeds on which both have a plan."""
-        return Mean.resampled(*self.differences) if any(self.differences) else None
+        return Mean.of(*self.differences) if any(self.differences) else None
 
     @property
     def longer(self) -> str:
@@ -132,7 +132,7 @@ class Effect(NamedTuple):
             words += " as good"
         long = f" in {self.longer} times the time" if self.ratios else ""
         return Answer(
-            f"{_capital(what)} adds {found.text(3)} % of the bound{long} ({contrast.with_it} "
+            f"{_capital(what)} adds {found.text(3, ' %')} of the bound{long} ({contrast.with_it} "
             f"against {contrast.without}, {self.scene}, {found.size} seeds). {words}.",
             verdict,
         )

@@ -73,8 +73,8 @@ class SceneAnswers:
         if not planned:
             words = "CoCap has no plan that obeys the rules; the claim cannot be tried."
             return Answer(f"{self.scene}: {words}", OPEN)
-        found = Mean.resampled(Row.percent(planned, "gap_free"))
-        least = Mean.resampled([
+        found = Mean.of(Row.percent(planned, "gap_free"))
+        least = Mean.of([
             100 * relative_gap(row.reward, row.optimum_free)
             for row in planned
             if row.reward is not None and row.optimum_free is not None
@@ -129,7 +129,7 @@ class SceneAnswers:
             words = f"{self.scene}: there is no seed on which both planners have a plan."
             return Answer(words, OPEN)
         gains = [100 * (a - b) / b for a, b in pairs]
-        found = Mean.resampled(gains)
+        found = Mean.of(gains)
         better, worse = sum(a > b for a, b in pairs), sum(a < b for a, b in pairs)
         verdict = Answer.above(found, 0.0)
         return Answer(
@@ -148,7 +148,7 @@ class SceneAnswers:
         for words, chosen in (("with", True), ("without", False)):
             some = [row for row in own if row.valid and (row.seed in collides) == chosen]
             gaps = Row.percent(some, "gap")
-            said = _text(Mean.resampled(gaps)) if gaps else NONE
+            said = _text(Mean.of(gaps)) if gaps else NONE
             parts.append(f"{said} on the {len(gaps)} seeds {words} collisions in the greedy plan")
         return (
             f"{self.scene}: below the best certified bound, sequential planning is "
@@ -165,10 +165,10 @@ class SceneAnswers:
         if not pairs:
             return Answer(f"{self.scene}: not both low levels were timed.", OPEN)
         ours = [median(times) for times in zip(*pairs, strict=True)]
-        log_ratio = Mean.resampled([math.log(a / b) for a, b in pairs if b > 0])
+        log_ratio = Mean.of([math.log(a / b) for a, b in pairs if b > 0])
         ratio, low, high = (math.exp(log_ratio[k]) for k in range(3))
         theirs = _PUBLISHED["cocap"] / _PUBLISHED["cocap-vs"]
-        reach = f" [{low:.2g}, {high:.2g}]" if log_ratio.size > 1 else ""
+        reach = "" if math.isnan(low) else f" ({low:.2g} to {high:.2g})"
         verdict = Answer.above(log_ratio, 0.0)
         return Answer(
             f"{self.scene}: CoCap takes {ours[0]:.3f} s with value iteration, the coverage of all "
@@ -211,7 +211,7 @@ class SceneAnswers:
         pairs = self._pairs("cocap-vs", "cocap", lambda row: row.reward if row.valid else None)
         if not pairs:
             return Answer(f"{self.scene}: not both low levels have a plan.", OPEN)
-        found = Mean.resampled([100 * (b - a) / b for a, b in pairs])
+        found = Mean.of([100 * (b - a) / b for a, b in pairs])
         verdict = Answer.below(found, _CLOSE)
         return Answer(
             f"{self.scene}: with view search CoCap's reward is {_text(found)} below that with "
@@ -268,7 +268,7 @@ class SceneAnswers:
             gaps = Row.percent([row for row in own if row.valid], "gap")
             stopped = sum(row.limit == Limit.TIME for row in own)
             words = f", stopped by the limit of {limit:g} s on {stopped}" if stopped else ""
-            gap = f"{_text(Mean.resampled(gaps))} below the bound" if gaps else "without a plan"
+            gap = f"{_text(Mean.of(gaps))} below the bound" if gaps else "without a plan"
             parts.append(f"{planner} is {gap} on {len(gaps)} of {len(own)} seeds{words}")
         return f"{self.scene}: {'; '.join(parts)}."
 
@@ -294,12 +294,11 @@ def _whole_seconds(row: Row) -> float | None:
 
 
 def _text(found: Mean) -> str:
-    reach = f" [{found.low:.2f}, {found.high:.2f}]" if found.size > 1 else ""
-    return f"{found.value:.2f} %{reach}"
+    return found.text(2, " %")
 
 
 def _interval(values: Sequence[float], digits: int) -> str:
-    return Mean.resampled(values).text(digits) if values else NONE
+    return Mean.of(values).text(digits) if values else NONE
 
 
 def _mean(values: Sequence[float], digits: int) -> str:

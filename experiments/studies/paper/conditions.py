@@ -299,7 +299,7 @@ def by_level(trials: Sequence[Trial]) -> list[dict[str, str]]:
                         "parameter": name,
                         "level": f"{level:g}" if not isinstance(level, str) else level,
                         "corridors": str(len(own)),
-                        "CoCap above sequential planning (%)": Mean.resampled(own).text(2),
+                        "CoCap above sequential planning (%)": Mean.of(own).text(2),
                         "largest (%)": f"{max(own):.2f}",
                         f"above {PUBLISHED:g} %": str(sum(gain >= PUBLISHED for gain in own)),
                     }
@@ -315,7 +315,7 @@ def sentences(trials: Sequence[Trial]) -> list[str]:
     many = sum(gain >= PUBLISHED for gain in gains)
     said = [
         f"Of {len(gains)} corridors drawn at random CoCap gains {PUBLISHED:g} % or more over "
-        f"sequential planning on {many}, on average {Mean.resampled(gains).text(2)} %, at most "
+        f"sequential planning on {many}, on average {Mean.of(gains).text(2, ' %')}, at most "
         f"{max(gains):.1f} %; on {len(drawn) - len(gains)} more one of the two has no plan. On "
         f"{_stopped(drawn)} its tree was stopped after {_NODES} nodes, on {_fallen_back(drawn)} of "
         "these with the plan of sequential planning."
@@ -336,7 +336,7 @@ def _of_the_best(fresh: Sequence[Trial]) -> list[str]:
     words = fresh[0].corridor.words
     if not own:
         return [f"CoCap gains most in a corridor {words}; with fresh seeds there are no plans."]
-    verdict = Answer.above(Mean.resampled([trial.gain() for trial in own]), PUBLISHED)
+    verdict = Answer.above(Mean.of([trial.gain() for trial in own]), PUBLISHED)
     many = sum(trial.gain() >= PUBLISHED for trial in own)
     return [
         f"CoCap gains most in a corridor {words}: {_gain(own, 'cocap')} on average over "
@@ -352,7 +352,7 @@ def _of_the_best(fresh: Sequence[Trial]) -> list[str]:
 def _gain(trials: Sequence[Trial], planner: str) -> str:
     """Returns the mean gain over the trials in which a planner has a plan, in words."""
     own = [gain for trial in trials if math.isfinite(gain := trial.gain(planner))]
-    return f"{Mean.resampled(own).text(1)} %" if own else "nothing"
+    return Mean.of(own).text(1, " %") if own else "nothing"
 
 
 def _of_its_neighbours(trials: Sequence[Trial], fresh: Sequence[Trial]) -> list[str]:

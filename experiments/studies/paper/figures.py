@@ -1,17 +1,30 @@
 """Figures of the paper's experiments."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, MaxNLocator
+from matplotlib.ticker import MaxNLocator
 
-from cocap_opt.data import FloatArray
-from cocap_opt.experiments.report.figures import (
-    draw_frame,
-    draw_plan,
-)
+from cocap_opt.experiments.report.figures import Frame, draw_plan
+from cocap_opt.experiments.report.style import (
+    AMBER,
+    BLUE,
+    FADED,
+    GREEN,
+    GREY,
+    PURPLE,
+    RED,
+    SERIES,
+    SMALL,
+    TITLE,
+    add_legend,
+    draw_level,
+    new_figure,
+    set_frame,
+    set_plain_log,
+)  # fmt: skip
 from cocap_opt.experiments.results.statistics import Mean
 from cocap_opt.experiments.studies.paper.conditions import (
     DRAWN,
@@ -20,23 +33,20 @@ from cocap_opt.experiments.studies.paper.conditions import (
     Trial,
     planned,
 )
+from cocap_opt.experiments.studies.paper.curves import Curves
 from cocap_opt.experiments.studies.paper.giving_way import Encounter
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
 
 _COLOURS = {
-    "greedy": "#8d99ae", "sequential": "#edae49", "cocap": "#30638e", "cocap-vs": "#66a182",
-    "sequential-rounds": "#d1495b", "cocap-lns": "#7b5ea7",
+    "greedy": FADED, "sequential": AMBER, "cocap": BLUE, "cocap-vs": GREEN,
+    "sequential-rounds": RED, "cocap-lns": PURPLE,
 }  # fmt: skip
-_AROUND = 2.0  # m
 _NAMES = {
     "greedy": "unconstrained (collides)", "sequential": "sequential",
     "cocap": "CoCap, value iteration", "cocap-vs": "CoCap, view search",
     "sequential-rounds": "sequential, then rounds", "cocap-lns": "cocap-lns",
 }  # fmt: skip
-_SCENES = ("#30638e", "#00798c", "#edae49", "#d1495b", "#7b5ea7")
-
-Curves = Mapping[str, Mapping[int, Sequence[float]]]  # reward per step by planner and seed
 
 
 def curves_figure(curves: Mapping[str, Curves]) -> Figure:
@@ -45,33 +55,31 @@ def curves_figure(curves: Mapping[str, Curves]) -> Figure:
     Above is the reward at each step, one standard deviation shaded; below the reward up to a step
     beside that of sequential planning on the same seeds, its bootstrap interval shaded.
     """
-    figure = Figure(figsize=(3.9 * max(len(curves), 2), 6.4), layout="constrained", dpi=110)
+    figure = new_figure(3.9 * max(len(curves), 2), 6.4)
     axes = figure.subplots(2, len(curves), squeeze=False)
     for (above, below), (scene, planners) in zip(axes.T, curves.items(), strict=True):
         _draw_curves(above, planners)
         _draw_gains(below, planners)
         counts = sorted({len(rewards) for rewards in planners.values()})
         words = " to ".join(map(str, dict.fromkeys((counts[0], counts[-1]))))
-        above.set_title(f"{scene} ({words} seeds)", fontsize=10)
+        above.set_title(f"{scene} ({words} seeds)", fontsize=TITLE)
         for ax in (above, below):
             ax.xaxis.set_major_locator(MaxNLocator(integer=True))
-            ax.grid(alpha=0.25)
-            draw_frame(ax)
+            set_frame(ax)
         below.set_xlabel("step")
     axes[0, 0].set_ylabel("view reward (mean, ± 1 sd shaded)")
     axes[1, 0].set_ylabel("reward up to the step,\nbeside sequential planning (%)")
-    handles = axes[0, 0].get_legend_handles_labels()
-    figure.legend(*handles, loc="outside lower center", ncols=len(handles[0]), fontsize=9)
+    add_legend(figure, axes[0, 0])
     return figure
 
 
 def _draw_curves(ax: Axes, planners: Curves) -> Axes:
     """Draws the mean and the spread of each planner's reward per step."""
-    for k, (planner, rewards) in enumerate(planners.items()):
+    for planner, rewards in planners.items():
         if not rewards:
             continue
         values = np.array(list(rewards.values()))
-        steps = np.arange(1, values.shape[1] + 1) + 0.06 * k  # side by side, not on each other
+        steps = np.arange(1, values.shape[1] + 1)
         mean, spread = values.mean(axis=0), values.std(axis=0, ddof=min(1, len(values) - 1))
         colour = _COLOURS.get(planner, "black")
         ax.fill_between(steps, mean - spread, mean + spread, color=colour, alpha=0.1, lw=0)
@@ -89,7 +97,7 @@ def _draw_gains(ax: Axes, planners: Curves) -> Axes:
         own, other = (np.cumsum([some[s] for s in seeds], axis=1) for some in (rewards, base))
         gains = 100 * (own / np.where(other > 0, other, np.nan) - 1)
         steps = np.arange(1, gains.shape[1] + 1)
-        means = [Mean.resampled(some[np.isfinite(some)].tolist() or [0.0]) for some in gains.T]
+        means = [Mean.of(some[np.isfinite(some)].tolist() or [0.0]) for some in gains.T]
         colour = _COLOURS.get(planner, "black")
         ax.fill_between(steps, [m.low for m in means], [m.high for m in means], color=colour,
                         alpha=0.12, lw=0)  # fmt: skip
@@ -104,25 +112,24 @@ def ablation_figure(effects: Mapping[str, Sequence[tuple[str, Mean]]]) -> Figure
     ----------
     effects : by part, the scenes with what the part adds there
     """
-    figure = Figure(figsize=(9.6, 1.2 + 0.62 * len(effects)), layout="constrained", dpi=110)
+    figure = new_figure(9.6, 1.2 + 0.62 * len(effects))
     ax = figure.subplots()
     scenes = list(dict.fromkeys(scene for some in effects.values() for scene, _ in some))
-    colours = dict(zip(scenes, [*_SCENES, "black"] * len(scenes), strict=False))
+    colours = dict(zip(scenes, [*SERIES, "black"] * len(scenes), strict=False))
     for n, some in enumerate(effects.values()):
         for k, (scene, mean) in enumerate(some):
             ends = [[mean.value - mean.low], [mean.high - mean.value]]
             ax.errorbar([mean.value], [n + 0.12 * (k - len(some) / 2)], xerr=np.nan_to_num(ends),
                         fmt="D" if scene == scenes[-1] else "o", color=colours[scene], ms=4,
                         lw=1.3, label=scene if n == 0 else None)  # fmt: skip
-    ax.axvline(0, color="grey", lw=0.8)
-    ax.set_yticks(range(len(effects)), list(effects), fontsize=8)
+    ax.axvline(0, color=GREY, lw=0.8)
+    ax.set_yticks(range(len(effects)), list(effects), fontsize=SMALL)
     ax.invert_yaxis()
     ax.set_xscale("symlog", linthresh=0.1)
-    ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    ax.xaxis.set_major_formatter("{x:g}")
     ax.set_xlabel("adds to J, in % of the certified bound (mean and 95 % bootstrap interval)")
-    ax.grid(alpha=0.25, axis="x")
-    draw_frame(ax)
-    figure.legend(loc="outside lower center", ncols=len(scenes), fontsize=8, frameon=False)
+    set_frame(ax, "x")
+    add_legend(figure, ax)
     return figure
 
 
@@ -130,31 +137,26 @@ def conditions_figure(trials: Sequence[Trial]) -> Figure:
     """Draws CoCap's gain over sequential planning on random corridors by each parameter."""
     drawn = planned([trial for trial in trials if trial.stage == DRAWN])
     names = Corridor._fields
-    figure = Figure(figsize=(2.1 * len(names), 3.4), layout="constrained", dpi=110)
+    figure = new_figure(2.1 * len(names), 3.4)
     panels = np.ravel(figure.subplots(1, len(names), sharey=True))
-    rng = np.random.default_rng(0)
     for ax, name in zip(panels, names, strict=True):
         values = [getattr(trial.corridor, name) for trial in drawn]
         levels = sorted(set(values))
         gains = np.array([trial.gain() for trial in drawn])
         where = np.array([levels.index(value) for value in values])
-        ax.plot(where + rng.uniform(-0.2, 0.2, len(where)), gains, "o", ms=2.5, color="#8d99ae")
+        ax.plot(where, gains, "_", ms=14, mew=0.8, color=FADED, alpha=0.6)
         means = [gains[where == n].mean() for n in range(len(levels))]
-        ax.plot(range(len(levels)), means, "D", ms=5, color="#30638e")
-        ax.axhline(PUBLISHED, color="#d1495b", lw=0.9, ls=":")
+        ax.plot(range(len(levels)), means, "D", ms=5, color=BLUE)
+        draw_level(ax, PUBLISHED, f"published: {PUBLISHED:g}" if ax is panels[0] else "")
         ax.set_xticks(
-            range(len(levels)), [str(level).removesuffix(".0") for level in levels], fontsize=8
+            range(len(levels)), [str(level).removesuffix(".0") for level in levels], fontsize=SMALL
         )
         ax.set_xlabel(f"{name} (m)" if name in ("width", "length", "height") else name)
-        draw_frame(ax)
+        set_frame(ax, "y")
     panels[0].set_yscale("symlog", linthresh=1)
     panels[0].set_ylim(min(0.0, *gains.tolist()) - 0.2, 2 * max(PUBLISHED, *gains.tolist()))
-    panels[0].yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    panels[0].yaxis.set_major_formatter("{x:g}")
     panels[0].set_ylabel("CoCap above sequential planning (%)")
-    panels[0].annotate(
-        f"published: {PUBLISHED:g}", (0.98, PUBLISHED), fontsize=7, ha="right", va="bottom",
-        xycoords=("axes fraction", "data"), color="#d1495b",
-    )  # fmt: skip
     return figure
 
 
@@ -165,34 +167,22 @@ def encounter_figure(problem: Problem, encounter: Encounter, plans: Mapping[str,
     ----------
     plans : by planner
     """
-    low, high = _extent(problem, plans.values())
-    height = 1.2 + 4.0 * (high[1] - low[1]) / (high[0] - low[0])
-    figure = Figure(figsize=(4.6 * len(plans), height), layout="constrained", dpi=130)
+    frame = Frame.of(problem, plans.values())
+    width, depth = frame.size
+    height = 1.2 + 4.0 * depth / width
+    figure = new_figure(4.6 * len(plans), height)
     for ax, (name, plan) in zip(np.ravel(figure.subplots(1, len(plans))), plans.items(),
                                 strict=True):  # fmt: skip
-        draw_plan(ax, problem, plan, encounter.step)
-        ax.set_xlim(low[0], high[0])
-        ax.set_ylim(low[1], high[1])
+        draw_plan(ax, problem, plan, encounter.step, frame)
         verdict = check(problem, plan)
         words = f", {len(verdict.conflicts)} conflicts" if verdict.conflicts else ""
         ax.set_title(f"{_NAMES.get(name, name)}\nJ = {verdict.reward:,.0f}{words}", fontsize=9)
     i, k = encounter.robots
     figure.suptitle(
         f"{problem.name}, seed {encounter.seed}, step {encounter.step}: drones {i} and {k}",
-        fontsize=10,
+        fontsize=TITLE,
     )
     return figure
-
-
-def _extent(problem: Problem, plans: Iterable[Plan]) -> tuple[FloatArray, FloatArray]:
-    """Returns the corners (m) of the part of the map where drones fly and people walk."""
-    centre = problem.height_map.centre
-    places = [centre(s.x, s.y) for plan in plans for path in plan.paths for s in path]
-    places += [(float(x), float(y)) for actor in problem.actors for x, y in actor.poses[:, :2]]
-    origin = np.array(problem.height_map.origin)
-    end = origin + np.array(problem.height_map.shape) * problem.height_map.resolution
-    low, high = np.min(places, axis=0) - _AROUND, np.max(places, axis=0) + _AROUND
-    return np.maximum(low, origin), np.minimum(high, end)
 
 
 def scaling_figure(points: Mapping[str, Sequence[tuple[int, float, float]]]) -> Figure:
@@ -203,22 +193,19 @@ def scaling_figure(points: Mapping[str, Sequence[tuple[int, float, float]]]) -> 
     points : by planner (drones, median seconds, mean reward in % of the certified bound
         without collisions)
     """
-    figure = Figure(figsize=(9.6, 3.8), layout="constrained", dpi=130)
+    figure = new_figure(9.6, 3.8)
     left, right = figure.subplots(1, 2)
     for planner, some in points.items():
         robots, seconds, shares = zip(*some, strict=True)
         style = {"color": _COLOURS.get(planner, "black"), "marker": "o", "ms": 3.5, "lw": 1.5}
         left.plot(robots, seconds, label=_NAMES.get(planner, planner), **style)
         right.plot(robots, shares, label=_NAMES.get(planner, planner), **style)
-    left.set_yscale("log")
-    left.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    set_plain_log(left, "y")
     left.set_ylabel("time, median (s)")
     right.set_ylabel("mean reward, of the bound\nwithout collisions (%)")
     for ax in (left, right):
         ax.set_xlabel("drones")
         ax.xaxis.set_major_locator(MaxNLocator(integer=True))
-        ax.grid(alpha=0.25, which="both")
-    figure.legend(
-        *left.get_legend_handles_labels(), loc="outside lower center", ncols=5, fontsize=8
-    )
+        set_frame(ax)
+    add_legend(figure, left)
     return figure

@@ -75,7 +75,7 @@ class Encounter(NamedTuple):
             "only the later": str(sum(e.moved == (False, True) for e in some)),
             "both": str(sum(all(e.moved) for e in some)),
             "earlier gives up own reward": str(len(earlier)),
-            "share given up (%)": Mean.interval(earlier, 2),
+            "share given up (%)": Mean.in_words(earlier, 2),
             "most (%)": f"{max(earlier):.2f}" if earlier else NONE,
         }
 

@@ -64,14 +64,14 @@ class Page(NamedTuple):
         return [
             f"CoCap outperforms sequential planning on {better} of {len(scenes)} scenes, and comes "
             f"within 1 % of planning without collisions on {near}.",
-            f"Over all scenes it gains {tree} % of the bound over sequential planning; rounds of "
-            f"best responses gain {rounds} %, the best of ten orders {orders} %.",
-            f"Its tree adds {beside} % to rounds, neighbourhood search {search} %.",
+            f"Over all scenes it gains {tree} of the bound over sequential planning; rounds of "
+            f"best responses gain {rounds}, the best of ten orders {orders}.",
+            f"Its tree adds {beside} to rounds, neighbourhood search {search}.",
         ]
 
     def _added(self, contrast: ablation.Contrast) -> str:
         found = ablation.Effect.over_all(self.rows, contrast).mean
-        return found.text(2) if found else NONE
+        return found.text(2, " %") if found else NONE
 
     def verdict(self) -> dict[str, list[str]]:
         """Returns what speaks for CoCap, what against it and what is left open, in sentences."""

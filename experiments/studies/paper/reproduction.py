@@ -12,6 +12,7 @@ from cocap_opt.experiments.results.statistics import Mean
 from cocap_opt.experiments.results.tables import Table
 from cocap_opt.experiments.studies.paper.ablation import CONTRASTS, Effect
 from cocap_opt.experiments.studies.paper.conditions import Search, Trial, read_trials
+from cocap_opt.experiments.studies.paper.curves import CURVES, StepReward, curves_of
 from cocap_opt.experiments.studies.paper.figures import (
     ablation_figure,
     conditions_figure,
@@ -26,13 +27,12 @@ from cocap_opt.experiments.sweeps.instances import Instance, Settings
 from cocap_opt.experiments.sweeps.sweep import Hired, sweep
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import Problem
-from cocap_opt.referee import check
 from cocap_opt.scenarios import load_scene
 from cocap_opt.scenarios.built_in.field import field
 
 SCENES = ("corridor", "corridor-tight", "bottleneck", "bottleneck-tight", "passage")
 _ENCOUNTERS = ("corridor", "bottleneck")  # scenes in which it is asked who gives way
-_CURVES = ("greedy", "sequential", "cocap", "cocap-vs", "cocap-lns")
+DRAWN_AS_CURVES = ("greedy", "sequential", "cocap", "cocap-vs", "cocap-lns")
 _SCALING = ("greedy", "sequential", "cocap", "cocap-vs", "cocap-lns")
 CONDITIONS = "conditions.csv"
 _AT_A_TIME = 3600.0  # s, that a worker may take for a cell
@@ -121,9 +121,11 @@ def _write(
     some = [one for one in instances if one.problem.name in _ENCOUNTERS]
     giving, found = _giving_way(some)
     example = Encounter.most_generous(found["cocap"])
+    rewards = _curves(instances)
+    save_csv(out / CURVES, [one._asdict() for one in rewards])
     figures = {
-        "curves.png": picture(curves_figure(_curves(instances)), ".png"),
-        "ablation.png": picture(ablation_figure(_effects(rows)), ".png"),
+        "curves.png": picture(curves_figure(curves_of(rewards)), ".png"),
+        "ablation.png": picture(ablation_figure(effects_of(rows)), ".png"),
     }
     if example is not None:
         figures["giving-way.png"] = _example(some, example)
@@ -137,7 +139,7 @@ def _write(
     save_bytes(out / "paper.md", page.text().encode())
 
 
-def _effects(rows: Sequence[Row]) -> dict[str, list[tuple[str, Mean]]]:
+def effects_of(rows: Sequence[Row]) -> dict[str, list[tuple[str, Mean]]]:
     """Returns by part what it adds on each scene, and on all."""
     return {
         f"{one.part}\n{one.words}": [
@@ -151,15 +153,15 @@ def _swept(folder: Path, instances: Sequence[Instance], workers: int | None) -> 
     return sweep(instances, folder, Hired(workers, None, _AT_A_TIME))
 
 
-def _curves(instances: Sequence[Instance]) -> dict[str, dict[str, dict[int, Sequence[float]]]]:
-    """Returns the reward per step by scene, planner and seed."""
-    curves: dict[str, dict[str, dict[int, Sequence[float]]]] = {}
-    for instance in instances:
-        planners = curves.setdefault(instance.problem.name, {name: {} for name in _CURVES})
-        for planner, seen in planners.items():
-            if (plan := instance.plan(planner)) is not None:
-                seen[instance.seed] = check(instance.problem, plan).reward_per_step
-    return curves
+def _curves(instances: Sequence[Instance]) -> list[StepReward]:
+    """Returns the rewards per step of the planners whose curves are drawn."""
+    return [
+        reward
+        for planner in DRAWN_AS_CURVES
+        for instance in instances
+        if (plan := instance.plan(planner)) is not None
+        for reward in StepReward.all_of(instance.problem, instance.seed, planner, plan)
+    ]
 
 
 def _giving_way(instances: Sequence[Instance]) -> tuple[Table, dict[str, list[Encounter]]]:

@@ -6,49 +6,48 @@ from statistics import median
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullFormatter
 
-from cocap_opt.experiments.report.figures import draw_frame
+from cocap_opt.experiments.report.style import (
+    SERIES,
+    TITLE,
+    add_legend,
+    draw_level,
+    new_figure,
+    set_frame,
+    set_plain_log,
+)  # fmt: skip
 from cocap_opt.experiments.studies.separation.points import Point
-
-_COLOURS = ("#30638e", "#d1495b", "#edae49", "#00798c", "#7b5ea7", "#5a5a5a", "#8c5a2b", "#2e8b57")
 
 
 def separation_figure(points: Sequence[Point]) -> Figure:
     """Draws the price of separation, and processor seconds relative to the papers' rules."""
-    figure = Figure(figsize=(14, 4.6), layout="constrained", dpi=130)
+    figure = new_figure(14, 4.6)
     price, plan, lns, proof = figure.subplots(1, 4)
     scenes = list(dict.fromkeys(point.scene for point in points))
-    for scene, colour in zip(scenes, cycle(_COLOURS), strict=False):
+    for scene, colour in zip(scenes, cycle(SERIES), strict=False):
         some = [point for point in points if point.scene == scene]
         _draw_price(price, some, scene, colour)
         _draw_times(plan, some, colour, lambda point: point.cocap_seconds)
         _draw_times(lns, some, colour, lambda point: point.lns_seconds)
         _draw_times(proof, some, colour, lambda point: point.proof_seconds)
-    price.set_title("price of separation, certified", fontsize=10)
+    price.set_title("price of separation, certified", fontsize=TITLE)
     price.set_ylabel("% of the optimal J under the papers' rules")
     titles = {
         plan: "time of CoCap", lns: "time of cocap-lns", proof: "time of the proof, or of its limit"
     }  # fmt: skip
     for ax, title in titles.items():
-        ax.set_title(title, fontsize=10)
-        ax.set_yscale("log")
-        ax.yaxis.set_major_formatter("{x:g}")
-        ax.yaxis.set_minor_formatter(NullFormatter())
-        ax.axhline(2, color="grey", lw=0.8, ls=":")
-        ax.annotate("goal: 2", (0.99, 2), xycoords=("axes fraction", "data"), fontsize=8,
-                    color="grey", va="bottom", ha="right")  # fmt: skip
+        ax.set_title(title, fontsize=TITLE)
+        set_plain_log(ax, "y")
+        draw_level(ax, 2, "goal: 2")
     plan.set_ylabel("times that under the papers' rules")
     for ax in (price, plan, lns, proof):
         ax.set_xlabel("separation (m)")
         ax.set_xticks(sorted({point.separation for point in points if point.separation}))
-        ax.grid(True, lw=0.4, alpha=0.5)
-        draw_frame(ax)
+        set_frame(ax)
     most = max(20, plan.get_ylim()[1])
     for ax in (plan, lns, proof):
         ax.set_ylim(0.2, most)
-    figure.legend(*price.get_legend_handles_labels(), loc="outside lower center", fontsize=9,
-                  ncols=len(scenes), frameon=False)  # fmt: skip
+    add_legend(figure, price)
     return figure
 
 

@@ -1,15 +1,12 @@
 """The measurements of the price of separation: a row per scene, seed and separation."""
 
-import csv
-import io
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple, Self, get_type_hints
+from typing import NamedTuple, Self
 
-from cocap_opt.experiments.results.files import read_text
+from cocap_opt.experiments.results.files import load_csv
 from cocap_opt.experiments.results.printing import Record
-from cocap_opt.files.documents import FileError
 from cocap_opt.result import relative_gap
 from cocap_opt.stop import NO_LIMIT
 
@@ -34,15 +31,7 @@ class Point(NamedTuple):
     @classmethod
     def read(cls, path: Path) -> list[Self]:
         """Returns the measurements that are stored in a file."""
-        kinds = get_type_hints(cls)
-        try:
-            return [
-                cls(**{name: kinds[name](value) for name, value in row.items()})
-                for row in csv.DictReader(io.StringIO(read_text(path)))
-            ]
-        except (KeyError, TypeError, ValueError) as error:
-            fields = ",".join(cls._fields)
-            raise FileError(f"{path}: must hold the columns {fields} and numbers") from error
+        return load_csv(path, cls, "cocap-opt study separation")
 
     @property
     def proved(self) -> bool:

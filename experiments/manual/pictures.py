@@ -1,0 +1,115 @@
+"""The pictures of the pages, each drawn anew from stored results or from plans made on the spot.
+
+`cocap-opt study pictures` writes them, and so does Sphinx before it builds the pages: no picture
+can be older than its numbers.
+"""
+
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+from cocap_opt.experiments.report.charts import gaps_figure
+from cocap_opt.experiments.report.figures import picture, plan_picture
+from cocap_opt.experiments.results.files import make_folder, save_files
+from cocap_opt.experiments.results.rows import Row
+from cocap_opt.experiments.studies.flight.figure import flight_figure
+from cocap_opt.experiments.studies.flight.runs import Run as FlightRun
+from cocap_opt.experiments.studies.paper.conditions import read_trials
+from cocap_opt.experiments.studies.paper.curves import StepReward, curves_of
+from cocap_opt.experiments.studies.paper.figures import (
+    ablation_figure,
+    conditions_figure,
+    curves_figure,
+    encounter_figure,
+)
+from cocap_opt.experiments.studies.paper.giving_way import Encounter
+from cocap_opt.experiments.studies.paper.measured import STORED, read_rows
+from cocap_opt.experiments.studies.paper.reproduction import effects_of
+from cocap_opt.experiments.studies.separation.figure import separation_figure
+from cocap_opt.experiments.studies.separation.points import Point
+from cocap_opt.planners import PLANNERS, RECOMMENDED
+from cocap_opt.problem import Plan, Problem
+from cocap_opt.scenarios import load_scene
+from cocap_opt.stop import never
+
+_SUFFIX = ".png"
+_GAPS_OF = ("greedy", "sequential", "sequential-rounds", "cocap", "cocap-vs", RECOMMENDED)
+_GAPS_IN = ("bottleneck", "passage")
+_GIVING_WAY = ("greedy", "sequential", "cocap")
+
+
+def _gaps() -> bytes:
+    rows = [row for row in _paper() if row.scene in _GAPS_IN and row.planner in _GAPS_OF]
+    return picture(gaps_figure(rows), _SUFFIX)
+
+
+def _curves() -> bytes:
+    rewards = StepReward.read(STORED / "curves.csv")
+    return picture(curves_figure(curves_of(rewards)), _SUFFIX)
+
+
+def _ablation() -> bytes:
+    return picture(ablation_figure(effects_of(_paper())), _SUFFIX)
+
+
+def _conditions() -> bytes:
+    return picture(conditions_figure(read_trials(STORED / "paper-conditions.csv")), _SUFFIX)
+
+
+def _separation() -> bytes:
+    return picture(separation_figure(Point.read(STORED / "separation.csv")), _SUFFIX)
+
+
+def _flight() -> bytes:
+    return picture(flight_figure(FlightRun.read(STORED / "flight.csv")), _SUFFIX)
+
+
+def _giving_way() -> bytes:
+    """Draws the encounter of ten seeds in which a drone gives up most for its team."""
+    found: list[tuple[Encounter, Problem, dict[str, Plan]]] = []
+    for seed in range(10):
+        problem = load_scene("bottleneck", seed)
+        plans = {name: _plan(problem, name) for name in _GIVING_WAY}
+        found += [
+            (one, problem, plans)
+            for one in Encounter.all_of(problem, seed, plans["greedy"], plans["cocap"])
+        ]
+    most = Encounter.most_generous([one for one, _, _ in found])
+    assert most is not None, "nobody gives way"
+    _, problem, plans = next(some for some in found if some[0] is most)
+    return picture(encounter_figure(problem, most, plans), _SUFFIX)
+
+
+def _top_view(scene: str, *steps: int) -> bytes:
+    problem = load_scene(scene, 0)
+    return plan_picture(problem, _plan(problem, RECOMMENDED), _SUFFIX, steps)
+
+
+@cache
+def _paper() -> list[Row]:
+    return read_rows(STORED / "paper.csv")
+
+
+def _plan(problem: Problem, planner: str) -> Plan:
+    plan = PLANNERS[planner](problem, never).plan
+    assert plan is not None, f"{problem.name}: {planner} has no plan"
+    return plan
+
+
+PICTURES: dict[str, Callable[[], bytes]] = {
+    "gaps": _gaps,
+    "curves": _curves,
+    "ablation": _ablation,
+    "conditions": _conditions,
+    "giving-way": _giving_way,
+    "separation": _separation,
+    "flight": _flight,
+    "bridge": lambda: _top_view("bridge"),
+    "bottleneck": lambda: _top_view("bottleneck", 0, 4, 8, 11),
+}
+
+
+def write_pictures(folder: Path) -> None:
+    """Writes all pictures into a folder, which is made."""
+    make_folder(folder)
+    save_files({folder / f"{name}{_SUFFIX}": draw() for name, draw in PICTURES.items()})

@@ -1,0 +1,99 @@
+"""The style that all figures share: colours, sizes, frames, legends, and fonts for any letters."""
+
+import logging
+from collections.abc import Iterable
+from functools import lru_cache
+from typing import Literal
+
+from matplotlib import font_manager, ft2font
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
+
+BLUE, RED, AMBER, TEAL, PURPLE, GREY, BROWN, GREEN = SERIES = (
+    "#30638e", "#d1495b", "#edae49", "#00798c", "#7b5ea7", "#5a5a5a", "#8c5a2b", "#2e8b57",
+)  # fmt: skip
+FADED = "#8d99ae"  # of what is there to be compared with
+TITLE, LABEL, SMALL = 10, 9, 8  # pt, sizes of letters
+_DPI = 130
+_DEFAULT = "DejaVu Sans"  # comes with matplotlib
+_BOXES = "Last Resort"  # a font that has a box for every letter
+
+_log = logging.getLogger(__name__)
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """Returns an empty figure of a size in inches."""
+    return Figure(figsize=(width, height), layout="constrained", dpi=_DPI)
+
+
+def set_frame(ax: Axes, grid: Literal["both", "x", "y"] | None = "both") -> Axes:
+    """Leaves only the two sides of the frame that have numbers, above a faint grid."""
+    for side in ("top", "right"):
+        ax.spines[side].set_visible(False)
+    if grid is not None:
+        ax.set_axisbelow(True)
+        ax.grid(axis=grid, lw=0.5, alpha=0.35)
+    return ax
+
+
+def add_legend(figure: Figure, ax: Axes, columns: int | None = None) -> None:
+    """Names what is drawn on an axes below the whole figure, where it covers nothing."""
+    handles, labels = ax.get_legend_handles_labels()
+    if handles:
+        figure.legend(handles, labels, loc="outside lower center", fontsize=LABEL,
+                      ncols=columns or len(handles), frameon=False)  # fmt: skip
+
+
+def set_plain_log(ax: Axes, axis: Literal["x", "y"]) -> None:
+    """Makes an axis logarithmic, with numbers as people write them."""
+    ax.set(**{f"{axis}scale": "log"})
+    own = ax.xaxis if axis == "x" else ax.yaxis
+    own.set_major_formatter("{x:g}")
+    own.set_minor_formatter(NullFormatter())
+
+
+def draw_level(ax: Axes, height: float, words: str, align: str = "left") -> None:
+    """Draws a level as a dotted line, with words above it."""
+    ax.axhline(height, color=GREY, lw=0.8, ls=":")
+    ax.annotate(words, (0.01 if align == "left" else 0.99, height), fontsize=SMALL, color=GREY,
+                xycoords=("axes fraction", "data"), va="bottom", ha=align, zorder=5,
+                bbox={"boxstyle": "square,pad=0.1", "fc": "white", "ec": "none", "alpha": 0.8},
+                )  # fmt: skip
+
+
+@lru_cache(maxsize=256)
+def families_for(text: str) -> tuple[str, ...]:
+    """Returns the font of all figures and, if it lacks letters, installed ones that have them."""
+    lacking = _lacking(text, _letters(font_manager.findfont(_DEFAULT)))
+    found = [_DEFAULT]
+    fonts = [font for font in font_manager.fontManager.ttflist if _BOXES not in font.name]
+    for font in sorted(fonts, key=_oddness) if lacking else ():
+        left = _lacking(lacking, _letters(font.fname))
+        if len(left) < len(lacking):
+            lacking = left
+            found.append(font.name)
+        if not lacking:
+            break
+    if lacking:
+        letters = "".join(sorted(lacking))
+        _log.warning("figures: no font that is installed has the letters %s", letters)
+    return tuple(found)
+
+
+def _oddness(font: font_manager.FontEntry) -> tuple[bool, str]:
+    """Returns what puts upright fonts of common weight first."""
+    return font.style != "normal" or font.weight not in (400, "normal", "regular"), font.name
+
+
+def _lacking(text: Iterable[str], letters: frozenset[int]) -> frozenset[str]:
+    return frozenset(c for c in text if not c.isspace() and ord(c) not in letters)
+
+
+@lru_cache(maxsize=512)
+def _letters(path: str) -> frozenset[int]:
+    """Returns the code points that a font has; none of a file that cannot be read."""
+    try:
+        return frozenset(ft2font.FT2Font(path).get_charmap())
+    except (OSError, RuntimeError):
+        return frozenset()
