@@ -29,6 +29,7 @@ from cocap_opt.experiments.studies.paper.reproduction import SCENES
 from cocap_opt.experiments.studies.separation.points import Point
 from cocap_opt.experiments.studies.separation.tables import separation_in_markdown
 from cocap_opt.experiments.studies.stored_tables import (
+    findings_in_markdown,
     published_in_markdown,
     solver_figures_in_markdown,
     start_sets_in_markdown,
@@ -79,6 +80,8 @@ QUOTES: dict[str, Callable[[], str]] = {
     "lazy": lazy_in_markdown,
     "greedy_perspectives": start_sets_in_markdown,
     "greedy_perspectives_plans": partial(published_in_markdown, "greedy-perspectives-plans.csv"),
+    "hughes_plans": partial(published_in_markdown, "hughes-plans.csv"),
+    "hughes_findings": partial(findings_in_markdown, "hughes.md"),
     "views": views_in_markdown,
     "solver_figures": solver_figures_in_markdown,
     "paper_in_short": lambda: _listed(_paper().summary()),

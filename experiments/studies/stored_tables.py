@@ -4,8 +4,10 @@ import csv
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from statistics import median
 
 from cocap_opt.experiments.results.printing import Listing, Record
+from cocap_opt.experiments.studies.growth.points import GAP, MEASURES, Point, Sample
 from cocap_opt.experiments.studies.paper.measured import STORED
 
 _Rows = list[dict[str, str]]
@@ -43,12 +45,23 @@ def published_in_markdown(name: str) -> str:
             "planner": row["planner"],
             "J": f"{float(row['reward']):,.1f}",
             "below the bound": _percent(row["gap"]),
-            "conflicts": row["conflicts"],
-            "above theirs": f"{float(row['above theirs (%)']):+.2f} %",
+            "conflicts": row["conflicts"] or "-",
+            "above their best": f"{float(row['above theirs (%)']):+.2f} %",
         }
         for row in _stored(name)
         if row["reward"] and row["above theirs (%)"]
     ])  # fmt: skip
+
+
+def findings_in_markdown(name: str) -> str:
+    """Returns what the study of others' scenes found, in sentences.
+
+    Parameters
+    ----------
+    name : of the stored file, others.md as the study writes it
+    """
+    text = (STORED / name).read_text(encoding="utf-8")
+    return text.partition("## Their evaluation\n\n")[2].partition("\n\n")[0]
 
 
 def views_in_markdown() -> str:
@@ -86,16 +99,20 @@ def solver_figures_in_markdown() -> str:
 
 def growth_in_markdown() -> str:
     """Returns the time and the gap of column generation for each size of the scene `field`."""
+    points = Point.all_of(Sample.read(STORED / "growth.csv"))
+    middle = [
+        {name: median(measure.of(point)) for name, measure in MEASURES.items()} for point in points
+    ]
     return _table([
         {
-            "changes": row["axis"],
-            **{key: row[key] for key in ("robots", "actors", "cells", "steps")},
-            "to a gap of 3 %": _number(row["seconds_to_gap"], "s"),
-            "gap at the end": f"{float(row['gap_percent']):.2f} %",
-            "stopped": f"{row['at_limit']} of {row['seeds']}",
-            "memory": f"{float(row['gigabytes']):.2f} GB",
+            "size": point.axis,
+            "number": f"{point.size}",
+            f"to a gap of {100 * GAP:g} %": _seconds(found["seconds_to_gap"]),
+            "gap at the end": f"{found['gap_percent']:.2f} %",
+            "stopped": f"{sum(not s.finished for s in point.samples)} of {len(point.samples)}",
+            "memory": f"{max(sample.gigabytes for sample in point.samples):.2f} GB",
         }
-        for row in _stored("growth.csv")
+        for point, found in zip(points, middle, strict=True)
     ])  # fmt: skip
 
 
@@ -123,6 +140,10 @@ def _table(rows: Sequence[Record]) -> str:
 
 def _percent(share: str) -> str:
     return f"{100 * float(share):.2f} %" if share else "-"
+
+
+def _seconds(seconds: float) -> str:
+    return f"{seconds:.3g} s" if math.isfinite(seconds) else "-"
 
 
 def _number(text: str, unit: str) -> str:
