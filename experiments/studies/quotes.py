@@ -11,6 +11,7 @@ from functools import cache, partial
 from pathlib import Path
 
 from cocap_opt.experiments.results.files import read_text, save_bytes
+from cocap_opt.experiments.results.printing import counted
 from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.studies.flight.flight import STORED as FLIGHTS
 from cocap_opt.experiments.studies.flight.runs import Run as FlightRun
@@ -61,6 +62,16 @@ def _answers(question: str) -> str:
     return _listed(_paper().questions()[question])
 
 
+def _settings() -> str:
+    """Says how many seeds there are, and what plans and bounds were allowed."""
+    rows = _paper().rows
+    plans, bounds = (max(Row.values(rows, name)) for name in ("time_limit", "bound_time_limit"))
+    return (
+        f"{counted(len({row.seed for row in rows}), 'seed')} of each scene, with limits of "
+        f"{plans:g} s for plans and {bounds:g} s for bounds"
+    )
+
+
 def _gap(scene: str, planner: str) -> str:
     """Returns the mean gap of a planner in a scene, in %."""
     own = [row for row in _paper().rows if (row.scene, row.planner) == (scene, planner)]
@@ -85,6 +96,7 @@ QUOTES: dict[str, Callable[[], str]] = {
     "views": views_in_markdown,
     "solver_figures": solver_figures_in_markdown,
     "paper_in_short": lambda: _listed(_paper().summary()),
+    "paper_settings": _settings,
     "paper_for": partial(_side, "For CoCap"),
     "paper_against": partial(_side, "Against it"),
     "paper_left_open": partial(_side, "Left open"),
