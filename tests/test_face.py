@@ -2,6 +2,7 @@
 
 import ast
 import dataclasses
+import doctest
 import inspect
 import platform
 import subprocess
@@ -50,6 +51,23 @@ def test_help_is_useful(name: str) -> None:
     assert all(f"\n{p} :" in words for p in parameters), name
     assert "Raises\n----" in words
     assert set(function.__annotations__) >= set(parameters)
+
+
+@pytest.mark.slow
+def test_examples_of_help_run() -> None:
+    """What docstrings show can be typed as it stands, with a problem and results at hand."""
+    problem = co.load("tiny-queue")
+    best = co.solve(problem)
+    greedy, cocap = (co.plan(problem, name) for name in ("greedy", "cocap"))
+    at_hand = {"co": co, "Player": co.Player, "problem": problem, "greedy": greedy,
+               "cocap": cocap, "result": best, "best": best}  # fmt: skip
+    ran = 0
+    for name in (*FUNCTIONS, "show_versions"):
+        if name != "gap":  # its example takes long; tests of the table are elsewhere
+            for example in doctest.DocTestParser().get_examples(getattr(co, name).__doc__ or ""):
+                exec(example.source, dict(at_hand))
+                ran += 1
+    assert ran > 10
 
 
 @pytest.mark.parametrize("registry", ["PLANNERS", "BOUNDS", "EXACT"])
