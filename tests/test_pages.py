@@ -61,6 +61,14 @@ def test_the_readme_quotes_what_is_stored(tmp_path: Path) -> None:
     assert copy.read_text(encoding="utf-8") == README.read_text(encoding="utf-8")
 
 
+def test_contributing_says_what_made_the_stored_results() -> None:
+    """Every stored file has a command that makes it again."""
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    table = text.partition("| file | made by |")[2].partition("\n\n")[0]
+    stored = {path.name for path in (ROOT / "experiments" / "studies" / "stored").iterdir()}
+    assert {name for name in stored if f"`{name}`" not in table} == set()
+
+
 def test_what_is_inserted_has_a_name() -> None:
     """Pages insert by names that exist; each of them says something."""
     texts = [page.read_text(encoding="utf-8") for page in pages()]

@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from statistics import median
 
-from cocap_opt.experiments.results.printing import Listing, Record
+from cocap_opt.experiments.results.printing import Listing, Record, counted
 from cocap_opt.experiments.studies.growth.points import GAP, MEASURES, Point, Sample
 from cocap_opt.experiments.studies.paper.measured import STORED
 
 _Rows = list[dict[str, str]]
+_PROSE = {"robots": "drones"}
 _MET = {"must": "target", "moonshot": "ambitious", "missed": "missed", "open": "not yet"}
 
 
@@ -99,14 +100,15 @@ def solver_figures_in_markdown() -> str:
 
 def growth_in_markdown() -> str:
     """Returns the time and the gap of column generation for each size of the scene `field`."""
-    points = Point.all_of(Sample.read(STORED / "growth.csv"))
+    samples = Sample.read(STORED / "growth.csv")
+    points = Point.all_of(samples)
     middle = [
         {name: median(measure.of(point)) for name, measure in MEASURES.items()} for point in points
     ]
-    return _table([
+    table = _table([
         {
-            "size": point.axis,
-            "number": f"{point.size}",
+            "changes": _PROSE.get(point.axis, point.axis),
+            "to": f"{point.size}",
             f"to a gap of {100 * GAP:g} %": _seconds(found["seconds_to_gap"]),
             "gap at the end": f"{found['gap_percent']:.2f} %",
             "stopped": f"{sum(not s.finished for s in point.samples)} of {len(point.samples)}",
@@ -114,18 +116,8 @@ def growth_in_markdown() -> str:
         }
         for point, found in zip(points, middle, strict=True)
     ])  # fmt: skip
-
-
-def speed_in_markdown() -> str:
-    """Returns the speed of coverage, planners and the command line, beside what is promised."""
-    return _table([
-        {
-            "figure": row["figure"],
-            "measured": _number(row["measured"], row["unit"]),
-            "target": row["target"] or "-",
-        }
-        for row in _stored("speed.csv")
-    ])  # fmt: skip
+    seeds = counted(len({sample.seed for sample in samples}), "seed")
+    return f"{table}\nMedians over {seeds}; runs were stopped after {samples[0].limit:g} s.\n"
 
 
 def _stored(name: str) -> _Rows:
