@@ -8,6 +8,7 @@ import cocap_opt
 from cocap_opt.experiments.manual.docstrings import with_meanings
 from cocap_opt.experiments.manual.entries import all_entries
 from cocap_opt.experiments.manual.gallery import write_players
+from cocap_opt.experiments.studies.drawings import write_drawings
 
 project = "cocap-opt"
 author = "the authors of cocap-opt"
@@ -35,8 +36,9 @@ html_css_files = ["pages.css"]
 html_theme_options = {"navigation_with_keys": True}
 
 
-def _write_players(app: Sphinx) -> None:
+def _write_files(app: Sphinx) -> None:
     write_players(Path(app.outdir) / "players")
+    write_drawings(Path(app.srcdir) / "pictures")
 
 
 def _move_meanings(app: Sphinx, kind: str, name: str, thing: object, options: object,
@@ -45,6 +47,6 @@ def _move_meanings(app: Sphinx, kind: str, name: str, thing: object, options: ob
 
 
 def setup(app: Sphinx) -> None:
-    """Write the players of the gallery, and prepare docstrings before numpydoc reads them."""
-    app.connect("builder-inited", _write_players)
+    """Write players and drawings, and prepare docstrings before numpydoc reads them."""
+    app.connect("builder-inited", _write_files)
     app.connect("autodoc-process-docstring", _move_meanings, priority=100)

@@ -62,6 +62,18 @@ def write_views(
     }
 
 
+def drone_view(problem: Problem, plan: Plan, robot: int, t: int, width: int) -> bytes:
+    """Returns the PNG file of what a drone sees at a step.
+
+    Parameters
+    ----------
+    width : px, about
+    """
+    own = problem.robots[robot]
+    painter = Renderer(problem, max(round(Renderer.camera_of(own).width / width), 1))
+    return _png(problem, painter.picture(own, t, plan.paths[robot][t]))
+
+
 def _csv_row(problem: Problem, view: FaceView) -> Record:
     actor = int(problem.face_owner[view.face])
     return {

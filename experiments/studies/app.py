@@ -423,20 +423,18 @@ def _speed(*, out: _Out = None) -> int:
 
 
 @app.command(name="pictures")
-def _pictures(
-    folder: Annotated[Path, Parameter(help="folder for the page and the picture")], /
-) -> int:
-    """Write the player's page and its picture, as in the README; needs Chromium.
+def _pictures(folder: Annotated[Path, Parameter(help="folder for the pictures")], /) -> int:
+    """Draw all pictures of README and pages; those of the player need Chromium.
 
     Example: cocap-opt study pictures pictures
     """
-    from cocap_opt.experiments.results.files import make_folder
+    from cocap_opt.experiments.studies.drawings import write_drawings
 
+    write_drawings(folder)
     try:
         from cocap_opt.experiments.studies.pictures import write_pictures
     except ModuleNotFoundError as error:
         raise FileError(f"{error.name} is not installed: pip install -e '.[test]'") from error
-    make_folder(folder)
     try:
         write_pictures(folder)
     except FileNotFoundError as error:

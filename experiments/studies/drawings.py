@@ -1,6 +1,6 @@
-"""The pictures of the pages, each drawn anew from stored results or from plans made on the spot.
+"""The drawings of the pages, each made anew from stored results or from plans made on the spot.
 
-`cocap-opt study pictures` writes them, and so does Sphinx before it builds the pages: no picture
+`cocap-opt study pictures` writes them, and so does Sphinx before it builds the pages: no drawing
 can be older than its numbers.
 """
 
@@ -10,6 +10,7 @@ from pathlib import Path
 
 from cocap_opt.experiments.report.charts import gaps_figure
 from cocap_opt.experiments.report.figures import picture, plan_picture
+from cocap_opt.experiments.report.rendering import drone_view
 from cocap_opt.experiments.results.files import make_folder, save_files
 from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.studies.flight.figure import flight_figure
@@ -85,6 +86,11 @@ def _top_view(scene: str, *steps: int) -> bytes:
     return plan_picture(problem, _plan(problem, RECOMMENDED), _SUFFIX, steps)
 
 
+def _view() -> bytes:
+    problem = load_scene("bottleneck", 0)
+    return drone_view(problem, _plan(problem, RECOMMENDED), robot=0, t=5, width=500)
+
+
 @cache
 def _paper() -> list[Row]:
     return read_rows(STORED / "paper.csv")
@@ -96,7 +102,7 @@ def _plan(problem: Problem, planner: str) -> Plan:
     return plan
 
 
-PICTURES: dict[str, Callable[[], bytes]] = {
+DRAWINGS: dict[str, Callable[[], bytes]] = {
     "gaps": _gaps,
     "curves": _curves,
     "ablation": _ablation,
@@ -104,12 +110,13 @@ PICTURES: dict[str, Callable[[], bytes]] = {
     "giving-way": _giving_way,
     "separation": _separation,
     "flight": _flight,
+    "view": _view,
     "bridge": lambda: _top_view("bridge"),
     "bottleneck": lambda: _top_view("bottleneck", 0, 4, 8, 11),
 }
 
 
-def write_pictures(folder: Path) -> None:
-    """Writes all pictures into a folder, which is made."""
+def write_drawings(folder: Path) -> None:
+    """Writes all drawings into a folder, which is made."""
     make_folder(folder)
-    save_files({folder / f"{name}{_SUFFIX}": draw() for name, draw in PICTURES.items()})
+    save_files({folder / f"{name}{_SUFFIX}": draw() for name, draw in DRAWINGS.items()})
