@@ -15,6 +15,8 @@ from cocap_opt.experiments.results.files import make_folder, save_files
 from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.studies.flight.figure import flight_figure
 from cocap_opt.experiments.studies.flight.runs import Run as FlightRun
+from cocap_opt.experiments.studies.growth.figure import growth_figure
+from cocap_opt.experiments.studies.growth.points import Point, Sample
 from cocap_opt.experiments.studies.paper.conditions import read_trials
 from cocap_opt.experiments.studies.paper.curves import StepReward, curves_of
 from cocap_opt.experiments.studies.paper.figures import (
@@ -27,7 +29,7 @@ from cocap_opt.experiments.studies.paper.giving_way import Encounter
 from cocap_opt.experiments.studies.paper.measured import STORED, read_rows
 from cocap_opt.experiments.studies.paper.reproduction import effects_of
 from cocap_opt.experiments.studies.separation.figure import separation_figure
-from cocap_opt.experiments.studies.separation.points import Point
+from cocap_opt.experiments.studies.separation.points import Point as SeparationPoint
 from cocap_opt.planners import PLANNERS, RECOMMENDED
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.scenarios import load_scene
@@ -58,11 +60,16 @@ def _conditions() -> bytes:
 
 
 def _separation() -> bytes:
-    return picture(separation_figure(Point.read(STORED / "separation.csv")), _SUFFIX)
+    return picture(separation_figure(SeparationPoint.read(STORED / "separation.csv")), _SUFFIX)
 
 
 def _flight() -> bytes:
     return picture(flight_figure(FlightRun.read(STORED / "flight.csv")), _SUFFIX)
+
+
+def _growth() -> bytes:
+    samples = Sample.read(STORED / "growth.csv")
+    return picture(growth_figure(Point.all_of(samples), samples[0].limit), _SUFFIX)
 
 
 def _giving_way() -> bytes:
@@ -110,6 +117,7 @@ DRAWINGS: dict[str, Callable[[], bytes]] = {
     "giving-way": _giving_way,
     "separation": _separation,
     "flight": _flight,
+    "growth": _growth,
     "view": _view,
     "bridge": lambda: _top_view("bridge"),
     "bottleneck": lambda: _top_view("bottleneck", 0, 4, 8, 11),
