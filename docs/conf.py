@@ -7,6 +7,7 @@ from sphinx.application import Sphinx
 import cocap_opt
 from cocap_opt.experiments.manual.docstrings import with_meanings
 from cocap_opt.experiments.manual.entries import all_entries
+from cocap_opt.experiments.manual.formats import write_schemas
 from cocap_opt.experiments.manual.gallery import write_players
 from cocap_opt.experiments.studies.drawings import write_drawings
 
@@ -38,6 +39,7 @@ html_theme_options = {"navigation_with_keys": True}
 
 def _write_files(app: Sphinx) -> None:
     write_players(Path(app.outdir) / "players")
+    write_schemas(Path(app.outdir) / "schemas")
     write_drawings(Path(app.srcdir) / "pictures")
 
 
@@ -47,6 +49,6 @@ def _move_meanings(app: Sphinx, kind: str, name: str, thing: object, options: ob
 
 
 def setup(app: Sphinx) -> None:
-    """Write players and drawings, and prepare docstrings before numpydoc reads them."""
+    """Write players, schemas and drawings, and prepare docstrings before numpydoc reads them."""
     app.connect("builder-inited", _write_files)
     app.connect("autodoc-process-docstring", _move_meanings, priority=100)

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -23,6 +24,14 @@ _ARRAY = {"type": "array", "items": {"type": "array", "items": {"type": "number"
 def schema(kind: type[Document]) -> dict[str, Any]:
     """Returns the JSON Schema of a document; arrays of numbers have two axes."""
     return msgspec.json.schema(kind, schema_hook=lambda _: _ARRAY)
+
+
+def write_schemas(folder: Path) -> None:
+    """Writes the JSON Schema of each document into a folder."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, kind in DOCUMENTS.items():
+        text = msgspec.json.format(msgspec.json.encode(schema(kind)))
+        (folder / f"{name}.json").write_bytes(text)
 
 
 def fields_in_markdown(name: str) -> str:

@@ -112,7 +112,7 @@ def _quote(
     if into is not None:
         requote(into)
     else:
-        print_texts([], list(QUOTES) if name is None else [quote(name)])
+        print_texts(["\n".join(QUOTES) if name is None else quote(name)], [])
     return 0
 
 

@@ -1,6 +1,7 @@
 """The parts of the pages that are made from the code."""
 
 import re
+from pathlib import Path
 
 import msgspec
 import pytest
@@ -10,7 +11,13 @@ import cocap_opt as co
 from cocap_opt.experiments.cli.commands import app
 from cocap_opt.experiments.manual.commands import commands_in_markdown, studies_in_markdown
 from cocap_opt.experiments.manual.docstrings import with_meanings
-from cocap_opt.experiments.manual.formats import DOCUMENTS, example, fields_in_markdown, schema
+from cocap_opt.experiments.manual.formats import (
+    DOCUMENTS,
+    example,
+    fields_in_markdown,
+    schema,
+    write_schemas,
+)
 from cocap_opt.experiments.manual.gallery import SHOWN
 from cocap_opt.experiments.manual.lists import LISTS
 from cocap_opt.experiments.results.rows import COLUMNS
@@ -47,6 +54,15 @@ def test_all_fields_of_files_are_on_the_page(name: str) -> None:
     for title, part in schema(DOCUMENTS[name])["$defs"].items():
         assert f"**{title}**" in text
         assert all(f"| `{field}` |" in text for field in part.get("properties", ()))
+
+
+def test_schemas_are_written(tmp_path: Path) -> None:
+    """One file for each document, with all of its parts."""
+    write_schemas(tmp_path)
+    for name, kind in DOCUMENTS.items():
+        written = msgspec.json.decode((tmp_path / f"{name}.json").read_bytes())
+        assert written == msgspec.json.decode(msgspec.json.encode(schema(kind)))
+        assert kind.__name__ in written["$defs"]
 
 
 def test_fields_have_types_and_meanings() -> None:
