@@ -93,6 +93,7 @@ def solver_figures_in_markdown() -> str:
             "target": row["must"] or "-",
             "ambitious": row["moonshot"] or "-",
             "met": _MET.get(row["met"], "-"),
+            "note": row["note"],
         }
         for row in _stored("solver-figures.csv")
     ])  # fmt: skip

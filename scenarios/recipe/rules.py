@@ -3,7 +3,7 @@
 from cocap_opt.problem import CollisionRules
 from cocap_opt.scenarios.recipe.tables import Size, Table
 
-# m, of recipes that do not say; README says why, by `cocap-opt study flight`
+# m, of recipes that do not say; docs/results/flight.md says why
 SEPARATION = 2.0
 
 

@@ -465,7 +465,7 @@ def test_gaps_of_the_table_of_planners_are_means_of_the_stored_rows() -> None:
 def test_a_folder_without_results_makes_no_table(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """One line that names the file, and exit code 2; the README stays as it is."""
+    """One line that names the file, and exit code 2; nothing is printed."""
     for content in (None, "a,b\n", "scene,seed\ncorridor,x\n"):
         if content is not None:
             (tmp_path / "measured.csv").write_text(content)
