@@ -7,6 +7,7 @@ from typing import Any
 
 import msgspec
 
+from cocap_opt.experiments.sweeps.run_file import RunFile
 from cocap_opt.files.documents import Document, PlanFile, SceneFile, encode, problem_digest
 from cocap_opt.formulations import BOUNDS
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile
@@ -16,6 +17,7 @@ from cocap_opt.stop import never
 
 DOCUMENTS: Mapping[str, type[Document]] = {
     "scene": SceneFile, "plan": PlanFile, "certificate": CertificateFile, "proof": ProofFile,
+    "run": RunFile,
 }  # fmt: skip
 _EXAMPLE = "tiny-approach"  # the smallest scene
 _ARRAY = {"type": "array", "items": {"type": "array", "items": {"type": "number"}}}

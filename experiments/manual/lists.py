@@ -6,6 +6,7 @@ from functools import partial
 from cocap_opt.experiments.cli.scene_commands import known_scenes
 from cocap_opt.experiments.results.printing import Listing
 from cocap_opt.experiments.results.rows import COLUMNS
+from cocap_opt.scenarios.recipe.recipe import EXAMPLE
 
 
 def _columns() -> str:
@@ -17,12 +18,17 @@ def _columns() -> str:
     return Listing("", rows).markdown
 
 
+def _recipe() -> str:
+    return f"```toml\n{EXAMPLE.strip()}\n```"
+
+
 def _known(kind: str) -> str:
     return Listing("", known_scenes()[kind]).markdown
 
 
 LISTS: dict[str, Callable[[], str]] = {
     "columns": _columns,
+    "recipe": _recipe,
     **{
         kind: partial(_known, kind)
         for kind in ("scenes", "formats", "options", "cameras", "airframes")
