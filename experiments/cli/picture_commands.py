@@ -64,10 +64,15 @@ def _show(
     if certificate and (suffix != ".html" or not plan):
         raise UsageError("--certificate: needs a plan, and a file that ends in .html")
     check_output(output, scene, *plan, certificate)
-    problem, plans = PlanReader(scene, load(scene, seed)).plans(plan)
+    reader = PlanReader(scene, load(scene, seed))
+    problem, plans = reader.plans(plan)
     say_narrow_way(scene, seed, problem)
-    gaps = _gaps(problem, plans, certificate) if certificate else []
-    save_bytes(output, _shown(problem, plans, PlanReader.titles(plan), suffix, gaps))
+    if suffix == ".html":
+        gaps = _gaps(problem, plans, certificate) if certificate else []
+        content = _player(problem, plans, reader, plan, gaps)
+    else:
+        content = _picture(problem, plans, suffix)
+    save_bytes(output, content)
     print_result({"scene": problem.name, "seed": seed, "file": output}, json)
     return 0
 
@@ -123,19 +128,24 @@ def _gaps(problem: Problem, plans: Sequence[Plan], path: Path) -> list[Explanati
         raise FileError(f"{path}: {error}") from error
 
 
-def _shown(
+def _player(
     problem: Problem,
     plans: Sequence[Plan],
-    names: Sequence[str],
-    suffix: str,
+    reader: PlanReader,
+    paths: Sequence[Path],
     gaps: Sequence[Explanation],
 ) -> bytes:
-    """Returns the file that shows plans: a player, or a picture of the only one or the starts."""
-    from cocap_opt.experiments.report.figures import plan_picture  # matplotlib is slow to import
+    """Returns the page that plays plans from files."""
     from cocap_opt.experiments.report.player import Player
 
-    if suffix == ".html":
-        return Player(problem, list(zip(names, plans, strict=True)), gaps).page().encode()
+    titled = list(zip(PlanReader.titles(paths), plans, strict=True))
+    return Player(problem, titled, gaps, list(map(reader.planner, paths))).page().encode()
+
+
+def _picture(problem: Problem, plans: Sequence[Plan], suffix: str) -> bytes:
+    """Returns a picture of the only plan, or of the starts."""
+    from cocap_opt.experiments.report.figures import plan_picture  # matplotlib is slow to import
+
     return plan_picture(problem, plans[0] if plans else None, suffix)
 
 
