@@ -66,20 +66,22 @@ class Eye {
     return depths.every((depth) => depth >= NEAR) ? points : clipped(points, depths, NEAR);
   }
 
-  // Coordinate (0: x) of the point of the world at a sample and 1 / depth.
-  coordinate(axis, x, y, w) {
-    const { ahead, right, up, raster: { width, height } } = this;
-    const way = ahead[axis] + ((x - width / 2) * right[axis] - (y - height / 2) * up[axis]) / this.focal;
-    return this.from[axis] + way / w;
-  }
-
   still() {
     this.raster.clear(palette.paper);
     this.sky();
-    const { ground, things, light } = this.scene.world;
-    this.polygons(ground, (x, y, w) => light.at(this.coordinate(0, x, y, w), this.coordinate(1, x, y, w)));
-    this.polygons(things);
+    this.polygons(this.scene.world.ground, this.sunlight());
+    this.polygons(this.scene.world.things);
     this.raster.settle();
+  }
+
+  // The light on the ground.
+  sunlight() {
+    const { from, ahead, right, up, focal, raster: { width, height } } = this, { light } = this.scene.world;
+    const slopes = (axis) => {
+      const [a, b] = [right[axis] / focal, -up[axis] / focal], begin = ahead[axis] - (a * width + b * height) / 2;
+      return [a, b, 0, begin, from[axis] - light.from[axis]].map((v) => v / light.texel);
+    };
+    return new Shade(light, slopes(0), slopes(1), true);
   }
 
   // The sky down to the horizon, and below it land without end.

@@ -2,29 +2,50 @@
 // round lengths to judge distances by. On walls it fades towards their feet.
 
 const SUN = unit([0.42, -0.5, 0.85]); // where it is
-const MOST_TEXELS = 640; // along an edge of the map
+const MOST_TEXELS = 700; // along an edge of the part of the map that is lit
+const BEYOND = 0.8; // how far it goes beyond what happens, of its size
 const SHADE = 0.26, CORNER = 0.34, GRID = 0.07; // how much light they take
+const FADE = 0.06; // of the lit part, along its edges
 const NOOK = 0.8; // m, how far from walls corners are dark
 
-const WALL_LIGHT = Uint8Array.from({ length: 65 }, (_, k) => 190 + 65 * Math.min(1, k / 48));
+const WALL_STEPS = 64; // of the light from the foot of a wall to its top
+const WALL = {
+  map: Uint8Array.from({ length: WALL_STEPS }, (_, k) => 190 + 65 * Math.min(1, k / 48)), columns: 1, rows: WALL_STEPS,
+};
+
+// The light at samples of a polygon: a map of light (of 256), and where in it a sample x, y, w is,
+// u = (a x + b y + c w + d) / (w in perspective) + e, and so is v. One class for all, so that
+// browsers make one fast loop of it.
+class Shade {
+  constructor({ map, columns, rows }, u, v, isPerspective) {
+    Object.assign(this, { map, columns, rows, isPerspective });
+    [this.ua, this.ub, this.uc, this.ud, this.ue] = u;
+    [this.va, this.vb, this.vc, this.vd, this.ve] = v;
+  }
+
+  at(x, y, w) {
+    const scale = this.isPerspective ? 1 / w : 1;
+    const u = ((this.ua * x + this.ub * y + this.uc * w + this.ud) * scale + this.ue) | 0;
+    const v = ((this.va * x + this.vb * y + this.vc * w + this.vd) * scale + this.ve) | 0;
+    const column = u < 0 ? 0 : u < this.columns ? u : this.columns - 1;
+    const row = v < 0 ? 0 : v < this.rows ? v : this.rows - 1;
+    return this.map[row * this.columns + column];
+  }
+}
 
 class GroundLight {
-  constructor(terrain, obstacles) {
-    this.texel = Math.max(...terrain.size) / MOST_TEXELS;
-    this.columns = Math.ceil(terrain.size[0] / this.texel);
-    this.rows = Math.ceil(terrain.size[1] / this.texel);
+  constructor({ terrain, scope: [low, high] }, obstacles) {
+    const size = Math.max(high[0] - low[0], high[1] - low[1]);
+    this.from = [0, 1].map((k) => Math.max(low[k] - BEYOND * size, 0));
+    const to = [0, 1].map((k) => Math.max(Math.min(high[k] + BEYOND * size, terrain.size[k]), this.from[k] + terrain.cell));
+    this.texel = Math.max(to[0] - this.from[0], to[1] - this.from[1]) / MOST_TEXELS;
+    [this.columns, this.rows] = to.map((v, k) => Math.ceil((v - this.from[k]) / this.texel));
     const shadows = this.painted((context) => this.shadows(context, terrain, obstacles));
     const plans = this.painted((context) => this.plans(context, obstacles));
     const around = this.blurred(plans, Math.max(Math.round(NOOK / this.texel), 1)), soft = this.blurred(shadows, 1);
-    this.map = soft.map((shadow, k) => 255 * (1 - SHADE * shadow) * (1 - CORNER * Math.max(around[k] - plans[k], 0)));
-    this.grid(terrain);
-  }
-
-  // Light of 256 at a point of the map.
-  at(x, y) {
-    const i = Math.min(Math.max(Math.floor(x / this.texel), 0), this.columns - 1);
-    const j = Math.min(Math.max(Math.floor(y / this.texel), 0), this.rows - 1);
-    return this.map[j * this.columns + i];
+    this.map = Uint8Array.from(soft, (shadow, k) => 255 * (1 - SHADE * shadow) * (1 - CORNER * Math.max(around[k] - plans[k], 0)));
+    this.grid();
+    this.fade();
   }
 
   // Shares 0..1 of texels that are painted.
@@ -33,6 +54,7 @@ class GroundLight {
     [canvas.width, canvas.height] = [this.columns, this.rows];
     const context = canvas.getContext("2d", { willReadFrequently: true });
     context.scale(1 / this.texel, 1 / this.texel);
+    context.translate(-this.from[0], -this.from[1]);
     draw(context);
     const { data } = context.getImageData(0, 0, this.columns, this.rows);
     return Float32Array.from({ length: this.columns * this.rows }, (_, k) => data[4 * k + 3] / 255);
@@ -70,14 +92,26 @@ class GroundLight {
     return values;
   }
 
-  grid(terrain) {
-    const lines = rounded(Math.max(...terrain.size) / 12) / this.texel;
+  grid() {
+    const apart = rounded((Math.max(this.columns, this.rows) * this.texel) / 12);
+    const lines = (axis, count) => {
+      const first = Math.ceil(this.from[axis] / apart) * apart - this.from[axis], found = [];
+      for (let at = first; at < count * this.texel; at += apart) if (at > 0) found.push(Math.floor(at / this.texel));
+      return found;
+    };
     const darken = (k) => (this.map[k] *= 1 - GRID);
-    for (let n = lines; n < this.columns; n += lines) {
-      for (let j = 0; j < this.rows; j++) darken(j * this.columns + Math.floor(n));
-    }
-    for (let n = lines; n < this.rows; n += lines) {
-      for (let i = 0; i < this.columns; i++) darken(Math.floor(n) * this.columns + i);
+    for (const i of lines(0, this.columns)) for (let j = 0; j < this.rows; j++) darken(j * this.columns + i);
+    for (const j of lines(1, this.rows)) for (let i = 0; i < this.columns; i++) darken(j * this.columns + i);
+  }
+
+  // Full light at the edges, which goes on beyond them.
+  fade() {
+    const wide = Math.min(this.columns, this.rows) * FADE;
+    for (let j = 0; j < this.rows; j++) {
+      for (let i = 0; i < this.columns; i++) {
+        const inside = Math.min(i, j, this.columns - 1 - i, this.rows - 1 - j) / wide;
+        if (inside < 1) this.map[j * this.columns + i] = 255 + inside * (this.map[j * this.columns + i] - 255);
+      }
     }
   }
 }

@@ -2,6 +2,7 @@
 
 const MOST_WORDS = 3; // conflicts that are said at once, on a phone one
 const PHONE = 500; // px
+const ASIDE = 40; // px around what is in a corner of the picture
 const CORNERS = ["top right", "top left", "bottom right", "bottom left"];
 
 const find = (id) => document.getElementById(id);
@@ -128,7 +129,7 @@ class Panel {
     const { view, box, canvas: { clientWidth: width, clientHeight: height } } = this;
     if (this.placed === view.stamp) return;
     this.placed = view.stamp;
-    const points = view.camera.points.map((point) => view.at(point)), [wide, tall] = [box.clientWidth, box.clientHeight];
+    const points = view.camera.points.map((point) => view.at(point)), [wide, tall] = [box.clientWidth + ASIDE, box.clientHeight + ASIDE];
     const busy = CORNERS.map((corner) => points.filter(([x, y]) =>
       (corner.includes("right") ? width - x : x) < wide && (corner.includes("bottom") ? height - y : y) < tall).length);
     box.className = `inset ${CORNERS[busy.indexOf(Math.min(...busy))]}`;

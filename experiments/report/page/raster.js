@@ -108,8 +108,8 @@ class Raster {
     return Math.min(Math.ceil(this.right[y] - 0.5), this.width);
   }
 
-  // Ground, which hides what is below; `light` gives how bright it is at x, y, w, of 256.
-  fillGround(p, n, colour, light) {
+  // Ground, which hides what is below, in a shade, if there is one.
+  fillGround(p, n, colour, shade) {
     if (!this.scan(p, n)) return;
     const { colour: colours, depth: depths } = this.ground;
     for (let y = this.top; y <= this.bottom; y++) {
@@ -119,13 +119,13 @@ class Raster {
       for (let at = y * this.width + x; at < end; at++, x++, w += this.alongX) {
         if (w <= depths[at]) continue;
         depths[at] = w;
-        colours[at] = light ? shaded(colour, light(x, y, w)) : colour;
+        colours[at] = shade ? shaded(colour, shade.at(x, y, w)) : colour;
       }
     }
   }
 
   // An obstacle, which is glass where the opening says so.
-  fillObstacle(p, n, colour, light) {
+  fillObstacle(p, n, colour, shade) {
     if (!this.scan(p, n)) return;
     const { ground, glass, veil, opening } = this;
     for (let y = this.top; y <= this.bottom; y++) {
@@ -136,7 +136,7 @@ class Raster {
         const open = opening.at(row + (x >> BLOCK), w), layer = open > LEAST_OPEN ? glass : ground;
         if (w <= layer.depth[at]) continue;
         layer.depth[at] = w;
-        layer.colour[at] = light ? shaded(colour, light(x, y, w)) : colour;
+        layer.colour[at] = shade ? shaded(colour, shade.at(x, y, w)) : colour;
         if (layer === glass) veil[at] = 255 - CLEAR * open;
       }
     }

@@ -28,10 +28,11 @@ class View {
     return true;
   }
 
-  // Coordinate (0: x) of the point of the world at a sample and w.
-  coordinate(axis, x, y, w) {
+  // How a coordinate (0: x) of a point, in units of a size (m), grows along x, y and w of a sample.
+  slopes(axis, size, from = 0) {
     const { right, up, ahead } = this.camera, { width, height } = this.raster, k = this.pen.metre;
-    return this.centre[axis] + ((x - width / 2) * right[axis] - (y - height / 2) * up[axis]) / k - w * ahead[axis];
+    const [a, b] = [right[axis] / k, -up[axis] / k], begin = this.centre[axis] - (a * width + b * height) / 2;
+    return [a / size, b / size, -ahead[axis] / size, (begin - from) / size, 0];
   }
 
   // Radius of a drone (m): its own, but never so small that nobody sees it.
@@ -101,8 +102,8 @@ class View {
     this.raster.clear(palette.paper);
     if (!solid) this.open();
     const { ground, things } = this.scene.world, { raster, corners } = this;
-    this.still(ground, this.sunlight(), (colour, light) => raster.fillGround(corners, 4, colour, light));
-    this.still(things, undefined, (colour, light) => raster.fillObstacle(corners, 4, colour, light));
+    this.still(ground, this.sunlight(), (colour, shade) => raster.fillGround(corners, 4, colour, shade));
+    this.still(things, undefined, (colour, shade) => raster.fillObstacle(corners, 4, colour, shade));
     this.raster.settle();
   }
 
@@ -140,17 +141,17 @@ class View {
     this.put(array[at], array[at + 1], array[at + 2], this.corners, 3 * k);
   }
 
-  // Light at a sample on level ground.
+  // The light on the ground.
   sunlight() {
     const { light } = this.scene.world;
-    return (x, y, w) => light.at(this.coordinate(0, x, y, w), this.coordinate(1, x, y, w));
+    const [u, v] = [0, 1].map((axis) => this.slopes(axis, light.texel, light.from[axis]));
+    return new Shade(light, u, v, false);
   }
 
-  // Light at a sample on a wall between two altitudes; on other polygons it is even.
+  // The light on a wall between two altitudes; on other polygons it is even.
   walllight([foot, top]) {
     if (!(top > foot)) return undefined;
-    const scale = 64 / (top - foot);
-    return (x, y, w) => WALL_LIGHT[Math.min(Math.max((this.coordinate(2, x, y, w) - foot) * scale, 0), 64) | 0];
+    return new Shade(WALL, [0, 0, 0, 0, 0], this.slopes(2, (top - foot) / WALL_STEPS, foot), false);
   }
 
   // Point of the world in pixels of the page, and whether something stands before it.

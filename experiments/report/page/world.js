@@ -49,7 +49,7 @@ class World {
     if (data.airspace) addSolids(this.zones, terrain, data.airspace.zones, CLOSED);
     if (data.airspace?.lid.length) new Lid(terrain, data.airspace.lid, null, () => CLOSED, this.lid);
     for (const some of [this.ground, this.things, this.zones, this.lid]) some.done();
-    this.light = new GroundLight(terrain, this.things);
+    this.light = new GroundLight(data, this.things);
   }
 }
 
