@@ -24,6 +24,7 @@ from cocap_opt.experiments.report.player_scene import SceneData
 from cocap_opt.experiments.studies.pictures import _Browser
 from cocap_opt.files.documents import PlanFile
 from cocap_opt.formulations import BOUNDS
+from cocap_opt.formulations.result import OPTIMALITY
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import (
     Actor,
@@ -41,6 +42,7 @@ from cocap_opt.problem import (
 from cocap_opt.referee import check
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import never
+from cocap_opt.vision.render import Renderer
 from cocap_opt.world.workspace import HeightMap, Mesh
 
 ROOT = Path(__file__).parents[2]
@@ -754,6 +756,63 @@ def test_a_press_on_a_drone_picks_it(player: Any) -> None:
     press(player, "0")
 
 
+# Samples of the drone's own picture that have a bright colour, which only seen faces have.
+COLOURED = """(() => {
+  const c = document.querySelector('.inset canvas'), found = [];
+  const copy = new OffscreenCanvas(c.width, c.height).getContext('2d', {willReadFrequently: true});
+  copy.drawImage(c, 0, 0);
+  const d = copy.getImageData(0, 0, c.width, c.height).data;
+  for (let i = 0; i < d.length; i += 4) {
+    const [most, least] = [Math.max(d[i], d[i + 1], d[i + 2]), Math.min(d[i], d[i + 1], d[i + 2])];
+    found.push(most - least > 0.45 * most ? 1 : 0);
+  }
+  return [c.width, c.height, found];
+})()"""
+
+
+@pytest.mark.slow
+def test_a_drones_picture_is_what_the_renderer_sees(player: Any, tmp_path: Path) -> None:
+    """Faces are where rays of the drone's camera meet them, and nowhere else."""
+    problem = load_scene("bottleneck", 0)
+    problem = problem.replace(robots=problem.robots[:1])
+    ((title, plan),) = planned(problem, "greedy")
+    page, before, step = tmp_path / "page.html", player.current_url, 6
+    Player(problem, [(title, plan)]).save(page)
+    player.get(page.as_uri())
+    press(player, "d")
+    player.go_to(step)
+    wide, tall, coloured = value(player, COLOURED)
+    player.get(before)
+    every = problem.robots[0].camera.width // wide
+    faces = Renderer(problem, every).picture(problem.robots[0], step, plan.paths[0][step]).faces
+    seen = np.append(seen_by(problem, plan)[step] > 0, [False, False])  # no face: terrain or sky
+    rows, columns = (np.linspace(0, n - 1, m).round().astype(int)
+                     for n, m in zip(faces.shape, (tall, wide), strict=True))  # fmt: skip
+    expected = seen[faces[np.ix_(rows, columns)]]
+    shown = np.reshape(coloured, (tall, wide)) > 0
+    assert expected.mean() > 0.01
+    assert (expected & shown).sum() > 0.85 * (expected | shown).sum()
+
+
+@pytest.mark.slow
+def test_view_cones_end_where_something_stands(player: Any) -> None:
+    """Rays meet ground, walls, meshes and what fine meshes fill, and go on above them."""
+    folder = ROOT / "experiments" / "report" / "page"
+    script = "".join((folder / name).read_text() for name in ("geometry.js", "rays.js"))
+    scene = {
+        "terrain": {"cell": 2, "cells": [5, 1], "heights": [0, 0, 0, 5, 0]},
+        "meshes": [{"vertices": [4, 0, 3, 4, 2, 3, 4, 1, 9], "triangles": [0, 1, 2]}],
+        "boxes": [[1, 0, 7, 8]],
+    }
+    rays = [((1, 1, 1), (1, 0, 0)), ((1, 1, 4), (1, 0, 0)), ((1, 1, 7.5), (1, 0, 0)),
+            ((1, 1, 12), (1, 0, 0)), ((9, 1, 4), (0.6, 0, -0.8)), ((9, 1, 1), (-1, 0, 0)),
+            ((7, 1, 9), (0, 0, -1)), ((3, 1, 9), (0, 0, -1))]  # fmt: skip
+    cast = f"{script}; const [scene, rays] = arguments, all = new Rays(scene);"
+    cast += "return rays.map(([from, way]) => all.length(from, way, 20))"
+    met = player.execute_script(cast, scene, rays)
+    assert met == pytest.approx([5, 3, 1, 20, 5, 1, 4, 1])
+
+
 @pytest.mark.slow
 def test_marks_on_the_chart_lead_to_their_moments(player: Any) -> None:
     """A press on the first conflict's mark, and the button with their number."""
@@ -878,3 +937,30 @@ def test_a_gap_is_told_as_shares_of_the_bound() -> None:
     parts = [*np.ravel(told["losses"]), *np.ravel(told["faces"]), told["rules"], told["rest"]]
     assert sum(parts) == pytest.approx(told["total"], rel=1e-4)
     assert [plan["gap"] for plan in Player(problem, plans).data()["plans"]] == [None]
+
+
+def test_only_a_plan_that_obeys_the_rules_is_called_optimal() -> None:
+    """What leaves no gap is; one that has conflicts may be above the bound, and is not."""
+    problem = load_scene("tiny-queue", 0)
+    proof = BOUNDS["column-generation"](problem).certificate
+    assert proof is not None
+    plans = planned(problem, "cocap-lns", "greedy")
+    gaps = gaps_of(problem, [plan for _, plan in plans], proof)
+    best, greedy = (plan for plan in Player(problem, plans, gaps).data()["plans"])
+    assert best["gap"]["bound"] == greedy["gap"]["bound"] == proof.proved
+    assert best["gap"]["optimal"] and best["gap"]["total"] <= OPTIMALITY
+    assert greedy["gap"]["total"] < 0 and not greedy["gap"]["optimal"]
+
+
+def test_the_costliest_moves_are_those_of_the_explanation() -> None:
+    """The largest losses of drones by leaving a step, by step."""
+    problem = load_scene("bottleneck", 0)
+    plans, proof = planned(problem, "greedy"), BOUNDS["alone"](problem).certificate
+    assert proof is not None
+    gaps = gaps_of(problem, [plans[0][1]], proof)
+    gap = Player(problem, plans, gaps).data()["plans"][0]["gap"]
+    shares = np.array(gap["losses"])
+    marked = [shares[move["robot"], move["step"]] for move in gap["costliest"]]
+    assert sorted(marked) == sorted(one for one in shares.ravel() if one >= 5e-6)[-5:]
+    steps = [move["step"] for move in gap["costliest"]]
+    assert steps == sorted(steps)
