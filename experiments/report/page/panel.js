@@ -59,12 +59,11 @@ class Panel {
       const words = `${count} conflict${count > 1 ? "s" : ""} ▸`;
       return button("badge next bad", words, "breaks the rules; go to the next conflict (C)", () => this.actions.next("conflict"));
     }
-    if (!gap) badge.textContent = "no conflicts";
-    else {
-      badge.textContent = gap.optimal ? "proved optimal" : `proved: at most ${percent(gap.total)} below the best`;
+    if (gap) {
+      badge.textContent = gap.optimal ? "proved optimal" : `proved within ${percent(gap.total)} of the best`;
       badge.title = "the certificate was verified when this page was made";
-    }
-    badge.classList.add("good");
+    } else badge.textContent = "no conflicts";
+    badge.classList.toggle("good", !gap || gap.optimal);
     return badge;
   }
 

@@ -2,8 +2,8 @@
 
 const data = JSON.parse(find("data").textContent);
 const SHOWN = ["sights", "tracks", "faces", "solid", "closed"]; // check boxes
-const SLOW = 40; // ms, a picture that takes longer is coarse while something moves
-const state = { time: data.first, playing: false, speed: 2, last: 0, dirty: true, moved: -Infinity, slow: false, plan: 0 };
+const SLOW = 34, FAST = 7; // ms, pictures that take longer become coarse while something moves, and back
+const state = { time: data.first, playing: false, speed: 2, last: 0, dirty: true, moved: -Infinity, slow: false, pace: 0, plan: 0 };
 const scene = { world: new World(data), rays: new Rays(data) };
 const camera = new Camera(data, scene.rays);
 const actions = { jump, next, pick, toggle, moved, fit };
@@ -61,10 +61,17 @@ function draw(resting) {
   for (const panel of panels) {
     if (panel.root.offsetParent) panel.draw(state.time, { ...checked, quality, picked, follow, alone });
   }
-  if (!resting && performance.now() - begin > SLOW) state.slow = true;
+  if (!resting) pace(performance.now() - begin);
   const step = Math.round(state.time);
   find("slider").value = String(step);
   put(find("step"), `step ${step} of ${data.steps}`);
+}
+
+// The mean time of late pictures tells if the machine is slow.
+function pace(spent) {
+  state.pace += 0.2 * (spent - state.pace);
+  if (state.pace > SLOW) state.slow = true;
+  else if (state.pace < FAST) state.slow = false;
 }
 
 // To the next mark of a kind, of all plans unless one is named.
@@ -92,7 +99,7 @@ function pickNext(way) {
 function toggle(name) {
   if (state.picked === undefined) state.picked = 0;
   state[name] = !state[name];
-  if (state.follow) camera.scale = Math.max(camera.scale, 1.8 * camera.whole);
+  if (name === "follow" && state.follow) camera.scale = Math.max(camera.scale, 1.8 * camera.whole);
   refresh();
 }
 
@@ -124,27 +131,29 @@ const OWN_KEYS = {
   "input[type=checkbox], button": /^( |Enter)$/,
 };
 
-const KEYS = {
-  " ": ["space", "play, pause", () => play(!state.playing)],
-  ArrowRight: ["→", "next step", () => jump(Math.floor(state.time) + 1)],
-  ArrowLeft: ["←", "step before", () => jump(Math.ceil(state.time) - 1)],
-  Home: ["Home", "first step", () => jump(0)],
-  End: ["End", "last step", () => jump(data.steps)],
-  c: ["C", "next conflict", () => next("conflict")],
-  n: ["N", "next close approach", () => next("near")],
-  m: ["M", "next costly move", () => next("costly")],
-  d: ["D", "pick the next drone", () => pickNext(1)],
-  e: ["E", "pick the drone before", () => pickNext(-1)],
-  f: ["F", "follow the picked drone", () => toggle("follow")],
-  i: ["I", "show it alone", () => toggle("alone")],
-  Escape: ["Esc", "let it go", () => (find("help").open ? find("help").close() : pick(undefined))],
-  b: ["B", "people as figures, or as the faces that count", () => find("faces").click()],
-  3: ["3", "look from aside", () => look("space")],
-  t: ["T", "look from above", () => look("top")],
-  0: ["0", "all that happens into the picture", fit],
-  x: ["X", "the other plan, on a phone", () => choose((state.plan + 1) % panels.length)],
-  "?": ["?", "this help", help],
-};
+// Key, its name, what it does.
+const KEYS = [
+  [" ", "space", "play, pause", () => play(!state.playing)],
+  ["ArrowRight", "→", "next step", () => jump(Math.floor(state.time) + 1)],
+  ["ArrowLeft", "←", "step before", () => jump(Math.ceil(state.time) - 1)],
+  ["Home", "Home", "first step", () => jump(0)],
+  ["End", "End", "last step", () => jump(data.steps)],
+  ["c", "C", "next conflict", () => next("conflict")],
+  ["n", "N", "next close approach", () => next("near")],
+  ["m", "M", "next costly move", () => next("costly")],
+  ["d", "D", "pick the next drone", () => pickNext(1)],
+  ["e", "E", "pick the drone before", () => pickNext(-1)],
+  ["f", "F", "follow the picked drone", () => toggle("follow")],
+  ["i", "I", "show it alone", () => toggle("alone")],
+  ["Escape", "Esc", "let it go", () => pick(undefined)],
+  ["b", "B", "people as figures, or as the faces that count", () => find("faces").click()],
+  ["3", "3", "look from aside", () => look("space")],
+  ["t", "T", "look from above", () => look("top")],
+  ["0", "0", "all that happens into the picture", fit],
+  ["x", "X", "the other plan, on a phone", () => choose((state.plan + 1) % panels.length)],
+  ["?", "?", "this help", help],
+];
+const ACTIONS = new Map(KEYS.map(([key, , , act]) => [key, act]));
 
 function isOwnKey({ target, key }) {
   return Object.entries(OWN_KEYS).some(([what, own]) => target.matches(what) && own.test(key));
@@ -152,10 +161,10 @@ function isOwnKey({ target, key }) {
 
 function keys(event) {
   if (isOwnKey(event) || event.ctrlKey || event.metaKey || event.altKey) return;
-  const action = KEYS[event.key.length === 1 ? event.key.toLowerCase() : event.key];
-  if (!action) return;
+  const act = ACTIONS.get(event.key.length === 1 ? event.key.toLowerCase() : event.key);
+  if (!act || (find("help").open && event.key !== "?")) return; // Esc closes the help by itself
   event.preventDefault();
-  action[2]();
+  act();
 }
 
 function help() {
@@ -212,7 +221,7 @@ function lay() {
   find("panels").dataset.count = String(panels.length);
   find("panels").classList.toggle("many", panels.length > 2);
   document.body.classList.toggle("tall", panels.length > 2);
-  for (const [name, what] of Object.values(KEYS)) find("keys").append(make("dt", "", name), make("dd", "", what));
+  for (const [, name, what] of KEYS) find("keys").append(make("dt", "", name), make("dd", "", what));
   legend();
   colourScale();
   tabs();
