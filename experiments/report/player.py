@@ -19,8 +19,8 @@ from cocap_opt.problem import Cone, Plan, Problem
 
 _SCRIPTS = (
     "colours.js", "numbers.js", "geometry.js", "opening.js", "raster.js", "rays.js", "light.js",
-    "world.js", "camera.js", "figures.js", "pen.js", "bodies.js", "labels.js", "view.js", "eye.js",
-    "chart.js", "panel.js", "steer.js", "player.js",
+    "world.js", "camera.js", "figures.js", "pen.js", "bodies.js", "sights.js", "labels.js",
+    "view.js", "eye.js", "chart.js", "panel.js", "steer.js", "keys.js", "legend.js", "player.js",
 )  # fmt: skip
 _FRAME_HEIGHT = 680  # px, in a notebook
 

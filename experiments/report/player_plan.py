@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from cocap_opt.data import FloatArray
+from cocap_opt.data import BoolArray, FloatArray
 from cocap_opt.experiments.report.player_scene import SceneData
 from cocap_opt.experiments.results.conflicts import told_conflict
 from cocap_opt.formulations.explanation import Explanation
@@ -23,6 +23,7 @@ _DIGITS = 5  # of px/m2 and shares as they are shown; rewards have all digits
 _NEAR = 1.25  # times the separation; drones that pass nearer come close
 _COSTLIEST = 5  # moves that are marked
 _LEAST = 5e-6  # of the bound, a loss to speak of
+_ROUNDING = 1e-6  # of distances
 
 Data = dict[str, Any]
 
@@ -114,32 +115,43 @@ class PlanData:
         Close is nearer than half a cell, or 1.25 times the separation. Pairs in conflict are not
         told.
         """
-        pairs = list(combinations(range(len(self._plan.paths)), 2))
-        if not pairs or not self._problem.horizon:
+        rules, cell = self._problem.rules, self._problem.height_map.resolution
+        if not self._pairs:
             return []
-        ways = self._ways(np.array(pairs))
-        closest = self._problem.rules.closest(ways[:, :-1], ways[:, 1:])
-        apart = closest.distance.copy()
-        for conflict in self._plan.conflicts(self._problem):
-            apart[pairs.index(conflict.robots), max(conflict.t - 1, 0) : conflict.t + 1] = np.inf
-        most = max(_NEAR * self._problem.rules.separation, self._problem.height_map.resolution / 2)
-        nearest = apart.argmin(axis=0)
+        closest = rules.closest(self._ways[:, :-1], self._ways[:, 1:])
+        apart = np.where(self._in_conflict(), np.inf, closest.distance)
+        close = max(_NEAR * rules.separation, cell / 2) * (1 - _ROUNDING)
         return [
-            {
-                "time": round(t + float(closest.share[k, t]), 3),
-                "robots": list(pairs[k]),
-                "words": f"drones {pairs[k][0]} and {pairs[k][1]} come to {apart[k, t]:.2g} m",
-            }
-            for t, k in enumerate(nearest.tolist())
-            if apart[k, t] < most - _LEAST
+            self._approach(self._pairs[k], t + float(closest.share[k, t]), float(apart[k, t]))
+            for t, k in enumerate(apart.argmin(axis=0).tolist())
+            if apart[k, t] < close
         ]
 
-    def _ways(self, pairs: np.ndarray[Any, np.dtype[np.int64]]) -> FloatArray:
-        """Returns the ways [P, T+1, 3] (m) from one drone of each pair to the other."""
+    @staticmethod
+    def _approach(pair: tuple[int, int], time: float, apart: float) -> Data:
+        words = f"drones {pair[0]} and {pair[1]} come within {apart:.2g} m of each other"
+        return {"time": round(time, 3), "robots": list(pair), "words": words}
+
+    @cached_property
+    def _pairs(self) -> list[tuple[int, int]]:
+        return list(combinations(range(len(self._plan.paths)), 2))
+
+    @cached_property
+    def _ways(self) -> FloatArray:
+        """The ways [P, T+1, 3] (m) from one drone of each pair to the other."""
         flights = zip(self._problem.robots, self._plan.paths, strict=True)
         at = np.array([self._scene.path(robot, path)[:, :3] for robot, path in flights])
-        ways: FloatArray = at[pairs[:, 1]] - at[pairs[:, 0]]
+        one, other = np.array(self._pairs).T
+        ways: FloatArray = at[other] - at[one]
         return ways
+
+    def _in_conflict(self) -> BoolArray:
+        """Returns an array [P, T], true for pairs in conflict in a step, or at its ends."""
+        found = np.zeros((len(self._pairs), self._problem.horizon), dtype=np.bool_)
+        for conflict in self._plan.conflicts(self._problem):
+            first = max(conflict.t - 1, 0) if isinstance(conflict, VertexConflict) else conflict.t
+            found[self._pairs.index(conflict.robots), first : conflict.t + 1] = True
+        return found
 
 
 def digits(value: float) -> float:

@@ -145,7 +145,7 @@ def test_close_approaches_are_told_and_conflicts_are_not_told_twice() -> None:
     """Drones that cross come to 0 m in the middle of the step; a swap is a conflict only."""
     problem, plan = crossing()
     (shown,) = Player(problem, [("", plan)]).data()["plans"]
-    words = "drones 0 and 1 come to 0 m"
+    words = "drones 0 and 1 come within 0 m of each other"
     assert shown["near"] == [{"time": 0.5, "robots": [0, 1], "words": words}]
     (one, other) = plan.paths
     (shown,) = Player(problem, [("", Plan(paths=((one[0], other[0]), (other[0], one[0]))))]).data()[

@@ -1,4 +1,4 @@
-// What moves: people, drones with their tracks and what their cameras take in, at any time.
+// What moves: people, and drones with their tracks, at any time.
 
 const SIDES = 28; // of a cylinder
 const SMALLEST = 17; // px, height of a person as it is drawn
@@ -6,28 +6,10 @@ const CROWD = 14; // drones; of more only the last steps of tracks are drawn
 const TRAIL = 5; // steps
 const FINE_BODY = 38; // px, size from which bodies are fine
 
-// The rays of a camera around its picture, as unit vectors, some along each side; a cone looks level.
-function rim(drone, [, , , yaw, tilt], perSide) {
-  const c = Math.cos(yaw), s = Math.sin(yaw);
-  if (drone.rise === null) {
-    const parts = Math.max(perSide, Math.ceil(drone.half / 0.1));
-    return Array.from({ length: parts + 1 }, (_, k) => drone.half * ((2 * k) / parts - 1))
-      .map((angle) => [Math.cos(yaw + angle), Math.sin(yaw + angle), 0]);
-  }
-  const wide = Math.tan(drone.half), high = Math.tan(drone.rise);
-  const corners = [[-wide, -high], [wide, -high], [wide, high], [-wide, high], [-wide, -high]];
-  return Array.from({ length: 4 * perSide + 1 }, (_, k) => {
-    const side = Math.min(Math.floor(k / perSide), 3), share = k / perSide - side;
-    const [across, up] = corners[side].map((v, n) => v + share * (corners[side + 1][n] - v));
-    const ahead = Math.cos(tilt) + up * Math.sin(tilt);
-    return unit([c * ahead + s * across, s * ahead - c * across, up * Math.cos(tilt) - Math.sin(tilt)]);
-  });
-}
-
 // Draws one plan at one time.
 class Bodies {
-  constructor(data, plan, rays) {
-    Object.assign(this, { data, plan, rays });
+  constructor(data, plan) {
+    Object.assign(this, { data, plan });
     this.owners = data.people.flatMap((person, j) => person.faces.map((_, f) => [j, f]));
     this.first = data.people.map((_, j) => this.owners.findIndex(([owner]) => owner === j));
     this.walked = data.people.map(({ poses }) => {
@@ -158,31 +140,6 @@ class Bodies {
       hull: colour, arm: mixed(palette.dark, colour, 0.45), rotor: mixed(palette.rotor, colour, 0.35), lens: palette.dark,
     };
     pen.body(body, pose, size, (k) => colours[body.parts[k]]);
-  }
-
-  // What cameras take in, until something stands in the way; in a crowd not quite so far.
-  sights(pen, time, reach, { picked, alone }) {
-    this.data.drones.forEach((drone, i) => {
-      if (alone && i !== picked) return;
-      const pose = this.drone(i, time);
-      if (i === picked) this.sight(pen, pose, drone, { reach, colour: this.colours[i], share: 0.1, perSide: 6 });
-      else if (this.isCrowd) this.sight(pen, pose, drone, { reach: 0.6 * reach, colour: this.colours[i], share: 0.06, perSide: 2 });
-      else this.sight(pen, pose, drone, { reach, colour: this.colours[i], share: picked === undefined ? 0.085 : 0.03, perSide: 6 });
-    });
-  }
-
-  sight(pen, pose, drone, { reach, colour, share, perSide }) {
-    const ends = rim(drone, pose, perSide).map((way) => {
-      const far = this.rays.length(pose, way, reach);
-      return [pose[0] + way[0] * far, pose[1] + way[1] * far, pose[2] + way[2] * far];
-    });
-    const isLevel = drone.rise === null;
-    for (let k = 1; k < ends.length; k++) {
-      pen.veil([pose, ends[k - 1], ends[k]], colour, isLevel ? 2 * share : share);
-      pen.ray(ends[k - 1], ends[k], colour, 5 * share);
-    }
-    const corners = isLevel ? [0, ends.length - 1] : [0, 1, 2, 3].map((k) => k * perSide);
-    for (const k of corners) pen.ray(pose, ends[k], colour, 5 * share);
   }
 }
 

@@ -91,10 +91,12 @@ class Camera {
   }
 }
 
-// Where drones and people are at the steps of all plans, heads and feet, not too far off the map.
+// Where drones, the ground below them and people are at the steps of all plans, not too far off
+// the map.
 function happenings({ plans, people, terrain, scope: [low, high] }) {
   const within = (point) => point.map((v, k) => Math.min(Math.max(v, low[k]), k < 2 ? high[k] : Infinity));
-  const drones = plans.flatMap((plan) => plan.paths.flat()).flatMap(([x, y, z]) => [[x, y, z], [x, y, groundAt(terrain, x, y)]]);
+  const places = plans.flatMap((plan) => plan.paths.flat());
+  const drones = places.flatMap(([x, y, z]) => [[x, y, z], [x, y, groundAt(terrain, x, y)]]);
   const bodies = people.flatMap(({ poses, height }) => poses.flatMap(([x, y, z]) => [[x, y, z], [x, y, z + height]]));
   return [...drones, ...bodies].map(within);
 }

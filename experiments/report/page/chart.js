@@ -16,7 +16,7 @@ class Chart {
       press(event);
     });
     canvas.addEventListener("pointermove", (event) => {
-      canvas.title = this.markAt(event)?.words ?? "";
+      canvas.title = this.wordsAt(event);
       press(event);
     });
   }
@@ -39,6 +39,13 @@ class Chart {
     const far = ({ time, kind }) => Math.hypot(this.x(time) - offsetX, MARK_ROW[kind] - offsetY);
     const nearest = this.marks.reduce((a, b) => (a && far(a) <= far(b) ? a : b), undefined);
     return nearest && far(nearest) <= TOUCH ? nearest : undefined;
+  }
+
+  // What marks of a kind at one moment mean.
+  wordsAt(event) {
+    const found = this.markAt(event);
+    const alike = this.marks.filter(({ kind, time }) => kind === found?.kind && time === found.time);
+    return several(alike.map((mark) => mark.words), MOST_WORDS);
   }
 
   draw(time, picked) {
@@ -142,9 +149,9 @@ class Chart {
 }
 
 const MARKS = {
-  conflict: { colour: RED, sign: "●", one: "conflict", many: "conflicts" },
-  near: { colour: AMBER, sign: "◆", one: "close approach", many: "close approaches" },
-  costly: { colour: VIOLET, sign: "▲", one: "costly move", many: "costly moves" },
+  conflict: { colour: RED, sign: "●", one: "conflict", many: "conflicts", key: "C" },
+  near: { colour: AMBER, sign: "◆", one: "close approach", many: "close approaches", key: "N" },
+  costly: { colour: VIOLET, sign: "▲", one: "costly move", many: "costly moves", key: "M" },
 };
 
 // Moments of a plan that one may want to see.

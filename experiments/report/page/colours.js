@@ -26,16 +26,22 @@ function shaded(colour, light) {
 const DAY = {
   paper: "#eef0f3", ground: "#f6efe1", high: "#cfc5a6", wall: "#bcc5d1", low: "#d8c49a", mesh: "#c08a5c",
   wallPlan: "#d3d2d3", lowPlan: "#e3d8bd", edge: "#4b5260", skyTop: "#a9c6e8", skyLow: "#e9f1f8",
-  shadow: "#b3ac9d", unseen: "#5d636e", legs: "#3a4256", skin: "#e0ac85", hair: "#4a3226", rotor: "#ffffff", dark: "#20252d", walk: "#b02a45",
+  shadow: "#b3ac9d", unseen: "#5d636e", legs: "#3a4256", skin: "#e0ac85", hair: "#4a3226",
+  rotor: "#ffffff", dark: "#20252d", walk: "#b02a45",
 };
 const NIGHT = {
   paper: "#161a20", ground: "#474b52", high: "#6a6658", wall: "#7488a6", low: "#8d7a52", mesh: "#96683f",
   wallPlan: "#3b424d", lowPlan: "#5a5342", edge: "#0e1116", skyTop: "#1b2a44", skyLow: "#4a5a73",
-  shadow: "#26292e", unseen: "#878d98", legs: "#1f2531", skin: "#d39e78", hair: "#2c1e16", rotor: "#dfe6ef", dark: "#0c0f13", walk: "#ff8fa3",
+  shadow: "#26292e", unseen: "#878d98", legs: "#1f2531", skin: "#d39e78", hair: "#2c1e16",
+  rotor: "#dfe6ef", dark: "#0c0f13", walk: "#ff8fa3",
 };
 const PAGE = {
-  day: { ink: "#1d2530", soft: "#5b616b", line: "#e2e3e6", halo: "rgba(255,255,255,.92)", ahead: "#c6d4df", done: "#2f6690" },
-  night: { ink: "#e8ebef", soft: "#a2a9b4", line: "#333a45", halo: "rgba(16,20,26,.9)", ahead: "#3d4b5a", done: "#6ba6d6" },
+  day: {
+    ink: "#1d2530", soft: "#5b616b", line: "#e2e3e6", halo: "rgba(255,255,255,.92)", ahead: "#c6d4df", done: "#2f6690",
+  },
+  night: {
+    ink: "#e8ebef", soft: "#a2a9b4", line: "#333a45", halo: "rgba(16,20,26,.9)", ahead: "#3d4b5a", done: "#6ba6d6",
+  },
 };
 const RED = "#d0021b", AMBER = "#e08a00", VIOLET = "#8b3fd1", OTHER = "#c65d1e";
 const CLOSED = rgb(RED); // to drones

@@ -37,13 +37,15 @@ class GroundLight {
   constructor({ terrain, scope: [low, high] }, obstacles) {
     const size = Math.max(high[0] - low[0], high[1] - low[1]);
     this.from = [0, 1].map((k) => Math.max(low[k] - BEYOND * size, 0));
-    const to = [0, 1].map((k) => Math.max(Math.min(high[k] + BEYOND * size, terrain.size[k]), this.from[k] + terrain.cell));
+    const ends = [0, 1].map((k) => Math.min(high[k] + BEYOND * size, terrain.size[k]));
+    const to = ends.map((end, k) => Math.max(end, this.from[k] + terrain.cell));
     this.texel = Math.max(to[0] - this.from[0], to[1] - this.from[1]) / MOST_TEXELS;
     [this.columns, this.rows] = to.map((v, k) => Math.ceil((v - this.from[k]) / this.texel));
     const shadows = this.painted((context) => this.shadows(context, terrain, obstacles));
     const plans = this.painted((context) => this.plans(context, obstacles));
     const around = this.blurred(plans, Math.max(Math.round(NOOK / this.texel), 1)), soft = this.blurred(shadows, 1);
-    this.map = Uint8Array.from(soft, (shadow, k) => 255 * (1 - SHADE * shadow) * (1 - CORNER * Math.max(around[k] - plans[k], 0)));
+    const corner = (k) => CORNER * Math.max(around[k] - plans[k], 0);
+    this.map = Uint8Array.from(soft, (shadow, k) => 255 * (1 - SHADE * shadow) * (1 - corner(k)));
     this.grid();
     this.fade();
   }

@@ -57,7 +57,8 @@ class Panel {
     const badge = make("span", "badge");
     if (count) {
       const words = `${count} conflict${count > 1 ? "s" : ""} ▸`;
-      return button("badge next bad", words, "breaks the rules; go to the next conflict (C)", () => this.actions.next("conflict"));
+      const go = () => this.actions.next("conflict", this.plan);
+      return button("badge next bad", words, "breaks the rules; go to the next conflict (C)", go);
     }
     if (gap) {
       badge.textContent = gap.optimal ? "proved optimal" : `proved within ${percent(gap.total)} of the best`;
@@ -93,15 +94,14 @@ class Panel {
   // How many marks of each kind the chart has; a press goes to the next one.
   marks() {
     const box = make("span", "marks"), marks = marksOf(this.plan);
-    for (const [kind, { colour, sign, one, many }] of Object.entries(MARKS)) {
+    for (const [kind, { colour, sign, one, many, key }] of Object.entries(MARKS)) {
       const count = marks.filter((mark) => mark.kind === kind).length;
       if (!count || kind === "conflict") continue;
       const words = ` ${count} ${count > 1 ? many : one}`;
-      const go = button("mark", words, `go to the next ${one} (${kind[0].toUpperCase()})`, () => this.actions.next(kind, this.plan));
-      const dot = make("i", "", sign);
+      const go = () => this.actions.next(kind, this.plan), dot = make("i", "", sign);
       dot.style.color = colour;
-      go.prepend(dot);
-      box.append(go);
+      box.append(button("mark", words, `go to the next ${one} (${key})`, go));
+      box.lastChild.prepend(dot);
     }
     return box;
   }
@@ -128,7 +128,8 @@ class Panel {
     const { view, box, canvas: { clientWidth: width, clientHeight: height } } = this;
     if (this.placed === view.stamp) return;
     this.placed = view.stamp;
-    const points = view.camera.points.map((point) => view.at(point)), [wide, tall] = [box.clientWidth + ASIDE, box.clientHeight + ASIDE];
+    const points = view.camera.points.map((point) => view.at(point));
+    const [wide, tall] = [box.clientWidth + ASIDE, box.clientHeight + ASIDE];
     const busy = CORNERS.map((corner) => points.filter(([x, y]) =>
       (corner.includes("right") ? width - x : x) < wide && (corner.includes("bottom") ? height - y : y) < tall).length);
     box.className = `inset ${CORNERS[busy.indexOf(Math.min(...busy))]}`;
@@ -188,7 +189,9 @@ class Panel {
     const adds = plan.adds.length && step >= data.first ? `adds ${reward(plan.adds[picked][step])} at this step; ` : "";
     put(this.caption, `${adds}alone it sees a mean of ${density(plan.ownPixels[picked][step])} ${data.unit}`);
     const held = { follow, alone };
-    for (const [name, hold] of Object.entries(this.holds)) hold.setAttribute("aria-pressed", String(Boolean(held[name])));
+    for (const [name, hold] of Object.entries(this.holds)) {
+      hold.setAttribute("aria-pressed", String(Boolean(held[name])));
+    }
   }
 }
 

@@ -3,7 +3,9 @@
 const data = JSON.parse(find("data").textContent);
 const SHOWN = ["sights", "tracks", "faces", "solid", "closed"]; // check boxes
 const SLOW = 34, FAST = 7; // ms, pictures that take longer become coarse while something moves, and back
-const state = { time: data.first, playing: false, speed: 2, last: 0, dirty: true, moved: -Infinity, slow: false, pace: 0, plan: 0 };
+const state = {
+  time: data.first, playing: false, speed: 2, last: 0, dirty: true, moved: -Infinity, slow: false, pace: 0, plan: 0,
+};
 const scene = { world: new World(data), rays: new Rays(data) };
 const camera = new Camera(data, scene.rays);
 const actions = { jump, next, pick, toggle, moved, fit };
@@ -124,13 +126,6 @@ function choose(plan) {
 
 // -- keys ----------------------------------------------------------------------------------
 
-// Keys that a focused element has a use for itself.
-const OWN_KEYS = {
-  select: /./,
-  "input[type=range]": /^(Arrow|Page|Home|End)/,
-  "input[type=checkbox], button": /^( |Enter)$/,
-};
-
 // Key, its name, what it does.
 const KEYS = [
   [" ", "space", "play, pause", () => play(!state.playing)],
@@ -153,19 +148,6 @@ const KEYS = [
   ["x", "X", "the other plan, on a phone", () => choose((state.plan + 1) % panels.length)],
   ["?", "?", "this help", help],
 ];
-const ACTIONS = new Map(KEYS.map(([key, , , act]) => [key, act]));
-
-function isOwnKey({ target, key }) {
-  return Object.entries(OWN_KEYS).some(([what, own]) => target.matches(what) && own.test(key));
-}
-
-function keys(event) {
-  if (isOwnKey(event) || event.ctrlKey || event.metaKey || event.altKey) return;
-  const act = ACTIONS.get(event.key.length === 1 ? event.key.toLowerCase() : event.key);
-  if (!act || (find("help").open && event.key !== "?")) return; // Esc closes the help by itself
-  event.preventDefault();
-  act();
-}
 
 function help() {
   const box = find("help");
@@ -174,31 +156,6 @@ function help() {
 }
 
 // -- the rest of the page -------------------------------------------------------------------
-
-function legend() {
-  find("airspace").hidden = find("closing").hidden = !data.airspace;
-  if (data.airspace) find("limits").textContent = data.airspace.words;
-  find("other").hidden = data.plans.length !== 2;
-  if (!data.plans.some((plan) => plan.seen.flat().some((pixels) => pixels > 0))) {
-    find("scales").hidden = true; // nothing is seen at any step
-    return;
-  }
-  const values = [0, 0.25, 0.5, 0.75].map((share) => rounded(data.most * share ** 2));
-  const place = (value) => Math.sqrt(value / data.most);
-  const apart = (k) => k === 0 || (place(values[k]) - place(values[k - 1]) > 0.19 && place(values[k]) < 0.86);
-  for (const value of [...values.filter((_, k) => apart(k)), data.most]) {
-    const tick = make("span", "", short(value));
-    tick.style.left = `${100 * place(value)}%`;
-    find("ticks").append(tick);
-  }
-  find("unit").textContent = data.unit;
-}
-
-function colourScale() {
-  find("unseen").style.background = hex(palette.unseen);
-  const stops = SCALE.map((colour, k) => `${hex(colour)} ${(100 * k) / (SCALE.length - 1)}%`);
-  find("scale").style.background = `linear-gradient(to right, ${stops.join(", ")})`;
-}
 
 function repaint() {
   paint();
@@ -221,8 +178,8 @@ function lay() {
   find("panels").dataset.count = String(panels.length);
   find("panels").classList.toggle("many", panels.length > 2);
   document.body.classList.toggle("tall", panels.length > 2);
-  for (const [, name, what] of KEYS) find("keys").append(make("dt", "", name), make("dd", "", what));
-  legend();
+  listKeys(KEYS, find("keys"));
+  legend(data);
   colourScale();
   tabs();
   choose(0);
@@ -239,7 +196,7 @@ function listen() {
   for (const name of ["space", "top"]) find(name).addEventListener("click", () => look(name));
   for (const name of SHOWN) find(name).addEventListener("change", refresh);
   find("ask").addEventListener("click", help);
-  document.addEventListener("keydown", keys);
+  listenToKeys(KEYS, find("help"));
   window.addEventListener("resize", fit);
   night.addEventListener("change", repaint);
   play(false);

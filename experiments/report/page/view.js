@@ -11,7 +11,8 @@ class View {
   constructor(data, plan, scene, camera, canvas) {
     Object.assign(this, { data, plan, scene, camera, canvas });
     this.raster = new Raster(THROUGH);
-    this.bodies = new Bodies(data, plan, scene.rays);
+    this.bodies = new Bodies(data, plan);
+    this.sights = new Sights(data, scene.rays, this.bodies);
     this.labels = new Labels(this);
     this.pen = new Pen(this.raster, (x, y, z, into, at) => this.put(x, y, z, into, at));
     this.corners = new Float64Array(12);
@@ -66,7 +67,7 @@ class View {
     bodies.drones(pen, time, this.droneSize(), options);
     raster.compose();
     if (options.closed && this.data.airspace) this.closed(time);
-    if (options.sights) bodies.sights(pen, time, this.data.reach, options);
+    if (options.sights) this.sights.draw(pen, time, this.data.reach, options);
   }
 
   // Where drones may not fly: see-through, so that it hides nothing. From above the ceiling is all
