@@ -4,6 +4,7 @@ The scripts in the folder `page` draw; this module makes the data that they draw
 """
 
 import json
+import re
 from collections.abc import Sequence
 from html import escape
 from pathlib import Path
@@ -60,7 +61,7 @@ class Player:
         """Returns the text of the HTML file."""
         parts = {
             "style": PageFile("player.css").text,
-            "script": "\n".join(PageFile(name).text for name in _SCRIPTS),
+            "script": _without_comments("\n".join(PageFile(name).text for name in _SCRIPTS)),
             "data": _inert(self.data()),
         }
         return PageFile("player.html").filled(parts)
@@ -136,6 +137,11 @@ def _without_distance_to_people(problem: Problem) -> Problem:
     """Returns the problem in which people may walk by drones that stay at their starts."""
     airspace = problem.airspace.replace(people_aside=0.0, people_above=None)
     return problem.replace(airspace=airspace)
+
+
+def _without_comments(script: str) -> str:
+    """Returns a script without comments and indents, which would be a fifth of the page."""
+    return re.sub(r"^\s*(?://.*)?\n|^ +", "", script, flags=re.MULTILINE)
 
 
 def _inert(data: Data) -> str:

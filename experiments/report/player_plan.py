@@ -16,7 +16,7 @@ from cocap_opt.experiments.results.conflicts import told_conflict
 from cocap_opt.formulations.explanation import Explanation
 from cocap_opt.formulations.result import OPTIMALITY
 from cocap_opt.model import compiled
-from cocap_opt.problem import Conflict, Plan, Problem, VertexConflict
+from cocap_opt.problem import Conflict, Plan, Problem, Robot, State, VertexConflict
 from cocap_opt.referee import check
 
 _DIGITS = 5  # of px/m2 and shares as they are shown; rewards have all digits
@@ -64,8 +64,9 @@ class PlanData:
         `rewards[t]` is the referee's view reward of a step, `seen[t][f]` the coverage of each face
         (px/m2) by all drones together, `meanPixels` its mean over faces and the steps that count,
         and `ownPixels[i][t]` the mean coverage of a face by one drone. `adds[i][t]` is what a
-        step's reward would be less without a drone, empty where pixels add up over time. `near`
-        are moments at which two drones come close.
+        step's reward would be less without a drone, empty where pixels add up over time.
+        `heights[i]` are flight heights (m), one if it is the same at all steps. `near` are moments
+        at which two drones come close.
         """
         verdict = check(self._judged, self._plan)
         counted = self.seen[self._problem.first_step :]
@@ -87,7 +88,7 @@ class PlanData:
         flown = list(zip(self._problem.robots, self._plan.paths, strict=True))
         return {
             "paths": [scene.rounded(scene.path(robot, path)) for robot, path in flown],
-            "heights": [[robot.motion.layers[s.layer] for s in path] for robot, path in flown],
+            "heights": [_heights(robot, path) for robot, path in flown],
         }
 
     def _adds(self) -> FloatArray:
@@ -152,6 +153,12 @@ class PlanData:
             first = max(conflict.t - 1, 0) if isinstance(conflict, VertexConflict) else conflict.t
             found[self._pairs.index(conflict.robots), first : conflict.t + 1] = True
         return found
+
+
+def _heights(robot: Robot, path: tuple[State, ...]) -> list[float]:
+    """Returns the flight heights (m) of a path, one if it is the same at all steps."""
+    heights = [digits(robot.motion.layers[state.layer]) for state in path]
+    return heights if len(set(heights)) > 1 else heights[:1]
 
 
 def digits(value: float) -> float:

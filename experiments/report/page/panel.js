@@ -179,7 +179,7 @@ class Panel {
     if (stamp === this.stamp) return;
     this.stamp = stamp;
     this.chips.forEach(({ chip, text }, i) => {
-      const height = data.layers > 1 ? `${plan.heights[i][step]} m  ` : "";
+      const height = data.layers > 1 ? `${heightOf(plan, i, step)} m  ` : "";
       put(text, height + (plan.adds.length ? short(plan.adds[i][step]) : ""));
       chip.setAttribute("aria-pressed", String(i === picked));
     });
@@ -202,6 +202,9 @@ function losses(gap, step) {
   const all = lost.reduce((a, b) => a + b, 0), rest = all - most < 5e-6 ? "" : ` of ${percent(all)}`;
   return `${percent(most)}${rest} by drone ${lost.indexOf(most)}`;
 }
+
+// Flight height of a drone (m), of which there is only one where it is always the same.
+const heightOf = ({ heights }, drone, step) => heights[drone][step] ?? heights[drone][0];
 
 function several(words, most) {
   const more = words.length - most;
