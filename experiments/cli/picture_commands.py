@@ -72,11 +72,16 @@ def _show(
     if steps is not None and (suffix == ".html" or not plan):
         raise UsageError("--steps: needs a plan, and a picture: the player shows all steps")
     check_output(output, scene, *plan, certificate)
-    problem, plans = PlanReader(scene, load(scene, seed)).plans(plan)
+    reader = PlanReader(scene, load(scene, seed))
+    problem, plans = reader.plans(plan)
     say_narrow_way(scene, seed, problem)
-    gaps = _gaps(problem, plans, certificate) if certificate else []
-    chosen = () if steps is None else _steps(problem, steps)
-    save_bytes(output, _shown(problem, plans, PlanReader.titles(plan), suffix, gaps, chosen))
+    if suffix == ".html":
+        gaps = _gaps(problem, plans, certificate) if certificate else []
+        content = _player(problem, plans, reader, plan, gaps)
+    else:
+        chosen = () if steps is None else _steps(problem, steps)
+        content = _picture(problem, plans, suffix, chosen)
+    save_bytes(output, content)
     print_result({"scene": problem.name, "seed": seed, "file": output}, json)
     return 0
 
@@ -142,20 +147,24 @@ def _steps(problem: Problem, text: str) -> tuple[int, ...]:
     return found
 
 
-def _shown(
+def _player(
     problem: Problem,
     plans: Sequence[Plan],
-    names: Sequence[str],
-    suffix: str,
+    reader: PlanReader,
+    paths: Sequence[Path],
     gaps: Sequence[Explanation],
-    steps: Sequence[int],
 ) -> bytes:
-    """Returns the file that shows plans: a player, or a picture of the only one or the starts."""
-    from cocap_opt.experiments.report.figures import plan_picture  # matplotlib is slow to import
+    """Returns the page that plays plans from files."""
     from cocap_opt.experiments.report.player import Player
 
-    if suffix == ".html":
-        return Player(problem, list(zip(names, plans, strict=True)), gaps).page().encode()
+    titled = list(zip(PlanReader.titles(paths), plans, strict=True))
+    return Player(problem, titled, gaps, list(map(reader.planner, paths))).page().encode()
+
+
+def _picture(problem: Problem, plans: Sequence[Plan], suffix: str, steps: Sequence[int]) -> bytes:
+    """Returns a picture of the only plan, or of the starts."""
+    from cocap_opt.experiments.report.figures import plan_picture  # matplotlib is slow to import
+
     return plan_picture(problem, plans[0] if plans else None, suffix, steps)
 
 

@@ -4,32 +4,25 @@ The scripts in the folder `page` draw; this module makes the data that they draw
 """
 
 import json
+import re
 from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from cocap_opt.data import FloatArray
 from cocap_opt.experiments.report.pages import PageFile
+from cocap_opt.experiments.report.player_plan import PlanData, digits
 from cocap_opt.experiments.report.player_scene import SceneData
-from cocap_opt.experiments.results.conflicts import told_conflict
 from cocap_opt.experiments.results.files import save_bytes
 from cocap_opt.files.documents import FileError
 from cocap_opt.formulations.explanation import Explanation
-from cocap_opt.model import compiled
-from cocap_opt.problem import (
-    Cone,
-    Conflict,
-    Plan,
-    Problem,
-    VertexConflict,
-)
-from cocap_opt.referee import check
+from cocap_opt.problem import Cone, Plan, Problem
 
-_SCRIPTS = ("raster.js", "world.js", "bodies.js", "view.js", "chart.js", "player.js")
-_DIGITS = 5  # of px/m2 as they are shown; rewards have all digits
+_SCRIPTS = (
+    "colours.js", "numbers.js", "geometry.js", "opening.js", "raster.js", "rays.js", "light.js",
+    "world.js", "camera.js", "figures.js", "pen.js", "bodies.js", "sights.js", "labels.js",
+    "view.js", "eye.js", "chart.js", "panel.js", "steer.js", "keys.js", "legend.js", "player.js",
+)  # fmt: skip
 _FRAME_HEIGHT = 680  # px, in a notebook
 
 Data = dict[str, Any]
@@ -44,6 +37,7 @@ class Player:
     plans : with titles, none with violations by `check`; without any plan the drones are shown at
         their starts
     gaps : what the gap of each plan is made of, None where it is not known; none if not given
+    planners : which planner made each plan, None where it is not known; none if not given
 
     Examples
     --------
@@ -55,17 +49,19 @@ class Player:
         problem: Problem,
         plans: Sequence[Titled] = (),
         gaps: Sequence[Explanation | None] = (),
+        planners: Sequence[str | None] = (),
     ) -> None:
         self._problem = problem if plans else _without_goals(problem)
         self._plans = plans or [("drones at their starts", _waiting(problem))]
         self._gaps = gaps or [None] * len(self._plans)
+        self._planners = planners or [None] * len(self._plans)
         self._judged = problem if plans else _without_distance_to_people(self._problem)
 
     def page(self) -> str:
         """Returns the text of the HTML file."""
         parts = {
             "style": PageFile("player.css").text,
-            "script": "\n".join(PageFile(name).text for name in _SCRIPTS),
+            "script": _without_comments("\n".join(PageFile(name).text for name in _SCRIPTS)),
             "data": _inert(self.data()),
         }
         return PageFile("player.html").filled(parts)
@@ -73,20 +69,17 @@ class Player:
     def data(self) -> Data:
         """Returns all data that the player draws, as one JSON object.
 
-        Lengths are in m, angles in rad, positions those of `SceneData`. Of each plan, `seen[t][f]`
-        is the coverage that all drones together have of face f at step t (px/m2; 1/m2 for cones),
-        and `rewards[t]` the referee's view reward of step t, 0 if the step does not count. Where
-        it is known what a plan's gap is made of, `gap` has it as shares of the bound:
-        `losses[i][t]` of drone i by leaving step t, `faces[t][f]` of what is paid for faces, and
-        the rest.
+        Lengths are in m, angles in rad, positions those of `SceneData`; each plan is as
+        `PlanData` has it. Gaps are shares of the bound.
         """
-        problem, plans = self._problem, [plan for _, plan in self._plans]
-        scene = SceneData(problem)
-        seen = [_seen_pixels(problem, plan) for plan in plans]
-        shown = [
-            _plan_data(scene, self._judged, titled, pixels)
-            | {"gap": None if gap is None else _gap(problem, gap)}
-            for titled, pixels, gap in zip(self._plans, seen, self._gaps, strict=True)
+        problem, scene = self._problem, SceneData(self._problem)
+        plans = [
+            PlanData(scene, self._judged, plan, gap)
+            for (_, plan), gap in zip(self._plans, self._gaps, strict=True)
+        ]
+        shown: list[Data] = [
+            {"title": title, "planner": planner} | plan.data()
+            for (title, _), planner, plan in zip(self._plans, self._planners, plans, strict=True)
         ]
         return {
             "name": problem.name,
@@ -95,9 +88,9 @@ class Player:
             "first": problem.first_step,
             "layers": len(problem.layers),
             "unit": _unit(problem),
-            "most": _digits(max(float(pixels.max(initial=0.0)) for pixels in seen)) or 1.0,
+            "most": digits(max(float(plan.seen.max(initial=0.0)) for plan in plans)) or 1.0,
             "mostReward": max(max(plan["rewards"]) for plan in shown),
-            **scene.scope(plans),
+            **scene.scope([plan for _, plan in self._plans]),
             "terrain": scene.terrain(),
             **scene.meshes(),
             "airspace": scene.airspace(),
@@ -146,71 +139,15 @@ def _without_distance_to_people(problem: Problem) -> Problem:
     return problem.replace(airspace=airspace)
 
 
+def _without_comments(script: str) -> str:
+    """Returns a script without comments and indents, which would be a fifth of the page."""
+    return re.sub(r"^\s*(?://.*)?\n|^ +", "", script, flags=re.MULTILINE)
+
+
 def _inert(data: Data) -> str:
     """Returns JSON that neither ends nor begins an HTML element, whatever names are in it."""
     text = json.dumps(data, separators=(",", ":"), allow_nan=False)
     return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
-
-
-def _seen_pixels(problem: Problem, plan: Plan) -> FloatArray:
-    """Returns the coverage [T+1, F] (px/m2) that all drones together have of faces at steps."""
-    model = compiled(problem)
-    seen = np.zeros((problem.horizon + 1, model.n_faces))
-    for i, path in enumerate(model.paths(plan)):
-        seen += model.views(model.class_of[i]).along(0, np.array(path))
-    return seen
-
-
-def _plan_data(scene: SceneData, judged: Problem, titled: Titled, seen: FloatArray) -> Data:
-    problem, (title, plan) = scene.problem, titled
-    verdict = check(judged, plan)
-    robots = problem.robots
-    return {
-        "title": title,
-        "reward": verdict.reward,
-        "moves": verdict.reward_moves,
-        "rewards": [verdict.reward_at_start, *verdict.reward_per_step],
-        "seen": [[_digits(value) for value in row] for row in seen.tolist()],
-        "paths": [
-            scene.rounded(scene.path(robot, path))
-            for robot, path in zip(robots, plan.paths, strict=True)
-        ],
-        "heights": [
-            [f"{robot.motion.layers[state.layer]:g}" for state in path]
-            for robot, path in zip(robots, plan.paths, strict=True)
-        ],
-        "conflicts": [_conflict(problem, conflict) for conflict in plan.conflicts(problem)],
-    }
-
-
-def _gap(problem: Problem, gap: Explanation) -> Data:
-    """Returns what a gap is made of, as shares of the bound."""
-    first = np.searchsorted(problem.face_owner, np.arange(len(problem.actors)))
-    faces = np.zeros((problem.view_sum_steps, len(problem.face_weights)))
-    for term in gap.of_kind("face"):
-        assert term.actor is not None
-        assert term.face is not None
-        faces[term.step or 0, first[term.actor] + term.face] += gap.share(term.amount)
-    return {
-        "total": gap.share(gap.gap),
-        "losses": [[_digits(gap.share(x)) for x in row] for row in gap.losses().tolist()],
-        "faces": [[_digits(value) for value in row] for row in faces.tolist()],
-        "rules": gap.share(gap.total("row", "decision")),
-        "rest": gap.share(gap.total("leaves", "stages", "claim", "rounding")),
-    }
-
-
-def _conflict(problem: Problem, conflict: Conflict) -> Data:
-    return {
-        "step": conflict.t,
-        "robots": list(conflict.robots),
-        "between": not isinstance(conflict, VertexConflict),
-        "words": told_conflict(problem, conflict),
-    }
-
-
-def _digits(value: float) -> float:
-    return float(f"{value:.{_DIGITS}g}")
 
 
 def _unit(problem: Problem) -> str:

@@ -46,7 +46,7 @@ class SceneData:
 
     def rounded(self, values: FloatArray) -> Any:
         """Returns lengths (m) or angles with as many decimals as can be seen, as lists of lists."""
-        return (np.asarray(values).round(max(self._decimals, 3)) + 0.0).tolist()
+        return _short((np.asarray(values).round(max(self._decimals, 3)) + 0.0).tolist())
 
     def local(self, points: FloatArray) -> FloatArray:
         """Returns world points [.., 3] in the player's coordinates."""
@@ -211,6 +211,13 @@ class SceneData:
             "half": camera.half_angle,
             "rise": rise,
         }
+
+
+def _short(values: Any) -> Any:
+    """Returns lists of numbers in which whole ones are written without a point."""
+    if isinstance(values, list):
+        return [_short(value) for value in values]
+    return int(values) if values.is_integer() else values
 
 
 def _blocked_cells(problem: Problem, workspace: Workspace) -> BoolArray:

@@ -164,6 +164,11 @@ class PlanReader(NamedTuple):
             raise FileError(f"{path}: {verdict.violations[0]}")
         return problem, plan
 
+    def planner(self, path: Path) -> str | None:
+        """Reads which planner made a plan; foreign files do not say."""
+        content = self.claim(path)
+        return content.planner if isinstance(content, PlanFile) else None
+
     def plans(self, paths: Sequence[Path]) -> tuple[Problem, list[Plan]]:
         """Reads plans that can be flown, and finds the variant of the scene that all are for."""
         found = [self.plan(path) for path in paths]

@@ -18,10 +18,13 @@ from cocap_opt.experiments.cli.main import main
 from cocap_opt.experiments.report import player_scene
 from cocap_opt.experiments.report.explaining import gaps_of
 from cocap_opt.experiments.report.figures import robot_colour
-from cocap_opt.experiments.report.player import Player, _seen_pixels
+from cocap_opt.experiments.report.player import Player
+from cocap_opt.experiments.report.player_plan import PlanData
+from cocap_opt.experiments.report.player_scene import SceneData
 from cocap_opt.experiments.studies.pictures import _Browser
 from cocap_opt.files.documents import PlanFile
 from cocap_opt.formulations import BOUNDS
+from cocap_opt.formulations.result import OPTIMALITY
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import (
     Actor,
@@ -29,6 +32,7 @@ from cocap_opt.problem import (
     Camera,
     Cone,
     Motion,
+    Objective,
     Plan,
     Prism,
     Problem,
@@ -38,6 +42,7 @@ from cocap_opt.problem import (
 from cocap_opt.referee import check
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import never
+from cocap_opt.vision.render import Renderer
 from cocap_opt.world.workspace import HeightMap, Mesh
 
 ROOT = Path(__file__).parents[2]
@@ -51,6 +56,11 @@ EVIL = (
 def planned(problem: Problem, *names: str) -> list[tuple[str, Any]]:
     """Plans by these planners, each called like its planner."""
     return [(name, PLANNERS[name](problem, never).plan) for name in names]
+
+
+def seen_by(problem: Problem, plan: Plan) -> Any:
+    """Coverage [T+1, F] that faces are coloured by."""
+    return PlanData(SceneData(problem), problem, plan, None).seen
 
 
 def told(page: str) -> dict[str, Any]:
@@ -86,8 +96,62 @@ def test_what_is_seen_makes_the_reward(scene: str) -> None:
     (shown,) = Player(problem, [(title, plan)]).data()["plans"]
     sums = (problem.step_weights * np.sqrt(shown["seen"])).sum(axis=1)
     assert sums[1:] == pytest.approx(shown["rewards"][1:], rel=1e-4)
-    exact = (problem.step_weights * np.sqrt(_seen_pixels(problem, plan))).sum(axis=1)
+    exact = (problem.step_weights * np.sqrt(seen_by(problem, plan))).sum(axis=1)
     assert exact[1:] == pytest.approx(shown["rewards"][1:], rel=1e-9)
+
+
+@pytest.mark.parametrize("scene", ["bottleneck", "bridge", "tiny-give-way"])
+def test_what_a_drone_adds_is_what_the_referee_misses_without_it(scene: str) -> None:
+    """Each step's reward less that of the other drones alone, by `check`."""
+    problem = load_scene(scene, 0)
+    ((title, plan),) = planned(problem, "greedy")
+    (shown,) = Player(problem, [(title, plan)]).data()["plans"]
+    for i, adds in enumerate(shown["adds"]):
+        others = [k for k in range(len(problem.robots)) if k != i]
+        rest = problem.replace(robots=tuple(problem.robots[k] for k in others))
+        left = check(rest, Plan(paths=tuple(plan.paths[k] for k in others)))
+        missed = np.subtract(shown["rewards"], [left.reward_at_start, *left.reward_per_step])
+        assert adds == pytest.approx(missed, rel=1e-4, abs=1e-3)
+
+
+def test_pixels_that_add_up_over_time_are_nobodys() -> None:
+    """Where pixels add up over time no drone's share of a step is told."""
+    problem = tiny().replace(objective=Objective(over_time=True))
+    (shown,) = Player(problem, planned(problem, "greedy")).data()["plans"]
+    assert shown["adds"] == []
+
+
+def test_means_are_over_all_faces_and_the_steps_that_count() -> None:
+    """px/m2 in the head are the mean of what faces are coloured by; the start does not count."""
+    problem = load_scene("tiny-share", 0)
+    (shown,) = Player(problem, planned(problem, "greedy")).data()["plans"]
+    assert problem.first_step == 1
+    assert shown["meanPixels"] == pytest.approx(np.mean(shown["seen"][1:]), rel=1e-4)
+    means = np.mean(shown["seen"], axis=1)
+    assert np.sum(shown["ownPixels"], axis=0) == pytest.approx(means, rel=1e-4)
+
+
+def crossing() -> tuple[Problem, Plan]:
+    """Two drones that cross in the middle between four cells, which no rule of cells forbids."""
+    motion, faces = Motion(layers=(5.0,), radius=1), [State(x, 0, 0, 0, 0) for x in (0, 1)]
+    robots = tuple(Robot(start=start, motion=motion) for start in faces)
+    problem = tiny().replace(
+        height_map=HeightMap(heights=np.zeros((4, 4))), robots=robots, meshes=(), horizon=1
+    )
+    return problem, Plan(paths=((faces[0], State(1, 1, 0, 0, 0)), (faces[1], State(0, 1, 0, 0, 0))))
+
+
+def test_close_approaches_are_told_and_conflicts_are_not_told_twice() -> None:
+    """Drones that cross come to 0 m in the middle of the step; a swap is a conflict only."""
+    problem, plan = crossing()
+    (shown,) = Player(problem, [("", plan)]).data()["plans"]
+    words = "drones 0 and 1 come within 0 m of each other"
+    assert shown["near"] == [{"time": 0.5, "robots": [0, 1], "words": words}]
+    (one, other) = plan.paths
+    (shown,) = Player(problem, [("", Plan(paths=((one[0], other[0]), (other[0], one[0]))))]).data()[
+        "plans"
+    ]
+    assert shown["near"] == [] and len(shown["conflicts"]) == 1
 
 
 def test_cones_are_no_pixels() -> None:
@@ -144,7 +208,7 @@ def test_drones_fly_at_their_altitude() -> None:
             corner = height_map.origin
             expected = [x - corner[0], y - corner[1], z, np.pi / 4 * s.heading, tilts[s.pitch]]
             assert pose == pytest.approx(expected, abs=1e-3)
-    assert shown["heights"][0][0] == "8" and shown["heights"][1][0] == "4"
+    assert shown["heights"][0][0] == 8 and shown["heights"][1][0] == 4
 
 
 def test_terrain_tells_ground_from_what_stands_on_it() -> None:
@@ -250,7 +314,7 @@ def test_the_page_asks_nobody() -> None:
                          page)  # fmt: skip
     assert re.findall(r'href="([^"]*)"', page) == ["data:,"]
     assert "default-src 'none'" in page
-    assert len(page) < 100_000
+    assert len(page) < 150_000
 
 
 @examples(15)
@@ -335,6 +399,9 @@ def test_show_takes_one_plan_or_more(plans: Path, tmp_path: Path) -> None:
         assert run("show", "bottleneck", *files, "-o", page) == 0
         shown = told(page.read_text(encoding="utf-8"))["plans"]
         assert [plan["title"] for plan in shown] == titles
+        assert [plan["planner"] for plan in shown] == [
+            PlanFile.read(path).planner for path in files
+        ]
         assert shown[-1]["reward"] == PlanFile.read(files[-1]).reward
 
 
@@ -438,8 +505,9 @@ INKED = """(() => {
 def test_two_plans_stand_side_by_side(player: Any) -> None:
     """Each has a panel with its name, a picture and a chart, at one height."""
     player.go_to(3)
-    titles = value(player, "[...document.querySelectorAll('h2')].map((h) => h.textContent)")
-    assert titles == ["greedy.json", "cocap.json"]
+    for what, names in (("h2", ["greedy", "cocap"]), (".file", ["greedy.json", "cocap.json"])):
+        named = f"[...document.querySelectorAll('.panel {what}')].map((e) => e.textContent)"
+        assert value(player, named) == names
     places = "[...document.querySelectorAll('.panel')].map((p) => [p.offsetLeft, p.offsetTop])"
     boxes = value(player, places)
     assert boxes[0][1] == boxes[1][1] and boxes[0][0] + 300 < boxes[1][0]
@@ -460,9 +528,10 @@ def test_the_slider_sets_the_step(player: Any, plans: Path) -> None:
         assert step_of(player) == step
         shown = value(player, "[...document.querySelectorAll('.now')].map((e) => e.dataset.value)")
         assert list(map(float, shown)) == [v.reward_per_step[step - 1] for v in verdicts]
-        said = value(player, "[...document.querySelectorAll('.words')].map((e) => e.textContent)")
+        red = "[...document.querySelectorAll('.words')].map((e) => e.matches(':not(.mild)'))"
+        said = value(player, red)
         for verdict, words in zip(verdicts, said, strict=True):
-            assert any(c.startswith(f"step {step}:") for c in verdict.conflicts) == bool(words)
+            assert any(c.startswith(f"step {step}:") for c in verdict.conflicts) == words
 
 
 @pytest.mark.slow
@@ -575,7 +644,7 @@ def test_the_camera_turns_zooms_and_looks_down(player: Any) -> None:
 @pytest.mark.slow
 def test_numbers_of_crowded_drones_stay_near_them(player: Any) -> None:
     """They are apart, at most so far from their drones, and where there is no room left out."""
-    script = (ROOT / "experiments" / "report" / "page" / "view.js").read_text()
+    script = (ROOT / "experiments" / "report" / "page" / "labels.js").read_text()
     crowd = "const put = []; for (let i = 0; i < 64; i++) {"
     crowd += "const place = freePlace(5, 7, put); if (place) put.push(place); }"
     places = player.execute_script(f"{script}; {crowd} return put")
@@ -603,6 +672,7 @@ def test_a_face_says_how_well_it_is_seen(player: Any) -> None:
     player.go_to(6)
     (seen,) = (plan["seen"][6] for plan in told(player.page_source)["plans"][:1])
     said = [re.fullmatch(r"person (\d), (\w+): (.*)", hint) for hint in value(player, HINTS)]
+    said = [hint for hint in said if hint]
     assert {hint[1] for hint in said if hint} == {"0", "1", "2", "3"} and len(said) >= 8
     names = ["front", "left", "back", "right", "top"]
     for hint in said:
@@ -611,16 +681,202 @@ def test_a_face_says_how_well_it_is_seen(player: Any) -> None:
         assert hint[3] == (f"{pixels:,.0f} px/m²" if pixels else "not seen")
 
 
+def press(player: Any, key: str) -> None:
+    """Press a key anywhere on the page, and wait until it is drawn."""
+    from selenium.webdriver.common.by import By
+
+    player.find_element(By.TAG_NAME, "body").send_keys(key)
+    drawn = "const done = arguments[0], next = requestAnimationFrame; next(() => next(done))"
+    player.execute_async_script(drawn)
+
+
+# Colour of the first picture at a share of its width and height, and so many px aside.
+COLOUR = """(() => {
+  const c = document.querySelector('.chosen canvas.view');
+  const at = [Math.round(c.width * %g), Math.round(c.height * %g + %g), 1, 1];
+  const copy = new OffscreenCanvas(c.width, c.height).getContext('2d', {willReadFrequently: true});
+  copy.drawImage(c, 0, 0);
+  return [...copy.getImageData(...at).data].slice(0, 3);
+})()"""
+
+
 @pytest.mark.slow
-def test_a_phone_shows_one_plan_above_the_other(player: Any) -> None:
-    """On a narrow screen nothing stands out at the side, and the picture is not empty."""
+def test_the_page_opens_at_the_first_step_that_counts(player: Any) -> None:
+    """A start that does not count is no picture to begin with."""
+    player.refresh()
+    wait_until(player, "document.documentElement.dataset.ready === 'yes'")
+    assert load_scene("bottleneck", 0).first_step == step_of(player) == 1
+
+
+@pytest.mark.slow
+def test_a_picked_drone_shows_what_it_sees_and_is_followed(player: Any) -> None:
+    """By key or by its number: its own picture, what it adds, and itself in the middle."""
+    from selenium.webdriver.common.by import By
+
+    player.go_to(4)
+    hidden = "[...document.querySelectorAll('.inset')].map((box) => box.hidden)"
+    assert value(player, hidden) == [True, True]
+    press(player, "d")
+    assert value(player, hidden) == [False, False]
+    eye = "document.querySelector('.inset canvas').toDataURL()"
+    first = value(player, eye)
+    player.find_elements(By.CLASS_NAME, "chip")[2].click()
+    press(player, "f")
+    assert value(player, eye) != first
+    colour = player_scene.SceneData(load_scene("bottleneck", 0)).drone(2)["colour"]
+    (plan, _) = told(player.page_source)["plans"]
+    for step in (4, 9):
+        player.go_to(step)
+        caption = value(player, "document.querySelector('figcaption').textContent")
+        assert caption.startswith(f"adds {plan['adds'][2][step]:,.2f} ")
+        disc = value(player, COLOUR % (0.5, 0.5, -24))
+        assert "#{:02x}{:02x}{:02x}".format(*disc) == colour
+    press(player, "\ue00c")
+    assert value(player, hidden) == [True, True]
+    press(player, "0")
+
+
+@pytest.mark.slow
+def test_a_press_on_a_drone_picks_it(player: Any) -> None:
+    """One that is picked already is let go; shown alone, the others have no numbers."""
+    from selenium.webdriver.common.action_chains import ActionChains
+    from selenium.webdriver.common.by import By
+
+    for key in "df":  # drone 0 is picked, and in the middle
+        press(player, key)
+    player.go_to(3)
+    among = value(player, INKED % ("view", 0))
+    press(player, "i")
+    player.go_to(3)
+    assert value(player, INKED % ("view", 0)) != among
+    view = player.find_elements(By.CLASS_NAME, "view")[0]
+    ActionChains(player).move_to_element_with_offset(view, 0, -18).click().perform()
+    pressed = "[...document.querySelectorAll('.chip')].map((c) => c.ariaPressed)"
+    wait_until(player, f"{pressed}.every((one) => one === 'false')")
+    press(player, "0")
+
+
+# Samples of the drone's own picture that have a bright colour, which only seen faces have.
+COLOURED = """(() => {
+  const c = document.querySelector('.inset canvas'), found = [];
+  const copy = new OffscreenCanvas(c.width, c.height).getContext('2d', {willReadFrequently: true});
+  copy.drawImage(c, 0, 0);
+  const d = copy.getImageData(0, 0, c.width, c.height).data;
+  for (let i = 0; i < d.length; i += 4) {
+    const [most, least] = [Math.max(d[i], d[i + 1], d[i + 2]), Math.min(d[i], d[i + 1], d[i + 2])];
+    found.push(most - least > 0.45 * most ? 1 : 0);
+  }
+  return [c.width, c.height, found];
+})()"""
+
+
+@pytest.mark.slow
+def test_a_drones_picture_is_what_the_renderer_sees(player: Any, tmp_path: Path) -> None:
+    """Faces are where rays of the drone's camera meet them, and nowhere else."""
+    problem = load_scene("bottleneck", 0)
+    problem = problem.replace(robots=problem.robots[:1])
+    ((title, plan),) = planned(problem, "greedy")
+    page, before, step = tmp_path / "page.html", player.current_url, 6
+    Player(problem, [(title, plan)]).save(page)
+    player.get(page.as_uri())
+    press(player, "d")
+    player.go_to(step)
+    wide, tall, coloured = value(player, COLOURED)
+    player.get(before)
+    every = problem.robots[0].camera.width // wide
+    faces = Renderer(problem, every).picture(problem.robots[0], step, plan.paths[0][step]).faces
+    seen = np.append(seen_by(problem, plan)[step] > 0, [False, False])  # no face: terrain or sky
+    rows, columns = (np.linspace(0, n - 1, m).round().astype(int)
+                     for n, m in zip(faces.shape, (tall, wide), strict=True))  # fmt: skip
+    expected = seen[faces[np.ix_(rows, columns)]]
+    shown = np.reshape(coloured, (tall, wide)) > 0
+    assert expected.mean() > 0.01
+    assert (expected & shown).sum() > 0.85 * (expected | shown).sum()
+
+
+@pytest.mark.slow
+def test_view_cones_end_where_something_stands(player: Any) -> None:
+    """Rays meet ground, walls, meshes and what fine meshes fill, and go on above them."""
+    folder = ROOT / "experiments" / "report" / "page"
+    script = "".join((folder / name).read_text() for name in ("geometry.js", "rays.js"))
+    scene = {
+        "terrain": {"cell": 2, "cells": [5, 1], "heights": [0, 0, 0, 5, 0]},
+        "meshes": [{"vertices": [4, 0, 3, 4, 2, 3, 4, 1, 9], "triangles": [0, 1, 2]}],
+        "boxes": [[1, 0, 7, 8]],
+    }
+    rays = [((1, 1, 1), (1, 0, 0)), ((1, 1, 4), (1, 0, 0)), ((1, 1, 7.5), (1, 0, 0)),
+            ((1, 1, 12), (1, 0, 0)), ((9, 1, 4), (0.6, 0, -0.8)), ((9, 1, 1), (-1, 0, 0)),
+            ((7, 1, 9), (0, 0, -1)), ((3, 1, 9), (0, 0, -1))]  # fmt: skip
+    cast = f"{script}; const [scene, rays] = arguments, all = new Rays(scene);"
+    cast += "return rays.map(([from, way]) => all.length(from, way, 20))"
+    met = player.execute_script(cast, scene, rays)
+    assert met == pytest.approx([5, 3, 1, 20, 5, 1, 4, 1])
+
+
+@pytest.mark.slow
+def test_marks_on_the_chart_lead_to_their_moments(player: Any) -> None:
+    """A press on the first conflict's mark, and the button with their number."""
+    from selenium.webdriver.common.action_chains import ActionChains
+    from selenium.webdriver.common.by import By
+
+    step = told(player.page_source)["plans"][0]["conflicts"][-1]["step"]
+    chart = player.find_elements(By.CLASS_NAME, "chart")[0]
+    wide, tall = chart.size["width"], chart.size["height"]
+    middle = 46 + (step + 0.5) / 12 * (wide - 56)
+    player.go_to(0)
+    at = round(middle - wide / 2), round(8 - tall / 2)
+    ActionChains(player).move_to_element_with_offset(chart, *at).click().perform()
+    wait_until(player, f"document.getElementById('slider').value === '{step}'")
+    player.go_to(0)
+    player.find_element(By.CSS_SELECTOR, ".next").click()
+    wait_until(player, "document.getElementById('slider').value === '1'")
+
+
+@pytest.mark.slow
+def test_people_are_figures_or_the_faces_that_count(player: Any) -> None:
+    """A key switches, and changes the picture."""
+    player.go_to(2)
+    figures = value(player, "document.querySelector('canvas.view').toDataURL()")
+    press(player, "b")
+    assert value(player, "document.getElementById('faces').checked")
+    assert value(player, "document.querySelector('canvas.view').toDataURL()") != figures
+    press(player, "b")
+
+
+@pytest.mark.slow
+def test_help_tells_all_keys(player: Any) -> None:
+    """It opens by "?" and closes by Esc."""
+    press(player, "?")
+    assert value(player, "document.getElementById('help').open")
+    assert value(player, "document.querySelectorAll('#keys dt').length") >= 15
+    press(player, "\ue00c")
+    assert not value(player, "document.getElementById('help').open")
+
+
+@pytest.mark.slow
+def test_a_phone_shows_one_plan_and_a_switch(player: Any) -> None:
+    """On a narrow screen nothing stands out at the side; two fingers zoom the picture."""
+    from selenium.webdriver.common.by import By
+
     player.resize((390, 844))
     player.go_to(2)
     assert value(player, "document.documentElement.scrollWidth") <= 390
-    tops = value(player, "[...document.querySelectorAll('.panel')].map((p) => p.offsetTop)")
-    assert tops[1] > tops[0] + 200
+    shown = "[...document.querySelectorAll('.panel')].map((p) => p.offsetHeight > 300)"
+    assert value(player, shown) == [True, False]
     assert value(player, INKED % ("view", 0)) > 0.1
+    player.find_elements(By.CSS_SELECTOR, "#tabs button")[1].click()
+    assert value(player, shown) == [False, True]
+    player.go_to(2)
+    before = value(player, "document.querySelector('.chosen canvas.view').toDataURL()")
+    for kind, points in (("touchStart", (170, 220)), ("touchMove", (120, 270)), ("touchEnd", ())):
+        fingers = [{"x": x, "y": 400, "id": k} for k, x in enumerate(points)]
+        event = {"type": kind, "touchPoints": fingers}
+        player.execute_cdp_cmd("Input.dispatchTouchEvent", event)
+    player.go_to(2)
+    assert value(player, "document.querySelector('.chosen canvas.view').toDataURL()") != before
+    player.find_elements(By.CSS_SELECTOR, "#tabs button")[0].click()
     player.resize((1280, 800))
+    player.go_to(2)
 
 
 @pytest.mark.slow
@@ -654,13 +910,13 @@ def test_no_name_is_run_and_nothing_is_asked_for(player: Any, tmp_path: Path) ->
     """
     problem, page = hills().replace(name=EVIL), tmp_path / "page.html"
     stay = Plan(paths=tuple((robot.start,) * 3 for robot in problem.robots))
-    assert not _seen_pixels(problem, stay).any()
+    assert not seen_by(problem, stay).any()
     page.write_text(Player(problem, [(EVIL, stay)]).page(), "utf-8")
     before = player.current_url
     player.get(page.as_uri())
     player.go_to(1)
     assert value(player, "document.getElementById('name').textContent") == problem.name
-    assert value(player, "document.querySelector('h2').textContent") == EVIL
+    assert value(player, "document.querySelector('.panel h2').textContent") == EVIL
     assert value(player, "document.querySelectorAll('img').length") == 0
     assert value(player, "document.getElementById('scale').offsetWidth") == 0
     assert value(player, "performance.getEntriesByType('resource').length") == 0
@@ -681,3 +937,30 @@ def test_a_gap_is_told_as_shares_of_the_bound() -> None:
     parts = [*np.ravel(told["losses"]), *np.ravel(told["faces"]), told["rules"], told["rest"]]
     assert sum(parts) == pytest.approx(told["total"], rel=1e-4)
     assert [plan["gap"] for plan in Player(problem, plans).data()["plans"]] == [None]
+
+
+def test_only_a_plan_that_obeys_the_rules_is_called_optimal() -> None:
+    """What leaves no gap is; one that has conflicts may be above the bound, and is not."""
+    problem = load_scene("tiny-queue", 0)
+    proof = BOUNDS["column-generation"](problem).certificate
+    assert proof is not None
+    plans = planned(problem, "cocap-lns", "greedy")
+    gaps = gaps_of(problem, [plan for _, plan in plans], proof)
+    best, greedy = (plan for plan in Player(problem, plans, gaps).data()["plans"])
+    assert best["gap"]["bound"] == greedy["gap"]["bound"] == proof.proved
+    assert best["gap"]["optimal"] and best["gap"]["total"] <= OPTIMALITY
+    assert greedy["gap"]["total"] < 0 and not greedy["gap"]["optimal"]
+
+
+def test_the_costliest_moves_are_those_of_the_explanation() -> None:
+    """The largest losses of drones by leaving a step, by step."""
+    problem = load_scene("bottleneck", 0)
+    plans, proof = planned(problem, "greedy"), BOUNDS["alone"](problem).certificate
+    assert proof is not None
+    gaps = gaps_of(problem, [plans[0][1]], proof)
+    gap = Player(problem, plans, gaps).data()["plans"][0]["gap"]
+    shares = np.array(gap["losses"])
+    marked = [shares[move["robot"], move["step"]] for move in gap["costliest"]]
+    assert sorted(marked) == sorted(one for one in shares.ravel() if one >= 5e-6)[-5:]
+    steps = [move["step"] for move in gap["costliest"]]
+    assert steps == sorted(steps)

@@ -1,19 +1,24 @@
-// Reward per step as bars; a press or a drag on them goes to the step.
+// Reward per step as bars, with marks above them; a press goes to the mark or the step.
 
-const DONE = "#30638e", AHEAD = "#c9d6df", OTHER = "#1d2530";
-const MARGIN = { left: 46, right: 10, top: 14, bottom: 20 };
+const MARGIN = { left: 46, right: 10, top: 26, bottom: 20 };
+const MARK_ROW = { conflict: 8, near: 8, costly: 18 }; // px from the top
+const TOUCH = 9; // px around a mark
 
 class Chart {
   constructor(data, plan, other, canvas, go) {
     Object.assign(this, { data, plan, other, canvas });
+    this.marks = marksOf(plan);
     const press = (event) => {
-      if (event.buttons & 1) go(this.stepAt(event.offsetX));
+      if (event.buttons & 1) go(this.timeAt(event));
     };
     canvas.addEventListener("pointerdown", (event) => {
       canvas.setPointerCapture(event.pointerId);
       press(event);
     });
-    canvas.addEventListener("pointermove", press);
+    canvas.addEventListener("pointermove", (event) => {
+      canvas.title = this.wordsAt(event);
+      press(event);
+    });
   }
 
   get width() {
@@ -25,63 +30,85 @@ class Chart {
     return MARGIN.left + ((step + 0.5) / (this.data.steps + 1)) * this.width;
   }
 
-  stepAt(x) {
-    const step = Math.floor(((x - MARGIN.left) / this.width) * (this.data.steps + 1));
-    return Math.min(Math.max(step, 0), this.data.steps);
+  timeAt(event) {
+    const step = Math.floor(((event.offsetX - MARGIN.left) / this.width) * (this.data.steps + 1));
+    return this.markAt(event)?.time ?? Math.min(Math.max(step, 0), this.data.steps);
   }
 
-  draw(time) {
+  markAt({ offsetX, offsetY }) {
+    const far = ({ time, kind }) => Math.hypot(this.x(time) - offsetX, MARK_ROW[kind] - offsetY);
+    const nearest = this.marks.reduce((a, b) => (a && far(a) <= far(b) ? a : b), undefined);
+    return nearest && far(nearest) <= TOUCH ? nearest : undefined;
+  }
+
+  // What marks of a kind at one moment mean.
+  wordsAt(event) {
+    const found = this.markAt(event);
+    const alike = this.marks.filter(({ kind, time }) => kind === found?.kind && time === found.time);
+    return several(alike.map((mark) => mark.words), MOST_WORDS);
+  }
+
+  draw(time, picked) {
     const pixels = window.devicePixelRatio || 1, { clientWidth: w, clientHeight: h } = this.canvas;
-    [this.canvas.width, this.canvas.height] = [Math.round(w * pixels), Math.round(h * pixels)];
+    const size = [Math.round(w * pixels), Math.round(h * pixels)];
+    if (this.canvas.width !== size[0] || this.canvas.height !== size[1]) [this.canvas.width, this.canvas.height] = size;
     const context = this.canvas.getContext("2d");
-    context.scale(pixels, pixels);
-    context.font = "11px system-ui, sans-serif";
+    context.setTransform(pixels, 0, 0, pixels, 0, 0);
+    context.clearRect(0, 0, w, h);
+    context.font = `11px ${FONT}`;
     const long = h - MARGIN.top - MARGIN.bottom, most = this.data.mostReward || 1;
     const y = (reward) => MARGIN.top + long * (1 - reward / most);
     this.ticks(context, y, most, w);
     this.bars(context, y, Math.round(time));
+    if (picked !== undefined) this.added(context, y, picked);
     if (this.other) this.outline(context, y);
     if (this.plan.gap) this.losses(context, h - MARGIN.bottom + 1);
-    this.conflicts(context);
-    context.strokeStyle = OTHER;
-    context.lineWidth = 1;
-    context.beginPath();
-    context.moveTo(this.x(time), MARGIN.top - 6);
-    context.lineTo(this.x(time), h - MARGIN.bottom);
-    context.stroke();
+    for (const mark of this.marks) this.mark(context, mark);
+    context.fillStyle = words.ink;
+    context.fillRect(this.x(time) - 0.75, 3, 1.5, h - MARGIN.bottom - 3);
   }
 
   ticks(context, y, most, w) {
-    context.fillStyle = "#5b616b";
     context.textAlign = "right";
     context.textBaseline = "middle";
     const gap = this.data.mostReward ? rounded(most / 1.9) : Infinity;
     for (let value = 0; value <= most; value += gap) {
-      context.fillStyle = "#e4e4e0";
+      context.fillStyle = words.line;
       context.fillRect(MARGIN.left, Math.round(y(value)), w - MARGIN.left - MARGIN.right, 1);
-      context.fillStyle = "#5b616b";
+      context.fillStyle = words.soft;
       context.fillText(short(value), MARGIN.left - 6, y(value));
     }
     context.textAlign = "center";
     context.textBaseline = "top";
     const every = Math.max(1, rounded(Math.max(1, (34 * this.data.steps) / this.width) * 1.99));
     for (let step = 0; step <= this.data.steps; step += every) {
-      context.fillText(String(step), this.x(step), this.canvas.clientHeight - MARGIN.bottom + 5);
+      context.fillText(String(step), this.x(step), this.canvas.clientHeight - MARGIN.bottom + 6);
     }
   }
 
+  get barWidth() {
+    return Math.max((this.width / (this.data.steps + 1)) * 0.78, 1);
+  }
+
   bars(context, y, now) {
-    const wide = Math.max((this.width / (this.data.steps + 1)) * 0.78, 1);
     this.plan.rewards.forEach((reward, step) => {
-      context.fillStyle = step <= now ? DONE : AHEAD;
-      context.fillRect(this.x(step) - wide / 2, y(reward), wide, y(0) - y(reward));
+      context.fillStyle = step <= now ? words.done : words.ahead;
+      context.fillRect(this.x(step) - this.barWidth / 2, y(reward), this.barWidth, y(0) - y(reward));
+    });
+  }
+
+  // What a step would lack without the picked drone.
+  added(context, y, picked) {
+    context.fillStyle = this.data.drones[picked].colour;
+    (this.plan.adds[picked] ?? []).forEach((reward, step) => {
+      context.fillRect(this.x(step) - this.barWidth / 2, y(reward), this.barWidth, y(0) - y(reward));
     });
   }
 
   // The other plan's rewards, as steps.
   outline(context, y) {
     const half = this.width / (this.data.steps + 1) / 2;
-    context.strokeStyle = "#b3541e";
+    context.strokeStyle = OTHER;
     context.lineWidth = 1.3;
     context.beginPath();
     this.other.rewards.forEach((reward, step) => {
@@ -92,12 +119,12 @@ class Chart {
     context.stroke();
   }
 
-  // A strip below the bars: the redder, the more is lost by leaving a step.
+  // A strip below the bars: the more violet, the more is lost by leaving a step.
   losses(context, y) {
     const { losses } = this.plan.gap, steps = losses[0].map((_, t) => losses.reduce((sum, row) => sum + row[t], 0));
     const most = Math.max(...steps), wide = this.width / (this.data.steps + 1);
     if (most < 5e-6) return;
-    context.fillStyle = RED;
+    context.fillStyle = VIOLET;
     steps.forEach((lost, step) => {
       context.globalAlpha = Math.max(lost, 0) / most;
       context.fillRect(this.x(step) - wide / 2, y, wide, 4);
@@ -105,21 +132,34 @@ class Chart {
     context.globalAlpha = 1;
   }
 
-  conflicts(context) {
-    for (const step of new Set(this.plan.conflicts.map((c) => c.step))) {
-      context.beginPath();
-      context.arc(this.x(step), MARGIN.top - 7, 3, 0, TAU);
-      context.fillStyle = RED;
-      context.fill();
+  mark(context, { time, kind }) {
+    const [x, y] = [this.x(time), MARK_ROW[kind]];
+    context.fillStyle = MARKS[kind].colour;
+    context.beginPath();
+    if (kind === "conflict") context.arc(x, y, 4, 0, TAU);
+    else {
+      const corners = kind === "near" ? 4 : 3;
+      for (let k = 0; k < corners; k++) {
+        const angle = -TAU / 4 + (k * TAU) / corners;
+        context.lineTo(x + 4.5 * Math.cos(angle), y + 4.5 * Math.sin(angle));
+      }
     }
+    context.fill();
   }
 }
 
-const digits = (value, most, least = 0) =>
-  value.toLocaleString("en-US", { maximumFractionDigits: most, minimumFractionDigits: least });
-const short = (value) => {
-  const [unit, size] = value >= 1e6 ? ["M", 1e6] : value >= 1e4 ? ["k", 1e3] : ["", 1];
-  return Number((value / size).toPrecision(3)).toLocaleString("en-US", { maximumFractionDigits: 8 }) + unit;
+const MARKS = {
+  conflict: { colour: RED, sign: "●", one: "conflict", many: "conflicts", key: "C" },
+  near: { colour: AMBER, sign: "◆", one: "close approach", many: "close approaches", key: "N" },
+  costly: { colour: VIOLET, sign: "▲", one: "costly move", many: "costly moves", key: "M" },
 };
-const reward = (value) => (Math.abs(value) < 100 ? digits(value, 4) : digits(value, 2, 2));
-const density = (value) => (value >= 100 ? digits(Math.round(value), 0) : String(Number(value.toPrecision(3))));
+
+// Moments of a plan that one may want to see.
+function marksOf(plan) {
+  const conflicts = plan.conflicts.map((one) => ({ ...one, kind: "conflict", time: one.step + (one.between ? 0.5 : 0) }));
+  const near = plan.near.map((one) => ({ ...one, kind: "near" }));
+  const costly = (plan.gap?.costliest ?? []).map(({ step, robot, share }) => ({
+    kind: "costly", time: step, words: `drone ${robot} loses ${percent(share)} of the bound by leaving step ${step}`,
+  }));
+  return [...conflicts, ...near, ...costly];
+}

@@ -1,24 +1,18 @@
-// A small renderer in software: convex polygons with a depth buffer, in parallel projection.
+// A small renderer in software: convex polygons with a depth buffer.
 // It needs no graphics card, and what hides what is right for every pixel.
 //
-// Points are triples x, y (samples, y downwards) and w (m towards the viewer), flat in an array.
-// Colours are numbers 0xAABBGGRR, as image data has them in memory.
+// Points are triples x, y (samples, y downwards) and w, flat in an array. What is nearer to the
+// viewer has the larger w, and w is linear on the picture: the way towards the viewer (m) in
+// parallel projection, 1 / depth in perspective.
 
 const NOWHERE = Math.fround(-1e30); // depth where nothing is
-const HIDDEN = 0.34; // how much is seen of what moves through what is solid
-const EDGE = 0xff60524b;
 const LINE = 0.25; // of what is hatched is lines
-const GLASS = 0.3; // how much of what is behind them obstacles hide where they are glass
-
-function mixed(a, b, share) {
-  const r = (a & 255) + ((b & 255) - (a & 255)) * share;
-  const g = ((a >> 8) & 255) + (((b >> 8) & 255) - ((a >> 8) & 255)) * share;
-  const bl = ((a >> 16) & 255) + (((b >> 16) & 255) - ((a >> 16) & 255)) * share;
-  return (0xff000000 | (bl << 16) | (g << 8) | r) >>> 0;
-}
+const CLEAR = 0.86; // how much is seen through glass
 
 class Raster {
-  constructor() {
+  // `through`: how much is seen of what moves through what is solid.
+  constructor(through) {
+    this.through = through;
     this.canvas = document.createElement("canvas");
     this.width = this.height = 0;
     this.line = new Float64Array(12);
@@ -34,6 +28,8 @@ class Raster {
     const layer = () => ({ colour: new Uint32Array(size), depth: new Float32Array(size).fill(NOWHERE) });
     [this.ground, this.glass, this.moving] = [layer(), layer(), layer()];
     this.still = new Uint32Array(size); // ground and glass together
+    this.veil = new Uint8Array(size); // of 255, how much glass hides
+    this.opening = new Opening(width, height);
     this.touched = new Int32Array(size); // samples at which something moving is
     this.count = 0;
     this.left = new Float64Array(height);
@@ -41,21 +37,19 @@ class Raster {
     return true;
   }
 
-  // Forget what stands still: the ground, and obstacles, which are solid or glass.
-  clear(colour, solid) {
+  // Forget what stands still.
+  clear(colour) {
     this.ground.colour.fill(colour);
     for (const layer of [this.ground, this.glass]) layer.depth.fill(NOWHERE);
-    this.solid = solid;
+    this.opening.clear();
   }
 
   // All that stands still is there.
   settle() {
-    const { ground, glass, still } = this, share = this.solid ? 1 : GLASS;
+    const { ground, glass, still, veil } = this;
     still.set(ground.colour);
     for (let at = 0; at < still.length; at++) {
-      if (glass.depth[at] <= ground.depth[at]) continue;
-      const colour = glass.colour[at];
-      still[at] = mixed(still[at], colour, colour === EDGE ? 0.8 : share);
+      if (glass.depth[at] > ground.depth[at]) still[at] = mixed(still[at], glass.colour[at], veil[at] / 255);
     }
   }
 
@@ -114,18 +108,36 @@ class Raster {
     return Math.min(Math.ceil(this.right[y] - 0.5), this.width);
   }
 
-  // Something that stands still, into the ground or the glass.
-  fillStill(layer, p, n, colour) {
+  // Ground, which hides what is below, in a shade, if there is one.
+  fillGround(p, n, colour, shade) {
     if (!this.scan(p, n)) return;
-    const { colour: colours, depth: depths } = layer;
+    const { colour: colours, depth: depths } = this.ground;
     for (let y = this.top; y <= this.bottom; y++) {
-      const x = this.begins(y), end = y * this.width + this.ends(y);
+      let x = this.begins(y);
+      const end = y * this.width + this.ends(y);
       let w = this.atOrigin + this.alongX * (x + 0.5) + this.alongY * (y + 0.5);
-      for (let at = y * this.width + x; at < end; at++, w += this.alongX) {
-        if (w > depths[at]) {
-          depths[at] = w;
-          colours[at] = colour;
-        }
+      for (let at = y * this.width + x; at < end; at++, x++, w += this.alongX) {
+        if (w <= depths[at]) continue;
+        depths[at] = w;
+        colours[at] = shade ? shaded(colour, shade.at(x, y, w)) : colour;
+      }
+    }
+  }
+
+  // An obstacle, which is glass where the opening says so.
+  fillObstacle(p, n, colour, shade) {
+    if (!this.scan(p, n)) return;
+    const { ground, glass, veil, opening } = this;
+    for (let y = this.top; y <= this.bottom; y++) {
+      let x = this.begins(y);
+      const end = y * this.width + this.ends(y), row = (y >> BLOCK) * opening.columns;
+      let w = this.atOrigin + this.alongX * (x + 0.5) + this.alongY * (y + 0.5);
+      for (let at = y * this.width + x; at < end; at++, x++, w += this.alongX) {
+        const open = opening.at(row + (x >> BLOCK), w), layer = open > LEAST_OPEN ? glass : ground;
+        if (w <= layer.depth[at]) continue;
+        layer.depth[at] = w;
+        layer.colour[at] = shade ? shaded(colour, shade.at(x, y, w)) : colour;
+        if (layer === glass) veil[at] = 255 - CLEAR * open;
       }
     }
   }
@@ -149,13 +161,12 @@ class Raster {
 
   // Put what moves in front of what stands still; behind it, it shines through.
   compose() {
-    const { ground, glass, moving, still, out, touched } = this;
-    const veil = this.solid ? 1 - HIDDEN : GLASS;
+    const { ground, glass, moving, still, veil, out, touched, through } = this;
     out.set(still);
     for (let i = 0; i < this.count; i++) {
       const at = touched[i], depth = moving.depth[at], colour = moving.colour[at];
-      if (depth < ground.depth[at]) out[at] = mixed(still[at], colour, HIDDEN);
-      else if (depth < glass.depth[at]) out[at] = mixed(colour, glass.colour[at], veil);
+      if (depth < ground.depth[at]) out[at] = mixed(still[at], colour, through);
+      else if (depth < glass.depth[at]) out[at] = mixed(colour, glass.colour[at], veil[at] / 255);
       else out[at] = colour;
     }
   }
@@ -165,22 +176,20 @@ class Raster {
   // many samples, and little in between.
   blend(p, n, colour, share, { aside = false, hatch = 0 } = {}) {
     if (!this.scan(p, n)) return;
-    const { out, ground, glass, moving } = this;
-    const front = Math.round(share * 256), behind = this.solid ? 0 : Math.round(front * (1 - GLASS));
-    const line = hatch * LINE;
+    const { out, ground, glass, moving, veil } = this;
+    const front = Math.round(share * 256), line = hatch * LINE;
     const redBlue = colour & 0xff00ff, green = (colour >> 8) & 0xff;
     for (let y = this.top; y <= this.bottom; y++) {
       const x = this.begins(y), end = y * this.width + this.ends(y);
       let w = this.atOrigin + this.alongX * (x + 0.5) + this.alongY * (y + 0.5);
       for (let at = y * this.width + x; at < end; at++, w += this.alongX) {
-        if (w > ground.depth[at] && w > moving.depth[at] && !(aside && moving.depth[at] > NOWHERE)) {
-          let k = w > glass.depth[at] ? front : behind;
-          if (hatch && (at - y * this.width + y) % hatch >= line) k >>= 2;
-          const under = out[at];
-          const rb = (((under & 0xff00ff) * (256 - k) + redBlue * k) >>> 8) & 0xff00ff;
-          const g = (((under >> 8) & 0xff) * (256 - k) + green * k) & 0xff00;
-          out[at] = (0xff000000 | rb | g) >>> 0;
-        }
+        if (w <= ground.depth[at] || w <= moving.depth[at] || (aside && moving.depth[at] > NOWHERE)) continue;
+        let k = w > glass.depth[at] ? front : (front * (255 - veil[at])) >> 8;
+        if (hatch && (at - y * this.width + y) % hatch >= line) k >>= 2;
+        const under = out[at];
+        const rb = (((under & 0xff00ff) * (256 - k) + redBlue * k) >>> 8) & 0xff00ff;
+        const g = (((under >> 8) & 0xff) * (256 - k) + green * k) & 0xff00;
+        out[at] = (0xff000000 | rb | g) >>> 0;
       }
     }
   }
@@ -200,11 +209,15 @@ class Raster {
   hides(x, y, w) {
     const at = Math.floor(y) * this.width + Math.floor(x);
     if (x < 0 || x >= this.width || y < 0 || y >= this.height) return false;
-    return this.ground.depth[at] > w || (this.solid && this.glass.depth[at] > w);
+    return this.ground.depth[at] > w;
   }
 
-  finish() {
+  // Into a canvas, of this or another size.
+  finish(context) {
+    const { width, height } = context.canvas;
+    if (width === this.width && height === this.height) return context.putImageData(this.image, 0, 0);
     this.context.putImageData(this.image, 0, 0);
-    return this.canvas;
+    context.setTransform(1, 0, 0, 1, 0, 0);
+    context.drawImage(this.canvas, 0, 0, width, height);
   }
 }

@@ -1,24 +1,11 @@
 // What stands still, as polygons: the terrain's columns, merged where they are alike, and meshes.
 
-const rgb = (hex) => {
-  const n = parseInt(hex.slice(1), 16);
-  return (0xff000000 | ((n & 255) << 16) | (n & 0xff00) | (n >> 16)) >>> 0;
-};
-const PAPER = rgb("#ffffff"), INK = rgb("#2b2f36");
-const LOW_GROUND = rgb("#eeebe2"), HIGH_GROUND = rgb("#c9c2a6");
-const LOW_THING = rgb("#d3c6a8"), WALL = rgb("#8f9aad"), MESH = rgb("#b07d55");
-const LOW_PLAN = rgb("#d9cdb0"), WALL_PLAN = rgb("#c3c7ce"); // on the ground below them
-const CLOSED = rgb("#d0021b"); // to drones
-const LIGHT = [0.35, -0.5, 0.79]; // where it comes from; unit length
 const LEAST_EDGE = 0.8; // of a cell, steps in the terrain that get an outline
 const SLOPE = 1.2; // how much of the light from above the sides of the ground's steps take
 const MOST_EDGES = 6000;
 const STRAIGHT = Math.cos(Math.PI / 7); // of triangles that bend less
 
-function lit(colour, normal) {
-  const shade = 0.66 + 0.4 * Math.max(0, normal[0] * LIGHT[0] + normal[1] * LIGHT[1] + normal[2] * LIGHT[2]);
-  return shade >= 1 ? mixed(colour, PAPER, shade - 1) : mixed(0xff000000, colour, shade);
-}
+const lit = (colour, normal) => shaded(colour, 256 * brightness(dot(normal, SUN)));
 
 // Polygons of 4 corners (triangles repeat one) with colour and normal, and edges to be outlined.
 class Polygons {
@@ -26,13 +13,15 @@ class Polygons {
     this.corners = []; // 12 numbers each
     this.normals = []; // 3 numbers each; all 0: seen from both sides
     this.colours = [];
+    this.feet = []; // altitudes of the foot and the top of a wall; NaN: it is none
     this.edges = []; // 6 numbers each
   }
 
-  add(points, normal, colour) {
+  add(points, normal, colour, foot = NaN, top = NaN) {
     for (const point of points) this.corners.push(...point);
     this.normals.push(...normal);
     this.colours.push(colour);
+    this.feet.push([foot, top]);
   }
 
   done() {
@@ -47,19 +36,20 @@ class World {
   constructor(data) {
     const { terrain } = data, { heights, grounds, kinds } = terrain;
     const highest = grounds.reduce((a, b) => Math.max(a, b), 0);
-    const ground = (k) => mixed(LOW_GROUND, HIGH_GROUND, highest > 1 ? grounds[k] / highest : 0);
-    const colours = { 1: [LOW_PLAN, LOW_THING], 2: [WALL_PLAN, WALL] };
+    const ground = (k) => mixed(palette.ground, palette.high, highest > 1 ? grounds[k] / highest : 0);
+    const colours = { 1: [palette.lowPlan, palette.low], 2: [palette.wallPlan, palette.wall] };
     this.ground = new Polygons();
     new Columns(terrain, grounds, null, (k) => colours[kinds[k]]?.[0] ?? ground(k), this.ground);
     this.things = new Polygons();
     new Columns(terrain, heights, grounds, (k) => colours[kinds[k]]?.[1] ?? ground(k), this.things);
-    addSolids(this.things, terrain, data, MESH);
+    addSolids(this.things, terrain, data, palette.mesh);
     // What is closed to drones: no-fly zones, and the ceiling.
     this.zones = new Polygons();
     this.lid = new Polygons();
     if (data.airspace) addSolids(this.zones, terrain, data.airspace.zones, CLOSED);
     if (data.airspace?.lid.length) new Lid(terrain, data.airspace.lid, null, () => CLOSED, this.lid);
     for (const some of [this.ground, this.things, this.zones, this.lid]) some.done();
+    this.light = new GroundLight(data, this.things);
   }
 }
 
@@ -161,7 +151,7 @@ class Columns {
     normal[axis] = side;
     // A slope is a staircase here: as one of sharp edges it would look like a building.
     const soft = normal.map((v, k) => (this.floors ? v : (v + (k === 2 ? SLOPE : 0)) / Math.hypot(1, SLOPE)));
-    this.into.add([at(begin, low), at(end, low), at(end, high), at(begin, high)], normal, lit(colour, soft));
+    this.into.add([at(begin, low), at(end, low), at(end, high), at(begin, high)], normal, lit(colour, soft), low, high);
     if (high - low > LEAST_EDGE * this.terrain.cell) this.into.edges.push(...at(begin, high), ...at(end, high));
   }
 }
@@ -209,11 +199,4 @@ function addBox(into, terrain, [i, j, low, high], colour) {
   side([1, 0, 0], [b, c, low], [b, d, low], [b, d, high], [b, c, high]);
   side([0, -1, 0], [a, c, low], [b, c, low], [b, c, high], [a, c, high]);
   side([0, 1, 0], [a, d, low], [b, d, low], [b, d, high], [a, d, high]);
-}
-
-// Height at a point of what is below in the height map, in m; 0 beyond it.
-function groundAt(terrain, x, y) {
-  const i = Math.floor(x / terrain.cell), j = Math.floor(y / terrain.cell);
-  const inside = i >= 0 && j >= 0 && i < terrain.cells[0] && j < terrain.cells[1];
-  return inside ? terrain.heights[i * terrain.cells[1] + j] : 0;
 }

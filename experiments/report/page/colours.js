@@ -1,0 +1,67 @@
+// Colours by day and by night: numbers 0xAABBGGRR for the raster, as image data has them in memory,
+// and words for canvases.
+
+const rgb = (hex) => {
+  const n = parseInt(hex.slice(1), 16);
+  return (0xff000000 | ((n & 255) << 16) | (n & 0xff00) | (n >> 16)) >>> 0;
+};
+
+const hex = (n) =>
+  "#" + [n & 255, (n >> 8) & 255, (n >> 16) & 255].map((v) => v.toString(16).padStart(2, "0")).join("");
+
+function mixed(a, b, share) {
+  const r = (a & 255) + ((b & 255) - (a & 255)) * share;
+  const g = ((a >> 8) & 255) + (((b >> 8) & 255) - ((a >> 8) & 255)) * share;
+  const bl = ((a >> 16) & 255) + (((b >> 16) & 255) - ((a >> 16) & 255)) * share;
+  return (0xff000000 | (bl << 16) | (g << 8) | r) >>> 0;
+}
+
+// A colour in the light k of 256, which is cut to a whole number.
+function shaded(colour, light) {
+  const k = Math.min(light, 256) | 0;
+  const redBlue = (((colour & 0xff00ff) * k) >>> 8) & 0xff00ff, green = (((colour & 0xff00) * k) >>> 8) & 0xff00;
+  return (0xff000000 | redBlue | green) >>> 0;
+}
+
+const DAY = {
+  paper: "#eef0f3", ground: "#f6efe1", high: "#cfc5a6", wall: "#bcc5d1", low: "#d8c49a", mesh: "#c08a5c",
+  wallPlan: "#d3d2d3", lowPlan: "#e3d8bd", edge: "#4b5260", skyTop: "#a9c6e8", skyLow: "#e9f1f8",
+  shadow: "#b3ac9d", unseen: "#5d636e", legs: "#3a4256", skin: "#e0ac85", hair: "#4a3226",
+  rotor: "#ffffff", dark: "#20252d", walk: "#b02a45",
+};
+const NIGHT = {
+  paper: "#161a20", ground: "#474b52", high: "#6a6658", wall: "#7488a6", low: "#8d7a52", mesh: "#96683f",
+  wallPlan: "#3b424d", lowPlan: "#5a5342", edge: "#0e1116", skyTop: "#1b2a44", skyLow: "#4a5a73",
+  shadow: "#26292e", unseen: "#878d98", legs: "#1f2531", skin: "#d39e78", hair: "#2c1e16",
+  rotor: "#dfe6ef", dark: "#0c0f13", walk: "#ff8fa3",
+};
+const PAGE = {
+  day: {
+    ink: "#1d2530", soft: "#5b616b", line: "#e2e3e6", halo: "rgba(255,255,255,.92)", ahead: "#c6d4df", done: "#2f6690",
+  },
+  night: {
+    ink: "#e8ebef", soft: "#a2a9b4", line: "#333a45", halo: "rgba(16,20,26,.9)", ahead: "#3d4b5a", done: "#6ba6d6",
+  },
+};
+const RED = "#d0021b", AMBER = "#e08a00", VIOLET = "#8b3fd1", OTHER = "#c65d1e";
+const CLOSED = rgb(RED); // to drones
+const palette = {}; // of the raster, filled by `paint`
+const words = {}; // of canvases
+
+const night = window.matchMedia("(prefers-color-scheme: dark)");
+
+function paint() {
+  for (const [name, value] of Object.entries(night.matches ? NIGHT : DAY)) palette[name] = rgb(value);
+  Object.assign(words, night.matches ? PAGE.night : PAGE.day);
+}
+paint();
+
+const SCALE = ["#472a78", "#8e2f8e", "#cc4778", "#f0804e", "#fdc328", "#fbf18a"].map(rgb); // little to much
+
+// Colour of px/m2: even steps of its root, which is what J sums.
+function seenColour(pixels, most) {
+  if (!(pixels > 0)) return palette.unseen;
+  const at = Math.min(Math.sqrt(pixels / most), 1) * (SCALE.length - 1);
+  const k = Math.min(Math.floor(at), SCALE.length - 2);
+  return mixed(SCALE[k], SCALE[k + 1], at - k);
+}

@@ -1,0 +1,106 @@
+// What one drone's camera takes in, in perspective: people as the faces that count.
+
+const NEAR = 0.15; // m, before which nothing is drawn
+const EYE_FINE = 1.5; // samples per pixel of the page while nothing moves
+const WIDEST = 55 * DEGREE; // half of what is shown of a cone, which may look all around
+const CONE_SHAPE = 0.62; // height of its picture, of its width
+
+class Eye {
+  constructor(data, plan, scene, bodies, canvas) {
+    Object.assign(this, { data, plan, scene, bodies, canvas });
+    this.raster = new Raster(0);
+    this.pen = new Pen(this.raster, (x, y, z, into, at) => this.put(x, y, z, into, at), (points) => this.cut(points));
+    this.pen.metre = Infinity; // all is seen from near by
+  }
+
+  draw(time, drone, quality) {
+    const { clientWidth: width } = this.canvas;
+    if (!width) return;
+    this.look(drone, between(this.plan.paths[drone], time));
+    this.resize(width, quality === FINE ? EYE_FINE : 1);
+    this.still();
+    this.raster.begin();
+    this.data.people.forEach((_, j) => this.bodies.faces(this.pen, j, this.bodies.person(j, time), time));
+    this.bodies.drones(this.pen, time, 0.35, { picked: drone, own: true });
+    this.raster.compose();
+    this.raster.finish(this.canvas.getContext("2d"));
+  }
+
+  look(number, [x, y, z, yaw, tilt]) {
+    const { half, rise } = this.data.drones[number], isCone = rise === null, down = isCone ? 0 : tilt;
+    const [c, s, ct, st] = [Math.cos(yaw), Math.sin(yaw), Math.cos(down), Math.sin(down)];
+    this.from = [x, y, z];
+    [this.ahead, this.right, this.up] = [[c * ct, s * ct, -st], [s, -c, 0], [c * st, s * st, ct]];
+    this.wide = Math.tan(Math.min(half, WIDEST));
+    this.shape = isCone ? CONE_SHAPE : Math.tan(rise) / this.wide;
+    this.down = down;
+  }
+
+  resize(width, fine) {
+    const height = Math.round(width * this.shape), pixels = window.devicePixelRatio || 1;
+    this.pen.fine = fine;
+    this.raster.resize(Math.round(width * fine), Math.max(Math.round(height * fine), 1));
+    this.focal = this.raster.width / 2 / this.wide;
+    const size = [Math.round(width * pixels), Math.round(height * pixels)];
+    if (this.canvas.width !== size[0] || this.canvas.height !== size[1]) [this.canvas.width, this.canvas.height] = size;
+    this.canvas.style.height = `${height}px`;
+  }
+
+  depth(x, y, z) {
+    const { ahead, from } = this;
+    return (x - from[0]) * ahead[0] + (y - from[1]) * ahead[1] + (z - from[2]) * ahead[2];
+  }
+
+  // Put a point of the world as x, y (samples) and 1 / depth; tells if it is before the camera.
+  put(px, py, pz, into, at) {
+    const { right, up, from, raster: { width, height } } = this, scale = 1 / this.depth(px, py, pz);
+    const x = px - from[0], y = py - from[1], z = pz - from[2];
+    into[at] = width / 2 + this.focal * scale * (x * right[0] + y * right[1]);
+    into[at + 1] = height / 2 - this.focal * scale * (x * up[0] + y * up[1] + z * up[2]);
+    into[at + 2] = scale;
+    return scale > 0 && scale < 1 / NEAR;
+  }
+
+  cut(points) {
+    const depths = points.map(([x, y, z]) => this.depth(x, y, z));
+    return depths.every((depth) => depth >= NEAR) ? points : clipped(points, depths, NEAR);
+  }
+
+  still() {
+    this.raster.clear(palette.paper);
+    this.sky();
+    this.polygons(this.scene.world.ground, this.sunlight());
+    this.polygons(this.scene.world.things);
+    this.raster.settle();
+  }
+
+  // The light on the ground.
+  sunlight() {
+    const { from, ahead, right, up, focal, raster: { width, height } } = this, { light } = this.scene.world;
+    const slopes = (axis) => {
+      const [a, b] = [right[axis] / focal, -up[axis] / focal], begin = ahead[axis] - (a * width + b * height) / 2;
+      return [a, b, 0, begin, from[axis] - light.from[axis]].map((v) => v / light.texel);
+    };
+    return new Shade(light, slopes(0), slopes(1), true);
+  }
+
+  // The sky down to the horizon, and below it land without end.
+  sky() {
+    const { width, height, ground: { colour } } = this.raster;
+    const horizon = height / 2 - this.focal * Math.tan(this.down);
+    for (let y = 0; y < height; y++) {
+      const above = mixed(palette.skyLow, palette.skyTop, Math.min(Math.max((horizon - y) / height, 0), 1));
+      colour.fill(y < horizon ? above : shaded(palette.ground, 226), y * width, (y + 1) * width);
+    }
+  }
+
+  polygons({ corners, normals, colours }, level) {
+    for (let i = 0; i < colours.length; i++) {
+      const points = [0, 3, 6, 9].map((k) => corners.subarray(12 * i + k, 12 * i + k + 3));
+      const normal = normals.slice(3 * i, 3 * i + 3);
+      if (dot(normal, minus(points[0], this.from)) > 0) continue; // turned away
+      const flat = this.pen.project(points);
+      if (flat.length) this.raster.fillGround(flat, flat.length / 3, colours[i], normal[2] === 1 ? level : undefined);
+    }
+  }
+}

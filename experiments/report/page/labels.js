@@ -1,0 +1,180 @@
+// What is written on a picture: numbers of people and drones, conflicts, a scale, and where x leads.
+
+const FONT = "system-ui, -apple-system, 'Segoe UI', 'DejaVu Sans', sans-serif";
+const ROOMY = 14, FAR = 36; // px between numbers, and from where a number should be
+
+class Labels {
+  constructor(view) {
+    this.view = view;
+  }
+
+  write(context, time, width, height, options) {
+    this.context = context;
+    context.textAlign = "center";
+    context.textBaseline = "middle";
+    this.scale(height);
+    this.axes(width, height);
+    this.people(time);
+    this.near(time);
+    this.drones(time, options);
+    this.conflicts(time);
+  }
+
+  people(time) {
+    const { context, view } = this;
+    context.font = `600 10px ${FONT}`;
+    view.data.people.forEach((person, j) => {
+      const [x, y, z] = view.bodies.person(j, time), [px, py] = view.at([x, y, z + person.height]);
+      const wide = context.measureText(String(j)).width + 7;
+      context.fillStyle = words.halo;
+      context.strokeStyle = words.soft;
+      context.lineWidth = 1;
+      context.beginPath();
+      context.roundRect(px - wide / 2, py - 19, wide, 13, 3);
+      context.fill();
+      context.stroke();
+      context.fillStyle = words.ink;
+      context.fillText(String(j), px, py - 12);
+    });
+  }
+
+  // Numbers in discs above the drones, or near there, where there is room for them.
+  drones(time, { picked, alone }) {
+    const { context, view } = this, put = [];
+    const order = view.plan.paths.map((_, i) => i).sort((a, b) => (b === picked) - (a === picked));
+    this.places = [];
+    for (const i of order) {
+      const [x, y, hidden] = view.at(view.bodies.drone(i, time)), { colour } = view.data.drones[i];
+      this.places.push([i, x, y]);
+      if (i === picked) circle(context, x, y, 15, words.ink, 1.6);
+      if (alone && i !== picked) continue;
+      const place = freePlace(x, y - 18, put);
+      if (!place) continue;
+      put.push(place);
+      this.places.push([i, ...place]);
+      context.globalAlpha = hidden ? 0.65 : 1;
+      if (Math.hypot(place[0] - x, place[1] - y + 18) > 1) leader(context, place, [x, y], colour);
+      this.number(i, place, colour, i === picked);
+    }
+    context.globalAlpha = 1;
+  }
+
+  number(i, [x, y], colour, isPicked) {
+    const { context } = this;
+    disc(context, x, y, isPicked ? 10 : 7.5, colour, isPicked ? words.ink : "#fff");
+    context.font = `600 ${isPicked ? 12 : 10}px ${FONT}`;
+    context.fillStyle = "#fff";
+    context.fillText(String(i), x, y + 0.5);
+  }
+
+  conflicts(time) {
+    for (const { robots } of conflictsAt(this.view.plan, time)) this.join(robots, time, RED, 2.5);
+  }
+
+  near(time) {
+    for (const { robots } of nearAt(this.view.plan, time)) this.join(robots, time, AMBER, 1.6);
+  }
+
+  join(robots, time, colour, thickness) {
+    const { context, view } = this, [a, b] = robots.map((i) => view.at(view.bodies.drone(i, time)));
+    context.strokeStyle = colour;
+    context.lineWidth = thickness;
+    context.beginPath();
+    context.moveTo(a[0], a[1]);
+    context.lineTo(b[0], b[1]);
+    context.stroke();
+    for (const [x, y] of [a, b]) circle(context, x, y, 13, colour, thickness);
+  }
+
+  // A bar of a round number of metres.
+  scale(height) {
+    const { context } = this, { scale } = this.view.camera, metres = rounded(80 / scale);
+    const [x, y, long] = [14, height - 14, metres * scale];
+    context.strokeStyle = context.fillStyle = words.soft;
+    context.lineWidth = 1.5;
+    context.font = `11px ${FONT}`;
+    context.beginPath();
+    context.moveTo(x, y - 4);
+    context.lineTo(x, y);
+    context.lineTo(x + long, y);
+    context.lineTo(x + long, y - 4);
+    context.stroke();
+    this.haloed(`${metres} m`, x + long / 2, y - 9);
+  }
+
+  axes(width, height) {
+    const { context } = this, { right, up } = this.view.camera, foot = [width - 40, height - 34];
+    ["x", "y"].forEach((name, k) => {
+      const [dx, dy] = [right[k] * 18, -up[k] * 18];
+      context.beginPath();
+      context.moveTo(...foot);
+      context.lineTo(foot[0] + dx, foot[1] + dy);
+      context.stroke();
+      this.haloed(name, foot[0] + dx * 1.4, foot[1] + dy * 1.4);
+    });
+  }
+
+  haloed(text, x, y) {
+    const { context } = this;
+    context.save();
+    context.strokeStyle = words.halo;
+    context.lineWidth = 3;
+    context.strokeText(text, x, y);
+    context.restore();
+    context.fillText(text, x, y);
+  }
+
+  // The drone at a point of the canvas, or nothing.
+  droneAt(x, y) {
+    const [best] = (this.places ?? []).map(([i, px, py]) => [i, Math.hypot(px - x, py - y)]).sort((a, b) => a[1] - b[1]);
+    return best && best[1] < 16 ? best[0] : undefined;
+  }
+}
+
+// The nearest place to (x, y), to the right if it can, that is apart from others; or nothing.
+function freePlace(x, y, others) {
+  for (let radius = 0; radius <= FAR; radius += 4) {
+    for (const turn of [0, 4, 6, 7, 5, 1, 3, 2]) {
+      const angle = (turn * Math.PI) / 4;
+      const [px, py] = [x + radius * Math.cos(angle), y + radius * Math.sin(angle)];
+      if (others.every(([qx, qy]) => Math.hypot(qx - px, qy - py) >= ROOMY)) return [px, py];
+    }
+  }
+  return undefined;
+}
+
+// From a number to its drone, as it does not stand above it.
+function leader(context, from, to, colour) {
+  context.beginPath();
+  context.moveTo(...from);
+  context.lineTo(...to);
+  context.strokeStyle = colour;
+  context.lineWidth = 1.2;
+  context.stroke();
+}
+
+function disc(context, x, y, radius, colour, border) {
+  context.beginPath();
+  context.arc(x, y, radius, 0, TAU);
+  context.fillStyle = colour;
+  context.fill();
+  context.strokeStyle = border;
+  context.lineWidth = 1.2;
+  context.stroke();
+}
+
+function circle(context, x, y, radius, colour, thickness) {
+  context.beginPath();
+  context.arc(x, y, radius, 0, TAU);
+  context.strokeStyle = colour;
+  context.lineWidth = thickness;
+  context.stroke();
+}
+
+// Conflicts at a time: in a cell around the step, in a swap from one step to the next.
+function conflictsAt(plan, time) {
+  return plan.conflicts.filter(({ step, between }) =>
+    between ? time >= step && time <= step + 1 : Math.round(time) === step);
+}
+
+const nearAt = (plan, time) => plan.near.filter((one) => Math.abs(one.time - time) < 0.3);

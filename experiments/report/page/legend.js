@@ -1,0 +1,26 @@
+// What colours and lines mean.
+
+function legend(data) {
+  find("airspace").hidden = find("closing").hidden = !data.airspace;
+  if (data.airspace) find("limits").textContent = data.airspace.words;
+  find("other").hidden = data.plans.length !== 2;
+  if (!data.plans.some((plan) => plan.seen.flat().some((pixels) => pixels > 0))) {
+    find("scales").hidden = true; // nothing is seen at any step
+    return;
+  }
+  const values = [0, 0.25, 0.5, 0.75].map((share) => rounded(data.most * share ** 2));
+  const place = (value) => Math.sqrt(value / data.most);
+  const apart = (k) => k === 0 || (place(values[k]) - place(values[k - 1]) > 0.19 && place(values[k]) < 0.86);
+  for (const value of [...values.filter((_, k) => apart(k)), data.most]) {
+    const tick = make("span", "", short(value));
+    tick.style.left = `${100 * place(value)}%`;
+    find("ticks").append(tick);
+  }
+  find("unit").textContent = data.unit;
+}
+
+function colourScale() {
+  find("unseen").style.background = hex(palette.unseen);
+  const stops = SCALE.map((colour, k) => `${hex(colour)} ${(100 * k) / (SCALE.length - 1)}%`);
+  find("scale").style.background = `linear-gradient(to right, ${stops.join(", ")})`;
+}

@@ -1,0 +1,137 @@
+// Sunlight on the ground: shadows of what stands there, darker corners beside walls, and a grid of
+// round lengths to judge distances by. On walls it fades towards their feet.
+
+const SUN = unit([0.42, -0.5, 0.85]); // where it is
+const MOST_TEXELS = 700; // along an edge of the part of the map that is lit
+const BEYOND = 0.8; // how far it goes beyond what happens, of its size
+const SHADE = 0.26, CORNER = 0.34, GRID = 0.07; // how much light they take
+const FADE = 0.06; // of the lit part, along its edges
+const NOOK = 0.8; // m, how far from walls corners are dark
+
+const WALL_STEPS = 64; // of the light from the foot of a wall to its top
+const WALL = {
+  map: Uint8Array.from({ length: WALL_STEPS }, (_, k) => 190 + 65 * Math.min(1, k / 48)), columns: 1, rows: WALL_STEPS,
+};
+
+// The light at samples of a polygon: a map of light (of 256), and where in it a sample x, y, w is,
+// u = (a x + b y + c w + d) / (w in perspective) + e, and so is v. One class for all, so that
+// browsers make one fast loop of it.
+class Shade {
+  constructor({ map, columns, rows }, u, v, isPerspective) {
+    Object.assign(this, { map, columns, rows, isPerspective });
+    [this.ua, this.ub, this.uc, this.ud, this.ue] = u;
+    [this.va, this.vb, this.vc, this.vd, this.ve] = v;
+  }
+
+  at(x, y, w) {
+    const scale = this.isPerspective ? 1 / w : 1;
+    const u = ((this.ua * x + this.ub * y + this.uc * w + this.ud) * scale + this.ue) | 0;
+    const v = ((this.va * x + this.vb * y + this.vc * w + this.vd) * scale + this.ve) | 0;
+    const column = u < 0 ? 0 : u < this.columns ? u : this.columns - 1;
+    const row = v < 0 ? 0 : v < this.rows ? v : this.rows - 1;
+    return this.map[row * this.columns + column];
+  }
+}
+
+class GroundLight {
+  constructor({ terrain, scope: [low, high] }, obstacles) {
+    const size = Math.max(high[0] - low[0], high[1] - low[1]);
+    this.from = [0, 1].map((k) => Math.max(low[k] - BEYOND * size, 0));
+    const ends = [0, 1].map((k) => Math.min(high[k] + BEYOND * size, terrain.size[k]));
+    const to = ends.map((end, k) => Math.max(end, this.from[k] + terrain.cell));
+    this.texel = Math.max(to[0] - this.from[0], to[1] - this.from[1]) / MOST_TEXELS;
+    [this.columns, this.rows] = to.map((v, k) => Math.ceil((v - this.from[k]) / this.texel));
+    const shadows = this.painted((context) => this.shadows(context, terrain, obstacles));
+    const plans = this.painted((context) => this.plans(context, obstacles));
+    const around = this.blurred(plans, Math.max(Math.round(NOOK / this.texel), 1)), soft = this.blurred(shadows, 1);
+    const corner = (k) => CORNER * Math.max(around[k] - plans[k], 0);
+    this.map = Uint8Array.from(soft, (shadow, k) => 255 * (1 - SHADE * shadow) * (1 - corner(k)));
+    this.grid();
+    this.fade();
+  }
+
+  // Shares 0..1 of texels that are painted.
+  painted(draw) {
+    const canvas = document.createElement("canvas");
+    [canvas.width, canvas.height] = [this.columns, this.rows];
+    const context = canvas.getContext("2d", { willReadFrequently: true });
+    context.scale(1 / this.texel, 1 / this.texel);
+    context.translate(-this.from[0], -this.from[1]);
+    draw(context);
+    const { data } = context.getImageData(0, 0, this.columns, this.rows);
+    return Float32Array.from({ length: this.columns * this.rows }, (_, k) => data[4 * k + 3] / 255);
+  }
+
+  // What stands on the ground, as the sun throws it there.
+  shadows(context, terrain, { corners }) {
+    for (let i = 0; i < corners.length; i += 12) {
+      const foot = groundAt(terrain, corners[i], corners[i + 1], terrain.grounds);
+      context.beginPath();
+      for (let k = i; k < i + 12; k += 3) {
+        const far = Math.max(corners[k + 2] - foot, 0) / SUN[2];
+        context.lineTo(corners[k] - SUN[0] * far, corners[k + 1] - SUN[1] * far);
+      }
+      context.fill();
+    }
+  }
+
+  plans(context, { corners, normals }) {
+    for (let i = 0, n = 0; i < corners.length; i += 12, n += 3) {
+      if (normals[n + 2] !== 1) continue;
+      context.beginPath();
+      for (let k = i; k < i + 12; k += 3) context.lineTo(corners[k], corners[k + 1]);
+      context.fill();
+    }
+  }
+
+  // Means over squares, row by row and then column by column, twice.
+  blurred(values, radius) {
+    const [X, Y] = [this.columns, this.rows];
+    for (let turn = 0; turn < 2; turn++) {
+      values = boxBlurred(values, Y, X, X, 1, radius);
+      values = boxBlurred(values, X, Y, 1, X, radius);
+    }
+    return values;
+  }
+
+  grid() {
+    const apart = rounded((Math.max(this.columns, this.rows) * this.texel) / 12);
+    const lines = (axis, count) => {
+      const first = Math.ceil(this.from[axis] / apart) * apart - this.from[axis], found = [];
+      for (let at = first; at < count * this.texel; at += apart) if (at > 0) found.push(Math.floor(at / this.texel));
+      return found;
+    };
+    const darken = (k) => (this.map[k] *= 1 - GRID);
+    for (const i of lines(0, this.columns)) for (let j = 0; j < this.rows; j++) darken(j * this.columns + i);
+    for (const j of lines(1, this.rows)) for (let i = 0; i < this.columns; i++) darken(j * this.columns + i);
+  }
+
+  // Full light at the edges, which goes on beyond them.
+  fade() {
+    const wide = Math.min(this.columns, this.rows) * FADE;
+    for (let j = 0; j < this.rows; j++) {
+      for (let i = 0; i < this.columns; i++) {
+        const inside = Math.min(i, j, this.columns - 1 - i, this.rows - 1 - j) / wide;
+        if (inside < 1) this.map[j * this.columns + i] = 255 + inside * (this.map[j * this.columns + i] - 255);
+      }
+    }
+  }
+}
+
+// Running means along lines of n values that are `step` apart; lines begin `next` apart.
+function boxBlurred(values, lines, n, next, step, radius) {
+  const result = new Float32Array(values.length), wide = 2 * radius + 1;
+  for (let line = 0; line < lines; line++) {
+    const at = (k) => values[line * next + Math.min(Math.max(k, 0), n - 1) * step];
+    let sum = 0;
+    for (let k = -radius; k <= radius; k++) sum += at(k);
+    for (let k = 0; k < n; k++) {
+      result[line * next + k * step] = sum / wide;
+      sum += at(k + radius + 1) - at(k - radius);
+    }
+  }
+  return result;
+}
+
+// How bright a surface is, of 1, by the cosine between its normal and the way to the sun.
+const brightness = (cosine) => 0.62 + (0.38 * Math.max(0, cosine)) / SUN[2];

@@ -1,0 +1,212 @@
+// A plan on the page: what is known of it, its picture, its drones, and the chart.
+
+const MOST_WORDS = 3; // conflicts that are said at once, on a phone one
+const PHONE = 500; // px
+const ASIDE = 40; // px around what is in a corner of the picture
+const CORNERS = ["top right", "top left", "bottom right", "bottom left"];
+
+const find = (id) => document.getElementById(id);
+const make = (name, cls, text) => {
+  const element = document.createElement(name);
+  if (cls) element.className = cls;
+  if (text !== undefined) element.textContent = text; // never as HTML: names may be anything
+  return element;
+};
+
+function put(element, text) {
+  if (element.textContent !== text) element.textContent = text;
+}
+
+function button(cls, text, title, press) {
+  const element = make("button", cls, text);
+  element.title = title;
+  element.addEventListener("click", press);
+  return element;
+}
+
+class Panel {
+  // `actions` are what buttons do: jump(time), pick(drone), toggle(name).
+  constructor(data, plan, other, scene, camera, actions) {
+    Object.assign(this, { data, plan, actions });
+    this.root = make("section", "panel");
+    this.canvas = make("canvas", "view");
+    this.canvas.setAttribute("aria-label", `Plan ${plan.title} in its scene`);
+    const bars = make("canvas", "chart");
+    this.tip = make("div", "tip");
+    this.words = make("div", "words");
+    this.view = new View(data, plan, scene, camera, this.canvas);
+    const place = make("div", "place");
+    place.append(this.canvas, this.words, this.inset(scene), this.tip);
+    this.root.append(this.head(), this.facts(), place, this.fleet(), bars);
+    this.chart = new Chart(data, plan, other, bars, actions.jump);
+  }
+
+  head() {
+    const { plan } = this, head = make("div", "head"), title = make("h2", "", plan.planner ?? plan.title);
+    const moves = plan.moves ? `, ${reward(plan.moves)} of it for moves` : "";
+    title.title = plan.title;
+    head.append(title);
+    if (plan.planner) head.append(make("span", "file", plan.title));
+    head.append(this.verdict(), make("span", "total", `J = ${reward(plan.reward)}${moves}`));
+    return head;
+  }
+
+  // What is proved of the plan, by its certificate and the referee.
+  verdict() {
+    const { gap, conflicts } = this.plan, count = conflicts.length;
+    const badge = make("span", "badge");
+    if (count) {
+      const words = `${count} conflict${count > 1 ? "s" : ""} ▸`;
+      const go = () => this.actions.next("conflict", this.plan);
+      return button("badge next bad", words, "breaks the rules; go to the next conflict (C)", go);
+    }
+    if (gap) {
+      badge.textContent = gap.optimal ? "proved optimal" : `proved within ${percent(gap.total)} of the best`;
+      badge.title = "the certificate was verified when this page was made";
+    } else badge.textContent = "no conflicts";
+    badge.classList.toggle("good", !gap || gap.optimal);
+    return badge;
+  }
+
+  facts() {
+    const { plan, data } = this, facts = make("div", "facts");
+    const add = (name, value, title = "") => {
+      const box = make("span", "fact", `${name} `), number = make("b", "", value);
+      box.append(number);
+      box.title = title;
+      facts.append(box);
+      return number;
+    };
+    if (plan.gap) {
+      add("bound", reward(plan.gap.bound), "no plan that obeys the rules has more");
+      if (!plan.conflicts.length) add("gap", percent(Math.max(plan.gap.total, 0)), "(bound - J) / bound");
+    }
+    add("mean", `${density(plan.meanPixels)} ${data.unit}`, "of a face, over all faces and all steps that count");
+    this.now = add("this step", "");
+    this.sum = add("so far", "");
+    if (plan.gap) this.lost = add("lost by leaving it", "");
+    this.now.className = "now";
+    this.sum.className = "sum";
+    facts.append(this.marks());
+    return facts;
+  }
+
+  // How many marks of each kind the chart has; a press goes to the next one.
+  marks() {
+    const box = make("span", "marks"), marks = marksOf(this.plan);
+    for (const [kind, { colour, sign, one, many, key }] of Object.entries(MARKS)) {
+      const count = marks.filter((mark) => mark.kind === kind).length;
+      if (!count || kind === "conflict") continue;
+      const words = ` ${count} ${count > 1 ? many : one}`;
+      const go = () => this.actions.next(kind, this.plan), dot = make("i", "", sign);
+      dot.style.color = colour;
+      box.append(button("mark", words, `go to the next ${one} (${key})`, go));
+      box.lastChild.prepend(dot);
+    }
+    return box;
+  }
+
+  // What the picked drone sees.
+  inset(scene) {
+    const { actions } = this, canvas = make("canvas"), bar = make("div", "bar");
+    this.box = make("figure", "inset");
+    this.caption = make("figcaption");
+    this.holds = Object.fromEntries([["follow", "follow (F)"], ["alone", "alone (I)"]].map(([name, title]) => [
+      name, button("hold", name, title, () => actions.toggle(name)),
+    ]));
+    bar.append(...Object.values(this.holds), button("hold", "✕", "let go (Esc)", () => actions.pick(undefined)));
+    this.who = make("b");
+    bar.prepend(this.who);
+    this.box.append(bar, canvas, this.caption);
+    this.box.hidden = true;
+    this.eye = new Eye(this.data, this.plan, scene, this.view.bodies, canvas);
+    return this.box;
+  }
+
+  // Into the corner in which least happens, while the camera is as it is.
+  putInset() {
+    const { view, box, canvas: { clientWidth: width, clientHeight: height } } = this;
+    if (this.placed === view.stamp) return;
+    this.placed = view.stamp;
+    const points = view.camera.points.map((point) => view.at(point));
+    const [wide, tall] = [box.clientWidth + ASIDE, box.clientHeight + ASIDE];
+    const busy = CORNERS.map((corner) => points.filter(([x, y]) =>
+      (corner.includes("right") ? width - x : x) < wide && (corner.includes("bottom") ? height - y : y) < tall).length);
+    box.className = `inset ${CORNERS[busy.indexOf(Math.min(...busy))]}`;
+  }
+
+  fleet() {
+    const fleet = make("div", "fleet");
+    fleet.classList.toggle("crowd", this.data.drones.length > CROWD);
+    this.chips = this.data.drones.map((drone, i) => {
+      const chip = button("chip", "", `drone ${i}: pick it`, () => this.actions.pick(i));
+      const dot = make("i", "", String(i)), text = make("span");
+      dot.style.background = drone.colour;
+      chip.append(dot, text);
+      fleet.append(chip);
+      return { chip, text };
+    });
+    return fleet;
+  }
+
+  draw(time, options) {
+    const { picked } = options;
+    this.view.draw(time, options);
+    this.box.hidden = picked === undefined;
+    if (picked !== undefined) {
+      this.eye.draw(time, picked, options.quality);
+      this.putInset();
+    }
+    this.chart.draw(time, picked);
+    this.describe(time, options);
+  }
+
+  describe(time, options) {
+    const { plan, data } = this, step = Math.round(time);
+    put(this.now, step < data.first ? "not counted" : reward(plan.rewards[step]));
+    this.now.dataset.value = String(plan.rewards[step]);
+    put(this.sum, reward(plan.rewards.slice(0, step + 1).reduce((a, b) => a + b, 0)));
+    if (plan.gap) put(this.lost, losses(plan.gap, step));
+    const most = this.canvas.clientWidth < PHONE ? 1 : MOST_WORDS;
+    const told = [...conflictsAt(plan, time), ...nearAt(plan, time)].map((one) => one.words);
+    put(this.words, several(told, most));
+    this.words.classList.toggle("mild", !conflictsAt(plan, time).length);
+    this.describeDrones(step, options);
+  }
+
+  describeDrones(step, { picked, follow, alone }) {
+    const { plan, data } = this, stamp = [step, picked, follow, alone].join();
+    if (stamp === this.stamp) return;
+    this.stamp = stamp;
+    this.chips.forEach(({ chip, text }, i) => {
+      const height = data.layers > 1 ? `${heightOf(plan, i, step)} m  ` : "";
+      put(text, height + (plan.adds.length ? short(plan.adds[i][step]) : ""));
+      chip.setAttribute("aria-pressed", String(i === picked));
+    });
+    if (picked === undefined) return;
+    put(this.who, `drone ${picked}`);
+    this.who.style.setProperty("--own", data.drones[picked].colour);
+    const adds = plan.adds.length && step >= data.first ? `adds ${reward(plan.adds[picked][step])} at this step; ` : "";
+    put(this.caption, `${adds}alone it sees a mean of ${density(plan.ownPixels[picked][step])} ${data.unit}`);
+    const held = { follow, alone };
+    for (const [name, hold] of Object.entries(this.holds)) {
+      hold.setAttribute("aria-pressed", String(Boolean(held[name])));
+    }
+  }
+}
+
+// What drones lose by leaving a step as they do, the one that loses most named.
+function losses(gap, step) {
+  const lost = gap.losses.map((row) => row[step] ?? 0), most = Math.max(...lost);
+  if (most < 5e-6) return "nothing";
+  const all = lost.reduce((a, b) => a + b, 0), rest = all - most < 5e-6 ? "" : ` of ${percent(all)}`;
+  return `${percent(most)}${rest} by drone ${lost.indexOf(most)}`;
+}
+
+// Flight height of a drone (m), of which there is only one where it is always the same.
+const heightOf = ({ heights }, drone, step) => heights[drone][step] ?? heights[drone][0];
+
+function several(words, most) {
+  const more = words.length - most;
+  return words.slice(0, most).join("; ") + (more > 0 ? `; ${more} more` : "");
+}

@@ -1,0 +1,70 @@
+// Draws what moves into a raster, through the projection of a camera, which puts a point x, y, z
+// into an array and tells if it is before the camera.
+// Thickness is in px of the page, of which the raster has `fine` samples.
+
+const MOST_CORNERS = 32; // of a polygon of a body
+
+class Pen {
+  // `cut` gives the part of a polygon that is before the camera.
+  constructor(raster, put, cut = (points) => points) {
+    Object.assign(this, { raster, put, cut, fine: 1 });
+    this.corners = Array.from({ length: MOST_CORNERS + 1 }, (_, n) => new Float64Array(3 * n));
+  }
+
+  project(points) {
+    const kept = this.cut(points), flat = new Float64Array(3 * kept.length);
+    kept.forEach(([x, y, z], i) => this.put(x, y, z, flat, 3 * i));
+    return flat;
+  }
+
+  fill(points, colour) {
+    const flat = this.project(points);
+    this.raster.fillMoving(flat, flat.length / 3, colour);
+  }
+
+  // A polygon of a closed body: seen from its front only.
+  face(points, colour, border) {
+    const flat = this.project(points);
+    if (area(flat) <= 0) return;
+    this.raster.fillMoving(flat, flat.length / 3, colour);
+    this.outline(flat, border, 0.8);
+  }
+
+  outline(flat, colour, thickness) {
+    for (let i = 0, j = flat.length - 3; i < flat.length; j = i, i += 3) {
+      this.raster.fillMoving(this.raster.stroke(flat, j, i, thickness * this.fine, 0.02), 4, colour);
+    }
+  }
+
+  // A body of some size that stands at x, y, z and looks along yaw; `colourOf` gives the colour of
+  // its polygon k, which the sun lights. What is partly behind the camera is left out.
+  body(body, [x, y, z, yaw], size, colourOf) {
+    const c = Math.cos(yaw) * size, s = Math.sin(yaw) * size, { corners, normals, hollow } = body;
+    for (let k = 0; k < corners.length; k++) {
+      const own = corners[k], flat = this.corners[own.length / 3];
+      let isBefore = true;
+      for (let i = 0; i < own.length; i += 3) {
+        const px = own[i], py = own[i + 1];
+        isBefore = this.put(x + px * c - py * s, y + px * s + py * c, z + own[i + 2] * size, flat, i) && isBefore;
+      }
+      if (!isBefore || (!hollow[k] && area(flat) <= 0)) continue;
+      const [nx, ny, nz] = normals[k], sun = SUN[0] * (nx * c - ny * s) + SUN[1] * (nx * s + ny * c) + SUN[2] * nz * size;
+      this.raster.fillMoving(flat, flat.length / 3, shaded(colourOf(k), 256 * brightness(sun / size)));
+    }
+  }
+
+  line(a, b, colour, thickness) {
+    const flat = this.project([a, b]);
+    this.raster.fillMoving(this.raster.stroke(flat, 0, 3, thickness * this.fine, 0.03), 4, colour);
+  }
+
+  // Once all else is composed, what is translucent.
+  veil(points, colour, share, how) {
+    const flat = this.project(points);
+    this.raster.blend(flat, flat.length / 3, colour, share, how);
+  }
+
+  ray(a, b, colour, share, how) {
+    this.raster.blend(this.raster.stroke(this.project([a, b]), 0, 3, 0.8 * this.fine, 0), 4, colour, share, how);
+  }
+}

@@ -1,0 +1,76 @@
+// How far one can see along a ray: to the ground, to a wall or to a mesh.
+
+// Height at a point of what is below in the height map, in m; 0 beyond it.
+function groundAt(terrain, x, y, heights = terrain.heights) {
+  const i = Math.floor(x / terrain.cell), j = Math.floor(y / terrain.cell);
+  const inside = i >= 0 && j >= 0 && i < terrain.cells[0] && j < terrain.cells[1];
+  return inside ? heights[i * terrain.cells[1] + j] : 0;
+}
+
+class Rays {
+  constructor({ terrain, meshes, boxes }) {
+    this.terrain = terrain;
+    this.triangles = new Map(); // by the number of a cell
+    this.boxes = new Map();
+    for (const mesh of meshes) this.takeMesh(mesh);
+    for (const [i, j, low, high] of boxes) this.keep(this.boxes, i, j, [low, high]);
+  }
+
+  keep(kind, i, j, what) {
+    const key = i * this.terrain.cells[1] + j;
+    if (!kind.has(key)) kind.set(key, []);
+    kind.get(key).push(what);
+  }
+
+  takeMesh({ vertices, triangles }) {
+    const at = (k) => vertices.slice(3 * k, 3 * k + 3), { cell, cells } = this.terrain;
+    for (let t = 0; t < triangles.length; t += 3) {
+      const corners = triangles.slice(t, t + 3).map(at);
+      const [[i0, i1], [j0, j1]] = [0, 1].map((axis) => {
+        const along = corners.map((p) => Math.floor(p[axis] / cell));
+        return [Math.max(Math.min(...along), 0), Math.min(Math.max(...along), cells[axis] - 1)];
+      });
+      for (let i = i0; i <= i1; i++) for (let j = j0; j <= j1; j++) this.keep(this.triangles, i, j, corners);
+    }
+  }
+
+  // Length (m) of a ray from a point along a unit vector until it meets something, or `most`.
+  length(from, way, most) {
+    const { terrain: { cell, cells } } = this;
+    const at = [0, 1].map((k) => Math.floor(from[k] / cell)), step = way.map(Math.sign);
+    const next = [0, 1].map((k) => (way[k] ? ((at[k] + (step[k] > 0)) * cell - from[k]) / way[k] : Infinity));
+    for (let begin = 0; begin < most; ) {
+      const axis = next[0] < next[1] ? 0 : 1, end = Math.min(next[axis], most);
+      const inside = at[0] >= 0 && at[1] >= 0 && at[0] < cells[0] && at[1] < cells[1];
+      const met = this.meets(inside ? at[0] * cells[1] + at[1] : -1, from, way, begin, end);
+      if (met < end) return met;
+      at[axis] += step[axis];
+      next[axis] += cell / Math.abs(way[axis]);
+      begin = end;
+    }
+    return most;
+  }
+
+  // Where a ray meets something in a cell (-1: beyond the map) between two lengths, or Infinity.
+  meets(cell, from, way, begin, end) {
+    const top = cell < 0 ? 0 : this.terrain.heights[cell], height = (far) => from[2] + far * way[2];
+    let met = Infinity;
+    if (height(begin) < top - 1e-6) met = begin;
+    else if (height(end) < top) met = (top - from[2]) / way[2];
+    for (const [low, high] of this.boxes.get(cell) ?? []) {
+      const far = height(begin) > high ? (high - from[2]) / way[2] : height(begin) < low ? (low - from[2]) / way[2] : begin;
+      if (far >= begin && far <= end) met = Math.min(met, far);
+    }
+    for (const corners of this.triangles.get(cell) ?? []) met = Math.min(met, crossing(from, way, corners));
+    return met;
+  }
+}
+
+// Length of a ray until it meets a triangle, or Infinity.
+function crossing(from, way, [a, b, c]) {
+  const u = minus(b, a), v = minus(c, a), p = cross(way, v), scale = dot(u, p);
+  if (Math.abs(scale) < 1e-12) return Infinity;
+  const s = minus(from, a), along = dot(s, p) / scale, q = cross(s, u), across = dot(way, q) / scale;
+  const far = dot(v, q) / scale;
+  return along >= 0 && across >= 0 && along + across <= 1 && far > 0 ? far : Infinity;
+}

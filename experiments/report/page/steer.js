@@ -1,0 +1,94 @@
+// Pointers on a picture: one turns it (moves it, with shift or another button), two zoom and move,
+// and so does the wheel; a press picks a drone, and what is under the pointer is told.
+
+const STILL = 5; // px that a press may move
+
+class Steering {
+  // `actions`: moved(), pick(drone), fit(); `now` gives the time that is shown.
+  constructor(panel, camera, now, actions) {
+    Object.assign(this, { panel, camera, now, actions, canvas: panel.canvas, pointers: new Map(), far: 0 });
+    const on = (name, act, how) => this.canvas.addEventListener(name, act, how);
+    on("pointerdown", (event) => this.down(event));
+    on("pointermove", (event) => this.move(event));
+    on("pointerup", (event) => this.up(event));
+    on("pointercancel", (event) => this.pointers.delete(event.pointerId));
+    on("pointerleave", () => panel.tip.classList.remove("on"));
+    on("wheel", (event) => this.wheel(event), { passive: false });
+    on("contextmenu", (event) => event.preventDefault());
+    on("dblclick", () => actions.fit());
+  }
+
+  middle() {
+    const all = [...this.pointers.values()];
+    const [x, y] = [0, 1].map((k) => all.reduce((sum, p) => sum + p[k], 0) / all.length);
+    return [x, y, Math.hypot(all[0][0] - x, all[0][1] - y)];
+  }
+
+  down(event) {
+    this.canvas.setPointerCapture(event.pointerId);
+    this.pointers.set(event.pointerId, [event.offsetX, event.offsetY]);
+    this.far = this.pointers.size > 1 ? Infinity : 0;
+  }
+
+  up(event) {
+    this.pointers.delete(event.pointerId);
+    if (this.far > STILL) return;
+    const drone = this.panel.view.labels.droneAt(event.offsetX, event.offsetY);
+    if (drone !== undefined) this.actions.pick(drone);
+  }
+
+  move(event) {
+    if (!this.pointers.has(event.pointerId)) return this.tell(event);
+    this.panel.tip.classList.remove("on");
+    const [x, y, apart] = this.middle();
+    this.pointers.set(event.pointerId, [event.offsetX, event.offsetY]);
+    const [nx, ny, nowApart] = this.middle();
+    this.far += Math.hypot(nx - x, ny - y);
+    if (this.pointers.size > 1 && apart > 0) {
+      this.camera.pan(nx - x, ny - y);
+      this.zoom(nowApart / apart, nx, ny);
+    } else if (event.shiftKey || event.buttons > 1) this.camera.pan(nx - x, ny - y);
+    else if (this.far > STILL) this.camera.orbit(nx - x, ny - y);
+    this.actions.moved();
+  }
+
+  wheel(event) {
+    event.preventDefault();
+    this.zoom(1.0015 ** -event.deltaY, event.offsetX, event.offsetY);
+    this.actions.moved();
+  }
+
+  zoom(factor, x, y) {
+    this.camera.zoom(factor, x - this.canvas.clientWidth / 2, y - this.canvas.clientHeight / 2);
+  }
+
+  // What is known of the drone or the face under the pointer.
+  tell({ offsetX: x, offsetY: y }) {
+    const { tip, view } = this.panel, words = this.known(x, y);
+    tip.classList.toggle("on", words !== undefined);
+    if (words === undefined) return;
+    put(tip, words);
+    tip.style.left = `${Math.max(Math.min(x + 12, view.canvas.clientWidth - tip.clientWidth - 4), 4)}px`;
+    tip.style.top = `${Math.max(y - 30, 4)}px`;
+  }
+
+  known(x, y) {
+    const { view, plan, data } = this.panel, step = Math.round(this.now());
+    const found = view.faceAt(x, y, this.now());
+    if (found) {
+      const [j, f, face] = found, pixels = plan.seen[step][face];
+      const seen = pixels > 0 ? `${density(pixels)} ${data.unit}` : "not seen";
+      return `person ${j}, ${data.people[j].names[f]}: ${seen}${overpaid(plan.gap, step, face)}`;
+    }
+    const drone = view.labels.droneAt(x, y);
+    if (drone === undefined) return undefined;
+    const adds = plan.adds.length ? `, adds ${reward(plan.adds[drone][step])}` : "";
+    return `drone ${drone}, ${heightOf(plan, drone, step)} m high${adds}`;
+  }
+}
+
+// What the bound pays for a face beyond the reward for it.
+function overpaid(gap, step, face) {
+  const share = gap ? gap.faces[Math.min(step, gap.faces.length - 1)][face] : 0;
+  return share < 5e-6 ? "" : `; the bound pays ${percent(share)} more`;
+}
