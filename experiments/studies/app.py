@@ -281,15 +281,22 @@ def _lazy(
     ] = None,
     seeds: Annotated[str, Parameter(help="of each scene")] = "0",
     out: _Out = None,
+    into: Annotated[
+        Path | None, Parameter(help="Markdown file whose table is replaced by the stored one")
+    ] = None,
 ) -> int:
     """Measure lazy value iteration: views, rewards and time against all coverage.
 
     Without scenes it takes some with cheap views and some with dear ones, which takes minutes.
+    With --into it computes nothing.
 
     Example: cocap-opt study lazy --scene corridor bridge --seeds 0
     """
-    from cocap_opt.experiments.studies.lazy import ALL, lazy
+    from cocap_opt.experiments.studies.lazy import ALL, lazy, put_stored_into
 
+    if into is not None:
+        put_stored_into(into)
+        return 0
     lazy(scene or ALL, Option("--seeds").numbers(seeds), out)
     return 0
 

@@ -7,7 +7,9 @@ compared with, whose computation is measured apart.
 
 import time
 from collections.abc import Callable, Sequence
+from csv import DictReader
 from functools import partial
+from io import StringIO
 from pathlib import Path
 from statistics import fmean, median
 from typing import Any
@@ -15,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from cocap_opt.experiments.console.streams import say
-from cocap_opt.experiments.results.files import make_folder, save_csv
+from cocap_opt.experiments.results.files import make_folder, read_text, replace_between, save_csv
 from cocap_opt.experiments.results.printing import Listing, Record
 from cocap_opt.experiments.studies.coverage.coverage import ACTORS, SCENES
 from cocap_opt.model import Model, compiled
@@ -75,6 +77,8 @@ _MORE: dict[str, Callable[[int], Problem]] = {
     "town of 120 x 120 cells": partial(_wide, "town, 1 m"),
     "town on hills": partial(_wide, "town, 1 m, on hills"),
 }
+_STORED = Path(__file__).parent / "stored" / "lazy.csv"
+BEGIN, END = "<!-- lazy planning -->", "<!-- end of lazy planning -->"
 ALL = ["corridor", "bottleneck", "passage", "field", "bridge", *_MORE, "field-large"]
 
 
@@ -98,6 +102,18 @@ def lazy(scenes: Sequence[str], seeds: Sequence[int], out: Path | None = None) -
         "iteration with the coverage of all states",
         means(rows),
     ).print()
+
+
+def put_stored_into(document: Path) -> None:
+    """Replaces the table in a document in Markdown by that of the stored runs."""
+    replace_between(
+        document, BEGIN, END, in_markdown(list(DictReader(StringIO(read_text(_STORED)))))
+    )
+
+
+def in_markdown(rows: Sequence[Record]) -> str:
+    """Returns the table of means in Markdown."""
+    return Listing("", means(rows)).markdown
 
 
 def means(rows: Sequence[Record]) -> list[Record]:
