@@ -31,7 +31,7 @@ _BYTES_PER_PLACE = 110  # while the graph is made, beside what each move takes: 
 CLOSED = -np.inf  # value of a state that must not or cannot be entered
 
 
-class _Irregular(NamedTuple):
+class Irregular(NamedTuple):
     """The n places from which a move to a free place is hidden, by an obstacle in between."""
 
     places: IntArray  # [n]
@@ -133,7 +133,7 @@ class TimeGraph:
         heads = places + self.shifts[:, None]
         return np.where(self.allowed[:, places], heads, -1)
 
-    def _compile_irregular(self) -> _Irregular:
+    def _compile_irregular(self) -> Irregular:
         """Finds the places from which a move to a free place is hidden."""
         hidden = np.zeros(self.n_places, dtype=bool)
         for shift, allowed in zip(self.shifts.tolist(), self.allowed, strict=True):
@@ -143,7 +143,7 @@ class TimeGraph:
         # A hidden move is listed as staying, which is always allowed.
         heads = self.neighbours(places)
         is_hidden = heads < 0
-        return _Irregular(places, np.where(is_hidden, places, heads), is_hidden)
+        return Irregular(places, np.where(is_hidden, places, heads), is_hidden)
 
     def _closed(self, people: People, height_map: HeightMap) -> Charges:
         """Returns charges that close all places and moves that are too near to somebody."""

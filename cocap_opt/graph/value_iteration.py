@@ -4,6 +4,7 @@ A step's moves and turns are independent, so a sweep is a few shifted maxima ove
 [heading, pitch, layer, x, y] at every step, instead of a loop over edges.
 """
 
+from collections.abc import Sequence
 from functools import cached_property
 from typing import NamedTuple
 from weakref import WeakKeyDictionary
@@ -12,6 +13,7 @@ import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.graph.charges import NO_CHARGES, Charges
+from cocap_opt.graph.frames import Frame
 from cocap_opt.graph.move_rewards import NO_BONUSES, Bonuses
 from cocap_opt.graph.timegraph import CLOSED, TimeGraph
 from cocap_opt.stop import Stop, never
@@ -36,6 +38,7 @@ def backward_sweep(
     goal: tuple[int, int] | None = None,
     stop: Stop = never,
     earlier: Swept | None = None,
+    frames: Sequence[Frame] | None = None,
 ) -> FloatArray:
     """Returns the best reward to go of every state at every step.
 
@@ -49,6 +52,8 @@ def backward_sweep(
     goal : cell (x, y) in which the path must end
     stop : stopping criterion, checked at every step
     earlier : result of a sweep with the same arguments but for some rewards
+    frames : those of all steps before the last, if only what can be reached from one start matters
+        (`frames_from`); all other values mean nothing
 
     Returns
     -------
@@ -63,8 +68,9 @@ def backward_sweep(
     if not graph.closed.none:
         charges = Charges.joined([graph.closed, charges])
     last = len(reward) - 1
-    value, changed = (np.empty_like(reward), last) if earlier is None else earlier
-    step = _Step(graph, bonuses)
+    value, changed = (np.zeros(reward.shape), last) if earlier is None else earlier
+    frames = [Frame.whole(graph)] * last if frames is None else frames
+    room = np.full((3, max((frame.n_states for frame in frames), default=0)), CLOSED)
     if changed == last:
         value[last] = reward[last]
         if goal is not None:
@@ -72,8 +78,9 @@ def backward_sweep(
         _charge(graph, value[last], charges, last)
     for t in range(min(changed, last - 1), -1, -1):
         stop.check()
-        best = step.best(value[t + 1], *charges.moves_at(t))
-        np.add(best, reward[t], out=value[t])
+        frame = frames[t]
+        best = _Step(frame, bonuses, room).best(frame.of(value[t + 1]), *charges.moves_at(t))
+        np.add(best, frame.of(reward[t]), out=frame.of(value[t]))
         _charge(graph, value[t], charges, t)
     return value
 
@@ -129,11 +136,20 @@ def leads_to_goal(graph: TimeGraph, horizon: int, goal: tuple[int, int] | None) 
 
 
 class _Step:
-    """One step of value iteration; its arrays are used again at every step."""
+    """One step of value iteration, in a frame of it.
 
-    def __init__(self, graph: TimeGraph, bonuses: Bonuses) -> None:
-        self._graph, self._bonuses = graph, bonuses
-        self._after_turn, self._best, self._pair = np.full((3, graph.n_states), CLOSED)
+    Parameters
+    ----------
+    room : [3, n] for its arrays, which later steps use again
+    """
+
+    def __init__(self, frame: Frame, bonuses: Bonuses, room: FloatArray) -> None:
+        self._frame, self._graph, self._bonuses = frame, frame.graph, bonuses
+        self._after_turn, self._best, self._pair = room[:, : frame.n_states]
+
+    @property
+    def _by_place(self) -> tuple[int, int]:
+        return self._graph.n_orientations, self._frame.n_places
 
     @cached_property
     def _rates(self) -> FloatArray | None:
@@ -145,35 +161,40 @@ class _Step:
     def best(
         self, ahead: FloatArray, tails: IntArray, heads: IntArray, costs: FloatArray
     ) -> FloatArray:
-        """Returns the best [S] of all edges.
+        """Returns the best of all edges, as [heading, pitch, layer, x, y] of the frame.
 
         Parameters
         ----------
-        ahead : [S] values ahead
-        tails, heads, costs : [n] of moves between places that are charged
+        ahead : values ahead, as the same
+        tails, heads, costs : [n] of moves between places of the graph that are charged
         """
+        ahead = ahead.reshape(-1)
         self._turn(ahead)
         if self._bonuses.keep_heading:
             self._keep_heading(ahead)
         self._window()
         if self._rates is not None:
             self._reward_moves(self._rates)
-        if self._graph.irregular.places.size:
+        if self._frame.irregular.places.size:
             self._redo_irregular()
         if len(tails):
             self._charge_moves(tails, heads, costs)
         if self._bonuses.stationarity:
             stay = ahead + self._bonuses.stay
             stays = np.flatnonzero(tails == heads)
-            _take_from_places(self._graph, stay, tails[stays], costs[stays])
+            stays = stays[self._frame.holds(tails[stays])]
+            _take_from_places(
+                stay.reshape(self._by_place), self._frame.places(tails[stays]), costs[stays]
+            )
             np.maximum(self._best, stay, out=self._best)
-        return self._best
+        best: FloatArray = self._best.reshape(self._frame.shape)
+        return best
 
     def _turn(self, ahead: FloatArray) -> None:
         """Finds the maximum over the orientations that one step can turn to."""
         headings, turn = self._graph.shape[0], self._graph.motion.turn
         out, pair = self._after_turn, self._pair
-        step = self._graph.n_states // headings  # states of one heading are contiguous
+        step = self._frame.n_states // headings  # states of one heading are contiguous
         if 2 * turn + 1 >= headings:
             out.reshape(headings, -1)[:] = ahead.reshape(headings, -1).max(axis=0)
         elif not turn:
@@ -210,7 +231,7 @@ class _Step:
         both ends lie in the border, and no later pass carries them out of there.
         """
         out, pair, source = self._best, self._pair, self._after_turn
-        for reach, stride in zip(self._graph.border, self._graph.strides, strict=True):
+        for reach, stride in zip(self._graph.border, self._frame.strides, strict=True):
             for _ in range(reach):
                 np.maximum(source[:-stride], source[stride:], out=pair[:-stride])
                 np.maximum(pair[: -2 * stride], pair[stride:-stride], out=out[stride:-stride])
@@ -224,10 +245,10 @@ class _Step:
         If a move leads out of the map, or its end is not free, the value ahead is CLOSED; other
         hidden moves are irregular.
         """
-        n, out, pair = self._graph.n_states, self._best, self._pair
+        n, out, pair = self._frame.n_states, self._best, self._pair
         for rate, move in zip(rates.tolist(), self._graph.moves, strict=True):
             if rate:
-                strides = zip(move, self._graph.strides, strict=True)
+                strides = zip(move, self._frame.strides, strict=True)
                 shift = sum(i * stride for i, stride in strides)
                 tails, heads = (slice(max(0, s), n + min(0, s)) for s in (-shift, shift))
                 np.add(self._after_turn[heads], rate, out=pair[tails])
@@ -235,10 +256,9 @@ class _Step:
 
     def _redo_irregular(self) -> None:
         """Computes the maximum over the moves of irregular places again, with their rewards."""
-        places, heads, hidden = self._graph.irregular
-        shape = self._graph.n_orientations, self._graph.n_places
-        after, best = self._after_turn.reshape(shape), self._best.reshape(shape)
-        size = max(1, _AT_ONCE // (heads.shape[0] * shape[0]))
+        places, heads, hidden = self._frame.irregular
+        after, best = (part.reshape(self._by_place) for part in (self._after_turn, self._best))
+        size = max(1, _AT_ONCE // (heads.shape[0] * len(after)))
         for first in range(0, len(places), size):
             part = slice(first, first + size)
             ahead = after.take(heads[:, part], axis=1)
@@ -248,17 +268,19 @@ class _Step:
 
     def _charge_moves(self, tails: IntArray, heads: IntArray, costs: FloatArray) -> None:
         """Computes the places again of which some moves are charged or closed."""
-        graph = self._graph
-        places, at = np.unique(tails, return_inverse=True)
-        targets = graph.neighbours(places)  # [K, n]
+        inside = self._frame.holds(tails)
+        heads, costs = heads[inside], costs[inside]
+        places, at = np.unique(tails[inside], return_inverse=True)
+        targets = self._graph.neighbours(places)  # [K, n]
         cost = np.where(targets >= 0, 0.0, np.inf)
         move, entry = np.nonzero(targets[:, at] == heads)
         np.add.at(cost, (move, at[entry]), costs[entry])
         if self._rates is not None:
             cost -= self._rates[:, None]
-        by_orientation = self._after_turn.reshape(graph.n_orientations, graph.n_places)
-        ahead = by_orientation[:, np.maximum(targets, 0)] - cost
-        self._best.reshape(by_orientation.shape)[:, places] = ahead.max(axis=1)
+        after, best = (part.reshape(self._by_place) for part in (self._after_turn, self._best))
+        # Of moves out of the frame any values are taken: those where they begin mean nothing.
+        ahead = after.take(self._frame.places(np.maximum(targets, 0)), axis=1, mode="clip") - cost
+        best[:, self._frame.places(places)] = ahead.max(axis=1)
 
 
 def _close_elsewhere(graph: TimeGraph, value: FloatArray, goal: tuple[int, int]) -> None:
@@ -272,19 +294,17 @@ def _close_elsewhere(graph: TimeGraph, value: FloatArray, goal: tuple[int, int])
 
 def _charge(graph: TimeGraph, value: FloatArray, charges: Charges, t: int) -> None:
     """Takes the costs of step t from its values [S]."""
-    _take_from_places(graph, value, *charges.places_at(t))
+    by_place = value.reshape(graph.n_orientations, graph.n_places)
+    _take_from_places(by_place, *charges.places_at(t))
     states, costs = charges.states_at(t)
     if len(states):
         np.subtract.at(value, states, costs)
 
 
-def _take_from_places(
-    graph: TimeGraph, value: FloatArray, places: IntArray, costs: FloatArray
-) -> None:
-    """Takes the costs [n] of places [n] from the values [S] of all their states."""
+def _take_from_places(value: FloatArray, places: IntArray, costs: FloatArray) -> None:
+    """Takes the costs [n] of places [n] from the values [O, P] of all their states."""
     if len(places):
-        by_place = value.reshape(graph.n_orientations, graph.n_places).T
-        np.subtract.at(by_place, places, costs[:, None])
+        np.subtract.at(value.T, places, costs[:, None])
 
 
 def _calmest(graph: TimeGraph, tail: int, heads: IntArray) -> int:

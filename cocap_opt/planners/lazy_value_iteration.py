@@ -1,6 +1,6 @@
 """Value iteration that evaluates the views on good paths only, and finds the same path.
 
-     1  R(t, s) <- the reward of state s at step t if nothing hides anybody, an upper bound
+     1  R(t, s) <- the reward of state s at step t if hardly anything hides anybody, an upper bound
      2  forever
      3      V <- one backward sweep over R
      4      path <- the best path by V
@@ -22,6 +22,7 @@ from typing import Literal
 import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray
+from cocap_opt.graph.frames import frames_from
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.timegraph import CLOSED, TimeGraph
 from cocap_opt.graph.value_iteration import Swept, backward_sweep, best_path
@@ -30,10 +31,11 @@ from cocap_opt.planners.low_level import SingleRobotPath, SingleRobotTask
 from cocap_opt.planners.optimistic_coverage import OptimisticCoverage
 from cocap_opt.stop import Limit, Stop
 
-# Measured with sequential planning on corridor, bottleneck and passage: a quarter or four times of
-# any of these three takes 0.9 to 1.25 times the processor time and 0.6 to 1.3 times the views; one
-# state of a step in every round takes four times as long, and 0.5 to 0.8 times the views.
-_WIDTH = 4  # states of a step that are evaluated at most in the first round; later ever more
+# Measured with cocap on bridge, bridge with seven layers and four pitches, corridor, and the field
+# and the town of 120 x 120 cells: first rounds half or twice as wide, wider later ones, and growth
+# by 2 take 0.95 to 1.4 times the processor time and 0.7 to 1.7 times the views.
+_WIDTH = 8  # states of a step that are evaluated at most in the first round; later ever more
+_GROWTH = 4  # times as many from round to round
 _MOST = 32  # at most in any round
 _MANY = 8  # times as many moves are looked at, since several lead to one state
 _HURRIED = 1.2e-7  # s, of planning past a limit, for each state at a step: measured, and rounded up
@@ -94,6 +96,7 @@ class _Search:
         self._class, self._start = task.model.class_of[task.robot], task.model.start(task.robot)
         self._graph = self._class.graph
         self._bonuses = Bonuses.of(task.model.problem.objective)
+        self._frames = frames_from(self._graph, self._start, task.model.problem.horizon)
 
     def best_path(self, enough: Stop) -> tuple[Path | None, Limit | None]:
         """Returns the best path, all of which is evaluated; None if there is none.
@@ -121,13 +124,13 @@ class _Search:
                 return max(paths, key=self._worth), limit
             if (own := self._worth(path)) > least:
                 best, least = path, own
-            earlier, width = Swept(value, changed), min(2 * width, _MOST)
+            earlier, width = Swept(value, changed), min(_GROWTH * width, _MOST)
 
     def _sweep(self, rewards: FloatArray, earlier: Swept | None = None) -> FloatArray:
         """Returns the best reward to go [T+1, S] of every state."""
         return backward_sweep(
             self._graph, rewards, self._bonuses, self._task.charges, self._class.goal,
-            self._task.stop, earlier,
+            self._task.stop, earlier, self._frames,
         )  # fmt: skip
 
     def _path_of(self, value: FloatArray) -> Path | None:

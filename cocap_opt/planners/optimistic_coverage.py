@@ -1,6 +1,7 @@
 """Coverage of states that is an upper bound until it is evaluated.
 
-Before that a state counts as if nothing hid anybody from it. The reward of a view is
+Before that a state counts as if nothing hid anybody from it, but single columns of the map that
+hide all of somebody. The reward of a view is
 w (sqrt(z + c) - sqrt(z)) summed over the faces, which grows with its coverage c whatever pixels z
 the others have: an upper bound on coverage gives one on the reward.
 """
@@ -13,9 +14,11 @@ import numpy as np
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.model import Model, Path, RobotClass
 from cocap_opt.objective import marginal_gain
+from cocap_opt.problem import Problem
 from cocap_opt.stop import Stop
 from cocap_opt.vision.coverage import usable_cores
 from cocap_opt.vision.spans import spans
+from cocap_opt.vision.unhidden import Unhidden
 
 _SLACK = 1e-9  # of the largest reward, much more than the rounding of bounds
 _AT_ONCE = 1_000_000  # entries, to bound the memory
@@ -43,22 +46,19 @@ class OptimisticCoverage:
         self._views, self._n_states = model.views(robot_class), robot_class.graph.n_states
         self._steps, self._n_faces = (problem.first_step, problem.horizon), model.n_faces
         self._weights, self._problem = problem.view_sum_weights, problem
-        self._entries = _Entries.of(model, robot_class, stop)
         self._pixels = problem.no_pixels()
-        self._closed = robot_class.graph.no_reward(problem.horizon)
-        self._bounds = self._alone()
-        self._known = np.ones(len(self._bounds), dtype=bool)
-        self._known[self._entries.nodes] = False
-        self._bounds[~self._known] += _SLACK * self._bounds.max(initial=0.0)
+        self.rewards = robot_class.graph.no_reward(problem.horizon)
+        self._flat = self.rewards.reshape(-1)
+        steps = _steps(model, robot_class, stop)
+        self._entries = _Entries.of(problem, steps)
+        nodes = np.concatenate([step.nodes for step in steps])
+        alone = np.concatenate([step.rewards for step in steps])
+        self._flat[nodes] = alone + _SLACK * alone.max(initial=0.0)
+        self._known = np.ones(len(self._flat), dtype=bool)
+        self._known[nodes] = False
         self._rows: dict[int, int] = {}  # of evaluated nodes
         self._found, self._new = _Found.nothing(), list[_Found]()
         self.evaluated = 0
-        self.rewards = self._closed + self._bounds.reshape(self._closed.shape)
-
-    def _alone(self) -> FloatArray:
-        """Returns an upper bound on the reward of every node for a robot that is alone."""
-        roots = np.sqrt(self._entries.pixels) * np.repeat(self._weights, self._entries.counts)
-        return np.bincount(self._entries.nodes, roots, self._closed.size).astype(np.float64)
 
     def unknown(self, nodes: IntArray) -> IntArray:
         """Returns those of nodes [n] that are not evaluated and may see something, increasing."""
@@ -66,9 +66,7 @@ class OptimisticCoverage:
 
     def known_rewards(self) -> FloatArray:
         """Returns rewards [T+1, S] with nothing where a node is not known: lower bounds."""
-        rewards = self.rewards.copy()
-        rewards.reshape(-1)[~self._known] = 0.0
-        return rewards
+        return np.where(self._known.reshape(self.rewards.shape), self.rewards, 0.0)
 
     def put_on_top_of(self, pixels: FloatArray) -> None:
         """Lets `rewards` be on top of the pixels [Z] that others have."""
@@ -78,12 +76,13 @@ class OptimisticCoverage:
         for some in np.array_split(changed, n_parts):
             entries, of = self._entries.of_view_sums(some)
             seen = self._entries.pixels[entries]
-            gains = marginal_gain(pixels[of], seen) - marginal_gain(before[of], seen)
-            np.add.at(self._bounds, self._entries.nodes[entries], gains * self._weights[of])
-        np.add(self._closed, self._bounds.reshape(self._closed.shape), out=self.rewards)
+            others = np.sqrt(pixels[some]) - np.sqrt(before[some])
+            gains = np.sqrt(pixels[of] + seen) - np.sqrt(before[of] + seen)
+            gains -= np.repeat(others, self._entries.counts[some])
+            np.add.at(self._flat, self._entries.nodes[entries], gains * self._weights[of])
         self._found = _Found.joined(self._found, *self._new)
         self._new.clear()
-        self.rewards.reshape(-1)[self._found.nodes] = self._gains(self._found)
+        self._flat[self._found.nodes] = self._gains(self._found)
 
     def evaluate(self, nodes: IntArray, stop: Stop) -> None:
         """Evaluates nodes [n], increasing, that are not known; `rewards` tell of it.
@@ -105,7 +104,7 @@ class OptimisticCoverage:
             self._new.append(found)
             self.evaluated += len(some)
             self._known[some] = True
-            self.rewards.reshape(-1)[some] = self._gains(found)
+            self._flat[some] = self._gains(found)
 
     def _gains(self, found: "_Found") -> FloatArray:
         """Returns the rewards [n] of evaluated nodes, to the last bit as `marginal_reward` does."""
@@ -128,6 +127,52 @@ class OptimisticCoverage:
         return pixels
 
 
+class _Step(NamedTuple):
+    """Upper bounds at one step."""
+
+    nodes: IntArray  # [s] that may see something, increasing
+    rewards: FloatArray  # [s] of a robot that is alone
+    seeing: IntArray  # [n] nodes of the entries, one entry for each face that a node may see
+    pixels: FloatArray  # [n] px/m2, > 0
+    counts: IntArray  # [F] entries of each face, which stand one after the other
+
+    @classmethod
+    def of(cls, found: Unhidden, first: int, weights: FloatArray) -> Self:
+        """Returns the bounds of a step whose first node has this number.
+
+        Parameters
+        ----------
+        weights : [F] of the faces
+        """
+        nodes, starts = first + found.states, np.flatnonzero(np.diff(found.states, prepend=-1))
+        roots = np.sqrt(found.pixels) * weights[found.faces]
+        rewards = np.add.reduceat(roots, starts) if len(starts) else roots
+        # NumPy sorts numbers of 16 bits much faster.
+        faces = found.faces.astype(np.min_scalar_type(len(weights)))
+        order = np.argsort(faces, kind="stable")
+        counts = np.bincount(found.faces, minlength=len(weights))
+        return cls(nodes[starts], rewards, nodes[order], found.pixels[order], counts)
+
+
+def _steps(model: Model, robot_class: RobotClass, stop: Stop) -> list[_Step]:
+    """Returns the bounds of all steps, for all nodes that a class can reach; LimitReached."""
+    problem, views = model.problem, model.views(robot_class)
+    reachable, size = model.reachable(robot_class), robot_class.graph.n_states
+
+    def at(t: int) -> _Step:
+        stop.check()
+        if t < problem.first_step:
+            return _Step.of(Unhidden.nothing(), t * size, problem.face_weights)
+        weights = problem.view_sum_weights[problem.view_sums_at(t)]
+        return _Step.of(views.unhidden(t, reachable[t]), t * size, weights)
+
+    pool = ThreadPoolExecutor(usable_cores())
+    try:
+        return list(pool.map(at, range(problem.horizon + 1)))
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
 class _Entries(NamedTuple):
     """Upper bounds on what nodes see of each face, in the order of the view sums."""
 
@@ -137,34 +182,17 @@ class _Entries(NamedTuple):
     counts: IntArray  # [Z] number of its entries
 
     @classmethod
-    def of(cls, model: Model, robot_class: RobotClass, stop: Stop) -> Self:
-        """Returns the bounds for all nodes that a class can reach; LimitReached."""
-        problem, views = model.problem, model.views(robot_class)
-        reachable = model.reachable(robot_class)
-        size = robot_class.graph.n_states
-
-        def at_step(t: int) -> tuple[IntArray, FloatArray, IntArray]:
-            stop.check()
-            found = views.unhidden(t, reachable[t])
-            # NumPy sorts numbers of 16 bits much faster.
-            order = np.argsort(found.faces.astype(np.min_scalar_type(model.n_faces)), kind="stable")
-            counts = np.bincount(found.faces, minlength=model.n_faces)
-            return t * size + found.states[order], found.pixels[order], counts
-
-        none = np.zeros(0, dtype=np.int64)
-        before = np.zeros(problem.first_step * model.n_faces, dtype=np.int64)
-        parts = [(none, np.zeros(0), before)]
-        pool = ThreadPoolExecutor(usable_cores())
-        try:
-            parts += pool.map(at_step, range(problem.first_step, problem.horizon + 1))
-        finally:
-            pool.shutdown(cancel_futures=True)
-        nodes, pixels, counts = (np.concatenate(column) for column in zip(*parts, strict=True))
+    def of(cls, problem: Problem, steps: list[_Step]) -> Self:
+        """Returns the entries of all steps."""
+        nodes, pixels, counts = (
+            np.concatenate(column)
+            for column in zip(*((s.seeing, s.pixels, s.counts) for s in steps), strict=True)
+        )
         if problem.objective.over_time:
-            faces = np.arange(len(counts)) % max(model.n_faces, 1)
+            faces = np.tile(np.arange(len(steps[0].counts)), len(steps))
             order = np.argsort(np.repeat(faces, counts), kind="stable")
             nodes, pixels = nodes[order], pixels[order]
-            counts = counts.reshape(problem.horizon + 1, -1).sum(axis=0)
+            counts = counts.reshape(len(steps), -1).sum(axis=0)
         return cls(nodes, pixels, np.cumsum(counts) - counts, counts)
 
     def of_view_sums(self, some: IntArray) -> tuple[IntArray, IntArray]:

@@ -142,7 +142,10 @@ def _merged_cells(heights: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
     """
     lowest = heights.min()
     free = heights > lowest
-    rectangles = [(0, 0, heights.shape[0] - 1, heights.shape[1] - 1)]
+    # Cells that no neighbour is as high as are most of them on rough ground.
+    alone = free & _differs_from_neighbours(heights)
+    free &= ~alone
+    rectangles = [(x, y, x, y) for x, y in np.argwhere(alone).tolist()]
     for x, y in np.argwhere(free).tolist():
         if not free[x, y]:
             continue
@@ -151,10 +154,21 @@ def _merged_cells(heights: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
         width = _run((free[strip] & (heights[strip] == heights[x, y])).all(axis=1))
         free[x : x + width, y : y + depth] = False
         rectangles.append((x, y, x + width - 1, y + depth - 1))
-    cells = np.array(rectangles)
+    whole = (0, 0, heights.shape[0] - 1, heights.shape[1] - 1)
+    cells = np.array([whole, *sorted(rectangles)])
     tops = heights[cells[:, 0], cells[:, 1]]
     tops[0] = lowest
     return cells[:, :2], cells[:, 2:], tops
+
+
+def _differs_from_neighbours(values: FloatArray) -> BoolArray:
+    """Returns an array [X, Y], true where no value before or after along x or y is the same."""
+    differs = np.ones(values.shape, dtype=bool)
+    for part, same in ((differs, values), (differs.T, values.T)):
+        equal = same[1:] == same[:-1]
+        part[1:] &= ~equal
+        part[:-1] &= ~equal
+    return differs
 
 
 def _run(values: BoolArray) -> int:

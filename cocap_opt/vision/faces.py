@@ -1,6 +1,6 @@
 """Geometry of all actors' faces at every step, and of the bodies that can hide them."""
 
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +10,7 @@ from cocap_opt.problem import Problem
 from cocap_opt.vision.bodies import Bodies
 from cocap_opt.vision.candidates import Candidates
 from cocap_opt.vision.projection import dot
+from cocap_opt.vision.screens import Screens
 from cocap_opt.vision.surfaces import Surface
 
 ROUNDING = 1e-6  # m, much more than that of coordinates
@@ -39,8 +40,8 @@ class Planes(NamedTuple):
     polygons: FloatArray  # [F, V, 3] m, shorter polygons repeat their last vertex
     normals: FloatArray  # [F, 3] outward, unit length
     centres: FloatArray  # [F, 3] m
-    areas: FloatArray  # [F] m2
     middles: FloatArray  # [A, 3] m
+    areas: FloatArray  # [F] m2
     reaches: FloatArray  # [A] m, radii, rounding included
     radii: FloatArray  # [A] m, of upright cylinders around the same middles
     halves: FloatArray  # [A] m, half the heights of these cylinders
@@ -72,8 +73,8 @@ class FaceGeometry:
         ]
         self.mesh = Surface(np.concatenate(rough)) if rough else None
         convex = [solid for solid in solids if solid is not None]
-        columns = Bodies.of_columns(problem.height_map, self.origin)
-        self._fixed = Bodies.joined([columns, *convex])
+        self._columns = Bodies.of_columns(problem.height_map, self.origin)
+        self._fixed = Bodies.joined([self._columns, *convex])
         self._shapes = [_Local.of(actor.shape.faces(), Bodies.of_shape(actor.shape))
                         for actor in problem.actors]  # fmt: skip
         layers = sorted({height for robot in problem.robots for height in robot.motion.layers})
@@ -87,27 +88,43 @@ class FaceGeometry:
         """Returns True where rays sample a part of the coverage: past meshes not convex."""
         return any(Bodies.of_mesh(mesh, np.zeros(3)) is None for mesh in problem.meshes)
 
+    @cached_property
+    def screens(self) -> Screens:
+        """The squares of the map that are well inside of a column, as wide as all actors."""
+        radius = max((shape.radius for shape in self._shapes), default=0.0) + ROUNDING
+        return Screens.of(self._columns, self._problem.height_map.resolution, radius)
+
     def at(self, t: int) -> Faces:
         """Returns the geometry at one step."""
         return self.between(t, t)
 
     def planes(self, t: int) -> Planes:
         """Returns the planes of the faces at one step, without what can hide them."""
-        n = len(self._shapes)
+        moving, fixed = self._planes
+        return Planes(*(part[t] for part in moving), *fixed)
+
+    @cached_property
+    def _planes(self) -> tuple[list[FloatArray], list[FloatArray]]:
+        """Planes of all steps: what moves, with steps as its first axis, and what does not."""
         size = max((s.polygons.shape[1] for s in self._shapes), default=3)
-        parts = []
+        steps = self._problem.horizon + 1
+        ways, none = np.zeros((steps, 0, 3)), np.zeros(0)
+        moving = [(np.zeros((steps, 0, size, 3)), ways, ways, ways)]
+        fixed = [(none, none, none, none)]
         for actor, shape in zip(self._problem.actors, self._shapes, strict=True):
-            turned = _Turned(actor.poses[t : t + 1] - [*self.origin, 0])
-            parts.append((
-                turned.points(_padded(shape.polygons, size))[0],
-                turned.ways(shape.normals)[0], turned.points(shape.centres)[0], shape.areas,
-                turned.points(shape.middle),
-                *(np.array([x + ROUNDING]) for x in (shape.reach, shape.radius, shape.half)),
+            turned = _Turned(actor.poses[:steps] - [*self.origin, 0])
+            moving.append((
+                turned.points(_padded(shape.polygons, size)), turned.ways(shape.normals),
+                turned.points(shape.centres), turned.points(shape.middle[None]),
             ))  # fmt: skip
-        if not n:
-            ways, none = np.zeros((0, 3)), np.zeros(0)
-            return Planes(np.zeros((0, size, 3)), ways, ways, none, ways, none, none, none)
-        return Planes(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+            reach, radius, half = (
+                np.array([x + ROUNDING]) for x in (shape.reach, shape.radius, shape.half)
+            )
+            fixed.append((shape.areas, reach, radius, half))
+        return (
+            [np.concatenate(column, axis=1) for column in zip(*moving, strict=True)],
+            [np.concatenate(column) for column in zip(*fixed, strict=True)],
+        )
 
     def _between(self, first: int, last: int) -> Faces:
         """Returns the geometry at the steps first..last."""

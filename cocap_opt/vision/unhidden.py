@@ -1,4 +1,6 @@
-"""Views as if nothing hid anybody: an upper bound on coverage, face by face, that costs little.
+"""Views as if hardly anything hid anybody: an upper bound on coverage that costs little.
+
+Nobody is seen whom a single column is known to hide (`screens`); nothing else hides anybody.
 
 The image of a triangle that is before the camera, with corners e1, e2, e3 relative to the eye, has
 
@@ -40,7 +42,7 @@ class Unhidden(NamedTuple):
     @classmethod
     def of(
         cls, camera: Camera, axes: FloatArray, planes: Planes, owners: IntArray, eyes: FloatArray,
-        wanted: BoolArray,
+        wanted: BoolArray, hidden: BoolArray,
     ) -> Self:  # fmt: skip
         """Returns what the wanted states see, which are numbered as they stand in that array.
 
@@ -50,8 +52,9 @@ class Unhidden(NamedTuple):
         owners : [F] actor of each face
         eyes : [n, 3] m
         wanted : [O, n] true for states that matter
+        hidden : [n, A] true for actors that are known to be hidden
         """
-        scene = _Scene(camera, planes, owners, eyes)
+        scene = _Scene(camera, planes, owners, eyes, ~hidden)
         size = max(_AT_ONCE // max(len(eyes) * len(planes.reaches), 1), 1)
         parts = [
             scene.seen(axes[first : first + size], wanted[first : first + size], first)
@@ -63,11 +66,14 @@ class Unhidden(NamedTuple):
 class _Scene:
     """The faces at one step, as they are from some eyes [n]."""
 
-    def __init__(self, camera: Camera, planes: Planes, owners: IntArray, eyes: FloatArray) -> None:
+    def __init__(
+        self, camera: Camera, planes: Planes, owners: IntArray, eyes: FloatArray, open_to: BoolArray
+    ) -> None:
         self._planes, self._eyes, self._focal = planes, eyes, camera.focal
+        self._open = open_to
         self._slopes = camera.width / 2 / camera.focal, camera.height / 2 / camera.focal
         ahead = _dots(eyes, planes.normals) - dot(planes.normals, planes.centres)  # [n, F]
-        eye, self._faces = np.nonzero(ahead > -_SLACK)  # that are turned to the eye
+        eye, self._faces = np.nonzero((ahead > -_SLACK) & open_to[:, owners])  # turned to the eye
         # px m per square metre of a triangle, before the division by its depths.
         self._density = np.maximum(ahead[eye, self._faces] + _SLACK, 0.0)
         self._density *= camera.focal**2 * (1 + _ROUNDING) / planes.areas[self._faces]
@@ -89,7 +95,7 @@ class _Scene:
         first : number of the first orientation
         """
         looks = _Looks(axes, self._eyes, self._planes)
-        actors = _ActorsInView.of(looks, self._planes, self._slopes, wanted)
+        actors = _ActorsInView.of(looks, self._planes, self._slopes, wanted[..., None] & self._open)
         pair = actors.eyes * len(self._planes.reaches) + actors.numbers
         counts = self._counts[pair]
         entry = np.repeat(np.arange(len(counts)), counts)
@@ -176,7 +182,7 @@ class _ActorsInView(NamedTuple):
     def of(
         cls, looks: _Looks, planes: Planes, slopes: tuple[float, float], wanted: BoolArray
     ) -> "_ActorsInView":
-        """Returns those that wanted states [O, n] may see."""
+        """Returns those that states may see, of those that are wanted [O, n, A]."""
         right, up, depth = (
             middle[:, None] - eye[..., None]  # [O, n, A] m
             for middle, eye in zip(looks.middles, looks.eyes, strict=True)
@@ -187,7 +193,7 @@ class _ActorsInView(NamedTuple):
             for slope, off in zip(slopes, (right, up), strict=True)
         ))  # fmt: skip
         reach = planes.reaches + _SLACK
-        orientations, eyes, numbers = np.nonzero((room >= -reach) & wanted[..., None])
+        orientations, eyes, numbers = np.nonzero((room >= -reach) & wanted)
         whole = room[orientations, eyes, numbers] >= reach[numbers]
         return cls(orientations, eyes, numbers, whole)
 

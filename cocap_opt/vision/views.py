@@ -100,7 +100,7 @@ class Views(ABC):
 
     @abstractmethod
     def unhidden(self, t: int, reachable: BoolArray) -> Unhidden:
-        """Returns what the reachable states [S] would see at step t if nothing hid anybody.
+        """Returns what the reachable states [S] would see at step t if hardly anything hid anybody.
 
         It is an upper bound on the coverage of each face.
         """
@@ -209,16 +209,21 @@ class _PinholeViews(Views):
         return _Ceiling.joined(parts)
 
     def unhidden(self, t: int, reachable: BoolArray) -> Unhidden:
-        """Returns what the reachable states [S] would see at step t if nothing hid anybody."""
+        """Returns what reachable states [S] would see at step t past all but single columns."""
         wanted = reachable.reshape(len(self._axes), -1)
         places = np.flatnonzero(wanted.any(axis=0))
         if not self.n_faces or not len(places):
             return Unhidden.nothing()
-        eyes = self._graph.positions(self._map, places) - self._geometry.origin
+        eyes, planes = (
+            self._graph.positions(self._map, places) - self._geometry.origin,
+            self._geometry.planes(t),
+        )
+        hidden = self._geometry.screens.hide(
+            planes.middles[:, :2], planes.radii, planes.middles[:, 2] + planes.halves, eyes
+        )
         found = Unhidden.of(
-            self._camera, self._axes, self._geometry.planes(t), self._owners, eyes,
-            wanted[:, places],
-        )  # fmt: skip
+            self._camera, self._axes, planes, self._owners, eyes, wanted[:, places], hidden
+        )
         states = np.arange(len(self._axes))[:, None] * self._graph.n_places + places
         return found._replace(states=states.take(found.states))
 

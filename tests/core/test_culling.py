@@ -23,6 +23,7 @@ from cocap_opt.problem import (
     Robot,
     State,
 )
+from cocap_opt.vision.bodies import Bodies
 from cocap_opt.vision.coverage import GrowingTable
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.shadows import Shadows
@@ -381,3 +382,20 @@ def test_a_table_does_not_depend_on_the_number_of_threads(threads: int) -> None:
     assert len(tables[0].nodes)
     for one, other in zip(*tables, strict=True):
         assert one.tobytes() == other.tobytes()
+
+
+@examples(30)
+@given(seed=st.integers(0, 2**32 - 1), levels=st.integers(1, 50))
+def test_columns_are_the_map(seed: int, levels: int) -> None:
+    """They are as high as the cells below them, and no cell that is not lowest is below two."""
+    rng = np.random.default_rng(seed)
+    heights = rng.integers(0, levels, rng.integers(1, 9, 2)).astype(float)
+    columns = Bodies.of_columns(HeightMap(heights=heights, resolution=1.0), np.zeros(3))
+    painted, count = np.full(heights.shape, -1.0), np.zeros(heights.shape)
+    for (x0, y0), (x1, y1, top) in zip(
+        columns.low.astype(int).tolist(), columns.high.astype(int).tolist(), strict=True
+    ):
+        painted[x0:x1, y0:y1] = top
+        count[x0:x1, y0:y1] += 1
+    assert np.array_equal(painted, heights)
+    assert np.array_equal(count, 1 + (heights > heights.min()))

@@ -4,11 +4,12 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from strategies import Calls, examples, meetings, problems
 from test_planners import blocked_at_random, close, meadow, seen_by_others
 
+from cocap_opt.experiments.studies.coverage.town import town
 from cocap_opt.graph.charges import Charges
 from cocap_opt.graph.value_iteration import Swept, backward_sweep
 from cocap_opt.model import Model, compiled
@@ -18,12 +19,13 @@ from cocap_opt.planners.greedy import greedy
 from cocap_opt.planners.lazy_value_iteration import LazyValueIteration
 from cocap_opt.planners.low_level import SingleRobotTask, value_iteration
 from cocap_opt.planners.optimistic_coverage import OptimisticCoverage
-from cocap_opt.problem import Problem
+from cocap_opt.problem import Camera, Problem
 from cocap_opt.referee import check
 from cocap_opt.result import Reason
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import Limit, LimitReached, Stop, TimeLimit, never
 from cocap_opt.vision import unhidden
+from cocap_opt.vision.faces import FaceGeometry
 
 SLACK = 1e-9  # relative, of sums
 LAZY_TWINS = ["greedy", "sequential", "cocap"]  # planners that have a lazy one of the same plan
@@ -173,6 +175,37 @@ def test_a_second_task_needs_no_view_again() -> None:
     assert first.path == second.path and first.evaluated > 0 == second.evaluated
 
 
+@examples(20)
+@given(problem=problems(robots=st.just(1)), seed=st.integers(0, 10**6))
+def test_screens_hide_only_what_nobody_sees(problem: Problem, seed: int) -> None:
+    """What a column is known to hide a pinhole camera does not see at all, to the last bit."""
+    assume(isinstance(problem.robots[0].camera, Camera))
+    model, rng = Model(problem, use_cache=False), np.random.default_rng(seed)
+    robot_class, geometry = model.classes[0], FaceGeometry(problem)
+    views, graph = model.views(robot_class), robot_class.graph
+    t = int(rng.integers(0, problem.horizon + 1))
+    planes, places = geometry.planes(t), np.flatnonzero(graph.free)
+    hidden = geometry.screens.hide(
+        planes.middles[:, :2], planes.radii, planes.middles[:, 2] + planes.halves,
+        graph.positions(problem.height_map, places) - geometry.origin,
+    )  # fmt: skip
+    for orientation in range(graph.n_orientations):
+        coverage = views.coverage(t, orientation * graph.n_places + places)
+        assert not coverage[hidden[:, problem.face_owner]].any()
+
+
+def test_screens_find_who_is_behind_a_house() -> None:
+    """In a town they tell it of more than four of ten pairs of a place and a person."""
+    problem = town(seed=0, robots=2, actors=6, cells=60, steps=20, resolution=1.0)
+    geometry, graph = FaceGeometry(problem), Model(problem).classes[0].graph
+    planes, places = geometry.planes(0), np.flatnonzero(graph.free)
+    hidden = geometry.screens.hide(
+        planes.middles[:, :2], planes.radii, planes.middles[:, 2] + planes.halves,
+        graph.positions(problem.height_map, places) - geometry.origin,
+    )  # fmt: skip
+    assert hidden.mean() > 0.4
+
+
 @examples(6)
 @given(problem=problems(robots=st.just(1)), seed=st.integers(0, 10**6))
 def test_a_sweep_may_begin_where_rewards_have_changed(problem: Problem, seed: int) -> None:
@@ -214,7 +247,7 @@ class Near(Stop):
 
 def test_near_a_limit_the_best_path_that_is_known_is_returned() -> None:
     """Every robot has a path whose views are evaluated, and the result says that time was short."""
-    problem = load_scene("corridor", 0)
+    problem = load_scene("bottleneck", 0)
     for planner in ("greedy-lazy", "sequential-lazy", "cocap-lazy"):
         result = PLANNERS[planner](problem, Near())
         assert (result.reason, result.limit) == (Reason.STOPPED, Limit.TIME)

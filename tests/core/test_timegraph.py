@@ -17,11 +17,12 @@ from strategies import WALL, cameras, examples, height_maps, motions
 
 from cocap_opt.data import FloatArray
 from cocap_opt.graph.charges import NO_CHARGES, Charges
+from cocap_opt.graph.frames import frames_from
 from cocap_opt.graph.motion import Window
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.networks import time_expanded_graph
 from cocap_opt.graph.timegraph import CLOSED, TimeGraph
-from cocap_opt.graph.value_iteration import backward_sweep, best_path, leads_to_goal
+from cocap_opt.graph.value_iteration import Swept, backward_sweep, best_path, leads_to_goal
 from cocap_opt.problem import Camera, Motion, Problem, Robot, State
 from cocap_opt.world.workspace import HeightMap, Workspace
 
@@ -260,6 +261,32 @@ def test_backward_sweep_is_dynamic_programming(case: Case, data: st.DataObject) 
         nodes = [(graph.state(s), t) for t, s in enumerate(path)]
         assert nx.is_path(expanded, nodes)
         assert priced.of_path(path) == pytest.approx(value[0, case.start], abs=1e-9)
+
+
+@examples(40)
+@given(cases(goals=True), st.data())
+def test_frames_hold_all_that_a_robot_can_reach(case: Case, data: st.DataObject) -> None:
+    """A sweep in them gives every state in reach the value that a sweep over all states gives it.
+
+    It does so to the last bit, under bonuses, charges and a goal, and when it is swept again.
+    """
+    graph, horizon, goal = case.graph, case.problem.horizon, case.problem.robots[0].goal
+    rng = np.random.default_rng(data.draw(st.integers(0, 2**32)))
+    reward = graph.no_reward(horizon) + rng.random((horizon + 1, graph.n_states))
+    bonuses, charged = data.draw(BONUSES), data.draw(charges(graph, horizon))
+    free = np.flatnonzero(np.tile(graph.free, graph.n_orientations))
+    start = data.draw(st.sampled_from(free.tolist())) if len(free) else case.start
+    reached = graph.reachable([start], horizon)
+    frames = frames_from(graph, start, horizon)
+    value = backward_sweep(graph, reward, bonuses, charged, goal)
+    found = backward_sweep(graph, reward, bonuses, charged, goal, frames=frames)
+    assert np.array_equal(found[reached], value[reached])
+    last = int(rng.integers(0, horizon + 1))
+    reward[: last + 1] *= 0.5
+    value = backward_sweep(graph, reward, bonuses, charged, goal)
+    earlier = Swept(found, last)
+    found = backward_sweep(graph, reward, bonuses, charged, goal, earlier=earlier, frames=frames)
+    assert np.array_equal(found[reached], value[reached])
 
 
 @examples(20)

@@ -1,0 +1,123 @@
+"""Columns of the map that hide all of an actor, found in little time from nearly all places.
+
+The axis leads from the middle of an actor to the eye. All lines of sight pass the upright plane
+across the axis at a point p that is farther than the actor's radius r from its middle; there they
+are less than r beside p, and no higher than the line to the actor's top at its far side. If all of
+that is inside of one column, this column hides all of the actor.
+"""
+
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.vision.bodies import Bodies
+
+_DEPTH = 1e-3  # m, by which lines of sight are inside of a column at least
+_PARTS = 4  # of a cell along x and y
+_STEP = 3 * _PARTS  # squares from one point of an axis to the next
+_FEW = 0.8  # share of the axes that must be left for all to be kept
+
+
+class Screens(NamedTuple):
+    """Squares of the map, parts of its cells, that are well inside of a column."""
+
+    tops: FloatArray  # [X, Y] m of the columns; -inf in squares that are not well inside of one
+    corner: FloatArray  # [2] m, of the first square
+    size: float  # m, edge of a square
+
+    @classmethod
+    def of(cls, columns: Bodies, resolution: float, radius: float) -> Self:
+        """Returns the squares that are farther from the sides of their column than a radius (m).
+
+        Parameters
+        ----------
+        columns : upright boxes without bottom; the first is all of the map, as low as it gets
+        resolution : m, edge of a cell
+        """
+        corner, size, inwards = columns.low[0], resolution / _PARTS, radius + _DEPTH
+        first = np.ceil((columns.low - corner + inwards) / size).astype(np.int64)
+        ends = np.floor((columns.high[:, :2] - corner - inwards) / size).astype(np.int64)
+        tops = np.full(np.rint((columns.high[0, :2] - corner) / size).astype(np.int64), -np.inf)
+        for k in np.flatnonzero((first < ends).all(axis=1))[1:].tolist():
+            (x0, y0), (x1, y1) = first[k].tolist(), ends[k].tolist()
+            tops[x0:x1, y0:y1] = columns.high[k, 2]
+        return cls(tops, corner, size)
+
+    def hide(
+        self, middles: FloatArray, radii: FloatArray, tops: FloatArray, eyes: FloatArray
+    ) -> BoolArray:
+        """Returns an array [n, A], true for actors that a column is known to hide from eyes [n, 3].
+
+        Parameters
+        ----------
+        middles, radii, tops : [A, 2], [A] and [A] m, of upright cylinders around the actors
+        """
+        hidden = np.zeros((len(eyes), len(radii)), dtype=bool)
+        if np.isneginf(self.tops).all():
+            return hidden
+        axes = _Axes.between(self, middles, radii, tops, eyes)
+        while len(axes.numbers):
+            hides = axes.top <= self.tops.take(axes.squares(self.tops.shape[1]), mode="clip")
+            hides &= axes.left > 0
+            hidden.reshape(-1)[axes.numbers[hides]] = True
+            axes = axes.farther(~hides)
+        return hidden
+
+
+class _Axes(NamedTuple):
+    """Points of axes, all of them equally far from the actors."""
+
+    numbers: IntArray  # [n] of eye and actor
+    x: FloatArray  # [n] squares from the corner
+    y: FloatArray  # [n]
+    top: FloatArray  # [n] m; no line of sight is higher there
+    left: FloatArray  # [n] > 0 steps to the eye; points beyond it have no more
+    steps: tuple[FloatArray, FloatArray, FloatArray]  # [n] from each point to the next: x, y, top
+
+    @classmethod
+    def between(
+        cls, screens: Screens, middles: FloatArray, radii: FloatArray, tops: FloatArray,
+        eyes: FloatArray,
+    ) -> Self:  # fmt: skip
+        """Returns the first point of each axis, as near to the actor as may be."""
+        at = (middles - screens.corner) / screens.size
+        inside = ((at > 0) & (at < screens.tops.shape)).all(axis=1)
+        way = eyes[:, None, :2] - middles
+        away = np.sqrt(way[..., 0] ** 2 + way[..., 1] ** 2)
+        first = radii.max(initial=0.0) + _DEPTH
+        eye, actor = np.nonzero((away > first) & inside)
+        way, away = way[eye, actor], away[eye, actor]
+        step = _STEP * screens.size / away  # of the way
+        x, y = (way.T / screens.size) * step
+        height, top = eyes[eye, 2], tops[actor]
+        rise = np.maximum(height - top, 0.0) / (away + radii[actor])  # m, for each metre
+        begin = first / (_STEP * screens.size)  # steps
+        return cls(
+            eye * len(radii) + actor,
+            at[actor, 0] + begin * x,
+            at[actor, 1] + begin * y,
+            np.maximum(height, top) + _DEPTH - rise * (away - first),
+            1 / step - begin,
+            (x, y, rise * away * step),
+        )
+
+    def squares(self, columns: int) -> IntArray:
+        """Returns the numbers [n] of the points' squares, of which so many are in a row."""
+        numbers: IntArray = self.x.astype(np.int64)
+        numbers *= columns
+        numbers += self.y.astype(np.int64)
+        return numbers
+
+    def farther(self, kept: BoolArray) -> Self:
+        """Returns the next point of those axes that are kept and do not end before."""
+        for values, step in zip((self.x, self.y, self.top), self.steps, strict=True):
+            np.add(values, step, out=values)
+        np.subtract(self.left, 1.0, out=self.left)
+        kept = kept & (self.left > 0)
+        if np.count_nonzero(kept) > _FEW * len(kept):
+            return self
+        some = np.flatnonzero(kept)
+        x, y, top, left = (part[some] for part in (self.x, self.y, self.top, self.left))
+        by_x, by_y, by_top = (step[some] for step in self.steps)
+        return type(self)(self.numbers[some], x, y, top, left, (by_x, by_y, by_top))
