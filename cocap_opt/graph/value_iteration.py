@@ -76,10 +76,13 @@ def backward_sweep(
         if goal is not None:
             _close_elsewhere(graph, value[last], goal)
         _charge(graph, value[last], charges, last)
+    step = None
     for t in range(min(changed, last - 1), -1, -1):
         stop.check()
         frame = frames[t]
-        best = _Step(frame, bonuses, room).best(frame.of(value[t + 1]), *charges.moves_at(t))
+        if step is None or step.frame is not frame:
+            step = _Step(frame, bonuses, room)
+        best = step.best(frame.of(value[t + 1]), *charges.moves_at(t))
         np.add(best, frame.of(reward[t]), out=frame.of(value[t]))
         _charge(graph, value[t], charges, t)
     return value
@@ -141,15 +144,19 @@ class _Step:
     Parameters
     ----------
     room : [3, n] for its arrays, which later steps use again
+
+    Attributes
+    ----------
+    frame : the same
     """
 
     def __init__(self, frame: Frame, bonuses: Bonuses, room: FloatArray) -> None:
-        self._frame, self._graph, self._bonuses = frame, frame.graph, bonuses
+        self.frame, self._graph, self._bonuses = frame, frame.graph, bonuses
         self._after_turn, self._best, self._pair = room[:, : frame.n_states]
 
     @property
     def _by_place(self) -> tuple[int, int]:
-        return self._graph.n_orientations, self._frame.n_places
+        return self._graph.n_orientations, self.frame.n_places
 
     @cached_property
     def _rates(self) -> FloatArray | None:
@@ -175,26 +182,26 @@ class _Step:
         self._window()
         if self._rates is not None:
             self._reward_moves(self._rates)
-        if self._frame.irregular.places.size:
+        if self.frame.irregular.places.size:
             self._redo_irregular()
         if len(tails):
             self._charge_moves(tails, heads, costs)
         if self._bonuses.stationarity:
             stay = ahead + self._bonuses.stay
             stays = np.flatnonzero(tails == heads)
-            stays = stays[self._frame.holds(tails[stays])]
+            stays = stays[self.frame.holds(tails[stays])]
             _take_from_places(
-                stay.reshape(self._by_place), self._frame.places(tails[stays]), costs[stays]
+                stay.reshape(self._by_place), self.frame.places(tails[stays]), costs[stays]
             )
             np.maximum(self._best, stay, out=self._best)
-        best: FloatArray = self._best.reshape(self._frame.shape)
+        best: FloatArray = self._best.reshape(self.frame.shape)
         return best
 
     def _turn(self, ahead: FloatArray) -> None:
         """Finds the maximum over the orientations that one step can turn to."""
         headings, turn = self._graph.shape[0], self._graph.motion.turn
         out, pair = self._after_turn, self._pair
-        step = self._frame.n_states // headings  # states of one heading are contiguous
+        step = self.frame.n_states // headings  # states of one heading are contiguous
         if 2 * turn + 1 >= headings:
             out.reshape(headings, -1)[:] = ahead.reshape(headings, -1).max(axis=0)
         elif not turn:
@@ -231,7 +238,7 @@ class _Step:
         both ends lie in the border, and no later pass carries them out of there.
         """
         out, pair, source = self._best, self._pair, self._after_turn
-        for reach, stride in zip(self._graph.border, self._frame.strides, strict=True):
+        for reach, stride in zip(self._graph.border, self.frame.strides, strict=True):
             for _ in range(reach):
                 np.maximum(source[:-stride], source[stride:], out=pair[:-stride])
                 np.maximum(pair[: -2 * stride], pair[stride:-stride], out=out[stride:-stride])
@@ -245,10 +252,10 @@ class _Step:
         If a move leads out of the map, or its end is not free, the value ahead is CLOSED; other
         hidden moves are irregular.
         """
-        n, out, pair = self._frame.n_states, self._best, self._pair
+        n, out, pair = self.frame.n_states, self._best, self._pair
         for rate, move in zip(rates.tolist(), self._graph.moves, strict=True):
             if rate:
-                strides = zip(move, self._frame.strides, strict=True)
+                strides = zip(move, self.frame.strides, strict=True)
                 shift = sum(i * stride for i, stride in strides)
                 tails, heads = (slice(max(0, s), n + min(0, s)) for s in (-shift, shift))
                 np.add(self._after_turn[heads], rate, out=pair[tails])
@@ -256,7 +263,7 @@ class _Step:
 
     def _redo_irregular(self) -> None:
         """Computes the maximum over the moves of irregular places again, with their rewards."""
-        places, heads, hidden = self._frame.irregular
+        places, heads, hidden = self.frame.irregular
         after, best = (part.reshape(self._by_place) for part in (self._after_turn, self._best))
         size = max(1, _AT_ONCE // (heads.shape[0] * len(after)))
         for first in range(0, len(places), size):
@@ -268,7 +275,7 @@ class _Step:
 
     def _charge_moves(self, tails: IntArray, heads: IntArray, costs: FloatArray) -> None:
         """Computes the places again of which some moves are charged or closed."""
-        inside = self._frame.holds(tails)
+        inside = self.frame.holds(tails)
         heads, costs = heads[inside], costs[inside]
         places, at = np.unique(tails[inside], return_inverse=True)
         targets = self._graph.neighbours(places)  # [K, n]
@@ -279,8 +286,8 @@ class _Step:
             cost -= self._rates[:, None]
         after, best = (part.reshape(self._by_place) for part in (self._after_turn, self._best))
         # Of moves out of the frame any values are taken: those where they begin mean nothing.
-        ahead = after.take(self._frame.places(np.maximum(targets, 0)), axis=1, mode="clip") - cost
-        best[:, self._frame.places(places)] = ahead.max(axis=1)
+        ahead = after.take(self.frame.places(np.maximum(targets, 0)), axis=1, mode="clip") - cost
+        best[:, self.frame.places(places)] = ahead.max(axis=1)
 
 
 def _close_elsewhere(graph: TimeGraph, value: FloatArray, goal: tuple[int, int]) -> None:

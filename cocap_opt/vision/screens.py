@@ -6,6 +6,7 @@ are less than r beside p, and no higher than the line to the actor's top at its 
 that is inside of one column, this column hides all of the actor.
 """
 
+import math
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -14,8 +15,9 @@ from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.vision.bodies import Bodies
 
 _DEPTH = 1e-3  # m, by which lines of sight are inside of a column at least
-_PARTS = 4  # of a cell along x and y
-_STEP = 3 * _PARTS  # squares from one point of an axis to the next
+_PARTS = 4  # of a cell along x and y, at most
+_MOST = 4_000_000  # squares, of maps with fewer cells, to bound the memory
+_STEP = 3  # cells from one point of an axis to the next
 _FEW = 0.8  # share of the axes that must be left for all to be kept
 
 
@@ -25,6 +27,7 @@ class Screens(NamedTuple):
     tops: FloatArray  # [X, Y] m of the columns; -inf in squares that are not well inside of one
     corner: FloatArray  # [2] m, of the first square
     size: float  # m, edge of a square
+    step: float  # m, from one point of an axis to the next
 
     @classmethod
     def of(cls, columns: Bodies, resolution: float, radius: float) -> Self:
@@ -35,14 +38,16 @@ class Screens(NamedTuple):
         columns : upright boxes without bottom; the first is all of the map, as low as it gets
         resolution : m, edge of a cell
         """
-        corner, size, inwards = columns.low[0], resolution / _PARTS, radius + _DEPTH
+        corner, inwards = columns.low[0], radius + _DEPTH
+        cells = float(np.prod((columns.high[0, :2] - corner) / resolution))
+        size = resolution / max(min(_PARTS, math.isqrt(int(_MOST / cells))), 1)
         first = np.ceil((columns.low - corner + inwards) / size).astype(np.int64)
         ends = np.floor((columns.high[:, :2] - corner - inwards) / size).astype(np.int64)
         tops = np.full(np.rint((columns.high[0, :2] - corner) / size).astype(np.int64), -np.inf)
         for k in np.flatnonzero((first < ends).all(axis=1))[1:].tolist():
             (x0, y0), (x1, y1) = first[k].tolist(), ends[k].tolist()
             tops[x0:x1, y0:y1] = columns.high[k, 2]
-        return cls(tops, corner, size)
+        return cls(tops, corner, size, _STEP * resolution)
 
     def hide(
         self, middles: FloatArray, radii: FloatArray, tops: FloatArray, eyes: FloatArray
@@ -88,11 +93,11 @@ class _Axes(NamedTuple):
         first = radii.max(initial=0.0) + _DEPTH
         eye, actor = np.nonzero((away > first) & inside)
         way, away = way[eye, actor], away[eye, actor]
-        step = _STEP * screens.size / away  # of the way
+        step = screens.step / away  # of the way
         x, y = (way.T / screens.size) * step
         height, top = eyes[eye, 2], tops[actor]
         rise = np.maximum(height - top, 0.0) / (away + radii[actor])  # m, for each metre
-        begin = first / (_STEP * screens.size)  # steps
+        begin = first / screens.step  # steps
         return cls(
             eye * len(radii) + actor,
             at[actor, 0] + begin * x,
