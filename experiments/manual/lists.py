@@ -1,10 +1,10 @@
 """Lists that are made from the code: columns, built-in scenes, formats, cameras, airframes."""
 
 from collections.abc import Callable
-from functools import partial
+from functools import cache, partial
 
 from cocap_opt.experiments.cli.scene_commands import known_scenes
-from cocap_opt.experiments.results.printing import Listing
+from cocap_opt.experiments.results.printing import Listing, Record
 from cocap_opt.experiments.results.rows import COLUMNS
 from cocap_opt.scenarios.recipe.recipe import EXAMPLE
 
@@ -23,7 +23,12 @@ def _recipe() -> str:
 
 
 def _known(kind: str) -> str:
-    return Listing("", known_scenes()[kind]).markdown
+    return Listing("", _all_known()[kind]).markdown
+
+
+@cache
+def _all_known() -> dict[str, list[Record]]:
+    return known_scenes()  # builds every scene
 
 
 LISTS: dict[str, Callable[[], str]] = {

@@ -30,6 +30,7 @@ from cocap_opt.experiments.studies.paper.reproduction import SCENES
 from cocap_opt.experiments.studies.separation.points import Point
 from cocap_opt.experiments.studies.separation.tables import separation_in_markdown
 from cocap_opt.experiments.studies.stored_tables import (
+    coverage_in_markdown,
     findings_in_markdown,
     growth_in_markdown,
     published_in_markdown,
@@ -94,6 +95,7 @@ QUOTES: dict[str, Callable[[], str]] = {
     "greedy_perspectives_plans": partial(published_in_markdown, "greedy-perspectives-plans.csv"),
     "hughes_plans": partial(published_in_markdown, "hughes-plans.csv"),
     "hughes_findings": partial(findings_in_markdown, "hughes.md"),
+    "coverage": coverage_in_markdown,
     "growth": growth_in_markdown,
     "views": views_in_markdown,
     "solver_figures": solver_figures_in_markdown,

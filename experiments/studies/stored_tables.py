@@ -83,6 +83,21 @@ def views_in_markdown() -> str:
     ])  # fmt: skip
 
 
+def coverage_in_markdown() -> str:
+    """Returns what coverage of wide maps costs: processor time, memory, and how many states."""
+    return _table([
+        {
+            "map": row["scene"],
+            "drones": row["robots"],
+            "states": f"{int(row['states']):,}",
+            "processor time": _number(row["processor (s)"], "s"),
+            "memory": f"{float(row['peak (GB)']):.2f} GB",
+            "us a state": f"{float(row['us']):.1f}",
+        }
+        for row in _stored("coverage.csv")
+    ])  # fmt: skip
+
+
 def solver_figures_in_markdown() -> str:
     """Returns what bounds and exact methods need, beside the targets."""
     return _table([
