@@ -12,15 +12,18 @@ from typing import NamedTuple, Self
 
 from selenium import webdriver
 from selenium.webdriver.chrome.service import Service
+from selenium.webdriver.common.by import By
 from selenium.webdriver.support.wait import WebDriverWait
 
+from cocap_opt.experiments.report.explaining import gaps_of
 from cocap_opt.experiments.report.player import Player
+from cocap_opt.formulations import BOUNDS
 from cocap_opt.planners import PLANNERS
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import never
 
 PLAYER_IS_READY = "document.documentElement.dataset.ready === 'yes'"
-_SCENE, _STEP = "bottleneck", 6  # of the picture
+_SCENE, _STEP, _KEYS = "bottleneck", 6, "ddd"  # of the picture, in which drone 2 is picked
 _PLANNERS = ("greedy", "cocap")  # a plan with conflicts beside one without
 _SIZE = 1280, 800  # px
 _PATIENCE = 30.0  # s
@@ -45,14 +48,25 @@ def write_pictures(folder: Path) -> None:
     FileNotFoundError
         If there is no browser, or no driver.
     """
-    problem = load_scene(_SCENE, 0)
-    plans = {f"{name}.json": PLANNERS[name](problem, never).plan for name in _PLANNERS}
     page = folder / "player.html"
-    shown = [(name, plan) for name, plan in plans.items() if plan is not None]
-    Player(problem, shown).save(page)
+    _player().save(page)
     with _Browser.opened(page) as browser:
         browser.go_to(_STEP)
+        browser.find_element(By.TAG_NAME, "body").send_keys(_KEYS)
+        browser.go_to(_STEP)
         browser.save_screenshot(str(folder / "player.png"))
+
+
+def _player() -> Player:
+    """Returns the player of two plans, with the certificate of a bound."""
+    problem = load_scene(_SCENE, 0)
+    plans = {name: PLANNERS[name](problem, never).plan for name in _PLANNERS}
+    shown = {name: plan for name, plan in plans.items() if plan is not None}
+    proof = BOUNDS["column-generation"](problem).certificate
+    assert proof is not None
+    gaps = gaps_of(problem, list(shown.values()), proof)
+    titled = [(f"{name}.json", plan) for name, plan in shown.items()]
+    return Player(problem, titled, gaps, list(shown))
 
 
 class _Browser(webdriver.Chrome):
