@@ -52,7 +52,7 @@ def write_pictures(folder: Path) -> None:
     _player().save(page)
     with _Browser.opened(page) as browser:
         browser.go_to(_STEP)
-        browser.find_element(By.TAG_NAME, "body").send_keys(_KEYS)
+        browser.press(_KEYS)
         browser.go_to(_STEP)
         browser.save_screenshot(str(folder / "player.png"))
 
@@ -118,6 +118,10 @@ class _Browser(webdriver.Chrome):
         width, height = size
         screen = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
         self.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", screen)
+
+    def press(self, keys: str) -> None:
+        """Presses keys anywhere on the page."""
+        self.find_element(By.TAG_NAME, "body").send_keys(keys)
 
     def go_to(self, step: int) -> None:
         """Puts the player's slider to a step, and waits until the page has drawn it."""
