@@ -57,7 +57,7 @@ function tick(now) {
 
 // While something moves, a slow machine gets coarser pictures.
 function draw(resting) {
-  state.quality = resting || !state.slow ? FINE : COARSE;
+  state.quality = resting || !state.slow ? FINE : state.follow ? ROUGH : COARSE;
   const checked = Object.fromEntries(SHOWN.map((name) => [name, find(name).checked]));
   const { quality, picked, follow, alone } = state, begin = performance.now();
   const shown = panels.filter((panel) => panel.root.offsetParent);
@@ -71,7 +71,7 @@ function draw(resting) {
 
 // Into the corner in which least happens in all pictures, while they are as they are.
 function putInsets(shown) {
-  const stamp = shown.map((panel) => panel.view.stamp).join();
+  const stamp = state.follow ? "follow" : shown.map((panel) => panel.view.stamp).join();
   if (stamp === state.insets) return;
   state.insets = stamp;
   const busy = shown.map((panel) => panel.busy(state.time)).reduce((a, b) => a.map((count, k) => count + b[k]));
