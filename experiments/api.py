@@ -638,8 +638,8 @@ def show(
     problem : that the plans are for
     plans : plans, or results that have one, whose J is in their titles; without any the drones are
         shown at their starts
-    certificate : a certificate, a proof or a result that has one, by which the player tells what
-        is lost by leaving each step
+    certificate : a certificate, a proof or a result that has one, by which the player tells the
+        bound, what is proved of each plan, and what is lost by leaving each step
 
     Returns
     -------

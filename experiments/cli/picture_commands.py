@@ -45,7 +45,10 @@ def _show(
     seed: Seed = 0,
     certificate: Annotated[
         Path | None,
-        Parameter(help="certificate or proof; the player tells what is lost by leaving each step"),
+        Parameter(
+            help="certificate or proof; the player tells the bound, what is proved of each plan, "
+            "and what is lost by leaving each step"
+        ),
     ] = None,
     steps: Annotated[
         str | None,

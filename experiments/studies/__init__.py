@@ -5,6 +5,7 @@ the cost and the accuracy of coverage, the speed of planners, and plans flown in
 """
 
 __all__ = [
-    "app", "coverage", "drawings", "flight", "gamma", "growth", "notebooks", "others", "paper",
+    "app", "coverage", "drawings", "flight", "frames", "gamma", "growth", "notebooks", "others",
+    "paper",
     "pictures", "runs", "separation", "solvers", "speed", "steps", "views",
 ]  # fmt: skip

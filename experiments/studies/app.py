@@ -442,6 +442,27 @@ def _pictures(folder: Annotated[Path, Parameter(help="folder for the pictures")]
     return 0
 
 
+@app.command(name="frames")
+def _frames(
+    scene: Annotated[str, Parameter(help="built-in scene")] = "field-large",
+    *,
+    planner: Annotated[str, Parameter(help="of the plan that is played")] = "greedy",
+) -> int:
+    """Measure how fast the player draws a plan; needs Chromium.
+
+    Example: cocap-opt study frames field --planner cocap-lns
+    """
+    try:
+        from cocap_opt.experiments.studies.frames import frames
+    except ModuleNotFoundError as error:
+        raise FileError(f"{error.name} is not installed: pip install -e '.[test]'") from error
+    try:
+        frames(scene, planner)
+    except FileNotFoundError as error:
+        raise FileError(f"frames: {error}") from error
+    return 0
+
+
 @app.command(name="notebooks")
 def _notebooks(
     *names: Annotated[str, Parameter(help="such as first_tour; all if none is given")],

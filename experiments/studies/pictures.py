@@ -14,15 +14,18 @@ from typing import NamedTuple, Self
 from PIL import Image
 from selenium import webdriver
 from selenium.webdriver.chrome.service import Service
+from selenium.webdriver.common.by import By
 from selenium.webdriver.support.wait import WebDriverWait
 
+from cocap_opt.experiments.report.explaining import gaps_of
 from cocap_opt.experiments.report.player import Player
+from cocap_opt.formulations import BOUNDS
 from cocap_opt.planners import PLANNERS
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import never
 
 PLAYER_IS_READY = "document.documentElement.dataset.ready === 'yes'"
-_SCENE, _STEP = "bottleneck", 6  # of the picture
+_SCENE, _STEP, _KEYS = "bottleneck", 6, "ddd"  # of the picture, in which drone 2 is picked
 _PLANNERS = ("greedy", "cocap")  # a plan with conflicts beside one without
 _SIZE = 1280, 800  # px
 _SMALL = 800, 500  # px, of the moving picture
@@ -49,19 +52,31 @@ def write_pictures(folder: Path) -> None:
     FileNotFoundError
         If there is no browser, or no driver.
     """
-    problem = load_scene(_SCENE, 0)
-    plans = {f"{name}.json": PLANNERS[name](problem, never).plan for name in _PLANNERS}
     page = folder / "player.html"
-    shown = [(name, plan) for name, plan in plans.items() if plan is not None]
-    Player(problem, shown).save(page)
+    player = _player()
+    player.save(page)
     with _Browser.opened(page) as browser:
         browser.go_to(_STEP)
+        browser.press(_KEYS)
+        browser.go_to(_STEP)
         browser.save_screenshot(str(folder / "player.png"))
-        frames = [browser.frame(step) for step in range(problem.horizon + 1)]
+        frames = [browser.frame(step) for step in range(player.problem.horizon + 1)]
     frames[0].save(
         folder / "player.webp", save_all=True, append_images=frames[1:], duration=_PACE, loop=0,
         quality=_QUALITY,
     )  # fmt: skip
+
+
+def _player() -> Player:
+    """Returns the player of two plans, with the certificate of a bound."""
+    problem = load_scene(_SCENE, 0)
+    plans = {name: PLANNERS[name](problem, never).plan for name in _PLANNERS}
+    shown = {name: plan for name, plan in plans.items() if plan is not None}
+    proof = BOUNDS["column-generation"](problem).certificate
+    assert proof is not None
+    gaps = gaps_of(problem, list(shown.values()), proof)
+    titled = [(f"{name}.json", plan) for name, plan in shown.items()]
+    return Player(problem, titled, gaps, list(shown))
 
 
 class _Browser(webdriver.Chrome):
@@ -119,6 +134,10 @@ class _Browser(webdriver.Chrome):
         self.go_to(step)
         picture = Image.open(BytesIO(self.get_screenshot_as_png())).convert("RGB")
         return picture.resize(_SMALL, Image.Resampling.LANCZOS)
+
+    def press(self, keys: str) -> None:
+        """Presses keys anywhere on the page."""
+        self.find_element(By.TAG_NAME, "body").send_keys(keys)
 
     def go_to(self, step: int) -> None:
         """Puts the player's slider to a step, and waits until the page has drawn it."""

@@ -28,6 +28,12 @@ class Bodies {
     return between(this.plan.paths[i], time);
   }
 
+  // Where all drones and people are.
+  all(time) {
+    const people = this.data.people.map((_, j) => this.person(j, time));
+    return [...this.plan.paths.map((_, i) => this.drone(i, time)), ...people];
+  }
+
   faceColour(j, f, time) {
     return seenColour(this.plan.seen[Math.round(time)][this.first[j] + f], this.data.most);
   }

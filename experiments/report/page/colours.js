@@ -24,8 +24,8 @@ function shaded(colour, light) {
 }
 
 const DAY = {
-  paper: "#eef0f3", ground: "#f6efe1", high: "#cfc5a6", wall: "#bcc5d1", low: "#d8c49a", mesh: "#c08a5c",
-  wallPlan: "#d3d2d3", lowPlan: "#e3d8bd", edge: "#4b5260", skyTop: "#a9c6e8", skyLow: "#e9f1f8",
+  paper: "#eef0f3", ground: "#f6efe1", high: "#cfc5a6", wall: "#b3c0d3", low: "#d8c49a", mesh: "#c08a5c",
+  wallPlan: "#dcd8d2", lowPlan: "#e3d8bd", edge: "#4b5260", skyTop: "#a9c6e8", skyLow: "#e9f1f8",
   shadow: "#b3ac9d", unseen: "#5d636e", legs: "#3a4256", skin: "#e0ac85", hair: "#4a3226",
   rotor: "#ffffff", dark: "#20252d", walk: "#b02a45",
 };

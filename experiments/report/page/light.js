@@ -4,7 +4,7 @@
 const SUN = unit([0.42, -0.5, 0.85]); // where it is
 const MOST_TEXELS = 700; // along an edge of the part of the map that is lit
 const BEYOND = 0.8; // how far it goes beyond what happens, of its size
-const SHADE = 0.26, CORNER = 0.34, GRID = 0.07; // how much light they take
+const SHADE = 0.17, CORNER = 0.32, GRID = 0.07; // how much light they take
 const FADE = 0.06; // of the lit part, along its edges
 const NOOK = 0.8; // m, how far from walls corners are dark
 

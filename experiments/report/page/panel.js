@@ -2,7 +2,8 @@
 
 const MOST_WORDS = 3; // conflicts that are said at once, on a phone one
 const PHONE = 500; // px
-const ASIDE = 40; // px around what is in a corner of the picture
+const ASIDE = 20; // px around what is in a corner of the picture
+const NOW = 30; // as much as so many other moments
 const CORNERS = ["top right", "top left", "bottom right", "bottom left"];
 
 const find = (id) => document.getElementById(id);
@@ -123,16 +124,14 @@ class Panel {
     return this.box;
   }
 
-  // Into the corner in which least happens, while the camera is as it is.
-  putInset() {
+  // How much happens, above all now, in each corner of the picture that the inset may be put into.
+  busy(time) {
     const { view, box, canvas: { clientWidth: width, clientHeight: height } } = this;
-    if (this.placed === view.stamp) return;
-    this.placed = view.stamp;
-    const points = view.camera.points.map((point) => view.at(point));
+    const { camera: { points: all }, bodies } = view, now = bodies.all(time);
+    const points = [...all, ...now.flatMap((point) => Array(NOW).fill(point))].map((point) => view.at(point));
     const [wide, tall] = [box.clientWidth + ASIDE, box.clientHeight + ASIDE];
-    const busy = CORNERS.map((corner) => points.filter(([x, y]) =>
+    return CORNERS.map((corner) => points.filter(([x, y]) =>
       (corner.includes("right") ? width - x : x) < wide && (corner.includes("bottom") ? height - y : y) < tall).length);
-    box.className = `inset ${CORNERS[busy.indexOf(Math.min(...busy))]}`;
   }
 
   fleet() {
@@ -153,10 +152,7 @@ class Panel {
     const { picked } = options;
     this.view.draw(time, options);
     this.box.hidden = picked === undefined;
-    if (picked !== undefined) {
-      this.eye.draw(time, picked, options.quality);
-      this.putInset();
-    }
+    if (picked !== undefined) this.eye.draw(time, picked, options.quality);
     this.chart.draw(time, picked);
     this.describe(time, options);
   }

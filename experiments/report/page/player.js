@@ -57,16 +57,26 @@ function tick(now) {
 
 // While something moves, a slow machine gets coarser pictures.
 function draw(resting) {
-  state.quality = resting || !state.slow ? FINE : COARSE;
+  state.quality = resting || !state.slow ? FINE : state.follow ? ROUGH : COARSE;
   const checked = Object.fromEntries(SHOWN.map((name) => [name, find(name).checked]));
   const { quality, picked, follow, alone } = state, begin = performance.now();
-  for (const panel of panels) {
-    if (panel.root.offsetParent) panel.draw(state.time, { ...checked, quality, picked, follow, alone });
-  }
+  const shown = panels.filter((panel) => panel.root.offsetParent);
+  for (const panel of shown) panel.draw(state.time, { ...checked, quality, picked, follow, alone });
+  if (picked !== undefined) putInsets(shown);
   if (!resting) pace(performance.now() - begin);
   const step = Math.round(state.time);
   find("slider").value = String(step);
   put(find("step"), `step ${step} of ${data.steps}`);
+}
+
+// Into the corner in which least happens in all pictures, while they are as they are.
+function putInsets(shown) {
+  const stamp = state.follow ? "follow" : shown.map((panel) => panel.view.stamp).join();
+  if (stamp === state.insets) return;
+  state.insets = stamp;
+  const busy = shown.map((panel) => panel.busy(state.time)).reduce((a, b) => a.map((count, k) => count + b[k]));
+  const corner = CORNERS[busy.indexOf(Math.min(...busy))];
+  for (const panel of shown) panel.box.className = `inset ${corner}`;
 }
 
 // The mean time of late pictures tells if the machine is slow.
@@ -88,7 +98,7 @@ function next(kind, plan) {
 // Pick a drone; the one that is picked already is let go.
 function pick(drone) {
   state.picked = drone === state.picked ? undefined : drone;
-  if (state.picked === undefined) [state.follow, state.alone] = [false, false];
+  if (state.picked === undefined) [state.follow, state.alone, state.insets] = [false, false, undefined];
   refresh();
 }
 

@@ -7,7 +7,7 @@
 
 const NOWHERE = Math.fround(-1e30); // depth where nothing is
 const LINE = 0.25; // of what is hatched is lines
-const CLEAR = 0.86; // how much is seen through glass
+const CLEAR = 0.93; // how much is seen through glass
 
 class Raster {
   // `through`: how much is seen of what moves through what is solid.

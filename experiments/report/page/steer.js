@@ -28,6 +28,7 @@ class Steering {
     this.canvas.setPointerCapture(event.pointerId);
     this.pointers.set(event.pointerId, [event.offsetX, event.offsetY]);
     this.far = this.pointers.size > 1 ? Infinity : 0;
+    this.wasPressed = true;
   }
 
   up(event) {
@@ -52,7 +53,9 @@ class Steering {
     this.actions.moved();
   }
 
+  // In a frame of another page, which may be scrolled, the wheel zooms only after a press.
   wheel(event) {
+    if (window.parent !== window && !this.wasPressed) return;
     event.preventDefault();
     this.zoom(1.0015 ** -event.deltaY, event.offsetX, event.offsetY);
     this.actions.moved();

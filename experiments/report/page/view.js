@@ -1,6 +1,6 @@
 // One plan in a canvas, seen from outside.
 
-const FINE = 2, COARSE = 1; // samples per pixel of the page along x and y
+const FINE = 2, COARSE = 1, ROUGH = 0.7; // samples per pixel of the page along x and y
 const MOST_SAMPLES = 3.2e6;
 const THROUGH = 0.3; // how much is seen of what moves through what is solid
 const HATCH = 9; // px from line to line
