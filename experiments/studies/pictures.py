@@ -21,6 +21,7 @@ from cocap_opt.experiments.report.explaining import gaps_of
 from cocap_opt.experiments.report.player import Player
 from cocap_opt.formulations import BOUNDS
 from cocap_opt.planners import PLANNERS
+from cocap_opt.problem import Problem
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import never
 
@@ -53,23 +54,22 @@ def write_pictures(folder: Path) -> None:
         If there is no browser, or no driver.
     """
     page = folder / "player.html"
-    player = _player()
-    player.save(page)
+    problem = load_scene(_SCENE, 0)
+    _player(problem).save(page)
     with _Browser.opened(page) as browser:
         browser.go_to(_STEP)
         browser.press(_KEYS)
         browser.go_to(_STEP)
         browser.save_screenshot(str(folder / "player.png"))
-        frames = [browser.frame(step) for step in range(player.problem.horizon + 1)]
+        frames = [browser.frame(step) for step in range(problem.horizon + 1)]
     frames[0].save(
         folder / "player.webp", save_all=True, append_images=frames[1:], duration=_PACE, loop=0,
         quality=_QUALITY,
     )  # fmt: skip
 
 
-def _player() -> Player:
+def _player(problem: Problem) -> Player:
     """Returns the player of two plans, with the certificate of a bound."""
-    problem = load_scene(_SCENE, 0)
     plans = {name: PLANNERS[name](problem, never).plan for name in _PLANNERS}
     shown = {name: plan for name, plan in plans.items() if plan is not None}
     proof = BOUNDS["column-generation"](problem).certificate
