@@ -145,7 +145,7 @@ class _Browser(webdriver.Chrome):
             "const [step, done] = arguments, slider = document.getElementById('slider');"
             "slider.value = step; slider.dispatchEvent(new Event('input'));"
             "const drawn = () => requestAnimationFrame(() => requestAnimationFrame(() => done()));"
-            "setTimeout(drawn, 300);"
+            "setTimeout(drawn, 230);"  # pictures are fine after 200 ms of rest
         )
         self.execute_async_script(slide, step)
 
