@@ -1,6 +1,8 @@
 """Settings of Sphinx for the pages of this folder: `sphinx-build -W docs build/docs`."""
 
+import re
 from pathlib import Path
+from typing import Any
 
 from docutils import nodes
 from docutils.utils.math.latex2mathml import tex2mathml
@@ -40,6 +42,8 @@ html_static_path = ["_static"]
 html_css_files = ["pages.css"]
 html_theme_options = {"navigation_with_keys": True}
 
+_STOPPED = re.compile(r"(<math\b(?:(?!</math>).)*</math>[.,;:)]+)", re.DOTALL)
+
 
 def _write_files(app: Sphinx) -> None:
     write_players(Path(app.outdir) / "players")
@@ -60,6 +64,14 @@ def _write_formulas(page: HTML5Translator, node: nodes.math_block) -> None:
     raise nodes.SkipNode
 
 
+def _keep_stops(
+    app: Sphinx, page: str, template: str, context: dict[str, Any], tree: object
+) -> None:
+    """Keeps a full stop or comma on the line of the formula before it."""
+    if body := context.get("body"):
+        context["body"] = _STOPPED.sub(r'<span class="formula">\1</span>', body)
+
+
 def _move_meanings(app: Sphinx, kind: str, name: str, thing: object, options: object,
                    lines: list[str]) -> None:  # fmt: skip
     lines[:] = with_meanings(lines)
@@ -69,4 +81,5 @@ def setup(app: Sphinx) -> None:
     """Write players, schemas and pictures, and prepare docstrings before numpydoc reads them."""
     app.add_html_math_renderer("mathml", (_write_formula, None), (_write_formulas, None))
     app.connect("builder-inited", _write_files)
+    app.connect("html-page-context", _keep_stops)
     app.connect("autodoc-process-docstring", _move_meanings, priority=100)
