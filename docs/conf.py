@@ -1,10 +1,16 @@
 """Settings of Sphinx for the pages of this folder: `sphinx-build -W docs build/docs`."""
 
+import re
 from pathlib import Path
+from typing import Any
 
+from docutils import nodes
+from docutils.utils.math.latex2mathml import tex2mathml
 from sphinx.application import Sphinx
+from sphinx.writers.html5 import HTML5Translator
 
 import cocap_opt
+from cocap_opt.experiments.manual.diagrams import write_diagrams
 from cocap_opt.experiments.manual.docstrings import with_meanings
 from cocap_opt.experiments.manual.entries import all_entries
 from cocap_opt.experiments.manual.formats import write_schemas
@@ -19,7 +25,6 @@ extensions = [
     "myst_nb",  # Markdown and notebooks
     "numpydoc",
     "sphinx.ext.autodoc",
-    "sphinx.ext.mathjax",
 ]
 exclude_patterns = ["notebooks/.ipynb_checkpoints", "notebooks/__init__.py"]
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath", "substitution"]
@@ -30,17 +35,41 @@ nb_execution_mode = "off"  # `cocap-opt study notebooks` runs them
 autodoc_member_order = "bysource"
 default_role = "literal"  # docstrings put code between single backquotes
 numpydoc_show_class_members = False
+html_math_renderer = "mathml"
 html_theme = "furo"
 html_title = f"cocap-opt {release}"
 html_static_path = ["_static"]
 html_css_files = ["pages.css"]
 html_theme_options = {"navigation_with_keys": True}
 
+_STOPPED = re.compile(r"(<math\b(?:(?!</math>).)*</math>[.,;:)]+)", re.DOTALL)
+
 
 def _write_files(app: Sphinx) -> None:
     write_players(Path(app.outdir) / "players")
     write_schemas(Path(app.outdir) / "schemas")
     write_drawings(Path(app.srcdir) / "pictures")
+    write_diagrams(Path(app.srcdir) / "concepts" / "pictures")
+
+
+def _write_formula(page: HTML5Translator, node: nodes.math) -> None:
+    """Writes MathML, which browsers show without a script; what TeX does not know fails."""
+    page.body.append(tex2mathml(node.astext()))
+    raise nodes.SkipNode
+
+
+def _write_formulas(page: HTML5Translator, node: nodes.math_block) -> None:
+    formula = tex2mathml(node.astext(), as_block=True)
+    page.body.append(f'<div class="formula">{formula}</div>\n')
+    raise nodes.SkipNode
+
+
+def _keep_stops(
+    app: Sphinx, page: str, template: str, context: dict[str, Any], tree: object
+) -> None:
+    """Keeps a full stop or comma on the line of the formula before it."""
+    if body := context.get("body"):
+        context["body"] = _STOPPED.sub(r'<span class="formula">\1</span>', body)
 
 
 def _move_meanings(app: Sphinx, kind: str, name: str, thing: object, options: object,
@@ -49,6 +78,8 @@ def _move_meanings(app: Sphinx, kind: str, name: str, thing: object, options: ob
 
 
 def setup(app: Sphinx) -> None:
-    """Write players, schemas and drawings, and prepare docstrings before numpydoc reads them."""
+    """Write players, schemas and pictures, and prepare docstrings before numpydoc reads them."""
+    app.add_html_math_renderer("mathml", (_write_formula, None), (_write_formulas, None))
     app.connect("builder-inited", _write_files)
+    app.connect("html-page-context", _keep_stops)
     app.connect("autodoc-process-docstring", _move_meanings, priority=100)

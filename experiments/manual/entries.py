@@ -7,6 +7,7 @@ from cocap_opt.experiments.manual.commands import commands_in_markdown, studies_
 from cocap_opt.experiments.manual.formats import DOCUMENTS, example, fields_in_markdown
 from cocap_opt.experiments.manual.gallery import gallery_in_markdown
 from cocap_opt.experiments.manual.lists import LISTS
+from cocap_opt.experiments.manual.worked_words import WORKED
 from cocap_opt.experiments.studies.quotes import QUOTES
 
 
@@ -17,6 +18,7 @@ def _json(name: str) -> str:
 ENTRIES: dict[str, Callable[[], str]] = {
     **QUOTES,
     **LISTS,
+    **WORKED,
     "gallery": gallery_in_markdown,
     "commands": commands_in_markdown,
     "studies": studies_in_markdown,

@@ -86,6 +86,24 @@ def _tiny_queue(seed: int) -> Problem:
     )
 
 
+def _tiny_doorway(seed: int) -> Problem:
+    """Two drones look through a doorway that has room for one of them.
+
+    A wall hides the person from all cells but those of the southern row: a front pays 15 in the
+    doorway and 12 in the cell before it. The first drone is before the doorway after one step and
+    in it after two, the second is a step behind, so that three steps pay at most 12, then
+    sqrt(15^2 + 12^2) = 3 sqrt(41) twice: 12 + 6 sqrt(41). Planned without looking at each other
+    both are in the doorway at last, which pays 15 sqrt(2) instead of 3 sqrt(41): 2 more.
+    """
+    return _tiny(
+        "tiny-doorway",
+        cells=["..#", "..#", "..."],
+        robots=[(1, 1), (0, 2)],
+        actors=[_front(6.5, HALF, WEST)],
+        steps=3,
+    )
+
+
 def _tiny_turn(seed: int) -> Problem:
     """One drone turns on the spot, from a view of nobody past one person to another.
 
@@ -207,6 +225,7 @@ SCENES: dict[str, Callable[[int], Problem]] = {
     "tiny-hover": _tiny_hover,
     "tiny-share": _tiny_share,
     "tiny-queue": _tiny_queue,
+    "tiny-doorway": _tiny_doorway,
     "tiny-turn": _tiny_turn,
     "tiny-trap": _tiny_trap,
     "tiny-hidden": _tiny_hidden,
@@ -220,6 +239,7 @@ TINY_OPTIMA = {
     "tiny-hover": 27.5,
     "tiny-share": 27 * math.sqrt(2),
     "tiny-queue": 6 * math.sqrt(41),
+    "tiny-doorway": 12 + 6 * math.sqrt(41),
     "tiny-turn": 55.0,
     "tiny-trap": 27.0,
     "tiny-hidden": 0.0,

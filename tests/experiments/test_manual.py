@@ -1,6 +1,7 @@
 """The parts of the pages that are made from the code."""
 
 import re
+from itertools import pairwise
 from pathlib import Path
 
 import msgspec
@@ -9,7 +10,9 @@ from pages import DOCS
 
 import cocap_opt as co
 from cocap_opt.experiments.cli.commands import app
+from cocap_opt.experiments.manual import one_face, worked
 from cocap_opt.experiments.manual.commands import commands_in_markdown, studies_in_markdown
+from cocap_opt.experiments.manual.diagrams import DIAGRAMS
 from cocap_opt.experiments.manual.docstrings import with_meanings
 from cocap_opt.experiments.manual.formats import (
     DOCUMENTS,
@@ -20,9 +23,12 @@ from cocap_opt.experiments.manual.formats import (
 )
 from cocap_opt.experiments.manual.gallery import SHOWN
 from cocap_opt.experiments.manual.lists import LISTS
+from cocap_opt.experiments.manual.recorded_tree import recorded_tree
+from cocap_opt.experiments.manual.worked_words import told_closed
 from cocap_opt.experiments.results.rows import COLUMNS
 from cocap_opt.files.documents import decode_document
 from cocap_opt.scenarios import SCENES
+from cocap_opt.scenarios.built_in.tiny import TINY_OPTIMA
 
 
 def test_all_commands_are_on_the_pages() -> None:
@@ -96,3 +102,82 @@ def test_meanings_stand_below_their_names() -> None:
         "Words : words.", "", "Parameters", "----------", "a, b", "    one", "    and two", "",
         "Returns", "-------", "x : y",
     ]  # fmt: skip
+
+
+# -- the concept pages ------------------------------------------------------------------------
+
+
+def test_the_tree_is_the_one_that_the_page_tells() -> None:
+    """The page on CoCap follows five nodes; the planner makes these, in this order."""
+    tree = recorded_tree(co.load("tiny-doorway"))
+    assert [node.parent for node in tree] == [None, 0, 0, 1, 1]
+    assert [node.turn for node in tree] == [1, 2, 3, None, None]
+    root, swap, plan = 12 + 3 * 41**0.5 + 15 * 2**0.5, 12 + 6 * 41**0.5, 12 + 6 * 41**0.5
+    assert [node.value for node in tree[:3]] == pytest.approx([root, swap, plan])
+    assert all(node.value < plan for node in tree[3:])
+    kinds = [type(node.conflict) for node in tree]
+    assert kinds == [
+        co.VertexConflict, co.SwapConflict, type(None), co.VertexConflict, co.VertexConflict,
+    ]  # fmt: skip
+    assert [told_closed(node.closed) for node in tree] == [
+        "none",
+        "drone 0 not in (2, 0) at step 3",
+        "drone 1 not in (2, 0) at step 3",
+        "drone 0 not in (2, 0) at step 3; drone 0 not from (2, 0) to (1, 0) after step 2",
+        "drone 0 not in (2, 0) at step 3; drone 1 not from (1, 0) to (2, 0) after step 2",
+    ]
+    found = co.plan(co.load("tiny-doorway"), "cocap")
+    assert (found.plan, found.statistics["generated"]) == (tree[2].plan, len(tree))
+
+
+def test_a_bound_is_the_sum_of_its_parts() -> None:
+    """What the page on certificates adds up by hand is the bound of the file."""
+    assert worked.doorway_parts().total == pytest.approx(worked.doorway_bound().proved, rel=1e-9)
+    assert worked.doorway_bound().proved == pytest.approx(TINY_OPTIMA["tiny-doorway"], rel=1e-6)
+
+
+def test_curves_of_a_face_are_bounds() -> None:
+    """No curve is below a mixture of plans, and the envelope cut meets the best of them."""
+    curves = one_face.curves()
+    none, single, both = curves.plans
+    for share in (0.0, 0.3, 0.5, 0.75, 1.0):
+        mixture = 2 * share * single if share <= 0.5 else (2 - 2 * share) * single + (
+            2 * share - 1) * both  # fmt: skip
+        assert curves.at(share)["least"] >= mixture + none - 1e-9
+    assert curves.at(0.75)["cut"] == pytest.approx((single + both) / 2)
+    assert curves.at(0.75)["cut"] < curves.at(0.75)["concave"]
+
+
+def test_a_shadow_leaves_convex_pieces_of_a_face() -> None:
+    """Visible pieces lie in the face, and none of them behind the column."""
+    shadow = one_face.shadow()
+    assert 0 < shadow.visible < 1
+    for piece in shadow.pieces:
+        assert (piece.min(axis=0) >= shadow.face.min(axis=0) - 1e-9).all()
+        assert (piece.max(axis=0) <= shadow.face.max(axis=0) + 1e-9).all()
+        right_of, above = (max(side[:, k].max() for side in shadow.column) for k in (0, 1))
+        middle = piece.mean(axis=0)
+        assert middle[0] > right_of or middle[1] > above
+
+
+def test_each_diagram_is_on_a_page() -> None:
+    """The concept pages show all pictures that are drawn for them, and say what each shows."""
+    text = "".join(page.read_text(encoding="utf-8") for page in (DOCS / "concepts").glob("*.md"))
+    shown = re.findall(r"```\{figure\} pictures/([\w-]+)\.svg\n:alt: .{40,}\n\n\S", text)
+    assert sorted(shown) == sorted(DIAGRAMS)
+    assert text.count("{figure}") == len(shown)
+
+
+@pytest.mark.slow
+def test_worked_examples_are_consistent() -> None:
+    """Bounds fall from stage to stage and from method to method; a gap is the sum of its terms."""
+    stages, target = worked.stages(), worked.bottleneck().staged.target
+    assert all((a.left >= b.left).all() and a.bound >= b.bound for a, b in pairwise(stages))
+    assert stages[-1].bound >= target
+    shown = (values for name, values in worked.compared() if name != "online")
+    for column in zip(*shown, strict=True):
+        assert all(a >= b - 1e-6 * b for a, b in pairwise(column))
+    gap = worked.explained().explanation
+    assert gap.total() == pytest.approx(gap.gap, rel=1e-9, abs=1e-6)
+    assert worked.paid_for_people().sum() == pytest.approx(gap.total("face"))
+    assert max(worked.proof().bounds) <= worked.proof().file.proved

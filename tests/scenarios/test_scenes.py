@@ -414,6 +414,8 @@ def test_every_tiny_scene_has_its_optimum() -> None:
     [
         ("tiny-trap", "greedy", 15 * math.sqrt(2)),
         ("tiny-queue", "greedy", 3 * math.sqrt(41) + 15 * math.sqrt(2)),
+        ("tiny-doorway", "greedy", 12 + 3 * math.sqrt(41) + 15 * math.sqrt(2)),
+        ("tiny-doorway", "cocap", 12 + 6 * math.sqrt(41)),
         ("tiny-give-way", "greedy", 4.0),
         ("tiny-give-way", "sequential", -math.inf),
     ],

@@ -1,0 +1,80 @@
+"""One face: what a column hides of it, and what relaxations allow for it."""
+
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+
+from cocap_opt.data import FloatArray
+from cocap_opt.formulations.certificates import Curve, Cut
+from cocap_opt.vision.bodies import Bodies
+from cocap_opt.vision.shadows import Pieces, Shadows
+from cocap_opt.world.workspace import HeightMap
+
+
+class Shadow(NamedTuple):
+    """A face behind a column, in the image of a drone: right and up, in image heights."""
+
+    face: FloatArray  # [V, 2]
+    column: list[FloatArray]  # its sides that are turned to the drone
+    pieces: list[FloatArray]  # of the face that are visible
+
+    @property
+    def visible(self) -> float:
+        """The share of the face's image that is visible."""
+        return sum(map(_area, self.pieces)) / _area(self.face)
+
+
+@cache
+def shadow() -> Shadow:
+    """Returns the front of a person of whom a column of 3 m hides a corner."""
+    eye = np.array([0.0, 0.1, 5.0])
+    low, high = np.array([5.0, 0.0, 0.0]), np.array([6.0, 1.0, 3.0])
+    column = HeightMap(heights=np.array([[high[2]]]), origin=(5.0, 0.0))
+    face = np.array([[12, 0.25, 0], [12, -0.25, 0], [12, -0.25, 1.8], [12, 0.25, 1.8]]) - eye
+    bodies = Bodies.of_columns(column, np.zeros(3))
+    shadows = Shadows.of(bodies, np.zeros(1, dtype=np.int64), eye[None])
+    one = np.ones(1, dtype=np.int64)
+    pieces = Pieces.unshadowed(face[None], shadows, 0 * one, one).polygons
+    (x, y, z), (u, v, w) = low, high
+    sides = [
+        np.array([[x, y, z], [x, v, z], [x, v, w], [x, y, w]]),
+        np.array([[x, y, w], [x, v, w], [u, v, w], [u, y, w]]),
+    ]
+    return Shadow(_image(face), [_image(side - eye) for side in sides], [*map(_image, pieces)])
+
+
+def _image(polygon: FloatArray) -> FloatArray:
+    """Returns where points [V, 3], relative to a drone that looks along +x, are in its image."""
+    return np.column_stack([-polygon[:, 1], polygon[:, 2]]) / polygon[:, :1]
+
+
+def _area(polygon: FloatArray) -> float:
+    x, y = (polygon - polygon[0]).T
+    return abs(float(x @ np.roll(y, 1) - y @ np.roll(x, 1))) / 2
+
+
+class Curves(NamedTuple):
+    """What bounds allow for a face that two drones look at, by the share of each that does."""
+
+    share: FloatArray  # [n] of each drone, 0..1
+    concave: FloatArray
+    single_view: FloatArray
+    cut: FloatArray  # the envelope cut that is tight at two plans
+    plans: FloatArray  # [3] the roots of no, one, two views
+
+    def at(self, share: float) -> dict[str, float]:
+        """Returns the heights of the curves, and the lowest of them, at a share."""
+        names = ("concave", "single_view", "cut")
+        found = {name: float(np.interp(share, self.share, getattr(self, name))) for name in names}
+        return {**found, "least": min(found.values())}
+
+
+def curves() -> Curves:
+    """Returns the curves of two views of 225 px/m2 each, as in the doorway."""
+    view, share = 15.0, np.linspace(0, 1, 201)
+    plans = view * np.sqrt(np.arange(3.0))
+    phi = Curve(np.array([view]), np.array([plans[2] - plans[1]]))
+    cut = Cut.valid(0, {0: phi}, (2,))
+    paid = cut.constant + 2 * share * cut.phi(0, np.array([view]))
+    return Curves(share, view * np.sqrt(2 * share), 2 * view * share, paid, plans)
