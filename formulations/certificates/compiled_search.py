@@ -217,7 +217,12 @@ def _advance(
         for k in range(len(more_paid)):
             below[d + 1, k] = below[d, k] - more_paid[k, s]
         kept = 0
+        # Gains only shrink: of one class, what has gained too little here need not be looked at.
+        one_class = more > 0 and more == robots - d - 1
+        least_gain = best - heights[0, d + 1] - (more - 1) * values[0, d, i]
         for j in range(i if more else numbers[d, 1], numbers[d, 0]):
+            if one_class and values[0, d, j] <= least_gain:
+                break
             if not conflict[s, states[d, j]]:
                 states[d + 1, kept] = states[d, j]
                 kept += 1

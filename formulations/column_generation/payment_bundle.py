@@ -24,6 +24,7 @@ from cocap_opt.model import Path
 from cocap_opt.stop import Stop
 
 MOST_ITERATIONS = 60
+MOST_LISTED_ITERATIONS = 14  # where the next round has better lists
 CONVERGED = 0.02  # of what is open: less is not worth another iteration
 SERIOUS, GOOD = 0.1, 0.3  # of what the master promises: for a new centre, and for a longer step
 FIRST_WEIGHT = 5.0  # of the distance to the centre at first, over the mean payment
@@ -106,7 +107,7 @@ class PaymentBundle:
             if not self._known.at(joint):
                 for found in self._known.ascended(joint):
                     self._known.add(joint, found)
-        for iteration in range(MOST_ITERATIONS):
+        for iteration in range(MOST_LISTED_ITERATIONS if self._ceilings else MOST_ITERATIONS):
             self._stop.check()
             arcs, heights = self._arcs(), self._heights()
             if {height.t for height in heights} != set(self.joints):

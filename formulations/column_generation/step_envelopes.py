@@ -50,7 +50,8 @@ METHOD = "step-envelopes"
 MOST_STATES = 10_000_000  # of all steps and classes, which sweeps go through
 MOST_STATES_LEFT = 12_000  # over all steps: beyond it, searches take too long
 MOST_AT_A_STEP = 1_000
-LISTED_SLACK = 0.1  # of what is open: the slack of states that are listed where more are left
+FIRST_SLACK = 1.4  # of what is open per step: of states that are listed where more are left
+LISTED_SLACK = 2.0  # likewise, from the second round on, when ceilings shorten searches
 MOST_ROUNDS = 12
 FEW_NODES, MANY_NODES = 2_000, 2_000_000  # of a step's search, with old and with new payments
 PLAIN_NODES = 50_000  # of a search that is not compiled
@@ -234,7 +235,8 @@ class _Envelopes:
         narrowing = self.narrowing
         if self._is_small():
             return {t: narrowing.joint_states(t) for t in self.steps}, {}
-        most = LISTED_SLACK * (narrowing.pricing.bound - cutoff())
+        most = (narrowing.pricing.bound - cutoff()) / len(self.steps)
+        most *= LISTED_SLACK if self.stages else FIRST_SLACK
         listed = {t: [slack[t] <= most for slack in narrowing.slack] for t in self.steps}
         joints = {
             t: narrowing.joint_states_of(
