@@ -50,14 +50,15 @@ METHOD = "step-envelopes"
 MOST_STATES = 10_000_000  # of all steps and classes, which sweeps go through
 MOST_STATES_LEFT = 12_000  # over all steps: beyond it, searches take too long
 MOST_AT_A_STEP = 1_000
-FIRST_SLACK = 1.4  # of what is open per step: of states that are listed where more are left
-LISTED_SLACK = 2.0  # likewise, from the second round on, when ceilings shorten searches
-MOST_ROUNDS = 12
+LISTED_SLACK = 1.4  # of what is open per step: of states that are listed where more are left
+LONGER, LONGEST = 1.5, 6.0  # times as much slack after a round that closes little, and the most
+MOST_ROUNDS = 40
 FEW_NODES, MANY_NODES = 2_000, 2_000_000  # of a step's search, with old and with new payments
 PLAIN_NODES = 50_000  # of a search that is not compiled
 FEW_TRIED, MANY_TRIED = 20_000, 200_000  # pairs of joint states
 CLEARLY = 1e-9  # of the bound, that stages must take off it
 LEAST_ROUND = 0.05  # of what is open, that a round must close for another one
+LEAST_LISTED = 0.1  # likewise, for lists that stay as long as they are
 
 
 def step_envelopes(
@@ -105,6 +106,7 @@ class _Envelopes:
     ----------
     steps : at which views count
     tried : the best of all joint states that are left, where all were tried
+    longer : times the first lists' slack: that of the present ones
     """
 
     search: Search
@@ -114,6 +116,7 @@ class _Envelopes:
     steps: range
     stages: list[Stage] = field(default_factory=list)
     tried: BestPlan | None = None
+    longer: float = 1.0
 
     @property
     def model(self) -> Model:
@@ -133,8 +136,12 @@ class _Envelopes:
                 self._lower()
                 if narrowing.pricing.bound <= cutoff() or self._tried_all(FEW_NODES, FEW_TRIED):
                     return
+            listed = not self._is_small()
             self._pay(cutoff)
-            if before - narrowing.pricing.bound < LEAST_ROUND * open_:
+            closed = (before - narrowing.pricing.bound) / open_
+            if listed and closed < LEAST_LISTED:
+                self.longer *= LONGER
+            if closed < LEAST_ROUND and not (listed and self.longer <= LONGEST):
                 break
         if narrowing.pricing.bound > cutoff() and self._is_small():
             self._tried_all(MANY_NODES if compiled_search.is_there() else PLAIN_NODES, MANY_TRIED)
@@ -235,8 +242,8 @@ class _Envelopes:
         narrowing = self.narrowing
         if self._is_small():
             return {t: narrowing.joint_states(t) for t in self.steps}, {}
-        most = (narrowing.pricing.bound - cutoff()) / len(self.steps)
-        most *= LISTED_SLACK if self.stages else FIRST_SLACK
+        most = narrowing.pricing.bound - cutoff()
+        most *= LISTED_SLACK * self.longer / len(self.steps)
         listed = {t: [slack[t] <= most for slack in narrowing.slack] for t in self.steps}
         joints = {
             t: narrowing.joint_states_of(

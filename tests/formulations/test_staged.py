@@ -356,13 +356,12 @@ def test_solutions_by_step_envelopes_are_optimal_and_explained(problem: Problem)
 
 
 @examples(20)
-@given(st.one_of(meetings(), meetings(team=3)), st.sampled_from([0.0, 0.3, 2.0]))
+@given(st.one_of(meetings(), meetings(team=3)), st.sampled_from([0.3, 2.0]))
 def test_short_lists_of_states_make_true_envelopes(problem: Problem, slack: float) -> None:
     """Where only states of little slack are searched, what is claimed is verified and true."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(envelopes, "MOST_STATES_LEFT", 0)
         patch.setattr(envelopes, "LISTED_SLACK", slack)
-        patch.setattr(envelopes, "FIRST_SLACK", slack)
         search = Search(compiled(problem))
         search.first_columns()
         step_envelopes(search, search.alone.duals, lambda: search.cutoff(OPTIMALITY))
