@@ -51,6 +51,7 @@ MOST_STATES = 10_000_000  # of all steps and classes, which sweeps go through
 MOST_STATES_LEFT = 12_000  # over all steps: beyond it, searches take too long
 MOST_AT_A_STEP = 1_000
 LISTED_SLACK = 1.4  # of what is open per step: of states that are listed where more are left
+MOST_LISTED_ROBOTS = 8  # searches of more take too long
 LONGER, LONGEST = 1.5, 6.0  # times as much slack after a round that closes little, and the most
 MOST_ROUNDS = 40
 FEW_NODES, MANY_NODES = 2_000, 2_000_000  # of a step's search, with old and with new payments
@@ -130,7 +131,7 @@ class _Envelopes:
         for _ in range(MOST_ROUNDS):
             before = narrowing.pricing.bound
             open_ = before - cutoff()
-            if open_ <= 0:
+            if open_ <= 0 or not (self._is_small() or self._can_be_listed()):
                 return
             if self._is_small():
                 self._lower()
@@ -183,6 +184,10 @@ class _Envelopes:
         """Returns True if the searches of the steps may end."""
         left = self.narrowing.states_left[self.model.problem.first_step :]
         return int(left.sum()) <= MOST_STATES_LEFT and int(left.max()) <= MOST_AT_A_STEP
+
+    def _can_be_listed(self) -> bool:
+        """Returns True if searches of lists may end."""
+        return compiled_search.is_there() and len(self.model.problem.robots) <= MOST_LISTED_ROBOTS
 
     def _lower(self) -> None:
         """Lowers the constants of the present payments, where that takes few nodes."""

@@ -355,6 +355,7 @@ def test_solutions_by_step_envelopes_are_optimal_and_explained(problem: Problem)
         require_small(problem, file)
 
 
+@pytest.mark.skipif(not compiled_search.is_there(), reason="needs the extra [fast]")
 @examples(20)
 @given(st.one_of(meetings(), meetings(team=3)), st.sampled_from([0.3, 2.0]))
 def test_short_lists_of_states_make_true_envelopes(problem: Problem, slack: float) -> None:
