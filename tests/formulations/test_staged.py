@@ -186,7 +186,7 @@ def with_ceilings(joint: JointStates, rng: np.random.Generator) -> JointStates:
     return replace(joint, ceilings=tuple(ceilings))
 
 
-@examples(150)
+@examples(60)
 @given(seeds)
 def test_ceilings_leave_out_no_higher_joint_state(seed: int) -> None:
     """What earlier payments prove shortens the search and changes nothing that it finds."""
