@@ -4,6 +4,7 @@ It does what the plain search of `joint_states` does, about twenty times as fast
 interrupted; the tests hold it to the plain one. Without numba (extra `fast`) the plain one runs.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.util import find_spec
@@ -18,6 +19,11 @@ from cocap_opt.data import BoolArray, FloatArray, IntArray
 def is_there() -> bool:
     """Returns True if numba is installed."""
     return find_spec("numba") is not None
+
+
+def is_ready() -> bool:
+    """Returns True if the search has been compiled in this process."""
+    return _kernel.cache_info().currsize > 0
 
 
 @dataclass(eq=False)
@@ -44,6 +50,7 @@ class Running:
         class_of: IntArray,
         sizes: tuple[int, ...],
         conflict: BoolArray,
+        ceilings: Sequence[tuple[float, FloatArray]],
         least: float,
         floor: float,
         most_found: int = 0,
@@ -55,6 +62,7 @@ class Running:
         views : coverage of the states in compressed sparse rows (first entries [n+1], faces,
             pixels), weights of the faces [F], payments and charges of the states [n]
         class_of, sizes : class of each state [n], not decreasing; robots of each class
+        ceilings : their heights, and what each state is paid more than then [n]
         conflict : [n, n] whether two robots may not be in these states at once
         least, floor : as in `joint_states`
         most_found : if not 0, all joint states that count are collected, up to so many
@@ -63,6 +71,8 @@ class Running:
         own = np.repeat(np.arange(len(sizes)), sizes)  # class of the robot that is chosen next
         left = np.array([[int((own[d:] == c).sum()) for c in range(len(sizes))]
                          for d in range(robots + 1)])  # fmt: skip
+        highest = np.array([height for height, _ in ceilings])
+        more = np.array([more for _, more in ceilings]).reshape(len(ceilings), n)
         memory = (
             np.array([0, 1, 0, 0]),  # depth, is its node new, is all done, how many are found
             np.tile(np.arange(n), (robots + 1, 1)),  # positions of states that may be taken
@@ -71,10 +81,11 @@ class Running:
             np.zeros((3, robots + 1, n)),  # gains less payments, less charges, and the most
             np.zeros((2, robots + 1, n_faces)),  # pixels so far, and their roots
             np.zeros((2, robots + 1)),  # worth so far less payments, and less charges
+            np.tile(highest, (robots + 1, 1)),  # ceilings, less what is paid more so far
             np.full((2, robots), -1),  # positions of the robots' states, and of the highest's
             np.zeros((most_found, robots), dtype=np.int64),  # positions of those that are collected
         )
-        return cls((*views, class_of, own, left, conflict), memory, least, floor)
+        return cls((*views, class_of, own, left, conflict, more), memory, least, floor)
 
     @property
     def positions(self) -> tuple[int, ...]:
@@ -111,13 +122,13 @@ def _kernel() -> Any:
 
 def _advance(
     first: Any, faces: Any, pixels: Any, weights: Any, payment: Any, charge: Any,
-    class_of: Any, own: Any, counts: Any, conflict: Any,
+    class_of: Any, own: Any, counts: Any, conflict: Any, more_paid: Any,
     at: Any, states: Any, numbers: Any, position: Any, values: Any, seen: Any, heights: Any,
-    chosen: Any, collected: Any, best: float, floor: float, nodes: int,
+    below: Any, chosen: Any, collected: Any, best: float, floor: float, nodes: int,
 ) -> float:  # fmt: skip
     """Goes on with a search for so many nodes; returns the largest height so far."""
     robots, n_classes = len(own), counts.shape[1]
-    largest, largest_low = np.empty(n_classes), np.empty(n_classes)
+    largest, largest_low, least = np.empty(n_classes), np.empty(n_classes), np.empty(n_classes)
     done = 0
     d = at[0]
     while d >= 0 and done < nodes:
@@ -134,6 +145,22 @@ def _advance(
                     chosen[1] = chosen[0]
                 d -= 1
                 continue
+            for k in range(len(more_paid)):
+                least[:] = np.inf
+                for i in range(numbers[d, 0]):
+                    s = states[d, i]
+                    least[class_of[s]] = min(least[class_of[s]], more_paid[k, s])
+                most = below[d, k]
+                for c in range(n_classes):
+                    if counts[d, c]:
+                        most -= counts[d, c] * least[c]
+                kept = 0
+                for i in range(numbers[d, 0]):
+                    s = states[d, i]
+                    if most + least[class_of[s]] - more_paid[k, s] > best:
+                        states[d, kept] = s
+                        kept += 1
+                numbers[d, 0] = kept
             largest[:], largest_low[:] = -np.inf, -np.inf
             for i in range(numbers[d, 0]):
                 s = states[d, i]
@@ -187,8 +214,15 @@ def _advance(
             seen[1, d + 1, f] = np.sqrt(seen[0, d + 1, f])
         heights[0, d + 1] = heights[0, d] + values[0, d, i]
         heights[1, d + 1] = heights[1, d] + values[1, d, i]
+        for k in range(len(more_paid)):
+            below[d + 1, k] = below[d, k] - more_paid[k, s]
         kept = 0
+        # Gains only shrink: of one class, what has gained too little here need not be looked at.
+        one_class = more > 0 and more == robots - d - 1
+        least_gain = best - heights[0, d + 1] - (more - 1) * values[0, d, i]
         for j in range(i if more else numbers[d, 1], numbers[d, 0]):
+            if one_class and values[0, d, j] <= least_gain:
+                break
             if not conflict[s, states[d, j]]:
                 states[d + 1, kept] = states[d, j]
                 kept += 1

@@ -155,13 +155,14 @@ class ReferencePixels(_Part, frozen=True, tag="reference"):
     pixels: Table  # px/m2
 
 
-class StepPayments(_Part, frozen=True):
+class StepPayments(_Part, frozen=True, omit_defaults=True):
     """Payments to robots of a class for being in some states at a step, whatever they see."""
 
     t: int
     class_number: int = msgspec.field(name="robot_class")
     states: tuple[State, ...]
     payments: tuple[float, ...]  # one for each state, in units of J
+    others: float = 0.0  # what all other states of the class are paid more than before
 
 
 class StepConstant(_Part, frozen=True):

@@ -12,14 +12,17 @@ are multisets; two robots whose states conflict are no joint state.
 It goes through the tree of partial joint states in depth. A partial one of pixels z can be
 completed to at most F(z) - payments so far + sum over the robots left of the largest gain, since
 gains only shrink as more is seen (F is submodular): what cannot exceed the least height wanted
-is left out, for the whole subtree.
+is left out, for the whole subtree. A ceiling of earlier payments leaves out more: where no joint
+state was higher than V' when payment' was paid,
+
+    F(s) - sum_i payment(s_i) <= V' - sum_i [payment(s_i) - payment'(s_i)].
 
 Only such joint states count as some plan above a target may visit: their worth less what they are
 charged is at least a floor (`staged` has the inequality).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -32,6 +35,7 @@ from cocap_opt.model import Model
 from cocap_opt.stop import Stop, never
 
 _PLAIN_NODES = 2000  # after which the compiled search takes over, where there is one
+_READY_NODES = 100  # likewise, where it has been compiled
 _COMPILING = 10.0  # seconds that the first compiled search of a machine may take
 _MOST_FOUND = 50_000  # joint states of one step that are collected
 _AT_ONCE = 200_000  # nodes of the compiled search between two looks at the stop
@@ -49,6 +53,13 @@ class Highest(NamedTuple):
 
     height: float  # or the least one wanted, if none is higher
     positions: tuple[int, ...] = ()  # of its states; none if none is higher
+
+
+class Ceiling(NamedTuple):
+    """The height of the highest joint state when other payments were paid, and what is paid now."""
+
+    height: float
+    more: FloatArray  # [n] what each state is paid more than then
 
 
 class NotEndedError(Exception):
@@ -71,6 +82,7 @@ class JointStates:
     charge : [n] of each state; a joint state counts if its worth less its charges is >= `floor`
     floor : in units of J
     conflict : [n, n] whether two robots may not be in these states at once
+    ceilings : of earlier payments; rounding included
     """
 
     t: int
@@ -83,6 +95,7 @@ class JointStates:
     charge: FloatArray
     floor: float
     conflict: BoolArray
+    ceilings: tuple[Ceiling, ...] = ()
 
     @classmethod
     def of(
@@ -93,6 +106,7 @@ class JointStates:
         payment: Sequence[FloatArray],
         charge: Sequence[FloatArray],
         floor: float,
+        ceilings: tuple[Ceiling, ...] = (),
     ) -> "JointStates":
         """Returns the joint states of a step.
 
@@ -100,6 +114,7 @@ class JointStates:
         ----------
         left : of each class, the numbers [n] of the states that are left at the step
         payment, charge : of each class, of these states [n]
+        ceilings : over these states
         """
         class_of = np.repeat(np.arange(len(left)), [len(some) for some in left])
         pixels = np.concatenate([_pixels(model, c, t, some) for c, some in enumerate(left)])
@@ -112,7 +127,7 @@ class JointStates:
         return cls(
             t, model.class_sizes, class_of, np.concatenate(left), pixels[:, seen], weights[seen],
             np.concatenate(payment), np.concatenate(charge), floor,
-            model.problem.rules.too_near(at[None] - at[:, None]),
+            model.problem.rules.too_near(at[None] - at[:, None]), ceilings,
         )  # fmt: skip
 
     @cached_property
@@ -132,6 +147,20 @@ class JointStates:
         most += robots * np.abs(self.payment).max(initial=0.0)
         most += robots * np.abs(self.charge).max(initial=0.0)
         return float(16 * robots * (len(self.weights) + robots + 4) * UNIT_ROUNDOFF * most)
+
+    def repaid(self, payment: FloatArray, constant: float = np.inf) -> "JointStates":
+        """Returns the same joint states with other payments.
+
+        Parameters
+        ----------
+        constant : that no joint state's height exceeds with the present payments, rounding
+            included
+        """
+        more = payment - self.payment
+        ceilings = [Ceiling(height, before + more) for height, before in self.ceilings]
+        if constant < np.inf:
+            ceilings.append(Ceiling(constant, more))
+        return replace(self, payment=payment, ceilings=tuple(ceilings))
 
     def worth(self, chosen: Sequence[int]) -> float:
         """Returns F of a joint state, whose states are given by their positions."""
@@ -179,7 +208,8 @@ class JointStates:
             and compiled_search.is_there()
             and stop.seconds_left > _COMPILING
         )
-        first = wanted._replace(most_nodes=_PLAIN_NODES) if is_long else wanted
+        plain_nodes = _READY_NODES if compiled_search.is_ready() else _PLAIN_NODES
+        first = wanted._replace(most_nodes=plain_nodes) if is_long else wanted
         plain = PlainSearch(self, first, collects)
         try:
             plain.run(stop)
@@ -196,8 +226,8 @@ class JointStates:
         first, faces, pixels = self._sparse
         running = compiled_search.Running.of(
             (first, faces, pixels, self.weights, self.payment, self.charge),
-            self.class_of, self.sizes, self.conflict, wanted.least, self.floor - self.margin,
-            most_found,
+            self.class_of, self.sizes, self.conflict, self.ceilings,
+            wanted.least, self.floor - self.margin, most_found,
         )  # fmt: skip
         for _ in range(0, wanted.most_nodes, _AT_ONCE):
             stop.check()
@@ -236,6 +266,7 @@ class _Node(NamedTuple):
     pixels: FloatArray  # [F] seen so far
     height: float  # worth so far less the payments so far
     low: float  # worth so far less the charges so far
+    below: tuple[float, ...]  # ceilings, less what is paid more so far
     counts: tuple[int, ...]  # robots left of each class
     states: IntArray  # positions of the states that may still be taken, class by class
 
@@ -266,7 +297,8 @@ class PlainSearch:
         """Goes through the tree; raises NotEndedError and LimitReached."""
         joint = self._joint
         nothing, everything = np.zeros(len(joint.weights)), np.arange(len(joint.states))
-        self._explore(_Node((), nothing, 0.0, 0.0, joint.sizes, everything), stop)
+        below = tuple(ceiling.height for ceiling in joint.ceilings)
+        self._explore(_Node((), nothing, 0.0, 0.0, below, joint.sizes, everything), stop)
 
     def _explore(self, node: _Node, stop: Stop) -> None:
         """Goes through all completions of a partial joint state that count and may be higher."""
@@ -289,7 +321,10 @@ class PlainSearch:
         classes = joint.class_of[node.states]
         most = _most(node.height, gains, classes, node.counts)
         most_low = _most(node.low, low, classes, node.counts)
-        able = np.flatnonzero((most > self.best) & (most_low >= self._floor))
+        is_able = (most > self.best) & (most_low >= self._floor)
+        for below, ceiling in zip(node.below, joint.ceilings, strict=True):
+            is_able &= _most(below, -ceiling.more[node.states], classes, node.counts) > self.best
+        able = np.flatnonzero(is_able)
         first = int(np.searchsorted(classes[able], own, side="right"))
         able[:first] = able[:first][np.argsort(-gains[able[:first]], kind="stable")]
         states, gains, low, most = node.states[able], gains[able], low[able], most[able]
@@ -302,7 +337,12 @@ class PlainSearch:
             child = _Node(
                 (*node.chosen, int(states[k])),
                 node.pixels + joint.pixels[states[k]],
-                node.height + float(gains[k]), node.low + float(low[k]), counts,
+                node.height + float(gains[k]), node.low + float(low[k]),
+                tuple(
+                    below - float(ceiling.more[states[k]])
+                    for below, ceiling in zip(node.below, joint.ceilings, strict=True)
+                ),
+                counts,
                 later[~joint.conflict[states[k], later]],
             )  # fmt: skip
             self._explore(child, stop)

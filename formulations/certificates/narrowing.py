@@ -19,10 +19,22 @@ states, of which each set of payments is a supporting plane. Stages of the two t
 payments and their constants, states closed. At the end
 
     J <= max(target, B)    for all plans.
+
+Payments need not be told state by state. Where no joint state was higher than K' when payment' was
+paid, none is now higher than
+
+    K' - sum_i [payment(s_i) - payment'(s_i)],                                                (**)
+
+so that a state that is paid K' - K more than before, all others no less, is in no joint state
+higher than K. A stage pays all states of a step that much more, but for those on a short list;
+K_t is then found by search among the states on the list. What others are paid more costs nothing
+where their paths' slack is as large. Joint states that break (*) of an earlier stage may be higher
+than (**), but no plan above the target visits these.
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,11 +45,17 @@ from cocap_opt.formulations.certificates.format import (
     StepPayments,
 )
 from cocap_opt.formulations.certificates.joint_states import (
+    Ceiling,
     Highest,
     JointStates,
     Wanted,
 )
-from cocap_opt.formulations.certificates.pricing import Prices, Pricing, rounding_factor
+from cocap_opt.formulations.certificates.pricing import (
+    UNIT_ROUNDOFF,
+    Prices,
+    Pricing,
+    rounding_factor,
+)
 from cocap_opt.formulations.certificates.sweep import (
     reward_of_staying,
     values_so_far,
@@ -46,6 +64,13 @@ from cocap_opt.formulations.certificates.sweep import (
 from cocap_opt.graph.charges import Charges
 from cocap_opt.model import Model
 from cocap_opt.stop import Stop, never
+
+
+class _Earlier(NamedTuple):
+    """Payments that were replaced, and the constant of their step."""
+
+    constant: float  # rounding included
+    rewards: list[FloatArray]  # of each class, the payments [S]
 
 
 class Narrowing:
@@ -58,6 +83,7 @@ class Narrowing:
     constants : [T+1] K_t; infinite where payments are new
     rewards : of each class, the payments [T+1, S]
     left : of each class, the states [T+1, S] that plans above the target may visit
+    slack : of each class, what the best path through each state [T+1, S] lacks to the best path
     """
 
     def __init__(self, model: Model, multipliers: Multipliers, target: float) -> None:
@@ -71,6 +97,7 @@ class Narrowing:
         self.constants: FloatArray = constants.sum(axis=1)
         classes = range(len(model.classes))
         self.rewards = [prices.rewards(number) for number in classes]
+        self.slack: list[FloatArray] = []
         self.left: list[BoolArray] = [np.ones(some.shape, dtype=np.bool_) for some in self.rewards]
         self._charges = [prices.charges(number) for number in classes]
         self.price()
@@ -78,6 +105,7 @@ class Narrowing:
         # Whether a joint state counts is decided with the payments with which states were closed.
         self._charged = self._charged_now()
         self._floors = np.full(len(self.constants), -np.inf)
+        self._earlier: list[list[_Earlier]] = [[] for _ in self.constants]
 
     @property
     def bound(self) -> float:
@@ -87,9 +115,12 @@ class Narrowing:
     @property
     def rounding(self) -> float:
         """The most that rounding changes of B, in units of J."""
+        return self._rounding(float(np.abs(self.constants).sum()))
+
+    def _rounding(self, constants: float) -> float:
+        """Returns the most that rounding changes of a sum of constants, prices and payments."""
         payment, charge = self._prices.payment, self._prices.charge
-        made_of = payment.magnitude + charge.magnitude + self._paths_made_of
-        made_of += float(np.abs(self.constants).sum())
+        made_of = payment.magnitude + charge.magnitude + self._paths_made_of + constants
         return rounding_factor(self.model, len(charge.costs), payment.cuts) * made_of
 
     @property
@@ -142,7 +173,7 @@ class Narrowing:
     def close_states(self) -> None:
         """Closes the states that no plan above the target visits; raises CertificateError."""
         self._require_finite()
-        for left, slack in zip(self.left, self._slack, strict=True):
+        for left, slack in zip(self.left, self.slack, strict=True):
             left &= slack <= self.room
         self.price()
         self._charged = self._charged_now()
@@ -154,20 +185,82 @@ class Narrowing:
             raise CertificateError("certificate: too large, the bound is infinite")
 
     def pay(self, payments: StepPayments) -> None:
-        """Replaces the payments of a class for some states; K_t is not known from then on."""
-        graph = self.model.classes[payments.class_number].graph
+        """Replaces the payments of a class at a step; K_t is not known from then on."""
+        t, graph = payments.t, self.model.classes[payments.class_number].graph
+        if (constant := float(self.constants[t])) < math.inf:
+            rewards = [own[t].copy() for own in self.rewards]
+            earlier = _Earlier(constant + self._rounding(abs(constant)), rewards)
+            self._earlier[t].append(earlier)
         states = [graph.index(state) for state in payments.states]
-        self.rewards[payments.class_number][payments.t, states] = payments.payments
-        self.constants[payments.t] = math.inf
+        reward = self.rewards[payments.class_number][t]
+        reward += payments.others
+        reward[states] = payments.payments
+        self.constants[t] = math.inf
 
-    def joint_states(self, t: int) -> JointStates:
-        """Returns the joint states that are left at a step, with what they are paid."""
-        states = [np.flatnonzero(left[t]) for left in self.left]
+    def joint_states(self, t: int, above: float = -math.inf) -> JointStates:
+        """Returns the joint states that are left at a step, with what they are paid.
+
+        Parameters
+        ----------
+        above : states may be missing that are in no joint state higher than this
+        """
+        return self.joint_states_of(t, self._states_of_joint(t, above))
+
+    def joint_states_of(self, t: int, states: Sequence[IntArray]) -> JointStates:
+        """Returns the joint states of some of the states that are left to each class at a step."""
+        ceilings = tuple(self._ceiling(t, earlier, states) for earlier in self._earlier[t])
         payment, charge = (
             [array[t, some] for array, some in zip(arrays, states, strict=True)]
             for arrays in (self.rewards, self._charged)
         )
-        return JointStates.of(self.model, t, states, payment, charge, float(self._floors[t]))
+        floor = float(self._floors[t])
+        return JointStates.of(self.model, t, states, payment, charge, floor, ceilings)
+
+    def ceiling(self, t: int) -> float:
+        """Returns the ceiling that the present constant of a step is to later payments."""
+        return float(self.constants[t]) + self._rounding(abs(float(self.constants[t])))
+
+    def n_states_of_joint(self, t: int, above: float) -> int:
+        """Returns the number of the states of `joint_states`."""
+        return sum(map(len, self._states_of_joint(t, above)))
+
+    def _states_of_joint(self, t: int, above: float) -> list[IntArray]:
+        """Returns the states of each class that by all ceilings may be in a higher joint state."""
+        states = [np.flatnonzero(left[t]) for left in self.left]
+        sizes = self.model.class_sizes
+        for earlier in self._earlier[t] if above > -math.inf else ():
+            more = self._paid_more(t, earlier, states)
+            least = [float(some.min(initial=0.0)) for some in more]
+            together = sum(n * one for n, one in zip(sizes, least, strict=True))
+            made_of = abs(earlier.constant) - together
+            states = [
+                some[
+                    earlier.constant - (together - one) - own
+                    + self._rounding_of_sums(made_of + np.abs(own)) > above
+                ]
+                for some, own, one in zip(states, more, least, strict=True)
+            ]  # fmt: skip
+        return states
+
+    def _ceiling(self, t: int, earlier: _Earlier, states: Sequence[IntArray]) -> Ceiling:
+        """Returns what earlier payments say of joint states, rounding of the search included."""
+        more = np.concatenate(self._paid_more(t, earlier, states))
+        made_of = abs(earlier.constant) + len(self.model.problem.robots) * np.abs(more)
+        rounding = self._rounding_of_sums(made_of).max(initial=0.0)
+        return Ceiling(earlier.constant + float(rounding), more)
+
+    def _paid_more(self, t: int, earlier: _Earlier, states: Sequence[IntArray]) -> list[FloatArray]:
+        """Returns what states of each class are paid more than earlier."""
+        return [
+            now[t, some] - was[some]
+            for now, was, some in zip(self.rewards, earlier.rewards, states, strict=True)
+        ]
+
+    def _rounding_of_sums(self, made_of: FloatArray) -> FloatArray:
+        """Returns the most that rounding changes of sums over all robots."""
+        robots = len(self.model.problem.robots)
+        rounding: FloatArray = 16 * robots * (robots + 4) * UNIT_ROUNDOFF * made_of
+        return rounding
 
     def lower(self, t: int, wanted: Wanted, stop: Stop = never) -> Highest:
         """Lowers K_t to the height of the highest joint state, or to the least height wanted.
@@ -179,7 +272,7 @@ class Narrowing:
         LimitReached
             At a limit.
         """
-        joint = self.joint_states(t)
+        joint = self.joint_states(t, wanted.least)
         highest = joint.highest(wanted, stop)
         self.constants[t] = min(float(self.constants[t]), highest.height + joint.margin)
         return highest
@@ -190,7 +283,7 @@ class Narrowing:
         It is asked for after payments have been replaced.
         """
         problem = self.model.problem
-        self._slack: list[FloatArray] = []
+        self.slack = []
         self._to_go: list[FloatArray] = []
         self._paths = 0.0
         moves = len(problem.robots) * problem.horizon
@@ -208,12 +301,12 @@ class Narrowing:
             found = best > -np.inf
             np.maximum.at(first, np.array(starts)[found], -best[found])
             so_far = np.array([*values_so_far(problem, robot_class, reward, charges, first)])
-            self._slack.append(np.maximum(-(so_far + to_go), 0.0))
-            self.left[number] &= self._slack[number] < np.inf
+            self.slack.append(np.maximum(-(so_far + to_go), 0.0))
+            self.left[number] &= self.slack[number] < np.inf
 
     def _charged_now(self) -> list[FloatArray]:
         """Returns payment and slack together of each class's states [T+1, S] that are left."""
         return [
             reward + np.where(left, slack, 0.0)
-            for reward, slack, left in zip(self.rewards, self._slack, self.left, strict=True)
+            for reward, slack, left in zip(self.rewards, self.slack, self.left, strict=True)
         ]

@@ -75,7 +75,7 @@ def _apply(
         narrowing.price()
     for k, step in enumerate(stage.constants):
         name = f"{field}.constants[{k}]"
-        _require_few(narrowing, step.t, name)
+        _require_few(narrowing, step.t, name, step.constant)
         try:
             narrowing.lower(step.t, Wanted(step.constant, MOST_NODES), stop)
         except NotEndedError as error:
@@ -88,9 +88,9 @@ def _apply(
     narrowing.close_states()
 
 
-def _require_few(narrowing: Narrowing, t: int, field: str) -> None:
+def _require_few(narrowing: Narrowing, t: int, field: str, above: float = -math.inf) -> None:
     """Refuses to search a step at which too many states are left."""
-    if (left := int(narrowing.states_left[t])) > MOST_STATES:
+    if (left := narrowing.n_states_of_joint(t, above)) > MOST_STATES:
         raise CertificateError(
             f"{field}: {left:,} states are left at step {t}; "
             f"at most {MOST_STATES:,} can be searched"
@@ -114,6 +114,8 @@ def _check(model: Model, stage: Stage, field: str) -> None:
             raise CertificateError(
                 f"{name}.payments: must be -{LARGEST_PAYMENT:g}..{LARGEST_PAYMENT:g}"
             )
+        if not abs(payments.others) <= LARGEST_PAYMENT:
+            raise CertificateError(f"{name}.others: must be finite")
         for state in payments.states:
             if wrong := Visit(payments.t, state, payments.class_number).why_absent(model):
                 raise CertificateError(f"{name}.{wrong}")

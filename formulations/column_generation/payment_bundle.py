@@ -4,7 +4,7 @@ Payments are judged by local search: the joint states that it finds above the co
 best paths, are what the master problem (`step_master`) knows at the next iteration.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -24,6 +24,7 @@ from cocap_opt.model import Path
 from cocap_opt.stop import Stop
 
 MOST_ITERATIONS = 60
+MOST_LISTED_ITERATIONS = 14  # where the next round has better lists
 CONVERGED = 0.02  # of what is open: less is not worth another iteration
 SERIOUS, GOOD = 0.1, 0.3  # of what the master promises: for a new centre, and for a longer step
 FIRST_WEIGHT = 5.0  # of the distance to the centre at first, over the mean payment
@@ -31,19 +32,30 @@ CLEARLY = 1e-9  # of the bound, by which a height is above a constant
 
 
 class PaymentBundle:
-    """The bundle method over the payments of the states that are left.
+    """The bundle method over the payments of the states that are left, or of the best of them.
+
+    Parameters
+    ----------
+    ceilings : of the steps at which only some of the states are in `joints`, what no joint state's
+        height exceeds at present
 
     Attributes
     ----------
-    joints : of each step, the joint states that are left
+    joints : of each step, the joint states
     centre : [n] the payments of all their states, step by step
     rest : what the bound has beside the steps' constants and the paths
     """
 
     def __init__(
-        self, narrowing: Narrowing, known: Known, joints: dict[int, JointStates], stop: Stop
+        self,
+        narrowing: Narrowing,
+        known: Known,
+        joints: dict[int, JointStates],
+        ceilings: Mapping[int, float],
+        stop: Stop,
     ) -> None:
         self._narrowing, self._known, self.joints = narrowing, known, joints
+        self._ceilings = ceilings
         self._model, self._stop = narrowing.model, stop
         ends = np.cumsum([0, *(len(joint.states) for joint in joints.values())]).tolist()
         self._spans = {t: slice(a, b) for t, a, b in zip(joints, ends[:-1], ends[1:], strict=True)}
@@ -58,8 +70,14 @@ class PaymentBundle:
             np.where(left, rewards, -np.inf)
             for left, rewards in zip(narrowing.left, narrowing.rewards, strict=True)
         ]
-        steps = sum(float(narrowing.constants[t]) for t in joints)
-        self.rest = narrowing.bound - steps - self.best_paths(self.centre)[0]
+        self._least = {
+            k: float(self.centre[k])
+            for t in ceilings
+            for k in range(self._spans[t].start, self._spans[t].stop)
+        }
+        constants = {t: float(narrowing.constants[t]) for t in joints}
+        paths = self.best_paths(self.centre, {})[0]
+        self.rest = narrowing.bound - sum(constants.values()) - paths
         self._starts: dict[Place, int] = {}
         for number, robot_class in enumerate(self._model.classes):
             for start in robot_class.starts:
@@ -85,15 +103,20 @@ class PaymentBundle:
         """
         best, payments = np.inf, None
         centre, rho = self.centre, FIRST_WEIGHT / max(float(np.abs(self.centre).mean()), 1e-9)
-        for iteration in range(MOST_ITERATIONS):
+        for joint in self.joints.values():
+            if not self._known.at(joint):
+                for found in self._known.ascended(joint):
+                    self._known.add(joint, found)
+        for iteration in range(MOST_LISTED_ITERATIONS if self._ceilings else MOST_ITERATIONS):
             self._stop.check()
             arcs, heights = self._arcs(), self._heights()
             if {height.t for height in heights} != set(self.joints):
                 return None  # at some step no joint state is known that counts
             solved = StepMaster.solve(
                 centre, rho, self._paid, self._unpaid_of(arcs), self._starts, arcs, heights,
-                self._stop,
+                self._ceilings, self._least, self._stop,
             )  # fmt: skip
+            solved = solved._replace(payments=self._at_least(solved.payments))
             value, new = self._judged(solved)
             promised = best - solved.value - self.rest
             if value < best - CLEARLY * abs(value) and (
@@ -111,27 +134,54 @@ class PaymentBundle:
             report()
         return payments if best < self._narrowing.bound else None
 
+    def _at_least(self, payments: FloatArray) -> FloatArray:
+        """Returns payments of which none is less than allowed, by a solver's inaccuracy."""
+        found = payments.copy()
+        for k, least in self._least.items():
+            found[k] = max(found[k], least)
+        return found
+
     def _judged(self, solved: StepMaster) -> tuple[float, int]:
         """Returns the bound of payments as far as local search can tell, and what is new."""
         known = self._known
-        total, paths = self.best_paths(solved.payments)
-        new = sum(known.add_path(number, path) for number, path in paths)
+        new, constants = 0, dict(solved.constants)
         for t, joint in self.joints.items():
             paid = replace(joint, payment=solved.payments[self._spans[t]])
-            highest = solved.constants[t]
+            clearly = solved.constants[t] + CLEARLY * abs(self._narrowing.bound)
             for found in known.ascended(paid):
-                if (height := paid.height(found)) > solved.constants[t] + CLEARLY * abs(total):
+                if (height := paid.height(found)) > clearly:
                     new += known.add(joint, found)
-                    highest = max(highest, height)
-            total += highest
-        return total + self.rest, new
+                    constants[t] = max(constants[t], height)
+        total, paths = self.best_paths(solved.payments, constants)
+        new += sum(known.add_path(number, path) for number, path in paths)
+        return total + sum(constants.values()) + self.rest, new
 
-    def best_paths(self, payments: FloatArray) -> tuple[float, list[tuple[int, Path]]]:
-        """Returns what the best paths are worth together, and the paths with their classes."""
+    def others(self, constants: Mapping[int, float]) -> dict[int, float]:
+        """Returns what states without a payment are paid more, by step, for lower constants.
+
+        It is clearly more than enough, so that no rounding makes it too little.
+        """
+        return {
+            t: max(ceiling - constants[t], 0.0) + CLEARLY * abs(ceiling)
+            for t, ceiling in self._ceilings.items()
+            if t in constants
+        }
+
+    def best_paths(
+        self, payments: FloatArray, constants: Mapping[int, float]
+    ) -> tuple[float, list[tuple[int, Path]]]:
+        """Returns what the best paths are worth together, and the paths with their classes.
+
+        Parameters
+        ----------
+        constants : of steps, for which states without a payment are paid more
+        """
+        others = self.others(constants)
         total, paths = 0.0, []
         for number, robot_class in enumerate(self._model.classes):
             reward = self._unpaid[number].copy()
             for t, joint in self.joints.items():
+                reward[t] += others.get(t, 0.0)
                 own = joint.class_of == number
                 reward[t, joint.states[own]] = payments[self._spans[t]][own]
             charges = self._narrowing.charges(number)
@@ -189,13 +239,13 @@ class PaymentBundle:
             for positions in self._known.at(joint)
         ]
 
-    def written(self, t: int, payments: FloatArray) -> list[StepPayments]:
+    def written(self, t: int, payments: FloatArray, constant: float) -> list[StepPayments]:
         """Returns the payments of a step as they stand in a certificate, class by class."""
         joint = self.joints[t]
+        others = self.others({t: constant}).get(t, 0.0)
         parts = []
-        for number in np.unique(joint.class_of).tolist():
-            own = joint.class_of == number
-            graph = self._model.classes[number].graph
+        for number, robot_class in enumerate(self._model.classes):
+            own, graph = joint.class_of == number, robot_class.graph
             states = tuple(graph.state(int(state)) for state in joint.states[own])
-            parts.append(StepPayments(t, number, states, tuple(payments[own].tolist())))
+            parts.append(StepPayments(t, number, states, tuple(payments[own].tolist()), others))
         return parts

@@ -6,7 +6,7 @@ import numpy as np
 
 from cocap_opt.formulations.certificates import Cut
 from cocap_opt.formulations.column_generation.master import Master
-from cocap_opt.formulations.column_generation.relaxation import Relaxation
+from cocap_opt.formulations.column_generation.relaxation import MOST_IDLE, Relaxation
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.column_generation.step_envelopes import step_envelopes
 
@@ -71,7 +71,8 @@ class Root:
         if self.relaxation.is_stuck or self.relaxation.best.bound <= self.cutoff():
             return
         self.relaxation.look_for_plans()
-        step_envelopes(self.search, self.relaxation.best.duals, self.cutoff)
+        columns = self.relaxation.master.used_columns(MOST_IDLE)
+        step_envelopes(self.search, self.relaxation.best.duals, self.cutoff, columns)
         if self.search.is_proved(self.cutoff()) or not self._can_disaggregate():
             return
         aggregated = self.relaxation

@@ -8,26 +8,36 @@ height of its highest joint state (`certificates.staged`, `certificates.joint_st
 Rounds of three: the constants of the present payments are lowered by search; states that no better
 plan visits are closed; and a bundle method (`payment_bundle`) finds better payments. Joint states
 are looked for by local search, and only once that finds none above the constants, by the exact one.
+
+Where many states are left, each round has a short list of states for each step: those of the least
+slack. They are paid no less than before, and all other states so much more that none of these is
+in a joint state above the new constant (`certificates.narrowing`); so the search is over the list
+alone. The next round's lists are those of the new payments.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
 
 from cocap_opt.data import FloatArray
 from cocap_opt.files.documents import problem_digest
 from cocap_opt.formulations.certificates import (
     BestPlan,
     CertificateFile,
+    JointStates,
     Narrowing,
     NotEndedError,
     Stage,
     Staged,
     StepConstant,
+    StepPayments,
     Wanted,
     best_plan,
     compiled_search,
     may_be_used,
 )
+from cocap_opt.formulations.column_generation.columns import Column
 from cocap_opt.formulations.column_generation.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.known_states import Known
 from cocap_opt.formulations.column_generation.payment_bundle import PaymentBundle
@@ -40,21 +50,28 @@ METHOD = "step-envelopes"
 MOST_STATES = 10_000_000  # of all steps and classes, which sweeps go through
 MOST_STATES_LEFT = 12_000  # over all steps: beyond it, searches take too long
 MOST_AT_A_STEP = 1_000
-MOST_ROUNDS = 12
+LISTED_SLACK = 1.4  # of what is open per step: of states that are listed where more are left
+MOST_LISTED_ROBOTS = 8  # searches of more take too long
+LONGER, LONGEST = 1.5, 6.0  # times as much slack after a round that closes little, and the most
+MOST_ROUNDS = 40
 FEW_NODES, MANY_NODES = 2_000, 2_000_000  # of a step's search, with old and with new payments
 PLAIN_NODES = 50_000  # of a search that is not compiled
 FEW_TRIED, MANY_TRIED = 20_000, 200_000  # pairs of joint states
 CLEARLY = 1e-9  # of the bound, that stages must take off it
 LEAST_ROUND = 0.05  # of what is open, that a round must close for another one
+LEAST_LISTED = 0.1  # likewise, for lists that stay as long as they are
 
 
-def step_envelopes(search: Search, duals: Duals, cutoff: Callable[[], float]) -> None:
+def step_envelopes(
+    search: Search, duals: Duals, cutoff: Callable[[], float], columns: Iterable[Column] = ()
+) -> None:
     """Offers the search a staged certificate of a lower bound, if it finds one.
 
     Parameters
     ----------
     search : with an incumbent, whose J is the target; without one nothing is done
     duals : of the relaxation without decisions
+    columns : good paths
     cutoff : bound at which nothing is open
 
     Raises
@@ -71,6 +88,8 @@ def step_envelopes(search: Search, duals: Duals, cutoff: Callable[[], float]) ->
     narrowing = Narrowing(model, duals.certificate(model), search.value)
     steps = range(model.problem.first_step, model.problem.horizon + 1)
     known = Known.of(search.incumbent, steps, search.rng)
+    for column in columns:
+        known.add_path(column.along.class_number, column.path)
     before = narrowing.pricing.bound
     envelopes = _Envelopes(search, narrowing, duals, known, steps)
     try:
@@ -88,6 +107,7 @@ class _Envelopes:
     ----------
     steps : at which views count
     tried : the best of all joint states that are left, where all were tried
+    longer : times the first lists' slack: that of the present ones
     """
 
     search: Search
@@ -97,6 +117,7 @@ class _Envelopes:
     steps: range
     stages: list[Stage] = field(default_factory=list)
     tried: BestPlan | None = None
+    longer: float = 1.0
 
     @property
     def model(self) -> Model:
@@ -110,15 +131,20 @@ class _Envelopes:
         for _ in range(MOST_ROUNDS):
             before = narrowing.pricing.bound
             open_ = before - cutoff()
-            if open_ <= 0 or not self._is_small():
+            if open_ <= 0 or not (self._is_small() or self._can_be_listed()):
                 return
-            self._lower()
-            if narrowing.pricing.bound <= cutoff() or self._tried_all(FEW_NODES, FEW_TRIED):
-                return
+            if self._is_small():
+                self._lower()
+                if narrowing.pricing.bound <= cutoff() or self._tried_all(FEW_NODES, FEW_TRIED):
+                    return
+            listed = not self._is_small()
             self._pay(cutoff)
-            if before - narrowing.pricing.bound < LEAST_ROUND * open_:
+            closed = (before - narrowing.pricing.bound) / open_
+            if listed and closed < LEAST_LISTED:
+                self.longer *= LONGER
+            if closed < LEAST_ROUND and not (listed and self.longer <= LONGEST):
                 break
-        if narrowing.pricing.bound > cutoff():
+        if narrowing.pricing.bound > cutoff() and self._is_small():
             self._tried_all(MANY_NODES if compiled_search.is_there() else PLAIN_NODES, MANY_TRIED)
 
     def _tried_all(self, most_nodes: int, most_tried: int) -> bool:
@@ -159,6 +185,10 @@ class _Envelopes:
         left = self.narrowing.states_left[self.model.problem.first_step :]
         return int(left.sum()) <= MOST_STATES_LEFT and int(left.max()) <= MOST_AT_A_STEP
 
+    def _can_be_listed(self) -> bool:
+        """Returns True if searches of lists may end."""
+        return compiled_search.is_there() and len(self.model.problem.robots) <= MOST_LISTED_ROBOTS
+
     def _lower(self) -> None:
         """Lowers the constants of the present payments, where that takes few nodes."""
         constants: list[StepConstant] = []
@@ -191,8 +221,8 @@ class _Envelopes:
 
     def _pay(self, cutoff: Callable[[], float]) -> None:
         """Finds better payments and their constants, and adds them as a stage."""
-        joints = {t: self.narrowing.joint_states(t) for t in self.steps}
-        bundle = PaymentBundle(self.narrowing, self.known, joints, self.search.stop)
+        joints, ceilings = self._joints(cutoff)
+        bundle = PaymentBundle(self.narrowing, self.known, joints, ceilings, self.search.stop)
         payments = bundle.run(cutoff, self.report)
         if payments is None:
             return
@@ -200,7 +230,7 @@ class _Envelopes:
         most_nodes = MANY_NODES if compiled_search.is_there() else PLAIN_NODES
         for t, joint in sorted(bundle.joints.items(), key=lambda item: len(item[1].states)):
             self.report()
-            paid = replace(joint, payment=payments[bundle.span(t)])
+            paid = joint.repaid(payments[bundle.span(t)], ceilings.get(t, np.inf))
             least = self.known.highest(paid)
             try:
                 found = paid.highest(Wanted(least, most_nodes), self.search.stop)
@@ -209,6 +239,25 @@ class _Envelopes:
             self.known.add(joint, found.positions)
             heights[t] = found.height
         self._adopt(bundle, payments, heights)
+
+    def _joints(
+        self, cutoff: Callable[[], float]
+    ) -> tuple[dict[int, JointStates], dict[int, float]]:
+        """Returns the joint states that are paid, and the ceilings where these are not all."""
+        narrowing = self.narrowing
+        if self._is_small():
+            return {t: narrowing.joint_states(t) for t in self.steps}, {}
+        most = narrowing.pricing.bound - cutoff()
+        most *= LISTED_SLACK * self.longer / len(self.steps)
+        listed = {t: [slack[t] <= most for slack in narrowing.slack] for t in self.steps}
+        joints = {
+            t: narrowing.joint_states_of(
+                t, [np.flatnonzero(some & left[t])
+                    for some, left in zip(listed[t], narrowing.left, strict=True)]
+            )
+            for t in self.steps
+        }  # fmt: skip
+        return joints, {t: narrowing.ceiling(t) for t in self.steps}
 
     def _adopt(
         self, bundle: PaymentBundle, payments: FloatArray, heights: dict[int, float]
@@ -219,15 +268,17 @@ class _Envelopes:
             chosen[bundle.span(t)] = payments[bundle.span(t)]
         constants = self.narrowing.constants
         total = sum(heights[t] if t in heights else float(constants[t]) for t in self.steps)
-        total += bundle.rest + bundle.best_paths(chosen)[0]
+        total += bundle.rest + bundle.best_paths(chosen, heights)[0]
         if not heights or total >= self.narrowing.bound:
             return
-        written = [part for t in heights for part in bundle.written(t, payments[bundle.span(t)])]
+        written: list[StepPayments] = []
+        for t, height in heights.items():
+            written += bundle.written(t, payments[bundle.span(t)], height)
         stage = Stage(tuple(written), tuple(StepConstant(t, heights[t]) for t in heights))
         for part in stage.payments:
             self.narrowing.pay(part)
         self.narrowing.price()
         for step in stage.constants:
-            margin = self.narrowing.joint_states(step.t).margin
+            margin = self.narrowing.joint_states(step.t, step.constant).margin
             self.narrowing.constants[step.t] = step.constant + margin
         self._close(stage)

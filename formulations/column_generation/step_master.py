@@ -5,7 +5,9 @@ Over payments phi(t, s), constants K_t and potentials u(t, s) it minimises
     sum_t K_t + sum of u at the starts + rho / 2 |phi - centre|^2
 
 such that K_t is at least the height of every known joint state of the step, and the potentials
-rise along the known arcs by payments less charges. Fewer joint states and arcs than there are make
+rise along the known arcs by payments less charges. At steps with a ceiling, payments are at least
+those of the centre at first, and states that have none of their own are paid more by as much as
+K_t is below the ceiling (`certificates.narrowing`). Fewer joint states and arcs than there are make
 it too low, so that they are found by and by; the last term keeps payments near the best so far
 (a proximal bundle method; Kiwiel 1990).
 """
@@ -59,6 +61,8 @@ class StepMaster(NamedTuple):
         starts: Mapping[Place, int],
         arcs: list[KnownArc],
         heights: list[KnownHeight],
+        ceilings: Mapping[int, float],
+        least: Mapping[int, float],
         stop: Stop,
     ) -> "StepMaster":
         """Returns the solution of one master problem.
@@ -70,6 +74,8 @@ class StepMaster(NamedTuple):
         paid : position of every state with a payment
         unpaid : reward of the states without one
         starts : number of robots that start in each state
+        ceilings : of steps at which unpaid states are paid more
+        least : least payments at these steps, by position
         stop : for the solver, which ends early at a limit
         """
         steps = sorted({height.t for height in heights})
@@ -81,18 +87,25 @@ class StepMaster(NamedTuple):
             nodes.setdefault(arc.head, len(nodes))
         last = max(place[1] for place in nodes)
         rows = _Rows(first, first + len(centre))
+
+        def payment_of(place: Place) -> tuple[int | None, float, float]:
+            if place in paid:
+                return first + paid[place], 1.0, 0.0
+            if place[1] in ceilings:
+                return column[place[1]], -1.0, unpaid[place] + ceilings[place[1]]
+            return None, 0.0, unpaid[place]
+
         for arc in arcs:
-            rows.add(
-                nodes[arc.tail],
-                nodes[arc.head],
-                paid.get(arc.tail),
-                arc.gain + unpaid.get(arc.tail, 0.0),
-            )
+            rows.add(nodes[arc.tail], nodes[arc.head], payment_of(arc.tail), arc.gain)
         for place, node in nodes.items():
             if place[1] == last:
-                rows.add(node, None, paid.get(place), unpaid.get(place, 0.0))
+                rows.add(node, None, payment_of(place), 0.0)
         for height in heights:
             rows.add_height(column[height.t], height.at, height.worth)
+        for payment, amount in least.items():
+            rows.add_bound(first + payment, -1.0, -amount)
+        for t, ceiling in ceilings.items():
+            rows.add_bound(column[t], 1.0, ceiling)
         size = first + len(centre) + len(nodes)
         cost = np.zeros(size)
         cost[:first] = 1.0
@@ -124,15 +137,23 @@ class _Rows:
         self._entries: list[tuple[int, int, float]] = []
         self._rhs: list[float] = []
 
-    def add(self, tail: int, head: int | None, payment: int | None, gain: float) -> None:
-        """Adds: the tail's potential is at least its payment, a gain, and the head's potential."""
+    def add(
+        self, tail: int, head: int | None, payment: tuple[int | None, float, float], gain: float
+    ) -> None:
+        """Adds: the tail's potential is at least its payment, a gain, and the head's potential.
+
+        Parameters
+        ----------
+        payment : a column, if it has one, that counts so many times, and a constant
+        """
+        at, times, constant = payment
         row = len(self._rhs)
         self._entries.append((row, self._potentials + tail, -1.0))
         if head is not None:
             self._entries.append((row, self._potentials + head, 1.0))
-        if payment is not None:
-            self._entries.append((row, self._payments + payment, 1.0))
-        self._rhs.append(-gain)
+        if at is not None:
+            self._entries.append((row, at, times))
+        self._rhs.append(-gain - constant)
 
     def add_height(self, step: int, payments: tuple[int, ...], worth: float) -> None:
         """Adds: the step's constant is at least the worth less the payments."""
@@ -140,6 +161,11 @@ class _Rows:
         self._entries.append((row, step, -1.0))
         self._entries += [(row, self._payments + payment, -1.0) for payment in payments]
         self._rhs.append(-worth)
+
+    def add_bound(self, column: int, sign: float, bound: float) -> None:
+        """Adds: a column times a sign is at most a bound."""
+        self._entries.append((len(self._rhs), column, sign))
+        self._rhs.append(bound)
 
     def matrix(self, columns: int) -> tuple[sparse.csc_matrix, FloatArray]:
         """Returns matrix and right side; entries of one place add up."""

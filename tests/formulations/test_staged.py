@@ -1,5 +1,6 @@
 import json
 import math
+from dataclasses import replace
 from itertools import combinations_with_replacement, count, product
 
 import msgspec
@@ -11,6 +12,7 @@ from hypothesis import strategies as st
 from random_certificates import as_rows, random_multipliers, some_model
 from strategies import examples, meetings, problems, tiny
 
+import cocap_opt.formulations.column_generation.step_envelopes as envelopes
 from cocap_opt.formulations.certificates import (
     Cells,
     CertificateError,
@@ -31,7 +33,7 @@ from cocap_opt.formulations.certificates import (
     may_be_used,
     verify,
 )
-from cocap_opt.formulations.certificates.joint_states import Highest
+from cocap_opt.formulations.certificates.joint_states import Ceiling, Highest
 from cocap_opt.formulations.certificates.staged import price_staged
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.formulations.column_generation.root import Root
@@ -60,17 +62,23 @@ def random_payments(model: Model, rng: np.random.Generator) -> tuple[StepPayment
             some = rng.choice(free, size=min(len(free), int(rng.integers(1, 20))), replace=False)
             states = tuple(graph.state(int(state)) for state in some)
             amounts = rng.choice([-5.0, 0.0, 3.0, 40.0, 200.0], size=len(states))
-            found.append(StepPayments(t, number, states, tuple(amounts.tolist())))
+            others = float(rng.choice([0.0, -3.0, 2.0, 30.0]))
+            found.append(StepPayments(t, number, states, tuple(amounts.tolist()), others))
     return tuple(found)
 
 
 def random_staged(model: Model, target: float, rng: np.random.Generator) -> Staged:
-    """A staged certificate, none of whose numbers is good, but that it claims the least it may."""
+    """A staged certificate, none of whose numbers is good; most claim less than they may."""
     problem = model.problem
     steps = range(problem.first_step, problem.horizon + 1)
     stages = []
     for k in range(int(rng.integers(1, 4))):
-        constants = tuple(StepConstant(t, -1e3) for t in steps if k or rng.integers(2))
+        claims = rng.choice([-1e3, -1e3, 5.0, 50.0], len(steps)).tolist()
+        constants = tuple(
+            StepConstant(t, claim)
+            for t, claim in zip(steps, claims, strict=True)
+            if k or rng.integers(2)
+        )
         stages.append(Stage(random_payments(model, rng) if k else (), constants))
     joint_paths = bool(may_be_used(model) and rng.integers(2))
     return Staged(random_multipliers(model, rng), target, tuple(stages), joint_paths)
@@ -167,6 +175,30 @@ def test_the_search_finds_the_highest_of_all_joint_states(seed: int) -> None:
     assert joint.highest(Wanted(highest.height + 1, 10**6)).height == highest.height + 1
 
 
+def with_ceilings(joint: JointStates, rng: np.random.Generator) -> JointStates:
+    """The same joint states, with the ceilings that other payments make."""
+    every, ceilings = joint_by_enumeration(joint), []
+    for _ in range(int(rng.integers(1, 3))):
+        more = rng.choice([-1.0, 0.0, 2.0, 5.0], len(joint.states)) + rng.normal(0, 1e-3)
+        earlier = replace(joint, payment=joint.payment - more)
+        highest = max(map(earlier.height, every), default=0.0)
+        ceilings.append(Ceiling(highest + 1e-9 + float(rng.choice([0.0, 3.0])), more))
+    return replace(joint, ceilings=tuple(ceilings))
+
+
+@examples(60)
+@given(seeds)
+def test_ceilings_leave_out_no_higher_joint_state(seed: int) -> None:
+    """What earlier payments prove shortens the search and changes nothing that it finds."""
+    rng = np.random.default_rng(seed)
+    joint = random_joint_states(rng)
+    below = with_ceilings(joint, rng)
+    for least in (-np.inf, 0.0, 10.0):
+        highest = joint.highest(Wanted(least, 10**6))
+        assert below.highest(Wanted(least, 10**6)).height == pytest.approx(highest.height)
+    assert below.all_that_count(10**6) == joint.all_that_count(10**6)
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(not compiled_search.is_there(), reason="needs the extra [fast]")
 def test_the_compiled_search_finds_the_same() -> None:
@@ -174,6 +206,7 @@ def test_the_compiled_search_finds_the_same() -> None:
     rng = np.random.default_rng(0)
     for _ in range(40):
         joint = random_joint_states(rng)
+        joint = with_ceilings(joint, rng) if rng.integers(2) else joint
         wanted = Wanted(float(rng.choice([-np.inf, 0.0, 10.0])), 10**6)
         plain, compiled_ = joint.highest(wanted), joint._run_compiled(wanted, never)
         assert compiled_.best == pytest.approx(plain.height)
@@ -244,8 +277,9 @@ def test_staged_files_are_read_back_and_verified() -> None:
         ({"stages": 0, "constants": 0, "constant": math.nan}, "constant: must be finite"),
         ({"stages": 1, "payments": 0, "t": -1}, "t: must be"),
         ({"stages": 1, "payments": 0, "robot_class": 7}, "robot_class: must be"),
-        ({"stages": 1, "payments": 0, "payments ": [1.0]}, "payments: must hold a number"),
+        ({"stages": 1, "payments": 0, "payments ": []}, "payments: must hold a number"),
         ({"stages": 1, "payments": 0, "first payment": math.inf}, "payments: must be"),
+        ({"stages": 1, "payments": 0, "others": math.nan}, "others: must be finite"),
         ({"stages": 1, "payments": 0, "first state": [99, 0, 0, 0, 0]}, "state: "),
         ({"stages": 1, "constants": []}, "a step has payments but no constant"),
     ],
@@ -319,6 +353,24 @@ def test_solutions_by_step_envelopes_are_optimal_and_explained(problem: Problem)
     assert explanation.total() == pytest.approx(file.proved - reward, abs=1e-9 * file.proved)
     with pytest.raises(TooLargeError, match="in stages"):
         require_small(problem, file)
+
+
+@pytest.mark.skipif(not compiled_search.is_there(), reason="needs the extra [fast]")
+@examples(20)
+@given(st.one_of(meetings(), meetings(team=3)), st.sampled_from([0.3, 2.0]))
+def test_short_lists_of_states_make_true_envelopes(problem: Problem, slack: float) -> None:
+    """Where only states of little slack are searched, what is claimed is verified and true."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(envelopes, "MOST_STATES_LEFT", 0)
+        patch.setattr(envelopes, "LISTED_SLACK", slack)
+        search = Search(compiled(problem))
+        search.first_columns()
+        step_envelopes(search, search.alone.duals, lambda: search.cutoff(OPTIMALITY))
+    if search.spare is not None:
+        assert any(part.others for stage in search.spare.certificate.stages
+                   for part in stage.payments)  # fmt: skip
+        pricing = verify(problem, search.spare, model=search.model)
+        assert optimum(problem).value <= pricing.bound <= search.spare.proved
 
 
 @pytest.mark.slow
