@@ -21,11 +21,6 @@ def is_there() -> bool:
     return find_spec("numba") is not None
 
 
-def is_ready() -> bool:
-    """Returns True if the search has been compiled in this process."""
-    return _kernel.cache_info().currsize > 0
-
-
 @dataclass(eq=False)
 class Running:
     """A search that has been begun.

@@ -35,7 +35,7 @@ from cocap_opt.model import Model
 from cocap_opt.stop import Stop, never
 
 _PLAIN_NODES = 2000  # after which the compiled search takes over, where there is one
-_READY_NODES = 100  # likewise, where it has been compiled
+_LARGE, _FEW_NODES = 5, 100  # likewise, of teams of so many robots, whose searches are long
 _COMPILING = 10.0  # seconds that the first compiled search of a machine may take
 _MOST_FOUND = 50_000  # joint states of one step that are collected
 _AT_ONCE = 200_000  # nodes of the compiled search between two looks at the stop
@@ -208,7 +208,7 @@ class JointStates:
             and compiled_search.is_there()
             and stop.seconds_left > _COMPILING
         )
-        plain_nodes = _READY_NODES if compiled_search.is_ready() else _PLAIN_NODES
+        plain_nodes = _FEW_NODES if sum(self.sizes) >= _LARGE else _PLAIN_NODES
         first = wanted._replace(most_nodes=plain_nodes) if is_long else wanted
         plain = PlainSearch(self, first, collects)
         try:
