@@ -5,7 +5,6 @@ measured in one process. Nothing is taken from the disk cache, but the coverage 
 compared with, whose computation is measured apart.
 """
 
-import csv
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -76,7 +75,6 @@ _MORE: dict[str, Callable[[int], Problem]] = {
     "town of 120 x 120 cells": partial(_wide, "town, 1 m"),
     "town on hills": partial(_wide, "town, 1 m, on hills"),
 }
-STORED = Path(__file__).parent / "stored" / "lazy.csv"
 ALL = ["corridor", "bottleneck", "passage", "field", "bridge", *_MORE, "field-large"]
 
 
@@ -121,12 +119,6 @@ def means(rows: Sequence[Record]) -> list[Record]:
             "time": f"{mean('seconds') / (mean('coverage_seconds') + mean('plan_seconds')):.2f}",
         })  # fmt: skip
     return found
-
-
-def lazy_in_markdown() -> str:
-    """Returns the table of the stored runs in Markdown."""
-    with STORED.open(encoding="utf-8", newline="") as file:
-        return Listing("", means(list(csv.DictReader(file)))).markdown
 
 
 def _measured(scene: str, seed: int) -> Record:

@@ -17,7 +17,6 @@ from cocap_opt.experiments.studies.flight.flight import STORED as FLIGHTS
 from cocap_opt.experiments.studies.flight.runs import Run as FlightRun
 from cocap_opt.experiments.studies.flight.tables import flights_in_markdown, sentences
 from cocap_opt.experiments.studies.gamma import gammas_in_markdown
-from cocap_opt.experiments.studies.lazy import lazy_in_markdown
 from cocap_opt.experiments.studies.paper.conditions import PUBLISHED, read_trials
 from cocap_opt.experiments.studies.paper.measured import STORED, read_rows
 from cocap_opt.experiments.studies.paper.page import Page
@@ -33,6 +32,7 @@ from cocap_opt.experiments.studies.stored_tables import (
     coverage_in_markdown,
     findings_in_markdown,
     growth_in_markdown,
+    lazy_in_markdown,
     published_in_markdown,
     solver_figures_in_markdown,
     start_sets_in_markdown,

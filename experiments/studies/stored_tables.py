@@ -8,6 +8,7 @@ from statistics import median
 
 from cocap_opt.experiments.results.printing import Listing, Record, counted
 from cocap_opt.experiments.studies.growth.points import GAP, MEASURES, Point, Sample
+from cocap_opt.experiments.studies.lazy import means
 from cocap_opt.experiments.studies.paper.measured import STORED
 
 _Rows = list[dict[str, str]]
@@ -134,6 +135,11 @@ def growth_in_markdown() -> str:
     ])  # fmt: skip
     seeds = counted(len({sample.seed for sample in samples}), "seed")
     return f"{table}\nMedians over {seeds}; runs were stopped after {samples[0].limit:g} s.\n"
+
+
+def lazy_in_markdown() -> str:
+    """Returns what lazy value iteration asks for and takes, scene by scene."""
+    return _table(means(_stored("lazy.csv")))
 
 
 def _stored(name: str) -> _Rows:

@@ -15,12 +15,13 @@ from cocap_opt.experiments.results.files import save_csv
 from cocap_opt.experiments.studies import app as app_module
 from cocap_opt.experiments.studies.app import app
 from cocap_opt.experiments.studies.gamma import _measured, gammas_in_markdown
-from cocap_opt.experiments.studies.lazy import ALL, lazy_in_markdown, means
+from cocap_opt.experiments.studies.lazy import ALL, means
 from cocap_opt.experiments.studies.lazy import _measured as _measured_lazily
 from cocap_opt.experiments.studies.runs import Run
 from cocap_opt.experiments.studies.separation.points import Point
 from cocap_opt.experiments.studies.separation.separation import built, separation
 from cocap_opt.experiments.studies.separation.tables import separation_in_markdown
+from cocap_opt.experiments.studies.stored_tables import lazy_in_markdown
 from cocap_opt.files.documents import FileError
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.planners import view_search

@@ -158,9 +158,7 @@ function disc(context, x, y, radius, colour, border) {
   context.arc(x, y, radius, 0, TAU);
   context.fillStyle = colour;
   context.fill();
-  context.strokeStyle = border;
-  context.lineWidth = 1.2;
-  context.stroke();
+  circle(context, x, y, radius, border, 1.2);
 }
 
 function circle(context, x, y, radius, colour, thickness) {

@@ -110,8 +110,8 @@ class SceneAnswers:
         least, most = self._prices()
         return {
             "scene": self.scene,
-            "at least (%)": _interval(least, 3),
-            "at most (%)": _interval(most, 3),
+            "at least (%)": Mean.in_words(least, 3),
+            "at most (%)": Mean.in_words(most, 3),
             "largest (%)": Mean.rounded(max(most, default=None), 3),
             "seeds": str(len(least)),
         }
@@ -244,9 +244,9 @@ class SceneAnswers:
                     "planner": planner,
                     "plans": f"{len(planned)} of {len(own)}",
                     "J": _mean(Row.values(own, "reward"), 0),
-                    "below the bound (%)": _interval(Row.percent(planned, "gap"), 3),
+                    "below the bound (%)": Mean.in_words(Row.percent(planned, "gap"), 3),
                     "at most (%)": Mean.rounded(max(Row.percent(planned, "gap"), default=None), 3),
-                    "below the free bound (%)": _interval(Row.percent(planned, "gap_free"), 3),
+                    "below the free bound (%)": Mean.in_words(Row.percent(planned, "gap_free"), 3),
                     "seconds, median": _median(Row.values(own, "seconds"), 3),
                     "stopped": str(late),
                     "views, median": _median(Row.values(own, "views"), 0),
@@ -295,10 +295,6 @@ def _whole_seconds(row: Row) -> float | None:
 
 def _text(found: Mean) -> str:
     return found.text(2, " %")
-
-
-def _interval(values: Sequence[float], digits: int) -> str:
-    return Mean.of(values).text(digits) if values else NONE
 
 
 def _mean(values: Sequence[float], digits: int) -> str:
