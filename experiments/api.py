@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 
 from cocap_opt.experiments.results.judging import ROUNDING
+from cocap_opt.experiments.results.stored import STORED
 from cocap_opt.experiments.results.verification import ProvedBound, Verified
 from cocap_opt.files.documents import (
     PlanFile,
@@ -45,8 +46,6 @@ if TYPE_CHECKING:
     from cocap_opt.experiments.report.benchmark import Benchmark
     from cocap_opt.experiments.report.player import Player
     from cocap_opt.experiments.results.flights import Flight
-
-_STORED = Path(__file__).parent / "studies" / "stored" / "solvers.csv"
 
 M = TypeVar("M")
 R = TypeVar("R", bound=Result)
@@ -625,7 +624,7 @@ def benchmark(path: str | Path | None = None) -> "Benchmark":
     """
     from cocap_opt.experiments.report.benchmark import Benchmark
 
-    return Benchmark.read(_STORED if path is None else Path(path))
+    return Benchmark.read(STORED / "solvers.csv" if path is None else Path(path))
 
 
 def show(

@@ -113,6 +113,14 @@ def test_no_module_imports_itself_in_a_circle() -> None:
     order.prepare()  # raises CycleError
 
 
+def test_the_folder_of_stored_results_has_one_spelling() -> None:
+    """Its path is in one module; whoever reads stored results imports it from there."""
+    spelt = [name for name, path in sources().items() if '/ "stored"' in path.read_text("utf-8")]
+    assert spelt == ["cocap_opt.experiments.results.stored"]
+    folder = import_module(spelt[0]).STORED
+    assert (folder / "paper.csv").is_file()
+
+
 def test_nothing_imports_the_face() -> None:
     """The face (`import cocap_opt`) is for users; no module of the project goes through it."""
     assert [m for m in sources() if m != CORE and CORE in imports(m)] == []

@@ -16,6 +16,7 @@ __all__ = [
     "rendered",
     "rows",
     "statistics",
+    "stored",
     "tables",
     "trace",
     "verification",

@@ -374,7 +374,8 @@ def _flight(
 
     Example: cocap-opt study flight bridge --seeds 0 --wind 0 --out flown
     """
-    from cocap_opt.experiments.studies.flight.flight import SCENES, STORED, flight, tell
+    from cocap_opt.experiments.results.stored import STORED
+    from cocap_opt.experiments.studies.flight.flight import SCENES, TABLE, flight, tell
     from cocap_opt.experiments.studies.flight.runs import Run
 
     winds = [0.0, 5.0, 10.0] if wind is None else wind
@@ -387,7 +388,9 @@ def _flight(
         raise FileError(
             "--stored: must be given without scenes, for it takes those that are stored"
         )
-    runs = Run.read(STORED) if stored else flight(scenes or SCENES, chosen, winds, step, out)
+    runs = (
+        Run.read(STORED / TABLE) if stored else flight(scenes or SCENES, chosen, winds, step, out)
+    )
     tell(runs, out)
     return 0
 

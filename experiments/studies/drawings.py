@@ -13,6 +13,7 @@ from cocap_opt.experiments.report.figures import picture, plan_picture
 from cocap_opt.experiments.report.rendering import drone_view
 from cocap_opt.experiments.results.files import make_folder, save_files
 from cocap_opt.experiments.results.rows import Row
+from cocap_opt.experiments.results.stored import STORED
 from cocap_opt.experiments.studies.flight.figure import flight_figure
 from cocap_opt.experiments.studies.flight.runs import Run as FlightRun
 from cocap_opt.experiments.studies.growth.figure import growth_figure
@@ -26,7 +27,7 @@ from cocap_opt.experiments.studies.paper.figures import (
     encounter_figure,
 )
 from cocap_opt.experiments.studies.paper.giving_way import Encounter
-from cocap_opt.experiments.studies.paper.measured import STORED, read_rows
+from cocap_opt.experiments.studies.paper.measured import read_rows
 from cocap_opt.experiments.studies.paper.reproduction import effects_of
 from cocap_opt.experiments.studies.separation.figure import separation_figure
 from cocap_opt.experiments.studies.separation.points import Point as SeparationPoint

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from cocap_opt.experiments.results.files import make_folder, save_csv
 from cocap_opt.experiments.results.printing import Listing
+from cocap_opt.experiments.results.stored import STORED
 from cocap_opt.model import compiled
 from cocap_opt.planners.cocap import cocap
 from cocap_opt.planners.view_search import Compounded, Undiscounted, ViewSearch
@@ -17,12 +18,12 @@ from cocap_opt.stop import TimeLimit
 if TYPE_CHECKING:
     import pandas as pd
 
+_TABLE = "gamma.csv"
 _GAMMAS = (0.6, 0.8, 0.9, 0.95, 0.97, 0.98, 0.99, 0.995, 1.0)
 _ORDERS: dict[str, type[Compounded | Undiscounted]] = {
     "cocap-vs": Compounded,
     "cocap-vs-undiscounted": Undiscounted,
 }
-STORED = Path(__file__).parent / "stored" / "gamma.csv"
 
 
 def gamma(
@@ -41,7 +42,7 @@ def gamma(
         "view search by gamma: J and views, as shares of those of value iteration", means
     ).print()
     if out is not None:
-        save_csv(out / "gamma.csv", measured.to_dict("records"))
+        save_csv(out / _TABLE, measured.to_dict("records"))
 
 
 def _measured(
@@ -95,7 +96,7 @@ def gammas_in_markdown() -> str:
     """Returns the stored means in Markdown: J and views of both orders by gamma, and a note."""
     import pandas as pd
 
-    means = _means(pd.read_csv(STORED)).set_index(["planner", "gamma"])
+    means = _means(pd.read_csv(STORED / _TABLE)).set_index(["planner", "gamma"])
     rows = [
         {
             "gamma": f"{gamma:g}",

@@ -13,12 +13,13 @@ from pathlib import Path
 from cocap_opt.experiments.results.files import read_text, save_bytes
 from cocap_opt.experiments.results.printing import counted
 from cocap_opt.experiments.results.rows import Row
-from cocap_opt.experiments.studies.flight.flight import STORED as FLIGHTS
+from cocap_opt.experiments.results.stored import STORED
+from cocap_opt.experiments.studies.flight.flight import TABLE as FLIGHTS
 from cocap_opt.experiments.studies.flight.runs import Run as FlightRun
 from cocap_opt.experiments.studies.flight.tables import flights_in_markdown, sentences
 from cocap_opt.experiments.studies.gamma import gammas_in_markdown
 from cocap_opt.experiments.studies.paper.conditions import PUBLISHED, read_trials
-from cocap_opt.experiments.studies.paper.measured import STORED, read_rows
+from cocap_opt.experiments.studies.paper.measured import read_rows
 from cocap_opt.experiments.studies.paper.page import Page
 from cocap_opt.experiments.studies.paper.planner_table import (
     described_planners_in_markdown,
@@ -86,8 +87,8 @@ QUOTES: dict[str, Callable[[], str]] = {
     "planners_measured": measured_planners_in_markdown,
     "planners_in_short": short_planners_in_markdown,
     "separation": lambda: separation_in_markdown(Point.read(STORED / "separation.csv")),
-    "flights": lambda: flights_in_markdown(FlightRun.read(FLIGHTS)),
-    "flights_in_sentences": lambda: _listed(sentences(FlightRun.read(FLIGHTS))),
+    "flights": lambda: flights_in_markdown(FlightRun.read(STORED / FLIGHTS)),
+    "flights_in_sentences": lambda: _listed(sentences(FlightRun.read(STORED / FLIGHTS))),
     "gammas": gammas_in_markdown,
     "gamma": lambda: f"{GAMMA:g}",
     "lazy": lazy_in_markdown,

@@ -7,9 +7,9 @@ from pathlib import Path
 from statistics import median
 
 from cocap_opt.experiments.results.printing import Listing, Record, counted
+from cocap_opt.experiments.results.stored import STORED
 from cocap_opt.experiments.studies.growth.points import GAP, MEASURES, Point, Sample
 from cocap_opt.experiments.studies.lazy import means
-from cocap_opt.experiments.studies.paper.measured import STORED
 
 _Rows = list[dict[str, str]]
 _PROSE = {"robots": "drones"}

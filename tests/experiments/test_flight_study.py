@@ -7,7 +7,8 @@ from studies import rows_of, study
 from test_flight import flights
 
 from cocap_opt.experiments.results.files import save_csv
-from cocap_opt.experiments.studies.flight.flight import STORED, tell
+from cocap_opt.experiments.results.stored import STORED
+from cocap_opt.experiments.studies.flight.flight import tell
 from cocap_opt.experiments.studies.flight.measures import (
     delays,
     errors,
@@ -23,18 +24,19 @@ from cocap_opt.flight.smooth import smooth
 from cocap_opt.scenarios.airframes import AIRFRAMES
 
 ROOT = Path(__file__).parents[2]
+FLIGHTS = STORED / "flight.csv"
 
 
 def test_all_flights_are_stored() -> None:
     """There is one run for each scene, seed, kind of flight and wind."""
-    runs = Run.read(STORED)
+    runs = Run.read(FLIGHTS)
     kinds = {(run.scene, run.seed, run.flight, run.wind) for run in runs}
     assert len(kinds) == len(runs) == 2 * 3 * 2 * 3
 
 
 def test_stored_flights_are_of_plans_that_can_be_flown() -> None:
     """Planned distances keep the separation, and what is filmed is never more than J by far."""
-    for run in Run.read(STORED):
+    for run in Run.read(FLIGHTS):
         assert run.apart_planned >= run.separation - 1e-6
         assert 0 <= run.error_mean <= run.error_most
         assert run.apart_flown >= run.apart_planned - 2 * run.error_most
@@ -43,7 +45,7 @@ def test_stored_flights_are_of_plans_that_can_be_flown() -> None:
 
 def test_what_is_stored_is_told_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Without the simulator: tables of 80 columns, a figure, and a table in Markdown."""
-    runs = Run.read(STORED)
+    runs = Run.read(FLIGHTS)
     tell(runs, tmp_path)
     rows = [line for line in capsys.readouterr().out.splitlines() if line.startswith(" ")]
     assert rows and max(map(len, map(str.rstrip, rows))) <= 80
@@ -53,7 +55,7 @@ def test_what_is_stored_is_told_again(tmp_path: Path, capsys: pytest.CaptureFixt
 
 def test_a_separation_that_is_too_small_is_called_so() -> None:
     """What is left is the separation less twice the largest error; it must hold a vehicle."""
-    run = Run.read(STORED)[0]._replace(flight="smooth", wind=3.0, span=0.5, error_most=0.7)
+    run = Run.read(FLIGHTS)[0]._replace(flight="smooth", wind=3.0, span=0.5, error_most=0.7)
     both = [run, run._replace(flight="straight")]
     told = " ".join(sentences(both))
     assert "have 0.60 m left of 2 m, which is enough" in told

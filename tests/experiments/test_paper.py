@@ -17,6 +17,7 @@ from cocap_opt.experiments.results.files import save_csv
 from cocap_opt.experiments.results.judging import Judged
 from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.results.statistics import Mean
+from cocap_opt.experiments.results.stored import STORED
 from cocap_opt.experiments.studies.paper import (
     ablation,
     answers,
@@ -38,8 +39,6 @@ from cocap_opt.referee import check
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import never
 
-ROOT = Path(__file__).parents[2]
-STORED = ROOT / "experiments" / "studies" / "stored"
 COMPARED = ("sequential", "sequential-rounds", "cocap", "cocap-vs", "cocap-lns")
 
 

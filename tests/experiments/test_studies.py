@@ -12,6 +12,7 @@ from pages import pages
 from studies import rows_of, study
 
 from cocap_opt.experiments.results.files import save_csv
+from cocap_opt.experiments.results.stored import STORED
 from cocap_opt.experiments.studies import app as app_module
 from cocap_opt.experiments.studies.app import app
 from cocap_opt.experiments.studies.gamma import _measured, gammas_in_markdown
@@ -78,13 +79,13 @@ def test_studies_are_told_and_shown() -> None:
 
 # -- the discount of view search ----------------------------------------------------------
 
-STORED = ROOT / "experiments" / "studies" / "stored" / "gamma.csv"
+GAMMAS = STORED / "gamma.csv"
 ORDERS = ("cocap-vs", "cocap-vs-undiscounted")
 
 
 def stored_shares(planner: str, gamma: float) -> list[str]:
     """J and views of the stored table, means in %, as texts quote them."""
-    rows = [r for r in rows_of(STORED) if (r["planner"], float(r["gamma"])) == (planner, gamma)]
+    rows = [r for r in rows_of(GAMMAS) if (r["planner"], float(r["gamma"])) == (planner, gamma)]
     assert len(rows) == 10
     return [f"{100 * fmean(float(row[key]) for row in rows):.0f}" for key in ("reward", "views")]
 
@@ -110,7 +111,7 @@ def test_the_planner_quotes_the_stored_table() -> None:
 
 def test_the_stored_table_is_what_planners_do() -> None:
     """Some of its runs, made again, get the same J from the same views."""
-    rows = {(r["planner"], r["gamma"], r["scene"], r["seed"]): r for r in rows_of(STORED)}
+    rows = {(r["planner"], r["gamma"], r["scene"], r["seed"]): r for r in rows_of(GAMMAS)}
     for run in _measured(["corridor"], [0], [0.97], 60.0).to_dict("records"):
         row = rows[run["planner"], "0.97", "corridor", "0"]
         assert [float(row[key]) for key in ("reward", "views")] == pytest.approx(
@@ -148,7 +149,7 @@ def test_pictures_say_where_they_cannot_be_written(
 
 # -- lazy value iteration ---------------------------------------------------------------------
 
-LAZY = ROOT / "experiments" / "studies" / "stored" / "lazy.csv"
+LAZY = STORED / "lazy.csv"
 
 
 def test_the_lazy_table_has_all_scenes() -> None:
@@ -177,7 +178,7 @@ def test_lazy_planning_is_measured(tmp_path: Path, capsys: pytest.CaptureFixture
 
 # -- the price of separation ----------------------------------------------------------------
 
-SEPARATION = ROOT / "experiments" / "studies" / "stored" / "separation.csv"
+SEPARATION = STORED / "separation.csv"
 
 
 def point(separation: float, value: float, bound: float, seconds: float, limit: str) -> Point:

@@ -17,7 +17,7 @@ from cocap_opt.experiments.studies.flight.simulation import span
 from cocap_opt.experiments.studies.flight.tables import listings, sentences
 
 SCENES = ("bridge", "passage")
-STORED = Path(__file__).parents[1] / "stored" / "flight.csv"
+TABLE = "flight.csv"
 
 
 def flight(
@@ -51,7 +51,7 @@ def flight(
                 )
                 if out is not None:
                     make_folder(out)  # not before, for a scene may be refused
-                    save_csv(out / "flight.csv", [one._asdict() for one in runs])
+                    save_csv(out / TABLE, [one._asdict() for one in runs])
     return runs
 
 

@@ -31,7 +31,6 @@ from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import Result
 from cocap_opt.stop import Stop, TimeLimit, never
 
-STORED = Path(__file__).parents[1] / "stored"
 MEASURED = "measured.csv"  # in the folder of the results
 POLISHED, DIVE = "cocap-polished", "cocap-vs-dive"
 _SHORT, _LONG = 0.1, 10.0  # s: three runs below the first, none again from the second on

@@ -7,8 +7,9 @@ from statistics import fmean
 
 from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.results.statistics import NONE
+from cocap_opt.experiments.results.stored import STORED
 from cocap_opt.experiments.results.tables import Table
-from cocap_opt.experiments.studies.paper.measured import STORED, read_rows
+from cocap_opt.experiments.studies.paper.measured import read_rows
 from cocap_opt.files.documents import FileError
 from cocap_opt.planners import LAZY, PLANNERS, RECOMMENDED
 from cocap_opt.stop import NO_LIMIT

@@ -9,6 +9,7 @@ from cocap_opt.experiments.report.figures import picture
 from cocap_opt.experiments.results.files import make_folder, save_bytes, save_csv
 from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.results.statistics import Mean
+from cocap_opt.experiments.results.stored import STORED
 from cocap_opt.experiments.results.tables import Table
 from cocap_opt.experiments.studies.paper.ablation import CONTRASTS, Effect
 from cocap_opt.experiments.studies.paper.conditions import Search, Trial, read_trials
@@ -21,7 +22,7 @@ from cocap_opt.experiments.studies.paper.figures import (
     scaling_figure,
 )
 from cocap_opt.experiments.studies.paper.giving_way import Encounter
-from cocap_opt.experiments.studies.paper.measured import MEASURED, STORED, completed, read_rows
+from cocap_opt.experiments.studies.paper.measured import MEASURED, completed, read_rows
 from cocap_opt.experiments.studies.paper.page import Page
 from cocap_opt.experiments.sweeps.instances import Instance, Settings
 from cocap_opt.experiments.sweeps.sweep import Hired, sweep

@@ -14,6 +14,7 @@ from cocap_opt.experiments.results.files import (
     save_csv,
 )
 from cocap_opt.experiments.results.printing import Listing, print_texts
+from cocap_opt.experiments.results.stored import STORED
 from cocap_opt.experiments.studies.runs import Run
 from cocap_opt.experiments.studies.separation.points import Point
 from cocap_opt.experiments.studies.separation.tables import separation_in_markdown
@@ -28,7 +29,6 @@ from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import Limit, Stop, never
 
 TABLE = "separation.csv"
-STORED = Path(__file__).parents[1] / "stored"
 
 
 def separation(
