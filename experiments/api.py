@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
     from cocap_opt.experiments.report.benchmark import Benchmark
     from cocap_opt.experiments.report.player import Player
-    from cocap_opt.experiments.results.flights import Flight
+    from cocap_opt.experiments.results.flight_scene import FlightScene
 
 M = TypeVar("M")
 R = TypeVar("R", bound=Result)
@@ -498,6 +498,7 @@ def trajectory(
     *,
     smooth: bool = False,
     step: float | None = None,
+    margin: float | None = None,
     every: float | None = None,
 ) -> "pd.DataFrame":
     """Tell where each drone of a plan is at every moment, as `cocap-opt fly` writes it.
@@ -513,6 +514,8 @@ def trajectory(
     plan : a plan that obeys the scene's rules, or a result that has one
     smooth : with continuous speed and acceleration
     step : seconds of a step, of problems that do not say it
+    margin : metres by which drones may be nearer to people than the problem says, aside and over
+        heads, so that a plan that keeps more distance than it must can be flown smoothly
     every : seconds between rows; else a row a step, and ten a step of smooth flights
 
     Returns
@@ -530,8 +533,9 @@ def trajectory(
     Raises
     ------
     ValueError
-        If the plan breaks a rule, nobody or two say how long a step lasts, or a drone cannot fly
-        so, or the scene's place cannot be converted; one line.
+        If the plan breaks a rule, nobody or two say how long a step lasts, drones with this margin
+        would keep no distance to people, a drone cannot fly so, or the scene's place cannot be
+        converted; one line.
 
     Examples
     --------
@@ -539,7 +543,8 @@ def trajectory(
     """
     from pandas import DataFrame
 
-    flight = _flight(problem, plan, smooth, step)
+    own = _flown_plan(problem, plan)
+    flight = _flight_scene(problem, step, margin).flight(own, smooth)
     table = DataFrame(flight.columns(every))
     table.attrs = {**flight.record(), "off_between_rows": flight.off_between_rows(every)}
     return table
@@ -551,6 +556,7 @@ def robustness(
     *,
     smooth: bool = False,
     step: float | None = None,
+    margin: float | None = None,
     late: Sequence[float] = (1.0, 2.0),
     aside: Sequence[float] = (1.0,),
     lag: Sequence[float] = (0.5, 1.0, 2.0),
@@ -566,6 +572,8 @@ def robustness(
     plan : a plan that obeys the scene's rules, or a result that has one
     smooth : with continuous speed and acceleration
     step : seconds of a step, of problems that do not say it
+    margin : metres by which drones may be nearer to people than the problem says, aside and over
+        heads, so that a plan that keeps more distance than it must can be flown smoothly
     late : s, by which all people are late, and early
     aside : m, by which all people walk to the left of where they would, and to the right
     lag : s, by which any one drone is late; the worst drone counts
@@ -583,8 +591,9 @@ def robustness(
     Raises
     ------
     ValueError
-        If the plan breaks a rule, nobody or two say how long a step lasts, a drone cannot fly so,
-        or a change is none or longer than the flight; one line.
+        If the plan breaks a rule, nobody or two say how long a step lasts, drones with this margin
+        would keep no distance to people, a drone cannot fly so, or a change is none or longer than
+        the flight; one line.
 
     Examples
     --------
@@ -594,7 +603,8 @@ def robustness(
 
     from cocap_opt.experiments.results.robustness import Changes, tolerated_delay
 
-    flight = _flight(problem, plan, smooth, step, is_local=True)
+    own = _flown_plan(problem, plan)
+    flight = _flight_scene(problem, step, margin).without_earth.flight(own, smooth)
     table = DataFrame(Changes(late, aside, lag).rows(flight))
     table.attrs = {"delay_tolerance": tolerated_delay(flight)}
     return table
@@ -810,27 +820,23 @@ def _nobody(message: str) -> None:
     """Discards the note on seeds that make the same scene; the table shows which were kept."""
 
 
-def _flight(
-    problem: Problem,
-    plan: Plan | Result,
-    smooth: bool,
-    step: float | None,
-    is_local: bool = False,
-) -> "Flight":
-    """Returns the flights of a plan; local ones know no place on the Earth."""
-    from cocap_opt.experiments.results.flights import Flight
+def _flight_scene(problem: Problem, step: float | None, margin: float | None) -> "FlightScene":
+    """Returns the scene that plans of a problem are flown in."""
+    from cocap_opt.experiments.results.flight_scene import FlightScene
 
+    if margin is not None:
+        _require(margin, "margin", "a number of metres >= 0", int, float, np.number)
+    return FlightScene.of(problem, step, margin)
+
+
+def _flown_plan(problem: Problem, given: Plan | Result) -> Plan:
+    """Returns a plan, of a result its plan, that is to be flown in a problem."""
     _require_problem(problem)
-    own = _plan_of(plan)
-    if own is None:
+    plan = _plan_of(given)
+    if plan is None:
         raise ValueError("plan: the result has no plan that could be flown")
-    _require_made_for("plan", plan, problem)
-    if problem.step is None and step is None:
-        raise ValueError("step: must be given, for the problem does not say how long a step lasts")
-    if problem.step is not None and step is not None:
-        raise ValueError(f"step: must be left out, for the problem says it: {problem.step:g} s")
-    timed = problem if step is None else problem.replace(step=step)
-    return Flight.of(timed.replace(earth=None) if is_local else timed, own, smooth)
+    _require_made_for("plan", given, problem)
+    return plan
 
 
 def _plan_of(given: Plan | Result | None) -> Plan | None:

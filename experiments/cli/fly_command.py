@@ -19,13 +19,11 @@ from cocap_opt.experiments.cli.options import (
     Seed,
     Smooth,
     StepSeconds,
+    flight_scene,
     load,
-    with_margin,
-    with_step,
 )
 from cocap_opt.experiments.console.options import Option, UsageError
 from cocap_opt.experiments.results.files import PlanReader, check_output, save_files
-from cocap_opt.experiments.results.flights import Flight
 from cocap_opt.experiments.results.printing import Listing, Record, print_result
 from cocap_opt.files.documents import FileError
 from cocap_opt.stop import Interrupt
@@ -84,11 +82,10 @@ def _fly(
         raise UsageError("--every: must be more than 0 seconds")
     check_output(output, scene, plan)
     problem, planned = PlanReader(scene, load(scene, seed)).plan(plan)
-    problem = with_step(problem, step)
-    problem = problem.replace(earth=None) if local else problem
-    nearer, asked = with_margin(problem, margin)
+    flown_in = flight_scene(problem, step, margin)
     try:
-        flight = Flight.of(nearer, planned, smooth)._replace(start=begins, asked=asked)
+        flight = (flown_in.without_earth if local else flown_in).flight(planned, smooth)
+        flight = flight._replace(start=begins)
         mission = WRITERS[suffix](flight, every)
     except ProblemError as error:
         raise _in_words(error, scene, plan, step is not None) from error

@@ -14,9 +14,8 @@ from cocap_opt.experiments.cli.options import (
     Seed,
     Smooth,
     StepSeconds,
+    flight_scene,
     load,
-    with_margin,
-    with_step,
 )
 from cocap_opt.experiments.console.options import UsageError
 from cocap_opt.experiments.results.files import PlanReader
@@ -59,15 +58,14 @@ def _robustness(
     Example: cocap-opt robustness corridor plan.json --step 2 --smooth --late 1 3 --lag 0.5
     """
     problem, planned = PlanReader(scene, load(scene, seed)).plan(plan)
-    problem = with_step(problem, step).replace(earth=None)  # places on the Earth do not matter
-    nearer, asked = with_margin(problem, margin)
+    flown_in = flight_scene(problem, step, margin).without_earth  # where it is does not matter
     changes = Changes(
         _USUAL.late if late is None else late,
         _USUAL.aside if aside is None else aside,
         _USUAL.lag if lag is None else lag,
     )
     try:
-        flight = Flight.of(nearer, planned, smooth)._replace(asked=asked)
+        flight = flown_in.flight(planned, smooth)
     except ProblemError as error:
         raise FileError(f"{plan}: {error}") from error
     try:

@@ -7,6 +7,7 @@ __all__ = [
     "explained_tables",
     "explained_words",
     "files",
+    "flight_scene",
     "flights",
     "gap_table",
     "graphml",

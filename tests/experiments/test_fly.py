@@ -179,6 +179,33 @@ def test_a_margin_makes_room_for_a_smooth_flight(
     assert run.code == 2 and "--margin: the scene asks for no distance to people" in run.err
 
 
+def test_a_margin_of_the_face_is_that_of_the_command(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Functions fly what commands fly with the same margin, and refuse what they refuse."""
+    problem, plan = beside_somebody()
+    scene, file, out = (tmp_path / name for name in ("scene.json", "plan.json", "f.csv"))
+    co.save(scene, problem)
+    co.save(file, plan, problem)
+    words = (scene, file, "--smooth", "--margin", 0.04, "--json")
+    flown = co.trajectory(problem, plan, smooth=True, margin=0.04)
+    told = Run(capsys, "fly", *words, "-o", out).json
+    assert flown.attrs["people_distance"] == told["people_distance"] < 2.99
+    changed = co.robustness(problem, plan, smooth=True, margin=0.04, lag=[1])
+    told = Run(capsys, "robustness", *words, "--lag", 1).json
+    assert list(changed.reward) == [row["reward"] for row in told["changes"]]
+    assert changed.rules[0] == "kept"
+    for function in (co.trajectory, co.robustness):
+        for wrong in (-0.1, 2.99, float("nan")):
+            with pytest.raises(ValueError, match="margin: must be from 0 m to less than"):
+                function(problem, plan, margin=wrong)
+        with pytest.raises(TypeError, match="margin: must be a number of metres"):
+            function(problem, plan, margin="wide")
+        free = problem.replace(airspace=co.Airspace())
+        with pytest.raises(ValueError, match="margin: the scene asks for no distance to people"):
+            function(free, plan, margin=1)
+
+
 def test_errors_name_what_is_to_be_changed(
     files: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
