@@ -16,23 +16,13 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from cocap_opt.data import ProblemError
-    from cocap_opt.experiments.api import (
-        benchmark,
-        bound,
-        check,
-        explain,
-        gap,
-        load,
-        plan,
-        read,
-        replans,
-        robustness,
-        save,
-        show,
-        solve,
-        trajectory,
-        verify,
-    )
+    from cocap_opt.experiments.api.explaining import explain, replans
+    from cocap_opt.experiments.api.files import load, read, save
+    from cocap_opt.experiments.api.flying import robustness, trajectory
+    from cocap_opt.experiments.api.judging import check, verify
+    from cocap_opt.experiments.api.measuring import benchmark, gap
+    from cocap_opt.experiments.api.methods import bound, plan, solve
+    from cocap_opt.experiments.api.showing import show
     from cocap_opt.experiments.console.versions import show_versions
     from cocap_opt.experiments.report.player import Player
     from cocap_opt.experiments.results.verification import Verified
@@ -75,10 +65,13 @@ _MODULES = {
     "cocap_opt.referee": ("Verdict",),
     "cocap_opt.data": ("ProblemError",),
     "cocap_opt.experiments.results.verification": ("Verified",),
-    "cocap_opt.experiments.api": (
-        "benchmark", "bound", "check", "explain", "gap", "load", "plan", "read", "replans",
-        "robustness", "save", "show", "solve", "trajectory", "verify",
-    ),
+    "cocap_opt.experiments.api.explaining": ("explain", "replans"),
+    "cocap_opt.experiments.api.files": ("load", "read", "save"),
+    "cocap_opt.experiments.api.flying": ("robustness", "trajectory"),
+    "cocap_opt.experiments.api.judging": ("check", "verify"),
+    "cocap_opt.experiments.api.measuring": ("benchmark", "gap"),
+    "cocap_opt.experiments.api.methods": ("bound", "plan", "solve"),
+    "cocap_opt.experiments.api.showing": ("show",),
     "cocap_opt.experiments.console.versions": ("show_versions",),
     "cocap_opt.experiments.report.player": ("Player",),
     "cocap_opt.files.documents": ("FileError",),

@@ -20,7 +20,7 @@ import pytest
 from distributed import Client, LocalCluster
 from sources import reached
 
-from cocap_opt.experiments.api import gap as gap_frame
+from cocap_opt.experiments.api.measuring import gap as gap_frame
 from cocap_opt.experiments.cli import commands
 from cocap_opt.experiments.console.progress import Watch
 from cocap_opt.experiments.console.threads import ONE_THREAD

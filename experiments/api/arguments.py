@@ -1,0 +1,104 @@
+"""The arguments of the face: what they may be, and the words that refuse all else."""
+
+import msgspec
+import numpy as np
+
+from cocap_opt.files.documents import problem_digest
+from cocap_opt.files.messages import in_words
+from cocap_opt.formulations.certificates.format import CertificateFile, ProofFile
+from cocap_opt.formulations.result import CertifiedResult
+from cocap_opt.problem import Plan, Problem
+from cocap_opt.referee import Verdict
+from cocap_opt.result import Result
+
+Bound = CertificateFile | ProofFile
+
+
+def require(value: object, name: str, allowed: str, *kinds: type) -> None:
+    """Raises TypeError, in words, if a value is of none of these kinds."""
+    if not isinstance(value, kinds) or isinstance(value, bool):
+        raise TypeError(f"{name}: must be {allowed}, not {value!r}")
+
+
+def require_problem(problem: object) -> None:
+    """Raises TypeError, in words, unless it is given a problem."""
+    require(problem, "problem", "a Problem; `load` makes one of a scene's name or file", Problem)
+
+
+def require_made_for(name: str, given: object, problem: Problem) -> None:
+    """Raises ValueError if a plan was read from a file that says it is for another problem."""
+    if isinstance(given, Plan) and given.made_for not in ("", problem_digest(problem)):
+        raise ValueError(
+            f"{name}: its file says that it was made for another problem (scene, seed, rules or "
+            "objective); Plan(paths=plan.paths) is the same plan, made for none"
+        )
+
+
+def require_flown(name: str, verdict: Verdict) -> None:
+    """Raises ValueError if a plan cannot be flown."""
+    if verdict.violations:
+        raise ValueError(f"{name}: {verdict.violations[0]}")
+
+
+def plan_of(given: Plan | Result | None) -> Plan | None:
+    """Returns the plan, of a result its plan; its states may be plain tuples."""
+    if given is None or isinstance(given, Result):
+        return None if given is None else given.plan
+    require(given, "plan", "a Plan or a Result; `read` reads files of plans", Plan)
+    try:
+        return msgspec.convert(msgspec.to_builtins(given, enc_hook=_plain_number), Plan)
+    except msgspec.ValidationError as error:
+        raise ValueError(f"plan: {in_words(error, 'plan', Plan)}") from None
+
+
+def plan_for(problem: Problem, given: Plan | Result, purpose: str, name: str = "plan") -> Plan:
+    """Returns a plan of a problem, of a result its plan.
+
+    Parameters
+    ----------
+    purpose : what is to be done with it, such as "flown", for the message
+    name : of the argument
+
+    Raises
+    ------
+    ValueError
+        If the result has no plan, or the plan's file says that it is for another problem.
+    """
+    require_problem(problem)
+    plan = plan_of(given)
+    if plan is None:
+        raise ValueError(f"{name}: the result has no plan that could be {purpose}")
+    require_made_for("plan", given, problem)
+    return plan
+
+
+def bound_in(claim: Plan | Result | Bound) -> Bound | None:
+    """Returns a certificate or a proof, of a result its own; None where a claim has none."""
+    if isinstance(claim, CertifiedResult):
+        return claim.certificate
+    return None if isinstance(claim, Plan | Result) else claim
+
+
+def required_bound(claim: object) -> Bound:
+    """Returns a certificate or a proof, of a result its own.
+
+    Raises
+    ------
+    TypeError
+        If it is none of these.
+    ValueError
+        If the result has none.
+    """
+    words = "a certificate, a proof, or a result that has one"
+    require(claim, "certificate", words, CertificateFile, ProofFile, CertifiedResult)
+    assert isinstance(claim, CertificateFile | ProofFile | CertifiedResult)
+    file = bound_in(claim)
+    if file is None:
+        raise ValueError("certificate: the result has none")
+    return file
+
+
+def _plain_number(value: object) -> object:
+    if isinstance(value, np.generic):
+        return value.item()
+    raise msgspec.ValidationError(f"must hold states of whole numbers, not {value!r}")

@@ -1,0 +1,127 @@
+"""The face's files: scenes of any format in, scenes, plans, certificates and proofs in and out."""
+
+from pathlib import Path
+
+import numpy as np
+
+from cocap_opt.experiments.api.arguments import (
+    Bound,
+    plan_for,
+    require,
+    require_flown,
+)
+from cocap_opt.files.documents import (
+    PlanFile,
+    SceneFile,
+    decode_document,
+    problem_digest,
+    read_bytes,
+)
+from cocap_opt.formulations.certificates.format import CertificateFile, ProofFile
+from cocap_opt.problem import Plan, Problem
+from cocap_opt.referee import check as judge_plan
+from cocap_opt.result import Result
+from cocap_opt.scenarios import load_scene
+
+
+def load(scene: str | Path, seed: int = 0, **options: str) -> Problem:
+    """Load a built-in scene by its name, or a scene file in any format that is known.
+
+    Parameters
+    ----------
+    scene : a name, such as "bottleneck" (`SCENES` has them all), or a file
+    seed : chooses the drones' starts; files of some formats have none
+    options : conventions of the file's format, such as ``triangles="no"``; a hyphen in the name of
+        an option is an underscore here, as in ``start_set="yaml"``
+
+    Returns
+    -------
+    Problem
+
+    Raises
+    ------
+    FileError
+        If there is no such scene or option, or the file cannot be used; one line says why.
+
+    Examples
+    --------
+    >>> problem = co.load("bottleneck", seed=3)
+    """
+    words = {name.replace("_", "-"): word for name, word in options.items()}
+    require(scene, "scene", "a name or a file", str, Path)
+    require(seed, "seed", "a whole number", int, np.integer)
+    return load_scene(str(scene), int(seed), words)
+
+
+def save(
+    path: str | Path, content: Problem | Plan | Result | Bound, problem: Problem | None = None
+) -> None:
+    """Write a problem, a plan, a certificate or a proof to a file, whole or not at all.
+
+    Parameters
+    ----------
+    path : the file; what is there is replaced
+    content : what to write; of a result, its plan
+    problem : the problem that a plan is for; a result knows it
+
+    Raises
+    ------
+    FileError
+        If the file cannot be written.
+    ValueError
+        If a plan comes without its problem, is for another or cannot be flown in it, or a result
+        has no plan.
+    """
+    words = "a problem, a plan, a result, a certificate or a proof"
+    require(content, "content", words, Problem, Plan, Result, CertificateFile, ProofFile)
+    if isinstance(content, Result):
+        problem = content.problem if problem is None else problem
+    document = (
+        SceneFile(problem=content) if isinstance(content, Problem)
+        else content if isinstance(content, CertificateFile | ProofFile)
+        else _plan_file(content, problem)
+    )  # fmt: skip
+    document.save(Path(path))
+
+
+def read(path: str | Path) -> Problem | Plan | Bound:
+    """Read a file that this project has written: a scene, a plan, a certificate or a proof.
+
+    Parameters
+    ----------
+    path : the file; `load` reads scenes of other kinds
+
+    Returns
+    -------
+    Problem, Plan, CertificateFile or ProofFile
+        Whatever the file holds. A plan knows which problem it was made for (`Plan.made_for`), and
+        is refused as one for any other.
+
+    Raises
+    ------
+    FileError
+        If it is none of these, or is damaged; one line says what is wrong.
+    """
+    name = Path(path)
+    found = decode_document(
+        read_bytes(name), str(name), SceneFile, PlanFile, CertificateFile, ProofFile
+    )
+    if isinstance(found, SceneFile):
+        return found.problem
+    if isinstance(found, PlanFile):
+        return found.plan.of_problem(found.digest)
+    assert isinstance(found, CertificateFile | ProofFile)
+    return found
+
+
+def _plan_file(content: Plan | Result, problem: Problem | None) -> PlanFile:
+    if problem is None:
+        raise ValueError("problem: a plan is written with the problem that it is for")
+    own = plan_for(problem, content, "written", "content")
+    verdict = judge_plan(problem, own)
+    require_flown("plan", verdict)
+    planner = content.method if isinstance(content, Result) else ""
+    return PlanFile(
+        scene=problem.name, digest=problem_digest(problem), planner=planner,
+        reward=verdict.reward, plan=own,
+    )  # fmt: skip

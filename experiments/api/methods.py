@@ -1,0 +1,187 @@
+"""The face's planners, bounds and exact methods: by name or callable, with a limit."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TypeVar
+
+import numpy as np
+
+from cocap_opt.experiments.api.arguments import plan_of, require, require_problem
+from cocap_opt.formulations import BOUNDS, EXACT
+from cocap_opt.formulations.result import (
+    OPTIMALITY,
+    BoundMethod,
+    CertifiedResult,
+    ExactMethod,
+    Report,
+    silent,
+)
+from cocap_opt.planners import PLANNERS, RECOMMENDED, Planner
+from cocap_opt.problem import Plan, Problem
+from cocap_opt.result import Result
+from cocap_opt.stop import Clock, FirstOf, Stop, TimeLimit, never
+
+M = TypeVar("M")
+R = TypeVar("R", bound=Result)
+
+
+def plan(
+    problem: Problem,
+    planner: str | Planner = RECOMMENDED,
+    *,
+    time_limit: float | None = None,
+    stop: Stop = never,
+) -> Result:
+    """Plan all drones of a problem.
+
+    Parameters
+    ----------
+    problem : the drones, the people, and where they are
+    planner : a name in `PLANNERS`, or any callable that takes a problem and a stop
+    time_limit : seconds, the coverage included
+    stop : a further stopping criterion, such as ``co.WorkLimit(100)``
+
+    Returns
+    -------
+    Result
+        With the plan, its J in `value` as the planner claims it (`verify` computes it anew), and
+        why the planner stopped. Its `seconds` include the coverage, unless that has been computed
+        before in this process; those of `cocap-opt plan` and of `gap` do not.
+
+    Raises
+    ------
+    UnsupportedError
+        If the planner takes no such problems.
+    ValueError
+        If there is no planner of this name, or the time limit is negative.
+
+    Examples
+    --------
+    >>> result = co.plan(problem, time_limit=10)
+    >>> result.plot()
+    """
+    call, clock = _named("planner", planner, PLANNERS), Clock()
+    require_problem(problem)
+    return _whole(call(problem, _limits(time_limit, stop)), problem, planner, clock)
+
+
+def bound(
+    problem: Problem,
+    method: str | BoundMethod = "column-generation",
+    *,
+    time_limit: float | None = None,
+    stop: Stop = never,
+    start: Plan | Result | None = None,
+    report: Report = silent,
+) -> CertifiedResult:
+    """Compute an upper bound on J, which no plan exceeds, with the certificate that proves it.
+
+    Parameters
+    ----------
+    problem : the drones, the people, and where they are
+    method : a name in `BOUNDS`, or any callable that takes what those take
+    time_limit : seconds, the coverage included
+    stop : a further stopping criterion
+    start : a plan that the method may begin with
+    report : called with a `Snapshot` of value and bound now and then
+
+    Returns
+    -------
+    CertifiedResult
+        With the bound and its `certificate`; `verify` checks it without any solver.
+
+    Raises
+    ------
+    UnsupportedError
+        If the method takes no such problems.
+    ValueError
+        If there is no method of this name, or the time limit is negative.
+
+    Examples
+    --------
+    >>> co.bound(problem, time_limit=10).bound
+    """
+    call, clock = _named("method", method, BOUNDS), Clock()
+    require_problem(problem)
+    result = call(problem, _limits(time_limit, stop), plan_of(start), report)
+    return _whole(result, problem, method, clock)
+
+
+def solve(
+    problem: Problem,
+    method: str | ExactMethod = "branch-and-price",
+    *,
+    time_limit: float | None = None,
+    stop: Stop = never,
+    gap: float = 0.0,
+    start: Plan | Result | None = None,
+    report: Report = silent,
+) -> CertifiedResult:
+    """Find the best plan, and prove that no other is better.
+
+    Parameters
+    ----------
+    problem : the drones, the people, and where they are
+    method : a name in `EXACT`, or any callable that takes what those take
+    time_limit : seconds, the coverage included; when they are over, the best plan and bound so far
+        are returned
+    stop : a further stopping criterion
+    gap : (bound - J) / bound at which to stop; 0 means 1e-6, which is called optimal
+    start : a plan to begin with
+    report : called with a `Snapshot` of value and bound now and then
+
+    Returns
+    -------
+    CertifiedResult
+        With plan, value, bound, gap and `certificate`, which is None for brute force.
+
+    Raises
+    ------
+    UnsupportedError
+        If the method takes no such problems, or a solver that it needs is not installed.
+    ValueError
+        If there is no method of this name, the time limit is negative, or `gap` is not in [0, 1).
+
+    Examples
+    --------
+    >>> co.solve(co.load("corridor"), time_limit=60).summary()
+    """
+    require_problem(problem)
+    require(gap, "gap", "a number", int, float, np.number)
+    if not 0 <= gap < 1:
+        raise ValueError(f"gap: must be at least 0 and less than 1, not {gap}")
+    call, clock = _named("method", method, EXACT), Clock()
+    stop = _limits(time_limit, stop)
+    result = call(problem, stop, plan_of(start), report, gap=max(gap, OPTIMALITY))
+    return _whole(result, problem, method, clock)
+
+
+def _named(kind: str, given: str | M, known: Mapping[str, M]) -> M:
+    """The method itself, or the one of this name."""
+    if callable(given) and not isinstance(given, str):
+        return given
+    if not isinstance(given, str) or given not in known:
+        raise ValueError(f"{kind}: must be one of {', '.join(known)}, not {given!r}")
+    return known[given]
+
+
+def _whole(result: R, problem: Problem, method: object, clock: Clock) -> R:
+    """The result with its problem, seconds and method, where it does not know them itself."""
+    name = method if isinstance(method, str) else getattr(method, "__name__", "")
+    require(result, name or "method", "a callable that returns a Result", Result)
+    return replace(
+        result,
+        problem=problem if result.problem is None else result.problem,
+        seconds=result.seconds or clock.seconds,
+        method=result.method or name,
+    )
+
+
+def _limits(seconds: float | None, stop: Stop) -> Stop:
+    require(stop, "stop", "a stopping criterion, such as WorkLimit(100)", Stop)
+    if seconds is None:
+        return stop
+    require(seconds, "time_limit", "a number of seconds >= 0", int, float, np.number)
+    if not seconds >= 0:
+        raise ValueError(f"time_limit: must be a number of seconds >= 0, not {seconds}")
+    return FirstOf(stop, TimeLimit(seconds))

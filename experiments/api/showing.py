@@ -1,0 +1,63 @@
+"""The face's player: plans side by side, in a notebook or on a page."""
+
+from typing import TYPE_CHECKING
+
+from cocap_opt.experiments.api.arguments import (
+    Bound,
+    plan_of,
+    require_flown,
+    require_made_for,
+    require_problem,
+    required_bound,
+)
+from cocap_opt.formulations.result import CertifiedResult
+from cocap_opt.problem import Plan, Problem
+from cocap_opt.referee import check as judge_plan
+from cocap_opt.result import Result
+
+if TYPE_CHECKING:
+    from cocap_opt.experiments.report.player import Player
+
+
+def show(
+    problem: Problem, *plans: Plan | Result, certificate: Bound | CertifiedResult | None = None
+) -> "Player":
+    """Play plans side by side, inline in a notebook; `.save("plans.html")` writes the page.
+
+    Parameters
+    ----------
+    problem : that the plans are for
+    plans : plans, or results that have one, whose J is in their titles; without any the drones are
+        shown at their starts
+    certificate : a certificate, a proof or a result that has one, by which the player tells the
+        bound, what is proved of each plan, and what is lost by leaving each step
+
+    Returns
+    -------
+    Player
+
+    Raises
+    ------
+    CertificateError
+        If the certificate belongs to another problem, is not valid, or claims too low a bound.
+    ValueError
+        If a plan cannot be flown in this problem, or its file says that it is for another; one
+        that breaks collision rules is shown.
+    """
+    from cocap_opt.experiments.report.explaining import gaps_of
+    from cocap_opt.experiments.report.player import Player
+
+    require_problem(problem)
+    known = [(given, own) for given in plans if (own := plan_of(given)) is not None]
+    for n, (given, own) in enumerate(known, 1):
+        require_made_for(f"plan {n}", given, problem)
+        require_flown(f"plan {n}", judge_plan(problem, own))
+    gaps = []
+    if certificate is not None and known:
+        gaps = gaps_of(problem, [own for _, own in known], required_bound(certificate))
+    titled = [(_title(n, given), own) for n, (given, own) in enumerate(known, 1)]
+    return Player(problem, titled, gaps)
+
+
+def _title(number: int, given: Plan | Result) -> str:
+    return f"{number}: J = {given.value:,.0f}" if isinstance(given, Result) else f"plan {number}"
