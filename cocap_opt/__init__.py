@@ -7,7 +7,8 @@
     >>> co.verify(problem, result.plan, best.certificate).gap
     >>> co.show(problem, result, best)
 
-Every name below is imported when it is first used: no solver is loaded before it is needed.
+Every name below is imported when it is first used: no solver is loaded before it is needed. An
+argument of another kind than a function takes is a TypeError that names it.
 """
 
 from importlib import import_module

@@ -27,17 +27,24 @@ _Position = tuple[float, float, float]  # cells and altitude (m), or all in m
 class Verdict:
     """The findings of the referee.
 
-    `violations` are broken motions (no robot can fly such a plan), `conflicts` broken collision
-    rules; both in words, one line each.
+    Attributes
+    ----------
+    violations : motions that no robot can fly, in words, one line each
+    conflicts : collision rules that are broken, in words, one line each
+    reward : J
+    reward_at_start : view reward at t = 0; 0 if it does not count
+    reward_per_step : [T] view reward at t = 1..T, without rewards per move
+    reward_moves : rewards per move, such as for staying
+    face_reward : [F] view reward of each face over all steps
     """
 
     violations: tuple[str, ...]
     conflicts: tuple[str, ...]
-    reward: float  # J
-    reward_at_start: float  # view reward at t = 0; 0 if it does not count
-    reward_per_step: tuple[float, ...]  # [T] view reward at t = 1..T, without rewards per move
-    reward_moves: float  # rewards per move, such as for staying
-    face_reward: tuple[float, ...]  # [F] view reward of each face over all steps
+    reward: float
+    reward_at_start: float
+    reward_per_step: tuple[float, ...]
+    reward_moves: float
+    face_reward: tuple[float, ...]
 
     @property
     def valid(self) -> bool:

@@ -32,19 +32,34 @@ class Reason(StrEnum):
 
 @dataclass(frozen=True, repr=False)
 class Result:
-    """Outcome of a planner: a value and a bound always exist, be they infinite."""
+    """The outcome of a planner: a value and a bound always exist, be they infinite.
+
+    Attributes
+    ----------
+    plan : None if no plan was found
+    value : J of the plan; -inf without one
+    reason : why the method stopped
+    limit : the limit that stopped it; None if none did
+    bound : upper bound on J that is proved; inf without one
+    seconds : s, wall-clock time of the method; coverage is apart
+    coverage_seconds : s, spent on the coverage of all states, where it was not there
+    message : why there is no plan, in words
+    statistics : counts and times of the method's own, by name
+    problem : that it is a result of; None: it does not know
+    method : name of what made it; empty where that is not known
+    """
 
     plan: Plan | None
-    value: float  # J of the plan; -inf without one
+    value: float
     reason: Reason
-    limit: Limit | None = None  # that stopped it
-    bound: float = math.inf  # proved upper bound on J
-    seconds: float = 0.0  # wall-clock time of the method; coverage is apart
-    coverage_seconds: float = 0.0  # spent on the coverage of all states, where it was not there
-    message: str = ""  # why there is no plan, in words
+    limit: Limit | None = None
+    bound: float = math.inf
+    seconds: float = 0.0
+    coverage_seconds: float = 0.0
+    message: str = ""
     statistics: Mapping[str, float] = field(default_factory=dict)
-    problem: Problem | None = field(default=None, compare=False)  # the problem it is a result of
-    method: str = field(default="", compare=False)  # name of what made it, where that is known
+    problem: Problem | None = field(default=None, compare=False)
+    method: str = field(default="", compare=False)
 
     @classmethod
     def without_plan(
@@ -63,7 +78,7 @@ class Result:
 
     @property
     def gap(self) -> float:
-        """(bound - value) / bound."""
+        """The relative gap, (bound - value) / bound; infinite where one of them is."""
         return relative_gap(self.value, self.bound)
 
     def summary(self) -> str:

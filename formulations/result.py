@@ -31,6 +31,10 @@ class CertifiedResult(Result):
 
     `bound` is the one that the certificate proves, never a solver's own word for it; that is in
     `statistics`. A method without a plan has the value -inf.
+
+    Attributes
+    ----------
+    certificate : the file that proves the bound; None where there is none, as of brute force
     """
 
     certificate: CertificateFile | ProofFile | None = None
@@ -105,17 +109,26 @@ class StartPlan(NamedTuple):
 
 
 class Snapshot(NamedTuple):
-    """The progress of a method."""
+    """The progress of a method.
 
-    value: float  # J of the best plan so far; -inf without one
-    bound: float  # best certified bound so far; inf without one
-    seconds: float  # since the method began
+    Attributes
+    ----------
+    value : J of the best plan so far; -inf without one
+    bound : the best certified bound so far; inf without one
+    seconds : s, since the method began
+    columns : paths in the restricted master
+    nodes : of the search tree, that are done
+    """
+
+    value: float
+    bound: float
+    seconds: float
     columns: int = 0
     nodes: int = 0
 
     @property
     def gap(self) -> float:
-        """(bound - value) / bound."""
+        """The relative gap, (bound - value) / bound; infinite where one of them is."""
         return relative_gap(self.value, self.bound)
 
 

@@ -5,6 +5,7 @@ import dataclasses
 import doctest
 import inspect
 import platform
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -50,12 +51,29 @@ def test_help_is_useful(name: str) -> None:
     assert "Parameters\n----" in words
     assert all(f"\n{p} :" in words for p in parameters), name
     assert "Raises\n----" in words
+    assert "Examples\n----" in words
     assert set(function.__annotations__) >= set(parameters)
 
 
+@pytest.mark.parametrize("name", co.__all__)
+def test_fields_are_described(name: str) -> None:
+    """Help on data of the face says of every field what it is, in which unit or shape."""
+    kind = getattr(co, name)
+    if not inspect.isclass(kind):
+        return
+    fields = [*getattr(kind, "_fields", ()), *getattr(kind, "__struct_fields__", ())]
+    if dataclasses.is_dataclass(kind):
+        fields += [field.name for field in dataclasses.fields(kind)]
+    words = "\n".join(inspect.getdoc(one) or "" for one in kind.__mro__)
+    lines = re.findall(r"^([\w, ]+) : \S", words, re.MULTILINE)
+    told = {field for line in lines for field in line.split(", ")}
+    assert {field for field in fields if not field.startswith("_")} <= told
+
+
 @pytest.mark.slow
-def test_examples_of_help_run() -> None:
+def test_examples_of_help_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What docstrings show can be typed as it stands, with a problem and results at hand."""
+    monkeypatch.chdir(tmp_path)
     problem = co.load("tiny-queue")
     best = co.solve(problem)
     greedy, cocap = (co.plan(problem, name) for name in ("greedy", "cocap"))

@@ -13,8 +13,12 @@ Move = tuple[int, int, int]  # (layers, cells along x, cells along y)
 class State(NamedTuple):
     """The motion state of one robot: grid cell, layer, heading and gimbal pitch, all indices.
 
-    Heading 0 looks along +x and headings go counter-clockwise; `layer` indexes
-    `Motion.layers` and `pitch` indexes `Camera.tilts`.
+    Attributes
+    ----------
+    x, y : the cell of the height map
+    layer : index into `Motion.layers`, the flight heights
+    heading : 0 looks along +x; headings go counter-clockwise, `Motion.headings` to a full turn
+    pitch : index into `Camera.tilts`
     """
 
     x: int

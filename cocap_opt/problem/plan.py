@@ -13,7 +13,14 @@ from cocap_opt.problem.problem import Problem
 
 
 class VertexConflict(NamedTuple):
-    """Two robots are in one cell, or nearer than the separation, at step t."""
+    """Two robots are in one cell, or nearer than the separation, at step t.
+
+    Attributes
+    ----------
+    t : step
+    robots : their numbers, the lower first
+    cells : where they are, in the order of `robots`
+    """
 
     t: int
     robots: tuple[int, int]
@@ -21,7 +28,14 @@ class VertexConflict(NamedTuple):
 
 
 class PassConflict(NamedTuple):
-    """Two robots pass nearer than the separation between t and t+1, and keep it at both."""
+    """Two robots pass nearer than the separation between t and t+1, and keep it at both.
+
+    Attributes
+    ----------
+    t : step before
+    robots : their numbers, the lower first
+    moves : the cells that each leaves and enters, in the order of `robots`
+    """
 
     t: int
     robots: tuple[int, int]
@@ -29,7 +43,14 @@ class PassConflict(NamedTuple):
 
 
 class SwapConflict(NamedTuple):
-    """Two robots exchange cells between t and t+1; `cells` are the ones that they leave."""
+    """Two robots exchange cells between t and t+1.
+
+    Attributes
+    ----------
+    t : step before
+    robots : their numbers, the lower first
+    cells : the ones that they leave, in the order of `robots`
+    """
 
     t: int
     robots: tuple[int, int]
@@ -45,7 +66,12 @@ Conflict = VertexConflict | SwapConflict | PassConflict
 
 
 class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, dict=True):
-    """One path per robot: `paths[i][t]` is robot i's state at step t = 0..T."""
+    """The paths of all robots.
+
+    Attributes
+    ----------
+    paths : [R] of each robot [T+1] its states: `paths[i][t]` is robot i's at step t = 0..T
+    """
 
     paths: tuple[tuple[State, ...], ...]
 

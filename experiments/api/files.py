@@ -30,13 +30,14 @@ def load(scene: str | Path, seed: int = 0, **options: str) -> Problem:
     Parameters
     ----------
     scene : a name, such as "bottleneck" (`SCENES` has them all), or a file
-    seed : chooses the drones' starts; files of some formats have none
+    seed : >= 0, chooses the drones' starts; files of some formats have none
     options : conventions of the file's format, such as ``triangles="no"``; a hyphen in the name of
         an option is an underscore here, as in ``start_set="yaml"``
 
     Returns
     -------
     Problem
+        Checked, and never changing; its coverage is computed when something asks for it.
 
     Raises
     ------
@@ -71,6 +72,11 @@ def save(
     ValueError
         If a plan comes without its problem, is for another or cannot be flown in it, or a result
         has no plan.
+
+    Examples
+    --------
+    >>> co.save("plan.json", result)
+    >>> co.save("certificate.json", best.certificate)
     """
     words = "a problem, a plan, a result, a certificate or a proof"
     require(content, "content", words, Problem, Plan, Result, CertificateFile, ProofFile)
@@ -101,6 +107,10 @@ def read(path: str | Path) -> Problem | Plan | Bound:
     ------
     FileError
         If it is none of these, or is damaged; one line says what is wrong.
+
+    Examples
+    --------
+    >>> plan = co.read("plan.json")
     """
     name = Path(path)
     found = decode_document(

@@ -43,6 +43,10 @@ def check(problem: Problem, plan: Plan | Result) -> Verdict:
     ------
     ValueError
         If the result has no plan, or the plan's file says that it is for another problem.
+
+    Examples
+    --------
+    >>> co.check(problem, result).conflicts
     """
     return judge_plan(problem, plan_for(problem, plan, "checked"))
 
@@ -60,6 +64,7 @@ def verify(problem: Problem, *claims: Plan | Result | Bound, networkx: bool = Fa
     Returns
     -------
     Verified
+        With J in `reward`, the lowest proved `bound`, the `gap` between them, and `is_optimal`.
 
     Raises
     ------

@@ -35,6 +35,7 @@ def show(
     Returns
     -------
     Player
+        A notebook plays it; `save` writes a page of one file, which needs no network.
 
     Raises
     ------
@@ -43,6 +44,10 @@ def show(
     ValueError
         If a plan cannot be flown in this problem, or its file says that it is for another; one
         that breaks collision rules is shown.
+
+    Examples
+    --------
+    >>> co.show(problem, greedy, best, certificate=best).save("plans.html")
     """
     from cocap_opt.experiments.report.explaining import gaps_of
     from cocap_opt.experiments.report.player import Player
