@@ -35,12 +35,21 @@ ORDER = {
         "manual",
     ),
 }  # fmt: skip
+TOLD_ELSEWHERE = {
+    "cocap_opt.scenarios.formats",  # FORMATS names its modules without the room
+    "cocap_opt.formulations.column_generation",  # its front lists the parts of the method
+}
 SOLVERS = {"cvxpy", "clarabel", "highspy", "ortools", "pyscipopt"}
 
 
 def within(names: frozenset[str], package: str) -> set[str]:
     """Those of the names that are the package or in it."""
     return {name for name in names if name == package or name.startswith(f"{package}.")}
+
+
+def is_front(path: Path) -> bool:
+    """True if a file is the front of a room that says what others may use."""
+    return path.name == "__init__.py" and "__all__ = [" in path.read_text("utf-8")
 
 
 def of_package(package: str) -> list[str]:
@@ -135,6 +144,29 @@ def test_a_front_names_all_of_its_modules(room: str) -> None:
     assert modules <= words
     exported = set(import_module(f"{CORE}.{room}").__all__)
     assert exported == modules or not exported & modules
+
+
+def used_beyond(room: str) -> set[str]:
+    """The modules and folders of a room that are named outside of it: imported, or in a string."""
+    texts = {name: path.read_text("utf-8") for name, path in sources().items()}
+    texts["pages"] = (ROOT.parent / "docs" / "conf.py").read_text("utf-8")
+    texts["program"] = (ROOT.parent / "pyproject.toml").read_text("utf-8").split("[tool.")[0]
+    inside = {name for name in sources() if name == room or name.startswith(f"{room}.")}
+    used = {name for module in set(sources()) - inside for name in imports(module)}
+    outside = (text for name, text in texts.items() if name not in inside)
+    used |= {name for text in outside for name in re.findall(rf"{CORE}(?:\.\w+)+", text)}
+    found = (name.removeprefix(f"{room}.").split(".")[0] for name in used)
+    return {name for name in found if f"{room}.{name}" in inside}
+
+
+@pytest.mark.parametrize("room", [name for name, path in sources().items() if is_front(path)])
+def test_fronts_list_what_others_use(room: str) -> None:
+    """Where `__all__` has modules, it has all that are used outside of the room, and no others."""
+    listed = sources()[room].read_text("utf-8").split("__all__ = [")[1].split("]")[0]
+    exported = set(re.findall(r'"(\w+)"', listed))
+    inner = {name for name in exported if f"{room}.{name}" in sources()}
+    if inner and room not in TOLD_ELSEWHERE:
+        assert exported == used_beyond(room)
 
 
 def test_the_referee_is_independent() -> None:

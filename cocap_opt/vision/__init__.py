@@ -9,18 +9,13 @@ cast rays load Embree.
 __all__ = [
     "bodies",
     "cache",
-    "candidates",
     "coverage",
     "faces",
     "projection",
     "render",
-    "screens",
     "shadows",
     "sights",
-    "skyline",
     "spans",
-    "surfaces",
     "unhidden",
     "views",
-    "visibility",
 ]

@@ -1,13 +1,3 @@
 """Pictures of scenes, plans and results: figures, the player, and the page of a sweep."""
 
-__all__ = [
-    "benchmark",
-    "charts",
-    "figures",
-    "limitations",
-    "pages",
-    "player",
-    "player_scene",
-    "rendering",
-    "report",
-]
+__all__ = ["benchmark", "charts", "explaining", "figures", "player", "rendering", "report", "style"]

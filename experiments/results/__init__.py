@@ -1,7 +1,6 @@
 """Results: rows, judging, tables, statistics, files, and what is printed of them."""
 
 __all__ = [
-    "columns",
     "conflicts",
     "explained",
     "explained_tables",
@@ -15,6 +14,7 @@ __all__ = [
     "layout",
     "printing",
     "rendered",
+    "robustness",
     "rows",
     "statistics",
     "stored",

@@ -4,8 +4,4 @@ The paper's experiments, plans of others beside ours, growth, exact methods besi
 the cost and the accuracy of coverage, the speed of planners, and plans flown in a simulator.
 """
 
-__all__ = [
-    "app", "coverage", "drawings", "flight", "frames", "gamma", "growth", "notebooks", "others",
-    "paper",
-    "pictures", "runs", "separation", "solvers", "speed", "steps", "views",
-]  # fmt: skip
+__all__ = ["app", "drawings", "quotes"]

@@ -4,17 +4,4 @@ A run is a set of cells. Each finished cell is one file, so a run that was kille
 it was, and what it makes of its cells does not depend on who computed them.
 """
 
-__all__ = [
-    "cells",
-    "cluster",
-    "crew",
-    "folder",
-    "instances",
-    "output",
-    "results",
-    "run_file",
-    "scenes",
-    "start",
-    "sweep",
-    "work",
-]
+__all__ = ["cells", "crew", "instances", "results", "run_file", "scenes", "sweep", "work"]

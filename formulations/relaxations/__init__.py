@@ -11,5 +11,6 @@ __all__ = [
     "cone_solver",
     "duals",
     "flow",
+    "move_cliques",
     "separation",
 ]

@@ -1,6 +1,12 @@
 """The experiments of the CoCap paper, made again over many seeds and answered with bounds."""
 
 __all__ = [
-    "ablation", "answers", "conditions", "figures", "giving_way", "measured", "page",
-    "planner_table", "reproduction",
-]  # fmt: skip
+    "conditions",
+    "curves",
+    "figures",
+    "giving_way",
+    "measured",
+    "page",
+    "planner_table",
+    "reproduction",
+]
