@@ -39,6 +39,7 @@ from cocap_opt.drawing import TopView
 from cocap_opt.problem.actor import Actor
 from cocap_opt.problem.airspace import Airspace
 from cocap_opt.problem.earth import Earth
+from cocap_opt.problem.limits import Limits
 from cocap_opt.problem.motion import Cell, Motion, State
 from cocap_opt.problem.objective import Objective
 from cocap_opt.problem.robot import Robot
@@ -142,8 +143,14 @@ class Problem(Data, frozen=True, eq=False, dict=True):
         )
 
     def _check_robot(self, i: int, robot: Robot) -> None:
+        self._check_start(f"robots[{i}].start", robot)
+        if robot.goal is not None:
+            self._check_goal(f"robots[{i}].goal", robot.motion, *robot.goal)
+        if robot.limits is not None and self.step is not None:
+            self._check_limits(f"robots[{i}]", robot, robot.limits, self.step)
+
+    def _check_start(self, field: str, robot: Robot) -> None:
         start, motion = robot.start, robot.motion
-        field = f"robots[{i}].start"
         sizes = (*self.height_map.shape, *robot.orientation_sizes)
         for name, value, size in zip(State._fields, start, sizes, strict=True):
             whole(value, f"{field}.{name}")
@@ -163,33 +170,33 @@ class Problem(Data, frozen=True, eq=False, dict=True):
         for j, actor in enumerate(self.actors):
             near = self.airspace.near_person(actor, 0, self.where(robot, [start])[0])
             require(not near, field, f"is too near to actors[{j}], {self.airspace}")
-        if robot.goal is not None:
-            field, (x, y) = f"robots[{i}].goal", robot.goal
-            whole(x, field)
-            whole(y, field)
-            width, depth = self.height_map.shape
-            require(
-                0 <= x < width and 0 <= y < depth,
-                field,
-                f"must lie inside the map of {width} x {depth} cells, not ({x}, {y})",
-            )
-            require(
-                any(
-                    not self.blocked(x, y, motion, k) and not self._forbidden(x, y, motion, k)
-                    for k in range(len(motion.layers))
-                ),
-                field,
-                f"cell ({x}, {y}) is blocked at every flight height",
-            )
 
-        if robot.limits is not None and self.step is not None:
-            edge = self.height_map.resolution
-            words = robot.limits.broken_by(motion, robot.camera.tilts, edge, self.step)
-            if words:
-                raise ProblemError(f"robots[{i}].{words}")
-            words = robot.limits.outlasted_by(self.horizon * self.step)
-            if words:
-                raise ProblemError(f"robots[{i}].limits.endurance: {words}; fewer steps would do")
+    def _check_goal(self, field: str, motion: Motion, x: int, y: int) -> None:
+        whole(x, field)
+        whole(y, field)
+        width, depth = self.height_map.shape
+        require(
+            0 <= x < width and 0 <= y < depth,
+            field,
+            f"must lie inside the map of {width} x {depth} cells, not ({x}, {y})",
+        )
+        require(
+            any(
+                not self.blocked(x, y, motion, k) and not self._forbidden(x, y, motion, k)
+                for k in range(len(motion.layers))
+            ),
+            field,
+            f"cell ({x}, {y}) is blocked at every flight height",
+        )
+
+    def _check_limits(self, field: str, robot: Robot, limits: Limits, step: float) -> None:
+        edge = self.height_map.resolution
+        words = limits.broken_by(robot.motion, robot.camera.tilts, edge, step)
+        if words:
+            raise ProblemError(f"{field}.{words}")
+        words = limits.outlasted_by(self.horizon * step)
+        if words:
+            raise ProblemError(f"{field}.limits.endurance: {words}; fewer steps would do")
 
     def _check_starts_apart(self) -> None:
         for i, first in enumerate(self.robots):

@@ -15,9 +15,11 @@ if TYPE_CHECKING:
 
     from cocap_opt.experiments.report.benchmark import Benchmark
 
+_Scene = str | Path | Problem  # a name, a file, or the problem itself
+
 
 def gap(
-    scenes: str | Path | Problem | Sequence[str | Path | Problem],
+    scenes: _Scene | Sequence[_Scene],
     planners: Sequence[str] | None = None,
     seeds: Iterable[int] = (0,),
     *,
@@ -82,20 +84,12 @@ def gap(
     hired = Hired(Option("workers").require_cores(workers), None, settings.cell_limit)
     if hired.workers is not None:
         _require_guard()
-    if not isinstance(seeds, Iterable):
-        raise ValueError(f"seeds: must be several, such as range(3), not {seeds!r}")
-    whole = tuple(Option("seeds").require_whole(seed) for seed in seeds)
-    given = [scenes] if isinstance(scenes, str | Path | Problem) else scenes
-    if not isinstance(given, Iterable):
-        raise ValueError(f"scenes: must be names, files or problems, not {scenes!r}")
-    given = list(given)
+    whole, given = _whole_seeds(seeds), _several_scenes(scenes)
     words = [str(scene) for scene in given if not isinstance(scene, Problem)]
     named = Scenes(words, whole, tell=_nobody)
     problems = [(problem, seed) for (_, seed), problem in named.problems.items()]
     problems += [(scene, 0) for scene in given if isinstance(scene, Problem)]
-    names = [(problem.name, seed) for problem, seed in problems]
-    if len(set(names)) < len(names):
-        raise ValueError("scenes: two are called the same; give them other names")
+    _require_told_apart([(problem.name, seed) for problem, seed in problems])
     instances = [Instance(problem, seed, planners, settings) for problem, seed in problems]
     folder = None if out is None else Path(out)
     rows = sweep(instances, folder, hired, is_same=named.is_same, quiet=True)
@@ -138,6 +132,29 @@ def _require_sweep(planners: Sequence[str]) -> None:
         raise ValueError("planners: must be names; measure a function by co.plan and co.bound")
     for name in planners:
         Option("planners").require_one_of(name, {**PLANNERS, **EXACT})
+
+
+def _whole_seeds(seeds: Iterable[int]) -> tuple[int, ...]:
+    """Returns seeds as plain numbers; refuses what is no seed."""
+    from cocap_opt.experiments.console.options import Option
+
+    if not isinstance(seeds, Iterable):
+        raise ValueError(f"seeds: must be several, such as range(3), not {seeds!r}")
+    return tuple(Option("seeds").require_whole(seed) for seed in seeds)
+
+
+def _several_scenes(scenes: _Scene | Sequence[_Scene]) -> list[_Scene]:
+    """Returns one scene or several as a list."""
+    given = [scenes] if isinstance(scenes, str | Path | Problem) else scenes
+    if not isinstance(given, Iterable):
+        raise ValueError(f"scenes: must be names, files or problems, not {scenes!r}")
+    return list(given)
+
+
+def _require_told_apart(names: Sequence[tuple[str, int]]) -> None:
+    """Refuses two problems of one name and seed, whose rows nobody could tell apart."""
+    if len(set(names)) < len(names):
+        raise ValueError("scenes: two are called the same; give them other names")
 
 
 def _require_guard() -> None:

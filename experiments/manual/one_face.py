@@ -55,7 +55,7 @@ def _area(polygon: FloatArray) -> float:
 
 
 class Curves(NamedTuple):
-    """What bounds allow for a face that two drones look at, by the share of each that does."""
+    """The bounds on a face that two drones look at, by the share of each that does."""
 
     share: FloatArray  # [n] of each drone, 0..1
     concave: FloatArray

@@ -14,7 +14,7 @@ from cocap_opt.stop import never
 
 
 class Closed(NamedTuple):
-    """What a constraint closes to a robot: a cell at step t, or a move of two cells from t on."""
+    """A cell at step t, or a move of two cells from t on, that a constraint closes to a robot."""
 
     robot: int
     t: int
@@ -52,7 +52,7 @@ class RecordedNode:
 
     @property
     def closed(self) -> list[Closed]:
-        """What its constraints close to robots."""
+        """The cells and moves that its constraints close to robots."""
         return [
             Closed(robot, int(t), tuple(self._cell(robot, place) for place in places))
             for robot, charges in enumerate(self.node.constraints)

@@ -157,7 +157,7 @@ def bottleneck() -> Bottleneck:
 
 
 class Stage(NamedTuple):
-    """What is left of the bottleneck after a stage of its certificate."""
+    """The states of the bottleneck that are left after a stage of its certificate."""
 
     words: str
     bound: float

@@ -1,4 +1,4 @@
-"""How fast the player draws: pictures a second while it plays, and what each of them costs.
+"""The speed of the player: pictures a second while it plays, and what each of them costs.
 
 The cost is the processor time of the page's main thread, as a share of what there is for 30
 pictures a second, so that a busy machine hardly changes it. It needs Chromium, as `pictures` does.

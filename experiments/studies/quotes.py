@@ -1,4 +1,4 @@
-"""What pages may quote of the stored results: a name for each number, sentence and table.
+"""Quotes of the stored results for pages: a name for each number, sentence and table.
 
 Pages of `docs` write `{{ name }}`, which Sphinx replaces when it builds them. The README has marks,
 `<!-- quote: name -->` and `<!-- end of quote -->`, between which `cocap-opt study quote --into

@@ -14,6 +14,7 @@ from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.formulations.certificates import Cells, Moves, Resource, Swap
 from cocap_opt.formulations.relaxations.flow import Flow
 from cocap_opt.formulations.relaxations.move_cliques import CliquesOfMoves
+from cocap_opt.model import Model
 from cocap_opt.problem import Cell, Problem
 from cocap_opt.result import UnsupportedError
 
@@ -313,9 +314,14 @@ def _passing(flow: Flow) -> _MoveRows:
     if len(distinct) > MOST_PASSING:
         raise UnsupportedError(TOO_LARGE.format(MOST_ENTRIES))
     moves = [(flow.cell(tail), flow.cell(head)) for tail, head in distinct.tolist()]
-    cliques, problem = CliquesOfMoves(flow.model), flow.model.problem
+    used = _incidence(which, np.arange(flow.n_edges), (len(moves), flow.n_edges))
+    return _passing_at_steps(flow, moves, used, _passing_cliques(flow.model, moves))
+
+
+def _passing_cliques(model: Model, moves: list[tuple[Cell, Cell]]) -> list[IntArray]:
+    """Returns cliques of moves, by their numbers, which hold all pairs that conflict on the way."""
+    cliques, problem = CliquesOfMoves(model), model.problem
     ends = [problem.positions([move[k] for move in moves]) for k in (0, 1)]
-    # The same cliques serve all steps.
     left, found = np.triu(cliques.conflicts(moves)[1]), list[IntArray]()
     for one in range(len(moves)):
         for other in np.flatnonzero(left[one]).tolist():
@@ -325,10 +331,21 @@ def _passing(flow: Flow) -> _MoveRows:
                     clique = np.array([one, other])
                 found.append(clique)
                 left[np.ix_(clique, clique)] = False
-    used = _incidence(which, np.arange(flow.n_edges), (len(moves), flow.n_edges))
-    members = [np.full(len(clique), k) for k, clique in enumerate(found)]
-    rows, columns = (np.concatenate([_NONE, *part]) for part in (members, found))
-    own = _incidence(rows, columns, (len(found), len(moves)))
+    return found
+
+
+def _passing_at_steps(
+    flow: Flow, moves: list[tuple[Cell, Cell]], used: sparse.csr_array, cliques: list[IntArray]
+) -> _MoveRows:
+    """Returns the rows of cliques, which serve all steps, where two of their moves are possible.
+
+    Parameters
+    ----------
+    used : [moves, E] 1 where an edge is a move
+    """
+    members = [np.full(len(clique), k) for k, clique in enumerate(cliques)]
+    rows, columns = (np.concatenate([_NONE, *part]) for part in (members, cliques))
+    own = _incidence(rows, columns, (len(cliques), len(moves)))
     resources, blocks, entries = list[Swap | Moves](), [sparse.csr_array((0, flow.n_edges))], 0
     steps = flow.steps[flow.tails]
     for t in np.unique(steps).tolist():
@@ -344,7 +361,7 @@ def _passing(flow: Flow) -> _MoveRows:
         if entries > MOST_ENTRIES:
             raise UnsupportedError(TOO_LARGE.format(MOST_ENTRIES))
         for k in kept.tolist():
-            resources.append(Moves(t, tuple(moves[n] for n in found[k].tolist() if present[n])))
+            resources.append(Moves(t, tuple(moves[n] for n in cliques[k].tolist() if present[n])))
     return _MoveRows(tuple(resources), sparse.csr_array(sparse.vstack(blocks)))
 
 
