@@ -10,16 +10,14 @@ from cyclopts import Parameter
 
 from cocap_opt.data import FieldError, ProblemError
 from cocap_opt.experiments.cli.options import (
+    AS_PLANNED,
     FLAG,
+    HowFlown,
     Json,
-    Margin,
     Output,
     PlanPath,
     Scene,
     Seed,
-    Smooth,
-    StepSeconds,
-    flight_scene,
     load,
 )
 from cocap_opt.experiments.console.options import Option, UsageError
@@ -39,8 +37,7 @@ def _fly(
     *,
     output: Output = None,
     seed: Seed = 0,
-    step: StepSeconds = None,
-    smooth: Smooth = False,
+    flown: HowFlown = AS_PLANNED,
     every: Annotated[
         float | None,
         Parameter(help="seconds between rows; else a row a step, and ten a step with --smooth"),
@@ -49,7 +46,6 @@ def _fly(
         str | None,
         Parameter(help="when step 0 is, such as 2026-05-01T10:00:00Z, in files that hold dates"),
     ] = None,
-    margin: Margin = None,
     local: Annotated[bool, FLAG(name="--local", help="leave out latitudes and longitudes")] = False,
     json: Json = False,
 ) -> int:
@@ -82,13 +78,13 @@ def _fly(
         raise UsageError("--every: must be more than 0 seconds")
     check_output(output, scene, plan)
     problem, planned = PlanReader(scene, load(scene, seed)).plan(plan)
-    flown_in = flight_scene(problem, step, margin)
+    flown_in = flown.scene(problem)
     try:
-        flight = (flown_in.without_earth if local else flown_in).flight(planned, smooth)
+        flight = (flown_in.without_earth if local else flown_in).flight(planned, flown.smooth)
         flight = flight._replace(start=begins)
         mission = WRITERS[suffix](flight, every)
     except ProblemError as error:
-        raise _in_words(error, scene, plan, step is not None) from error
+        raise _in_words(error, scene, plan, flown.step is not None) from error
     record = flight.record()
     files = {_named(output, suffix, part): content for part, content in mission.files.items()}
     for path in files:

@@ -1,20 +1,19 @@
 """The command `gap`: planners' plans on scenes and seeds, and what bounds them."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
 from cyclopts import Parameter
 
 from cocap_opt.experiments.cli.options import (
-    DEFAULT_SECONDS,
     FLAG,
+    USUAL,
+    Budget,
     Json,
     Scene,
-    Seconds,
-    Work,
     Workers,
-    allowed,
     load,
     say_narrow_way,
 )
@@ -32,6 +31,43 @@ from cocap_opt.problem import Plan
 from cocap_opt.result import Reason
 
 
+@Parameter(name="*")
+@dataclass(frozen=True)
+class _Labour:
+    """The options that say who computes."""
+
+    workers: Workers = None
+    scheduler: Annotated[
+        str | None, Parameter(help="address of a dask scheduler, whose workers are used")
+    ] = None
+    cell_limit: Annotated[
+        float | None,
+        Parameter(help="seconds after which a worker gives up a planner or a bound"),
+    ] = None
+
+    @property
+    def is_elsewhere(self) -> bool:
+        """True if other processes compute."""
+        return self.workers is not None or self.scheduler is not None
+
+    def hired(self, settings: Settings) -> Hired:
+        """Returns the workers that the options name."""
+        if self.workers is not None and self.scheduler is not None:
+            raise UsageError("--workers: a scheduler has its own; leave one of the two options out")
+        Option("--workers").require_cores(self.workers)
+        limit = self.cell_limit
+        if limit is not None and not limit > 0:
+            raise UsageError(f"--cell-limit: must be a number of seconds > 0, not {limit}")
+        if limit is not None and not self.is_elsewhere:
+            raise UsageError(
+                "--cell-limit: is for --workers or --scheduler; this process has no limit"
+            )
+        return Hired(self.workers, self.scheduler, limit or settings.cell_limit)
+
+
+_HERE = _Labour()
+
+
 def _gap(
     *scene: Scene,
     planner: Annotated[
@@ -41,8 +77,7 @@ def _gap(
         ),
     ] = None,
     seeds: Annotated[str, Parameter(help="such as 0-9 or 0,3,7")] = "0",
-    time_limit: Seconds = DEFAULT_SECONDS,
-    work_limit: Work = None,
+    budget: Budget = USUAL,
     bound_limit: Annotated[
         float | None, Parameter(help="seconds for each bound; as --time-limit if not given")
     ] = None,
@@ -65,14 +100,7 @@ def _gap(
             help="may be repeated; a file whose plan gets a row, too",
         ),
     ] = None,
-    workers: Workers = None,
-    scheduler: Annotated[
-        str | None, Parameter(help="address of a dask scheduler, whose workers are used")
-    ] = None,
-    cell_limit: Annotated[
-        float | None,
-        Parameter(help="seconds after which a worker gives up a planner or a bound"),
-    ] = None,
+    labour: _Labour = _HERE,
     retry: Annotated[
         bool,
         FLAG(help="try again what has failed in the folder of --out"),
@@ -92,11 +120,11 @@ def _gap(
     """
     for name in planner or []:
         Option("--planner").require_one_of(name, SOLVERS)
-    kept = out is not None or workers is not None or scheduler is not None
-    settings = _settings(time_limit, work_limit, bound_limit, rendered, kept)
+    kept = out is not None or labour.is_elsewhere
+    settings = _settings(budget, bound_limit, rendered, kept)
     if retry and out is None:
         raise UsageError("--retry: name the folder with --out; without one nothing is kept")
-    hired = _hired(workers, scheduler, cell_limit, settings)
+    hired = labour.hired(settings)
     scenes = _scenes(scene, Option("--seeds").numbers(seeds), plan or [])
     others = _Others.read(plan or [], scenes.problems)
     instances = [
@@ -125,34 +153,14 @@ def _say_why_without_plan(rows: Sequence[Row], problems: Problems) -> None:
             say_narrow_way(scene, seed, problem)
 
 
-def _settings(
-    time_limit: float,
-    work_limit: int | None,
-    bound_limit: float | None,
-    rendered: bool,
-    kept: bool,
-) -> Settings:
-    bound_limit = time_limit if bound_limit is None else bound_limit
-    allowance = allowed(time_limit, work_limit)
+def _settings(budget: Budget, bound_limit: float | None, rendered: bool, kept: bool) -> Settings:
+    bound_limit = budget.time_limit if bound_limit is None else bound_limit
+    allowance = budget.allowance
     Option("--bound-limit").require_seconds(bound_limit)
     return Settings(
         time_limit=allowance.seconds, bound_time_limit=bound_limit, work_limit=allowance.work,
         rendered=rendered, kept=kept,
     )  # fmt: skip
-
-
-def _hired(
-    workers: int | None, scheduler: str | None, cell_limit: float | None, settings: Settings
-) -> Hired:
-    """Returns the workers that the options name."""
-    if workers is not None and scheduler is not None:
-        raise UsageError("--workers: a scheduler has its own; leave one of the two options out")
-    Option("--workers").require_cores(workers)
-    if cell_limit is not None and not cell_limit > 0:
-        raise UsageError(f"--cell-limit: must be a number of seconds > 0, not {cell_limit}")
-    if cell_limit is not None and workers is None and scheduler is None:
-        raise UsageError("--cell-limit: is for --workers or --scheduler; this process has no limit")
-    return Hired(workers, scheduler, cell_limit or settings.cell_limit)
 
 
 def _scenes(names: Sequence[str], seeds: Sequence[int], plans: Sequence[Path]) -> Scenes:

@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -18,8 +19,6 @@ from cocap_opt.problem import Problem
 from cocap_opt.scenarios import NOTHING, load_scene
 
 _log = logging.getLogger(__name__)
-
-DEFAULT_SECONDS = 60.0
 
 
 def _whole(kind: object, tokens: Sequence[Token]) -> int:
@@ -98,11 +97,24 @@ def _say_once(scene: str, seed: int, words: str) -> None:
     _log.warning("%s, seed %d: %s", scene, seed, words, extra={"once": f"{scene}, {words}"})
 
 
-def allowed(seconds: float, work: int | None) -> Allowance:
-    """Returns what --time-limit and --work-limit allow, if that is possible."""
-    if work is not None:
-        work = Option("--work-limit").require_whole(work)
-    return Allowance(Option("--time-limit").require_seconds(seconds), work)
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Budget:
+    """The options of commands that say when a computation stops."""
+
+    time_limit: Seconds = 60.0
+    work_limit: Work = None
+
+    @property
+    def allowance(self) -> Allowance:
+        """What the options allow, if that is possible."""
+        work = self.work_limit
+        if work is not None:
+            work = Option("--work-limit").require_whole(work)
+        return Allowance(Option("--time-limit").require_seconds(self.time_limit), work)
+
+
+USUAL = Budget()
 
 
 def chosen(
@@ -123,13 +135,25 @@ def chosen(
     return kept
 
 
-def flight_scene(problem: Problem, step: float | None, margin: float | None) -> FlightScene:
-    """Returns the scene that a plan is flown in, by --step (s) and --margin (m)."""
-    if step is not None and not Option("--step").require_seconds(step) > 0:
-        raise UsageError("--step: must be more than 0 seconds")
-    try:
-        return FlightScene.of(problem, step, margin)
-    except FieldError as error:
-        raise UsageError(f"--{error}") from error
-    except ProblemError as error:  # it is out of range, or too short for the drones' limits
-        raise UsageError(f"--step: {error}") from error
+@Parameter(name="*")
+@dataclass(frozen=True)
+class HowFlown:
+    """The options of commands that fly a plan."""
+
+    step: StepSeconds = None
+    smooth: Smooth = False
+    margin: Margin = None
+
+    def scene(self, problem: Problem) -> FlightScene:
+        """Returns the scene that plans of a problem are flown in."""
+        if self.step is not None and not Option("--step").require_seconds(self.step) > 0:
+            raise UsageError("--step: must be more than 0 seconds")
+        try:
+            return FlightScene.of(problem, self.step, self.margin)
+        except FieldError as error:
+            raise UsageError(f"--{error}") from error
+        except ProblemError as error:  # it is out of range, or too short for the drones' limits
+            raise UsageError(f"--step: {error}") from error
+
+
+AS_PLANNED = HowFlown()

@@ -7,14 +7,12 @@ from cyclopts import Parameter
 
 from cocap_opt.data import ProblemError
 from cocap_opt.experiments.cli.options import (
+    AS_PLANNED,
+    HowFlown,
     Json,
-    Margin,
     PlanPath,
     Scene,
     Seed,
-    Smooth,
-    StepSeconds,
-    flight_scene,
     load,
 )
 from cocap_opt.experiments.console.options import UsageError
@@ -33,9 +31,7 @@ def _robustness(
     /,
     *,
     seed: Seed = 0,
-    step: StepSeconds = None,
-    smooth: Smooth = False,
-    margin: Margin = None,
+    flown: HowFlown = AS_PLANNED,
     late: Annotated[
         list[float] | None,
         Parameter(negative="", consume_multiple=True, help="s by which people are late, and early"),
@@ -58,14 +54,14 @@ def _robustness(
     Example: cocap-opt robustness corridor plan.json --step 2 --smooth --late 1 3 --lag 0.5
     """
     problem, planned = PlanReader(scene, load(scene, seed)).plan(plan)
-    flown_in = flight_scene(problem, step, margin).without_earth  # where it is does not matter
+    flown_in = flown.scene(problem).without_earth  # where it is does not matter
     changes = Changes(
         _USUAL.late if late is None else late,
         _USUAL.aside if aside is None else aside,
         _USUAL.lag if lag is None else lag,
     )
     try:
-        flight = flown_in.flight(planned, smooth)
+        flight = flown_in.flight(planned, flown.smooth)
     except ProblemError as error:
         raise FileError(f"{plan}: {error}") from error
     try:
@@ -78,8 +74,8 @@ def _robustness(
         answer: Record = {"scene": problem.name, "seed": seed, "delay_tolerance": delay}
         print_result({**answer, "changes": rows, "notes": notes}, json)
     else:
-        flown = "smooth" if smooth else "straight"
-        title = f"{problem.name}, {flown}: what is left of J = {rows[0]['reward']:,.2f}"
+        kind = "smooth" if flown.smooth else "straight"
+        title = f"{problem.name}, {kind}: what is left of J = {rows[0]['reward']:,.2f}"
         Listing(title, [_shown(row) for row in rows], notes).print()
     return 0
 

@@ -11,15 +11,13 @@ import msgspec
 from cyclopts import Parameter
 
 from cocap_opt.experiments.cli.options import (
-    DEFAULT_SECONDS,
+    USUAL,
+    Budget,
     Free,
     Json,
     Output,
     Scene,
-    Seconds,
     Seed,
-    Work,
-    allowed,
     load,
     say_narrow_way,
 )
@@ -65,8 +63,7 @@ def _plan(
     planner: Annotated[str, Parameter(help=f"one of {', '.join(SOLVERS)}")] = RECOMMENDED,
     seed: Seed = 0,
     free: Free = False,
-    time_limit: Seconds = DEFAULT_SECONDS,
-    work_limit: Work = None,
+    budget: Budget = USUAL,
     output: Output = None,
     json: Json = False,
 ) -> int:
@@ -75,7 +72,7 @@ def _plan(
     Example: cocap-opt plan corridor --seed 0 -o plan.json
     """
     Option("--planner").require_one_of(planner, SOLVERS)
-    allowance = allowed(time_limit, work_limit)
+    allowance = budget.allowance
     _check_outputs({"-o": output}, scene)
     task = _Task.read(scene, seed, free, None)
     problem = task.problem
@@ -104,8 +101,7 @@ def _bound(
     seed: Seed = 0,
     start: _Start = None,
     free: Free = False,
-    time_limit: Seconds = DEFAULT_SECONDS,
-    work_limit: Work = None,
+    budget: Budget = USUAL,
     output: Output = None,
     trace: _TraceFile = None,
     json: Json = False,
@@ -115,7 +111,7 @@ def _bound(
     Example: cocap-opt bound corridor --seed 0 -o certificate.json
     """
     Option("--method").require_one_of(method, BOUNDS)
-    allowance = allowed(time_limit, work_limit)
+    allowance = budget.allowance
     _check_outputs({"-o": output, "--trace": trace}, scene, start)
     task = _Task.read(scene, seed, free, start)
     with Interrupt.caught() as interrupt:
@@ -140,8 +136,7 @@ def _solve(
     ] = 0.0,
     start: _Start = None,
     free: Free = False,
-    time_limit: Seconds = DEFAULT_SECONDS,
-    work_limit: Work = None,
+    budget: Budget = USUAL,
     output: Output = None,
     certificate: Annotated[Path | None, Parameter(help="file to write the proof to")] = None,
     trace: _TraceFile = None,
@@ -160,7 +155,7 @@ def _solve(
         raise UsageError(f"--gap: must be at least 0 and less than 1, such as 0.01, not {gap}")
     if gap and method not in EXACT:
         raise UsageError(f"--gap: {method} stops at the root at any gap; leave the option out")
-    allowance = allowed(time_limit, work_limit)
+    allowance = budget.allowance
     _check_outputs({"-o": output, "--certificate": certificate, "--trace": trace}, scene, start)
     task = _Task.read(scene, seed, free, start)
     with Interrupt.caught() as interrupt:

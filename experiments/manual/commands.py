@@ -35,7 +35,7 @@ def _command(called: str, command: App) -> str:
     """Returns the part of one command, with its options as a table."""
     paragraphs = [" ".join(words.split()) for words in re.split(r"\n\s*\n", command.help or "")]
     told, _, example = "\n\n".join(paragraphs).partition("Example: ")
-    arguments = list(command.assemble_argument_collection())
+    arguments = [one for one in command.assemble_argument_collection() if one.show]
     usage = " ".join([called, *(a.name for a in arguments if not a.name.startswith("-"))])
     parts = [
         f"## {called.removeprefix('cocap-opt ')}",
@@ -58,4 +58,5 @@ def _default(argument: Argument) -> str:
     if argument.required:
         return "required"
     default = argument.field_info.default
-    return "" if default in (None, False, argument.field_info.empty) else f"`{default}`"
+    is_none = any(default is one for one in (None, False, argument.field_info.empty))
+    return "" if is_none else f"`{default}`"

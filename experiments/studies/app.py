@@ -295,9 +295,7 @@ def _gamma(
 @app.command(name="lazy")
 def _lazy(
     *,
-    scene: Annotated[
-        list[str] | None, Parameter(negative="", consume_multiple=True, help="scenes or files")
-    ] = None,
+    scene: _Scenes = None,
     seeds: Annotated[str, Parameter(help="of each scene")] = "0",
     out: _Out = None,
 ) -> int:

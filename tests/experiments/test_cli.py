@@ -965,13 +965,15 @@ def parameters(program: App, *path: str) -> Iterator[tuple[str, str]]:
             yield from parameters(command, *path, name)
             continue
         for argument in command.assemble_argument_collection():
-            yield " ".join((*path, name, argument.name)), argument.parameter.help or ""
+            if argument.show:  # a group of options is none itself
+                yield " ".join((*path, name, argument.name)), argument.parameter.help or ""
 
 
 def test_every_parameter_has_help() -> None:
     """Nobody has to guess what a FILE or a FOLDER is."""
     found = dict(parameters(commands.app))
     assert {"verify FILE", "plan SCENE", "figure gaps FOLDER", "study others FOLDER"} <= set(found)
+    assert {"plan --time-limit", "fly --margin", "gap --workers"} <= set(found)
     assert [name for name, words in found.items() if len(words) < 5] == []
 
 

@@ -31,6 +31,14 @@ from cocap_opt.scenarios import SCENES
 from cocap_opt.scenarios.built_in.tiny import TINY_OPTIMA
 
 
+def test_options_have_their_defaults_on_the_pages() -> None:
+    """A default of 0 is one, too; what groups options in the code is none of them."""
+    text = commands_in_markdown()
+    assert "| `--seed` | seed of the scene, >= 0 | `0` |" in text
+    assert "| `--time-limit` | seconds for each computation | `60.0` |" in text
+    assert "`*`" not in text and "Budget" not in text
+
+
 def test_all_commands_are_on_the_pages() -> None:
     """Each has a part, and each of its options a line."""
     text = commands_in_markdown() + "\n" + studies_in_markdown()
