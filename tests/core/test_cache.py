@@ -128,7 +128,8 @@ SAME_CONTENT: dict[str, Callable[[], Problem]] = {
 def test_same_content_is_found(what: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What coverage does not depend on finds the table that is there, and it fits."""
     tables(tiny())
-    monkeypatch.setattr("cocap_opt.model.GrowingTable.grow", None)  # nothing may be computed
+    # Nothing may be computed.
+    monkeypatch.setattr("cocap_opt.vision.coverage.GrowingTable.grow", None)
     found = tables(SAME_CONTENT[what]())
     monkeypatch.undo()
     fresh = Model(SAME_CONTENT[what](), use_cache=False)

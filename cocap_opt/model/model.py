@@ -4,48 +4,32 @@ Robots with the same motion, camera and goal form a robot class: they differ onl
 start, share one graph and one coverage table, and one sweep prices them all.
 """
 
-import math
 from collections.abc import Callable, Sequence
-from copy import copy
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import pairwise
 
 import numpy as np
 
-from cocap_opt.data import BoolArray, FloatArray, IntArray, read_only
-from cocap_opt.graph.motion import Window
-from cocap_opt.graph.people import People
+from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.graph.timegraph import TimeGraph
-from cocap_opt.memory import require_memory
-from cocap_opt.problem import AnyCamera, Cell, Motion, Plan, Problem, Robot
+from cocap_opt.model.coverage_tables import (
+    SWEEPING,
+    CoverageTables,
+    Path,
+    Sight,
+    graph_of,
+    tell_nobody,
+)
+from cocap_opt.problem import Cell, Plan, Problem, Robot
 from cocap_opt.problem.rules import Meeting
-from cocap_opt.stop import Clock, Limit, LimitReached, Stop, never
-from cocap_opt.vision.cache import TableCache
-from cocap_opt.vision.coverage import CoverageTable, GrowingTable, Progress
-from cocap_opt.vision.faces import FaceGeometry
+from cocap_opt.stop import Limit, LimitReached, Stop, never
+from cocap_opt.vision.coverage import CoverageTable, Progress
 from cocap_opt.vision.views import Views
 
-Path = tuple[int, ...]  # T+1 state numbers of one robot
-Sight = tuple[Motion, AnyCamera]  # what a robot's coverage depends on besides its start
-
-# Seconds that value iteration over a state takes, and the ceiling of what a state sees of an actor:
-# measured, and rounded up.
-_SWEEPING, _BOUNDING = 6e-8, 4e-8
 _WAITING = 1.0  # s that Ctrl-C waits for a plan at least, with the coverage that is there
-
-# Bytes of a state at a step, in the arrays of value iteration, and of a face seen from one, in the
-# table while it is made, where few of the faces are seen: measured.
-_BYTES_PER_STATE, _BYTES_PER_FACE = 33, 2
-
-
 _KEPT = 20_000  # cells and moves for which the places and moves that conflict are kept
 _KEPT_PATHS = 500  # for which cells, the places and moves that conflict are kept
-_KEPT_SUMS = 128  # paths whose view sums are kept: planners let the same robots stay
-
-
-def _tell_nobody(done: int, total: int) -> None:
-    pass
 
 
 @dataclass(frozen=True)
@@ -87,7 +71,7 @@ class Model:
     _known_steps: int | None = None  # of a model that is cut short
 
     def __init__(self, problem: Problem, use_cache: bool = True) -> None:
-        self._divide(problem, _Coverage(problem, use_cache), is_disaggregated=False)
+        self._divide(problem, CoverageTables(problem, use_cache), is_disaggregated=False)
 
     def under_rules_of(self, problem: Problem) -> "Model":
         """Return the model of a problem that differs in its rules only; coverage is shared."""
@@ -101,7 +85,7 @@ class Model:
         other._divide(self.problem, self._coverage, is_disaggregated=True)
         return other
 
-    def _divide(self, problem: Problem, coverage: "_Coverage", is_disaggregated: bool) -> None:
+    def _divide(self, problem: Problem, coverage: "CoverageTables", is_disaggregated: bool) -> None:
         """Put the robots into classes."""
         self.problem, self._coverage = problem, coverage
         self.is_disaggregated = is_disaggregated
@@ -115,7 +99,7 @@ class Model:
 
     def _make_class(self, robots: list[int]) -> RobotClass:
         spec = self.problem.robots[robots[0]]
-        graph = _graph(self.problem, spec)
+        graph = graph_of(self.problem, spec)
         starts = tuple(graph.index(self.problem.robots[i].start) for i in robots)
         return RobotClass(spec, tuple(robots), starts, graph)
 
@@ -290,7 +274,7 @@ class Model:
         return self._coverage.table(robot_class.spec)
 
     def prepare(
-        self, robot_class: RobotClass, stop: Stop = never, progress: Progress = _tell_nobody
+        self, robot_class: RobotClass, stop: Stop = never, progress: Progress = tell_nobody
     ) -> None:
         """Compute the coverage of a class.
 
@@ -304,12 +288,12 @@ class Model:
         """
         self._coverage.prepare(robot_class.spec, stop, progress, reserve=0.0)
 
-    def prepare_all(self, stop: Stop = never, progress: Progress = _tell_nobody) -> None:
+    def prepare_all(self, stop: Stop = never, progress: Progress = tell_nobody) -> None:
         """Compute the coverage of all classes; raises LimitReached as `prepare` does."""
         for robot_class in self.classes:
             self.prepare(robot_class, stop, progress)
 
-    def covered_by(self, stop: Stop, progress: Progress = _tell_nobody) -> "Model":
+    def covered_by(self, stop: Stop, progress: Progress = tell_nobody) -> "Model":
         """Return this model with its coverage, or with as much of it as there is time for.
 
         Time is kept for planning every robot once, but no more than half of what there is; Ctrl-C
@@ -318,7 +302,7 @@ class Model:
         without looking that far.
         """
         states = sum(len(c.robots) * c.graph.n_states for c in self.classes)
-        reserve = states * (self.problem.horizon + 1) * _SWEEPING
+        reserve = states * (self.problem.horizon + 1) * SWEEPING
         limit, before = None, stop.reached()
         try:
             for robot_class in self.classes:
@@ -419,184 +403,10 @@ class Model:
         )
 
 
-class _Coverage:
-    """Coverage tables of a problem, one for each motion and camera, made when asked for.
-
-    Attributes
-    ----------
-    seconds : spent on coverage so far
-    """
-
-    def __init__(self, problem: Problem, use_cache: bool) -> None:
-        self.problem = problem
-        self.seconds = 0.0
-        self.along = lru_cache(maxsize=_KEPT_SUMS)(self._along)
-        self._use_cache = use_cache
-        self._geometry = FaceGeometry(problem)
-        self._tables: dict[Sight, CoverageTable] = {}
-        self._reachable: dict[Sight, BoolArray] = {}
-        self._growing: dict[Sight, GrowingTable] = {}
-        # The stop that has ended coverage early, and by which limit.
-        self._ended: tuple[Stop, Limit] | None = None
-
-    def views(self, spec: Robot) -> Views:
-        graph = _graph(self.problem, spec)
-        return Views.of(self._geometry, self.problem, graph, spec.camera)
-
-    def _along(self, spec: Robot, path: Path) -> FloatArray:
-        """View sums [Z] along a path, each view of which is evaluated anew."""
-        pixels, first = self.problem.no_pixels(), self.problem.first_step
-        views = self.views(spec).along(first, np.array(path[first:]))
-        for t, coverage in enumerate(views, start=first):
-            pixels[self.problem.view_sums_at(t)] += coverage
-        return read_only(pixels)
-
-    def reachable(self, spec: Robot) -> BoolArray:
-        if _sight(spec) not in self._reachable:
-            graph = _graph(self.problem, spec)
-            self._reachable[_sight(spec)] = graph.reachable(
-                self._starts(spec), self.problem.horizon
-            )
-        return self._reachable[_sight(spec)]
-
-    def _starts(self, spec: Robot) -> list[int]:
-        """State numbers of the starts of all robots that move and see alike, increasing."""
-        graph, alike = _graph(self.problem, spec), _sight(spec)
-        robots = self.problem.robots
-        return sorted(graph.index(r.start) for r in robots if _sight(r) == alike)
-
-    def table(self, spec: Robot) -> CoverageTable:
-        """The table of this robot's motion and camera; made if it is not there."""
-        if _sight(spec) not in self._tables:
-            self.prepare(spec, never, _tell_nobody, 0.0)
-        return self._tables[_sight(spec)]
-
-    def require_memory(self, spec: Robot) -> None:
-        """Refuse coverage and sweeps that are larger than the memory."""
-        graph, problem = _graph(self.problem, spec), self.problem
-        steps, faces = problem.horizon + 1, len(problem.face_weights)
-        radius, starts = spec.motion.radius, len(self._starts(spec))
-        width, depth = graph.window.shape
-        reached = sum(
-            min(width, 2 * radius * t + 1) * min(depth, 2 * radius * t + 1) for t in range(steps)
-        )
-        reached = min(reached * starts, steps * width * depth)
-        nodes = reached * len(spec.motion.layers) * graph.n_orientations
-        require_memory(
-            steps * graph.n_states * _BYTES_PER_STATE + nodes * faces * _BYTES_PER_FACE,
-            f"coverage and value iteration of {width} x {depth} cells in {len(spec.motion.layers)} "
-            f"layers, {graph.n_orientations} orientations, {steps} steps and {faces} faces",
-            (width, depth),
-            radius,
-            {
-                "layers": len(spec.motion.layers),
-                "orientations (headings times pitches)": graph.n_orientations,
-                "steps, the start included": steps,
-            },
-        )
-
-    def prepare(self, spec: Robot, stop: Stop, progress: Progress, reserve: float) -> None:
-        """Make the table of this robot's motion and camera; LimitReached if there is no time.
-
-        A stop that has ended coverage once does so at once when it is asked again: what was left
-        of its time is for what comes after coverage.
-
-        Parameters
-        ----------
-        reserve : seconds to be left, at least
-        """
-        if _sight(spec) in self._tables:
-            return
-        if self._ended is not None and stop is self._ended[0]:
-            raise LimitReached(self._ended[1])
-        self.require_memory(spec)
-        clock = Clock()
-        if math.isfinite(stop.seconds_left):
-            reserve = max(reserve, self._seconds_to_bound(spec))
-        try:
-            self._tables[_sight(spec)] = self._made(spec, stop.before(reserve), progress)
-            self._growing.pop(_sight(spec), None)
-        except LimitReached as reached:
-            self._ended = stop, reached.limit
-            raise
-        finally:
-            self.seconds += clock.seconds
-
-    def _made(self, spec: Robot, stop: Stop, progress: Progress) -> CoverageTable:
-        def make() -> CoverageTable:
-            table = self._table_of(spec)
-            table.grow(stop, progress)
-            return table.table()
-
-        if not self._use_cache:
-            return self._by_view_sum(make())
-        problem = self.problem
-        poses = [actor.poses[: problem.horizon + 1] for actor in problem.actors]
-        shapes = [actor.shape for actor in problem.actors]
-        key = TableCache.key(
-            problem.workspace, problem.airspace, spec.motion, spec.camera,
-            _graph(problem, spec).window,
-            self._starts(spec), problem.horizon, problem.face_samples, problem.first_step, poses,
-            shapes,
-        )  # fmt: skip
-        return self._by_view_sum(TableCache.of_user().table(key, make))
-
-    def _by_view_sum(self, table: CoverageTable) -> CoverageTable:
-        """Return a table whose pixels add up over time, if those of the problem do."""
-        if not self.problem.objective.over_time:
-            return table
-        return table._replace(view_sums=table.view_sums % max(len(self.problem.face_weights), 1))
-
-    def _table_of(self, spec: Robot) -> GrowingTable:
-        if _sight(spec) not in self._growing:
-            self._growing[_sight(spec)] = GrowingTable(
-                self.views(spec), _graph(self.problem, spec).n_places, self.reachable(spec),
-                self.problem.first_step,
-            )  # fmt: skip
-        return self._growing[_sight(spec)]
-
-    def _seconds_to_bound(self, spec: Robot) -> float:
-        """Seconds, about, that ceilings and some sweeps take for the steps that are not known."""
-        reachable = self.reachable(spec)
-        unknown = int(np.count_nonzero(reachable[self.steps(spec) :]))
-        return unknown * len(self.problem.actors) * _BOUNDING + 2.5 * reachable.size * _SWEEPING
-
-    def steps(self, spec: Robot) -> int:
-        """Number of steps, from 0 on, that the known coverage is whole for."""
-        whole = self.problem.horizon + 1
-        return whole if _sight(spec) in self._tables else self._table_of(spec).steps
-
-    def known(self, spec: Robot) -> CoverageTable:
-        """The table as far as it is known."""
-        found = self._tables.get(_sight(spec))
-        return self._by_view_sum(self._table_of(spec).table()) if found is None else found
-
-    def so_far(self) -> "_Coverage":
-        """Return a copy in which nobody sees anything at the steps that are not known."""
-        part = copy(self)
-        part._tables = {_sight(spec): self.known(spec) for spec in self.problem.robots}
-        return part
-
-
 def _at_steps(what: list[IntArray], width: int) -> IntArray:
     """Returns rows [n_t, width] of the steps t = 0.. as one array [n, 1 + width], t before each."""
     steps = np.repeat(np.arange(len(what)), [len(some) for some in what])
     return np.column_stack([steps, np.concatenate([np.empty((0, width), np.int64), *what])])
-
-
-def _sight(spec: Robot) -> Sight:
-    return spec.motion, spec.camera
-
-
-def _graph(problem: Problem, spec: Robot) -> TimeGraph:
-    """Return the graph of the cells that some robot with this one's motion and camera can reach."""
-    alike = [robot.start for robot in problem.robots if _sight(robot) == _sight(spec)]
-    reach = spec.motion.radius * problem.horizon
-    window = Window.around([(start.x, start.y) for start in alike], reach, problem.workspace)
-    people = None
-    if problem.airspace.people_aside:
-        people = People(problem.actors, problem.airspace, problem.horizon)
-    return TimeGraph.of(problem.workspace, spec.motion, len(spec.camera.tilts), window, people)
 
 
 def _layers(problem: Problem, robot_class: RobotClass) -> IntArray:

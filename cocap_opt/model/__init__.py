@@ -1,0 +1,10 @@
+"""Problems compiled for planners and formulations: robot classes, their graphs and coverage.
+
+`model` has the classes and what is asked of them; `coverage_tables` makes and keeps the coverage,
+which problems that differ in their rules share.
+"""
+
+from cocap_opt.model.coverage_tables import Path
+from cocap_opt.model.model import Model, RobotClass, compiled
+
+__all__ = ["Model", "Path", "RobotClass", "compiled"]

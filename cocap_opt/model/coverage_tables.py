@@ -1,0 +1,211 @@
+"""Coverage tables of a problem, one for each motion and camera of its robots."""
+
+import math
+from copy import copy
+from functools import lru_cache
+
+import numpy as np
+
+from cocap_opt.data import BoolArray, FloatArray, read_only
+from cocap_opt.graph.motion import Window
+from cocap_opt.graph.people import People
+from cocap_opt.graph.timegraph import TimeGraph
+from cocap_opt.memory import require_memory
+from cocap_opt.problem import AnyCamera, Motion, Problem, Robot
+from cocap_opt.stop import Clock, Limit, LimitReached, Stop, never
+from cocap_opt.vision.cache import TableCache
+from cocap_opt.vision.coverage import CoverageTable, GrowingTable, Progress
+from cocap_opt.vision.faces import FaceGeometry
+from cocap_opt.vision.views import Views
+
+Path = tuple[int, ...]  # T+1 state numbers of one robot
+Sight = tuple[Motion, AnyCamera]  # what a robot's coverage depends on besides its start
+
+# Seconds that value iteration over a state takes, and the ceiling of what a state sees of an actor:
+# measured, and rounded up.
+SWEEPING, _BOUNDING = 6e-8, 4e-8
+
+# Bytes of a state at a step, in the arrays of value iteration, and of a face seen from one, in the
+# table while it is made, where few of the faces are seen: measured.
+_BYTES_PER_STATE, _BYTES_PER_FACE = 33, 2
+_KEPT_SUMS = 128  # paths whose view sums are kept: planners let the same robots stay
+
+
+def tell_nobody(done: int, total: int) -> None:
+    """Reports progress to nobody."""
+
+
+class CoverageTables:
+    """Coverage tables of a problem, one for each motion and camera, made when asked for.
+
+    Attributes
+    ----------
+    seconds : spent on coverage so far
+    """
+
+    def __init__(self, problem: Problem, use_cache: bool) -> None:
+        self.problem = problem
+        self.seconds = 0.0
+        self.along = lru_cache(maxsize=_KEPT_SUMS)(self._along)
+        self._use_cache = use_cache
+        self._geometry = FaceGeometry(problem)
+        self._tables: dict[Sight, CoverageTable] = {}
+        self._reachable: dict[Sight, BoolArray] = {}
+        self._growing: dict[Sight, GrowingTable] = {}
+        # The stop that has ended coverage early, and by which limit.
+        self._ended: tuple[Stop, Limit] | None = None
+
+    def views(self, spec: Robot) -> Views:
+        """Returns what evaluates the views of this robot's motion and camera."""
+        graph = graph_of(self.problem, spec)
+        return Views.of(self._geometry, self.problem, graph, spec.camera)
+
+    def _along(self, spec: Robot, path: Path) -> FloatArray:
+        """View sums [Z] along a path, each view of which is evaluated anew."""
+        pixels, first = self.problem.no_pixels(), self.problem.first_step
+        views = self.views(spec).along(first, np.array(path[first:]))
+        for t, coverage in enumerate(views, start=first):
+            pixels[self.problem.view_sums_at(t)] += coverage
+        return read_only(pixels)
+
+    def reachable(self, spec: Robot) -> BoolArray:
+        """Returns an array [T+1, S], true where a robot like this one can be in a state."""
+        if _sight(spec) not in self._reachable:
+            graph = graph_of(self.problem, spec)
+            self._reachable[_sight(spec)] = graph.reachable(
+                self._starts(spec), self.problem.horizon
+            )
+        return self._reachable[_sight(spec)]
+
+    def _starts(self, spec: Robot) -> list[int]:
+        """State numbers of the starts of all robots that move and see alike, increasing."""
+        graph, alike = graph_of(self.problem, spec), _sight(spec)
+        robots = self.problem.robots
+        return sorted(graph.index(r.start) for r in robots if _sight(r) == alike)
+
+    def table(self, spec: Robot) -> CoverageTable:
+        """The table of this robot's motion and camera; made if it is not there."""
+        if _sight(spec) not in self._tables:
+            self.prepare(spec, never, tell_nobody, 0.0)
+        return self._tables[_sight(spec)]
+
+    def require_memory(self, spec: Robot) -> None:
+        """Refuse coverage and sweeps that are larger than the memory."""
+        graph, problem = graph_of(self.problem, spec), self.problem
+        steps, faces = problem.horizon + 1, len(problem.face_weights)
+        radius, starts = spec.motion.radius, len(self._starts(spec))
+        width, depth = graph.window.shape
+        reached = sum(
+            min(width, 2 * radius * t + 1) * min(depth, 2 * radius * t + 1) for t in range(steps)
+        )
+        reached = min(reached * starts, steps * width * depth)
+        nodes = reached * len(spec.motion.layers) * graph.n_orientations
+        require_memory(
+            steps * graph.n_states * _BYTES_PER_STATE + nodes * faces * _BYTES_PER_FACE,
+            f"coverage and value iteration of {width} x {depth} cells in {len(spec.motion.layers)} "
+            f"layers, {graph.n_orientations} orientations, {steps} steps and {faces} faces",
+            (width, depth),
+            radius,
+            {
+                "layers": len(spec.motion.layers),
+                "orientations (headings times pitches)": graph.n_orientations,
+                "steps, the start included": steps,
+            },
+        )
+
+    def prepare(self, spec: Robot, stop: Stop, progress: Progress, reserve: float) -> None:
+        """Make the table of this robot's motion and camera; LimitReached if there is no time.
+
+        A stop that has ended coverage once does so at once when it is asked again: what was left
+        of its time is for what comes after coverage.
+
+        Parameters
+        ----------
+        reserve : seconds to be left, at least
+        """
+        if _sight(spec) in self._tables:
+            return
+        if self._ended is not None and stop is self._ended[0]:
+            raise LimitReached(self._ended[1])
+        self.require_memory(spec)
+        clock = Clock()
+        if math.isfinite(stop.seconds_left):
+            reserve = max(reserve, self._seconds_to_bound(spec))
+        try:
+            self._tables[_sight(spec)] = self._made(spec, stop.before(reserve), progress)
+            self._growing.pop(_sight(spec), None)
+        except LimitReached as reached:
+            self._ended = stop, reached.limit
+            raise
+        finally:
+            self.seconds += clock.seconds
+
+    def _made(self, spec: Robot, stop: Stop, progress: Progress) -> CoverageTable:
+        def make() -> CoverageTable:
+            table = self._table_of(spec)
+            table.grow(stop, progress)
+            return table.table()
+
+        if not self._use_cache:
+            return self._by_view_sum(make())
+        problem = self.problem
+        poses = [actor.poses[: problem.horizon + 1] for actor in problem.actors]
+        shapes = [actor.shape for actor in problem.actors]
+        key = TableCache.key(
+            problem.workspace, problem.airspace, spec.motion, spec.camera,
+            graph_of(problem, spec).window,
+            self._starts(spec), problem.horizon, problem.face_samples, problem.first_step, poses,
+            shapes,
+        )  # fmt: skip
+        return self._by_view_sum(TableCache.of_user().table(key, make))
+
+    def _by_view_sum(self, table: CoverageTable) -> CoverageTable:
+        """Return a table whose pixels add up over time, if those of the problem do."""
+        if not self.problem.objective.over_time:
+            return table
+        return table._replace(view_sums=table.view_sums % max(len(self.problem.face_weights), 1))
+
+    def _table_of(self, spec: Robot) -> GrowingTable:
+        if _sight(spec) not in self._growing:
+            self._growing[_sight(spec)] = GrowingTable(
+                self.views(spec), graph_of(self.problem, spec).n_places, self.reachable(spec),
+                self.problem.first_step,
+            )  # fmt: skip
+        return self._growing[_sight(spec)]
+
+    def _seconds_to_bound(self, spec: Robot) -> float:
+        """Seconds, about, that ceilings and some sweeps take for the steps that are not known."""
+        reachable = self.reachable(spec)
+        unknown = int(np.count_nonzero(reachable[self.steps(spec) :]))
+        return unknown * len(self.problem.actors) * _BOUNDING + 2.5 * reachable.size * SWEEPING
+
+    def steps(self, spec: Robot) -> int:
+        """Number of steps, from 0 on, that the known coverage is whole for."""
+        whole = self.problem.horizon + 1
+        return whole if _sight(spec) in self._tables else self._table_of(spec).steps
+
+    def known(self, spec: Robot) -> CoverageTable:
+        """The table as far as it is known."""
+        found = self._tables.get(_sight(spec))
+        return self._by_view_sum(self._table_of(spec).table()) if found is None else found
+
+    def so_far(self) -> "CoverageTables":
+        """Return a copy in which nobody sees anything at the steps that are not known."""
+        part = copy(self)
+        part._tables = {_sight(spec): self.known(spec) for spec in self.problem.robots}
+        return part
+
+
+def _sight(spec: Robot) -> Sight:
+    return spec.motion, spec.camera
+
+
+def graph_of(problem: Problem, spec: Robot) -> TimeGraph:
+    """Return the graph of the cells that some robot with this one's motion and camera can reach."""
+    alike = [robot.start for robot in problem.robots if _sight(robot) == _sight(spec)]
+    reach = spec.motion.radius * problem.horizon
+    window = Window.around([(start.x, start.y) for start in alike], reach, problem.workspace)
+    people = None
+    if problem.airspace.people_aside:
+        people = People(problem.actors, problem.airspace, problem.horizon)
+    return TimeGraph.of(problem.workspace, spec.motion, len(spec.camera.tilts), window, people)
