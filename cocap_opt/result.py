@@ -122,7 +122,7 @@ class Result:
 
 
 def relative_gap(value: float, bound: float) -> float:
-    """(bound - value) / bound; infinite where one is infinite.
+    """Returns (bound - value) / bound; infinite where one is infinite.
 
     A bound of 0 is rounded up to the least positive number, which is no gap.
     """

@@ -78,7 +78,7 @@ class Term(NamedTuple):
         return self.kind == "row" and len(self.users or ()) > 1
 
 
-class OwnLeaf(NamedTuple):
+class _OwnLeaf(NamedTuple):
     """The leaf of a proof whose decisions a plan obeys."""
 
     node: int  # its number in the file
@@ -101,7 +101,7 @@ class Explanation:
     bound: float
     reward: float
     terms: tuple[Term, ...]
-    leaf: OwnLeaf | None = None
+    leaf: _OwnLeaf | None = None
 
     @property
     def gap(self) -> float:
@@ -171,7 +171,7 @@ def explain(
         Term("claim", file.proved - largest),
         Term("rounding", pricing.rounding),
     )
-    leaf = None if node is None else OwnLeaf(node, position, pricing.bound)
+    leaf = None if node is None else _OwnLeaf(node, position, pricing.bound)
     return Explanation(file.proved, reward, terms, leaf)
 
 

@@ -16,7 +16,7 @@ _AT_ONCE = 200_000  # values of near pairs, to bound the memory
 
 
 @dataclass(frozen=True)
-class Side:
+class _Side:
     """One robot's part of the pair: the places it can reach at each step, numbered per step.
 
     Its states at step t are numbered orientation by orientation, place by place [O * n_t].
@@ -27,7 +27,7 @@ class Side:
     places: list[IntArray]  # per step [n_t] place numbers, increasing
 
     @classmethod
-    def of(cls, model: Model, robot: int) -> "Side":
+    def of(cls, model: Model, robot: int) -> "_Side":
         """Returns the part of one robot."""
         graph, start = model.class_of[robot].graph, model.start(robot)
         reach = graph.reachable([start], model.problem.horizon)
@@ -81,7 +81,7 @@ class Pair(PairIteration):
     def __init__(self, model: Model, stop: Stop = never) -> None:
         self.model = model
         self.stop = stop
-        self.a, self.b = Side.of(model, 0), Side.of(model, 1)
+        self.a, self.b = _Side.of(model, 0), _Side.of(model, 1)
         self.starts = self.a.start, self.b.start
         self.horizon = model.problem.horizon
         self.bonuses = Bonuses.of(model.problem.objective)
@@ -124,7 +124,7 @@ class Pair(PairIteration):
                 own[np.ix_(rows, columns)] += weights[face] * excess
         return own
 
-    def _off_goal(self, side: Side) -> IntArray:
+    def _off_goal(self, side: _Side) -> IntArray:
         """Returns the positions of places at the last step that are not the robot's goal."""
         goal, places = side.robot_class.goal, side.places[self.horizon]
         if goal is None:
@@ -146,7 +146,7 @@ class Pair(PairIteration):
             self._redo_near_pairs(t, ahead, half, best)
         return self._flat(t, best)
 
-    def _turned(self, values: FloatArray, side: Side, axis: int) -> FloatArray:
+    def _turned(self, values: FloatArray, side: _Side, axis: int) -> FloatArray:
         """Returns the maximum over the turns of one robot, whose orientations are on `axis`."""
         moved = np.moveaxis(values, axis, 0)
         result = np.empty_like(values)
@@ -165,7 +165,7 @@ class Pair(PairIteration):
                     np.maximum(best, moved[turn], out=best)
         return result
 
-    def _best_move(self, t: int, ahead: FloatArray, side: Side, axis: int) -> FloatArray:
+    def _best_move(self, t: int, ahead: FloatArray, side: _Side, axis: int) -> FloatArray:
         """Returns the maximum over one robot's actions.
 
         Parameters
@@ -276,7 +276,7 @@ class Pair(PairIteration):
                 best[near] = np.maximum(best[near], gained.max(axis=0))
         return best
 
-    def _ways(self, t: int, side: Side, at: IntArray) -> list[_Ways]:
+    def _ways(self, t: int, side: _Side, at: IntArray) -> list[_Ways]:
         """Returns the ways on from positions [n] at t."""
         heads = side.robot_class.graph.heads_at(t, side.places[t][at])
         turning = _Ways(

@@ -12,7 +12,7 @@ from cocap_opt.data import FieldError, ProblemError
 from cocap_opt.experiments.cli.options import (
     AS_PLANNED,
     FLAG,
-    HowFlown,
+    FlightOptions,
     Json,
     Output,
     PlanPath,
@@ -37,7 +37,7 @@ def _fly(
     *,
     output: Output = None,
     seed: Seed = 0,
-    flown: HowFlown = AS_PLANNED,
+    flown: FlightOptions = AS_PLANNED,
     every: Annotated[
         float | None,
         Parameter(help="seconds between rows; else a row a step, and ten a step with --smooth"),

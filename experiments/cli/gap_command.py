@@ -33,7 +33,7 @@ from cocap_opt.result import Reason
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class _Labour:
+class _Workforce:
     """The options that say who computes."""
 
     workers: Workers = None
@@ -65,7 +65,7 @@ class _Labour:
         return Hired(self.workers, self.scheduler, limit or settings.cell_limit)
 
 
-_HERE = _Labour()
+_HERE = _Workforce()
 
 
 def _gap(
@@ -100,7 +100,7 @@ def _gap(
             help="may be repeated; a file whose plan gets a row, too",
         ),
     ] = None,
-    labour: _Labour = _HERE,
+    workforce: _Workforce = _HERE,
     retry: Annotated[
         bool,
         FLAG(help="try again what has failed in the folder of --out"),
@@ -120,11 +120,11 @@ def _gap(
     """
     for name in planner or []:
         Option("--planner").require_one_of(name, SOLVERS)
-    kept = out is not None or labour.is_elsewhere
+    kept = out is not None or workforce.is_elsewhere
     settings = _settings(budget, bound_limit, rendered, kept)
     if retry and out is None:
         raise UsageError("--retry: name the folder with --out; without one nothing is kept")
-    hired = labour.hired(settings)
+    hired = workforce.hired(settings)
     scenes = _scenes(scene, Option("--seeds").numbers(seeds), plan or [])
     others = _Others.read(plan or [], scenes.problems)
     instances = [

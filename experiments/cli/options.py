@@ -107,7 +107,7 @@ class Budget:
 
     @property
     def allowance(self) -> Allowance:
-        """What the options allow, if that is possible."""
+        """The allowance of the options; a UsageError if they are not possible."""
         work = self.work_limit
         if work is not None:
             work = Option("--work-limit").require_whole(work)
@@ -137,7 +137,7 @@ def chosen(
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class HowFlown:
+class FlightOptions:
     """The options of commands that fly a plan."""
 
     step: StepSeconds = None
@@ -156,4 +156,4 @@ class HowFlown:
             raise UsageError(f"--step: {error}") from error
 
 
-AS_PLANNED = HowFlown()
+AS_PLANNED = FlightOptions()

@@ -8,7 +8,7 @@ from cyclopts import Parameter
 from cocap_opt.data import ProblemError
 from cocap_opt.experiments.cli.options import (
     AS_PLANNED,
-    HowFlown,
+    FlightOptions,
     Json,
     PlanPath,
     Scene,
@@ -31,7 +31,7 @@ def _robustness(
     /,
     *,
     seed: Seed = 0,
-    flown: HowFlown = AS_PLANNED,
+    flown: FlightOptions = AS_PLANNED,
     late: Annotated[
         list[float] | None,
         Parameter(negative="", consume_multiple=True, help="s by which people are late, and early"),

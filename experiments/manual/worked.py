@@ -83,7 +83,7 @@ def doorway_bound() -> CertificateFile:
     return file
 
 
-class BoundParts(NamedTuple):
+class _BoundParts(NamedTuple):
     """The numbers that a bound is the sum of."""
 
     faces: FloatArray  # [Z] constants of view sums
@@ -91,7 +91,7 @@ class BoundParts(NamedTuple):
     paths: tuple[float, ...]  # best path of each robot
 
     @classmethod
-    def of(cls, problem: Problem, multipliers: Multipliers) -> "BoundParts":
+    def of(cls, problem: Problem, multipliers: Multipliers) -> "_BoundParts":
         """Returns the parts of the bound that multipliers prove."""
         model = compiled(problem)
         prices = Prices.of(model, multipliers)
@@ -116,15 +116,15 @@ def doorway_multipliers() -> Multipliers:
 
 
 @cache
-def doorway_parts() -> BoundParts:
+def doorway_parts() -> _BoundParts:
     """Returns what the doorway's bound is the sum of."""
-    return BoundParts.of(doorway(), doorway_multipliers())
+    return _BoundParts.of(doorway(), doorway_multipliers())
 
 
 # -- the bottleneck: column generation, step envelopes, a gap explained ----------------------
 
 
-class Bottleneck(NamedTuple):
+class _Bottleneck(NamedTuple):
     """CoCap's plan of the bottleneck, and the bound beside it."""
 
     problem: Problem
@@ -146,14 +146,14 @@ class Bottleneck(NamedTuple):
 
 
 @cache
-def bottleneck() -> Bottleneck:
+def bottleneck() -> _Bottleneck:
     """Returns the bottleneck, planned by CoCap and bounded by column generation."""
     problem = load_scene("bottleneck", SEED)
     told: list[Snapshot] = []
     found = BOUNDS["column-generation"](problem, never, report=told.append)
     assert isinstance(found.certificate, CertificateFile)
     plan = planned(problem, "cocap")
-    return Bottleneck(problem, plan, found.bound, found.certificate, tuple(told))
+    return _Bottleneck(problem, plan, found.bound, found.certificate, tuple(told))
 
 
 class Stage(NamedTuple):
@@ -253,7 +253,7 @@ def _bound(name: str, problem: Problem, start: Plan | None) -> float:
     return BOUNDS[name](problem, never, start=start).bound
 
 
-class Proof(NamedTuple):
+class _Proof(NamedTuple):
     """A problem solved by a tree of decisions."""
 
     problem: Problem
@@ -263,10 +263,10 @@ class Proof(NamedTuple):
 
 
 @cache
-def proof() -> Proof:
+def proof() -> _Proof:
     """Returns a corridor whose pixels add up over time, solved by branch-and-price."""
     problem = load_scene("corridor", 2).replace(objective=Objective(over_time=True))
     found = EXACT["branch-and-price"](problem, never)
     assert isinstance(found.certificate, ProofFile)
     leaves = verify(problem, found.certificate, model=compiled(problem)).leaves
-    return Proof(problem, found.value, found.certificate, leaves)
+    return _Proof(problem, found.value, found.certificate, leaves)

@@ -67,12 +67,12 @@ class FaceView(NamedTuple):
 
     @property
     def hidden(self) -> bool:
-        """Something hides a part of what would be in the image."""
+        """True if something hides a part of what would be in the image."""
         return self.rendered < self.unhidden
 
     @property
     def error(self) -> float:
-        """(planned - rendered) / rendered; infinite where it is not in the picture at all."""
+        """Returns (planned - rendered) / rendered; infinite where it is not in the picture."""
         return (self.planned - self.rendered) / self.rendered if self.rendered else math.inf
 
     @staticmethod

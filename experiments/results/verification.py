@@ -141,7 +141,7 @@ class Verified:
 
     @property
     def gap(self) -> float:
-        """(bound - reward) / bound; infinite where one of them is missing."""
+        """The relative gap, (bound - reward) / bound; infinite where one of them is missing."""
         return relative_gap(self.reward, self.bound)
 
     @property

@@ -16,7 +16,7 @@ from cocap_opt.formulations.integer_programs.program import Program
 
 
 class LinearProgram(NamedTuple):
-    """max gain v subject to row_low <= rows v <= row_high and low <= v <= high."""
+    """A program: max gain v subject to row_low <= rows v <= row_high and low <= v <= high."""
 
     gain: FloatArray  # [n]
     low: FloatArray  # [n]

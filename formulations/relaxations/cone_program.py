@@ -230,7 +230,7 @@ class _Relaxation:
 
 
 class _ConeProgram:
-    """max sum w u + rewards for moves over flows, roots under their bounds, and conflict rows.
+    """The program max sum w u + rewards for moves, over flows, bounded roots and conflict rows.
 
     Roots and pixels are in units of each view sum's best single view, and the objective in
     units of its largest weight, for the solver's sake.

@@ -17,7 +17,7 @@ _NOTE = (
 )
 
 
-class Summary(NamedTuple):
+class _Summary(NamedTuple):
     """The flights of one kind in one wind, over the seeds of a scene.
 
     Attributes
@@ -35,7 +35,7 @@ class Summary(NamedTuple):
     kept_between: float
 
     @classmethod
-    def of(cls, runs: Sequence[Run]) -> "Summary":
+    def of(cls, runs: Sequence[Run]) -> "_Summary":
         """Returns means, and the worst of what must not be."""
         return cls(
             fmean(run.error_mean for run in runs),
@@ -108,7 +108,7 @@ def _on_scenes(runs: Sequence[Run]) -> Iterator[str]:
 def _on_wind(runs: Sequence[Run], wind: float) -> str:
     """Says in some words what becomes of a scene's flights in a wind."""
     found = {
-        flight: Summary.of([run for run in runs if run.flight == flight])
+        flight: _Summary.of([run for run in runs if run.flight == flight])
         for flight in dict.fromkeys(run.flight for run in runs)
     }
     smooth, straight = found[SMOOTH], found[STRAIGHT]
@@ -142,10 +142,10 @@ def _on_separation(runs: Sequence[Run]) -> Iterator[str]:
     yield f"So {SEPARATION:g} m are enough {winds}."
 
 
-def _summaries(runs: Sequence[Run]) -> Iterator[tuple[tuple[str, str, float], Summary]]:
+def _summaries(runs: Sequence[Run]) -> Iterator[tuple[tuple[str, str, float], _Summary]]:
     """Yields scene, kind of flight and wind, and what became of its seeds."""
     for key in dict.fromkeys((run.scene, run.flight, run.wind) for run in runs):
-        yield key, Summary.of([run for run in runs if (run.scene, run.flight, run.wind) == key])
+        yield key, _Summary.of([run for run in runs if (run.scene, run.flight, run.wind) == key])
 
 
 def _air(wind: float) -> str:

@@ -62,14 +62,14 @@ def _times(points: Sequence[Point], planner: str, wide: Iterable[float]) -> list
     cells = [f"{median(_seconds(p, planner) for p in base):.2g} s{_star(base, planner)}"]
     for apart in wide:
         some = [point for point in points if point.separation == apart]
-        ratio = times_the_base(some, points, planner)
+        ratio = _times_the_base(some, points, planner)
         words = f"{ratio:.1f}" if ratio < 9.95 else f"{ratio:,.0f}"
         cells.append((f"**{words}**" if round(ratio, 1) > _GOAL else words) + _star(some, planner))
     gap = fmean(relative_gap(_value(point, planner), point.bound) for point in points)
     return [*cells, f"{100 * gap:.2f} %" if math.isfinite(gap) else NONE]
 
 
-def times_the_base(some: Sequence[Point], points: Sequence[Point], planner: str) -> float:
+def _times_the_base(some: Sequence[Point], points: Sequence[Point], planner: str) -> float:
     """Returns how many times as long as under the papers' rules a planner takes, as geometric mean.
 
     Parameters
