@@ -1,7 +1,7 @@
 """The drones of a recipe, placed as stated, or at random near the people."""
 
 import math
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import msgspec
 import numpy as np
@@ -21,6 +21,26 @@ from cocap_opt.world.workspace import HeightMap, Workspace
 
 Heading = Annotated[float, Meta(ge=-360, le=360)]  # degrees
 _OFF = 0.5  # degrees, by which a stated heading may be rounded
+
+
+class Surroundings(NamedTuple):
+    """The scene that drones are put into, without any drones.
+
+    Attributes
+    ----------
+    horizon : T, number of moves
+    """
+
+    workspace: Workspace
+    actors: tuple[Actor, ...]
+    horizon: int
+    rules: CollisionRules
+    airspace: Airspace
+
+    @property
+    def height_map(self) -> HeightMap:
+        """The map on which drones start."""
+        return self.workspace.height_map
 
 
 class _StartTable(Table):
@@ -66,14 +86,7 @@ class DronesTable(Table):
     limits: LimitsTable = msgspec.field(default_factory=LimitsTable)
 
     def added_to(
-        self,
-        team: list[Robot],
-        workspace: Workspace,
-        actors: tuple[Actor, ...],
-        horizon: int,
-        rules: CollisionRules,
-        airspace: Airspace,
-        rng: np.random.Generator,
+        self, team: list[Robot], around: Surroundings, rng: np.random.Generator
     ) -> list[Robot]:
         """Returns a team with the drones of this table added.
 
@@ -95,22 +108,21 @@ class DronesTable(Table):
         }
         team = list(team)
         for start in self.starts or ():
-            state = _stated(start, self.motion, workspace.height_map)
+            state = _stated(start, self.motion, around.height_map)
             team.append(Robot(start=state, **parts))
-        states = iter(self._candidates(workspace, actors, horizon, rng) if self.count else ())
+        states = iter(self._candidates(around, rng) if self.count else ())
         for k in range(self.count or 0):
             apart = (
                 state
                 for state in states
-                if not _crowded(state, self.motion, rules, workspace.height_map, team)
-                and not _beside(state, self.motion, airspace, workspace.height_map, actors)
+                if not _crowded(state, self.motion, around.rules, around.height_map, team)
+                and not _beside(state, self.motion, around)
             )
             state_apart = next(apart, None)
             if state_apart is None:
                 if k == 0:
-                    _require_people_on_map(workspace.height_map, actors, horizon)
-                room = self._room(workspace, actors, horizon, rules)
-                raise ProblemError(f"count: must be at most {k} here; {room}")
+                    _require_people_on_map(around)
+                raise ProblemError(f"count: must be at most {k} here; {self._room(around)}")
             team.append(Robot(start=state_apart, **parts))
         return team
 
@@ -151,38 +163,32 @@ class DronesTable(Table):
             )
         return self.limits.over(AIRFRAMES[self.airframe] if self.airframe else None)
 
-    def _room(
-        self, workspace: Workspace, actors: tuple[Actor, ...], horizon: int, rules: CollisionRules
-    ) -> str:
+    def _room(self, around: Surroundings) -> str:
         """Says how much room there is for drones."""
+        workspace, actors = around.workspace, around.actors
         free = self.motion.free_places(workspace)[0]
         words = (
             f"{free.sum()} of {free.size} cells are free at their lowest layer, "
             f"{self.motion.layers[0]:g} m"
         )
         if actors:
-            meet = int(self._can_meet(workspace, actors, horizon).sum())
+            meet = int(self._can_meet(around).sum())
             words += f"; from {meet} of them a drone comes within {NEAR:g} m of somebody in sight"
-            inside = (buried(workspace, actor, horizon) for actor in actors)
+            inside = (buried(workspace, actor, around.horizon) for actor in actors)
             shut = [f"actors[{j}] {doubt}" for j, doubt in enumerate(inside) if doubt and not meet]
             words = "; ".join([words, *shut[:1]])
         if self.near is not None:
             words += f"; some are within {self.near:g} m at step 0"
-        return f"{words}; rules: {rules}"
+        return f"{words}; rules: {around.rules}"
 
-    def _can_meet(
-        self,
-        workspace: Workspace,
-        actors: tuple[Actor, ...],
-        horizon: int,
-        far: float = math.inf,
-    ) -> BoolArray:
+    def _can_meet(self, around: Surroundings, far: float = math.inf) -> BoolArray:
         """Returns the cells [X, Y] of the lowest layer from which a drone comes near somebody.
 
         Parameters
         ----------
         far : m, from where people are at any step; drones do not fly farther from there
         """
+        workspace, actors, horizon, *_ = around
         height_map, motion = workspace.height_map, self.motion
         poses = np.concatenate([actor.poses[: horizon + 1, :2] for actor in actors]).tolist()
         most = NEAR / height_map.resolution + horizon * motion.radius
@@ -193,37 +199,29 @@ class DronesTable(Table):
         window.of(found)[...] = encounters.graph.without_border(encounters.can_meet())[0]
         return found
 
-    def _meeting(
-        self, workspace: Workspace, actors: tuple[Actor, ...], horizon: int, free: BoolArray
-    ) -> BoolArray:
+    def _meeting(self, around: Surroundings, free: BoolArray) -> BoolArray:
         """Returns the cells [X, Y] out of some from which a drone comes near somebody."""
         if self.near is None:
-            return free & self._can_meet(workspace, actors, horizon)
-        height_map, some = workspace.height_map, np.zeros_like(free)
+            return free & self._can_meet(around)
+        height_map, some = around.height_map, np.zeros_like(free)
         reach = math.ceil(self.near / height_map.resolution)
-        for actor in actors:
+        for actor in around.actors:
             cell = height_map.cell_of(*actor.poses[0, :2].tolist())
-            around = Window.around([cell], reach, workspace)
-            around.of(some)[...] = around.of(free)
+            window = Window.around([cell], reach, around.workspace)
+            window.of(some)[...] = window.of(free)
         # Mostly all of them do without leaving the surroundings of people, which is quick to see.
-        found = self._can_meet(workspace, actors, horizon, self.near + NEAR)
+        found = self._can_meet(around, self.near + NEAR)
         if not found[some].all():
-            found = self._can_meet(workspace, actors, horizon)
+            found = self._can_meet(around)
         return some & found
 
-    def _candidates(
-        self,
-        workspace: Workspace,
-        actors: tuple[Actor, ...],
-        horizon: int,
-        rng: np.random.Generator,
-    ) -> list[State]:
+    def _candidates(self, around: Surroundings, rng: np.random.Generator) -> list[State]:
         """Returns free cells near someone in random order, with headings to the nearest actor."""
-        allowed = self.motion.free_places(workspace)[0]
+        actors, allowed = around.actors, self.motion.free_places(around.workspace)[0]
         if actors:
-            allowed = self._meeting(workspace, actors, horizon, allowed)
+            allowed = self._meeting(around, allowed)
         free = np.argwhere(allowed)
-        ways = _ways(workspace.height_map, free, actors)
+        ways = _ways(around.height_map, free, actors)
         far = np.hypot(ways[:, 0], ways[:, 1])
         if self.near is not None and actors:
             near = far <= self.near
@@ -237,12 +235,13 @@ class DronesTable(Table):
         ]
 
 
-def _require_people_on_map(height_map: HeightMap, actors: tuple[Actor, ...], horizon: int) -> None:
+def _require_people_on_map(around: Surroundings) -> None:
     """Raises a ProblemError if people are filmed of whom nobody is ever on the map."""
-    if not actors:
+    if not around.actors:
         return
-    points = np.concatenate([actor.poses[: horizon + 1, :2] for actor in actors])
-    first, last = ends(height_map)
+    steps = around.horizon + 1
+    points = np.concatenate([actor.poses[:steps, :2] for actor in around.actors])
+    first, last = ends(around.height_map)
     if not ((first <= points) & (points < last)).all(axis=1).any():
         raise ProblemError(
             f"all people are off the map, at {area(points.min(axis=0), points.max(axis=0))}, so "
@@ -302,14 +301,9 @@ def _crowded(
     return any(bool(rules.too_near(np.array(height_map.way(own, other)))) for other in starts)
 
 
-def _beside(
-    state: State,
-    motion: Motion,
-    airspace: Airspace,
-    height_map: HeightMap,
-    actors: tuple[Actor, ...],
-) -> bool:
+def _beside(state: State, motion: Motion, around: Surroundings) -> bool:
     """Returns True if a start is too near to somebody."""
+    height_map = around.height_map
     altitude = height_map.altitude(state.x, state.y, motion.layers[state.layer])
     at = np.array([*height_map.centre(state.x, state.y), altitude])
-    return any(bool(airspace.near_person(actor, 0, at)) for actor in actors)
+    return any(bool(around.airspace.near_person(actor, 0, at)) for actor in around.actors)

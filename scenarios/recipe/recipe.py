@@ -16,7 +16,7 @@ from cocap_opt.data import LARGEST, MOST_STEPS, ProblemError
 from cocap_opt.files.messages import in_words
 from cocap_opt.problem import Actor, Earth, Objective, Problem, Robot
 from cocap_opt.scenarios.recipe.airspace import AirspaceTable, NoFlyTable
-from cocap_opt.scenarios.recipe.drones import DronesTable
+from cocap_opt.scenarios.recipe.drones import DronesTable, Surroundings
 from cocap_opt.scenarios.recipe.earth import EarthTable
 from cocap_opt.scenarios.recipe.meshes import MeshTable
 from cocap_opt.scenarios.recipe.people import TracksTable, WalkTable
@@ -191,12 +191,8 @@ def read(path: Path, seed: int = 0) -> Problem:
             with naming(f"no_fly[{k}]"), naming("polygon"):
                 _require_on_map([zone], terrain.height_map, "it has coordinates of the map")
         workspace = Workspace(terrain.height_map, solid, airspace.no_fly, airspace.ceiling)
-        rng = np.random.default_rng(seed)
-        team: list[Robot] = []
-        for k, given in enumerate(recipe.drones):
-            with naming(f"drones[{k}]"):
-                given.require_pace(terrain.height_map.resolution, recipe.step)
-                team = given.added_to(team, workspace, actors, recipe.steps, rules, airspace, rng)
+        around = Surroundings(workspace, actors, recipe.steps, rules, airspace)
+        team = _team(recipe, around, np.random.default_rng(seed))
         return Problem(
             name=recipe.name or path.stem,
             height_map=terrain.height_map,
@@ -211,6 +207,16 @@ def read(path: Path, seed: int = 0) -> Problem:
             step=recipe.step,
             earth=_earth(recipe, terrain),
         )
+
+
+def _team(recipe: _Recipe, around: Surroundings, rng: np.random.Generator) -> list[Robot]:
+    """Returns the drones of all tables, each of which keeps away from those before."""
+    team: list[Robot] = []
+    for k, given in enumerate(recipe.drones):
+        with naming(f"drones[{k}]"):
+            given.require_pace(around.height_map.resolution, recipe.step)
+            team = given.added_to(team, around, rng)
+    return team
 
 
 def _decode(path: Path) -> _Recipe:

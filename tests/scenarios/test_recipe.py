@@ -19,10 +19,10 @@ from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.formulations import EXACT
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.plausibility import doubts, narrow_way
-from cocap_opt.problem import Actor, Airspace, Cuboid, Motion, Plan, Problem, State
+from cocap_opt.problem import NO_RULES, Actor, Airspace, Cuboid, Motion, Plan, Problem, State
 from cocap_opt.referee import check
 from cocap_opt.scenarios import SCENES, load_scene
-from cocap_opt.scenarios.recipe.drones import DronesTable
+from cocap_opt.scenarios.recipe.drones import DronesTable, Surroundings
 from cocap_opt.scenarios.recipe.meshes import MeshTable
 from cocap_opt.scenarios.recipe.recipe import EXAMPLE, read
 from cocap_opt.scenarios.recipe.tables import Table
@@ -955,13 +955,11 @@ def test_drones_near_people_may_start_where_all_others_may(
     heights[7:13, 7:13], heights[8:12, 8:12] = 20.0, 0.0
     heights[tuple(np.array(walls, dtype=int).reshape(-1, 2).T)] = 20.0
     workspace = Workspace(HeightMap(heights=heights))
-    actors, horizon = (standing(*at, 0.0, 0.0, steps=3),), 3
+    actors = (standing(*at, 0.0, 0.0, steps=3),)
+    around = Surroundings(workspace, actors, 3, NO_RULES, Airspace())
     some, every = DronesTable(count=1, near=near), DronesTable(count=1)
     starts = [
-        {
-            (s.x, s.y)
-            for s in table._candidates(workspace, actors, horizon, np.random.default_rng(0))
-        }
+        {(s.x, s.y) for s in table._candidates(around, np.random.default_rng(0))}
         for table in (some, every)
     ]
     middles = {(x, y): np.hypot(x + 0.5 - at[0], y + 0.5 - at[1]) for x, y in starts[1]}
