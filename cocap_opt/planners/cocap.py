@@ -145,4 +145,5 @@ def _searched(
         statistics = tree.statistics(open_nodes.popped)
         return Result.without_plan(Reason.INFEASIBLE, EXHAUSTED, statistics)
     team, stopped = followed(found.team, ending(found.team, responses))
-    return team.result(stopped, tree.statistics(open_nodes.popped - 1))
+    # A path chosen by few views may have misled the search, though no robot follows it now.
+    return team.result(stopped or responses.limit, tree.statistics(open_nodes.popped - 1))

@@ -23,12 +23,14 @@ class Responses:
     ----------
     asked : number of paths that the low level was asked for
     evaluated : states whose coverage it needed
+    limit : that was near when a path was chosen by few views; None if none was
     """
 
     def __init__(self, low_level: LowLevel, stop: Stop) -> None:
         self._low_level, self._stop = low_level, stop
         self._known: dict[tuple[object, ...], SingleRobotPath] = {}
         self.asked = self.evaluated = 0
+        self.limit: Limit | None = None
 
     def best(self, team: Team, robot: int, rules: bool = True) -> SingleRobotPath:
         """Returns a robot's best path against all others that are planned.
@@ -60,6 +62,7 @@ class Responses:
         single = self._low_level(team.task(robot, charges, self._stop))
         self.asked += 1
         self.evaluated += single.evaluated
+        self.limit = self.limit or single.limit
         return single
 
 

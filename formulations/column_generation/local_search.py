@@ -10,7 +10,7 @@ plans some robots anew, from where local search starts again.
 
 from collections.abc import Collection, Iterable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -25,12 +25,34 @@ from cocap_opt.graph.charges import Charges
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.model import Model, RobotClass
-from cocap_opt.stop import LimitReached, Stop, never
+from cocap_opt.stop import Limit, LimitReached, Stop, never
 
 MOST_PAIRS = 250_000  # of states at one step, for best pairs
 MOST_PARTNERS = 5  # robots with which each is paired
 PERTURBED = 3  # robots that are planned anew at a time
 PROMISING = 0.01  # relative loss up to which a local optimum is worth best pairs
+
+
+class Allowance(Stop):
+    """The best responses and best pairs that local search may still ask for; reached at none.
+
+    They are counted, not timed, so that a search takes the same course on every machine.
+
+    Attributes
+    ----------
+    left : how many
+    """
+
+    def __init__(self, responses: float = np.inf) -> None:
+        self.left = responses
+
+    def reached(self) -> Limit | None:
+        """Return `Limit.WORK` where none is left."""
+        return Limit.WORK if self.left <= 0 else None
+
+    def count_work(self) -> None:
+        """Count one of them."""
+        self.left -= 1
 
 
 @dataclass(frozen=True)
@@ -39,6 +61,7 @@ class LocalSearch:
 
     model: Model
     stop: Stop = never
+    allowance: Allowance = field(default_factory=Allowance)
 
     def from_mixture(self, mixture: Mixture, arcs: Collection[Arc]) -> Incumbent | None:
         """Returns the best plan found from a mixture; None if none was found.
@@ -82,9 +105,15 @@ class LocalSearch:
             return best
         return self._with_best_pairs(best, arcs)
 
+    def _check(self) -> None:
+        """Raises LimitReached where it is stopped, or no more responses are allowed."""
+        self.stop.check()
+        self.allowance.check()
+
     def best_response(self, robot: int, others: Sequence[Column]) -> Column | None:
         """Returns a robot's best path against other robots' columns; None if they leave none."""
         model, pixels = self.model, self.model.problem.no_pixels()
+        self.allowance.count_work()
         for column in others:
             pixels[column.view_sums] += column.pixels
         charges = Column.avoid(model, model.class_of[robot], others)
@@ -102,6 +131,7 @@ class LocalSearch:
         model = self.model
         if model.problem.objective.over_time:
             return None
+        self.allowance.count_work()
         arcs = list(arcs)
         a, b = (_side(model, robot, arcs, others) for robot in robots)
         if a is None or b is None:
@@ -127,7 +157,7 @@ class LocalSearch:
         robot = 0
         with suppress(LimitReached):
             while quiet < len(best.columns):
-                self.stop.check()
+                self._check()
                 answer = self.best_response(robot, best.without(robot))
                 if answer is not None and answer.key != best.columns[robot].key:
                     better = best.changed(self.model, answer)
@@ -144,7 +174,7 @@ class LocalSearch:
             while before is None or best.clearly_better_than(before):
                 before = best
                 for pair in _pairs(self.model, best):
-                    self.stop.check()
+                    self._check()
                     better = self._with_best_pair(best, pair, arcs)
                     if better is not None and better.clearly_better_than(best):
                         best = self.with_best_responses(better.columns) or better
@@ -180,7 +210,7 @@ class LocalSearch:
                 chosen[column.robot] = column
         for robot in range(len(problem.robots)):
             if robot not in chosen:
-                self.stop.check()
+                self._check()
                 answer = self.best_response(robot, list(chosen.values()))
                 if answer is None:
                     return None

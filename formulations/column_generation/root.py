@@ -13,6 +13,7 @@ from cocap_opt.formulations.column_generation.step_envelopes import step_envelop
 MOST_DISAGGREGATED = 20_000_000  # robots x steps x states up to which robots are disaggregated
 LEAST_GAIN = 0.12  # of what is open, that the first cuts of disaggregated robots must close,
 # times by how much they make the master larger
+LAST_LOOK = 10  # iterations' worth of best responses, for plans once the root is solved
 FAR = 0.003  # gap that no tree closes soon: any gain is welcome, if it is more than
 LEAST_GAIN_FAR = 0.02  # of what is open
 
@@ -70,6 +71,7 @@ class Root:
         self.solve_aggregated()
         if self.relaxation.is_stuck or self.relaxation.best.bound <= self.cutoff():
             return
+        self.search.allow_responses(LAST_LOOK)
         self.relaxation.look_for_plans()
         columns = self.relaxation.master.used_columns(MOST_IDLE)
         step_envelopes(self.search, self.relaxation.best.duals, self.cutoff, columns)

@@ -10,7 +10,7 @@ import numpy as np
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile
 from cocap_opt.formulations.column_generation.columns import Arc, Column
 from cocap_opt.formulations.column_generation.incumbent import Incumbent
-from cocap_opt.formulations.column_generation.local_search import LocalSearch
+from cocap_opt.formulations.column_generation.local_search import Allowance, LocalSearch
 from cocap_opt.formulations.column_generation.pricing import Pricer
 from cocap_opt.formulations.relaxations.duals import Duals
 from cocap_opt.formulations.result import (
@@ -27,6 +27,11 @@ from cocap_opt.result import Reason, relative_gap
 from cocap_opt.stop import Clock, Limit, LimitReached, Stop, never
 
 EXACT = 2e-8  # of what all robots see alone: no solver is more accurate than that
+# Best responses that local search may ask for: at first, for each robot; and for every iteration
+# of a relaxation as many as half of the robots and some for each class, which take about a quarter
+# of its time (field-long 0.2, measured).
+FIRST_RESPONSES = 4
+RESPONSES_PER_CLASS = 4
 INFEASIBLE = 1e-6  # of what all robots see alone: a bound so far below 0 proves it
 
 
@@ -44,6 +49,7 @@ class Search:
     lowest : the lowest bound that was reported
     pricer : prices multipliers for the model
     local_search : improves plans of the model
+    allowance : best responses that it may still ask for
     rng : of perturbations
     largest : [C, Z] largest root of the pixels of one robot, px^0.5/m
     weights : [Z] of view sums
@@ -63,7 +69,8 @@ class Search:
     def __post_init__(self) -> None:
         """Compiles the parts of the model that pricing needs, and prices; raises LimitReached."""
         self.pricer = Pricer(self.model, self.stop)
-        self.local_search = LocalSearch(self.model, self.stop)
+        self.allowance = Allowance(FIRST_RESPONSES * len(self.model.problem.robots))
+        self.local_search = LocalSearch(self.model, self.stop, self.allowance)
         self.rng = np.random.default_rng(0)
         self.largest = self.model.largest_roots()
         self.weights = self.model.problem.view_sum_weights
@@ -135,8 +142,13 @@ class Search:
                     break
                 obeying.append(answer)
         if len(obeying) == len(robots):
-            self.offer(Incumbent.of(self.model, obeying))
+            self.offer(self.local_search.with_best_responses(obeying))
         return [*obeying, *(() if self.incumbent is None else self.incumbent.columns)]
+
+    def allow_responses(self, times: int = 1) -> None:
+        """Allows local search what belongs to an iteration of a relaxation, or several times it."""
+        each = len(self.model.problem.robots) / 2 + RESPONSES_PER_CLASS * len(self.model.classes)
+        self.allowance.left = max(self.allowance.left, 0.0) + times * each
 
     def perturb(self, arcs: Collection[Arc]) -> None:
         """Offers the plan that local search finds from a perturbation of the incumbent."""

@@ -15,9 +15,10 @@ from cocap_opt.graph.value_iteration import Swept, backward_sweep
 from cocap_opt.model import Model, compiled
 from cocap_opt.objective import marginal_reward
 from cocap_opt.planners import LAZY, PLANNERS, lazy_value_iteration
+from cocap_opt.planners.cocap import cocap
 from cocap_opt.planners.greedy import greedy
 from cocap_opt.planners.lazy_value_iteration import LazyValueIteration
-from cocap_opt.planners.low_level import SingleRobotTask, value_iteration
+from cocap_opt.planners.low_level import SingleRobotPath, SingleRobotTask, value_iteration
 from cocap_opt.planners.optimistic_coverage import OptimisticCoverage
 from cocap_opt.problem import Camera, Problem
 from cocap_opt.referee import check
@@ -256,6 +257,21 @@ def test_near_a_limit_the_best_path_that_is_known_is_returned() -> None:
         verdict = check(problem, result.plan)
         assert not verdict.violations and close(verdict.reward, result.value)
         assert 0.5 < result.value / PLANNERS[planner.removesuffix("-lazy")](problem).value < 1.1
+
+
+@pytest.mark.parametrize("hurried", [0, 1, 3])
+def test_a_hurried_path_anywhere_in_the_tree_is_said(hurried: int) -> None:
+    """Also where no robot follows it in the end: it may have led the search elsewhere."""
+    asked: list[SingleRobotTask] = []
+
+    def low_level(task: SingleRobotTask) -> SingleRobotPath:
+        asked.append(task)
+        limit = Limit.TIME if len(asked) == hurried + 1 else None
+        return value_iteration(task)._replace(limit=limit)
+
+    result = cocap(load_scene("tiny-give-way", 0), low_level=low_level)
+    assert len(asked) > hurried, "the tree is too small for this test"
+    assert (result.reason, result.limit) == (Reason.STOPPED, Limit.TIME)
 
 
 def test_where_all_ways_are_closed_there_is_no_path() -> None:

@@ -29,7 +29,7 @@ from cocap_opt.formulations.column_generation.columns import Arc, Column
 from cocap_opt.formulations.column_generation.conic_program import ConicProgram
 from cocap_opt.formulations.column_generation.diving import dive
 from cocap_opt.formulations.column_generation.incumbent import Incumbent
-from cocap_opt.formulations.column_generation.local_search import LocalSearch
+from cocap_opt.formulations.column_generation.local_search import Allowance, LocalSearch
 from cocap_opt.formulations.column_generation.master import Master
 from cocap_opt.formulations.column_generation.mixture import Mixture
 from cocap_opt.formulations.column_generation.pricing import Pricer
@@ -365,6 +365,21 @@ def test_local_search_that_is_stopped_returns_its_best_plan() -> None:
     plan = stopped.with_best_responses(columns)
     assert plan is not None and plan.columns == tuple(columns)
     assert stopped.from_mixture(Mixture(columns[:1], np.ones(1)), []) is None
+
+
+@pytest.mark.parametrize("allowed", [0, 1, 2])
+def test_local_search_asks_for_no_more_responses_than_are_allowed(allowed: int) -> None:
+    """They are counted, and the plan so far is returned when none is left."""
+    model = compiled(load_scene("corridor", 0))
+    columns = Search(model).first_columns()[: len(model.problem.robots)]
+    allowance = Allowance(allowed)
+    plan = LocalSearch(model, allowance=allowance).with_best_responses(columns)
+    before = Incumbent.of(model, columns)
+    assert plan is not None and before is not None and plan.value >= before.value
+    enough = Allowance(1000)
+    LocalSearch(model, allowance=enough).with_best_responses(columns)
+    assert enough.left < 1000
+    assert allowance.left == max(0, allowed - (1000 - enough.left))
 
 
 def test_multipliers_are_read_by_the_names_of_rows() -> None:
