@@ -89,13 +89,17 @@ def _giving_way() -> bytes:
 
 
 def _top_view(scene: str, *steps: int) -> bytes:
-    problem = load_scene(scene, 0)
-    return plan_picture(problem, _plan(problem, RECOMMENDED), _SUFFIX, steps)
+    return plan_picture(*_recommended(scene), _SUFFIX, steps)
 
 
 def _view() -> bytes:
-    problem = load_scene("bottleneck", 0)
-    return drone_view(problem, _plan(problem, RECOMMENDED), robot=0, t=5, width=500)
+    return drone_view(*_recommended("bottleneck"), robot=0, t=5, width=500)
+
+
+@cache
+def _recommended(scene: str) -> tuple[Problem, Plan]:
+    problem = load_scene(scene, 0)
+    return problem, _plan(problem, RECOMMENDED)
 
 
 @cache
