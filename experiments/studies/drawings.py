@@ -74,17 +74,14 @@ def _growth() -> bytes:
 
 def _giving_way() -> bytes:
     """Draws the encounter of ten seeds in which a drone gives up most for its team."""
-    found: list[tuple[Encounter, Problem, dict[str, Plan]]] = []
+    found: list[Encounter] = []
     for seed in range(10):
         problem = load_scene("bottleneck", seed)
-        plans = {name: _plan(problem, name) for name in _GIVING_WAY}
-        found += [
-            (one, problem, plans)
-            for one in Encounter.all_of(problem, seed, plans["greedy"], plans["cocap"])
-        ]
-    most = Encounter.most_generous([one for one, _, _ in found])
+        found += Encounter.all_of(problem, seed, _plan(problem, "greedy"), _plan(problem, "cocap"))
+    most = Encounter.most_generous(found)
     assert most is not None, "nobody gives way"
-    _, problem, plans = next(some for some in found if some[0] is most)
+    problem = load_scene("bottleneck", most.seed)
+    plans = {name: _plan(problem, name) for name in _GIVING_WAY}
     return picture(encounter_figure(problem, most, plans), _SUFFIX)
 
 
