@@ -24,7 +24,13 @@ def pytest_configure(config: pytest.Config) -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Keep the tests out of the user's cache; processes started by a test inherit this."""
+    """Keep the tests out of the user's cache; processes started by a test inherit this.
+
+    The workers of a session share one, so that each scene's coverage is computed once.
+    """
+    folder = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        folder = folder.parent
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("COCAP_OPT_CACHE", str(tmp_path_factory.mktemp("cache")))
+        patch.setenv("COCAP_OPT_CACHE", str(folder / "cache"))
         yield

@@ -59,8 +59,8 @@ def test_the_wheel_works_without_the_repository(tmp_path: Path) -> None:
         if path.is_file() and path.suffix in (".py", ".js", ".css", ".html", ".ipynb", ".csv")
     }
     assert {path.as_posix() for path in expected} <= within
-    run([sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--no-index", "--target",
-         installed, wheel], tmp_path)  # fmt: skip
+    run([sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--no-index", "--no-compile",
+         "--target", installed, wheel], tmp_path)  # fmt: skip
     alone = {"PYTHONPATH": str(installed), "COCAP_OPT_CACHE": str(tmp_path / "cache")}
     command = installed / "bin" / "cocap-opt"
     run([command, "plan", "tiny-turn", "-o", "plan.json"], tmp_path, **alone)

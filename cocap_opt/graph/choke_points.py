@@ -9,13 +9,6 @@ from __future__ import annotations  # networkx graphs take type arguments in stu
 from collections.abc import Collection, Iterable
 from typing import TYPE_CHECKING, NamedTuple
 
-import networkx as nx
-from networkx.algorithms.connectivity import (
-    build_auxiliary_node_connectivity,
-    minimum_st_node_cut,
-)
-from networkx.algorithms.flow import build_residual_network
-
 from cocap_opt.graph.motion import Window
 from cocap_opt.graph.networks import place_graph
 from cocap_opt.problem import Cell, Motion, Problem
@@ -108,6 +101,9 @@ class _Ways:
     """
 
     def __init__(self, graph: Graph, starts: Collection[Cell], horizon: int) -> None:
+        from networkx.algorithms.connectivity import build_auxiliary_node_connectivity
+        from networkx.algorithms.flow import build_residual_network
+
         self.graph, self.starts, self._horizon = graph, set(starts), horizon
         # Of all smallest cuts networkx finds the one nearest to its sink.
         self._back = graph.reverse()
@@ -118,6 +114,8 @@ class _Ways:
     @classmethod
     def of(cls, problem: Problem, most: int) -> _Ways | None:
         """Returns the ways of all drones; None if more than `most` cells are in reach."""
+        import networkx as nx  # a fifth of a second, which few commands need
+
         graph: Graph = nx.DiGraph()
         for motion in dict.fromkeys(robot.motion for robot in problem.robots):
             window = _window(problem, motion)
@@ -148,6 +146,8 @@ class _Ways:
 
     def choke_point_before(self, cell: Cell, wanted: set[Cell]) -> ChokePoint:
         """Returns the fewest cells that part the starts from a cell, and what is behind them."""
+        from networkx.algorithms.connectivity import minimum_st_node_cut
+
         cut = minimum_st_node_cut(
             self._back, cell, _STARTS, auxiliary=self._auxiliary, residual=self._residual
         )

@@ -10,7 +10,6 @@ from collections.abc import Collection, Iterator
 from itertools import product
 from typing import TYPE_CHECKING, Any
 
-import networkx as nx
 import numpy as np
 
 from cocap_opt.graph.motion import Window, allowed_moves
@@ -21,6 +20,8 @@ from cocap_opt.world.workspace import Workspace
 Place = tuple[int, int, int]  # (layer, x, y)
 Node = tuple[State, int]  # (state, step)
 if TYPE_CHECKING:
+    import networkx as nx
+
     Graph = nx.DiGraph[Any]
 
 
@@ -31,6 +32,8 @@ def place_graph(workspace: Workspace, motion: Motion, window: Window | None = No
     ----------
     window : the part of the map that robots do not leave; all if not given
     """
+    import networkx as nx  # a fifth of a second, which few commands need
+
     window = window or Window.all_of(workspace)
     graph: Graph = nx.DiGraph()
     for (climb, dx, dy), starts in allowed_moves(workspace, motion, window):
@@ -47,6 +50,8 @@ def reached_graph(problem: Problem, robot: int) -> Graph:
     Nodes are (State, t), in the order of their steps t = 0..T; an edge is a step that the robot
     can take. It may be a way to nowhere: at the goal, or at all, no path need end.
     """
+    import networkx as nx
+
     steps, start = _Steps(problem, robot), problem.robots[robot].start
     graph: Graph = nx.DiGraph()
     graph.add_node((start, 0))

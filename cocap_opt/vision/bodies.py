@@ -2,9 +2,10 @@
 
 from collections.abc import Sequence
 from itertools import combinations
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.problem import Shape
@@ -13,6 +14,7 @@ from cocap_opt.world.workspace import HeightMap, Mesh
 
 _FLAT = 1e-9  # m; points that are nearer to a plane lie in it
 _MOST_PLANES = 64  # of a mesh that counts as one convex body
+T = TypeVar("T", bound=np.generic)
 
 
 class _Solid(NamedTuple):
@@ -107,11 +109,9 @@ class Bodies(NamedTuple):
 
         normals, offsets, neighbours = [], [], []
         for part in parts:
-            more = (0, planes - part.offsets.shape[1])
-            normals.append(np.pad(part.normals, ((0, 0), more, (0, 0))))
-            offsets.append(np.pad(part.offsets, ((0, 0), more), constant_values=1.0))
-            more = (0, pairs - part.neighbours.shape[1])
-            neighbours.append(np.pad(part.neighbours, ((0, 0), more, (0, 0))))
+            normals.append(widened(part.normals, planes, 0.0))
+            offsets.append(widened(part.offsets, planes, 1.0))
+            neighbours.append(widened(part.neighbours, pairs, 0))
         return cls(
             np.concatenate(normals), np.concatenate(offsets), np.concatenate(neighbours),
             np.concatenate([part.low for part in parts]),
@@ -125,6 +125,15 @@ class Bodies(NamedTuple):
             self.normals[which], self.offsets[which], self.neighbours[which],
             self.low[which], self.high[which], self.endless[which],
         )  # fmt: skip
+
+
+def widened(values: NDArray[T], width: int, filling: float) -> NDArray[T]:
+    """Returns values [n, w, ..] as [n, width, ..], what is missing filled."""
+    n, has, *rest = values.shape
+    if has == width:
+        return values
+    missing = np.full((n, width - has, *rest), filling, values.dtype)
+    return np.concatenate([values, missing], axis=1)
 
 
 # A column: its top, and the sides towards -x, +x, -y and +y.

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.data import FloatArray
-from cocap_opt.problem import Problem
+from cocap_opt.problem import Problem, Shape
 from cocap_opt.vision.bodies import Bodies
 from cocap_opt.vision.candidates import Candidates
 from cocap_opt.vision.projection import dot
@@ -15,7 +15,7 @@ from cocap_opt.vision.surfaces import Surface
 
 ROUNDING = 1e-6  # m, much more than that of coordinates
 _DRAWN_IN = 0.01  # of the way to the middle, so that no ray grazes the ground
-_KEPT = 64  # spans of steps whose geometry is kept
+_KEPT = 64  # spans of steps, and shapes, whose geometry is kept
 
 
 class Faces(NamedTuple):
@@ -75,8 +75,7 @@ class FaceGeometry:
         convex = [solid for solid in solids if solid is not None]
         self._columns = Bodies.of_columns(problem.height_map, self.origin)
         self._fixed = Bodies.joined([self._columns, *convex])
-        self._shapes = [_Local.of(actor.shape.faces(), Bodies.of_shape(actor.shape))
-                        for actor in problem.actors]  # fmt: skip
+        self._shapes = [_local(actor.shape) for actor in problem.actors]
         layers = sorted({height for robot in problem.robots for height in robot.motion.layers})
         lowest = problem.height_map.altitudes((layers[0],)).min()
         lowest = float(lowest) if lowest_eye is None else min(float(lowest), lowest_eye)
@@ -210,6 +209,12 @@ class _Local(NamedTuple):
         )
 
 
+@lru_cache(maxsize=_KEPT)
+def _local(shape: Shape) -> _Local:
+    """Returns a shape around its foot point, computed once for all actors that have it."""
+    return _Local.of(shape.faces(), Bodies.of_shape(shape))
+
+
 class _Turned:
     """Poses [L, 4] that points are brought to."""
 
@@ -278,5 +283,4 @@ def _centroid(polygon: FloatArray) -> FloatArray:
 
 def _padded(polygons: FloatArray, size: int) -> FloatArray:
     """Returns polygons [n, V, 3] with so many vertices, the last repeated."""
-    missing = size - polygons.shape[1]
-    return np.pad(polygons, ((0, 0), (0, missing), (0, 0)), mode="edge")
+    return polygons[:, np.minimum(np.arange(size), polygons.shape[1] - 1)]

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
-from cocap_opt.vision.bodies import Bodies
+from cocap_opt.vision.bodies import Bodies, widened
 from cocap_opt.vision.projection import dot
 from cocap_opt.world.polygons import clip
 
@@ -83,12 +83,11 @@ class Shadows(NamedTuple):
         none = np.zeros((0, size))
         wide = [cls(np.zeros((0, size, 3)), none, none)]
         for part in parts:
-            missing = (0, 0), (0, size - part.offsets.shape[1])
             wide.append(
                 cls(
-                    np.pad(part.normals, (*missing, (0, 0))),
-                    np.pad(part.offsets, missing, constant_values=_ALWAYS),
-                    np.pad(part.depths, missing),
+                    widened(part.normals, size, 0.0),
+                    widened(part.offsets, size, _ALWAYS),
+                    widened(part.depths, size, 0.0),
                 )
             )
         return cls(*(np.concatenate(columns) for columns in zip(*wide, strict=True)))

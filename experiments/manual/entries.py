@@ -28,5 +28,14 @@ ENTRIES: dict[str, Callable[[], str]] = {
 
 
 def all_entries() -> dict[str, str]:
-    """Returns the Markdown of each name."""
-    return {name: make().strip() for name, make in ENTRIES.items()}
+    """Returns the Markdown of each name.
+
+    Raises
+    ------
+    ValueError
+        If a name stands for nothing, which a page would show as a gap in a sentence.
+    """
+    made = {name: make().strip() for name, make in ENTRIES.items()}
+    if empty := [name for name, text in made.items() if not text]:
+        raise ValueError(f"{empty[0]}: stands for nothing")
+    return made

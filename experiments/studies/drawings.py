@@ -75,28 +75,29 @@ def _growth() -> bytes:
 
 def _giving_way() -> bytes:
     """Draws the encounter of ten seeds in which a drone gives up most for its team."""
-    found: list[tuple[Encounter, Problem, dict[str, Plan]]] = []
+    found: list[Encounter] = []
     for seed in range(10):
         problem = load_scene("bottleneck", seed)
-        plans = {name: _plan(problem, name) for name in _GIVING_WAY}
-        found += [
-            (one, problem, plans)
-            for one in Encounter.all_of(problem, seed, plans["greedy"], plans["cocap"])
-        ]
-    most = Encounter.most_generous([one for one, _, _ in found])
+        found += Encounter.all_of(problem, seed, _plan(problem, "greedy"), _plan(problem, "cocap"))
+    most = Encounter.most_generous(found)
     assert most is not None, "nobody gives way"
-    _, problem, plans = next(some for some in found if some[0] is most)
+    problem = load_scene("bottleneck", most.seed)
+    plans = {name: _plan(problem, name) for name in _GIVING_WAY}
     return picture(encounter_figure(problem, most, plans), _SUFFIX)
 
 
 def _top_view(scene: str, *steps: int) -> bytes:
-    problem = load_scene(scene, 0)
-    return plan_picture(problem, _plan(problem, RECOMMENDED), _SUFFIX, steps)
+    return plan_picture(*_recommended(scene), _SUFFIX, steps)
 
 
 def _view() -> bytes:
-    problem = load_scene("bottleneck", 0)
-    return drone_view(problem, _plan(problem, RECOMMENDED), robot=0, t=5, width=500)
+    return drone_view(*_recommended("bottleneck"), robot=0, t=5, width=500)
+
+
+@cache
+def _recommended(scene: str) -> tuple[Problem, Plan]:
+    problem = load_scene(scene, 0)
+    return problem, _plan(problem, RECOMMENDED)
 
 
 @cache

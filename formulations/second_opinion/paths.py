@@ -5,8 +5,6 @@ from __future__ import annotations  # networkx graphs take type arguments in stu
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
-import networkx as nx
-
 from cocap_opt.graph.networks import Node, ends, keep_ways_to
 from cocap_opt.problem import Cell, Objective, Problem, State
 
@@ -33,6 +31,8 @@ def longest_path(
     graph : all that the robot can reach from its start
     paid : for being in a node
     """
+    import networkx as nx  # a fifth of a second, which few commands need
+
     cells = {state: problem.cell(robot, state) for state in {state for state, _ in graph}}
 
     def worth(node: Node) -> float:
@@ -66,6 +66,8 @@ def _weighted(
 
     An edge weighs what its move and its head are worth; the start's own worth is in none.
     """
+    import networkx as nx
+
     rewarded = any(
         (objective.stationarity, objective.keep_cell, objective.keep_heading, objective.balanced)
     )

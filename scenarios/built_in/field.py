@@ -21,7 +21,6 @@ from functools import cache
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-import networkx as nx
 import numpy as np
 
 from cocap_opt.data import BoolArray, ProblemError
@@ -186,6 +185,8 @@ def _stroller(
 
     Places that cannot be walked to without running into others are skipped.
     """
+    import networkx as nx  # a fifth of a second, which few commands need
+
     pace = PACE + rng.uniform(-0.1, 0.1)
     way = [places[rng.integers(len(places))]]
     tries = TRIES

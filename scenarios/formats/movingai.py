@@ -25,7 +25,6 @@ from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-import networkx as nx
 import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, ProblemError
@@ -39,6 +38,8 @@ FREE = ".GS"
 BLOCKED = "@OTW"
 
 if TYPE_CHECKING:
+    import networkx as nx
+
     Graph = nx.Graph[Any]
 
 GridCell = tuple[int, int]  # column, row
@@ -53,6 +54,8 @@ class _Trip(NamedTuple):
 
     def walk(self, graph: Graph) -> list[GridCell] | None:
         """Returns the cells of a shortest path, both ends included; None where there is none."""
+        import networkx as nx
+
         try:
             path: list[GridCell] = nx.shortest_path(graph, self.start, self.goal, weight="weight")
         except (nx.NetworkXNoPath, nx.NodeNotFound):
@@ -314,6 +317,8 @@ def walking_graph(free: BoolArray) -> Graph:
 
     Each cell is joined to eight others; diagonal moves cut no corner. Weights are in cells.
     """
+    import networkx as nx  # a fifth of a second, which few commands need
+
     graph: Graph = nx.Graph()
     graph.add_nodes_from((int(x), int(y)) for x, y in np.argwhere(free))
     for x, y in graph:

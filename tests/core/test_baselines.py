@@ -70,7 +70,7 @@ def metres(problem: Problem, robot: int, path: tuple[State, ...]) -> np.ndarray:
 
 
 @pytest.mark.parametrize("planner", BOTH)
-@examples(15)
+@examples(12)
 @given(problem=st.one_of(problems(over_time=True), meetings(), meetings(team=3)))
 def test_plans_are_legal_and_never_above_the_optimum(planner: Planner, problem: Problem) -> None:
     """What is planned can be flown, obeys the rules and is worth what it says; no more than J*.
@@ -91,7 +91,7 @@ def test_plans_are_legal_and_never_above_the_optimum(planner: Planner, problem: 
 
 
 @pytest.mark.parametrize("planner", BOTH)
-@examples(20)
+@examples(12)
 @given(problem=problems(goals=False), calls=st.integers(0, 12))
 def test_stopped_at_any_moment_there_is_a_plan(
     planner: Planner, problem: Problem, calls: int
@@ -417,7 +417,7 @@ def test_nearness_to_a_place_counts_the_ground_below(lower: int) -> None:
 # -- myopic ---------------------------------------------------------------------------------
 
 
-@examples(25)
+@examples(15)
 @given(problems())
 def test_myopic_robots_do_not_look_at_one_another(problem: Problem) -> None:
     """Each flies what it would fly alone, whoever else is there."""

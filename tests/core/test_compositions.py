@@ -99,7 +99,7 @@ def test_the_recommended_planner_is_near_the_optimum(scene: str) -> None:
         assert found >= 0.999 * cocap(problem).value
 
 
-@examples(20)
+@examples(12)
 @given(problem=crowds, calls=st.integers(0, 60), name=st.sampled_from(SETTLED))
 def test_stopped_anywhere(problem: Problem, calls: int, name: str) -> None:
     """Stopped after any number of questions, the plan obeys the rules, and the result says so."""

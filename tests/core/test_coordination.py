@@ -24,7 +24,7 @@ from cocap_opt.problem import (
 from cocap_opt.world.workspace import HeightMap
 
 
-@examples(25)
+@examples(15)
 @given(st.one_of(meetings(), problems(robots=st.just(2))), st.integers(0, 99))
 def test_places_conflict_where_their_cells_are_too_close(problem: Problem, seed: int) -> None:
     """The matrix says of places of two classes what the rules say of their cells."""
@@ -56,7 +56,7 @@ def test_coverage_of_states_is_that_of_the_table(problem: Problem, seed: int) ->
         assert (row == expected).all()
 
 
-@examples(25)
+@examples(15)
 @given(problems(robots=st.just(1)))
 def test_a_best_response_to_nobody_is_the_best_path(problem: Problem) -> None:
     """Against all paths of a robot alone, one by one."""
@@ -72,7 +72,7 @@ def test_a_best_response_to_nobody_is_the_best_path(problem: Problem) -> None:
     assert objective(model, [path]) >= max(values) - 1e-9 * max(values)
 
 
-@examples(80)
+@examples(45)
 @given(
     st.sampled_from([0.5, 1.0, 1.5, 2.0, 3.0]),
     st.sampled_from([0.0, 0.5, 2.0]),

@@ -354,7 +354,8 @@ def test_a_face_at_the_camera_fills_the_image_at_most(shape: Shape, tilt: float)
     Rounding decides there on which side of the face the camera is; there is no warning.
     """
     camera = Camera(width=80, height=60, focal=50.0, tilts=(tilt,))
-    for face, yaw, offset in product(shape.faces()[::4], (0.0, 0.7, 1e9), (0.0, -1e-310)):
+    ways = ((0.0, -1e-310), (0.7, 0.0), (1e9, -1e-310))
+    for face, (yaw, offset) in product(shape.faces()[::4], ways):
         for point in (face[0], face.mean(axis=0), face[:3].mean(axis=0)):
             actor = touching(shape, point.tolist(), yaw, offset)
             # Cell (0, 4) has its middle at (0, 0, 0).
@@ -410,7 +411,7 @@ def _flies(height: float) -> bool:
     return height > -LARGEST
 
 
-@examples(35)
+@examples(20)
 @given(extreme_scenes())
 def test_extreme_numbers_have_a_finite_reward(problem: Problem) -> None:
     """Whatever numbers a problem may hold, each J is a number, and nothing warns on the way."""
@@ -475,7 +476,7 @@ def moved(problem: Problem, poses: list[FloatArray], heights: FloatArray) -> Pro
     )
 
 
-@examples(15)
+@examples(12)
 @given(scenes())
 def test_rotated_scenes_look_the_same(problem: Problem) -> None:
     """Turning map, actors and headings by 90 degrees changes no view."""
@@ -552,7 +553,7 @@ def test_values_do_not_depend_on_the_batch(problem: Problem, data: st.DataObject
                 assert stored.tobytes() == alone.tobytes()
 
 
-@examples(15)
+@examples(12)
 @given(problems())
 def test_table_holds_what_is_seen_and_nothing_else(problem: Problem) -> None:
     """Rows are in order and never empty, and every stored number of pixels is positive."""
@@ -609,7 +610,7 @@ def polygons(draw: st.DrawFn, fewest: int = 3, most: int = 8) -> list[Point]:
     return [tuple(point) for point in points.tolist()]
 
 
-@examples(300)
+@examples(165)
 @given(polygons(), st.sampled_from([LEVEL, Camera(width=300, height=900, focal=77.0)]))
 def test_clipping_agrees_with_a_scalar_algorithm(polygon: list[Point], camera: Camera) -> None:
     """The area of any polygon, also one around or behind the camera, is that of plain clipping."""
@@ -816,11 +817,10 @@ def as_mesh(boxes: list[tuple[Corner, Corner]]) -> Mesh:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [0, 1])
-def test_rays_past_meshes_are_near_what_is_exact(seed: int) -> None:
+def test_rays_past_meshes_are_near_what_is_exact() -> None:
     """J of plans among houses given as one mesh, against the same houses given wing by wing."""
-    problem = load_scene("field", seed)
-    wings = houses(np.random.default_rng(seed), problem)
+    problem = load_scene("field", 1)
+    wings = houses(np.random.default_rng(1), problem)
     sampled = problem.replace(meshes=(as_mesh(wings),))
     exact = problem.replace(meshes=tuple(as_mesh([wing]) for wing in wings))
     assert FaceGeometry.is_sampled(sampled) and not FaceGeometry.is_sampled(exact)

@@ -94,7 +94,7 @@ def close_ups(draw: st.DrawFn) -> Problem:
     )
 
 
-@examples(60)
+@examples(35)
 @given(close_ups())
 def test_nothing_that_is_in_an_image_is_lost(problem: Problem) -> None:
     """Actors behind, beside and astride the camera, at an edge or around it: as face by face."""
@@ -189,7 +189,7 @@ def rough_maps(draw: st.DrawFn) -> Problem:
     )
 
 
-@examples(25)
+@examples(15)
 @given(rough_maps(), st.data())
 def test_rough_maps_lose_nothing(problem: Problem, data: st.DataObject) -> None:
     """States anywhere, inside the ground as well, see the same as face by face."""
@@ -265,7 +265,7 @@ def test_random_problems_lose_nothing(problem: Problem, data: st.DataObject) -> 
         assert_exact(problem, np.array(states), t=problem.horizon)
 
 
-@examples(50)
+@examples(30)
 @given(
     size=st.floats(0.2, 1.8),
     wide=st.floats(0.05, 1.0),

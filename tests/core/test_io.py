@@ -100,7 +100,7 @@ def wild_problems(draw: st.DrawFn) -> Problem:
     )
 
 
-@examples(60)
+@examples(35)
 @given(wild_problems())
 def test_scene_file_keeps_every_bit(problem: Problem) -> None:
     """A problem read back from its file is the same one, bit for bit."""

@@ -331,7 +331,7 @@ def test_a_swap_of_drones_that_are_too_near_is_counted_at_its_ends() -> None:
     assert [conflict.t for conflict in plan.conflicts(problem)] == [0, 1, 2]
 
 
-@examples(150)
+@examples(80)
 @given(crowds())
 def test_planners_and_referee_agree_on_conflicts(case: tuple[Problem, Plan]) -> None:
     """The planners' list of conflicts and the referee's name the same robots and steps."""

@@ -113,7 +113,7 @@ def check_contract(name: str, problem: Problem, result: Result) -> None:
         assert verdict.conflicts == ()
 
 
-@examples(40)
+@examples(24)
 @given(st.one_of(problems(), meetings(), meetings(team=3)))
 def test_contract(problem: Problem) -> None:
     """Every planner: a plan that can be flown and is worth what it says, never above the optimum.
@@ -156,7 +156,7 @@ def test_tiny_instance(name: str) -> None:
     assert 0.5 * best.value <= result.value <= best.value * (1 + 1e-9)
 
 
-@examples(25)
+@examples(15)
 @given(problems(robots=st.just(1)))
 def test_one_robot_is_planned_optimally(problem: Problem) -> None:
     """For one robot greedy, sequential, CoCap and joint planning are all exact."""
@@ -274,7 +274,7 @@ def obeys(model: Model, charges: Charges, path: tuple[State, ...]) -> bool:
 
 
 @pytest.mark.parametrize("kind", ["value iteration", "view search", "view search, undiscounted"])
-@examples(40)
+@examples(24)
 @given(problem=problems(robots=st.just(1)), seed=st.integers(0, 10**6))
 def test_low_levels(kind: str, problem: Problem, seed: int) -> None:
     """A low level finds a path that obeys goal and charges wherever there is one.
@@ -321,7 +321,7 @@ def test_view_search_heeds_weights() -> None:
         assert plan.paths[0][-1].heading == heading
 
 
-@examples(40)
+@examples(20)
 @given(problems(robots=st.just(1)), st.integers(0, 10**6))
 def test_view_search_takes_the_best_of_one_step(problem: Problem, seed: int) -> None:
     """Over a single step view search is exact: it takes the best of all views, as weighted."""
@@ -373,7 +373,7 @@ def literal_view_search(task: SingleRobotTask, gamma: float) -> tuple[int, ...] 
 
 
 @pytest.mark.parametrize("gamma", [0.7, 0.95, 1.0])
-@examples(25)
+@examples(15)
 @given(problem=problems(robots=st.just(1), goals=False), seed=st.integers(0, 10**6))
 def test_view_search_is_its_algorithm(gamma: float, problem: Problem, seed: int) -> None:
     """The discount compounds, k counts from 1, and dominance compares compounded values."""
@@ -468,7 +468,7 @@ def test_no_time_at_all(name: str, robots: int) -> None:
         assert result.plan is not None
 
 
-@examples(15)
+@examples(12)
 @given(problems(), st.integers(0, 12))
 def test_stopped_at_any_moment(problem: Problem, calls: int) -> None:
     """Whenever a planner is stopped, what it returns still keeps the contract."""
@@ -557,7 +557,7 @@ def plan_states(plan: Plan, conflict: Conflict, which: int) -> tuple[State, Stat
     return path[conflict.t], path[min(conflict.t + 1, len(path) - 1)]
 
 
-@examples(40)
+@examples(20)
 @given(st.one_of(meetings(), meetings(team=3)))
 def test_cocap_is_its_algorithm(problem: Problem) -> None:
     """The constraint tree is searched as in the paper's Alg. 1: greatest J first, two children.
@@ -806,7 +806,7 @@ def test_plans_do_not_depend_on_what_ran_before(problem: Problem) -> None:
 # -- metamorphic --------------------------------------------------------------------------
 
 
-@examples(25)
+@examples(15)
 @given(problems(robots=st.just(2)))
 def test_order_of_robots_does_not_matter_to_the_optimum(problem: Problem) -> None:
     """Robots in another order have the same joint optimum."""
@@ -816,7 +816,7 @@ def test_order_of_robots_does_not_matter_to_the_optimum(problem: Problem) -> Non
     assert first.reason is second.reason
 
 
-@examples(15)
+@examples(12)
 @given(problems(robots=st.just(2)))
 def test_fewer_rules_are_never_worse(problem: Problem) -> None:
     """Dropping a collision rule or a goal never lowers the optimum."""
@@ -839,7 +839,7 @@ def buried(problem: Problem) -> Problem:
     return problem.replace(actors=(*problem.actors, Actor(poses=np.array(rows))))
 
 
-@examples(25)
+@examples(15)
 @given(problems())
 def test_an_actor_nobody_can_see_changes_nothing(problem: Problem) -> None:
     """One more actor in the ground changes no value of the exact and the greedy planners."""
@@ -875,7 +875,7 @@ def test_scaled_weights_scale_the_optimum(problem: Problem, factor: float) -> No
 
 
 @pytest.mark.parametrize("low_level", [value_iteration, ViewSearch()])
-@examples(20)
+@examples(12)
 @given(problem=st.one_of(problems(robots=st.just(2)), meetings(team=3)))
 def test_rounds_never_lose(low_level: LowLevel, problem: Problem) -> None:
     """More rounds of greedy planning never lower J, even where the low level is not exact."""

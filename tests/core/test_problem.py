@@ -393,7 +393,7 @@ def test_copies_are_as_immutable_as_the_original(duplicate: Callable[[Problem], 
     assert not problem.actors[0].poses.flags.writeable
 
 
-@examples(30)
+@examples(15)
 @given(problems())
 def test_states_and_cells(problem: Problem) -> None:
     """A robot's cell keeps its place, and its layer index stands for the same flight height."""

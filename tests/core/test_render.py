@@ -69,7 +69,7 @@ def test_blocks_of_pixels_count_as_many() -> None:
     assert coarse.picture(problem.robots[0], 1, State(0, 0)).faces.shape == (100, 150)
 
 
-@examples(25)
+@examples(15)
 @given(problems())
 def test_planned_pixels_are_rendered_pixels(problem: Problem) -> None:
     """Of faces in full view planned and rendered pixels differ at the edges only."""

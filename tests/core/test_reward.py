@@ -71,7 +71,7 @@ def without_goals(problem: Problem) -> Problem:
     return problem.replace(robots=tuple(robot.replace(goal=None) for robot in problem.robots))
 
 
-@examples(25)
+@examples(15)
 @given(flown(TEAMS.map(without_goals)))
 def test_objective_is_the_referees(run: Flown) -> None:
     """J of the planners, of the referee and from scratch are one number."""
@@ -83,7 +83,7 @@ def test_objective_is_the_referees(run: Flown) -> None:
     assert value == pytest.approx(objective_from_scratch(problem, run.plan), rel=1e-9, abs=1e-12)
 
 
-@examples(40)
+@examples(20)
 @given(flown(TEAMS.map(without_goals)))
 def test_breakdowns_sum_to_the_objective(run: Flown) -> None:
     """Rewards by step and by face, plus those for moves, add up to J."""
@@ -102,7 +102,7 @@ def test_breakdowns_sum_to_the_objective(run: Flown) -> None:
     assert by_face == pytest.approx(verdict.reward, rel=1e-12, abs=1e-12)
 
 
-@examples(25)
+@examples(15)
 @given(flown(), st.data())
 def test_monotone_and_submodular(run: Flown, data: st.DataObject) -> None:
     """One more robot never costs, and gains the less the more robots are there already."""
@@ -119,7 +119,7 @@ def test_monotone_and_submodular(run: Flown, data: st.DataObject) -> None:
         assert late <= early + 1e-12 * scale
 
 
-@examples(40)
+@examples(20)
 @given(flown(), st.data())
 def test_marginal_rewards_telescope(run: Flown, data: st.DataObject) -> None:
     """Marginal rewards along the robots' paths, in any order, add up to J."""
@@ -146,7 +146,7 @@ def test_marginal_gain_is_concave(seen: float, more: float, coverage: float) -> 
     assert marginal_gain(np.zeros(1), own)[0] == math.sqrt(coverage)
 
 
-@examples(20)
+@examples(12)
 @given(flown(TEAMS.map(without_goals)), st.floats(0.01, 100.0))
 def test_stationarity_counts_unchanged_states(run: Flown, bonus: float) -> None:
     """Each step in which a robot's whole state stays the same adds the stationarity reward."""
@@ -158,7 +158,7 @@ def test_stationarity_counts_unchanged_states(run: Flown, bonus: float) -> None:
     assert gain == pytest.approx(bonus * stays, rel=1e-9, abs=1e-9)
 
 
-@examples(20)
+@examples(12)
 @given(flown(TEAMS.map(without_goals)))
 def test_start_counts_only_if_asked(run: Flown) -> None:
     """Counting the start adds the start's views, whatever is flown afterwards."""
@@ -190,7 +190,7 @@ def test_weights_scale_their_faces() -> None:
     assert weighted.face_reward == pytest.approx(expected, rel=1e-12)
 
 
-@examples(20)
+@examples(12)
 @given(flown(TEAMS.map(without_goals)))
 def test_actor_without_weight_is_worth_nothing(run: Flown) -> None:
     """Actors whose faces all have weight 0 leave the rewards for moves only."""

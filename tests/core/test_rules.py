@@ -18,7 +18,7 @@ number = st.one_of(grid, st.floats(-4.0, 4.0))
 ways = st.tuples(number, number, number).map(np.array)
 
 
-@examples(300)
+@examples(165)
 @given(ways, ways, st.sampled_from([0.5, 1.0, 2.0, 2.5]), st.sampled_from([0.0, 0.5, 1.0, 3.0]))
 def test_moves_conflict_where_dense_samples_do(
     before: FloatArray, after: FloatArray, separation: float, vertical: float

@@ -71,7 +71,7 @@ def cases(draw: st.DrawFn, goals: bool = False) -> Case:
     return make_case(height_map, motion, start, draw(st.integers(1, 5)), camera.tilts, goal)
 
 
-@examples(60)
+@examples(35)
 @given(cases())
 def test_successors_are_those_of_networkx(case: Case) -> None:
     """Every state has the same successors in the compiled graph as in the networkx graph."""
@@ -91,7 +91,7 @@ def test_reachable_states_are_the_time_expanded_graph(case: Case) -> None:
     assert nodes == set(time_expanded_graph(case.problem, 0))
 
 
-@examples(40)
+@examples(20)
 @given(cases(goals=True), st.integers(0, 3), st.integers(0, 2**32 - 1))
 def test_a_window_has_all_that_is_in_reach(case: Case, more: int, seed: int) -> None:
     """In a window around a start, as wide as it flies, nothing is missing and values are the same.
@@ -137,7 +137,7 @@ def test_reachable_of_several_starts_is_the_union(case: Case, data: st.DataObjec
     assert (together == np.logical_or.reduce(alone)).all()
 
 
-@examples(30)
+@examples(15)
 @given(cases())
 def test_numbering_is_one_to_one(case: Case) -> None:
     """State numbers and states, and places and their coordinates, map back to each other."""
@@ -234,7 +234,7 @@ class Priced(NamedTuple):
         return value
 
 
-@examples(50)
+@examples(30)
 @given(cases(goals=True), st.data())
 def test_backward_sweep_is_dynamic_programming(case: Case, data: st.DataObject) -> None:
     """The sweep's values are those of plain dynamic programming over the networkx graph.
@@ -263,7 +263,7 @@ def test_backward_sweep_is_dynamic_programming(case: Case, data: st.DataObject) 
         assert priced.of_path(path) == pytest.approx(value[0, case.start], abs=1e-9)
 
 
-@examples(40)
+@examples(20)
 @given(cases(goals=True), st.data())
 def test_frames_hold_all_that_a_robot_can_reach(case: Case, data: st.DataObject) -> None:
     """A sweep in them gives every state in reach the value that a sweep over all states gives it.

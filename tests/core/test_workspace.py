@@ -1,5 +1,5 @@
 import math
-from itertools import product
+from itertools import cycle, product
 
 import numpy as np
 import pytest
@@ -71,7 +71,7 @@ def altitudes_in_cell(vertices: FloatArray, x: int, y: int) -> tuple[float, floa
 coordinates = st.floats(-1.5, 6.5, allow_nan=False, width=32)
 
 
-@examples(30)
+@examples(12)
 @given(st.lists(st.tuples(coordinates, coordinates, coordinates), min_size=4, max_size=4))
 def test_a_tetrahedron_is_solid_where_linear_programs_find_it(
     corners: list[tuple[float, float, float]],
@@ -263,7 +263,7 @@ def coverage_of_all(problem: Problem) -> FloatArray:
     return views.coverage(2, states)
 
 
-@examples(20)
+@examples(12)
 @given(st.lists(st.sampled_from([0.0, 0.0, 2.0, 4.0, 9.0]), min_size=30, max_size=30))
 def test_columns_of_a_map_and_boxes_are_the_same(heights: list[float]) -> None:
     """A map's columns made of boxes on flat ground block the same moves and hide the same."""
@@ -283,7 +283,7 @@ def test_columns_of_a_map_and_boxes_are_the_same(heights: list[float]) -> None:
     )
 
 
-@examples(20)
+@examples(12)
 @given(
     st.lists(st.sampled_from([0.0, 0.0, 2.0, 4.0, 9.0]), min_size=30, max_size=30),
     st.sampled_from([-3.0, 250.0, 1024.0]),
@@ -350,8 +350,9 @@ COPIES = [
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("copy", COPIES, ids=str)
-@pytest.mark.parametrize("name", ["bridge", "corridor"])
+@pytest.mark.parametrize(
+    ("copy", "name"), [*zip(COPIES, cycle(["bridge", "corridor"]), strict=False)], ids=str
+)
 def test_copies_of_a_scene_have_the_same_j(copy: Copy, name: str) -> None:
     """A turned, mirrored or shifted plan has the J of the plan, and planners find it."""
     problem = load_scene(name, 3).replace(horizon=4)
@@ -383,7 +384,7 @@ def without_sides(problem: Problem) -> Problem:
     return problem.replace(robots=tuple(robots), actors=tuple(actors))
 
 
-@examples(25)
+@examples(15)
 @given(problems(), st.integers(0, 3), st.booleans())
 def test_copies_of_problems_have_the_same_j(problem: Problem, quarters: int, mirror: bool) -> None:
     """The same of random problems, for the plan of one planner."""

@@ -659,7 +659,7 @@ def test_every_altered_number_of_a_proof_is_noticed(
     Run(capsys, "solve", "tiny-share", "--certificate", good)
     proof = json.loads(good.read_text())
     split_leaf(proof)
-    for path in number_paths(proof)[::2]:
+    for path in number_paths(proof)[::3]:
         for change in (0.0, 0.5, 2):
             changed = json.loads(json.dumps(proof))
             inner = changed
@@ -946,12 +946,13 @@ def test_the_same_plan_file_in_any_process(
 @pytest.mark.slow
 def test_ctrl_c_prints_what_is_finished(tmp_path: Path) -> None:
     """An interrupted gap table is printed as far as it got, with exit code 0."""
-    process = start_command("gap", "corridor", "--seeds", "0-9", "--json", "--out", tmp_path)
+    words = "gap", "corridor", "--seeds", "0-9", "--planner", "greedy", "--planner", "sequential"
+    process = start_command(*words, "--json", "--out", tmp_path)
     wait_for(process, tmp_path, "results.csv")
     process.send_signal(signal.SIGINT)
     out, _ = process.communicate(timeout=60)
     assert process.returncode == 0
-    assert 0 < len(json.loads(out)["rows"]) < 50
+    assert 0 < len(json.loads(out)["rows"]) < 20
     assert (tmp_path / "results.csv").is_file()
 
 

@@ -646,7 +646,7 @@ def command(*arguments: object) -> list[str]:
     return [
         sys.executable, "-c", "from cocap_opt.experiments.cli.main import main; main()",
         "gap", "tiny-queue",
-        "corridor", "--seeds", "0-2", "--planner", "greedy", "--planner", "cocap",
+        "corridor", "--seeds", "0-1", "--planner", "greedy", "--planner", "cocap",
         *map(str, arguments),
     ]  # fmt: skip
 
@@ -671,7 +671,7 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("undisturbed") / "run"
     done = run_command("--out", folder)
     assert done.returncode == 0, done.stderr
-    assert len({row["bound"] for row in csv_rows(folder)}) == 1 + 3  # each seed another scene
+    assert len({row["bound"] for row in csv_rows(folder)}) == 1 + 2  # each seed another scene
     return folder
 
 
@@ -680,7 +680,7 @@ def test_a_sweep_that_is_killed_goes_on_where_it_was(undisturbed: Path, tmp_path
     """Killed hard once it has some cells, and begun again: each cell once, the same table."""
     folder = tmp_path / "run"
     written: dict[Path, int] = {}
-    for least in (1, 9):
+    for least in (1, 6):
         process = subprocess.Popen(
             command("--out", folder), stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL
         )
@@ -691,12 +691,12 @@ def test_a_sweep_that_is_killed_goes_on_where_it_was(undisturbed: Path, tmp_path
         assert process.returncode != 0, "it ended before it could be killed"
         assert {path: cell_times(folder)[path] for path in written} == written
         written = cell_times(folder)
-    assert len(written) >= 9
+    assert len(written) >= 6
     assert len(load_results(folder)) % 2 == 0  # whole scenes and seeds
     assert run_command("--out", folder).returncode == 0
     assert csv_rows(folder) == csv_rows(undisturbed)
     assert {path: cell_times(folder)[path] for path in written} == written
-    assert len(cell_times(folder)) == 4 * 3
+    assert len(cell_times(folder)) == 3 * 3
     for part in FOLDERS:
         names = {p.name for p in (folder / part).iterdir() if p.suffix in (".json", ".csv")}
         assert names == {p.name for p in (undisturbed / part).iterdir()}

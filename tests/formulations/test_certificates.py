@@ -87,7 +87,7 @@ def optimum_under(model: Model, decisions: tuple[Decision, ...]) -> float:
     return best
 
 
-@examples(25)
+@examples(12)
 @given(problem=problems(over_time=True), seed=st.integers(0, 1000))
 def test_any_multipliers_give_a_bound(problem: Problem, seed: int) -> None:
     """However badly a solver converged: non-negative multipliers are a valid certificate."""
@@ -99,7 +99,7 @@ def test_any_multipliers_give_a_bound(problem: Problem, seed: int) -> None:
     assert Pricing.of(compiled(problem), reference).bound >= best
 
 
-@examples(40)
+@examples(20)
 @given(problem=problems(most_plans=400, over_time=True), seed=st.integers(0, 1000))
 def test_any_multipliers_bound_the_plans_of_their_leaf(problem: Problem, seed: int) -> None:
     """Under decisions the bound holds for the plans that obey them: cells, states, moves."""
@@ -393,7 +393,7 @@ def exact_price(problem: Problem, certificate: Multipliers) -> Fraction:
     return total
 
 
-@examples(15)
+@examples(12)
 @given(problem=problems(most_plans=300, goals=False), seed=st.integers(0, 1000))
 def test_rounding_is_bounded_against_exact_arithmetic(problem: Problem, seed: int) -> None:
     """The rounded bound is above the exact value of the same multipliers, and barely."""
@@ -405,7 +405,7 @@ def test_rounding_is_bounded_against_exact_arithmetic(problem: Problem, seed: in
     assert Fraction(rounded.bound) - exact <= 3 * Fraction(rounded.rounding) + slack
 
 
-@examples(15)
+@examples(12)
 @given(problem=problems(most_plans=300))
 def test_proved_optima_hold_in_exact_arithmetic(problem: Problem) -> None:
     """The proved bound is at least the optimum also where nothing is rounded."""
@@ -481,8 +481,8 @@ def alterations(
         inner[path[-1]] = old
 
 
-# Each with every second number, so that all numbers are changed by little and by much.
-OTHERS = ((1e-3, 1), (-1.0, 0), (1e6, 1), (1e300, 0))
+# Each with every third number, so that all numbers are changed, by little or by much.
+OTHERS = ((1e-3, 1), (-1.0, 2), (1e6, 0), (1e300, 1))
 CHANGES = [(-1e-3, 0), *(pytest.param(*change, marks=pytest.mark.slow) for change in OTHERS)]
 
 
@@ -497,7 +497,7 @@ def test_an_altered_number_is_refused_or_the_claim_still_holds(
     best = optimum(problem).value
     plain = msgspec.json.decode(msgspec.json.encode(file))
     assert len(numbers(plain)) > 20
-    for path in alterations(plain, change, first, 10 if QUICK else 2):
+    for path in alterations(plain, change, first, 10 if QUICK else 3):
         try:
             claim = msgspec.convert(plain, kind)
             verify(problem, claim)

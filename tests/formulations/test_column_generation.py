@@ -71,7 +71,7 @@ def random_path(model: Model, robot: int, rng: np.random.Generator) -> tuple[int
     return tuple(path)
 
 
-@examples(25)
+@examples(15)
 @given(problem=st.one_of(meetings(), problems(robots=st.just(2), goals=False)))
 def test_the_best_pair_over_all_arcs_is_the_joint_optimum(problem: Problem) -> None:
     """Two robots, every arc allowed, all rules: value iteration over their arcs is exact."""
@@ -86,7 +86,7 @@ def test_the_best_pair_over_all_arcs_is_the_joint_optimum(problem: Problem) -> N
     assert check(problem, model.plan([column.path for column in pair])).valid
 
 
-@examples(25)
+@examples(15)
 @given(
     problem=st.one_of(problems(robots=st.sampled_from([2, 3])), meetings()), seed=st.integers(0, 99)
 )
@@ -100,7 +100,7 @@ def test_columns_in_conflict_are_those_that_make_a_conflict(problem: Problem, se
     assert any(pairs) == found
 
 
-@examples(25)
+@examples(15)
 @given(problem=problems(robots=st.sampled_from([2, 3]), goals=False), seed=st.integers(0, 99))
 def test_charges_cost_a_path_what_it_uses(problem: Problem, seed: int) -> None:
     """The charge that a sweep takes from a path is the cost of the resources that it uses."""
@@ -127,7 +127,7 @@ def test_charges_cost_a_path_what_it_uses(problem: Problem, seed: int) -> None:
     assert value[0, path.states[0]] == pytest.approx(problem.horizon + 1 - used)
 
 
-@examples(15)
+@examples(12)
 @given(problem=problems(over_time=True))
 def test_pricing_and_certificate_agree(problem: Problem) -> None:
     """What pricing calls a bound is what the certificate proves, up to rounding."""
@@ -209,7 +209,7 @@ def test_integral_mixtures_become_paths_with_the_same_reward() -> None:
     assert not ResourceUse.of(model, half).fractional()
 
 
-@examples(25)
+@examples(15)
 @given(problem=st.one_of(problems(), meetings()), seed=st.integers(0, 10_000))
 def test_masters_and_paths_agree_on_what_uses_a_resource(problem: Problem, seed: int) -> None:
     """Of a path's arcs exactly one is in a resource's row where the path uses it, else none."""

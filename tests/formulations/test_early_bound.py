@@ -2,6 +2,7 @@
 
 import math
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -41,7 +42,7 @@ def covered_in_part(problem: Problem, looks: int) -> Model:
     return model
 
 
-@examples(40)
+@examples(20)
 @given(
     problem=st.one_of(problems(over_time=True), meetings()),
     looks=st.integers(0, 6),
@@ -78,7 +79,7 @@ def test_drones_that_jump_need_little_memory(monkeypatch: pytest.MonkeyPatch) ->
     assert found[1] == pytest.approx(found[0], rel=1e-12)
 
 
-@examples(40)
+@examples(20)
 @given(problem=problems())
 def test_nobody_sees_more_than_the_ceiling(problem: Problem) -> None:
     """State by state, of the sums of pixels and of their roots; faces not marked are not seen."""
@@ -149,15 +150,21 @@ def test_a_plan_is_judged_once(monkeypatch: pytest.MonkeyPatch) -> None:
     assert check(problem, Plan(paths=plan.paths)) is verdict
 
 
+@cache
+def covered_for_some_steps() -> tuple[Problem, Model]:
+    """The bottleneck, and its model after a limit among its steps."""
+    problem = load_scene("bottleneck", 0)
+    compiled.cache_clear()
+    return problem, compiled(problem).covered_by(Calls(60))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("planner", sorted(set(PLANNERS) - LAZY - {"joint"}))
 def test_planners_use_the_coverage_that_is_there(
     planner: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Their J is the true one all the same, better than staying, and the message says it."""
-    problem = load_scene("bottleneck", 0)
-    compiled.cache_clear()
-    part = compiled(problem).covered_by(Calls(60))
+    problem, part = covered_for_some_steps()
     assert 3 < part.covered_steps < 12
     monkeypatch.setattr(Model, "covered_by", lambda model, stop: part)
     result = PLANNERS[planner](problem)

@@ -71,7 +71,7 @@ def assert_sandwich(problem: Problem, result: CertifiedResult) -> None:
 
 
 @pytest.mark.parametrize("method", [slow(m) if m in TAKING_LONG else m for m in OWN])
-@examples(12)
+@examples(10)
 @given(problem=problems(over_time=True))
 def test_sandwich(method: str, problem: Problem) -> None:
     """plan <= optimum <= bound, for every method, rule, class of robots and goal."""
@@ -82,7 +82,7 @@ def test_sandwich(method: str, problem: Problem) -> None:
 
 
 @pytest.mark.parametrize("method", [name for name in EXACT if name in OWN])
-@examples(15)
+@examples(10)
 @given(problem=st.one_of(problems(over_time=True), meetings(), meetings(team=3)))
 def test_exact_methods_find_the_optimum(method: str, problem: Problem) -> None:
     """Whatever the rules, goals and classes: optimal, or proved that there is no plan."""
@@ -110,7 +110,7 @@ def test_branch_and_price_equals_joint_value_iteration(seed: int) -> None:
     assert result.bound >= joint.value
 
 
-@examples(25)
+@examples(15)
 @given(problem=problems(robots=st.just(1)))
 def test_single_view_cuts_are_exact_for_one_robot(problem: Problem) -> None:
     """For one robot the relaxation with single-view cuts is the shortest-path polytope."""
@@ -122,7 +122,7 @@ def test_single_view_cuts_are_exact_for_one_robot(problem: Problem) -> None:
         assert bound < 0
 
 
-@examples(16)
+@examples(12)
 @given(problem=problems())
 def test_brute_force_equals_the_independent_oracle(problem: Problem) -> None:
     """The product's brute force and the tests' own, which shares no code with it, agree."""
@@ -157,7 +157,7 @@ def test_a_search_stopped_anywhere_has_a_valid_proof(name: str) -> None:
     whole = branch_and_price(problem, calls)
     assert whole.statistics["leaves"] > 2
     nodes = set()
-    for most in range(0, calls.asked, max(calls.asked // 8, 1)):
+    for most in range(0, calls.asked, max(calls.asked // 5, 1)):
         result = branch_and_price(problem, Calls(most))
         assert_sandwich(problem, result)
         assert result.reason in (Reason.STOPPED, whole.reason)

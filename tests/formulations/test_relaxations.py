@@ -54,7 +54,7 @@ def test_relaxations_of_tiny_scenes_are_ordered(name: str) -> None:
 
 
 @pytest.mark.slow
-@examples(16)
+@examples(12)
 @given(problem=any_problem())
 def test_relaxations_are_ordered_and_above_the_optimum(problem: Problem) -> None:
     """The same for random problems of all kinds."""
@@ -184,7 +184,7 @@ def random_paths(model: Model, rng: np.random.Generator) -> list[Path] | None:
     return chosen
 
 
-@examples(20)
+@examples(12)
 @given(problem=any_problem(), seed=st.integers(0, 1000))
 def test_paths_and_flows_go_over_into_one_another(problem: Problem, seed: int) -> None:
     """A flow's paths begin where the robots do, have its J and break rules where its rows do."""

@@ -1,6 +1,7 @@
 import json
 import math
 from dataclasses import replace
+from functools import cache
 from itertools import combinations_with_replacement, count, product
 
 import msgspec
@@ -84,7 +85,7 @@ def random_staged(model: Model, target: float, rng: np.random.Generator) -> Stag
     return Staged(random_multipliers(model, rng), target, tuple(stages), joint_paths)
 
 
-@examples(40)
+@examples(20)
 @given(st.one_of(problems(), meetings(), meetings(team=3)), seeds)
 def test_no_plan_is_worth_more_than_any_staged_certificate_proves(
     problem: Problem, seed: int
@@ -102,7 +103,7 @@ def test_no_plan_is_worth_more_than_any_staged_certificate_proves(
 
 
 @pytest.mark.slow
-@examples(20)
+@examples(12)
 @given(problems(most_plans=60), seeds, st.floats(0, 1))
 def test_plans_above_the_target_visit_only_states_that_are_left(
     problem: Problem, seed: int, share: float
@@ -161,7 +162,7 @@ def joint_by_enumeration(joint: JointStates) -> list[tuple[int, ...]]:
     )
 
 
-@examples(150)
+@examples(30)
 @given(seeds)
 def test_the_search_finds_the_highest_of_all_joint_states(seed: int) -> None:
     """The plain search agrees with enumeration, and collects all joint states that count."""
@@ -186,7 +187,7 @@ def with_ceilings(joint: JointStates, rng: np.random.Generator) -> JointStates:
     return replace(joint, ceilings=tuple(ceilings))
 
 
-@examples(60)
+@examples(30)
 @given(seeds)
 def test_ceilings_leave_out_no_higher_joint_state(seed: int) -> None:
     """What earlier payments prove shortens the search and changes nothing that it finds."""
@@ -223,7 +224,7 @@ def test_a_search_that_is_too_long_says_so() -> None:
         joint.highest(Wanted(-np.inf, 1))
 
 
-@examples(60)
+@examples(30)
 @given(st.one_of(problems(), meetings(), meetings(team=3)), seeds)
 def test_joint_value_iteration_finds_the_best_plan(problem: Problem, seed: int) -> None:
     """With a low target, it is the optimum, by a plan that obeys the rules."""
@@ -243,13 +244,20 @@ def test_joint_value_iteration_finds_the_best_plan(problem: Problem, seed: int) 
     assert verdict.reward == pytest.approx(found.value) == pytest.approx(best.value)
 
 
+@cache
 def staged_result() -> tuple[Problem, CertificateFile]:
     """A tiny scene with a staged certificate of all kinds of stages."""
     problem, rng = tiny(), np.random.default_rng(3)
     model = compiled(problem)
-    best = optimum(problem).value
+    best = optimum_of_tiny()
     staged = replace_stages(random_staged(model, best, rng), model, rng)
     return problem, certify(problem, model, "step-envelopes", staged)
+
+
+@cache
+def optimum_of_tiny() -> float:
+    """The best J of the tiny scene."""
+    return optimum(tiny()).value
 
 
 def replace_stages(staged: Staged, model: Model, rng: np.random.Generator) -> Staged:
@@ -308,7 +316,7 @@ def test_altered_staged_files_prove_nothing_false(seed: int) -> None:
     """Numbers changed anywhere are refused, or still prove a bound."""
     rng = np.random.default_rng(seed)
     problem, file = staged_result()
-    best = optimum(problem).value
+    best = optimum_of_tiny()
     plain = json.loads(msgspec.json.encode(file))
     places = list(numbers(plain["certificate"]))
     for _ in range(int(rng.integers(1, 4))):
@@ -337,7 +345,7 @@ def numbers(content: object) -> "list[tuple[dict | list, object]]":
     return found
 
 
-@examples(40)
+@examples(24)
 @given(st.one_of(meetings(), meetings(team=3)))
 def test_solutions_by_step_envelopes_are_optimal_and_explained(problem: Problem) -> None:
     """Branch-and-price finds the optimum; a staged certificate verifies, and its gap adds up."""

@@ -79,7 +79,7 @@ def by_loops(raster: Raster, resolution: float, how: How) -> FloatArray:
     return grid
 
 
-@examples(150)
+@examples(80)
 @given(data=st.data(), raster=rasters(holes=True))
 @pytest.mark.parametrize("how", [pytest.param("highest", marks=pytest.mark.slow), "mean"])
 def test_grid_follows_its_definition(how: How, data: st.DataObject, raster: Raster) -> None:
@@ -110,7 +110,7 @@ def test_own_resolution_changes_nothing(how: How, raster: Raster, own: bool) -> 
     assert (grid.origin, grid.resolution) == (raster.origin, raster.cell[0])
 
 
-@examples(40)
+@examples(20)
 @given(raster=rasters(holes=True), times=st.integers(1, 6))
 @pytest.mark.parametrize("how", HOW)
 def test_mirror_images(how: How, raster: Raster, times: int) -> None:

@@ -418,7 +418,7 @@ def test_gaps_are_not_walked_over() -> None:
 
 
 @given(walks(), st.integers(-30, 30), st.integers(1, 12), st.integers(1, 6))
-@examples(100)
+@examples(55)
 def test_present_are_those_who_can_walk(
     tracks: list[Track], begin: int, step: int, steps: int
 ) -> None:
@@ -497,7 +497,7 @@ def test_headings_turn_with_the_walk(path: FloatArray, angle: float, shift: floa
 
 
 @given(paths)
-@examples(150)
+@examples(80)
 def test_headings_by_their_definition(path: FloatArray) -> None:
     """From the step before to the step after, kept while standing: by slow, obvious loops."""
     end = len(path) - 1

@@ -1,6 +1,6 @@
 """The oracle: all plans of a small problem, one by one.
 
-Paths are enumerated on the time-expanded networkx graph, J is added up from single views
+Paths are enumerated on the time-expanded networkx graph, J is added up from their views
 (`Views`), and the referee says what is feasible. Nothing of `reward`, `model`, `constraints`
 or the planners is used.
 """
@@ -10,9 +10,9 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from strategies import graph_of
 
 from cocap_opt.data import FloatArray
-from cocap_opt.graph.networks import time_expanded_graph
 from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.problem import Plan, Problem, State
 from cocap_opt.referee import _Referee
@@ -31,11 +31,12 @@ class Optimum(NamedTuple):
 
 def all_paths(problem: Problem, robot: int) -> list[StatePath]:
     """All paths of one robot from its start to the last step, ending at its goal."""
-    graph = time_expanded_graph(problem, robot)
+    graph = graph_of(problem, robot)
     start = problem.robots[robot].start
     paths: list[StatePath] = [(start,)] if (start, 0) in graph else []
     for t in range(problem.horizon):
-        paths = [(*path, head) for path in paths for head, _ in sorted(graph[path[-1], t])]
+        heads = {node: sorted(head for head, _ in graph[node]) for node in graph if node[1] == t}
+        paths = [(*path, head) for path in paths for head in heads[path[-1], t]]
     return paths
 
 
@@ -44,14 +45,13 @@ def pixels_of(problem: Problem, robot: int, paths: list[StatePath]) -> FloatArra
     spec = problem.robots[robot]
     graph = TimeGraph.of(problem.workspace, spec.motion, len(spec.camera.tilts))
     views = Views.of(FaceGeometry(problem), problem, graph, spec.camera)
-    seen: dict[tuple[int, State], FloatArray] = {}
     pixels = np.zeros((len(paths), problem.horizon + 1, len(problem.face_weights)))
-    first = 0 if problem.objective.count_start else 1
-    for path, row in zip(paths, pixels, strict=True):
-        for t in range(first, problem.horizon + 1):
-            if (t, path[t]) not in seen:
-                seen[t, path[t]] = views.coverage(t, np.array([graph.index(path[t])]))[0]
-            row[t] = seen[t, path[t]]
+    if not paths:
+        return pixels
+    for t in range(0 if problem.objective.count_start else 1, problem.horizon + 1):
+        number = {state: n for n, state in enumerate(dict.fromkeys(path[t] for path in paths))}
+        seen = views.coverage(t, np.array([graph.index(state) for state in number]))
+        pixels[:, t] = seen[[number[path[t]] for path in paths]]
     return pixels
 
 

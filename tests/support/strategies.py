@@ -2,6 +2,7 @@
 
 import math
 import os
+from functools import lru_cache
 
 import networkx as nx
 import numpy as np
@@ -350,17 +351,23 @@ def meetings(draw: st.DrawFn, team: int = 2) -> Problem:
     return problem
 
 
+@lru_cache(maxsize=8)
+def graph_of(problem: Problem, robot: int) -> "nx.DiGraph[tuple[State, int]]":
+    """The time-expanded graph of a robot, for counting its paths and for going through them."""
+    return time_expanded_graph(problem, robot)
+
+
 def number_of_plans(problem: Problem) -> int:
     """Number of combinations of paths, one per robot, that reach their goals."""
     return math.prod(
-        _number_of_paths(time_expanded_graph(problem, robot), problem.horizon)
+        _number_of_paths(graph_of(problem, robot), problem.horizon)
         for robot in range(len(problem.robots))
     )
 
 
 def _number_of_paths(graph: "nx.DiGraph[tuple[State, int]]", horizon: int) -> int:
     ahead = {node: 1 for node in graph if node[1] == horizon}
-    for node in sorted(graph, key=lambda node: -node[1]):
+    for node in reversed(list(graph)):  # they are in the order of their steps
         if node[1] < horizon:
             ahead[node] = sum(ahead[head] for head in graph[node])
     return sum(count for node, count in ahead.items() if node[1] == 0)
