@@ -855,7 +855,7 @@ def test_help_tells_all_keys(player: Any) -> None:
 
 @pytest.mark.slow
 def test_a_phone_shows_one_plan_and_a_switch(player: Any) -> None:
-    """On a narrow screen nothing stands out at the side; two fingers zoom the picture."""
+    """On a narrow screen nothing stands out at the side or is cut; two fingers zoom the picture."""
     from selenium.webdriver.common.by import By
 
     player.resize((390, 844))
@@ -864,6 +864,12 @@ def test_a_phone_shows_one_plan_and_a_switch(player: Any) -> None:
     shown = "[...document.querySelectorAll('.panel')].map((p) => p.offsetHeight > 300)"
     assert value(player, shown) == [True, False]
     assert value(player, INKED % ("view", 0)) > 0.1
+    press(player, "d")
+    cut = """[...document.querySelectorAll("footer *, .chosen .inset *")].filter((part) =>
+        part.getBoundingClientRect().right > part.closest("footer, .inset").clientWidth
+        + part.closest("footer, .inset").getBoundingClientRect().left + 2)"""
+    assert value(player, f"{cut}.length") == 0
+    press(player, "\ue00c")
     player.find_elements(By.CSS_SELECTOR, "#tabs button")[1].click()
     assert value(player, shown) == [False, True]
     player.go_to(2)

@@ -56,6 +56,7 @@ class Bodies {
   // Somebody whose shirt is coloured, all around, like the face that looks the same way.
   figure(pen, j, pose, time) {
     const { height } = this.data.people[j], size = Math.max(height, (SMALLEST * pen.fine) / pen.metre);
+    if (!pen.metreAround(pose, 1.5 * size)) return;
     const isFine = (size * pen.metre) / pen.fine > FINE_BODY, fine = Number(isFine), phase = this.phase(j, time);
     const body = PERSONS[fine][phase], towards = this.towards[j][fine][phase];
     const colours = this.data.people[j].faces.map((_, f) => this.faceColour(j, f, time));
@@ -141,7 +142,9 @@ class Bodies {
   }
 
   quadrotor(pen, pose, size, colour) {
-    const body = QUADROTORS[Number((2 * size * pen.metre) / pen.fine > FINE_BODY)];
+    const metre = pen.metreAround(pose, 2 * size);
+    if (!metre) return;
+    const body = QUADROTORS[Number((2 * size * metre) / pen.fine > FINE_BODY)];
     const colours = {
       hull: colour, arm: mixed(palette.dark, colour, 0.45), rotor: mixed(palette.rotor, colour, 0.35), lens: palette.dark,
     };

@@ -9,21 +9,31 @@ class Eye {
   constructor(data, plan, scene, bodies, canvas) {
     Object.assign(this, { data, plan, scene, bodies, canvas });
     this.raster = new Raster(0);
-    this.pen = new Pen(this.raster, (x, y, z, into, at) => this.put(x, y, z, into, at), (points) => this.cut(points));
-    this.pen.metre = Infinity; // all is seen from near by
+    this.pen = new Pen(this.raster, (x, y, z, into, at) => this.put(x, y, z, into, at), {
+      cut: (points) => this.cut(points), metreAt: (w) => this.focal * w,
+    });
+    this.stamp = "";
   }
 
   draw(time, drone, quality) {
     const { clientWidth: width } = this.canvas;
     if (!width) return;
     this.look(drone, between(this.plan.paths[drone], time));
-    this.resize(width, quality === FINE ? EYE_FINE : 1);
+    this.resize(width, quality === FINE ? EYE_FINE : Math.min(quality, 1));
     this.still();
     this.raster.begin();
-    this.data.people.forEach((_, j) => this.bodies.faces(this.pen, j, this.bodies.person(j, time), time));
+    this.people(time);
     this.bodies.drones(this.pen, time, 0.35, { picked: drone, own: true });
     this.raster.compose();
     this.raster.finish(this.canvas.getContext("2d"));
+  }
+
+  // Those who are not behind the camera.
+  people(time) {
+    this.data.people.forEach(({ height }, j) => {
+      const pose = this.bodies.person(j, time);
+      if (this.depth(...pose) > -height) this.bodies.faces(this.pen, j, pose, time);
+    });
   }
 
   look(number, [x, y, z, yaw, tilt]) {
@@ -66,7 +76,12 @@ class Eye {
     return depths.every((depth) => depth >= NEAR) ? points : clipped(points, depths, NEAR);
   }
 
+  // What stands still is drawn again only where the camera has moved.
   still() {
+    const { from, ahead, raster: { width, height }, scene: { world } } = this;
+    const stamp = [...from, ...ahead, this.wide, width, height].join();
+    if (stamp === this.stamp && world === this.world) return;
+    [this.stamp, this.world] = [stamp, world];
     this.raster.clear(palette.paper);
     this.sky();
     this.polygons(this.scene.world.ground, this.sunlight());
@@ -94,13 +109,18 @@ class Eye {
     }
   }
 
+  isTurnedAway(corners, at, normals, n) {
+    const { from } = this;
+    const towards = (k) => normals[n + k] * (corners[at + k] - from[k]);
+    return towards(0) + towards(1) + towards(2) > 0;
+  }
+
   polygons({ corners, normals, colours }, level) {
     for (let i = 0; i < colours.length; i++) {
+      if (this.isTurnedAway(corners, 12 * i, normals, 3 * i)) continue;
       const points = [0, 3, 6, 9].map((k) => corners.subarray(12 * i + k, 12 * i + k + 3));
-      const normal = normals.slice(3 * i, 3 * i + 3);
-      if (dot(normal, minus(points[0], this.from)) > 0) continue; // turned away
       const flat = this.pen.project(points);
-      if (flat.length) this.raster.fillGround(flat, flat.length / 3, colours[i], normal[2] === 1 ? level : undefined);
+      if (flat.length) this.raster.fillGround(flat, flat.length / 3, colours[i], normals[3 * i + 2] === 1 ? level : undefined);
     }
   }
 }

@@ -47,7 +47,7 @@ class Labels {
       const [x, y, hidden] = view.at(view.bodies.drone(i, time)), { colour } = view.data.drones[i];
       this.places.push([i, x, y]);
       if (i === picked) circle(context, x, y, 15, words.ink, 1.6);
-      if (alone && i !== picked) continue;
+      if ((alone && i !== picked) || !this.isInside(x, y)) continue;
       const place = freePlace(x, y - 18, put);
       if (!place) continue;
       put.push(place);
@@ -57,6 +57,11 @@ class Labels {
       this.number(i, place, colour, i === picked);
     }
     context.globalAlpha = 1;
+  }
+
+  isInside(x, y) {
+    const { clientWidth: width, clientHeight: height } = this.view.canvas;
+    return x > -FAR && y > -FAR && x < width + FAR && y < height + FAR;
   }
 
   number(i, [x, y], colour, isPicked) {

@@ -5,9 +5,10 @@
 const MOST_CORNERS = 32; // of a polygon of a body
 
 class Pen {
-  // `cut` gives the part of a polygon that is before the camera.
-  constructor(raster, put, cut = (points) => points) {
-    Object.assign(this, { raster, put, cut, fine: 1 });
+  // `cut` gives the part of a polygon that is before the camera, `metreAt` the samples of a metre
+  // where w is.
+  constructor(raster, put, { cut = (points) => points, metreAt = () => this.metre } = {}) {
+    Object.assign(this, { raster, put, cut, metreAt, fine: 1, place: new Float64Array(3) });
     this.corners = Array.from({ length: MOST_CORNERS + 1 }, (_, n) => new Float64Array(3 * n));
   }
 
@@ -15,6 +16,14 @@ class Pen {
     const kept = this.cut(points), flat = new Float64Array(3 * kept.length);
     kept.forEach(([x, y, z], i) => this.put(x, y, z, flat, 3 * i));
     return flat;
+  }
+
+  // Samples of a metre at a point; 0 if nothing within a radius (m) is in the picture.
+  metreAround([x, y, z], radius) {
+    const { place, raster: { width, height } } = this;
+    if (!this.put(x, y, z, place, 0)) return 0;
+    const [px, py, w] = place, metre = this.metreAt(w), far = radius * metre;
+    return px > -far && py > -far && px < width + far && py < height + far ? metre : 0;
   }
 
   fill(points, colour) {

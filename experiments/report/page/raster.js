@@ -212,12 +212,12 @@ class Raster {
     return this.ground.depth[at] > w;
   }
 
-  // Into a canvas, of this or another size.
-  finish(context) {
+  // A part (x, y, width, height) into a canvas, of its or another size.
+  finish(context, [x, y, wide, high] = [0, 0, this.width, this.height]) {
     const { width, height } = context.canvas;
-    if (width === this.width && height === this.height) return context.putImageData(this.image, 0, 0);
-    this.context.putImageData(this.image, 0, 0);
+    if (width === wide && height === high) return context.putImageData(this.image, -x, -y, x, y, wide, high);
+    this.context.putImageData(this.image, 0, 0, x, y, wide, high);
     context.setTransform(1, 0, 0, 1, 0, 0);
-    context.drawImage(this.canvas, 0, 0, width, height);
+    context.drawImage(this.canvas, x, y, wide, high, 0, 0, width, height);
   }
 }

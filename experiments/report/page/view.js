@@ -5,6 +5,7 @@ const MOST_SAMPLES = 3.2e6;
 const THROUGH = 0.3; // how much is seen of what moves through what is solid
 const HATCH = 9; // px from line to line
 const AROUND_PEOPLE = 2.4, AROUND_DRONES = 1.5; // m, in which obstacles before them are glass
+const SPARE = 0.15; // of a picture that follows a drone, drawn beyond each of its sides
 const MOST_OPEN = 110; // px, radius of such a disc
 
 class View {
@@ -47,11 +48,11 @@ class View {
     if (!this.camera.fitted) this.camera.fit(width, height);
     this.camera.update();
     const follows = options.follow && options.picked !== undefined;
-    this.centre = follows ? this.bodies.drone(options.picked, time) : this.camera.centre;
-    this.prepare(width, height, options);
+    const middle = follows ? this.bodies.drone(options.picked, time).slice(0, 3) : this.camera.centre;
+    this.prepare(middle, follows ? SPARE : 0, width, height, options);
     this.paint(time, options);
     const context = this.canvas.getContext("2d");
-    this.raster.finish(context);
+    this.raster.finish(context, this.window);
     context.setTransform(this.canvas.width / width, 0, 0, this.canvas.height / height, 0, 0);
     this.labels.write(context, time, width, height, options);
   }
@@ -88,24 +89,35 @@ class View {
     for (let i = 0; i < edges.length; i += 6) this.pen.ray(at(edges, i), at(edges, i + 3), CLOSED, 0.5, { aside: true });
   }
 
-  // What stands still is drawn again only where the camera has moved.
-  prepare(width, height, { quality, solid }) {
-    const pixels = window.devicePixelRatio || 1;
-    this.pen.fine = Math.max(Math.min(quality, Math.sqrt(MOST_SAMPLES / (width * height))), 0.5);
+  // What stands still is drawn again only where the camera has turned, or moved beyond the margin.
+  prepare(middle, margin, width, height, { quality, solid }) {
+    const pixels = window.devicePixelRatio || 1, whole = 1 + 2 * margin;
+    this.pen.fine = Math.max(Math.min(quality, Math.sqrt(MOST_SAMPLES / (width * height)) / whole), 0.5);
     this.pen.metre = this.camera.scale * this.pen.fine;
     const size = [Math.round(width * pixels), Math.round(height * pixels)];
     if (this.canvas.width !== size[0] || this.canvas.height !== size[1]) [this.canvas.width, this.canvas.height] = size;
     const { azimuth, elevation } = this.camera;
-    const stamp = [width, height, azimuth, elevation, this.pen.metre, solid, night.matches, ...this.centre].join();
-    if (stamp === this.stamp) return;
-    this.stamp = stamp;
-    this.raster.resize(Math.round(width * this.pen.fine), Math.round(height * this.pen.fine));
+    const stamp = [margin, width, height, azimuth, elevation, this.pen.metre, solid, night.matches].join();
+    if (stamp === this.stamp && this.isWithin(middle)) return;
+    [this.stamp, this.centre] = [stamp, middle];
+    const samples = [width, height].map((long) => Math.round(long * this.pen.fine));
+    this.edge = samples.map((long) => Math.round(long * margin));
+    this.window = [...this.edge, ...samples];
+    this.raster.resize(...samples.map((long, k) => long + 2 * this.edge[k]));
     this.raster.clear(palette.paper);
     if (!solid) this.open();
     const { ground, things } = this.scene.world, { raster, corners } = this;
     this.still(ground, this.sunlight(), (colour, shade) => raster.fillGround(corners, 4, colour, shade));
     this.still(things, undefined, (colour, shade) => raster.fillObstacle(corners, 4, colour, shade));
     this.raster.settle();
+  }
+
+  // Move what is shown of the raster to a middle, if it is all drawn.
+  isWithin(middle) {
+    const way = minus(middle, this.centre), { right, up } = this.camera, { metre } = this.pen;
+    const moved = [dot(way, right), -dot(way, up)].map((far) => Math.round(far * metre));
+    moved.forEach((far, k) => (this.window[k] = this.edge[k] + far));
+    return moved.every((far, k) => Math.abs(far) <= this.edge[k]);
   }
 
   // Make obstacles glass before people, and unless there are very many, before drones.
@@ -160,17 +172,18 @@ class View {
     const q = new Float64Array(3);
     this.put(x, y, z, q, 0);
     const hidden = this.raster.hides(q[0], q[1], q[2] + 0.1);
-    return [q[0] / this.pen.fine, q[1] / this.pen.fine, hidden];
+    return [(q[0] - this.window[0]) / this.pen.fine, (q[1] - this.window[1]) / this.pen.fine, hidden];
   }
 
   // The face under a point of the canvas: [person, face, number over all], or nothing.
   faceAt(x, y, time) {
     let best, nearest = -Infinity;
+    const [px, py] = [x, y].map((v, k) => v * this.pen.fine + this.window[k]);
     this.bodies.owners.forEach(([j, f], face) => {
       const pose = this.bodies.person(j, time);
       const flat = this.pen.project(this.data.people[j].faces[f].map((p) => placed(p, pose)));
       const w = (flat[2] + flat[5] + flat[8]) / 3;
-      if (area(flat) > 0 && w > nearest && inside(flat, x * this.pen.fine, y * this.pen.fine)) {
+      if (area(flat) > 0 && w > nearest && inside(flat, px, py)) {
         [best, nearest] = [[j, f, face], w];
       }
     });
