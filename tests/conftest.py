@@ -33,4 +33,8 @@ def own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         folder = folder.parent
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("COCAP_OPT_CACHE", str(folder / "cache"))
+        if "PYTHONDONTWRITEBYTECODE" in os.environ:
+            # Nothing goes into the tree; processes still need not compile all modules each.
+            patch.delenv("PYTHONDONTWRITEBYTECODE")
+            patch.setenv("PYTHONPYCACHEPREFIX", str(folder / "bytecode"))
         yield

@@ -27,10 +27,10 @@ from cocap_opt.result import Reason, relative_gap
 from cocap_opt.stop import Clock, Limit, LimitReached, Stop, never
 
 EXACT = 2e-8  # of what all robots see alone: no solver is more accurate than that
-# Best responses that local search may ask for: at first, for each robot; and for every iteration
-# of a relaxation as many as half of the robots and some for each class, which take about a quarter
-# of its time (field-long 0.2, measured).
-FIRST_RESPONSES = 4
+# Best responses that local search may ask for, the first plan's own included: at first, for each
+# robot; and for every iteration of a relaxation as many as half of the robots and some for each
+# class, which take about a quarter of its time (field-long 0.2, measured).
+FIRST_RESPONSES = 2
 RESPONSES_PER_CLASS = 4
 INFEASIBLE = 1e-6  # of what all robots see alone: a bound so far below 0 proves it
 
