@@ -204,7 +204,7 @@ def _solvers(
         Parameter(
             consume_multiple=True,
             negative="",
-            help="which of corridor, bottleneck, passage, large, field-long, field-large, "
+            help="which of corridor, bottleneck, passage, large, field, field-long, field-large, "
             "relaxations, cone-program, milp, milp-with-our-root; without it, all: hours",
         ),
     ] = None,
@@ -219,6 +219,8 @@ def _solvers(
     out: _Out = None,
 ) -> int:
     """Measure bounds and exact methods beside their targets and generic solvers.
+
+    Seconds are of processor time, on one thread.
 
     Example: cocap-opt study solvers --rows corridor cone-program --limit 20
     """

@@ -1,7 +1,8 @@
 """Runs of one method on one instance, each in a process of its own and on one thread.
 
-Imports, first solves of tiny instances and the coverage are not counted. Plan and bound pass the
-referee after the clock has stopped.
+Seconds are of processor time, limits, too, so that a busy machine hardly changes them. Imports,
+first solves of tiny instances and the coverage are not counted. Plan and bound pass the referee
+after the clock has stopped.
 """
 
 import math
@@ -26,7 +27,7 @@ from cocap_opt.model import compiled
 from cocap_opt.problem import Problem
 from cocap_opt.result import Reason, relative_gap
 from cocap_opt.scenarios import load_scene
-from cocap_opt.stop import Limit, TimeLimit, never
+from cocap_opt.stop import Limit, Stop, TimeLimit, never
 
 _WARM_UP_SECONDS = 5.0
 _MOST_MORE_SECONDS = 900.0  # for coverage, and for a method that is slow to notice its limit
@@ -42,10 +43,10 @@ class Run:
 
     Attributes
     ----------
-    moments : one each time that value or bound improved, with seconds by the method's own clock
+    moments : one each time that value or bound improved, with seconds of processor time
     value : J by the referee; -inf without a plan
-    seconds : until the method returned, by its own clock
-    processor : seconds that a processor worked on it, processes that it started included
+    seconds : of processor time until the method returned, processes that it started included
+    elapsed : seconds until then by the method's own clock
     gigabytes : peak memory of the process, imports and coverage included
     solver_bound : bound that a generic solver claims, which nobody can check; else infinite
     """
@@ -56,7 +57,7 @@ class Run:
     reason: Reason
     limit: Limit | None
     seconds: float
-    processor: float = math.nan
+    elapsed: float = math.nan
     gigabytes: float = math.nan
     message: str = ""
     solver_bound: float = math.inf
@@ -81,7 +82,7 @@ class Run:
 
     @staticmethod
     def of(build: Build, method: BoundMethod, seconds: float) -> "Run":
-        """Runs a method with a time limit in a process of its own.
+        """Runs a method with a limit of processor time in a process of its own.
 
         Raises
         ------
@@ -119,8 +120,8 @@ class Run:
     def told(self, name: str, seed: int) -> Self:
         """Prints a line about the run on standard error, and returns the run."""
         gap = f"gap {100 * self.gap:.4f} %" if math.isfinite(self.gap) else "no gap"
-        say(f"{name} seed {seed}: {self.reason} after {self.seconds:.2f} s "
-            f"({self.processor:.2f} s of processor), {gap}, {self.gigabytes:.2f} GB")  # fmt: skip
+        say(f"{name} seed {seed}: {self.reason} after {self.seconds:.2f} s of processor time "
+            f"({self.elapsed:.2f} s), {gap}, {self.gigabytes:.2f} GB")  # fmt: skip
         return self
 
     @property
@@ -174,26 +175,51 @@ def _warm_up(method: BoundMethod) -> None:
 
 
 def _measured(build: Build, method: BoundMethod, seconds: float) -> Run:
-    """Runs a method with a time limit in this process."""
+    """Runs a method with a limit of processor time in this process."""
     problem = _prepared(build)
     moments: list[Snapshot] = []
+    stop = _ProcessorLimit(seconds)
 
     def note(snapshot: Snapshot) -> None:
         value, bound = snapshot.value, max(snapshot.bound, snapshot.value)
         if not moments or (value, bound) != (moments[-1].value, moments[-1].bound):
-            moments.append(Snapshot(value, bound, snapshot.seconds))
+            moments.append(Snapshot(value, bound, stop.seconds))
 
-    before = _processor_seconds()
-    result = method(problem, TimeLimit(seconds), None, note)
-    processor = _processor_seconds() - before
+    result = method(problem, stop, None, note)
+    processor = stop.seconds
     gigabytes = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * BYTES / 1e9
     judged = Judged.of(str(getattr(method, "__name__", method)), problem, result)
     if result.plan is not None and not judged.valid:
         raise Run.Error("the plan breaks a collision rule")
     return Run(
-        tuple(moments), judged.reward, result.bound, result.reason, result.limit, result.seconds,
-        processor, gigabytes, result.message, result.statistics.get("solver_bound", math.inf),
+        tuple(moments), judged.reward, result.bound, result.reason, result.limit, processor,
+        result.seconds, gigabytes, result.message, result.statistics.get("solver_bound", math.inf),
     )  # fmt: skip
+
+
+class _ProcessorLimit(Stop):
+    """Reached after so many seconds of processor time of this process and those it has started.
+
+    Attributes
+    ----------
+    seconds : used since it was made
+    """
+
+    def __init__(self, most: float) -> None:
+        self._most, self._begin = most, _processor_seconds()
+
+    @property
+    def seconds(self) -> float:
+        return _processor_seconds() - self._begin
+
+    def reached(self) -> Limit | None:
+        """Return `Limit.TIME` once the processor time is up."""
+        return Limit.TIME if self.seconds >= self._most else None
+
+    @property
+    def seconds_left(self) -> float:
+        """Seconds of processor time until the limit, >= 0, which solvers take for seconds."""
+        return max(0.0, self._most - self.seconds)
 
 
 def _processor_seconds() -> float:

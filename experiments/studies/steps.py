@@ -102,7 +102,7 @@ def _told(method: str, horizon: int, seed: int, found: Run | Run.Error) -> Metho
     if found.limit is Limit.MEMORY:
         outcome = Outcome.REFUSED
     return MethodRun(
-        method, horizon, seed, outcome, found.seconds, found.processor, found.value,
+        method, horizon, seed, outcome, found.elapsed, found.seconds, found.value,
         min(found.bound, found.solver_bound), found.message,
     )  # fmt: skip
 

@@ -276,7 +276,7 @@ def test_methods_are_measured_until_they_refuse(
 
     def each(builds: list[Any], method: Any, *rest: Any) -> Iterator[Run | Run.Error]:
         assert [build.args for build in builds] == [("corridor", 3, h) for h in range(1, 6)]
-        yield dataclasses.replace(finished(1.0), processor=0.5)
+        yield dataclasses.replace(finished(1.0), elapsed=0.5)
         yield Run.Error("the process died")
         yield Run.Error("UnsupportedError: too large")
         raise AssertionError("no more is asked for")

@@ -129,10 +129,10 @@ def _point(scene: str, seed: int, apart: float, done: dict[str, Run]) -> Point:
     plan, lns, proof = done["cocap"], done[RECOMMENDED], done["proof"]
     return Point(
         scene=scene, seed=seed, separation=apart,
-        cocap=plan.value, cocap_seconds=plan.processor, cocap_limit=Limit.written(plan.limit),
-        lns=lns.value, lns_seconds=lns.processor, lns_limit=Limit.written(lns.limit),
+        cocap=plan.value, cocap_seconds=plan.seconds, cocap_limit=Limit.written(plan.limit),
+        lns=lns.value, lns_seconds=lns.seconds, lns_limit=Limit.written(lns.limit),
         best=max(plan.value, lns.value, proof.value), bound=proof.bound,
-        proof_seconds=proof.processor, proof_limit=Limit.written(proof.limit),
+        proof_seconds=proof.seconds, proof_limit=Limit.written(proof.limit),
     )  # fmt: skip
 
 

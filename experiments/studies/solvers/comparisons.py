@@ -36,7 +36,6 @@ class _Duel(NamedTuple):
 
     ours: float  # s
     theirs: float  # s; the limit if it did not finish
-    busy: float = math.nan  # theirs / ours in seconds of processor, of the whole runs
 
     @property
     def ratio(self) -> float:
@@ -59,7 +58,7 @@ def _cone_program(options: Options) -> list[Figure]:
         ours = [Run.of(build, column_generation, limit).told("bottleneck", seed)
                 for _ in range(_REPEATS)]  # fmt: skip
         reached = median(r.seconds_to_bound(bound) for r in ours)
-        duels.append(_Duel(reached, theirs.seconds, _busy(theirs, ours)))
+        duels.append(_Duel(reached, theirs.seconds))
         tighter.append(100 * (1 - ours[0].bound / theirs.bound))
     note = f"bottleneck, {steps} of {load_scene('bottleneck').horizon} steps{why}"
     if len(duels) < len(seeds):
@@ -138,11 +137,7 @@ def _against(
         for name, other in theirs.items():
             _require_same(name, other.value, ours[0].value)
         proof = median(r.seconds_to_proof for r in ours)
-        duels.append(
-            _Duel(proof, theirs[fastest].seconds, _busy(theirs[fastest], ours))
-            if theirs
-            else _Duel(proof, limit)
-        )
+        duels.append(_Duel(proof, theirs[fastest].seconds) if theirs else _Duel(proof, limit))
         best.append(fastest)
     note = f"corridor, {steps} of {load_scene('corridor').horizon} steps{why}; fastest per seed: "
     name = "best of HiGHS, SCIP, CP-SAT / branch-and-price"
@@ -185,10 +180,6 @@ def _try(build: Build, method: BoundMethod, limit: float, name: str, seed: int) 
     return result if result.finished else None
 
 
-def _busy(theirs: Run, ours: Sequence[Run]) -> float:
-    return theirs.processor / median(r.processor for r in ours)
-
-
 def _require_same(name: str, theirs: float, ours: float) -> None:
     """Raises Run.Error if two proved optima differ: then one of the methods is wrong."""
     if abs(theirs - ours) > 2 * OPTIMALITY * abs(ours):
@@ -206,15 +197,9 @@ def _ratios(
     return [
         Figure(name, median([*ratios, *missed]), "x", must, more, note),
         Figure("smallest ratio", min([*ratios, *missed]), "x"),
-        Figure("median ratio in seconds of processor, whole runs", _median_busy(duels), "x"),
         Figure("theirs, median", median(duel.theirs for duel in duels), "s"),
         Figure("ours, median", median(duel.ours for duel in duels), "s"),
     ]
-
-
-def _median_busy(duels: Sequence[_Duel]) -> float:
-    known = [duel.busy for duel in duels if not math.isnan(duel.busy)]
-    return median(known) if known else math.nan
 
 
 COMPARISONS: Mapping[str, Callable[[Options], list[Figure]]] = {

@@ -53,7 +53,6 @@ def _corridor(options: Options) -> list[Figure]:
             Target.below(2), Target.below(0.3),
         ),
         _slowest(runs),
-        _busy(runs),
     ]  # fmt: skip
 
 
@@ -81,7 +80,6 @@ def _bottleneck(options: Options) -> list[Figure]:
         _slowest(runs),
         Figure(f"root bound above the best J after {min(_ROOT_SECONDS, seconds):g} s, worst seed",
                max(off), "%", Target.below(0.5)),
-        _busy(runs),
     ]  # fmt: skip
 
 
@@ -93,7 +91,6 @@ def _passage(options: Options) -> list[Figure]:
         *_gaps(runs, seconds, Target.below(0.1)),
         _proved(runs, moonshot=1.0),
         Figure("median seconds to proof", median(r.seconds_to_proof for r in runs), "s"),
-        _busy(runs),
     ]
 
 
@@ -106,36 +103,47 @@ def _large(options: Options) -> list[Figure]:
     return [
         *_gaps(runs, seconds, Target.below(0.5)),
         *_gaps(runs, seconds / 2, None, Target.below(0.1)),
-        _busy(runs),
+    ]
+
+
+def _field(options: Options) -> list[Figure]:
+    """Measures the field: 6 drones, 6 people, 20 steps."""
+    seconds = options.at_most(120.0)
+    runs = _runs("field", options.seeds_or(SEEDS), seconds)
+    return [
+        *_gaps(runs, seconds, Target.below(0.05)),
+        _proved(runs, must=0.6),
     ]
 
 
 def _field_long(options: Options) -> list[Figure]:
     """Measures the long field: 6 drones, 6 people, 60 steps, 75 moves a step."""
-    return _wide(options, "field-long", 300.0, (1, 0.2), gigabytes=6)
+    return _wide(options, "field-long", {15.0: 1.5, 300.0: 0.3}, gigabytes=6)
 
 
 def _field_large(options: Options) -> list[Figure]:
     """Measures the large field: 64 drones, 32 people, 64 x 64 cells, 40 steps."""
-    return _wide(options, "field-large", 1200.0, (2, 0.5), gigabytes=12)
+    return _wide(options, "field-large", {60.0: 2.5, 120.0: 1.2, 600.0: 0.6}, gigabytes=12)
 
 
 def _wide(
-    options: Options, name: str, most: float, gaps: tuple[float, float], gigabytes: float
+    options: Options, name: str, gaps: Mapping[float, float], gigabytes: float
 ) -> list[Figure]:
-    """Measures a scene too large for proofs: gaps after a time (s), and memory.
+    """Measures a scene too large for proofs: gaps and memory.
 
     Parameters
     ----------
-    gaps : %, the median that must be reached, and the one that would be splendid
+    gaps : %, the median that must be reached, by time in s; the last one is the time limit
     """
-    seconds = options.at_most(most)
-    runs = _runs(name, options.seeds_or(SEEDS), seconds)
-    return [
-        *_gaps(runs, seconds, *map(Target.below, gaps)),
-        _memory(runs, gigabytes),
-        _busy(runs),
-    ]
+    longest = options.at_most(max(gaps))
+    runs = _runs(name, options.seeds_or(SEEDS), longest)
+    figures: list[Figure] = []
+    for seconds, gap in gaps.items():
+        if seconds <= longest:
+            figures += _gaps(runs, seconds, Target.below(gap))
+    if longest not in gaps:
+        figures += _gaps(runs, longest, None)
+    return [*figures, _memory(runs, gigabytes)]
 
 
 def _runs(
@@ -164,12 +172,6 @@ def _slowest(runs: Sequence[Run]) -> Figure:
     return Figure("slowest seed's seconds to proof", max(r.seconds_to_proof for r in runs), "s")
 
 
-def _busy(runs: Sequence[Run]) -> Figure:
-    """Returns the share of its time in which a run had a processor: less on a busy machine."""
-    share = median(100 * r.processor / max(r.seconds, 1e-9) for r in runs)
-    return Figure("had a processor, median", share, "% of the time")
-
-
 def _gaps(
     runs: Sequence[Run], seconds: float, must: Target | None, moonshot: Target | None = None
 ) -> list[Figure]:
@@ -191,6 +193,7 @@ SCENE_ROWS: Mapping[str, Callable[[Options], list[Figure]]] = {
     "bottleneck": _bottleneck,
     "passage": _passage,
     "large": _large,
+    "field": _field,
     "field-long": _field_long,
     "field-large": _field_large,
 }
