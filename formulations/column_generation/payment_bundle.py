@@ -13,10 +13,13 @@ from cocap_opt.data import FloatArray
 from cocap_opt.formulations.certificates import JointStates, Narrowing, StepPayments
 from cocap_opt.formulations.column_generation.known_states import Known
 from cocap_opt.formulations.column_generation.step_master import (
+    Centre,
     KnownArc,
     KnownHeight,
+    KnownPart,
     Place,
     StepMaster,
+    StepSolution,
 )
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.value_iteration import backward_sweep, best_path
@@ -70,7 +73,7 @@ class PaymentBundle:
             np.where(left, rewards, -np.inf)
             for left, rewards in zip(narrowing.left, narrowing.rewards, strict=True)
         ]
-        self._least = {
+        least = {
             k: float(self.centre[k])
             for t in ceilings
             for k in range(self._spans[t].start, self._spans[t].stop)
@@ -78,11 +81,12 @@ class PaymentBundle:
         constants = {t: float(narrowing.constants[t]) for t in joints}
         paths = self.best_paths(self.centre, {})[0]
         self.rest = narrowing.bound - sum(constants.values()) - paths
-        self._starts: dict[Place, int] = {}
+        starts: dict[Place, int] = {}
         for number, robot_class in enumerate(self._model.classes):
             for start in robot_class.starts:
                 place = (number, 0, start)
-                self._starts[place] = self._starts.get(place, 0) + 1
+                starts[place] = starts.get(place, 0) + 1
+        self._master = StepMaster(self._paid, starts, ceilings, least)
 
     def span(self, t: int) -> slice:
         """Returns the positions of a step's payments."""
@@ -112,10 +116,8 @@ class PaymentBundle:
             arcs, heights = self._arcs(), self._heights()
             if {height.t for height in heights} != set(self.joints):
                 return None  # at some step no joint state is known that counts
-            solved = StepMaster.solve(
-                centre, rho, self._paid, self._unpaid_of(arcs), self._starts, arcs, heights,
-                self._ceilings, self._least, self._stop,
-            )  # fmt: skip
+            known = KnownPart(arcs, heights, self._unpaid_of(arcs))
+            solved = self._master.solve(Centre(centre, rho), known, self._stop)
             solved = solved._replace(payments=self._at_least(solved.payments))
             value, new = self._judged(solved)
             promised = best - solved.value - self.rest
@@ -137,11 +139,11 @@ class PaymentBundle:
     def _at_least(self, payments: FloatArray) -> FloatArray:
         """Returns payments of which none is less than allowed, by a solver's inaccuracy."""
         found = payments.copy()
-        for k, least in self._least.items():
+        for k, least in self._master.least.items():
             found[k] = max(found[k], least)
         return found
 
-    def _judged(self, solved: StepMaster) -> tuple[float, int]:
+    def _judged(self, solved: StepSolution) -> tuple[float, int]:
         """Returns the bound of payments as far as local search can tell, and what is new."""
         known = self._known
         new, constants = 0, dict(solved.constants)

@@ -12,7 +12,7 @@ it too low, so that they are found by and by; the last term keeps payments near 
 (a proximal bundle method; Kiwiel 1990).
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 import clarabel
@@ -44,122 +44,168 @@ class KnownHeight(NamedTuple):
     worth: float
 
 
-class StepMaster(NamedTuple):
-    """A solution: payments, constants, and the value, which is at most the best bound."""
+class KnownPart(NamedTuple):
+    """The arcs and the joint states that are known, and what robots get on the arcs else."""
+
+    arcs: list[KnownArc]
+    heights: list[KnownHeight]
+    unpaid: Mapping[Place, float]  # rewards of the states on arcs that have no payment
+
+
+class Centre(NamedTuple):
+    """The best payments so far [n], and the weight > 0 of the distance to them."""
+
+    payments: FloatArray
+    weight: float
+
+
+class StepSolution(NamedTuple):
+    """Payments [n], constants, and the value, which is at most the best bound."""
 
     payments: FloatArray
     constants: Mapping[int, float]
     value: float
 
-    @classmethod
-    def solve(
-        cls,
-        centre: FloatArray,
-        rho: float,
-        paid: Mapping[Place, int],
-        unpaid: Mapping[Place, float],
-        starts: Mapping[Place, int],
-        arcs: list[KnownArc],
-        heights: list[KnownHeight],
-        ceilings: Mapping[int, float],
-        least: Mapping[int, float],
-        stop: Stop,
-    ) -> "StepMaster":
+
+class StepMaster(NamedTuple):
+    """What all master problems of a bundle have in common.
+
+    Attributes
+    ----------
+    paid : position of every state with a payment
+    starts : number of robots that start in each state
+    ceilings : of steps at which unpaid states are paid more
+    least : least payments at these steps, by position
+    """
+
+    paid: Mapping[Place, int]
+    starts: Mapping[Place, int]
+    ceilings: Mapping[int, float]
+    least: Mapping[int, float]
+
+    def solve(self, centre: Centre, known: KnownPart, stop: Stop) -> StepSolution:
         """Returns the solution of one master problem.
+
+        Payments of states that are in no known joint state and on no known arc stay at the centre.
 
         Parameters
         ----------
-        centre : [n] the best payments so far
-        rho : > 0, weight of the distance to them
-        paid : position of every state with a payment
-        unpaid : reward of the states without one
-        starts : number of robots that start in each state
-        ceilings : of steps at which unpaid states are paid more
-        least : least payments at these steps, by position
         stop : for the solver, which ends early at a limit
         """
-        steps = sorted({height.t for height in heights})
-        column = {t: k for k, t in enumerate(steps)}
-        first = len(steps)
-        nodes: dict[Place, int] = {}
-        for arc in arcs:
-            nodes.setdefault(arc.tail, len(nodes))
-            nodes.setdefault(arc.head, len(nodes))
-        last = max(place[1] for place in nodes)
-        rows = _Rows(first, first + len(centre))
-
-        def payment_of(place: Place) -> tuple[int | None, float, float]:
-            if place in paid:
-                return first + paid[place], 1.0, 0.0
-            if place[1] in ceilings:
-                return column[place[1]], -1.0, unpaid[place] + ceilings[place[1]]
-            return None, 0.0, unpaid[place]
-
-        for arc in arcs:
-            rows.add(nodes[arc.tail], nodes[arc.head], payment_of(arc.tail), arc.gain)
-        for place, node in nodes.items():
-            if place[1] == last:
-                rows.add(node, None, payment_of(place), 0.0)
-        for height in heights:
-            rows.add_height(column[height.t], height.at, height.worth)
-        for payment, amount in least.items():
-            rows.add_bound(first + payment, -1.0, -amount)
-        for t, ceiling in ceilings.items():
-            rows.add_bound(column[t], 1.0, ceiling)
-        size = first + len(centre) + len(nodes)
+        columns = _Columns.of(known, self.paid)
+        size = columns.size
+        matrix, rhs = self._rows(known, columns).matrix(size)
         cost = np.zeros(size)
-        cost[:first] = 1.0
-        for place, robots in starts.items():
-            cost[first + len(centre) + nodes[place]] += robots
+        cost[: columns.first] = 1.0
+        for place, robots in self.starts.items():
+            cost[columns.nodes[place]] += robots
         value_of = cost.copy()
-        cost[first : first + len(centre)] = -rho * centre
+        near, at = slice(columns.first, columns.first + len(columns.used)), list(columns.used)
+        cost[near] = -centre.weight * centre.payments[at]
         weights = np.zeros(size)
-        weights[first : first + len(centre)] = rho
-        matrix, rhs = rows.matrix(size)
+        weights[near] = centre.weight
         solution = solve_cones(
             cost, matrix, rhs, [clarabel.NonnegativeConeT(len(rhs))], stop,
             quadratic=sparse.diags(weights).tocsc(), direct_solve_method="faer",
             tol_gap_rel=_ACCURACY, tol_feas=_ACCURACY,
         )  # fmt: skip
         found = np.nan_to_num(np.array(solution.x))
+        payments = centre.payments.copy()
+        payments[at] = found[near]
+        constants = {t: float(found[k]) for t, k in columns.steps.items()}
+        return StepSolution(payments, constants, float(value_of @ found))
+
+    def _rows(self, known: KnownPart, columns: "_Columns") -> "_Rows":
+        """Returns the inequalities of one master problem."""
+        rows, nodes = _Rows(), columns.nodes
+        last = max(place[1] for place in nodes)
+        for arc in known.arcs:
+            payment = self._payment_of(arc.tail, known, columns)
+            rows.add(nodes[arc.tail], nodes[arc.head], payment, arc.gain)
+        for place, node in nodes.items():
+            if place[1] == last:
+                rows.add(node, None, self._payment_of(place, known, columns), 0.0)
+        for height in known.heights:
+            at = [columns.used[payment] for payment in height.at]
+            rows.add_height(columns.steps[height.t], at, height.worth)
+        for position, column in columns.used.items():
+            if position in self.least:
+                rows.add_bound(column, -1.0, -self.least[position])
+        for t, ceiling in self.ceilings.items():
+            rows.add_bound(columns.steps[t], 1.0, ceiling)
+        return rows
+
+    def _payment_of(self, place: Place, known: KnownPart, columns: "_Columns") -> "_Payment":
+        if place in self.paid:
+            return _Payment(columns.used[self.paid[place]], 1.0, 0.0)
+        if place[1] in self.ceilings:
+            more = known.unpaid[place] + self.ceilings[place[1]]
+            return _Payment(columns.steps[place[1]], -1.0, more)
+        return _Payment(None, 0.0, known.unpaid[place])
+
+
+class _Payment(NamedTuple):
+    """What a robot gets in a state: a column, if it has one, so many times, and a constant."""
+
+    column: int | None
+    times: float
+    constant: float
+
+
+class _Columns(NamedTuple):
+    """The columns of the constants, by step, of the payments in use, and of the potentials."""
+
+    steps: Mapping[int, int]
+    used: Mapping[int, int]
+    nodes: Mapping[Place, int]
+
+    @classmethod
+    def of(cls, known: KnownPart, paid: Mapping[Place, int]) -> "_Columns":
+        """Returns the columns of a master problem."""
+        steps = sorted({height.t for height in known.heights})
+        places = dict.fromkeys(place for arc in known.arcs for place in (arc.tail, arc.head))
+        used = {paid[place] for place in places if place in paid}
+        used.update(payment for height in known.heights for payment in height.at)
+        first, potentials = len(steps), len(steps) + len(used)
         return cls(
-            found[first : first + len(centre)],
-            {t: float(found[k]) for t, k in column.items()},
-            float(value_of @ found),
+            {t: k for k, t in enumerate(steps)},
+            {payment: first + k for k, payment in enumerate(sorted(used))},
+            {place: potentials + k for k, place in enumerate(places)},
         )
+
+    @property
+    def first(self) -> int:
+        """The first column of a payment."""
+        return len(self.steps)
+
+    @property
+    def size(self) -> int:
+        """The number of columns."""
+        return len(self.steps) + len(self.used) + len(self.nodes)
 
 
 class _Rows:
     """Inequalities `matrix x <= rhs`, put together entry by entry."""
 
-    def __init__(self, first_payment: int, first_potential: int) -> None:
-        self._payments, self._potentials = first_payment, first_potential
+    def __init__(self) -> None:
         self._entries: list[tuple[int, int, float]] = []
         self._rhs: list[float] = []
 
-    def add(
-        self, tail: int, head: int | None, payment: tuple[int | None, float, float], gain: float
-    ) -> None:
-        """Adds: the tail's potential is at least its payment, a gain, and the head's potential.
-
-        Parameters
-        ----------
-        payment : a column, if it has one, that counts so many times, and a constant
-        """
-        at, times, constant = payment
+    def add(self, tail: int, head: int | None, payment: _Payment, gain: float) -> None:
+        """Adds: the tail's potential is at least its payment, a gain, and the head's potential."""
         row = len(self._rhs)
-        self._entries.append((row, self._potentials + tail, -1.0))
+        self._entries.append((row, tail, -1.0))
         if head is not None:
-            self._entries.append((row, self._potentials + head, 1.0))
-        if at is not None:
-            self._entries.append((row, at, times))
-        self._rhs.append(-gain - constant)
+            self._entries.append((row, head, 1.0))
+        if payment.column is not None:
+            self._entries.append((row, payment.column, payment.times))
+        self._rhs.append(-gain - payment.constant)
 
-    def add_height(self, step: int, payments: tuple[int, ...], worth: float) -> None:
+    def add_height(self, step: int, payments: Iterable[int], worth: float) -> None:
         """Adds: the step's constant is at least the worth less the payments."""
         row = len(self._rhs)
         self._entries.append((row, step, -1.0))
-        self._entries += [(row, self._payments + payment, -1.0) for payment in payments]
+        self._entries += [(row, payment, -1.0) for payment in payments]
         self._rhs.append(-worth)
 
     def add_bound(self, column: int, sign: float, bound: float) -> None:
