@@ -1,5 +1,6 @@
 """The command `robustness`, which tells what is left of a plan that is not flown as planned."""
 
+import math
 from collections.abc import Iterator
 from typing import Annotated
 
@@ -22,7 +23,13 @@ from cocap_opt.experiments.console.options import UsageError
 from cocap_opt.experiments.results.files import PlanReader
 from cocap_opt.experiments.results.flights import Flight
 from cocap_opt.experiments.results.printing import Listing, Record, print_result
-from cocap_opt.experiments.results.robustness import Changes, tolerated_delay
+from cocap_opt.experiments.results.robustness import (
+    Changes,
+    people_and_delay,
+    tolerated_delay,
+    tolerated_delay_of_people,
+    written_delay,
+)
 from cocap_opt.files.documents import FileError
 
 _USUAL = Changes()
@@ -74,10 +81,15 @@ def _robustness(
         rows = changes.rows(flight)
     except ProblemError as error:
         raise UsageError(f"--{error}") from error
-    delay = tolerated_delay(flight)
-    notes = list(_notes(flight, delay))
+    delay, to_people = tolerated_delay(flight), tolerated_delay_of_people(flight)
+    notes = list(_notes(flight, delay, to_people))
     if json:
-        answer: Record = {"scene": problem.name, "seed": seed, "delay_tolerance": delay}
+        answer: Record = {
+            "scene": problem.name,
+            "seed": seed,
+            "delay_tolerance": written_delay(delay),
+            "delay_tolerance_to_people": written_delay(to_people),
+        }
         print_result({**answer, "changes": rows, "notes": notes}, json)
     else:
         flown = "smooth" if smooth else "straight"
@@ -99,7 +111,7 @@ def _shown(row: Record) -> Record:
     return {**columns, "rules": row["rules"]}
 
 
-def _notes(flight: Flight, delay: float | None) -> Iterator[str]:
+def _notes(flight: Flight, delay: float | None, to_people: float | None) -> Iterator[str]:
     """Yields sentences on what the numbers mean."""
     problem = flight.flown.problem
     yield (
@@ -108,10 +120,13 @@ def _notes(flight: Flight, delay: float | None) -> Iterator[str]:
         "may be late the worst counts, in each column"
     )
     yield from flight.nearer_to_people()
-    if delay is not None:
+    if delay is not None and math.isinf(delay):
+        yield f"the {problem.rules} between drones is kept however late any of them is"
+    elif delay is not None:
         yield f"the {problem.rules} is kept while no drone is {delay:.2f} s or more behind another"
     elif not problem.rules.separation and len(problem.robots) > 1:
         yield "the scene's rules ask for no distance between drones between the steps"
+    yield from people_and_delay(flight, to_people)
 
 
 COMMANDS = {"robustness": _robustness}

@@ -271,7 +271,8 @@ def test_a_plan_that_is_not_flown_as_planned(
     assert (first.share, first.rules) == (1, "kept")
     assert first.reward == co.trajectory(problem, planned).attrs["reward_straight"]
     assert first.least_distance >= 2 - 1e-6 and table.people_distance.isna().all()
-    assert run.json["delay_tolerance"] == table.attrs["delay_tolerance"]
+    assert (run.json["delay_tolerance"], table.attrs["delay_tolerance"]) == ("unlimited", np.inf)
+    assert run.json["delay_tolerance_to_people"] is None
     run = Run(capsys, "robustness", scene, plan, *words)
     assert max(map(len, run.out.splitlines())) <= 200 and "any drone 0.7 s late" in run.out
 
