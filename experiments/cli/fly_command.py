@@ -99,13 +99,13 @@ def _fly(
     answer: Record = {"scene": problem.name, "seed": seed, **record, **mission.facts}
     notes = [*flight.notes(), *mission.notes]
     notes += _strays(output, suffix, files)
-    written = " ".join(map(str, files))
     with Interrupt.caught():  # who presses Ctrl-C now is told what is written, unless pressed twice
         save_files(files)
         if json:
-            print_result({**answer, "drones": flight.rows(), "notes": notes, "file": written}, json)
+            rows = {"drones": flight.rows(), "notes": notes}
+            print_result({**answer, **rows, "files": [*files]}, json)
         else:
-            print_result({**answer, "file": written}, json)
+            print_result({**answer, "file": " ".join(map(str, files))}, json)
             Listing("tightest moment of each drone", flight.rows(), notes).print()
     return 0
 

@@ -442,7 +442,7 @@ def test_missions_are_written_whole_or_not_at_all(
         assert run.code == 0
         made = sorted(path.name for path in set(tmp_path.iterdir()) - before)
         assert made == names
-        assert [Path(name).name for name in run.json["file"].split(" ")] == names
+        assert [Path(name).name for name in run.json["files"]] == names
         assert ("delay_tolerance" in run.json) == (words == ["f.plan"])
         before |= set(tmp_path.iterdir())
     old = tmp_path / "f.no-common-clock.drone2.plan"
