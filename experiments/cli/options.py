@@ -8,12 +8,11 @@ from typing import Annotated
 
 from cyclopts import Parameter, Token
 
-from cocap_opt.data import ProblemError
 from cocap_opt.experiments.console.options import Option, UsageError
 from cocap_opt.experiments.results.judging import Allowance
 from cocap_opt.experiments.results.rows import Row
 from cocap_opt.plausibility import doubts, narrow_way
-from cocap_opt.problem import Airspace, Problem
+from cocap_opt.problem import Problem
 from cocap_opt.scenarios import NOTHING, load_scene
 
 _log = logging.getLogger(__name__)
@@ -64,19 +63,6 @@ OfPlanners = Annotated[
     ),
 ]
 
-Smooth = Annotated[bool, FLAG(name="--smooth", help="with continuous speed and acceleration")]
-StepSeconds = Annotated[
-    float | None,
-    Parameter(name="--step", help="seconds of a step, of scenes that do not say it"),
-]
-Margin = Annotated[
-    float | None,
-    Parameter(
-        help="metres by which drones may be nearer to people than the scene says, aside (`people`) "
-        "and over heads (`over_people`)"
-    ),
-]
-
 
 def load(scene: str, seed: int, options: Mapping[str, str] = NOTHING) -> Problem:
     """Returns a scene by its name or file, and logs what is doubtful in it."""
@@ -120,46 +106,3 @@ def chosen(
     if not kept:
         raise UsageError("--planner: has no results on the scenes of --scene")
     return kept
-
-
-def with_step(problem: Problem, step: float | None) -> Problem:
-    """Returns the scene with the duration of a step, from itself or from the option."""
-    if problem.step is None and step is None:
-        raise UsageError(
-            f"--step: must be given, for {problem.name} does not say how many seconds a step lasts"
-        )
-    if problem.step is not None and step is not None:
-        raise UsageError(
-            f"--step: must be left out, for {problem.name} says it: {problem.step:g} s"
-        )
-    if step is not None and not Option("--step").require_seconds(step) > 0:
-        raise UsageError("--step: must be more than 0 seconds")
-    try:
-        return problem if step is None else problem.replace(step=step)
-    except ProblemError as error:  # it is out of range, or too short for the drones' limits
-        raise UsageError(f"--step: {error}") from error
-
-
-def with_margin(problem: Problem, margin: float | None) -> tuple[Problem, Airspace | None]:
-    """Returns a scene in which drones may be nearer to people by a margin (m).
-
-    Its own airspace follows, or None where nothing is changed.
-    """
-    if margin is None:
-        return problem, None
-    airspace = problem.airspace
-    if not airspace.people_aside:
-        raise UsageError("--margin: the scene asks for no distance to people; leave it out")
-    wrong = UsageError(
-        "--margin: must be from 0 m to less than what the scene's drones keep from people, "
-        f"{airspace.people_aside:g} m"
-    )
-    aside = airspace.people_aside - margin
-    if not (margin >= 0 and aside > 0):
-        raise wrong
-    above = None if airspace.people_above is None else max(airspace.people_above - margin, 0.0)
-    try:
-        kept = airspace.replace(people_aside=aside, people_above=above)
-    except ProblemError:  # what is left is no more than rounding
-        raise wrong from None
-    return problem.replace(airspace=kept), airspace if margin else None

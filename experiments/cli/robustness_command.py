@@ -7,18 +7,14 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from cocap_opt.data import ProblemError
-from cocap_opt.experiments.cli.options import (
-    Json,
+from cocap_opt.experiments.cli.flight_options import (
     Margin,
-    PlanPath,
-    Scene,
-    Seed,
     Smooth,
     StepSeconds,
-    load,
-    with_margin,
+    flight_of,
     with_step,
 )
+from cocap_opt.experiments.cli.options import Json, PlanPath, Scene, Seed, load
 from cocap_opt.experiments.console.options import UsageError
 from cocap_opt.experiments.results.files import PlanReader
 from cocap_opt.experiments.results.flights import Flight
@@ -67,14 +63,13 @@ def _robustness(
     """
     problem, planned = PlanReader(scene, load(scene, seed)).plan(plan)
     problem = with_step(problem, step).replace(earth=None)  # places on the Earth do not matter
-    nearer, asked = with_margin(problem, margin)
     changes = Changes(
         _USUAL.late if late is None else late,
         _USUAL.aside if aside is None else aside,
         _USUAL.lag if lag is None else lag,
     )
     try:
-        flight = Flight.of(nearer, planned, smooth)._replace(asked=asked)
+        flight = flight_of(problem, planned, smooth, margin, step is not None)
     except ProblemError as error:
         raise FileError(f"{plan}: {error}") from error
     try:

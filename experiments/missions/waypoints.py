@@ -163,7 +163,7 @@ def waypoint_mission(
             "earth",
             "must say where the scene is, for waypoints have latitudes and longitudes: in "
             "[earth] of a recipe crs alone where x and y are its coordinates, else also latitude "
-            "and longitude of x = y = 0; --local leaves them out",
+            "and longitude of x = y = 0",
         )
     if flight.is_smooth:
         raise FieldError("smooth", "must be left out, for waypoints have straight legs between")

@@ -234,7 +234,7 @@ def test_limits_hold_for_scenes_and_for_flights(
         run = Run(capsys, "fly", scene, plan, "--smooth", "-o", tmp_path / "f.csv", "--json")
         assert run.code == code
         assert (tmp_path / "f.csv").exists() == (code == 0)
-        words = r"cannot fly this: acceleration .* s would do for the same plan \(--step\); a scene"
+        words = r"cannot fly this: acceleration .*; set step = [0-9.]+ in the scene's recipe and"
         assert code == 0 or re.search(words, run.err)
     assert run.json["step"] == 1.0
     assert [row["tightest"] for row in run.json["drones"]] == ["acceleration"] * 2
