@@ -128,7 +128,8 @@ def _distances(flight: Flight) -> Iterator[str]:
         x, y, z = close.place.tolist()
         yield (
             f"To people, seen from above: {close.distance:.2f} m at least, of drone {close.one} "
-            f"and person {close.other} at {close.t:.2f} s near x {x:.1f}, y {y:.1f}, z {z:.1f}."
+            f"and {problem.person(close.other)} at {close.t:.2f} s "
+            f"near x {x:.1f}, y {y:.1f}, z {z:.1f}."
         )
     yield f"Airspace: {str(problem.airspace) or 'no zones, no ceiling, no distance to people'}."
     if flight.asked is not None:
@@ -243,4 +244,4 @@ def _walks(flight: Flight, every: float | None) -> Iterator[Section]:
             f"{t:>8.2f}{x:>12.2f}{y:>13.2f}{_degrees(flight, x, y)}"
             for t, x, y in zip(times.tolist(), *(axis.tolist() for axis in walk), strict=True)
         ]
-        yield Section(f"Person {j}", [head, *lines])
+        yield Section(problem.person(j).capitalize(), [head, *lines])

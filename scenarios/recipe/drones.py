@@ -164,7 +164,7 @@ class DronesTable(Table):
             meet = int(self._can_meet(workspace, actors, horizon).sum())
             words += f"; from {meet} of them a drone comes within {NEAR:g} m of somebody in sight"
             inside = (buried(workspace, actor, horizon) for actor in actors)
-            shut = [f"actors[{j}] {doubt}" for j, doubt in enumerate(inside) if doubt and not meet]
+            shut = [f"person {j} {doubt}" for j, doubt in enumerate(inside) if doubt and not meet]
             words = "; ".join([words, *shut[:1]])
         if self.near is not None:
             words += f"; some are within {self.near:g} m at step 0"
@@ -254,7 +254,10 @@ def _require_people_on_map(height_map: HeightMap, actors: tuple[Actor, ...], hor
 def _stated(start: _StartTable, motion: Motion, height_map: HeightMap) -> State:
     x, y = height_map.cell_of(start.x, start.y)
     if not height_map.inside(x, y):
-        raise ProblemError(f"starts: must lie on the map, not at ({start.x:g}, {start.y:g}) m")
+        raise ProblemError(
+            f"starts: must lie on the map, {area(*ends(height_map))}, not at ({start.x:g}, "
+            f"{start.y:g}) m"
+        )
     if start.height is not None and start.height not in motion.layers:
         layers = ", ".join(f"{height:g}" for height in motion.layers)
         raise ProblemError(f"starts.height: must be one of the layers {layers} m")

@@ -4,9 +4,10 @@ The file is TOML. Files are named relative to its folder; lengths are in metres,
 degrees, times in seconds. `EXAMPLE` has every table once.
 """
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import msgspec
 import numpy as np
@@ -111,7 +112,8 @@ gimbal_rate = 90
 endurance = 1200            # s for which the battery lasts
 
 [[drones]]
-starts = [{ x = 30, y = 20, height = 4, heading = 90 }]    # heading 0: along x
+# A drone starts in the middle of the cell in which x and y are; heading 0 is along x.
+starts = [{ x = 30, y = 20, height = 4, heading = 90 }]
 
 [[no_fly]]
 polygon = [[40, 10], [50, 10], [50, 20]]   # no drone enters it, not even in part of a cell
@@ -197,7 +199,8 @@ def read(path: Path, seed: int = 0) -> Problem:
             with naming(f"drones[{k}]"):
                 given.require_pace(terrain.height_map.resolution, recipe.step)
                 team = given.added_to(team, workspace, actors, recipe.steps, rules, airspace, rng)
-        return Problem(
+        return _problem(
+            recipe,
             name=recipe.name or path.stem,
             height_map=terrain.height_map,
             meshes=solid,
@@ -211,6 +214,28 @@ def read(path: Path, seed: int = 0) -> Problem:
             step=recipe.step,
             earth=_earth(recipe, terrain),
         )
+
+
+def _problem(recipe: _Recipe, **fields: Any) -> Problem:
+    """Returns the problem; what is wrong with a drone in it has the names that the recipe has."""
+    try:
+        return Problem(**fields)
+    except ProblemError as error:
+        names = list(_names(recipe))
+
+        def named(found: re.Match[str]) -> str:
+            table, start = names[int(found[1])]
+            return start if found[2] else table
+
+        raise ProblemError(re.sub(r"robots\[(\d+)\](\.start)?", named, str(error))) from error
+
+
+def _names(recipe: _Recipe) -> Iterator[tuple[str, str]]:
+    """Yields the names of each drone's table and start."""
+    for k, given in enumerate(recipe.drones):
+        table = f"drones[{k}]"
+        yield from ((table, f"{table}.starts[{n}]") for n in range(len(given.starts or ())))
+        yield from ((table, table) for _ in range(given.count or 0))
 
 
 def _decode(path: Path) -> _Recipe:

@@ -176,7 +176,7 @@ def test_zones_and_people_are_kept_clear_of(tmp_path: Path) -> None:
     words = " ".join(check(problem, ahead).violations)
     assert "paths[0]: step 3 is blocked or outside" in words
     ahead = Plan(paths=(tuple(problem.robots[0].start._replace(x=x) for x in (2, 4, 6, 7, 7)),))
-    assert "step 2 is 1.58 m from actors[0]" in " ".join(check(problem, ahead).violations)
+    assert "step 2 is 1.58 m from person 0" in " ".join(check(problem, ahead).violations)
 
 
 @pytest.mark.parametrize(
@@ -189,11 +189,14 @@ def test_zones_and_people_are_kept_clear_of(tmp_path: Path) -> None:
         ),
         ("[[no_fly]]\npolygon = [[0, 0], [2, 0], [2, 2]]\ntop = 1\nbottom = 2", "top: must be ab"),
         ("[airspace]\nover_people = 3", "airspace: over_people: must be left out where people is"),
-        ("[airspace]\nceiling = 1", "robots.0..start: cell .* above the ceiling"),
-        ("[airspace]\npeople = 4", "robots.0..start: is too near to actors.0., 4 m from people"),
+        ("[airspace]\nceiling = 1", r"drones.0..starts.0.: cell .* above the ceiling"),
+        (
+            "[airspace]\npeople = 4",
+            r"drones.0..starts.0.: is 2.55 m from person 0 .*, must be 4 m",
+        ),
         (
             "[[no_fly]]\npolygon = [[2.9, 6], [4, 6], [4, 7]]",
-            "robots.0..start: cell .2, 6. is in a no-fly zone",
+            r"drones.0..starts.0.: cell .2, 6. is in a no-fly zone",
         ),
     ],
 )
@@ -315,7 +318,8 @@ def test_seeds_place_drones_and_nothing_else(tmp_path: Path) -> None:
          "map: heights: must be left out where the map has a size and no file"),
         (("size = [20, 12]", "size = [20, 12]\nlowest = 1"), "map: lowest: must be left out"),
         (("size = [20, 12]", "file = 'a.tif'\nheights = 'absolute'"), "map: ground: must be given"),
-        (("x = 2.5", "x = 25"), r"drones\[0\]: starts: must lie on the map, not at \(25, 6.5\)"),
+        (("x = 2.5", "x = 25"),
+         r"drones.0.: starts: must lie on the map, x 0..20 and y 0..12 m, not at .25, 6.5."),
         (("heading = 0", "heading = 1e9"), r"drones\[0\].starts\[0\].heading: must be a number <="),
         (("steps = 4", "steps = 4\nstep = 1e-9"),
          r"drones\[0\]: motion.radius: must allow at most 100 m/s, but 1 cells of 1 m in a"),
@@ -471,7 +475,7 @@ def test_people_inside_a_mesh_are_named_where_no_drone_can_start(tmp_path: Path)
     """Nobody comes near people inside a solid building: the refusal says where they are."""
     trimesh.creation.box((14, 6, 20)).export(tmp_path / "house.stl")
     mesh = '[[mesh]]\nfile = "house.stl"\nat = [10, 6, 10]\n[[drones]]\ncount = 1\n'
-    words = r"from 0 of them .* actors\[0\] is inside an obstacle at 5 of 5 steps; at step 0 its"
+    words = r"from 0 of them .* person 0 is inside an obstacle at 5 of 5 steps; at step 0 its"
     with pytest.raises(ProblemError, match=words):
         read(write(tmp_path, FLAT + mesh))
 
@@ -857,7 +861,7 @@ def test_what_is_hardly_meant_is_said(actor: Problem, words: str | None) -> None
         assert len(found) >= 1
         import re
 
-        assert any(re.match(rf"actors\[0\] {words}", doubt) for doubt in found)
+        assert any(re.match(rf"person 0 {words}", doubt) for doubt in found)
 
 
 @pytest.mark.parametrize(
