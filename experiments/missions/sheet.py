@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
-from matplotlib.patheffects import withStroke
+from matplotlib.patheffects import AbstractPathEffect, withStroke
 
 from cocap_opt.data import FloatArray
 from cocap_opt.drawing import DRONE_COLOURS, PERSON
@@ -141,7 +141,9 @@ def _draw_north(ax: Axes, flight: Flight) -> None:
         xycoords="axes fraction", textcoords="offset points", ha="center", va="center",
         arrowprops={"arrowstyle": "-|>"}, zorder=9,
     )  # fmt: skip
-    halo = [withStroke(linewidth=4, foreground="white")]  # houses are dark
+    halo: list[AbstractPathEffect] = [
+        withStroke(linewidth=4, foreground="white")
+    ]  # houses are dark
     north.set_path_effects(halo)
     if north.arrow_patch is not None:
         north.arrow_patch.set_path_effects(halo)

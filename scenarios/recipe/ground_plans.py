@@ -4,6 +4,7 @@ They are JSON of PedPy's kind, {name: {"walkable": [[x, y], ..], "obstacles": [[
 or GeoJSON or WKT, whose polygons are obstacles or walkable areas as the recipe says.
 """
 
+import math
 import re
 from collections.abc import Iterator
 from typing import Annotated, Any, Literal, NamedTuple
@@ -47,6 +48,7 @@ class GroundPlan(NamedTuple):
 
     walkable: tuple[BaseGeometry, ...]
     obstacles: tuple[BaseGeometry, ...]
+    heights: tuple[float | None, ...] = ()  # m, those that the file says, of the first obstacles
 
 
 class _Plan(msgspec.Struct):
@@ -169,14 +171,16 @@ def _of_polygons(
         )
     named = _named_system(text) if kind == GEOJSON else ""
     _refuse_degrees(named)
-    given = shapely.MultiPolygon(list(_polygons(shapely.force_2d(_geometry(text, kind)))))
+    geometry = shapely.force_2d(_geometry(text, kind))
+    given = shapely.MultiPolygon(list(_polygons(geometry)))
     _require_metres(given)
     if (code := _stated_code(text, kind)) is not None:
         _refuse_system("crs" if named else "SRID", code, given)
     metres = shapely.transform(given, lambda points: points / per_metre)
     polygons = [sound(part, f"polygon {k}") for k, part in enumerate(metres.geoms, start=1)]
     if meaning == "obstacles":
-        return GroundPlan((), tuple(polygons))
+        heights = _heights(text, geometry) if kind == GEOJSON else ()
+        return GroundPlan((), tuple(polygons), tuple(heights))
     parts = [part for polygon in polygons for part in _polygons(polygon)]
     holes = [Polygon(ring) for part in parts for ring in part.interiors]
     return GroundPlan(tuple(Polygon(part.exterior) for part in parts), tuple(holes))
@@ -191,6 +195,35 @@ def _geometry(text: str, kind: str) -> BaseGeometry:
         if "closed" in str(error):
             raise ProblemError(f"{kind}: rings must end at the point where they begin") from error
         raise ProblemError(f"cannot be read as {kind}, which is such as {_SOUND[kind]}") from error
+
+
+def _heights(text: str, geometry: BaseGeometry) -> Iterator[float | None]:
+    """Yields the property `height` (m) of each polygon of GeoJSON; None: it has none.
+
+    Raises
+    ------
+    ProblemError
+        If one is no number above 0, also not in quotation marks, as OpenStreetMap's are.
+    """
+    content = decode_json(text, dict[str, Any])
+    is_one = content.get("type") != "FeatureCollection"
+    features, parts = ([content], [geometry]) if is_one else (content["features"], geometry.geoms)
+    for k, (feature, part) in enumerate(zip(features, parts, strict=True)):
+        given = (feature.get("properties") or {}).get("height")
+        own = None if given in (None, "") else _metres(given, f"features[{k}].properties.height")
+        yield from (own for _ in _polygons(part))
+
+
+def _metres(value: Any, field: str) -> float:
+    try:
+        metres = float(value)
+    except (TypeError, ValueError):
+        metres = math.nan
+    if isinstance(value, bool) or not 0 < metres <= LARGEST:
+        raise ProblemError(
+            f"{field}: must be a number of metres above 0, or left out, not {value!r:.40}"
+        )
+    return metres
 
 
 def _named_system(text: str) -> str:

@@ -738,6 +738,34 @@ def test_walls_of_geojson_and_wkt(tmp_path: Path, text: str) -> None:
         volume(polygons="obstacles", border=1.0)
 
 
+def test_walls_are_as_high_as_geojson_says(tmp_path: Path) -> None:
+    """A polygon's property `height` counts, in metres; the recipe's is for those without."""
+
+    def house(x: float, height: object) -> dict[str, Any]:
+        ring = [[x, 0], [x + 2, 0], [x + 2, 2], [x, 2], [x, 0]]
+        shape = {"type": "Polygon", "coordinates": [ring]}
+        return {"type": "Feature", "properties": {"height": height}, "geometry": shape}
+
+    def tops(*features: dict[str, Any]) -> list[float]:
+        content = {"type": "FeatureCollection", "features": features}
+        (tmp_path / "houses.geojson").write_text(json.dumps(content))
+        table = WallsTable(file="houses.geojson", height=8.0, base=1.0, polygons="obstacles")
+        return [float(wall.vertices[:, 2].max()) for wall in table.meshes(tmp_path, lowest=0.0)]
+
+    two = house(9, 5)
+    square = two["geometry"]["coordinates"]
+    two["geometry"] = {
+        "type": "MultiPolygon",
+        "coordinates": [square, [[[20, 0], [21, 0], [21, 1], [20, 0]]]],
+    }
+    assert tops(house(0, 3), house(3, None), house(6, "33.5"), two) == [4, 9, 34.5, 6, 6]
+    for odd in (0, -3, "8 m", True, [3]):
+        with pytest.raises(
+            ProblemError, match=r"features\[1\].properties.height: must be a number"
+        ):
+            tops(house(0, 3), house(3, odd))
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
