@@ -15,11 +15,11 @@ from cocap_opt.problem import Actor, Airspace, Camera, CollisionRules, Limits, M
 from cocap_opt.scenarios.airframes import AIRFRAMES
 from cocap_opt.scenarios.cameras import CAMERAS
 from cocap_opt.scenarios.recipe.pace import IMPOSSIBLE
-from cocap_opt.scenarios.recipe.tables import Coordinate, Count, Length, Table
+from cocap_opt.scenarios.recipe.tables import Coordinate, Count, Heading, Length, Table
 from cocap_opt.scenarios.recipe.terrain import area, ends
+from cocap_opt.text import meant
 from cocap_opt.world.workspace import HeightMap, Workspace
 
-Heading = Annotated[float, Meta(ge=-360, le=360)]  # degrees
 _OFF = 0.5  # degrees, by which a stated heading may be rounded
 
 
@@ -136,7 +136,10 @@ class DronesTable(Table):
 
     def _camera(self) -> Camera:
         if self.camera not in CAMERAS:
-            raise ProblemError(f"camera: must be one of {', '.join(CAMERAS)}, not {self.camera!r}")
+            raise ProblemError(
+                f"camera: must be one of {', '.join(CAMERAS)}, not {self.camera!r}"
+                f"{meant(self.camera, CAMERAS)}"
+            )
         for angle in self.tilts:
             if not abs(angle) <= 90:
                 raise ProblemError(f"tilts: must be within +-90 degrees, not {angle:g}")
@@ -146,8 +149,8 @@ class DronesTable(Table):
     def _limits(self) -> Limits | None:
         if self.airframe is not None and self.airframe not in AIRFRAMES:
             raise ProblemError(
-                f"airframe: must be one of {', '.join(AIRFRAMES)}, not {self.airframe!r}; limits "
-                "states those of any other"
+                f"airframe: must be one of {', '.join(AIRFRAMES)}, not {self.airframe!r}"
+                f"{meant(self.airframe, AIRFRAMES)}; limits states those of any other"
             )
         return self.limits.over(AIRFRAMES[self.airframe] if self.airframe else None)
 

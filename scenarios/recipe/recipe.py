@@ -82,6 +82,7 @@ shape = { type = "prism", sides = 6, apothem = 0.25 }
 points = [[20, 20], [60, 22]]
 speed = 1.2
 first = 0.5                 # m of the way that are walked before step 0
+# heading = 90              # where the person looks all the time, from x to y; left out: ahead
 shape = { type = "cuboid", length = 0.4, width = 0.5, height = 1.8 }
 
 [[drones]]

@@ -327,6 +327,8 @@ def test_seeds_place_drones_and_nothing_else(tmp_path: Path) -> None:
         (("heading = 0", "height = 3"), r"drones\[0\]: starts.height: must be one of the layers 5"),
         (("heading = 0", "heading = 33"), "starts.heading: must be .* as 0 and 45, not 33"),
         (("heading = 0", "heading = -10"), r"starts.heading: .*, such as 0 and 315, not -10"),
+        (("speed = 1.5", "headin = 9"), "unknown field `headin`; did you mean heading.; known are"),
+        (("starts", "camera = 'skydio2'\nstarts"), "not 'skydio2'; did you mean skydio-2"),
         (("starts", "camera = 'gopro'\nstarts"), r"drones\[0\]: camera: must be one of px4-mono"),
         (("starts", "count = 1\nstarts"), r"drones\[0\]: must have either starts or a count"),
         (("[[walk]]", "[[mesh]]\nfile = 'no.obj'\n[[walk]]"), r"mesh\[0\]: .*no\.obj: cannot be"),
@@ -421,7 +423,10 @@ def test_why_nobody_is_there_is_said(tmp_path: Path) -> None:
     path = tmp_path / "people.txt"
     rows = [(i, frame, 5 + 0.02 * frame, 3 * i) for i in (1, 2) for frame in range(0, 200, 10)]
     path.write_text("id frame x y\n1 0 5 5\n2 0 6 5\n")
-    with pytest.raises(ProblemError, match=r"at most 0 are; 1 is there from 0 to 0 s"):
+    with pytest.raises(
+        ProblemError,
+        match=r"for 4 steps of 1 s, 4 s, but the tracks of 2 last 0 s .*walk.*; 1 is there from 0",
+    ):
         read(write(tmp_path, FLAT + table + "fps = 25\ncount = 2\n" + DRONE))
     path.write_text("id frame x y\n" + "".join(f"{i} {f} {x} {y}\n" for i, f, x, y in rows))
     for more in ("count = 2", "ids = [1, 2]"):
@@ -430,6 +435,8 @@ def test_why_nobody_is_there_is_said(tmp_path: Path) -> None:
         ):
             read(write(tmp_path, FLAT + table + f"fps = 2.5\n{more}\n" + DRONE))
     read(write(tmp_path, FLAT + table + "fps = 25\ncount = 2\n" + DRONE))
+    with pytest.raises(ProblemError, match=r"the tracks of 2 last 7.6 s at most; steps = 7 would"):
+        read(write(tmp_path, FLAT.replace("4", "60") + table + "fps = 25\ncount = 2\n" + DRONE))
     rows = [(i, frame, 5 + 0.02 * frame, 3 * i) for i in (1, 2, 3) for frame in range(40)]
     kept = [row for row in rows if row[0] != 2 or not 10 < row[1] < 25]
     path.write_text("id frame x y\n" + "".join(f"{i} {f} {x} {y}\n" for i, f, x, y in kept))
@@ -441,6 +448,21 @@ def test_why_nobody_is_there_is_said(tmp_path: Path) -> None:
         ProblemError, match=r"3 people .*; 2 \(1, 3\) are there for 3.6 s from 0 s "
     ):
         read(write(tmp_path, "step = 0.9" + FLAT + table + "fps = 10\n" + DRONE))
+
+
+def test_a_person_looks_where_a_walk_says(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """Somebody who stands has a heading, too; a walk that ends soon is doubted, standing is not."""
+    stands = FLAT.replace(", [15, 6]]\nspeed = 1.5", "]\nheading = 90")
+    for text, yaw, doubted in (
+        (stands, math.pi / 2, False),
+        (FLAT.replace("speed = 1.5", "speed = 2\nheading = -90"), -math.pi / 2, False),
+        (FLAT.replace("[15, 6]", "[5, 7]"), math.pi / 2, True),
+        (FLAT, 0.0, False),
+    ):
+        caplog.clear()
+        (actor,) = read(write(tmp_path, text + DRONE)).actors
+        assert actor.poses[:, 3] == pytest.approx([yaw] * 5)
+        assert ("from (5, 6) m ends after 0.667 of 4 s" in caplog.text) == doubted
 
 
 # -- meshes -------------------------------------------------------------------------------

@@ -291,6 +291,7 @@ def test_rows_in_any_order_and_among_words(
                                              "of 1: is the unit cm?"]),
         ([(0, 0, 1.7), (1.3, 0, 1.7)], "cm", ["is the unit m?", "within 0.013 m"]),
         ([(0, 0, 1.7), (1.3, 0, 1.7)], "m", []),
+        ([(0, 0, 1.7), (0, 0, 1.7)], "m", []),  # somebody stands
         ([(0, 0, 1.7), (30, 0, 1.7)], "m", ["median speed 30 m/s: is fps right?"]),
         ([(0, 0, 1.7), (15, 0, 1.7)], "m", ["median speed 15 m/s: is fps right?"]),
         ([(0, 0, 12.0), (1, 0, 12.0)], "m", ["is z a height above the floor?"]),
