@@ -21,7 +21,7 @@ from cocap_opt.files.messages import in_words
 from cocap_opt.files.strict_json import decode_json
 from cocap_opt.scenarios.kinds import CITYJSON, GEOJSON, WAYS_OUT, WKT, kind_of
 from cocap_opt.scenarios.recipe.geotiff import is_geographic
-from cocap_opt.scenarios.recipe.systems import same_system, short_name
+from cocap_opt.scenarios.recipe.systems import same_system, short_name, utm
 from cocap_opt.scenarios.recipe.tables import PER_METRE, Point
 
 Ring = Annotated[list[Point], Meta(min_length=3)]
@@ -29,7 +29,6 @@ Meaning = Literal["obstacles", "walkable"]
 
 SLIVER = 0.01  # m2, which rings may enclose twice by rounding
 _SCHEME = '{"name": {"walkable": [[x, y], ..], "obstacles": [[[x, y], ..], ..]}}'
-_PROJECTED = "ogr2ogr -t_srs EPSG:326ZZ, with ZZ the zone of UTM, makes them so"
 DEGREES = ("4326", "CRS84", "4258", "4269")  # names of systems of longitude and latitude
 MERCATOR = ("3857", "900913")
 _GEOGRAPHIC = range(4000, 5000)  # codes, of which most are; newer ones are elsewhere
@@ -170,8 +169,8 @@ def _of_polygons(
             f"file is {kind} and does not say it"
         )
     named = _named_system(text) if kind == GEOJSON else ""
-    _refuse_degrees(named)
     geometry = shapely.force_2d(_geometry(text, kind))
+    _refuse_degrees(named, geometry)
     given = shapely.MultiPolygon(list(_polygons(geometry)))
     _require_metres(given)
     if (code := _stated_code(text, kind)) is not None:
@@ -207,7 +206,8 @@ def _heights(text: str, geometry: BaseGeometry) -> Iterator[float | None]:
     """
     content = decode_json(text, dict[str, Any])
     is_one = content.get("type") != "FeatureCollection"
-    features, parts = ([content], [geometry]) if is_one else (content["features"], geometry.geoms)
+    features = [content] if is_one else content["features"]
+    parts = [geometry] if is_one else getattr(geometry, "geoms", ())
     for k, (feature, part) in enumerate(zip(features, parts, strict=True)):
         given = (feature.get("properties") or {}).get("height")
         own = None if given in (None, "") else _metres(given, f"features[{k}].properties.height")
@@ -251,13 +251,22 @@ def _require_system(text: str, kind: str, scene: str | None) -> None:
     )
 
 
-def _refuse_degrees(system: str) -> None:
+def _refuse_degrees(system: str, geometry: BaseGeometry) -> None:
     """Raises a ProblemError if GeoJSON names a system whose coordinates are no metres."""
     if any(name in system for name in (*DEGREES, *MERCATOR)):
         raise ProblemError(
             "coordinates: must be metres of a projection, not degrees or web Mercator; "
-            + _PROJECTED
+            + _way_out(geometry)
         )
+
+
+def _way_out(geometry: BaseGeometry) -> str:
+    """Returns the command that makes metres of a geometry in degrees."""
+    x0, y0, x1, y1 = geometry.bounds
+    system = "EPSG:326ZZ, in the south 327ZZ, with ZZ the zone of UTM,"
+    if x0 >= -180 and x1 <= 180 and y0 >= -90 and y1 <= 90:  # false for nan, too
+        system = utm((x0 + x1) / 2, (y0 + y1) / 2)
+    return f"ogr2ogr -t_srs {system} makes them so"
 
 
 def _refuse_system(field: str, code: int, geometry: BaseGeometry) -> None:
@@ -270,7 +279,7 @@ def _refuse_system(field: str, code: int, geometry: BaseGeometry) -> None:
     if str(code) in (*DEGREES, *MERCATOR) or (small and _is_geographic(code)):
         what = "web Mercator" if str(code) in MERCATOR else "degrees"
         raise ProblemError(
-            f"{field}: must be of a projection in metres, not {code}, {what}; {_PROJECTED}"
+            f"{field}: must be of a projection in metres, not {code}, {what}; {_way_out(geometry)}"
         )
 
 
@@ -289,7 +298,7 @@ def _require_metres(geometry: BaseGeometry) -> None:
     if max(x1 - x0, y1 - y0) < 1 and max(-x0, x1) <= 180 and max(-y0, y1) <= 90:
         raise ProblemError(
             f"coordinates: must be metres of a projection, but all lie at x {x0:.6g}..{x1:.6g} and "
-            f"y {y0:.6g}..{y1:.6g}, as degrees do; {_PROJECTED}"
+            f"y {y0:.6g}..{y1:.6g}, as degrees do; {_way_out(geometry)}"
         )
 
 

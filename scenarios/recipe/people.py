@@ -127,7 +127,9 @@ class TracksTable(Table):
             f"{MOST_GAP:g} s"
         )
         if self.fps is None or round(apart * self.fps) < 2:
-            raise ProblemError(f"file: {words}; are its times right?")
+            raise ProblemError(
+                f"file: {words}; are its times right? A column of ms is named time [ms]"
+            )
         frames = round(apart * self.fps)
         raise ProblemError(
             f"fps: must be the rate at which frame numbers count, {frames} times that of the rows, "
