@@ -144,7 +144,7 @@ def _delays(flight: Flight) -> Iterator[str]:
     elif delay is not None:
         yield f"Between drones: {rules} is kept while none is {delay:.2f} s or more behind another."
     to_people = people_and_delay(flight, tolerated_delay_of_people(flight))
-    yield from (f"To people: {words}." for words in to_people)
+    yield from (f"{words[0].upper()}{words[1:]}." for words in to_people)
 
 
 def _limits(flight: Flight) -> Iterator[str]:
