@@ -240,6 +240,24 @@ def test_limits_hold_for_scenes_and_for_flights(
     assert [row["tightest"] for row in run.json["drones"]] == ["acceleration"] * 2
 
 
+def test_the_way_out_of_a_refused_flight_works(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A scene that states no step is told a --step, with which the same plan is flown."""
+    problem = co.load("tiny-queue")
+    limited = (robot.replace(limits=co.Limits(acceleration=2.0)) for robot in problem.robots)
+    problem = problem.replace(robots=tuple(limited))
+    scene, plan = tmp_path / "scene.json", tmp_path / "plan.json"
+    co.save(scene, problem)
+    co.save(plan, co.plan(problem, "sequential"))
+    words = "fly", scene, plan, "--smooth", "-o", tmp_path / "f.csv", "--step"
+    run = Run(capsys, *words, 1)
+    assert run.code == 2
+    found = re.search(r"more than its 2; --step ([0-9.]+) would do$", run.err.strip())
+    assert found, run.err
+    assert Run(capsys, *words, found[1]).code == 0
+
+
 def test_the_face_refuses_what_cannot_be_flown() -> None:
     """A duration must come once, from the scene or from the call."""
     problem = co.load("tiny-queue")

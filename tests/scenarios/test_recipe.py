@@ -450,6 +450,24 @@ def test_why_nobody_is_there_is_said(tmp_path: Path) -> None:
         read(write(tmp_path, "step = 0.9" + FLAT + table + "fps = 10\n" + DRONE))
 
 
+def test_starts_that_are_too_near_have_the_recipe_s_names(tmp_path: Path) -> None:
+    """The second start of a table is told how far it is from the first, or what it is in."""
+    two = DRONE.replace("starts = [", "starts = [{ x = 2.5, y = 5.5 }, ")
+    with pytest.raises(
+        ProblemError,
+        match=r"drones.0..starts.1.: is 1.00 m from drones.0..starts.0., must keep the rules sep",
+    ):
+        read(write(tmp_path, FLAT + two))
+    ring = "POLYGON ((2 6, 4 6, 4 8, 2 8, 2 6))"
+    (tmp_path / "house.wkt").write_text(ring)
+    house = '[[walls]]\nfile = "house.wkt"\npolygons = "obstacles"\nheight = 8\n'
+    with pytest.raises(
+        ProblemError,
+        match=r"drones.0..starts.0.: cell .2, 6. is blocked: ground at 0 m, and walls or",
+    ):
+        read(write(tmp_path, FLAT + house + DRONE))
+
+
 def test_a_person_looks_where_a_walk_says(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     """Somebody who stands has a heading, too; a walk that ends soon is doubted, standing is not."""
     stands = FLAT.replace(", [15, 6]]\nspeed = 1.5", "]\nheading = 90")
