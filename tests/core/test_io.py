@@ -420,7 +420,7 @@ def test_files_are_as_readable_as_other_new_files(tmp_path: Path) -> None:
         (
             '"horizon": 2',
             '"horizont": 2',
-            "problem: must have no unknown field `horizont`; known are name, ",
+            "problem: must have no unknown field `horizont`; did you mean horizon?; known are ",
         ),
         (
             '"poses": [',
