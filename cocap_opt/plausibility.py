@@ -12,7 +12,7 @@ import numpy as np
 from cocap_opt.graph.choke_points import MOST_CELLS, choke_point
 from cocap_opt.graph.encounters import NEAR, Encounters, Outing
 from cocap_opt.graph.motion import Window
-from cocap_opt.problem import Actor, Cell, Motion, Problem, Robot
+from cocap_opt.problem import Actor, Cell, Limits, Motion, Problem, Robot
 from cocap_opt.world.columns import Spans
 from cocap_opt.world.workspace import HeightMap, Mesh, Workspace
 
@@ -54,7 +54,7 @@ def doubts(problem: Problem) -> list[str]:
     if not problem.actors:
         found.append("there are no people to film, so that every view reward is 0")
     for j, actor in enumerate(problem.actors):
-        found += [f"actors[{j}] {doubt}" for doubt in _about(problem, actor)]
+        found += [f"{problem.person(j)} {doubt}" for doubt in _about(problem, actor)]
     around = _around_robots(problem)
     outings = [around[robot.motion].outing(robot.start) for robot in problem.robots]
     return [*found, *_strained(problem), *_in_the_way(problem), *_shut_in(problem, outings)]
@@ -130,10 +130,10 @@ def _shut_in(problem: Problem, outings: list[Outing]) -> Iterator[str]:
             continue
         free = robot.motion.free_places(problem.workspace)
         if outing.size <= _FEW:
-            yield f"robots[{i}] can reach only {outing.size} cell{'s' if outing.size > 1 else ''}"
+            yield f"drone {i} can reach only {outing.size} cell{'s' if outing.size > 1 else ''}"
         elif not outing.meets and outing.size < np.count_nonzero(free):
             yield (
-                f"robots[{i}] is shut in a pocket of {outing.size} cells, from which it cannot "
+                f"drone {i} is shut in a pocket of {outing.size} cells, from which it cannot "
                 f"come within {NEAR:g} m of anybody in sight"
             )
 
@@ -161,14 +161,18 @@ def _below_ground(problem: Problem, mesh: Mesh) -> bool:
 
 
 def _strained(problem: Problem) -> Iterator[str]:
-    """Yields a doubt for the first robot of each kind that cannot stop at each step."""
-    kinds = {(robot.motion, robot.limits): i for i, robot in reversed([*enumerate(problem.robots)])}
-    for (motion, limits), i in sorted(kinds.items(), key=lambda item: item[1]):
+    """Yields a doubt for the robots of each kind that cannot stop at each step."""
+    kinds = dict[tuple[Motion, Limits | None], list[str]]()
+    for i, robot in enumerate(problem.robots):
+        kinds.setdefault((robot.motion, robot.limits), []).append(str(i))
+    for (motion, limits), numbers in kinds.items():
         if limits is None or problem.step is None:
             continue
         words = limits.strained_by(motion, problem.height_map.resolution, problem.step)
         if words:
-            yield f"robots[{i}] {words}"
+            *most, last = numbers
+            who = f"drones {', '.join(most)} and" if most else "drone"
+            yield f"{who} {last} {words}"
 
 
 def _in_the_way(problem: Problem) -> Iterator[str]:
@@ -180,8 +184,8 @@ def _in_the_way(problem: Problem) -> Iterator[str]:
             height = _height_within(problem, robot, actor)
             if height is not None:
                 yield (
-                    f"robots[{i}] can fly into actors[{j}], {height:.3g} m above its feet; nothing "
-                    "keeps them apart"
+                    f"drone {i} can fly into {problem.person(j)}, {height:.3g} m above the feet; "
+                    "nothing keeps them apart"
                 )
                 break
 

@@ -310,9 +310,9 @@ class _Referee:
             ways = [(x - u, y - v, z - w) for (x, y, z), (u, v, w) in zip(at, body, strict=False)]
             for t, way in enumerate(ways):
                 if self._too_near(way, rules):
-                    yield f"step {t} is {math.hypot(*way[:2]):.3g} m from actors[{j}]"
+                    yield f"step {t} is {math.hypot(*way[:2]):.3g} m from {self.problem.person(j)}"
                 elif t + 1 < len(ways) and self._pass_too_near(way, ways[t + 1], rules):
-                    yield f"step {t} to {t + 1} passes too near to actors[{j}]"
+                    yield f"step {t} to {t + 1} passes too near to {self.problem.person(j)}"
 
 
 def _least(function: Callable[[float], float], first: float, last: float) -> float:

@@ -1,4 +1,7 @@
-"""Text of files as it is shown."""
+"""Text of files as it is shown, and words that were meant."""
+
+from collections.abc import Iterable
+from difflib import get_close_matches
 
 
 def printable(text: str, kept: str = "") -> str:
@@ -17,3 +20,9 @@ def shortened(name: str, most: int = 60) -> str:
     """Returns a name without its middle, if it has more than `most` characters."""
     half = most // 2
     return name if len(name) <= most else f"{name[: most - half - 1]}…{name[-half:]}"
+
+
+def meant(word: str, known: Iterable[str]) -> str:
+    """Returns a question after the known word that is most like another; nothing if none is."""
+    close = get_close_matches(word, list(known), n=1)
+    return f"; did you mean {close[0]}?" if close else ""

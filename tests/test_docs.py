@@ -100,7 +100,7 @@ WRONG: dict[str, tuple[str, Callable[[], None]]] = {
         SHOW, swapped("scene.toml", "endurance = 1200", "speed = 1"),
     ),
     "cannot fly this: acceleration": (FLY, lambda: None),
-    "comes nearer than 4.5 m to actors[1]": (
+    "comes nearer than 4.5 m to person 1": (
         f"plan scene.toml --planner sequential -o plan.json; {FLY}",
         swapped("scene.toml", "people = 3.5", "people = 4.5"),
     ),

@@ -180,21 +180,23 @@ def read_bytes(path: Path) -> bytes:
 
 @lru_cache(maxsize=8)
 def problem_digest(problem: Problem) -> str:
-    """Digest of everything in a problem but its name and where it is on the Earth.
+    """Digest of everything in a problem but names and where it is on the Earth.
 
-    Neither has a part in what a plan may do and what it is worth.
+    None of them has a part in what a plan may do and what it is worth.
     """
-    content = msgspec.json.encode(problem.replace(name="", earth=None), enc_hook=_encode_array)
+    actors = tuple(actor.replace(name=None) for actor in problem.actors)
+    nameless = problem.replace(name="", actors=actors, earth=None)
+    content = msgspec.json.encode(nameless, enc_hook=_encode_array)
     # Read back once: numbers given as 5 and 5.0 are the same.
     again = msgspec.json.decode(content, type=Problem, dec_hook=_decode_array)
     fields = msgspec.to_builtins(again, enc_hook=_encode_array)
-    for holder in (fields, *fields["robots"]):
+    for holder in (fields, *fields["robots"], *fields["actors"]):
         _drop_unused(holder)
     return hashlib.sha256(msgspec.json.encode(fields)).hexdigest()
 
 
 def _drop_unused(fields: dict[str, Any]) -> None:
     """Drops fields that are newer than files whose digests hold, where nothing is in them."""
-    for name in ("step", "earth", "limits"):
+    for name in ("step", "earth", "limits", "name"):
         if name in fields and fields[name] is None:
             del fields[name]

@@ -5,6 +5,8 @@ from collections.abc import Iterator
 
 from msgspec import inspect
 
+from cocap_opt.text import meant
+
 _MALFORMED = re.compile(r"malformed.*\(byte (\d+)\)")
 _NO_TOML = re.compile(r"(.*) \(at (?:end of document|line (\d+), column (\d+))\)")
 _TWICE = "Cannot overwrite", "Cannot declare", "Cannot mutate", "Cannot define", "Duplicate"
@@ -78,8 +80,9 @@ def _no_toml(said: str, line: str | None, column: str | None) -> str:
 def _allowed_words(said: str, kind: object, path: str) -> str:
     """Returns what msgspec says of the value at a path as what is allowed there."""
     if unknown := _UNKNOWN_WORD.fullmatch(said):
-        allowed = ", ".join(_allowed(inspect.type_info(kind), path))
-        return f"must be one of {allowed}, not {unknown[1]}" if allowed else said
+        words = _allowed(inspect.type_info(kind), path)
+        question = meant(unknown[1].strip("'"), words)
+        return f"must be one of {', '.join(words)}, not {unknown[1]}{question}" if words else said
     if wrong := _WRONG.fullmatch(said):
         expected, limits, found = wrong.groups()
         # Where null is one of several, a field may be left out.
@@ -90,9 +93,9 @@ def _allowed_words(said: str, kind: object, path: str) -> str:
     if said == "Number out of range":
         return "must be a number within +-1.8e308"
     if field := _UNKNOWN_FIELD.fullmatch(said):
-        known = ", ".join(_fields(inspect.type_info(kind), path))
+        known = _fields(inspect.type_info(kind), path)
         return f"must have no unknown field `{field[1]}`" + (
-            f"; known are {known}" if known else ""
+            f"{meant(field[1], known)}; known are {', '.join(known)}" if known else ""
         )
     if field := _MISSING_FIELD.fullmatch(said):
         return f"must have the field `{field[1]}`"

@@ -1,4 +1,4 @@
-"""Delays that flights bear: by so much one drone may be late and keeps away from the others.
+"""Delays that flights bear: by so much drones, or people, may be late and keep apart.
 
 Nothing keeps drones that fly waypoints to a common clock. This finds the least difference between
 two moments at which one drone at the first and another at the second would be too near, over all
@@ -18,6 +18,7 @@ import numpy as np
 
 from cocap_opt.data import LARGEST, FloatArray
 from cocap_opt.flight.bernstein import halves, values
+from cocap_opt.flight.safety import walk_of
 from cocap_opt.flight.trajectory import Trajectory
 from cocap_opt.problem import CollisionRules
 from cocap_opt.problem.rules import TOLERANCE
@@ -42,16 +43,37 @@ def bearable_delay(flown: Trajectory, rules: CollisionRules) -> float:
     rules : have a separation
     """
     pieces = flown.pieces[:, :, :3]
-    robots, count = pieces.shape[:2]
-    pairs = np.argwhere(~np.eye(robots, dtype=np.bool_))
-    most, fine = np.inf, FINE / flown.piece_seconds
+    one, other = np.argwhere(~np.eye(len(pieces), dtype=np.bool_)).T
+    return _bearable(pieces[one], pieces[other], rules, np.inf, flown.piece_seconds)
+
+
+def bearable_delay_of_people(flown: Trajectory) -> float:
+    """Returns the seconds below which drones keep away from people, however either is late.
+
+    It is as exact as `bearable_delay`, and inf where the scene asks for no distance to people.
+    People stand before their walks and after them.
+    """
+    airspace, pieces, most = flown.problem.airspace, flown.pieces[:, :, :3], np.inf
+    for actor in flown.problem.actors if airspace.people_aside else ():
+        walks = np.broadcast_to(walk_of(flown.problem, actor, flown.parts), pieces.shape)
+        one, other = np.concatenate([pieces, walks]), np.concatenate([walks, pieces])
+        most = _bearable(one, other, airspace.rules_beside(actor), most, flown.piece_seconds)
+    return most
+
+
+def _bearable(
+    one: FloatArray, other: FloatArray, rules: CollisionRules, most: float, piece_seconds: float
+) -> float:
+    """Returns the seconds by which the first of pairs [n, N, 3, 6] may be late; `most` if more."""
+    count, fine = one.shape[1], FINE / piece_seconds
+    most /= piece_seconds
     for ahead in range(count):
         if ahead - 1 >= most:
             break  # pieces that begin so far apart are less apart by up to one piece
-        one = pieces[pairs[:, 0], ahead:].reshape(-1, *pieces.shape[2:])
-        other = pieces[pairs[:, 1], : count - ahead].reshape(one.shape)
-        most = _least(one, other, ahead, rules, most, fine)
-    return most * flown.piece_seconds
+        first = one[:, ahead:].reshape(-1, *one.shape[2:])
+        second = other[:, : count - ahead].reshape(first.shape)
+        most = _least(first, second, ahead, rules, most, fine)
+    return most * piece_seconds
 
 
 def _least(

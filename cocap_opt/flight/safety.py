@@ -100,7 +100,7 @@ def _near_people(flown: Trajectory) -> Iterator[Danger]:
         near = come_too_near(ways.reshape(-1, 3, DEGREE + 1), airspace.rules_beside(actor))
         for k in np.flatnonzero(near).tolist():
             step, part = divmod(k % count, flown.parts)
-            words = f"comes nearer than {airspace.people_aside:g} m to actors[{j}]"
+            words = f"comes nearer than {airspace.people_aside:g} m to {problem.person(j)}"
             yield Danger(step, (k // count,), words, part, j)
 
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from cocap_opt.data import MOST_WEIGHT, Data, FloatArray, frozen, read_only, require, within
 from cocap_opt.problem.shapes import Cuboid, Shape
+from cocap_opt.text import printable, shortened
 
 
 class Actor(Data, frozen=True, eq=False, dict=True):
@@ -18,6 +19,7 @@ class Actor(Data, frozen=True, eq=False, dict=True):
     shape : `Cuboid`, `Prism` or `TriangulatedCuboid`
     weights : one per face of the shape; None: all 1
     importance : [>= T+1] factor of the weights; None: all 1
+    name : as people call the person; None: nobody says it
 
     Raises
     ------
@@ -30,6 +32,7 @@ class Actor(Data, frozen=True, eq=False, dict=True):
     shape: Shape = Cuboid()
     weights: tuple[float, ...] | None = None
     importance: tuple[float, ...] | None = None
+    name: str | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -45,6 +48,8 @@ class Actor(Data, frozen=True, eq=False, dict=True):
             )
             for weight in self.weights:
                 within(weight, 0, MOST_WEIGHT, "weights")
+        if self.name is not None:
+            msgspec.structs.force_setattr(self, "name", shortened(printable(self.name)))
         for value in self.importance or ():
             within(value, 0, MOST_WEIGHT, "importance")
 

@@ -52,8 +52,13 @@ class Airspace(Data, frozen=True):
         if self.ceiling is not None:
             yield f"ceiling {self.ceiling:g} m"
         if self.people_aside:
-            over = "" if self.people_above is None else f" or {self.people_above:g} m above"
-            yield f"{self.people_aside:g} m from people{over}"
+            yield self.told_people
+
+    @property
+    def told_people(self) -> str:
+        """The distance to people, in words, where there is one."""
+        over = "" if self.people_above is None else f" or {self.people_above:g} m above"
+        return f"{self.people_aside:g} m from people{over}"
 
     def near_person(
         self, actor: Actor, t: int, before: FloatArray, after: FloatArray | None = None

@@ -168,8 +168,14 @@ class Problem(Data, frozen=True, eq=False, dict=True):
             f"{motion.layers[start.layer]:g} m",
         )
         for j, actor in enumerate(self.actors):
-            near = self.airspace.near_person(actor, 0, self.where(robot, [start])[0])
-            require(not near, field, f"is too near to actors[{j}], {self.airspace}")
+            at = self.where(robot, [start])[0]
+            aside = math.dist(at[:2], actor.poses[0, :2])
+            require(
+                not self.airspace.near_person(actor, 0, at),
+                field,
+                f"is {aside:.2f} m from {self.person(j)} at step 0, must be "
+                f"{self.airspace.told_people}",
+            )
 
     def _check_goal(self, field: str, motion: Motion, x: int, y: int) -> None:
         whole(x, field)
@@ -202,10 +208,11 @@ class Problem(Data, frozen=True, eq=False, dict=True):
         for i, first in enumerate(self.robots):
             for k in range(i):
                 a, b = self.cell(k, self.robots[k].start), self.cell(i, first.start)
+                apart = math.dist(*self.positions([a, b]))
                 require(
                     not self.too_close(a, b),
                     f"robots[{i}].start",
-                    f"conflicts with the start of robots[{k}] under the rules {self.rules}",
+                    f"is {apart:.2f} m from robots[{k}].start, must keep the rules {self.rules}",
                 )
 
     def __repr__(self) -> str:
@@ -285,6 +292,11 @@ class Problem(Data, frozen=True, eq=False, dict=True):
             for t in range(steps)
         )
 
+    def person(self, j: int) -> str:
+        """Returns the words for a person: the number, and the name if there is one."""
+        name = self.actors[j].name
+        return f"person {j}" if name is None else f"person {j} ({name})"
+
     def where(self, robot: Robot, states: Sequence[State]) -> FloatArray:
         """Returns where a robot is in states [n], as [n, 3] (m)."""
         altitude, centre = self.height_map.altitude, self.height_map.centre
@@ -306,11 +318,11 @@ class Problem(Data, frozen=True, eq=False, dict=True):
 
     def _solid_at(self, start: State) -> str:
         """Says which solid matter is in a robot's start cell."""
-        (_, height), *meshes = self.workspace.columns.at(start.x, start.y)
-        if not meshes:
+        (_, height), *solids = self.workspace.columns.at(start.x, start.y)
+        if not solids:
             return f"height {height:g} m"
-        spans = ", ".join(f"{low:g}..{high:g} m" for low, high in meshes)
-        return f"height {height:g} m and meshes at {spans}"
+        spans = " and ".join(f"from {low:g} to {high:g} m" for low, high in solids)
+        return f"ground at {height:g} m, and walls or a mesh {spans}"
 
     def without_rules(self) -> "Problem":
         """Returns the problem without inter-robot collisions; the same one if it has no rules.

@@ -108,8 +108,9 @@ def robustness(
         the J of the flight as planned), `least_distance` (m, between two drones),
         `people_distance` (m, from above, where the scene asks for one), `rules` (kept, or to whom
         drones come too near; none where there is none between the steps). `attrs` has
-        `delay_tolerance`, the seconds below which drones may be behind each other; None: there is
-        no separation, or any delay will do.
+        `delay_tolerance`, the seconds below which drones may be behind each other, and
+        `delay_tolerance_to_people`, those below which they may be ahead of people or behind them;
+        inf: any delay will do; None: the scene asks for no such distance, or there is nobody.
 
     Raises
     ------
@@ -124,12 +125,19 @@ def robustness(
     """
     from pandas import DataFrame
 
-    from cocap_opt.experiments.results.robustness import Changes, tolerated_delay
+    from cocap_opt.experiments.results.robustness import (
+        Changes,
+        tolerated_delay,
+        tolerated_delay_of_people,
+    )
 
     own = plan_for(problem, plan, "flown")
     flight = _flight_scene(problem, step, margin).without_earth.flight(own, smooth)
     table = DataFrame(Changes(late, aside, lag).rows(flight))
-    table.attrs = {"delay_tolerance": tolerated_delay(flight)}
+    table.attrs = {
+        "delay_tolerance": tolerated_delay(flight),
+        "delay_tolerance_to_people": tolerated_delay_of_people(flight),
+    }
     return table
 
 

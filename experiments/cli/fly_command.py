@@ -9,17 +9,8 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from cocap_opt.data import FieldError, ProblemError
-from cocap_opt.experiments.cli.options import (
-    AS_PLANNED,
-    FLAG,
-    FlightOptions,
-    Json,
-    Output,
-    PlanPath,
-    Scene,
-    Seed,
-    load,
-)
+from cocap_opt.experiments.cli.flight_options import AS_PLANNED, FlightOptions
+from cocap_opt.experiments.cli.options import FLAG, Json, Output, PlanPath, Scene, Seed, load
 from cocap_opt.experiments.console.options import Option, UsageError
 from cocap_opt.experiments.results.files import PlanReader, check_output, save_files
 from cocap_opt.experiments.results.printing import Listing, Record, print_result
@@ -27,6 +18,7 @@ from cocap_opt.files.documents import FileError
 from cocap_opt.stop import Interrupt
 
 _OPTIONS = "every", "smooth", "start"
+_EARTHLY = ".geojson", ".kml", ".plan", ".waypoints"  # which have latitudes and longitudes
 _PLACES = "earth.crs", "earth.origin"
 
 
@@ -76,15 +68,15 @@ def _fly(
     begins = None if start is None else _start(start, suffix, suffix in DATED)
     if every is not None and not Option("--every").require_seconds(every) > 0:
         raise UsageError("--every: must be more than 0 seconds")
+    if local and suffix in _EARTHLY:
+        raise UsageError(f"--local: must be left out for {suffix}, which has places on the Earth")
     check_output(output, scene, plan)
     problem, planned = PlanReader(scene, load(scene, seed)).plan(plan)
-    flown_in = flown.scene(problem)
     try:
-        flight = (flown_in.without_earth if local else flown_in).flight(planned, flown.smooth)
-        flight = flight._replace(start=begins)
-        mission = WRITERS[suffix](flight, every)
+        flight = flown.flight(problem, planned, local)
+        mission = WRITERS[suffix](flight._replace(start=begins), every)
     except ProblemError as error:
-        raise _in_words(error, scene, plan, flown.step is not None) from error
+        raise _in_words(error, scene, plan, suffix, flown.step is not None) from error
     record = flight.record()
     files = {_named(output, suffix, part): content for part, content in mission.files.items()}
     for path in files:
@@ -92,13 +84,13 @@ def _fly(
     answer: Record = {"scene": problem.name, "seed": seed, **record, **mission.facts}
     notes = [*flight.notes(), *mission.notes]
     notes += _strays(output, suffix, files)
-    written = " ".join(map(str, files))
     with Interrupt.caught():  # who presses Ctrl-C now is told what is written, unless pressed twice
         save_files(files)
         if json:
-            print_result({**answer, "drones": flight.rows(), "notes": notes, "file": written}, json)
+            rows = {"drones": flight.rows(), "notes": notes}
+            print_result({**answer, **rows, "files": [*files]}, json)
         else:
-            print_result({**answer, "file": written}, json)
+            print_result({**answer, "file": " ".join(map(str, files))}, json)
             Listing("tightest moment of each drone", flight.rows(), notes).print()
     return 0
 
@@ -119,11 +111,14 @@ def _strays(output: Path, suffix: str, files: Collection[Path]) -> Iterator[str]
         yield f"of another flight, and not written now: {', '.join(strays)}; do not fly them along"
 
 
-def _in_words(error: ProblemError, scene: str, plan: Path, by_option: bool) -> Exception:
+def _in_words(
+    error: ProblemError, scene: str, plan: Path, suffix: str, by_option: bool
+) -> Exception:
     """Returns the error that names the option or the file that is to be changed.
 
     Parameters
     ----------
+    suffix : of the file that is asked for
     by_option : True: `--step` says how long a step lasts, not the scene
     """
     field = error.field if isinstance(error, FieldError) else None
@@ -134,7 +129,8 @@ def _in_words(error: ProblemError, scene: str, plan: Path, by_option: bool) -> E
     if field == "crs":  # something of the scene is where its system is not defined
         return FileError(f"{scene}: earth.{error}")
     if field in _PLACES:
-        return FileError(f"{scene}: {error}; --local leaves latitudes and longitudes out")
+        way_out = "" if suffix in _EARTHLY else "; --local leaves latitudes and longitudes out"
+        return FileError(f"{scene}: {error}{way_out}")
     return FileError(f"{plan}: {error}")
 
 

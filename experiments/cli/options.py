@@ -9,9 +9,7 @@ from typing import Annotated
 
 from cyclopts import Parameter, Token
 
-from cocap_opt.data import FieldError, ProblemError
 from cocap_opt.experiments.console.options import Option, UsageError
-from cocap_opt.experiments.results.flight_scene import FlightScene
 from cocap_opt.experiments.results.judging import Allowance
 from cocap_opt.experiments.results.rows import Row
 from cocap_opt.plausibility import doubts, narrow_way
@@ -61,19 +59,6 @@ OfPlanners = Annotated[
     list[str] | None,
     Parameter(
         name="--planner", negative="", help="may be repeated; all of the results if not given"
-    ),
-]
-
-Smooth = Annotated[bool, FLAG(name="--smooth", help="with continuous speed and acceleration")]
-StepSeconds = Annotated[
-    float | None,
-    Parameter(name="--step", help="seconds of a step, of scenes that do not say it"),
-]
-Margin = Annotated[
-    float | None,
-    Parameter(
-        help="metres by which drones may be nearer to people than the scene says, aside (`people`) "
-        "and over heads (`over_people`)"
     ),
 ]
 
@@ -133,27 +118,3 @@ def chosen(
     if not kept:
         raise UsageError("--planner: has no results on the scenes of --scene")
     return kept
-
-
-@Parameter(name="*")
-@dataclass(frozen=True)
-class FlightOptions:
-    """The options of commands that fly a plan."""
-
-    step: StepSeconds = None
-    smooth: Smooth = False
-    margin: Margin = None
-
-    def scene(self, problem: Problem) -> FlightScene:
-        """Returns the scene that plans of a problem are flown in."""
-        if self.step is not None and not Option("--step").require_seconds(self.step) > 0:
-            raise UsageError("--step: must be more than 0 seconds")
-        try:
-            return FlightScene.of(problem, self.step, self.margin)
-        except FieldError as error:
-            raise UsageError(f"--{error}") from error
-        except ProblemError as error:  # it is out of range, or too short for the drones' limits
-            raise UsageError(f"--step: {error}") from error
-
-
-AS_PLANNED = FlightOptions()

@@ -1,25 +1,25 @@
 """The command `robustness`, which tells what is left of a plan that is not flown as planned."""
 
+import math
 from collections.abc import Iterator
 from typing import Annotated
 
 from cyclopts import Parameter
 
 from cocap_opt.data import ProblemError
-from cocap_opt.experiments.cli.options import (
-    AS_PLANNED,
-    FlightOptions,
-    Json,
-    PlanPath,
-    Scene,
-    Seed,
-    load,
-)
+from cocap_opt.experiments.cli.flight_options import AS_PLANNED, FlightOptions
+from cocap_opt.experiments.cli.options import Json, PlanPath, Scene, Seed, load
 from cocap_opt.experiments.console.options import UsageError
 from cocap_opt.experiments.results.files import PlanReader
 from cocap_opt.experiments.results.flights import Flight
 from cocap_opt.experiments.results.printing import Listing, Record, print_result
-from cocap_opt.experiments.results.robustness import Changes, tolerated_delay
+from cocap_opt.experiments.results.robustness import (
+    Changes,
+    people_and_delay,
+    tolerated_delay,
+    tolerated_delay_of_people,
+    written_delay,
+)
 from cocap_opt.files.documents import FileError
 
 _USUAL = Changes()
@@ -54,24 +54,28 @@ def _robustness(
     Example: cocap-opt robustness corridor plan.json --step 2 --smooth --late 1 3 --lag 0.5
     """
     problem, planned = PlanReader(scene, load(scene, seed)).plan(plan)
-    flown_in = flown.scene(problem).without_earth  # where it is does not matter
     changes = Changes(
         _USUAL.late if late is None else late,
         _USUAL.aside if aside is None else aside,
         _USUAL.lag if lag is None else lag,
     )
     try:
-        flight = flown_in.flight(planned, flown.smooth)
+        flight = flown.flight(problem, planned, is_local=True)  # where it is does not matter
     except ProblemError as error:
         raise FileError(f"{plan}: {error}") from error
     try:
         rows = changes.rows(flight)
     except ProblemError as error:
         raise UsageError(f"--{error}") from error
-    delay = tolerated_delay(flight)
-    notes = list(_notes(flight, delay))
+    delay, to_people = tolerated_delay(flight), tolerated_delay_of_people(flight)
+    notes = list(_notes(flight, delay, to_people))
     if json:
-        answer: Record = {"scene": problem.name, "seed": seed, "delay_tolerance": delay}
+        answer: Record = {
+            "scene": problem.name,
+            "seed": seed,
+            "delay_tolerance": written_delay(delay),
+            "delay_tolerance_to_people": written_delay(to_people),
+        }
         print_result({**answer, "changes": rows, "notes": notes}, json)
     else:
         kind = "smooth" if flown.smooth else "straight"
@@ -93,7 +97,7 @@ def _shown(row: Record) -> Record:
     return {**columns, "rules": row["rules"]}
 
 
-def _notes(flight: Flight, delay: float | None) -> Iterator[str]:
+def _notes(flight: Flight, delay: float | None, to_people: float | None) -> Iterator[str]:
     """Yields sentences on what the numbers mean."""
     problem = flight.flown.problem
     yield (
@@ -102,10 +106,13 @@ def _notes(flight: Flight, delay: float | None) -> Iterator[str]:
         "may be late the worst counts, in each column"
     )
     yield from flight.nearer_to_people()
-    if delay is not None:
+    if delay is not None and math.isinf(delay):
+        yield f"the {problem.rules} between drones is kept however late any of them is"
+    elif delay is not None:
         yield f"the {problem.rules} is kept while no drone is {delay:.2f} s or more behind another"
     elif not problem.rules.separation and len(problem.robots) > 1:
         yield "the scene's rules ask for no distance between drones between the steps"
+    yield from people_and_delay(flight, to_people)
 
 
 COMMANDS = {"robustness": _robustness}

@@ -61,6 +61,8 @@ def _verify(
     """
     files = file or _plan_with_scene(scene)
     if not files:
+        if not Path(scene).exists():
+            load(scene, seed)  # there may be no such file
         raise UsageError("FILE: name a plan, a certificate or a proof")
     claims = _Claims.read(scene, seed, free, files)
     if explain and (claims.plan is None or not claims.bounds):

@@ -6,6 +6,7 @@ from numbers import Real
 from pathlib import Path
 from typing import NamedTuple
 
+from cocap_opt.text import meant
 from cocap_opt.vision.coverage import usable_cores
 
 LARGEST = 9 * 10**15  # below 2**53, up to which JSON readers tell whole numbers apart
@@ -30,7 +31,10 @@ class Option(NamedTuple):
         """Refuses a value that is not among the allowed ones."""
         words = list(allowed)
         if value not in words:
-            raise UsageError(f"{self.name}: must be one of {', '.join(words)}, not {value!r}")
+            raise UsageError(
+                f"{self.name}: must be one of {', '.join(words)}, not {value!r}"
+                f"{meant(str(value), words)}"
+            )
 
     def require_seconds(self, value: object) -> float:
         """Returns seconds as a plain float; refuses what is negative, too large or no number.

@@ -6,8 +6,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cocap_opt.data import FieldError
+from cocap_opt.data import FieldError, FloatArray
+from cocap_opt.experiments.missions.waypoints import seconds_to_step_0
 from cocap_opt.experiments.results.flights import Flight, cells_below
+from cocap_opt.experiments.results.robustness import (
+    people_and_delay,
+    tolerated_delay,
+    tolerated_delay_of_people,
+)
 from cocap_opt.flight.nearest import nearest_drones, nearest_people
 from cocap_opt.problem import Problem
 
@@ -41,9 +47,10 @@ def briefing(flight: Flight, every: float | None) -> list[Section]:
     return [
         Section("Flight", list(_summary(flight))),
         Section("Distances and limits", [*_distances(flight), "", *_limits(flight)]),
+        Section("Late drones and people", list(_delays(flight))),
         Section("Take-off and landing (a suggestion)", list(_legs(flight))),
-        Section("Times and places", [_angles(flight)]),
         *_places(flight, every),
+        *_walks(flight, every),
         Section("Not checked", [f"- {words}" for words in (*_UNCHECKED, *flight.doubts())]),
     ]
 
@@ -58,6 +65,8 @@ def _summary(flight: Flight) -> Iterator[str]:
         f"of {flown.step:g} s; {'smooth' if flight.is_smooth else 'straight from step to step'}"
     )
     yield f"Step 0, t = 0, is at {start}. All drones start their flights together."
+    if people:
+        yield f"People set out at t = 0. {_signal(flight)}"
     yield (
         f"Battery: {_battery(problem)}; the flight takes {flown.seconds / 60:.1f} min, and the "
         "legs below"
@@ -72,12 +81,22 @@ def _summary(flight: Flight) -> Iterator[str]:
     yield f"z is {_altitude(flight)}."
 
 
+def _signal(flight: Flight) -> str:
+    """Says when people get their signal."""
+    if flight.is_smooth:
+        return "Give them a signal then."
+    return (
+        f"Give them a signal then; with missions of waypoints, {seconds_to_step_0(flight):.3g} s "
+        "after starting these."
+    )
+
+
 def _battery(problem: Problem) -> str:
     """Says how long batteries last: the shortest time, where all of them are known."""
     known = [robot.limits.endurance if robot.limits else None for robot in problem.robots]
     lasting = [seconds for seconds in known if seconds is not None]
     if len(lasting) < len(known):
-        return f"lasts {_BLANK} min (nobody says it)"
+        return f"lasts {_BLANK} min (to be filled in)"
     return f"lasts {min(lasting) / 60:.1f} min (by the maker, in calm air; less in wind and cold)"
 
 
@@ -109,10 +128,23 @@ def _distances(flight: Flight) -> Iterator[str]:
         x, y, z = close.place.tolist()
         yield (
             f"To people, seen from above: {close.distance:.2f} m at least, of drone {close.one} "
-            f"and person {close.other} at {close.t:.2f} s near x {x:.1f}, y {y:.1f}, z {z:.1f}."
+            f"and {problem.person(close.other)} at {close.t:.2f} s "
+            f"near x {x:.1f}, y {y:.1f}, z {z:.1f}."
         )
     yield f"Airspace: {str(problem.airspace) or 'no zones, no ceiling, no distance to people'}."
-    yield from (f"{words}." for words in flight.nearer_to_people())
+    if flight.asked is not None:
+        yield f"The scene asks for {flight.asked.told_people}, and is flown with less, by --margin."
+
+
+def _delays(flight: Flight) -> Iterator[str]:
+    """Yields what becomes of the distances where somebody is late."""
+    rules, delay = flight.flown.problem.rules, tolerated_delay(flight)
+    if delay is not None and math.isinf(delay):
+        yield f"Between drones: {rules} is kept however late any of them is."
+    elif delay is not None:
+        yield f"Between drones: {rules} is kept while none is {delay:.2f} s or more behind another."
+    to_people = people_and_delay(flight, tolerated_delay_of_people(flight))
+    yield from (f"{words[0].upper()}{words[1:]}." for words in to_people)
 
 
 def _limits(flight: Flight) -> Iterator[str]:
@@ -167,14 +199,19 @@ def _degrees(flight: Flight, x: float, y: float) -> str:
     return f" {latitude[0]:>12.7f} {longitude[0]:>12.7f}"
 
 
-def _places(flight: Flight, every: float | None) -> Iterator[Section]:
-    """Yields a table of times and places for each drone."""
+def _columns(flight: Flight, every: float | None) -> dict[str, FloatArray]:
+    """Returns the flights at the times of the tables."""
     steps = flight.flown.problem.horizon
     usual = math.ceil(steps / (ROWS - 1)) * flight.flown.step
     rows = 0.0 if every is None else flight.flown.seconds / every * len(flight.flown.pieces)
     if rows > _MOST_ROWS:
         raise FieldError("every", f"must make at most {_MOST_ROWS} rows on paper, not {rows:.3g}")
-    columns = flight.columns(usual if every is None else every)
+    return flight.columns(usual if every is None else every)
+
+
+def _places(flight: Flight, every: float | None) -> Iterator[Section]:
+    """Yields a table of times and places for each drone."""
+    columns = _columns(flight, every)
     over = "above_ground" if "above_ground" in columns else "above_takeoff"
     yaw = columns["yaw"] % 360
     if flight.geodesy is not None:
@@ -192,4 +229,19 @@ def _places(flight: Flight, every: float | None) -> Iterator[Section]:
                 f"{columns[over][k]:>15.2f}{yaw[k] % 360:>9.1f}{columns['pitch'][k]:>7.1f}"
                 f"{_degrees(flight, x, y)}"
             )
-        yield Section(f"Drone {drone}", lines)
+        yield Section(f"Drone {drone}", [_angles(flight), *lines] if drone == 0 else lines)
+
+
+def _walks(flight: Flight, every: float | None) -> Iterator[Section]:
+    """Yields a table of times and places for each person."""
+    problem, columns = flight.flown.problem, _columns(flight, every)
+    times = columns["t"][columns["drone"] == 0]
+    steps = np.arange(problem.horizon + 1) * flight.flown.step
+    head = f"{'t (s)':>8}{'x (m)':>12}{'y (m)':>13}{_head_of_degrees(flight)}"
+    for j, actor in enumerate(problem.actors):
+        walk = [np.interp(times, steps, axis) for axis in actor.poses[: len(steps), :2].T]
+        lines = [
+            f"{t:>8.2f}{x:>12.2f}{y:>13.2f}{_degrees(flight, x, y)}"
+            for t, x, y in zip(times.tolist(), *(axis.tolist() for axis in walk), strict=True)
+        ]
+        yield Section(problem.person(j).capitalize(), [head, *lines])

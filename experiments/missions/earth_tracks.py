@@ -108,8 +108,8 @@ def geodesy_of(flight: Flight) -> Geodesy:
     if flight.geodesy is None:
         raise FieldError(
             "earth",
-            "must be known, and --local not be given, for a file of latitudes and "
-            "longitudes; a GeoTIFF's system or [earth] of a recipe says it",
+            "must be known for a file of latitudes and longitudes; a GeoTIFF's system or [earth] "
+            "of a recipe says it",
         )
     return flight.geodesy
 

@@ -21,7 +21,7 @@ class Export(NamedTuple):
 
     files: dict[str, bytes]
     notes: tuple[str, ...] = ()
-    facts: Mapping[str, float | None] = MappingProxyType({})
+    facts: Mapping[str, float | str | None] = MappingProxyType({})
 
 
 # Takes the flights and the seconds between rows or points, None for what is usual. It raises

@@ -75,7 +75,8 @@ class _Writer:
             yield from self._points(track, i)
         yield from self._footprints()
         for j, walk in enumerate(walks(flight)):
-            yield self._line(walk, {"kind": "walk", "person": j, "stroke": PERSON})
+            name = flight.flown.problem.person(j)
+            yield self._line(walk, {"kind": "walk", "person": j, "name": name, "stroke": PERSON})
 
     def _positions(self, track: Track) -> list[list[float]]:
         columns = [track.longitude.round(_DEGREES), track.latitude.round(_DEGREES)]

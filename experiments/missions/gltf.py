@@ -203,7 +203,7 @@ class _Scene:
         numbers = _subdivided(parts)
         clock = self._clock(numbers * self._flown.step)
         for j, (actor, own) in enumerate(zip(self._problem.actors, poses, strict=True)):
-            name = f"person {j}"
+            name = self._problem.person(j)
             body = self._glb.primitive(_upright(_triangles(actor)), material)
             node = self._glb.node(name, mesh=self._glb.mesh(name, body))
             at = [np.interp(numbers, np.arange(steps), column) for column in own.T]

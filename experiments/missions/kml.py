@@ -54,7 +54,7 @@ def kml(flight: Flight, every: float | None) -> Export:
         writer.add_track(folder, f"drone {i}", f"#drone{i}", track)
     folder = _folder(document, "people")
     for j, walk in enumerate(people):
-        writer.add_track(folder, f"person {j}", "#person", walk)
+        writer.add_track(folder, flight.flown.problem.person(j), "#person", walk)
     folder = _folder(document, "footprints")
     for found in footprints_on_earth(flight):
         writer.add_footprint(folder, found)

@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
+from matplotlib.patheffects import AbstractPathEffect, withStroke
 
 from cocap_opt.data import FloatArray
 from cocap_opt.drawing import DRONE_COLOURS, PERSON
@@ -26,6 +27,7 @@ _LETTERS = 104  # of a line
 _AXIS, _HIGHEST = 0.04, 0.5  # of the page: numbers beside the map, and its height at most
 _MARGIN = 5.0  # m around flights and walks, on the map
 _DASHES = "-", "--", "-.", (0, (1, 1)), (0, (5, 1, 1, 1, 1, 1))  # which grey prints tell apart
+_SQUARE = 14  # points, more than a ring has
 _MARKS = 11  # of a drone's way, with times
 
 Line = tuple[str, bool]  # and true for a title
@@ -93,6 +95,7 @@ def _draw_map(ax: Axes, flight: Flight) -> None:
     for j, actor in enumerate(problem.actors):
         walk = actor.poses[: problem.horizon + 1, :2]
         ax.plot(*walk.T, color=PERSON, lw=1, ls=":")
+        _mark_end(ax, walk[-1], PERSON)
         _mark(ax, walk[0], f"P{j}", PERSON, "white")
     times = np.linspace(0, flown.seconds, 20 * problem.horizon + 1)
     found = flown.at(times)
@@ -102,15 +105,21 @@ def _draw_map(ax: Axes, flight: Flight) -> None:
         way, dots = found.place[found.drone == i, :2], marks.place[marks.drone == i, :2]
         ax.plot(*way.T, color=colour, lw=1.6, ls=_DASHES[i % len(_DASHES)])
         ax.plot(*dots.T, color=colour, marker=".", ls="none", ms=5)
-        ax.plot(*way[-1], color=colour, marker="s", mec="black", mew=0.6, ms=6)
+        _mark_end(ax, way[-1], colour)
         _mark(ax, way[0], str(i), "white", "black")
     _draw_north(ax, flight)
     every = flown.seconds / (_MARKS - 1)
     ax.set_title(
-        f"rings: starts of drones, squares: ends, dots: every {every:.3g} s; P: people's starts",
+        f"rings: starts, of people with P; squares: ends; dots: drones every {every:.3g} s",
         fontsize=_SIZE,
     )
     ax.tick_params(labelsize=_SIZE)
+
+
+def _mark_end(ax: Axes, at: FloatArray, colour: str) -> None:
+    """Draws a square, around the ring where a way ends at its start."""
+    ax.plot(*at, marker="s", mfc="none", mec="black", mew=2.4, ms=_SQUARE)
+    ax.plot(*at, marker="s", mfc="none", mec=colour, mew=1.4, ms=_SQUARE)
 
 
 def _mark(ax: Axes, at: FloatArray, words: str, fill: str, ink: str) -> None:
@@ -127,11 +136,17 @@ def _draw_north(ax: Axes, flight: Flight) -> None:
     x, y = flight.flown.problem.height_map.centre(0, 0)
     up = flight.geodesy.compass(np.array([x]), np.array([y]), np.array([np.pi / 2]))
     way = -np.radians(float(up[0]))
-    ax.annotate(
+    north = ax.annotate(
         "N", xy=(0.96, 0.94), xytext=(-22 * np.sin(way), -22 * np.cos(way)), fontsize=9,
         xycoords="axes fraction", textcoords="offset points", ha="center", va="center",
-        arrowprops={"arrowstyle": "-|>"},
+        arrowprops={"arrowstyle": "-|>"}, zorder=9,
     )  # fmt: skip
+    halo: list[AbstractPathEffect] = [
+        withStroke(linewidth=4, foreground="white")
+    ]  # houses are dark
+    north.set_path_effects(halo)
+    if north.arrow_patch is not None:
+        north.arrow_patch.set_path_effects(halo)
 
 
 def _lines(section: Section) -> Iterator[Line]:

@@ -33,7 +33,12 @@ import numpy as np
 from cocap_opt.data import FieldError, FloatArray
 from cocap_opt.experiments.missions.export import Export, require_nothing_else
 from cocap_opt.experiments.results.flights import Flight
-from cocap_opt.experiments.results.robustness import told_delay
+from cocap_opt.experiments.results.robustness import (
+    people_and_delay,
+    told_delay,
+    tolerated_delay_of_people,
+    written_delay,
+)
 from cocap_opt.flight.earth import Geodesy
 from cocap_opt.problem import CollisionRules
 from cocap_opt.scenarios.recipe.rules import SEPARATION
@@ -158,18 +163,32 @@ def waypoint_mission(
             "earth",
             "must say where the scene is, for waypoints have latitudes and longitudes: in "
             "[earth] of a recipe crs alone where x and y are its coordinates, else also latitude "
-            "and longitude of x = y = 0; --local leaves them out",
+            "and longitude of x = y = 0",
         )
     if flight.is_smooth:
         raise FieldError("smooth", "must be left out, for waypoints have straight legs between")
     require_nothing_else(every, "the waypoints are the steps of the plan")
     routes = list(_routes(flight, flight.geodesy))
-    delay = told_delay(flight, _asked(flight))
+    delay = told_delay(flight, _asked(flight)) if len(routes) > 1 else None
+    to_people = tolerated_delay_of_people(flight)
+    words = *_clock(flight, delay), *people_and_delay(flight, to_people), *_ends(flight, routes)
     return Export(
         {f"{_PART}{i}": write(route) for i, route in enumerate(routes)},
-        (*_clock(flight, delay), *_ends(routes), dialect.note),
-        {"delay_tolerance": delay if math.isfinite(delay) else None},
+        (*words, dialect.note),
+        {
+            "delay_tolerance": written_delay(delay),
+            "delay_tolerance_to_people": written_delay(to_people),
+        },
     )
+
+
+def seconds_to_step_0(flight: Flight) -> float:
+    """Returns the seconds from the start of all missions of waypoints to step 0 of the plan.
+
+    Drones are thought to rise at 1 m/s; the one that rises highest has 10 s left then.
+    """
+    columns = flight.columns(flight.flown.seconds)
+    return _SETTLE + float(columns["above_takeoff"][columns["t"] == 0].max()) / _RISE
 
 
 def items(route: Route, dialect: Dialect) -> Iterator[Item]:
@@ -242,7 +261,7 @@ def _routes(flight: Flight, geodesy: Geodesy) -> Iterator[Route]:
     problem, columns = flight.flown.problem, flight.columns()
     rows = {name: column.reshape(len(problem.robots), -1) for name, column in columns.items()}
     height, earth = rows["above_takeoff"], problem.earth
-    wait = _SETTLE + (height[:, 0].max() - height[:, 0]) / _RISE
+    wait = seconds_to_step_0(flight) - height[:, 0] / _RISE
     for i in range(len(problem.robots)):
         x, y, ground = rows["x"][i], rows["y"][i], float(rows["z"][i, 0] - height[i, 0])
         above_sea = earth is not None and earth.heights == "sea"
@@ -263,15 +282,15 @@ def _asked(flight: Flight) -> CollisionRules:
     return rules if rules.separation else CollisionRules(separation=SEPARATION)
 
 
-def _clock(flight: Flight, delay: float) -> Iterator[str]:
-    """Yields what it means that drones keep no common clock."""
-    if len(flight.flown.pieces) == 1:
+def _clock(flight: Flight, delay: float | None) -> Iterator[str]:
+    """Yields what it means that drones keep no common clock; nothing of one drone alone."""
+    if delay is None:
         return
     owner = "the scene's" if flight.flown.problem.rules.separation else "a"
     asked = f"{owner} {_asked(flight)}"
     yield "waypoint missions keep no common clock after their start: nothing holds drones to times"
     if math.isinf(delay):
-        yield f"{asked} holds however late any of them is"
+        yield f"between drones, {asked} holds however late any of them is"
     elif delay == 0:
         yield f"delay tolerance 0: {asked} holds for no difference in time; plan with a larger one"
     else:
@@ -280,13 +299,15 @@ def _clock(flight: Flight, delay: float) -> Iterator[str]:
     yield "offboard control along a .csv file, or Skybrush (.skyc), keeps drones together"
 
 
-def _ends(routes: list[Route]) -> Iterator[str]:
+def _ends(flight: Flight, routes: list[Route]) -> Iterator[str]:
     """Yields what happens before and after the plan, and at its corners."""
-    at = max(route.wait + route.places[0, 2] / _RISE for route in routes)
+    at = f"{seconds_to_step_0(flight):.3g} s"
     yield (
-        f"start all missions at once: each waits at its start until {at:.0f} s, if it rises at "
+        f"start all missions at once: each waits at its start until {at}, if it rises at "
         f"{_RISE:g} m/s; at the end it hovers, and the way home is not in it"
     )
+    if flight.flown.problem.actors:
+        yield f"give people their signal {at} after starting the missions: that is step 0"
     yield (
         "autopilots round corners and speeds; clearance was checked on the straight legs, and not "
         "on the way up"

@@ -52,6 +52,7 @@ class Player:
         planners: Sequence[str | None] = (),
     ) -> None:
         self._problem = problem if plans else _without_goals(problem)
+        self._waits = not plans
         self._plans = plans or [("drones at their starts", _waiting(problem))]
         self._gaps = gaps or [None] * len(self._plans)
         self._planners = planners or [None] * len(self._plans)
@@ -78,7 +79,7 @@ class Player:
             for (_, plan), gap in zip(self._plans, self._gaps, strict=True)
         ]
         shown: list[Data] = [
-            {"title": title, "planner": planner} | plan.data()
+            {"title": title, "planner": planner, "waits": self._waits} | plan.data()
             for (title, _), planner, plan in zip(self._plans, self._planners, plans, strict=True)
         ]
         return {
@@ -94,7 +95,7 @@ class Player:
             "terrain": scene.terrain(),
             **scene.meshes(),
             "airspace": scene.airspace(),
-            "people": [scene.person(actor) for actor in problem.actors],
+            "people": [scene.person(j) for j in range(len(problem.actors))],
             "drones": [scene.drone(number) for number in range(len(problem.robots))],
             "plans": shown,
         }

@@ -4,6 +4,8 @@ Coverage is that of the model's tables, by which the referee's rewards can be ha
 to each other). Steps at which nothing counts have a reward of 0.
 """
 
+import math
+from collections.abc import Iterator
 from functools import cached_property
 from itertools import combinations
 from typing import Any
@@ -66,7 +68,7 @@ class PlanData:
         and `ownPixels[i][t]` the mean coverage of a face by one drone. `adds[i][t]` is what a
         step's reward would be less without a drone, empty where pixels add up over time.
         `heights[i]` are flight heights (m), one if it is the same at all steps. `near` are moments
-        at which two drones come close.
+        at which two drones come close, `besidePeople` says where one comes too near to somebody.
         """
         verdict = check(self._judged, self._plan)
         counted = self.seen[self._problem.first_step :]
@@ -80,8 +82,36 @@ class PlanData:
             "adds": [[digits(value) for value in row] for row in self._adds().tolist()],
             "conflicts": [self._conflict(one) for one in self._plan.conflicts(self._problem)],
             "near": self._near(),
+            "besidePeople": [*self._beside_people()],
             "gap": None if self._gap is None else _gap(self._problem, self._gap, verdict.valid),
         } | self._flight()
+
+    def _beside_people(self) -> Iterator[str]:
+        """Yields where each drone first comes too near to somebody, in words.
+
+        Plans do not: the referee looks at them. Drones that only wait at their starts may.
+        """
+        for i, path in enumerate(self._plan.paths):
+            at = self._problem.where(self._problem.robots[i], path)
+            found = [
+                near for j in range(len(self._problem.actors)) for near in self._near_to(j, at)
+            ]
+            if found:
+                t, aside, j = min(found)
+                yield (
+                    f"drone {i} is {aside:.1f} m from {self._problem.person(j)} at step {t:.3g}; "
+                    f"rule {self._problem.airspace.people_aside:g} m"
+                )
+
+    def _near_to(self, j: int, at: FloatArray) -> Iterator[tuple[float, float, int]]:
+        """Yields when a drone at places [T+1, 3] (m) is too near to somebody, and how near."""
+        actor, airspace = self._problem.actors[j], self._problem.airspace
+        ways = at - actor.middles[: len(at)]
+        for t in range(len(at) - 1):
+            if airspace.near_person(actor, t, at[t], at[t + 1]):
+                share = float(airspace.rules_beside(actor).closest(ways[t], ways[t + 1]).share)
+                x, y, _ = (1 - share) * ways[t] + share * ways[t + 1]
+                yield t + share, math.hypot(x, y), j
 
     def _flight(self) -> Data:
         scene = self._scene

@@ -14,7 +14,6 @@ import numpy as np
 from cocap_opt.data import BoolArray, FloatArray
 from cocap_opt.experiments.report.figures import VIEW_LENGTH, robot_colour
 from cocap_opt.problem import (
-    Actor,
     Camera,
     Plan,
     Problem,
@@ -186,13 +185,15 @@ class SceneData:
         size = min(float(self._size.min()), float((high - low)[:2].max()))
         return {"scope": [self.rounded(low), self.rounded(high)], "reach": VIEW_LENGTH * size}
 
-    def person(self, actor: Actor) -> Data:
-        """Returns faces around the foot point, their names, and poses [T+1, 4]."""
+    def person(self, j: int) -> Data:
+        """Returns faces around the foot point, their names, and poses [T+1, 4], of a person."""
+        actor = self.problem.actors[j]
         poses = actor.poses[: self.problem.horizon + 1].copy()
         poses[:, :3] = self.local(poses[:, :3])
         faces = actor.shape.faces()
         return {
             "faces": [self.rounded(face) for face in faces],
+            "called": self.problem.person(j),
             "names": actor.shape.face_names,
             "height": self.rounded(np.array(actor.shape.height)),
             "poses": self.rounded(poses),

@@ -30,6 +30,19 @@ _UNITS = {"speed": "m/s", "climb": "m/s", "descent": "m/s", "acceleration": "m/s
 _ANGLES = "yaw_rate", "gimbal_rate"  # in rad/s where they are computed
 
 
+class LimitError(ProblemError):
+    """A drone cannot fly this.
+
+    Attributes
+    ----------
+    step : s, duration of a step with which the same plan could be flown
+    """
+
+    def __init__(self, words: str, step: float) -> None:
+        self.words, self.step = words, step
+        super().__init__(f"{words}; steps of {step:g} s would do for the same plan")
+
+
 class Flight(NamedTuple):
     """The flights of a plan, which obey the scene's rules and the drones' limits.
 
@@ -276,10 +289,10 @@ def _require_limits(found: list[Demand], step: float, shortened: int) -> None:
     limit = (worst.limit or 0.0) * scale
     shorter = ""
     if shortened and worst.kind == "acceleration":
-        shorter = "; or plan farther from people, for whom it changes speed so fast"
-    raise ProblemError(
+        shorter = ", where it changes its speed so fast to keep away from people"
+    raise LimitError(
         f"drone {worst.drone} cannot fly this: {worst.kind.replace('_', ' ')} "
         f"{worst.most * scale:.4g} {_UNITS[worst.kind]} at {worst.t:.4g} s, more than its "
-        f"{limit:.4g}; steps of {math.ceil(100 * step * worst.slower) / 100:g} s would do for the "
-        f"same plan (--step); a scene that states another step asks for another plan{shorter}"
+        f"{limit:.4g}{shorter}",
+        math.ceil(100 * step * worst.slower) / 100,
     )

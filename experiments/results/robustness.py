@@ -7,11 +7,12 @@ from typing import NamedTuple
 from cocap_opt.data import ProblemError
 from cocap_opt.experiments.results.flights import Flight
 from cocap_opt.experiments.results.printing import Record
-from cocap_opt.flight.delays import bearable_delay
+from cocap_opt.flight.delays import bearable_delay, bearable_delay_of_people
 from cocap_opt.flight.robustness import Outcome, Robustness
 from cocap_opt.problem import CollisionRules
 
 KEPT, NONE = "kept", "none"
+UNLIMITED = "unlimited"  # a delay
 MOST_ASIDE = 100.0  # m
 
 
@@ -86,14 +87,26 @@ class Changes(NamedTuple):
 
 
 def tolerated_delay(flight: Flight) -> float | None:
-    """Returns what `told_delay` does for the scene's own rules.
+    """Returns seconds below which drones may be behind each other, by the scene's own rules.
 
-    None: the scene has no separation, or any delay will do.
+    They are rounded down to hundredths, and inf where any delay will do. None: there is one drone
+    only, or the scene has no separation.
     """
     rules = flight.flown.problem.rules
-    if not rules.separation or rules.none:
+    if not rules.separation or rules.none or len(flight.flown.pieces) == 1:
         return None
-    return _finite(told_delay(flight, rules))
+    return told_delay(flight, rules)
+
+
+def tolerated_delay_of_people(flight: Flight) -> float | None:
+    """Returns seconds below which drones may be ahead of people or behind them, rounded down.
+
+    inf: any delay will do. None: there is nobody, or the scene asks for no distance to people.
+    """
+    problem = flight.flown.problem
+    if not problem.actors or not problem.airspace.people_aside:
+        return None
+    return _rounded_down(bearable_delay_of_people(flight.flown))
 
 
 def told_delay(flight: Flight, rules: CollisionRules) -> float:
@@ -107,8 +120,47 @@ def told_delay(flight: Flight, rules: CollisionRules) -> float:
     -------
     inf where any delay will do.
     """
-    delay = bearable_delay(flight.flown, rules)
-    return math.floor(100 * delay) / 100 if math.isfinite(delay) else delay
+    return _rounded_down(bearable_delay(flight.flown, rules))
+
+
+def people_and_delay(flight: Flight, delay: float | None) -> Iterator[str]:
+    """Yields what late drones, or late people, are to each other.
+
+    Parameters
+    ----------
+    delay : `tolerated_delay_of_people`
+    """
+    problem = flight.flown.problem
+    if not problem.actors:
+        return
+    if delay is None:
+        yield (
+            "the scene asks for no distance to people: nothing is known of how near a late drone "
+            "comes to them; `people` in [airspace] of a recipe asks for one"
+        )
+        return
+    kept = f"drones keep {problem.airspace.told_people}"
+    if math.isinf(delay):
+        yield f"{kept} however late or early anybody is"
+    elif delay == 0:
+        yield (
+            f"delay tolerance to people 0: {kept} only if everybody is on time; plan with a larger "
+            "`people`"
+        )
+    else:
+        yield (
+            f"delay tolerance to people: {kept} while none is {delay:.2f} s or more ahead of them "
+            "or behind"
+        )
+
+
+def written_delay(delay: float | None) -> float | str | None:
+    """Returns a tolerated delay as JSON has it, which knows no infinite numbers."""
+    return UNLIMITED if delay is not None and math.isinf(delay) else delay
+
+
+def _rounded_down(seconds: float) -> float:
+    return math.floor(100 * seconds) / 100 if math.isfinite(seconds) else seconds
 
 
 def _finite(value: float) -> float | None:

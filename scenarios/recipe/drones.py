@@ -15,11 +15,11 @@ from cocap_opt.problem import Actor, Airspace, Camera, CollisionRules, Limits, M
 from cocap_opt.scenarios.airframes import AIRFRAMES
 from cocap_opt.scenarios.cameras import CAMERAS
 from cocap_opt.scenarios.recipe.pace import IMPOSSIBLE
-from cocap_opt.scenarios.recipe.tables import Coordinate, Count, Length, Table
+from cocap_opt.scenarios.recipe.tables import Coordinate, Count, Heading, Length, Table
 from cocap_opt.scenarios.recipe.terrain import area, ends
+from cocap_opt.text import meant
 from cocap_opt.world.workspace import HeightMap, Workspace
 
-Heading = Annotated[float, Meta(ge=-360, le=360)]  # degrees
 _OFF = 0.5  # degrees, by which a stated heading may be rounded
 
 
@@ -148,7 +148,10 @@ class DronesTable(Table):
 
     def _camera(self) -> Camera:
         if self.camera not in CAMERAS:
-            raise ProblemError(f"camera: must be one of {', '.join(CAMERAS)}, not {self.camera!r}")
+            raise ProblemError(
+                f"camera: must be one of {', '.join(CAMERAS)}, not {self.camera!r}"
+                f"{meant(self.camera, CAMERAS)}"
+            )
         for angle in self.tilts:
             if not abs(angle) <= 90:
                 raise ProblemError(f"tilts: must be within +-90 degrees, not {angle:g}")
@@ -158,8 +161,8 @@ class DronesTable(Table):
     def _limits(self) -> Limits | None:
         if self.airframe is not None and self.airframe not in AIRFRAMES:
             raise ProblemError(
-                f"airframe: must be one of {', '.join(AIRFRAMES)}, not {self.airframe!r}; limits "
-                "states those of any other"
+                f"airframe: must be one of {', '.join(AIRFRAMES)}, not {self.airframe!r}"
+                f"{meant(self.airframe, AIRFRAMES)}; limits states those of any other"
             )
         return self.limits.over(AIRFRAMES[self.airframe] if self.airframe else None)
 
@@ -175,7 +178,7 @@ class DronesTable(Table):
             meet = int(self._can_meet(around).sum())
             words += f"; from {meet} of them a drone comes within {NEAR:g} m of somebody in sight"
             inside = (buried(workspace, actor, around.horizon) for actor in actors)
-            shut = [f"actors[{j}] {doubt}" for j, doubt in enumerate(inside) if doubt and not meet]
+            shut = [f"person {j} {doubt}" for j, doubt in enumerate(inside) if doubt and not meet]
             words = "; ".join([words, *shut[:1]])
         if self.near is not None:
             words += f"; some are within {self.near:g} m at step 0"
@@ -253,7 +256,10 @@ def _require_people_on_map(around: Surroundings) -> None:
 def _stated(start: _StartTable, motion: Motion, height_map: HeightMap) -> State:
     x, y = height_map.cell_of(start.x, start.y)
     if not height_map.inside(x, y):
-        raise ProblemError(f"starts: must lie on the map, not at ({start.x:g}, {start.y:g}) m")
+        raise ProblemError(
+            f"starts: must lie on the map, {area(*ends(height_map))}, not at ({start.x:g}, "
+            f"{start.y:g}) m"
+        )
     if start.height is not None and start.height not in motion.layers:
         layers = ", ".join(f"{height:g}" for height in motion.layers)
         raise ProblemError(f"starts.height: must be one of the layers {layers} m")

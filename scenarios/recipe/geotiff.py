@@ -13,6 +13,7 @@ import numpy as np
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.flight.earth import STRETCH
 from cocap_opt.scenarios.recipe.raster import SLIVER, Layout, Raster, Window
+from cocap_opt.scenarios.recipe.systems import utm
 from cocap_opt.scenarios.recipe.tables import PER_METRE, Unit
 
 MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")  # TIFF and BigTIFF, in either byte order
@@ -153,13 +154,13 @@ def _refuse_stretched(dataset: Any) -> None:
     if (np.abs(lengths - 1) <= STRETCH).all() and code != WEB_MERCATOR:
         return
     longitude, latitude = math.degrees(east[0]), math.degrees(north[0])
-    zone = (32700 if latitude < 0 else 32600) + min(int((longitude + 180) // 6) + 1, 60)
+    zone = utm(longitude, latitude)
     name = Path(dataset.name).name
     title = f"EPSG:{code}" if code else "this projection"
     title = f"web Mercator ({title})" if code == WEB_MERCATOR else title
     raise ProblemError(
         f"coordinates: must be true metres, but those of {title} are {lengths.min():.3g} m long "
-        f"at latitude {latitude:.1f}; make them true by: gdalwarp -t_srs EPSG:{zone} {name} "
+        f"at latitude {latitude:.1f}; make them true by: gdalwarp -t_srs {zone} {name} "
         f"utm-{name}"
     )
 

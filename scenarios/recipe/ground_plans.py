@@ -4,6 +4,7 @@ They are JSON of PedPy's kind, {name: {"walkable": [[x, y], ..], "obstacles": [[
 or GeoJSON or WKT, whose polygons are obstacles or walkable areas as the recipe says.
 """
 
+import math
 import re
 from collections.abc import Iterator
 from typing import Annotated, Any, Literal, NamedTuple
@@ -20,7 +21,7 @@ from cocap_opt.files.messages import in_words
 from cocap_opt.files.strict_json import decode_json
 from cocap_opt.scenarios.kinds import CITYJSON, GEOJSON, WAYS_OUT, WKT, kind_of
 from cocap_opt.scenarios.recipe.geotiff import is_geographic
-from cocap_opt.scenarios.recipe.systems import same_system, short_name
+from cocap_opt.scenarios.recipe.systems import same_system, short_name, utm
 from cocap_opt.scenarios.recipe.tables import PER_METRE, Point
 
 Ring = Annotated[list[Point], Meta(min_length=3)]
@@ -28,7 +29,6 @@ Meaning = Literal["obstacles", "walkable"]
 
 SLIVER = 0.01  # m2, which rings may enclose twice by rounding
 _SCHEME = '{"name": {"walkable": [[x, y], ..], "obstacles": [[[x, y], ..], ..]}}'
-_PROJECTED = "ogr2ogr -t_srs EPSG:326ZZ, with ZZ the zone of UTM, makes them so"
 DEGREES = ("4326", "CRS84", "4258", "4269")  # names of systems of longitude and latitude
 MERCATOR = ("3857", "900913")
 _GEOGRAPHIC = range(4000, 5000)  # codes, of which most are; newer ones are elsewhere
@@ -47,6 +47,7 @@ class GroundPlan(NamedTuple):
 
     walkable: tuple[BaseGeometry, ...]
     obstacles: tuple[BaseGeometry, ...]
+    heights: tuple[float | None, ...] = ()  # m, those that the file says, of the first obstacles
 
 
 class _Plan(msgspec.Struct):
@@ -168,15 +169,17 @@ def _of_polygons(
             f"file is {kind} and does not say it"
         )
     named = _named_system(text) if kind == GEOJSON else ""
-    _refuse_degrees(named)
-    given = shapely.MultiPolygon(list(_polygons(shapely.force_2d(_geometry(text, kind)))))
+    geometry = shapely.force_2d(_geometry(text, kind))
+    _refuse_degrees(named, geometry)
+    given = shapely.MultiPolygon(list(_polygons(geometry)))
     _require_metres(given)
     if (code := _stated_code(text, kind)) is not None:
         _refuse_system("crs" if named else "SRID", code, given)
     metres = shapely.transform(given, lambda points: points / per_metre)
     polygons = [sound(part, f"polygon {k}") for k, part in enumerate(metres.geoms, start=1)]
     if meaning == "obstacles":
-        return GroundPlan((), tuple(polygons))
+        heights = _heights(text, geometry) if kind == GEOJSON else ()
+        return GroundPlan((), tuple(polygons), tuple(heights))
     parts = [part for polygon in polygons for part in _polygons(polygon)]
     holes = [Polygon(ring) for part in parts for ring in part.interiors]
     return GroundPlan(tuple(Polygon(part.exterior) for part in parts), tuple(holes))
@@ -191,6 +194,36 @@ def _geometry(text: str, kind: str) -> BaseGeometry:
         if "closed" in str(error):
             raise ProblemError(f"{kind}: rings must end at the point where they begin") from error
         raise ProblemError(f"cannot be read as {kind}, which is such as {_SOUND[kind]}") from error
+
+
+def _heights(text: str, geometry: BaseGeometry) -> Iterator[float | None]:
+    """Yields the property `height` (m) of each polygon of GeoJSON; None: it has none.
+
+    Raises
+    ------
+    ProblemError
+        If one is no number above 0, also not in quotation marks, as OpenStreetMap's are.
+    """
+    content = decode_json(text, dict[str, Any])
+    is_one = content.get("type") != "FeatureCollection"
+    features = [content] if is_one else content["features"]
+    parts = [geometry] if is_one else getattr(geometry, "geoms", ())
+    for k, (feature, part) in enumerate(zip(features, parts, strict=True)):
+        given = (feature.get("properties") or {}).get("height")
+        own = None if given in (None, "") else _metres(given, f"features[{k}].properties.height")
+        yield from (own for _ in _polygons(part))
+
+
+def _metres(value: Any, field: str) -> float:
+    try:
+        metres = float(value)
+    except (TypeError, ValueError):
+        metres = math.nan
+    if isinstance(value, bool) or not 0 < metres <= LARGEST:
+        raise ProblemError(
+            f"{field}: must be a number of metres above 0, or left out, not {value!r:.40}"
+        )
+    return metres
 
 
 def _named_system(text: str) -> str:
@@ -218,13 +251,22 @@ def _require_system(text: str, kind: str, scene: str | None) -> None:
     )
 
 
-def _refuse_degrees(system: str) -> None:
+def _refuse_degrees(system: str, geometry: BaseGeometry) -> None:
     """Raises a ProblemError if GeoJSON names a system whose coordinates are no metres."""
     if any(name in system for name in (*DEGREES, *MERCATOR)):
         raise ProblemError(
             "coordinates: must be metres of a projection, not degrees or web Mercator; "
-            + _PROJECTED
+            + _way_out(geometry)
         )
+
+
+def _way_out(geometry: BaseGeometry) -> str:
+    """Returns the command that makes metres of a geometry in degrees."""
+    x0, y0, x1, y1 = geometry.bounds
+    system = "EPSG:326ZZ, in the south 327ZZ, with ZZ the zone of UTM,"
+    if x0 >= -180 and x1 <= 180 and y0 >= -90 and y1 <= 90:  # false for nan, too
+        system = utm((x0 + x1) / 2, (y0 + y1) / 2)
+    return f"ogr2ogr -t_srs {system} makes them so"
 
 
 def _refuse_system(field: str, code: int, geometry: BaseGeometry) -> None:
@@ -237,7 +279,7 @@ def _refuse_system(field: str, code: int, geometry: BaseGeometry) -> None:
     if str(code) in (*DEGREES, *MERCATOR) or (small and _is_geographic(code)):
         what = "web Mercator" if str(code) in MERCATOR else "degrees"
         raise ProblemError(
-            f"{field}: must be of a projection in metres, not {code}, {what}; {_PROJECTED}"
+            f"{field}: must be of a projection in metres, not {code}, {what}; {_way_out(geometry)}"
         )
 
 
@@ -256,7 +298,7 @@ def _require_metres(geometry: BaseGeometry) -> None:
     if max(x1 - x0, y1 - y0) < 1 and max(-x0, x1) <= 180 and max(-y0, y1) <= 90:
         raise ProblemError(
             f"coordinates: must be metres of a projection, but all lie at x {x0:.6g}..{x1:.6g} and "
-            f"y {y0:.6g}..{y1:.6g}, as degrees do; {_PROJECTED}"
+            f"y {y0:.6g}..{y1:.6g}, as degrees do; {_way_out(geometry)}"
         )
 
 

@@ -1,6 +1,7 @@
 """The people of a recipe, tracked by others or walking along given legs."""
 
 import logging
+import math
 from pathlib import Path
 from typing import Annotated
 
@@ -10,11 +11,13 @@ from msgspec import Meta
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.problem import Actor, Shape
 from cocap_opt.scenarios.recipe.pace import IMPOSSIBLE, pace_doubt
-from cocap_opt.scenarios.recipe.tables import Count, Point, Size, Table, Unit
+from cocap_opt.scenarios.recipe.tables import Count, Heading, Point, Size, Table, Unit
 from cocap_opt.scenarios.recipe.terrain import Terrain
 from cocap_opt.scenarios.recipe.tracks import BODY, MOST_GAP, SLACK, STILL, Track
 
 log = logging.getLogger(__name__)
+
+_LEAST_WALK = 0.5  # of the scene's duration; who walks for less may be meant to walk on
 
 
 class TracksTable(Table):
@@ -83,9 +86,34 @@ class TracksTable(Table):
         shown = candidates if self.ids else [one for one in candidates if len(one.spans()) > 1]
         shown = shown or sorted(candidates, key=lambda track: track.times[0] - track.times[-1])
         who = "; ".join(f"{track.id} is there {track.presence()}" for track in shown[:4])
+        self._require_lasting(candidates, wanted, step, steps, who)
         raise ProblemError(
             f"begin: must be a time from which on all of {wanted} are there for {steps * step:g} "
             f"s, which they are {when}; at most {most} are; {who}"
+        )
+
+    def _require_lasting(
+        self, tracks: list[Track], wanted: int, step: float, steps: int, who: str
+    ) -> None:
+        """Raises a ProblemError that names the steps for which so many people are there at once."""
+        spans = [span for track in tracks for span in track.spans()]
+        moments = {a for a, _ in spans} if self.begin is None else {self.begin}
+        lasting = [
+            sorted((b - t for a, b in spans if a <= t + SLACK and b >= t), reverse=True)[:wanted]
+            for t in moments
+        ]
+        most = max((row[-1] for row in lasting if len(row) == wanted), default=-1.0)
+        if most < 0:
+            return
+        fitting = math.floor((most + SLACK) / step)
+        way_out = (
+            f"steps = {fitting} would do"
+            if fitting
+            else "who stands may be a [[walk]] with one point and a heading"
+        )
+        raise ProblemError(
+            f"must have people for {steps} steps of {step:g} s, {steps * step:g} s, but the tracks "
+            f"of {wanted} last {most:.6g} s at most; {way_out}; {who}"
         )
 
     def _require_dense(self, tracks: list[Track]) -> None:
@@ -99,7 +127,9 @@ class TracksTable(Table):
             f"{MOST_GAP:g} s"
         )
         if self.fps is None or round(apart * self.fps) < 2:
-            raise ProblemError(f"file: {words}; are its times right?")
+            raise ProblemError(
+                f"file: {words}; are its times right? A column of ms is named time [ms]"
+            )
         frames = round(apart * self.fps)
         raise ProblemError(
             f"fps: must be the rate at which frame numbers count, {frames} times that of the rows, "
@@ -113,6 +143,7 @@ class WalkTable(Table):
     points: Annotated[list[Point], Meta(min_length=1)]
     speed: Size = 1.2
     first: Size = 0.0
+    heading: Heading | None = None
     shape: Shape = BODY
 
     def actor(self, terrain: Terrain, step: float, steps: int) -> Actor:
@@ -134,13 +165,30 @@ class WalkTable(Table):
         points = self._along(step, steps)
         floor = [terrain.floor(x, y) for x, y in points.tolist()]
         yaw = Track.headings(points, STILL * step)
+        if self.heading is not None:
+            yaw[:] = math.radians(self.heading)
         actor = Actor(poses=np.column_stack([points, floor, yaw]), shape=self.shape)
         x, y = self.points[0]
         if doubt := pace_doubt(
             [f"the walk from ({x:g}, {y:g}) m"], [actor], step, "speed and step"
         ):
             log.warning("%s", doubt)
+        if words := self._rest(step * steps):
+            log.warning("the walk from (%g, %g) m %s", x, y, words)
         return actor
+
+    def _rest(self, seconds: float) -> str:
+        """Returns a doubt about a person who stands for most of the scene after a walk."""
+        way = float(np.hypot(*np.diff(np.array(self.points), axis=0).T).sum()) - self.first
+        if not way > 0 or not self.speed:
+            return ""
+        ends = way / self.speed
+        if ends >= _LEAST_WALK * seconds:
+            return ""
+        return (
+            f"ends after {ends:.3g} of {seconds:.3g} s, and the person stands there: are speed and "
+            "points right?"
+        )
 
     def _along(self, step: float, steps: int) -> FloatArray:
         """Returns the points [T+1, 2] (m) at the steps."""

@@ -4,9 +4,10 @@ The file is TOML. Files are named relative to its folder; lengths are in metres,
 degrees, times in seconds. `EXAMPLE` has every table once.
 """
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import msgspec
 import numpy as np
@@ -60,7 +61,7 @@ file = "geometry.json"      # polygons of the walkable area and of obstacles: JS
 unit = "m"                  # "m", "cm", "mm" or "ft"; left out: as the file says, else m
 name = "bottleneck"         # which of them
 # polygons = "obstacles"    # or "walkable": what those of GeoJSON and WKT are
-height = 2.0
+height = 2.0                # of GeoJSON's polygons those without a property "height", in m
 border = 0.2                # thickness of walls around the walkable area; left out: none
 at = [30, 10]               # added to their points
 base = 50.0                 # altitude of their foot; left out: the lowest ground
@@ -81,6 +82,7 @@ shape = { type = "prism", sides = 6, apothem = 0.25 }
 points = [[20, 20], [60, 22]]
 speed = 1.2
 first = 0.5                 # m of the way that are walked before step 0
+# heading = 90              # where the person looks all the time, from x to y; left out: ahead
 shape = { type = "cuboid", length = 0.4, width = 0.5, height = 1.8 }
 
 [[drones]]
@@ -111,7 +113,8 @@ gimbal_rate = 90
 endurance = 1200            # s for which the battery lasts
 
 [[drones]]
-starts = [{ x = 30, y = 20, height = 4, heading = 90 }]    # heading 0: along x
+# A drone starts in the middle of the cell in which x and y are; heading 0 is along x.
+starts = [{ x = 30, y = 20, height = 4, heading = 90 }]
 
 [[no_fly]]
 polygon = [[40, 10], [50, 10], [50, 20]]   # no drone enters it, not even in part of a cell
@@ -193,7 +196,8 @@ def read(path: Path, seed: int = 0) -> Problem:
         workspace = Workspace(terrain.height_map, solid, airspace.no_fly, airspace.ceiling)
         around = Surroundings(workspace, actors, recipe.steps, rules, airspace)
         team = _team(recipe, around, np.random.default_rng(seed))
-        return Problem(
+        return _problem(
+            recipe,
             name=recipe.name or path.stem,
             height_map=terrain.height_map,
             meshes=solid,
@@ -217,6 +221,28 @@ def _team(recipe: _Recipe, around: Surroundings, rng: np.random.Generator) -> li
             given.require_pace(around.height_map.resolution, recipe.step)
             team = given.added_to(team, around, rng)
     return team
+
+
+def _problem(recipe: _Recipe, **fields: Any) -> Problem:
+    """Returns the problem; what is wrong with a drone in it has the names that the recipe has."""
+    try:
+        return Problem(**fields)
+    except ProblemError as error:
+        names = list(_names(recipe))
+
+        def named(found: re.Match[str]) -> str:
+            table, start = names[int(found[1])]
+            return start if found[2] else table
+
+        raise ProblemError(re.sub(r"robots\[(\d+)\](\.start)?", named, str(error))) from error
+
+
+def _names(recipe: _Recipe) -> Iterator[tuple[str, str]]:
+    """Yields the names of each drone's table and start."""
+    for k, given in enumerate(recipe.drones):
+        table = f"drones[{k}]"
+        yield from ((table, f"{table}.starts[{n}]") for n in range(len(given.starts or ())))
+        yield from ((table, table) for _ in range(given.count or 0))
 
 
 def _decode(path: Path) -> _Recipe:

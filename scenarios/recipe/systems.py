@@ -22,3 +22,9 @@ def same_system(one: str, other: str) -> bool:
         return bool(CRS.from_user_input(one) == CRS.from_user_input(other))
     except CRSError:
         return False
+
+
+def utm(longitude: float, latitude: float) -> str:
+    """Returns the code of the system of UTM in metres for a place, in degrees."""
+    zone = min(int((longitude + 180) // 6) + 1, 60)
+    return f"EPSG:{(32700 if latitude < 0 else 32600) + zone}"

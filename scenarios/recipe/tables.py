@@ -14,6 +14,7 @@ Coordinate = Annotated[float, Meta(ge=-LARGEST, le=LARGEST)]  # m, or degrees
 Length = Annotated[float, Meta(ge=SMALLEST, le=LARGEST)]  # m
 Size = Annotated[float, Meta(ge=0, le=LARGEST)]  # m, or m/s
 Count = Annotated[int, Meta(ge=1, le=1000)]
+Heading = Annotated[float, Meta(ge=-360, le=360)]  # degrees from +x, counter-clockwise
 Point = tuple[Coordinate, Coordinate]
 
 

@@ -116,7 +116,7 @@ def _about_heights(table: TrackTable, heights: FloatArray) -> Iterator[str]:
 def _about_room(table: TrackTable) -> Iterator[str]:
     """Yields a doubt if all points lie too near each other, or too far apart."""
     extent = float(np.ptp(table.points, axis=0).max())
-    if not EXTENTS[0] <= extent <= EXTENTS[1]:
+    if extent > 0 and not EXTENTS[0] <= extent <= EXTENTS[1]:  # who stands is in one place
         yield f"all points lie within {extent:.3g} m: is the unit {table.unit} right?"
     elif (apart := _apart(table)) < APART[0]:
         unit_of = _likely(apart, table.unit, APART) or f"the unit {table.unit} right"

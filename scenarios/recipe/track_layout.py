@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from typing import NamedTuple, TypeVar
 
 from cocap_opt.data import ProblemError
+from cocap_opt.scenarios.recipe.systems import utm
 from cocap_opt.scenarios.recipe.tables import PER_METRE
 
 MOST_FPS = 1e6
@@ -18,12 +19,13 @@ MOST_FPS = 1e6
 _SPELLINGS = {
     "id": "id persid personid person pedid pedestrianid pedestrian ped agentid agent trackid track",
     "frame": "frame frames fr frameid framenumber",
-    "time": "time t seconds",
+    "time": "time t seconds timestamp",
     "x": "x posx positionx",
     "y": "y posy positiony",
     "z": "z posz positionz height",
 }
 _ROLES = {word: role for role, words in _SPELLINGS.items() for word in words.split()}
+_DEGREES = {"lat": ("lat", "latitude"), "lon": ("lon", "lng", "long", "longitude")}
 _ORDER = ("id", "frame", "x", "y", "z")  # where nothing names the columns; z may be missing
 
 _ANNOTATIONS = 10  # values in a row of annotations.txt; the last is a word
@@ -34,8 +36,8 @@ _UNIT = (
     r"|px|pixels?|inch(?:es)?|yards?|dm|km)(?![\w/])"  # the last are refused
 )
 # As in "x/m", "x [m]" and "x_m", where any word but an axis is a unit.
-_UNIT_OF_NAME = re.compile(r"^(.*?)(?:\s*[/\[(]\s*([^\W_]+)|_(m|cm|mm|ft|px)$)", re.IGNORECASE)
-_UNIT_OF_TIME = re.compile(r"[/\[(]\s*(\w+)")
+_UNIT_OF_NAME = re.compile(r"^(.*?)(?:\s*[/\[(]\s*([^\W_]+)|_(m|cm|mm|ft|px|s|ms)$)", re.IGNORECASE)
+_PER_SECOND_OF = {"s": 1.0, "sec": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e3, "msec": 1e3}
 _UNIT_OF_COMMENT = re.compile(
     r"(?:\bunits?\s*[:=]\s*|(?<![\w/])[xyz]\s*[/\[(]\s*"
     r"|\b(?:x|y|units?|data|coordinates?|positions?|points?|trajector(?:y|ies))\b.*\bin\s+)"
@@ -111,6 +113,10 @@ class Layout(NamedTuple):
             )
         return [*(named or _ORDER)[:count], *["-"] * (count - len(named or _ORDER))]
 
+    def names_nothing(self) -> bool:
+        """Returns True if neither a header nor a comment names the columns."""
+        return self.header is None and self.names_of_comment() is None
+
     def names_of_comment(self) -> list[str] | None:
         """Returns the names of columns that a comment states, if one does."""
         for comment in reversed(self.comments):
@@ -129,7 +135,8 @@ class Layout(NamedTuple):
         units = {_short(unit.lower()) for unit in found}
         for unit in sorted(units - PER_METRE.keys()):
             raise ProblemError(
-                f"unit: must be {', '.join(PER_METRE)}, but the file states {unit!r}"
+                f"unit: must be {', '.join(PER_METRE)}, but the file states {unit!r}: write x and "
+                "y in one of these"
             )
         return units
 
@@ -156,13 +163,17 @@ class Layout(NamedTuple):
         return {float(rate) for rate in rates if is_number(rate)}
 
 
-def places_of(names: Sequence[str], field: str) -> Columns:
+def places_of(names: Sequence[str], field: str, row: Sequence[str]) -> Columns:
     """Returns the places of the columns that are used, by role.
+
+    Parameters
+    ----------
+    row : the first one, which shows where on the Earth coordinates in degrees are
 
     Raises
     ------
     ProblemError
-        If one is missing or named twice, or times are not in seconds; it names the field.
+        If one is missing or named twice, or times have another unit; it names the field.
     """
     places: Columns = {}
     for place, name in enumerate(names):
@@ -174,10 +185,27 @@ def places_of(names: Sequence[str], field: str) -> Columns:
     if not {"id", "x", "y"} <= places.keys() or not places.keys() & {"frame", "time"}:
         raise ProblemError(
             f"{field}: must name the columns id, frame or time, x and y, not {', '.join(names)}"
+            f"{_about_degrees(names, row)}"
         )
     if "time" in places:
-        _check_seconds(names[places["time"]])
+        per_second(names[places["time"]])
     return places
+
+
+def _about_degrees(names: Sequence[str], row: Sequence[str]) -> str:
+    """Returns how to make metres of latitudes and longitudes, if columns are named so."""
+    values = {
+        axis: float(value)
+        for name, value in zip(names, row, strict=False)
+        for axis in ("lat", "lon")
+        if name.strip().lower() in _DEGREES[axis] and is_number(value)
+    }
+    if not {"lat", "lon"} <= values.keys():
+        return ""
+    return (
+        "; x and y must be metres of a projection, not degrees: cs2cs EPSG:4326 "
+        f"{utm(values['lon'], values['lat'])} makes them so"
+    )
 
 
 def settled(field: str, stated: set[T], given: T | None) -> T:
@@ -244,10 +272,13 @@ def _role(name: str) -> str | None:
     return _ROLES.get(re.sub(r"[\s_-]", "", word).lower())
 
 
-def _check_seconds(name: str) -> None:
-    unit = _UNIT_OF_TIME.search(name)
-    if unit and unit[1].lower() not in ("s", "sec", "second", "seconds"):
-        raise ProblemError(f"time: must be in s, not {unit[1]}")
+def per_second(name: str) -> float:
+    """Returns how many units of time a second has, by the name of a column; s without any."""
+    stated = _UNIT_OF_NAME.match(name)
+    unit = (stated[2] or stated[3]).lower() if stated else "s"
+    if unit not in _PER_SECOND_OF:
+        raise ProblemError(f"time: must be in s or ms, not {unit}")
+    return _PER_SECOND_OF[unit]
 
 
 def _short(unit: str) -> str:

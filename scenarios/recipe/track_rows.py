@@ -3,6 +3,7 @@
 import io
 import re
 from collections.abc import Iterator
+from datetime import UTC, datetime
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,13 +18,17 @@ from cocap_opt.scenarios.recipe.track_layout import (
 )
 
 Values = dict[str, FloatArray]  # role -> [n]; ids that are words are kept apart
+_DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]")
 _DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+")
 
 
 def values_of(
     text: str, layout: Layout, places: Columns, count: int
 ) -> tuple[Values, NDArray[np.str_] | None]:
-    """Returns the numbers of all columns that are used, and the ids where they are words."""
+    """Returns the numbers of all columns that are used, and the ids where they are words.
+
+    Dates with times become seconds since the first of them.
+    """
     words = not is_number(layout.row[places["id"]])
     if not words:
         try:
@@ -36,9 +41,13 @@ def values_of(
             pass  # the loop reads it, or names the line that is wrong
     columns = {role: place for role, place in places.items() if not (words and role == "id")}
     rows = _rows(text, layout, count)
-    numbers = (_number(row[k], line, role) for line, row in rows for role, k in columns.items())
+    is_dated = "time" in places and _DATE.match(layout.row[places["time"]])
+    read = {role: _moment if is_dated and role == "time" else _number for role in columns}
+    numbers = (read[role](row[k], line, role) for line, row in rows for role, k in columns.items())
     table = np.fromiter(numbers, np.float64).reshape(-1, len(columns))
     values = dict(zip(columns, table.T, strict=True))
+    if is_dated:
+        values["time"] = values["time"] - values["time"].min()
     if not words:
         return values, None
     return values, np.array(
@@ -69,6 +78,18 @@ def _number(text: str, line: int, role: str) -> float:
             f"line {line}, {role}: must have a decimal point, not a comma: {text[:40]!r}"
         )
     raise ProblemError(f"line {line}, {role}: must be a number, not {text[:40]!r}")
+
+
+def _moment(text: str, line: int, role: str) -> float:
+    """Returns the seconds of a date with a time; without an offset, by a clock of its own."""
+    try:
+        found = datetime.fromisoformat(text)
+    except ValueError:
+        raise ProblemError(
+            f"line {line}, {role}: must be a date with a time such as 2026-05-01T10:00:00.25, as "
+            f"in the first row, not {text[:40]!r}"
+        ) from None
+    return (found if found.tzinfo else found.replace(tzinfo=UTC)).timestamp()
 
 
 def _word(text: str, line: int) -> str:

@@ -10,7 +10,8 @@ comments that state the columns, their unit and the frame rate, as PeTrack and J
 JuPedSim's own files are databases, which say all of this (`track_database`).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
 from typing import NamedTuple
@@ -24,6 +25,7 @@ from cocap_opt.scenarios.recipe.track_database import Database
 from cocap_opt.scenarios.recipe.track_layout import (
     Layout,
     check_rate,
+    per_second,
     places_of,
     settled,
     settled_rate,
@@ -86,7 +88,20 @@ class TrackTable(NamedTuple):
     ) -> "TrackTable":
         layout = Layout.of(text, delimiter)
         names = layout.names(columns)
-        places = places_of(names, "columns" if columns else "header")
+        with _in_guessed_order(columns is None and layout.names_nothing()):
+            return cls._of_layout(text, layout, columns, names, unit, fps)
+
+    @classmethod
+    def _of_layout(
+        cls,
+        text: str,
+        layout: Layout,
+        columns: Sequence[str] | None,
+        names: Sequence[str],
+        unit: str | None,
+        fps: float | None,
+    ) -> "TrackTable":
+        places = places_of(names, "columns" if columns else "header", layout.row)
         unit = settled("unit", layout.units(names), unit)
         rate = layout.rate(places, fps)
         values, words = values_of(text, layout, places, len(names))
@@ -95,7 +110,9 @@ class TrackTable(NamedTuple):
             return f"line {next(islice(row_lines(text, layout), row, None))[0]}"
 
         _check(values, where)
-        if columns is None and layout.header is None and layout.names_of_comment() is None:
+        if "time" in places:
+            values["time"] = values["time"] / per_second(names[places["time"]])
+        if columns is None and layout.names_nothing():
             values = in_likely_order(values, PER_METRE[unit], 1.0 if rate is None else rate)
         return cls._of(values, words, where, unit, rate)
 
@@ -117,6 +134,20 @@ class TrackTable(NamedTuple):
             where=where,
             unit=unit,
         )
+
+
+@contextmanager
+def _in_guessed_order(is_guessed: bool) -> Iterator[None]:
+    """Says in errors that nothing names the columns, where that is so."""
+    try:
+        yield
+    except ProblemError as error:
+        if not is_guessed or str(error).startswith("columns"):
+            raise
+        raise ProblemError(
+            f"{error}; the file has no header, so that its columns are read as id, frame, x, y: "
+            'columns = ["id", "time", "x", "y"] would have times there'
+        ) from error
 
 
 def _check_options(unit: str | None, fps: float | None, delimiter: str | None) -> None:

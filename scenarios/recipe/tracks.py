@@ -158,6 +158,7 @@ class Track(NamedTuple):
         return Actor(
             poses=np.column_stack([points, floor, Track.headings(points, still * step)]),
             shape=shape if self.height is None else shape.replace(height=self.height),
+            name=self.id if isinstance(self.id, str) else f"id {self.id}",
         )
 
     @staticmethod

@@ -29,7 +29,7 @@ class WallsTable(Table):
     """
 
     file: str
-    height: Length
+    height: Length  # of what has none in GeoJSON
     name: str | None = None  # of a ground plan in the file; None: the only one
     polygons: Meaning | None = None  # what those of GeoJSON and WKT are
     unit: Unit | None = None  # None: as the file says, else m
@@ -66,7 +66,12 @@ class WallsTable(Table):
                 raise ProblemError(
                     "it has no obstacles: border must say how thick its outer walls are"
                 )
-            walls = [extruded(area, base + self.height, base) for area in areas]
+            heights = [own or self.height for own in plan.heights]
+            heights += [self.height] * (len(areas) - len(heights))
+            walls = [
+                extruded(area, base + height, base)
+                for area, height in zip(areas, heights, strict=True)
+            ]
         return [wall.replace(vertices=wall.vertices + np.array([*self.at, 0.0])) for wall in walls]
 
 

@@ -1,12 +1,14 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from test_flight import sampled
 
 from cocap_opt.data import FloatArray
 from cocap_opt.flight.bernstein import elevated
-from cocap_opt.flight.delays import FINE, bearable_delay
+from cocap_opt.flight.delays import FINE, bearable_delay, bearable_delay_of_people
 from cocap_opt.flight.trajectory import DEGREE, Trajectory
-from cocap_opt.problem import CollisionRules, Problem, Robot, State
+from cocap_opt.problem import Actor, Airspace, CollisionRules, Problem, Robot, State
 from cocap_opt.world.workspace import HeightMap
 
 STEP = 2.0
@@ -105,3 +107,39 @@ def test_delays_are_those_of_samples() -> None:
         assert sample == np.inf or sample <= found + 3 * STEP / 50
         finite += 0 < found < np.inf
     assert finite > 5
+
+
+def beside_people(flown: Trajectory, walks: list[FloatArray], airspace: Airspace) -> Trajectory:
+    """The same flights beside people who walk through points [T+1, 2], in some airspace."""
+    poses = (np.column_stack([walk, np.zeros((len(walk), 2))]) for walk in walks)
+    actors = tuple(Actor(poses=pose) for pose in poses)
+    return replace(flown, problem=flown.problem.replace(actors=actors, airspace=airspace))
+
+
+@pytest.mark.parametrize(
+    ("walk", "above", "steps"),
+    [
+        (
+            along(1, -25, 10),
+            None,
+            _CROSSING,
+        ),  # they cross 1.5 steps after it
+        (along(1, 5, -10), None, 0.5 - np.sqrt(2) * 0.2),  # half a step before it
+        (along(0, 20, 0), None, 0.0),  # somebody stands where the drone flies
+        (along(1, -25, 10), 4.0, np.inf),  # the drone is 10 m above heads
+    ],
+)
+def test_delays_towards_people_are_exact(
+    walk: FloatArray, above: float | None, steps: float
+) -> None:
+    """Whoever is late, a drone or a person, counts; distances are those that the airspace asks."""
+    far = np.array([100.0, 100.0, 0.0])
+    flown = lines(along(0, -10, 10, height=12.0), along(1, 0, 0) + far)
+    airspace = Airspace(people_aside=2.0, people_above=above)
+    corner = np.array(flown.problem.height_map.origin)
+    found = bearable_delay_of_people(
+        beside_people(flown, [walk[:, :2] + corner, far[:2] + 50 + 0 * walk[:, :2]], airspace)
+    )
+    assert steps * STEP - FINE - 1e-6 <= found <= steps * STEP + 1e-6
+    none = beside_people(flown, [walk[:, :2]], Airspace())
+    assert bearable_delay_of_people(none) == np.inf

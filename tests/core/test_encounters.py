@@ -85,8 +85,8 @@ def scene(start: State, *meshes: Mesh, heights: FloatArray | None = None) -> Pro
 @pytest.mark.parametrize(
     ("problem", "words"),
     [
-        (scene(State(9, 9), heights=courtyard()), "robots[0] is shut in a pocket of 16 cells"),
-        (scene(State(9, 9), shell(floor=False)), "robots[0] is shut in a pocket of 16 cells"),
+        (scene(State(9, 9), heights=courtyard()), "drone 0 is shut in a pocket of 16 cells"),
+        (scene(State(9, 9), shell(floor=False)), "drone 0 is shut in a pocket of 16 cells"),
         (scene(State(2, 2), shell(floor=False)), "meshes[0] has no floor"),
     ],
 )
@@ -100,5 +100,5 @@ def test_a_drone_that_can_get_nowhere_is_said() -> None:
     heights = courtyard()
     heights[8:12, 8:12] = 20.0
     heights[9, 9] = 0.0
-    assert doubts(scene(State(9, 9), heights=heights)) == ["robots[0] can reach only 1 cell"]
+    assert doubts(scene(State(9, 9), heights=heights)) == ["drone 0 can reach only 1 cell"]
     assert doubts(scene(State(2, 2), heights=heights)) == []

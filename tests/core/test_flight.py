@@ -541,7 +541,7 @@ def test_a_shortest_move_that_takes_long_from_rest_is_doubted(motion: Motion) ->
         horizon=2, step=1.249,
     )  # fmt: skip
     (words,) = [words for words in doubts(problem) if "from rest: the shortest, 1 m" in words]
-    assert words.startswith("robots[0] ") and words.endswith("a step of 1.25 s would do")
+    assert words.startswith("drone 0 ") and words.endswith("a step of 1.25 s would do")
     still = robot.replace(motion=motion.replace(radius=0, layers=(4.0,)))
     for other in (problem.replace(step=1.25), problem.replace(robots=(still,), step=0.01)):
         assert not any("the shortest" in words for words in doubts(other))
@@ -572,4 +572,6 @@ def test_drones_that_cannot_stop_at_each_step_are_doubted_once() -> None:
     found = [[words for words in doubts(problem.replace(step=step)) if "cannot stop" in words]
              for step in (0.99, 1.0)]  # fmt: skip
     assert [len(words) for words in found] == [1, 0]
-    assert found[0][0].startswith("robots[0] ") and found[0][0].endswith("a step of 1 s would do")
+    assert found[0][0].startswith("drones 0 and 1 ") and found[0][0].endswith(
+        "a step of 1 s would do"
+    )

@@ -135,8 +135,10 @@ def test_files_on_disk(tmp_path: Path) -> None:
 
 
 def test_digest_ignores_the_name_and_the_place_only() -> None:
-    """The digest names the content: all but the scene's name and its place on the Earth."""
+    """The digest names the content: all but names and the place on the Earth."""
     problem, digest = tiny(), problem_digest(tiny())
+    bert = problem.actors[0].replace(name="bert")
+    assert problem_digest(problem.replace(actors=(bert, *problem.actors[1:]))) == digest
     assert problem_digest(problem.replace(name="other")) == digest
     assert problem_digest(problem.replace(earth=Earth(crs="EPSG:25830"))) == digest
     poses = problem.actors[0].poses.copy()
@@ -418,7 +420,7 @@ def test_files_are_as_readable_as_other_new_files(tmp_path: Path) -> None:
         (
             '"horizon": 2',
             '"horizont": 2',
-            "problem: must have no unknown field `horizont`; known are name, ",
+            "problem: must have no unknown field `horizont`; did you mean horizon?; known are ",
         ),
         (
             '"poses": [',

@@ -252,7 +252,7 @@ def test_doubts_are_said_and_recipes_printed(
     assert run.json["reward"] == 0
     assert "no drone sees anybody" in run.json["message"]
     assert "seed 0, cocap-lns: no drone sees anybody at any step" in caplog.text
-    assert "actors[0] is off the map at 3 of 3 steps" in caplog.text
+    assert "person 0 is off the map at 3 of 3 steps" in caplog.text
 
 
 def test_the_gap_table_says_what_its_bounds_are(capsys: pytest.CaptureFixture[str]) -> None:

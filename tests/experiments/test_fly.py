@@ -132,7 +132,7 @@ def test_a_smooth_flight_beside_people_may_be_refused(monkeypatch: pytest.Monkey
     """A drone that starts is overtaken; what is said to be enough, and of the straight one, is."""
     problem, plan = beside_somebody()
     assert len(co.trajectory(problem, plan)) == 5
-    words = r"actors\[0\], even .* people = 3.03 .* --margin 0.04; .* leave --smooth out$"
+    words = r"person 0, even .* people = 3.03 .* --margin 0.04; .* leave --smooth out$"
     with pytest.raises(ValueError, match=words):
         co.trajectory(problem, plan, smooth=True)
     over = co.Airspace(people_aside=2.9899, people_above=12345.678)
@@ -261,10 +261,28 @@ def test_limits_hold_for_scenes_and_for_flights(
         run = Run(capsys, "fly", scene, plan, "--smooth", "-o", tmp_path / "f.csv", "--json")
         assert run.code == code
         assert (tmp_path / "f.csv").exists() == (code == 0)
-        words = r"cannot fly this: acceleration .* s would do for the same plan \(--step\); a scene"
+        words = r"cannot fly this: acceleration .*; set step = [0-9.]+ in the scene's recipe and"
         assert code == 0 or re.search(words, run.err)
     assert run.json["step"] == 1.0
     assert [row["tightest"] for row in run.json["drones"]] == ["acceleration"] * 2
+
+
+def test_the_way_out_of_a_refused_flight_works(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A scene that states no step is told a --step, with which the same plan is flown."""
+    problem = co.load("tiny-queue")
+    limited = (robot.replace(limits=co.Limits(acceleration=2.0)) for robot in problem.robots)
+    problem = problem.replace(robots=tuple(limited))
+    scene, plan = tmp_path / "scene.json", tmp_path / "plan.json"
+    co.save(scene, problem)
+    co.save(plan, co.plan(problem, "sequential"))
+    words = "fly", scene, plan, "--smooth", "-o", tmp_path / "f.csv", "--step"
+    run = Run(capsys, *words, 1)
+    assert run.code == 2
+    found = re.search(r"more than its 2; --step ([0-9.]+) would do$", run.err.strip())
+    assert found, run.err
+    assert Run(capsys, *words, found[1]).code == 0
 
 
 def test_the_face_refuses_what_cannot_be_flown() -> None:
@@ -298,7 +316,8 @@ def test_a_plan_that_is_not_flown_as_planned(
     assert (first.share, first.rules) == (1, "kept")
     assert first.reward == co.trajectory(problem, planned).attrs["reward_straight"]
     assert first.least_distance >= 2 - 1e-6 and table.people_distance.isna().all()
-    assert run.json["delay_tolerance"] == table.attrs["delay_tolerance"]
+    assert (run.json["delay_tolerance"], table.attrs["delay_tolerance"]) == ("unlimited", np.inf)
+    assert run.json["delay_tolerance_to_people"] is None
     run = Run(capsys, "robustness", scene, plan, *words)
     assert max(map(len, run.out.splitlines())) <= 200 and "any drone 0.7 s late" in run.out
 

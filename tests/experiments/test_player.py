@@ -364,6 +364,16 @@ def test_drones_that_wait_at_their_starts_may_have_people_walk_by() -> None:
     (shown,) = told(Player(close).page())["plans"]
     assert check(close, starts).violations
     assert shown["rewards"] == wait["rewards"]
+    assert shown["besidePeople"] and not wait["besidePeople"]
+    for words in shown["besidePeople"]:
+        drone, aside, person, step = re.fullmatch(
+            r"drone (\d+) is ([\d.]+) m from person (\d+) at step ([\d.]+); rule 7.5 m", words
+        ).groups()  # type: ignore[union-attr]
+        at = close.where(close.robots[int(drone)], [close.robots[int(drone)].start])[0, :2]
+        walk = close.actors[int(person)].poses[: close.horizon + 1, :2]
+        there = [np.interp(float(step), range(len(walk)), axis) for axis in walk.T]
+        assert float(aside) == pytest.approx(float(np.linalg.norm(at - there)), abs=0.06)
+        assert float(aside) <= 7.5
 
 
 # -- command ------------------------------------------------------------------------------

@@ -38,7 +38,10 @@ def numbers(line: str) -> list[float]:
 def test_a_battery_is_what_the_scene_knows() -> None:
     """The shortest time, where it is known of all drones; else a blank to be filled in."""
     problem, plan = scene()
-    for minutes, words in (((20, 25), "lasts 20.0 min (by the maker"), ((20, None), "nobody says")):
+    for minutes, words in (
+        ((20, 25), "lasts 20.0 min (by the maker"),
+        ((20, None), "to be filled in"),
+    ):
         robots = tuple(
             robot.replace(limits=Limits(endurance=None if last is None else 60.0 * last))
             for robot, last in zip(problem.robots, minutes, strict=True)
@@ -53,7 +56,22 @@ def test_a_margin_is_told_beside_what_the_scene_asks_for() -> None:
     flight = Flight.of(problem, plan, False)
     for asked, count in ((None, 0), (problem.airspace.replace(people_aside=9.0), 1)):
         lines = text_of(flight._replace(asked=asked))["Distances and limits"]
-        assert sum("the scene asks for 9" in line for line in lines) == count
+        assert sum("The scene asks for 9 m from people" in line for line in lines) == count
+
+
+@pytest.mark.parametrize("smooth", [False, True])
+def test_the_crew_reads_when_and_where_people_walk(smooth: bool) -> None:
+    """Each person has a table, the signal a time, and the distance to people its tolerance."""
+    problem, plan = scene()
+    problem = problem.replace(airspace=problem.airspace.replace(people_aside=1.0))
+    flight = Flight.of(problem, plan, smooth)
+    sections = text_of(flight)
+    walk = problem.actors[0].poses[:4, :2]
+    rows = [numbers(line) for line in sections["Person 0"][1:]]
+    assert rows == [pytest.approx([0.5 * t, *walk[t]], abs=0.006) for t in range(4)]
+    (signal,) = [line for line in sections["Flight"] if "signal" in line]
+    assert ("15 s after starting these" in signal) == (not smooth)
+    assert any("drones keep 1 m from people" in line for line in sections["Late drones and people"])
 
 
 @pytest.mark.parametrize("smooth", [False, True])
@@ -86,7 +104,7 @@ def test_tables_have_the_places_of_the_flight() -> None:
     flight = Flight.of(*scene(), True)
     sections = text_of(flight, 0.75)
     for i in range(2):
-        rows = [numbers(line) for line in sections[f"Drone {i}"][1:]]
+        rows = [numbers(line) for line in sections[f"Drone {i}"][2 - i :]]
         found = flight.flown.at(np.array([0, 0.75, 1.5]))
         own = found.drone == i
         np.testing.assert_allclose([row[0] for row in rows], [0, 0.75, 1.5])

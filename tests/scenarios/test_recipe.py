@@ -176,7 +176,7 @@ def test_zones_and_people_are_kept_clear_of(tmp_path: Path) -> None:
     words = " ".join(check(problem, ahead).violations)
     assert "paths[0]: step 3 is blocked or outside" in words
     ahead = Plan(paths=(tuple(problem.robots[0].start._replace(x=x) for x in (2, 4, 6, 7, 7)),))
-    assert "step 2 is 1.58 m from actors[0]" in " ".join(check(problem, ahead).violations)
+    assert "step 2 is 1.58 m from person 0" in " ".join(check(problem, ahead).violations)
 
 
 @pytest.mark.parametrize(
@@ -189,11 +189,14 @@ def test_zones_and_people_are_kept_clear_of(tmp_path: Path) -> None:
         ),
         ("[[no_fly]]\npolygon = [[0, 0], [2, 0], [2, 2]]\ntop = 1\nbottom = 2", "top: must be ab"),
         ("[airspace]\nover_people = 3", "airspace: over_people: must be left out where people is"),
-        ("[airspace]\nceiling = 1", "robots.0..start: cell .* above the ceiling"),
-        ("[airspace]\npeople = 4", "robots.0..start: is too near to actors.0., 4 m from people"),
+        ("[airspace]\nceiling = 1", r"drones.0..starts.0.: cell .* above the ceiling"),
+        (
+            "[airspace]\npeople = 4",
+            r"drones.0..starts.0.: is 2.55 m from person 0 .*, must be 4 m",
+        ),
         (
             "[[no_fly]]\npolygon = [[2.9, 6], [4, 6], [4, 7]]",
-            "robots.0..start: cell .2, 6. is in a no-fly zone",
+            r"drones.0..starts.0.: cell .2, 6. is in a no-fly zone",
         ),
     ],
 )
@@ -315,7 +318,8 @@ def test_seeds_place_drones_and_nothing_else(tmp_path: Path) -> None:
          "map: heights: must be left out where the map has a size and no file"),
         (("size = [20, 12]", "size = [20, 12]\nlowest = 1"), "map: lowest: must be left out"),
         (("size = [20, 12]", "file = 'a.tif'\nheights = 'absolute'"), "map: ground: must be given"),
-        (("x = 2.5", "x = 25"), r"drones\[0\]: starts: must lie on the map, not at \(25, 6.5\)"),
+        (("x = 2.5", "x = 25"),
+         r"drones.0.: starts: must lie on the map, x 0..20 and y 0..12 m, not at .25, 6.5."),
         (("heading = 0", "heading = 1e9"), r"drones\[0\].starts\[0\].heading: must be a number <="),
         (("steps = 4", "steps = 4\nstep = 1e-9"),
          r"drones\[0\]: motion.radius: must allow at most 100 m/s, but 1 cells of 1 m in a"),
@@ -323,6 +327,8 @@ def test_seeds_place_drones_and_nothing_else(tmp_path: Path) -> None:
         (("heading = 0", "height = 3"), r"drones\[0\]: starts.height: must be one of the layers 5"),
         (("heading = 0", "heading = 33"), "starts.heading: must be .* as 0 and 45, not 33"),
         (("heading = 0", "heading = -10"), r"starts.heading: .*, such as 0 and 315, not -10"),
+        (("speed = 1.5", "headin = 9"), "unknown field `headin`; did you mean heading.; known are"),
+        (("starts", "camera = 'skydio2'\nstarts"), "not 'skydio2'; did you mean skydio-2"),
         (("starts", "camera = 'gopro'\nstarts"), r"drones\[0\]: camera: must be one of px4-mono"),
         (("starts", "count = 1\nstarts"), r"drones\[0\]: must have either starts or a count"),
         (("[[walk]]", "[[mesh]]\nfile = 'no.obj'\n[[walk]]"), r"mesh\[0\]: .*no\.obj: cannot be"),
@@ -417,7 +423,10 @@ def test_why_nobody_is_there_is_said(tmp_path: Path) -> None:
     path = tmp_path / "people.txt"
     rows = [(i, frame, 5 + 0.02 * frame, 3 * i) for i in (1, 2) for frame in range(0, 200, 10)]
     path.write_text("id frame x y\n1 0 5 5\n2 0 6 5\n")
-    with pytest.raises(ProblemError, match=r"at most 0 are; 1 is there from 0 to 0 s"):
+    with pytest.raises(
+        ProblemError,
+        match=r"for 4 steps of 1 s, 4 s, but the tracks of 2 last 0 s .*walk.*; 1 is there from 0",
+    ):
         read(write(tmp_path, FLAT + table + "fps = 25\ncount = 2\n" + DRONE))
     path.write_text("id frame x y\n" + "".join(f"{i} {f} {x} {y}\n" for i, f, x, y in rows))
     for more in ("count = 2", "ids = [1, 2]"):
@@ -426,6 +435,8 @@ def test_why_nobody_is_there_is_said(tmp_path: Path) -> None:
         ):
             read(write(tmp_path, FLAT + table + f"fps = 2.5\n{more}\n" + DRONE))
     read(write(tmp_path, FLAT + table + "fps = 25\ncount = 2\n" + DRONE))
+    with pytest.raises(ProblemError, match=r"the tracks of 2 last 7.6 s at most; steps = 7 would"):
+        read(write(tmp_path, FLAT.replace("4", "60") + table + "fps = 25\ncount = 2\n" + DRONE))
     rows = [(i, frame, 5 + 0.02 * frame, 3 * i) for i in (1, 2, 3) for frame in range(40)]
     kept = [row for row in rows if row[0] != 2 or not 10 < row[1] < 25]
     path.write_text("id frame x y\n" + "".join(f"{i} {f} {x} {y}\n" for i, f, x, y in kept))
@@ -437,6 +448,39 @@ def test_why_nobody_is_there_is_said(tmp_path: Path) -> None:
         ProblemError, match=r"3 people .*; 2 \(1, 3\) are there for 3.6 s from 0 s "
     ):
         read(write(tmp_path, "step = 0.9" + FLAT + table + "fps = 10\n" + DRONE))
+
+
+def test_starts_that_are_too_near_have_the_recipe_s_names(tmp_path: Path) -> None:
+    """The second start of a table is told how far it is from the first, or what it is in."""
+    two = DRONE.replace("starts = [", "starts = [{ x = 2.5, y = 5.5 }, ")
+    with pytest.raises(
+        ProblemError,
+        match=r"drones.0..starts.1.: is 1.00 m from drones.0..starts.0., must keep the rules sep",
+    ):
+        read(write(tmp_path, FLAT + two))
+    ring = "POLYGON ((2 6, 4 6, 4 8, 2 8, 2 6))"
+    (tmp_path / "house.wkt").write_text(ring)
+    house = '[[walls]]\nfile = "house.wkt"\npolygons = "obstacles"\nheight = 8\n'
+    with pytest.raises(
+        ProblemError,
+        match=r"drones.0..starts.0.: cell .2, 6. is blocked: ground at 0 m, and walls or",
+    ):
+        read(write(tmp_path, FLAT + house + DRONE))
+
+
+def test_a_person_looks_where_a_walk_says(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """Somebody who stands has a heading, too; a walk that ends soon is doubted, standing is not."""
+    stands = FLAT.replace(", [15, 6]]\nspeed = 1.5", "]\nheading = 90")
+    for text, yaw, doubted in (
+        (stands, math.pi / 2, False),
+        (FLAT.replace("speed = 1.5", "speed = 2\nheading = -90"), -math.pi / 2, False),
+        (FLAT.replace("[15, 6]", "[5, 7]"), math.pi / 2, True),
+        (FLAT, 0.0, False),
+    ):
+        caplog.clear()
+        (actor,) = read(write(tmp_path, text + DRONE)).actors
+        assert actor.poses[:, 3] == pytest.approx([yaw] * 5)
+        assert ("from (5, 6) m ends after 0.667 of 4 s" in caplog.text) == doubted
 
 
 # -- meshes -------------------------------------------------------------------------------
@@ -471,7 +515,7 @@ def test_people_inside_a_mesh_are_named_where_no_drone_can_start(tmp_path: Path)
     """Nobody comes near people inside a solid building: the refusal says where they are."""
     trimesh.creation.box((14, 6, 20)).export(tmp_path / "house.stl")
     mesh = '[[mesh]]\nfile = "house.stl"\nat = [10, 6, 10]\n[[drones]]\ncount = 1\n'
-    words = r"from 0 of them .* actors\[0\] is inside an obstacle at 5 of 5 steps; at step 0 its"
+    words = r"from 0 of them .* person 0 is inside an obstacle at 5 of 5 steps; at step 0 its"
     with pytest.raises(ProblemError, match=words):
         read(write(tmp_path, FLAT + mesh))
 
@@ -734,6 +778,34 @@ def test_walls_of_geojson_and_wkt(tmp_path: Path, text: str) -> None:
         volume(polygons="obstacles", border=1.0)
 
 
+def test_walls_are_as_high_as_geojson_says(tmp_path: Path) -> None:
+    """A polygon's property `height` counts, in metres; the recipe's is for those without."""
+
+    def house(x: float, height: object) -> dict[str, Any]:
+        ring = [[x, 0], [x + 2, 0], [x + 2, 2], [x, 2], [x, 0]]
+        shape = {"type": "Polygon", "coordinates": [ring]}
+        return {"type": "Feature", "properties": {"height": height}, "geometry": shape}
+
+    def tops(*features: dict[str, Any]) -> list[float]:
+        content = {"type": "FeatureCollection", "features": features}
+        (tmp_path / "houses.geojson").write_text(json.dumps(content))
+        table = WallsTable(file="houses.geojson", height=8.0, base=1.0, polygons="obstacles")
+        return [float(wall.vertices[:, 2].max()) for wall in table.meshes(tmp_path, lowest=0.0)]
+
+    two = house(9, 5)
+    square = two["geometry"]["coordinates"]
+    two["geometry"] = {
+        "type": "MultiPolygon",
+        "coordinates": [square, [[[20, 0], [21, 0], [21, 1], [20, 0]]]],
+    }
+    assert tops(house(0, 3), house(3, None), house(6, "33.5"), two) == [4, 9, 34.5, 6, 6]
+    for odd in (0, -3, "8 m", True, [3]):
+        with pytest.raises(
+            ProblemError, match=r"features\[1\].properties.height: must be a number"
+        ):
+            tops(house(0, 3), house(3, odd))
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -857,7 +929,7 @@ def test_what_is_hardly_meant_is_said(actor: Problem, words: str | None) -> None
         assert len(found) >= 1
         import re
 
-        assert any(re.match(rf"actors\[0\] {words}", doubt) for doubt in found)
+        assert any(re.match(rf"person 0 {words}", doubt) for doubt in found)
 
 
 @pytest.mark.parametrize(

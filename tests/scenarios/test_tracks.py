@@ -152,6 +152,18 @@ def test_times_stand_for_frames(tmp_path: Path) -> None:
     assert read(tmp_path, both, unit="m", fps=10)[0].times.tolist() == [1.0, 2.0]
 
 
+def test_times_of_trackers_are_read(tmp_path: Path) -> None:
+    """Milliseconds become seconds; dates with times become seconds since the first of them."""
+    for name in ("time [ms]", "time_ms", "timestamp (ms)", "t/ms"):
+        found = read(tmp_path, f"id,{name},x,y\n1,500,0,0\n1,1500,1,0\n", unit="m")
+        assert found[0].times.tolist() == [0.5, 1.5]
+    for date in ("2026-05-01T10:00:{}", "2026-05-01 10:00:{}", "2026-05-01T10:00:{}+02:00"):
+        rows = "".join(f"anna,{date.format(s)},{s},0\n" for s in ("03", "01", "01.250"))
+        (track,) = read(tmp_path, "id,timestamp,x,y\n" + rows, unit="m")
+        assert track.times == pytest.approx([0.0, 0.25, 2.0])
+        assert track.points[:, 0].tolist() == [1, 1.25, 3]
+
+
 def test_height_is_the_median_of_z(tmp_path: Path) -> None:
     """Heads bob; a z of 0 throughout is no height."""
     rows = [f"{k} {t} 0 {t} {(k - 1) * (150 + t * t)}\n" for k in (1, 2) for t in range(5)]
@@ -185,7 +197,26 @@ def test_height_is_the_median_of_z(tmp_path: Path) -> None:
         ("id,frame,x\n1,0,1\n", {}, "header: must name the columns id, frame or time, x and y"),
         ("id,x,y\n1,0,1\n", {}, "header: must name the columns"),
         ("id,frame,x,X,y\n1,0,1,1,1\n", {}, "header: must name one column x, not two"),
-        ("id,time [ms],x,y\n1,0,1,1\n", {}, "time: must be in s, not ms"),
+        ("id,time [min],x,y\n1,0,1,1\n", {}, "time: must be in s or ms, not min"),
+        (
+            "id,t,lat,lon\n1,0,-34.6,-58.4\n",
+            {},
+            "header: must name the columns id, frame or time, "
+            "x and y, not id, t, lat, lon; x and y must be metres of a projection, not degrees: "
+            "cs2cs EPSG:4326 EPSG:32721 makes",
+        ),
+        (
+            "id,time,x,y\n1,2026-05-01T10:00,1,1\n1,1,1,1\n",
+            {"fps": None},
+            "line 3, time: must be a date with a time such as",
+        ),
+        (
+            "anna,0.0,6,18\nanna,0.25,6,18\n",
+            {"fps": None},
+            "fps: must be given, for the file does "
+            "not state it; the file has no header, so that its columns are read as id, frame, x, "
+            'y: columns = ["id", "time", "x", "y"]',
+        ),
         ("id,t,x,y\n1,0,1,1\n", {}, "fps: must be left out"),
         (HEADED, {"columns": ("id", "x", "y")}, "line 2: must have 3 values, not 4"),
         (HEADED, {"columns": ("id", "-", "x", "y")}, "columns: must name the columns"),
@@ -291,6 +322,7 @@ def test_rows_in_any_order_and_among_words(
                                              "of 1: is the unit cm?"]),
         ([(0, 0, 1.7), (1.3, 0, 1.7)], "cm", ["is the unit m?", "within 0.013 m"]),
         ([(0, 0, 1.7), (1.3, 0, 1.7)], "m", []),
+        ([(0, 0, 1.7), (0, 0, 1.7)], "m", []),  # somebody stands
         ([(0, 0, 1.7), (30, 0, 1.7)], "m", ["median speed 30 m/s: is fps right?"]),
         ([(0, 0, 1.7), (15, 0, 1.7)], "m", ["median speed 15 m/s: is fps right?"]),
         ([(0, 0, 12.0), (1, 0, 12.0)], "m", ["is z a height above the floor?"]),

@@ -48,13 +48,15 @@ class Panel {
     title.title = plan.title;
     head.append(title);
     if (plan.planner) head.append(make("span", "file", plan.title));
-    head.append(this.verdict(), make("span", "total", `J = ${reward(plan.reward)}${moves}`));
+    head.append(this.verdict());
+    if (!plan.waits) head.append(make("span", "total", `J = ${reward(plan.reward)}${moves}`));
     return head;
   }
 
-  // What is proved of the plan, by its certificate and the referee.
+  // What is proved of the plan, by its certificate and the referee; without a plan, what is wrong
+  // with drones that wait at their starts.
   verdict() {
-    const { gap, conflicts } = this.plan, count = conflicts.length;
+    const { gap, conflicts, waits, besidePeople } = this.plan, count = conflicts.length;
     const badge = make("span", "badge");
     if (count) {
       const words = `${count} conflict${count > 1 ? "s" : ""} ▸`;
@@ -64,8 +66,13 @@ class Panel {
     if (gap) {
       badge.textContent = gap.optimal ? "proved optimal" : `proved within ${percent(gap.total)} of the best`;
       badge.title = "the certificate was verified when this page was made";
-    } else badge.textContent = "no conflicts";
-    badge.classList.toggle("good", !gap || gap.optimal);
+    } else badge.textContent = waits ? "not planned yet" : "no conflicts";
+    if (besidePeople.length) {
+      badge.textContent = `at the start ${several(besidePeople, 1)}`;
+      badge.title = besidePeople.join("\n");
+    }
+    badge.classList.toggle("mild", besidePeople.length > 0);
+    badge.classList.toggle("good", gap ? gap.optimal : !waits);
     return badge;
   }
 

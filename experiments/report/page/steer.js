@@ -81,7 +81,7 @@ class Steering {
     if (found) {
       const [j, f, face] = found, pixels = plan.seen[step][face];
       const seen = pixels > 0 ? `${density(pixels)} ${data.unit}` : "not seen";
-      return `person ${j}, ${data.people[j].names[f]}: ${seen}${overpaid(plan.gap, step, face)}`;
+      return `${data.people[j].called}, ${data.people[j].names[f]}: ${seen}${overpaid(plan.gap, step, face)}`;
     }
     const drone = view.labels.droneAt(x, y);
     if (drone === undefined) return undefined;
