@@ -199,8 +199,9 @@ class _Envelopes:
             for t in self.steps:
                 joint, before = self.narrowing.joint_states(t), float(self.narrowing.constants[t])
                 least = self.known.highest(joint)
+                higher = self.narrowing.joint_states(t, least)
                 try:
-                    found = self.narrowing.lower(t, Wanted(least, FEW_NODES), self.search.stop)
+                    found = self.narrowing.lower(higher, Wanted(least, FEW_NODES), self.search.stop)
                 except NotEndedError:
                     continue
                 self.known.add(joint, found.positions)

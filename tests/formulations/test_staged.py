@@ -145,7 +145,7 @@ def random_joint_states(rng: np.random.Generator) -> JointStates:
     return JointStates(
         1, sizes, np.repeat(np.arange(len(sizes)), counts), np.arange(n), pixels,
         rng.uniform(0.5, 2, faces), rng.uniform(-1, 8, n), rng.uniform(-1, 8, n),
-        float(rng.choice([-np.inf, -5.0, 0.0, 4.0])), conflict | conflict.T,
+        float(rng.choice([-np.inf, -5.0, 0.0, 4.0])), lambda: conflict | conflict.T,
     )  # fmt: skip
 
 
@@ -391,10 +391,10 @@ def test_a_limit_among_constants_leaves_a_true_claim(monkeypatch: pytest.MonkeyP
     root.relaxation.look_for_plans()
     lower, calls = Narrowing.lower, count()
 
-    def limited(self: Narrowing, t: int, wanted: Wanted, stop: Stop = never) -> Highest:
+    def limited(self: Narrowing, joint: JointStates, wanted: Wanted, stop: Stop = never) -> Highest:
         if next(calls) == 3:
             raise LimitReached(Limit.WORK)
-        return lower(self, t, wanted, stop)
+        return lower(self, joint, wanted, stop)
 
     monkeypatch.setattr(Narrowing, "lower", limited)
     with pytest.raises(LimitReached):
