@@ -204,7 +204,7 @@ class _Envelopes:
                     found = self.narrowing.lower(higher, Wanted(least, FEW_NODES), self.search.stop)
                 except NotEndedError:
                     continue
-                self.known.add(joint, found.positions)
+                self.known.add(higher, found.positions)
                 if self.narrowing.constants[t] < before:
                     constants.append(StepConstant(t, found.height))
         except LimitReached:
