@@ -37,7 +37,6 @@ ORDER = {
 }  # fmt: skip
 TOLD_ELSEWHERE = {
     "cocap_opt.scenarios.formats",  # FORMATS names its modules without the room
-    "cocap_opt.formulations.column_generation",  # its front lists the parts of the method
 }
 SOLVERS = {"cvxpy", "clarabel", "highspy", "ortools", "pyscipopt"}
 

@@ -178,7 +178,8 @@ def stages() -> list[Stage]:
             narrowing.pay(payments)
         narrowing.price()
         for step in stage.constants:
-            narrowing.lower(step.t, Wanted(step.constant, _MOST_NODES))
+            joint = narrowing.joint_states(step.t, step.constant)
+            narrowing.lower(joint, Wanted(step.constant, _MOST_NODES))
         narrowing.close_states()
         found.append(_stage(f"after stage {n}", narrowing))
     return found

@@ -21,9 +21,9 @@ Only such joint states count as some plan above a target may visit: their worth 
 charged is at least a floor (`staged` has the inequality).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -81,7 +81,7 @@ class JointStates:
     payment : [n] of each state, in units of J
     charge : [n] of each state; a joint state counts if its worth less its charges is >= `floor`
     floor : in units of J
-    conflict : [n, n] whether two robots may not be in these states at once
+    conflict_of : returns `conflict`, for which not everyone asks, and keeps it for `repaid`
     ceilings : of earlier payments; rounding included
     """
 
@@ -94,7 +94,7 @@ class JointStates:
     payment: FloatArray
     charge: FloatArray
     floor: float
-    conflict: BoolArray
+    conflict_of: Callable[[], BoolArray]
     ceilings: tuple[Ceiling, ...] = ()
 
     @classmethod
@@ -127,8 +127,13 @@ class JointStates:
         return cls(
             t, model.class_sizes, class_of, np.concatenate(left), pixels[:, seen], weights[seen],
             np.concatenate(payment), np.concatenate(charge), floor,
-            model.problem.rules.too_near(at[None] - at[:, None]), ceilings,
+            cache(lambda: model.problem.rules.too_near(at[None] - at[:, None])), ceilings,
         )  # fmt: skip
+
+    @property
+    def conflict(self) -> BoolArray:
+        """Returns whether two robots may not be in these states at once [n, n]."""
+        return self.conflict_of()
 
     @cached_property
     def keys(self) -> list[tuple[int, int]]:

@@ -204,7 +204,7 @@ class Narrowing:
         ----------
         above : states may be missing that are in no joint state higher than this
         """
-        return self.joint_states_of(t, self._states_of_joint(t, above))
+        return self.joint_states_of(t, self.states_of_joint(t, above))
 
     def joint_states_of(self, t: int, states: Sequence[IntArray]) -> JointStates:
         """Returns the joint states of some of the states that are left to each class at a step."""
@@ -220,11 +220,7 @@ class Narrowing:
         """Returns the ceiling that the present constant of a step is to later payments."""
         return float(self.constants[t]) + self._rounding(abs(float(self.constants[t])))
 
-    def n_states_of_joint(self, t: int, above: float) -> int:
-        """Returns the number of the states of `joint_states`."""
-        return sum(map(len, self._states_of_joint(t, above)))
-
-    def _states_of_joint(self, t: int, above: float) -> list[IntArray]:
+    def states_of_joint(self, t: int, above: float = -math.inf) -> list[IntArray]:
         """Returns the states of each class that by all ceilings may be in a higher joint state."""
         states = [np.flatnonzero(left[t]) for left in self.left]
         sizes = self.model.class_sizes
@@ -262,8 +258,12 @@ class Narrowing:
         rounding: FloatArray = 16 * robots * (robots + 4) * UNIT_ROUNDOFF * made_of
         return rounding
 
-    def lower(self, t: int, wanted: Wanted, stop: Stop = never) -> Highest:
+    def lower(self, joint: JointStates, wanted: Wanted, stop: Stop = never) -> Highest:
         """Lowers K_t to the height of the highest joint state, or to the least height wanted.
+
+        Parameters
+        ----------
+        joint : the joint states that are left at a step, all that may be higher than wanted
 
         Raises
         ------
@@ -272,9 +272,9 @@ class Narrowing:
         LimitReached
             At a limit.
         """
-        joint = self.joint_states(t, wanted.least)
         highest = joint.highest(wanted, stop)
-        self.constants[t] = min(float(self.constants[t]), highest.height + joint.margin)
+        lowered = highest.height + joint.margin
+        self.constants[joint.t] = min(float(self.constants[joint.t]), lowered)
         return highest
 
     def price(self) -> None:

@@ -8,6 +8,7 @@ import math
 from collections.abc import Callable
 from itertools import count
 
+from cocap_opt.data import IntArray
 from cocap_opt.formulations.certificates.format import CertificateError, Stage, Staged
 from cocap_opt.formulations.certificates.joint_paths import best_plan, may_be_used
 from cocap_opt.formulations.certificates.joint_states import NotEndedError, Wanted
@@ -56,7 +57,7 @@ def price_staged(
             "certificate.joint_paths: moves are rewarded, or views do not count at step 1"
         )
     for t in range(model.problem.horizon + 1):
-        _require_few(narrowing, t, "certificate.joint_paths")
+        _few_states(narrowing, t, "certificate.joint_paths")
     try:
         best = best_plan(narrowing, MOST_COLLECTING, stop=stop)
     except NotEndedError as error:
@@ -75,9 +76,10 @@ def _apply(
         narrowing.price()
     for k, step in enumerate(stage.constants):
         name = f"{field}.constants[{k}]"
-        _require_few(narrowing, step.t, name, step.constant)
+        states = _few_states(narrowing, step.t, name, step.constant)
+        joint = narrowing.joint_states_of(step.t, states)
         try:
-            narrowing.lower(step.t, Wanted(step.constant, MOST_NODES), stop)
+            narrowing.lower(joint, Wanted(step.constant, MOST_NODES), stop)
         except NotEndedError as error:
             raise CertificateError(
                 f"{name}: its search takes more than {MOST_NODES:,} nodes"
@@ -88,13 +90,17 @@ def _apply(
     narrowing.close_states()
 
 
-def _require_few(narrowing: Narrowing, t: int, field: str, above: float = -math.inf) -> None:
-    """Refuses to search a step at which too many states are left."""
-    if (left := narrowing.n_states_of_joint(t, above)) > MOST_STATES:
+def _few_states(
+    narrowing: Narrowing, t: int, field: str, above: float = -math.inf
+) -> list[IntArray]:
+    """Returns the states to search at a step, class by class; refuses where too many are left."""
+    states = narrowing.states_of_joint(t, above)
+    if (left := sum(map(len, states))) > MOST_STATES:
         raise CertificateError(
             f"{field}: {left:,} states are left at step {t}; "
             f"at most {MOST_STATES:,} can be searched"
         )
+    return states
 
 
 def _check(model: Model, stage: Stage, field: str) -> None:

@@ -6,22 +6,4 @@ over the columns found so far (`master`) and pricing (`pricing`) take turns, whi
 and `diving` make plans of the mixtures that come up.
 """
 
-__all__ = [
-    "branch_and_price",
-    "branching",
-    "coefficients",
-    "column_generation",
-    "columns",
-    "conic_program",
-    "diving",
-    "incumbent",
-    "local_search",
-    "master",
-    "master_program",
-    "mixture",
-    "pricing",
-    "relaxation",
-    "root",
-    "search",
-    "tree",
-]
+__all__ = ["branch_and_price", "column_generation", "root"]

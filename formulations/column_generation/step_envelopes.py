@@ -199,11 +199,12 @@ class _Envelopes:
             for t in self.steps:
                 joint, before = self.narrowing.joint_states(t), float(self.narrowing.constants[t])
                 least = self.known.highest(joint)
+                higher = self.narrowing.joint_states(t, least)
                 try:
-                    found = self.narrowing.lower(t, Wanted(least, FEW_NODES), self.search.stop)
+                    found = self.narrowing.lower(higher, Wanted(least, FEW_NODES), self.search.stop)
                 except NotEndedError:
                     continue
-                self.known.add(joint, found.positions)
+                self.known.add(higher, found.positions)
                 if self.narrowing.constants[t] < before:
                     constants.append(StepConstant(t, found.height))
         except LimitReached:

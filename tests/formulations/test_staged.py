@@ -1,5 +1,6 @@
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 from itertools import combinations_with_replacement, count, product
@@ -37,6 +38,8 @@ from cocap_opt.formulations.certificates import (
 from cocap_opt.formulations.certificates.joint_states import Ceiling, Highest
 from cocap_opt.formulations.certificates.staged import price_staged
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
+from cocap_opt.formulations.column_generation.incumbent import Incumbent
+from cocap_opt.formulations.column_generation.known_states import Known
 from cocap_opt.formulations.column_generation.root import Root
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.column_generation.step_envelopes import step_envelopes
@@ -145,7 +148,7 @@ def random_joint_states(rng: np.random.Generator) -> JointStates:
     return JointStates(
         1, sizes, np.repeat(np.arange(len(sizes)), counts), np.arange(n), pixels,
         rng.uniform(0.5, 2, faces), rng.uniform(-1, 8, n), rng.uniform(-1, 8, n),
-        float(rng.choice([-np.inf, -5.0, 0.0, 4.0])), conflict | conflict.T,
+        float(rng.choice([-np.inf, -5.0, 0.0, 4.0])), lambda: conflict | conflict.T,
     )  # fmt: skip
 
 
@@ -381,6 +384,31 @@ def test_short_lists_of_states_make_true_envelopes(problem: Problem, slack: floa
         assert optimum(problem).value <= pricing.bound <= search.spare.proved
 
 
+@examples(10)
+@given(st.one_of(meetings(), meetings(team=3)))
+def test_what_a_search_finds_is_remembered_as_it_is(problem: Problem) -> None:
+    """Joint states that are remembered count, with as many robots of each class as there are."""
+    add, highest = Known.add, Known.highest
+
+    def modest(self: Known, joint: JointStates) -> float:
+        return highest(self, joint) - 1.0  # so that the search finds something
+
+    def checked(self: Known, joint: JointStates, positions: Sequence[int]) -> bool:
+        if positions:
+            robots = np.bincount(joint.class_of[list(positions)], minlength=len(joint.sizes))
+            assert tuple(robots) == joint.sizes
+            assert joint.counts(positions)
+        return add(self, joint, positions)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Known, "add", checked)
+        patch.setattr(Known, "highest", modest)
+        patch.setattr(envelopes, "FEW_TRIED", 0)
+        search = Search(compiled(problem))
+        search.offer(Incumbent.of_plan(search.model, Plan.hovering(problem)))
+        step_envelopes(search, search.alone.duals, lambda: search.cutoff(OPTIMALITY))
+
+
 @pytest.mark.slow
 def test_a_limit_among_constants_leaves_a_true_claim(monkeypatch: pytest.MonkeyPatch) -> None:
     """Constants that were lowered before a limit are in the file that claims what they prove."""
@@ -391,10 +419,10 @@ def test_a_limit_among_constants_leaves_a_true_claim(monkeypatch: pytest.MonkeyP
     root.relaxation.look_for_plans()
     lower, calls = Narrowing.lower, count()
 
-    def limited(self: Narrowing, t: int, wanted: Wanted, stop: Stop = never) -> Highest:
+    def limited(self: Narrowing, joint: JointStates, wanted: Wanted, stop: Stop = never) -> Highest:
         if next(calls) == 3:
             raise LimitReached(Limit.WORK)
-        return lower(self, t, wanted, stop)
+        return lower(self, joint, wanted, stop)
 
     monkeypatch.setattr(Narrowing, "lower", limited)
     with pytest.raises(LimitReached):
