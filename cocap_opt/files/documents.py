@@ -16,6 +16,7 @@ from cocap_opt.files.atomic_write import write_atomically
 from cocap_opt.files.messages import in_words
 from cocap_opt.files.strict_json import decode_json
 from cocap_opt.problem import Plan, Problem
+from cocap_opt.stop import Limit
 
 
 class FileError(ValueError):
@@ -78,14 +79,15 @@ class SceneFile(Document, frozen=True, kw_only=True):
 
 
 class PlanFile(Document, frozen=True, kw_only=True):
-    """A plan file: the plan, what it claims, and the digest of its scene."""
+    """A plan file: the plan, its J, the digest of its scene, and what stopped its search."""
 
     older = SAMPLED
     format: Literal["cocap-opt plan"] = "cocap-opt plan"
-    version: Literal[2] = 2
+    version: Literal[2, 3] = 3
     scene: str  # name
     digest: str  # of the problem
     planner: str
+    limit: Limit | None = None  # that stopped the planner; None: none did, or nobody wrote it
     reward: float  # J claimed
     plan: Plan
 

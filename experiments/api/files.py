@@ -130,8 +130,8 @@ def _plan_file(content: Plan | Result, problem: Problem | None) -> PlanFile:
     own = plan_for(problem, content, "written", "content")
     verdict = judge_plan(problem, own)
     require_flown("plan", verdict)
-    planner = content.method if isinstance(content, Result) else ""
+    planner, limit = (content.method, content.limit) if isinstance(content, Result) else ("", None)
     return PlanFile(
-        scene=problem.name, digest=problem_digest(problem), planner=planner,
+        scene=problem.name, digest=problem_digest(problem), planner=planner, limit=limit,
         reward=verdict.reward, plan=own,
     )  # fmt: skip

@@ -165,9 +165,12 @@ class PlanReader(NamedTuple):
         return problem, plan
 
     def planner(self, path: Path) -> str | None:
-        """Reads which planner made a plan; foreign files do not say."""
+        """Reads which planner made a plan, and what stopped it; foreign files do not say."""
         content = self.claim(path)
-        return content.planner if isinstance(content, PlanFile) else None
+        if not isinstance(content, PlanFile):
+            return None
+        stopped = f", stopped by the {content.limit} limit" if content.limit else ""
+        return content.planner + stopped
 
     def plans(self, paths: Sequence[Path]) -> tuple[Problem, list[Plan]]:
         """Reads plans that can be flown, and finds the variant of the scene that all are for."""

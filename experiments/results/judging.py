@@ -222,6 +222,7 @@ class Judged(NamedTuple, Generic[_R_co]):
             scene=problem.name,
             digest=problem_digest(problem),
             planner=planner,
+            limit=self.result.limit,
             reward=self.reward,
             plan=self.result.plan,
         )

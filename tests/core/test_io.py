@@ -39,6 +39,7 @@ from cocap_opt.problem import (
     TriangulatedCuboid,
 )
 from cocap_opt.scenarios import load_scene
+from cocap_opt.stop import Limit
 from cocap_opt.world.workspace import HeightMap
 
 FINITE = st.floats(-LARGEST, LARGEST)
@@ -382,6 +383,20 @@ def test_wrong_plan_file_is_refused(field: str, value: object, tmp_path: Path) -
     with pytest.raises(FileError, match=field) as caught:
         PlanFile.read(path)
     assert str(caught.value).startswith(f"{path}: ")
+
+
+def test_plan_files_of_before_name_no_limit(tmp_path: Path) -> None:
+    """Version 2 had no `limit`; files of it are read, and say nothing of what stopped a planner."""
+    plan = PlanFile(
+        scene="s", digest="d", planner="p", limit=Limit.TIME, reward=1.0, plan=Plan(paths=())
+    )
+    path = tmp_path / "plan.json"
+    plan.save(path)
+    assert PlanFile.read(path) == plan
+    content = json.loads(path.read_text()) | {"version": 2}
+    del content["limit"]
+    path.write_text(json.dumps(content))
+    assert PlanFile.read(path).limit is None
 
 
 def test_a_killed_write_leaves_the_old_file(

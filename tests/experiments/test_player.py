@@ -22,7 +22,7 @@ from cocap_opt.experiments.report.player import Player
 from cocap_opt.experiments.report.player_plan import PlanData
 from cocap_opt.experiments.report.player_scene import SceneData
 from cocap_opt.experiments.studies.pictures import _Browser
-from cocap_opt.files.documents import PlanFile
+from cocap_opt.files.documents import PlanFile, SceneFile, problem_digest
 from cocap_opt.formulations import BOUNDS
 from cocap_opt.formulations.result import OPTIMALITY
 from cocap_opt.planners import PLANNERS
@@ -41,7 +41,7 @@ from cocap_opt.problem import (
 )
 from cocap_opt.referee import check
 from cocap_opt.scenarios import load_scene
-from cocap_opt.stop import never
+from cocap_opt.stop import Limit, never
 from cocap_opt.vision.render import Renderer
 from cocap_opt.world.workspace import HeightMap, Mesh
 
@@ -861,6 +861,25 @@ def test_help_tells_all_keys(player: Any) -> None:
     assert value(player, "document.querySelectorAll('#keys dt').length") >= 15
     press(player, "\ue00c")
     assert not value(player, "document.getElementById('help').open")
+
+
+@pytest.mark.slow
+def test_a_plan_that_a_limit_stopped_at_the_starts_says_so(player: Any, tmp_path: Path) -> None:
+    """The head names the limit, which the plan's file has, and says that no drone moves."""
+    problem, page, path = tiny(), tmp_path / "show.html", tmp_path / "plan.json"
+    stay = Plan(paths=tuple((robot.start,) * (problem.horizon + 1) for robot in problem.robots))
+    SceneFile(problem=problem).save(tmp_path / "scene.json")
+    PlanFile(
+        scene=problem.name, digest=problem_digest(problem), planner="greedy", limit=Limit.TIME,
+        reward=0.0, plan=stay,
+    ).save(path)  # fmt: skip
+    assert run("show", tmp_path / "scene.json", path, "-o", page) == 0
+    with _Browser.opened(page) as driver:
+        assert value(driver, "document.querySelector('h2').textContent") == (
+            "greedy, stopped by the time limit"
+        )
+        assert value(driver, "document.querySelector('.still').textContent") == "no drone moves"
+    assert value(player, "document.querySelector('.still')") is None
 
 
 @pytest.mark.slow

@@ -1,8 +1,9 @@
 // The camera that looks at the scene from outside, in parallel projection: as far away as one likes.
 
-const AROUND = [62, 28, 118, 152, 208, 242, 298, 332]; // degrees, directions that it may look along
+const AROUND = [62, 118]; // degrees, directions that it may look along: north is far away
 const FAVOUR = 1.06; // how much better another direction must be than those before it
 const MOST_RAYS = 300, LOOK = 60; // m, and how many, to tell how much is hidden
+const MOST_AROUND = 1.7; // times the area where things happen, of a map that is shown as a whole
 const LEAST = 5; // m, that are in the picture along each axis
 const PADDING = { side: 34, top: 46, bottom: 40 }; // px around all that happens
 
@@ -10,13 +11,14 @@ class Camera {
   constructor(data, rays) {
     this.points = happenings(data);
     this.rays = rays;
+    this.way = this.leastHidden(surroundings(data));
     this.fitted = false;
     this.space();
   }
 
   space() {
     this.elevation = 46;
-    this.azimuth = undefined;
+    this.azimuth = this.way;
     this.fitted = false;
   }
 
@@ -37,17 +39,19 @@ class Camera {
     this.ahead = [ca * ce, sa * ce, -se];
   }
 
-  // Put all that happens into a canvas of this size, from where it is large and little hidden.
-  fit(width, height) {
-    const ways = this.azimuth === undefined ? AROUND : [this.azimuth];
-    const framed = ways.map((azimuth) => this.framed(azimuth, width, height));
-    const best = framed.reduce((a, b) => (b.scale * b.seen > a.scale * a.seen * FAVOUR ? b : a));
-    Object.assign(this, best, { whole: best.scale, fitted: true });
-    this.update();
+  // The direction in which least is hidden; pages of one scene look at it from the same side.
+  leastHidden(points) {
+    this.elevation = 46;
+    const seen = (azimuth) => {
+      this.azimuth = azimuth;
+      this.update();
+      return 0.5 + this.shareSeen(points);
+    };
+    return AROUND.map((azimuth) => [azimuth, seen(azimuth)]).reduce((a, b) => (b[1] > a[1] * FAVOUR ? b : a))[0];
   }
 
-  framed(azimuth, width, height) {
-    this.azimuth = azimuth;
+  // Put all that happens into a canvas of this size.
+  fit(width, height) {
     this.update();
     const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
     const axes = [this.right, this.up, this.ahead];
@@ -64,13 +68,13 @@ class Camera {
     const middle = low.map((v, k) => (v + high[k]) / 2);
     middle[1] += (PADDING.top - PADDING.bottom) / 2 / scale;
     const centre = [0, 1, 2].map((k) => axes.reduce((sum, axis, n) => sum + middle[n] * axis[k], 0));
-    return { azimuth, scale, centre, seen: 0.5 + this.shareSeen() };
+    Object.assign(this, { scale, centre, whole: scale, fitted: true });
   }
 
   // Share of points before which no obstacle stands.
-  shareSeen() {
-    const every = Math.max(Math.floor(this.points.length / MOST_RAYS), 1), back = this.ahead.map((v) => -v);
-    const some = this.points.filter((_, k) => k % every === 0);
+  shareSeen(points) {
+    const every = Math.max(Math.floor(points.length / MOST_RAYS), 1), back = this.ahead.map((v) => -v);
+    const some = points.filter((_, k) => k % every === 0);
     return some.filter((point) => this.rays.length(point, back, LOOK) === LOOK).length / some.length;
   }
 
@@ -92,11 +96,28 @@ class Camera {
 }
 
 // Where drones, the ground below them and people are at the steps of all plans, not too far off
-// the map.
-function happenings({ plans, people, terrain, scope: [low, high] }) {
+// the map; the whole map, too, where no drone moves or it is not much larger than that.
+function happenings({ plans, people, terrain, meshes, scope: [low, high] }) {
   const within = (point) => point.map((v, k) => Math.min(Math.max(v, low[k]), k < 2 ? high[k] : Infinity));
-  const places = plans.flatMap((plan) => plan.paths.flat());
-  const drones = places.flatMap(([x, y, z]) => [[x, y, z], [x, y, groundAt(terrain, x, y)]]);
-  const bodies = people.flatMap(({ poses, height }) => poses.flatMap(([x, y, z]) => [[x, y, z], [x, y, z + height]]));
-  return [...drones, ...bodies].map(within);
+  const drones = plans.flatMap((plan) => plan.paths.flat()).flatMap((place) => aboveGround(terrain, place));
+  const inside = [...drones, ...people.flatMap(walked)].map(within), [width, depth] = terrain.size;
+  const isSmall = width * depth < MOST_AROUND * (high[0] - low[0]) * (high[1] - low[1]);
+  return isSmall || plans.every(isStill) ? [...inside, ...wholeMap(terrain, meshes)] : inside;
+}
+
+// What is the same for all plans of a scene: starts and people.
+function surroundings({ plans: [{ paths }], people, terrain }) {
+  return [...paths.flatMap(([start]) => aboveGround(terrain, start)), ...people.flatMap(walked)];
+}
+
+const aboveGround = (terrain, [x, y, z]) => [[x, y, z], [x, y, groundAt(terrain, x, y)]];
+
+const walked = ({ poses, height }) => poses.flatMap(([x, y, z]) => [[x, y, z], [x, y, z + height]]);
+
+// The corners of a map, the tops of its cells, and the meshes that are on it.
+function wholeMap({ size: [width, depth], cell, cells: [, rows], heights }, meshes) {
+  const tops = heights.map((z, k) => [(Math.floor(k / rows) + 0.5) * cell, ((k % rows) + 0.5) * cell, z]);
+  const solids = meshes.flatMap(({ vertices }) => triples(vertices));
+  const onMap = solids.filter(([x, y]) => x >= 0 && y >= 0 && x <= width && y <= depth);
+  return [...tops, ...onMap, ...[0, width].flatMap((x) => [0, depth].map((y) => [x, y, 0]))];
 }

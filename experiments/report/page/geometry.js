@@ -24,11 +24,17 @@ function between(rows, time) {
   });
 }
 
+// Whether no drone of a plan leaves its place.
+const isStill = ({ paths }) => paths.every(([start, ...rest]) =>
+  rest.every((pose) => [0, 1, 2].every((k) => pose[k] === start[k])));
+
 // A point of a body that stands at x, y, z and looks along yaw.
 const placed = ([x, y, z], [px, py, pz, yaw]) => {
   const c = Math.cos(yaw), s = Math.sin(yaw);
   return [px + x * c - y * s, py + x * s + y * c, pz + z];
 };
+
+const triples = (flat) => Array.from({ length: flat.length / 3 }, (_, k) => flat.slice(3 * k, 3 * k + 3));
 
 const ring = (n, radius, x = 0, y = 0, z = 0) =>
   Array.from({ length: n }, (_, k) => [

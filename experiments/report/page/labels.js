@@ -95,38 +95,41 @@ class Labels {
   scale(height) {
     const { context } = this, { scale } = this.view.camera, metres = rounded(80 / scale);
     const [x, y, long] = [14, height - 14, metres * scale];
-    context.strokeStyle = context.fillStyle = words.soft;
-    context.lineWidth = 1.5;
-    context.font = `11px ${FONT}`;
-    context.beginPath();
-    context.moveTo(x, y - 4);
-    context.lineTo(x, y);
-    context.lineTo(x + long, y);
-    context.lineTo(x + long, y - 4);
-    context.stroke();
-    this.haloed(`${metres} m`, x + long / 2, y - 9);
+    context.font = `600 11px ${FONT}`;
+    this.haloedLine([[x, y - 4], [x, y], [x + long, y], [x + long, y - 4]]);
+    this.haloed(`${metres} m`, x + long / 2, y - 10);
   }
 
+  // Where x and y lead; y is north.
   axes(width, height) {
-    const { context } = this, { right, up } = this.view.camera, foot = [width - 40, height - 34];
-    ["x", "y"].forEach((name, k) => {
-      const [dx, dy] = [right[k] * 18, -up[k] * 18];
-      context.beginPath();
-      context.moveTo(...foot);
-      context.lineTo(foot[0] + dx, foot[1] + dy);
-      context.stroke();
-      this.haloed(name, foot[0] + dx * 1.4, foot[1] + dy * 1.4);
+    const { right, up } = this.view.camera, foot = [width - 46, height - 40];
+    ["x", "y N"].forEach((name, k) => {
+      const along = (far) => [foot[0] + right[k] * far, foot[1] - up[k] * far];
+      this.haloedLine([foot, along(24)]);
+      this.haloed(name, ...along(36));
     });
   }
 
+  // Writing and lines can be read on any ground: dark ones stand on light edges, and the reverse.
   haloed(text, x, y) {
     const { context } = this;
-    context.save();
     context.strokeStyle = words.halo;
-    context.lineWidth = 3;
+    context.fillStyle = words.ink;
+    context.lineWidth = 4;
+    context.lineJoin = "round";
     context.strokeText(text, x, y);
-    context.restore();
     context.fillText(text, x, y);
+  }
+
+  haloedLine(points) {
+    const { context } = this;
+    context.beginPath();
+    for (const point of points) context.lineTo(...point);
+    for (const [colour, thickness] of [[words.halo, 4.5], [words.ink, 1.5]]) {
+      context.strokeStyle = colour;
+      context.lineWidth = thickness;
+      context.stroke();
+    }
   }
 
   // The drone at a point of the canvas, or nothing.

@@ -10,7 +10,7 @@ function legend(data) {
   }
   const values = [0, 0.25, 0.5, 0.75].map((share) => rounded(data.most * share ** 2));
   const place = (value) => Math.sqrt(value / data.most);
-  const apart = (k) => k === 0 || (place(values[k]) - place(values[k - 1]) > 0.19 && place(values[k]) < 0.86);
+  const apart = (k) => k === 0 || (place(values[k]) - place(values[k - 1]) > 0.21 && place(values[k]) < 0.86);
   for (const value of [...values.filter((_, k) => apart(k)), data.most]) {
     const tick = make("span", "", short(value));
     tick.style.left = `${100 * place(value)}%`;

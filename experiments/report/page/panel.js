@@ -89,6 +89,7 @@ class Panel {
       add("bound", reward(plan.gap.bound), "no plan that obeys the rules has more");
       if (!plan.conflicts.length) add("gap", percent(Math.max(plan.gap.total, 0)), "(bound - J) / bound");
     }
+    if (plan.planner && isStill(plan)) facts.append(make("span", "fact still", "no drone moves"));
     add("mean", `${density(plan.meanPixels)} ${data.unit}`, "of a face, over all faces and all steps that count");
     this.now = add("this step", "");
     this.sum = add("so far", "");
@@ -122,7 +123,7 @@ class Panel {
     this.holds = Object.fromEntries([["follow", "follow (F)"], ["alone", "alone (I)"]].map(([name, title]) => [
       name, button("hold", name, title, () => actions.toggle(name)),
     ]));
-    bar.append(...Object.values(this.holds), button("hold", "✕", "let go (Esc)", () => actions.pick(undefined)));
+    bar.append(...Object.values(this.holds), button("hold", "✕", "deselect (Esc)", () => actions.pick(undefined)));
     this.who = make("b");
     bar.prepend(this.who);
     this.box.append(bar, canvas, this.caption);
