@@ -384,7 +384,7 @@ def test_short_lists_of_states_make_true_envelopes(problem: Problem, slack: floa
         assert optimum(problem).value <= pricing.bound <= search.spare.proved
 
 
-@examples(10)
+@examples(6)
 @given(st.one_of(meetings(), meetings(team=3)))
 def test_what_a_search_finds_is_remembered_as_it_is(problem: Problem) -> None:
     """Joint states that are remembered count, with as many robots of each class as there are."""
