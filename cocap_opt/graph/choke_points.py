@@ -45,9 +45,10 @@ class ChokePoint(NamedTuple):
         somebody : what makes cells wanted, such as "somebody is seen"
         """
         share = "most" if 2 * self.behind > self.wanted else "some"
-        who = "all" if self.drones == team else f"{self.drones} of"
+        of = f"{self.drones} of {team}"
+        who = of if self.drones < team else "both" if team == 2 else f"all {team}"
         return (
-            f"{who} {team} drones must pass through {self} on their way to {share} cells from "
+            f"{who} drones must pass through {self} on their way to {share} cells from "
             f"which {somebody} at the last step"
         )
 

@@ -102,8 +102,8 @@ def _notes(flight: Flight, delay: float | None, to_people: float | None) -> Iter
     problem = flight.flown.problem
     yield (
         "J is looked at between the steps, too; distances are the least at any moment, those to "
-        "people seen from above; left and right are those of people who walk; of the drones that "
-        "may be late the worst counts, in each column"
+        "people seen from above; people are moved to their own left or right, as they walk; where "
+        "any drone may be late, each column has the worst of them"
     )
     yield from flight.nearer_to_people()
     if delay is not None and math.isinf(delay):

@@ -9,9 +9,9 @@ from cocap_opt.experiments.report.style import (
     AMBER,
     BLUE,
     FADED,
+    LABEL,
     PURPLE,
     RED,
-    SMALL,
     TEAL,
     TITLE,
     add_legend,
@@ -111,7 +111,7 @@ def draw_parts() -> Figure:
 def draw_losses() -> Figure:
     """Draws what drones lose by each move, and what is paid for people beyond what they give."""
     own = worked.explained().explanation
-    figure = new_figure(6.2, 3.8)
+    figure = new_figure(5.4, 3.8)
     top, bottom = figure.subplots(2, 1, sharex=True)
     people = worked.paid_for_people()
     for ax, amounts, noun in ((top, own.losses(), "drone"), (bottom, people, "person")):
@@ -120,7 +120,7 @@ def draw_losses() -> Figure:
         for (row, step), share in np.ndenumerate(shares):
             if share >= 0.005:
                 dark = share > 0.6 * shares.max()
-                ax.text(step, row, f"{share:.2f}", fontsize=SMALL - 1, ha="center", va="center",
+                ax.text(step, row, f"{share:.2f}", fontsize=LABEL, ha="center", va="center",
                         color="white" if dark else "black")  # fmt: skip
         ax.set_yticks(range(len(shares)), [f"{noun} {i}" for i in range(len(shares))])
     bottom.set_xticks(range(people.shape[1]))

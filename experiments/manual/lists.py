@@ -8,6 +8,8 @@ from cocap_opt.experiments.results.printing import Listing, Record
 from cocap_opt.experiments.results.rows import COLUMNS
 from cocap_opt.scenarios.recipe.recipe import EXAMPLE
 
+_WIDEST = 78  # characters of a line of code that a page shows without scrolling
+
 
 def _columns() -> str:
     rows = [
@@ -19,7 +21,16 @@ def _columns() -> str:
 
 
 def _recipe() -> str:
-    return f"```toml\n{EXAMPLE.strip()}\n```"
+    lines = map(_without_end, EXAMPLE.strip().splitlines())
+    return "\n".join(["```toml", *lines, "```"])
+
+
+def _without_end(line: str) -> str:
+    """Returns a line of TOML; if it is too wide for a page, its comment stands above it."""
+    content, sign, comment = line.partition("  #")
+    if len(line) <= _WIDEST or not sign:
+        return line
+    return f"# {comment.strip()}\n{content.rstrip()}"
 
 
 def _known(kind: str) -> str:

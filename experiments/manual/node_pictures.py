@@ -29,7 +29,7 @@ def draw_small_scene(ax: Axes, problem: Problem, plan: Plan) -> Axes:
     for j, actor in enumerate(problem.actors):
         x, y = actor.poses[0, :2]
         ax.add_patch(Rectangle((x - 0.5, y - 0.25), 1, 0.5, color=drawing.PERSON))
-        ax.text(x, y, f"person {j}", color="white", fontsize=SMALL - 2, ha="center", va="center")
+        ax.text(x, y + 0.33, f"person {j}", color=drawing.PERSON, fontsize=LABEL, ha="center")
     for robot, path in enumerate(plan.paths):
         _draw_path(ax, robot, path)
     people = [actor.poses[0, 0] for actor in problem.actors]
@@ -48,7 +48,7 @@ def _draw_path(ax: Axes, robot: int, path: tuple[State, ...]) -> None:
     colour = COLOURS[robot]
     ax.plot(*zip(*spots, strict=True), color=colour, lw=1.2, zorder=4)
     x, y = spots[0]
-    ax.text(x - 0.16, y + 0.16, f"drone {robot}", color=colour, fontsize=SMALL - 1, zorder=6)
+    ax.text(x - 0.16, y + 0.16, f"drone {robot}", color=colour, fontsize=SMALL, zorder=6)
     for t, spot in enumerate(spots):
         ax.add_patch(Circle(spot, 0.13, facecolor=colour, edgecolor="white", lw=0.6, zorder=5))
         ax.text(*spot, str(t), color="white", fontsize=SMALL - 1, ha="center", va="center_baseline",
@@ -106,7 +106,7 @@ def _draw_closed_cell(ax: Axes, one: Closed) -> None:
     ax.add_patch(Rectangle((x + 0.09, y + 0.09), 0.82, 0.82, fill=False, edgecolor=RED, lw=1.5,
                            ls="--", zorder=3))  # fmt: skip
     ax.text(x + 1.06, y + 0.62, f"not drone {one.robot}\nat step {one.t}", color=RED,
-            fontsize=SMALL - 1, va="center")  # fmt: skip
+            fontsize=SMALL, va="center")  # fmt: skip
 
 
 def _draw_closed_move(ax: Axes, robot: int, t: int, tail: Cell, head: Cell) -> None:
@@ -114,4 +114,4 @@ def _draw_closed_move(ax: Axes, robot: int, t: int, tail: Cell, head: Cell) -> N
     ax.add_patch(FancyArrowPatch(*ends, arrowstyle="-|>", mutation_scale=9, color=RED, ls="--",
                                  lw=1.5, zorder=7))  # fmt: skip
     ax.text(3.06, -0.15, f"drone {robot} not this way after step {t}", color=RED,
-            fontsize=SMALL - 1, va="center")  # fmt: skip
+            fontsize=SMALL, va="center")  # fmt: skip

@@ -175,7 +175,7 @@ def _draw_bounds(ax: Axes, trace: Trace) -> Axes:
     ax.set_xscale("log")
     _time_axis(ax)
     ax.set_ylabel("J")
-    ax.yaxis.set_major_formatter("{x:,.0f}")
+    ax.yaxis.set_major_formatter("{x:,.8g}")
     ax.legend(fontsize=SMALL, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False)
     return set_frame(ax)
 

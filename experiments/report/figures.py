@@ -18,6 +18,7 @@ from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Polygon, Wedge
 from matplotlib.text import Text
+from matplotlib.transforms import ScaledTranslation
 from PIL import Image
 
 from cocap_opt import drawing
@@ -36,6 +37,7 @@ from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import Verdict, check
 from cocap_opt.text import printable
 
+_BELOW_NAMES = -34  # points, from the axes down to below the name of the axis
 _TITLE = 40  # characters of the name of a scene; longer ones are cut
 VIEW_LENGTH = 0.2  # of the map, length of view cones as they are drawn; cameras see farther
 _SPACES = "\n\u00a0\u2009\u202f"
@@ -101,8 +103,9 @@ def _draw_terrain(ax: Axes, problem: Problem) -> Axes:
     shown = {kind: word for kind, word in words.items() if (view.kinds == kind).any()}
     if 1 in shown:
         handles = [Patch(color=colour, label=label) for colour, label in shown.values()]
-        ax.legend(handles=handles, fontsize=SMALL, loc="upper left", bbox_to_anchor=(0.0, -0.13),
-                  ncols=2, frameon=False)  # fmt: skip
+        down = ScaledTranslation(0, _BELOW_NAMES / 72, ax.figure.dpi_scale_trans)
+        ax.legend(handles=handles, fontsize=SMALL, loc="upper left", bbox_to_anchor=(0.0, 0.0),
+                  bbox_transform=ax.transAxes + down, ncols=2, frameon=False)  # fmt: skip
     return ax
 
 
