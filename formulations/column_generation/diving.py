@@ -19,11 +19,13 @@ NEARLY = 0.75  # fraction of a robot from which on a state is decided
 SHARE = 0.15  # of the undecided states, at least, that are decided in a round
 MOST_ROUNDS = 40
 PRICINGS = 2  # in each round
+RESPONSES = 10  # iterations' worth of best responses, for the plan that it ends with
 TOLERANCE = 1e-3  # amounts nearer than this to an integer count as integral
 
 
 def dive(search: Search, master: Master, solution: Solution) -> Incumbent | None:
     """Returns a plan found by diving from a mixture; None if it ends in conflicts or is stopped."""
+    search.allow_responses(RESPONSES)
     try:
         master, solution = _dived(search, master, solution)
     except LimitReached:

@@ -274,6 +274,7 @@ def test_plans_from_mixtures_obey_the_rules(name: str) -> None:
         solution = root.master.solve()
         for column in search.pricer(solution.duals).columns:
             root.master.add(column)
+    search.allow_responses(10)
     found = [
         search.local_search.from_mixture(solution.mixture, root.master.arcs),
         dive(search, root.master, solution),
