@@ -288,6 +288,30 @@ def test_plans_for_none_of_the_seeds_are_refused(
         assert f"{path}: {why}" in run.err
 
 
+def test_a_file_of_one_scene_has_no_seed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A scene's own file was made of some seed, which it does not know: `verify` names none."""
+    scene, plan = tmp_path / "scene.json", tmp_path / "plan.json"
+    Run(capsys, "export", "tiny-share", "--seed", 2, "-o", scene)
+    Run(capsys, "plan", scene, "-o", plan)
+    assert Run(capsys, "verify", scene, plan, "--json").json["seed"] is None
+    assert "seed" not in Run(capsys, "verify", scene, plan).out
+    assert Run(capsys, "verify", "tiny-share", plan, "--seed", 2, "--json").json["seed"] == 2
+
+
+def test_rows_of_an_explanation_name_their_drones(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A drone's number does not read as how many there are."""
+    plan, bound = tmp_path / "plan.json", tmp_path / "bound.json"
+    Run(capsys, "plan", "corridor-tight", "--planner", "sequential", "-o", plan)
+    Run(capsys, "bound", "corridor-tight", "-o", bound)
+    text = Run(capsys, "verify", "corridor-tight", plan, bound, "--explain").out
+    assert "which drones" in text
+    assert re.search(r"^[^\n]+ \d+ +(drone \d|drones \d, \d|none) +[\d.,]+ ", text, re.MULTILINE)
+
+
 def test_doubts_are_said_and_recipes_printed(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
