@@ -17,7 +17,7 @@ from cocap_opt.scenarios.built_in import bottleneck, bridge, corridor, field, pa
 from cocap_opt.scenarios.formats import conventions, hughes, movingai
 from cocap_opt.scenarios.formats.options import NOTHING, Options
 
-__all__ = ["FORMATS", "NOTHING", "SCENES", "load_scene", "read_foreign_plan",
+__all__ = ["FORMATS", "NOTHING", "SCENES", "has_seed", "load_scene", "read_foreign_plan",
            "scene_of_plan"]  # fmt: skip
 
 SCENES: dict[str, Callable[[int], Problem]] = {
@@ -60,6 +60,7 @@ class _Format(NamedTuple):
     # Options with which a scene has the starts that its own file names; None: it always has.
     own_starts: Mapping[str, str] | None = None
     is_evaluated: bool = False  # its plans may lie between the cells
+    is_seeded: bool = True  # the seed chooses one of several scenes that a file holds
 
     def read(self, path: Path, seed: int, options: Mapping[str, str] = NOTHING) -> Problem:
         """Reads a scene file; `options` are words by name, of those that the format has."""
@@ -94,12 +95,14 @@ FORMATS: dict[str, _Format] = {
         reader="formats.hughes",
         plans=_Files((".json",), (hughes.SOLUTION,)),
         is_evaluated=True,
+        is_seeded=False,
         options=hughes.OPTIONS,
     ),
     "cocap-opt": _Format(
         "*.json, cocap-opt's own scene file (no seed)",
         scenes=_Files((".json",)),
         reader="formats.own",
+        is_seeded=False,
     ),
     "greedy-perspectives": _Format(
         "*.yaml, *.yml, a seq.yaml of Greedy Perspectives (the seed is the start set)",
@@ -165,6 +168,11 @@ def load_scene(name_or_path: str, seed: int = 0, options: Mapping[str, str] = NO
         return kind.read(path, seed, options)
     except ProblemError as error:
         raise FileError(str(error)) from error
+
+
+def has_seed(name_or_path: str) -> bool:
+    """Returns False for a file that holds one scene, whatever the seed."""
+    return name_or_path in SCENES or _find_file(name_or_path)[1].is_seeded
 
 
 def scene_of_plan(name_or_path: str, problem: Problem, plan: Plan) -> Problem:

@@ -3,10 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 from cyclopts import Parameter
 
+from cocap_opt.experiments.cli.given_plans import GivenPlans
 from cocap_opt.experiments.cli.options import (
     FLAG,
     USUAL,
@@ -18,16 +19,13 @@ from cocap_opt.experiments.cli.options import (
     say_narrow_way,
 )
 from cocap_opt.experiments.console.options import Option, UsageError
-from cocap_opt.experiments.results.files import PlanReader
 from cocap_opt.experiments.results.gap_table import print_gap_table
 from cocap_opt.experiments.results.judging import SOLVERS
 from cocap_opt.experiments.results.printing import print_result
 from cocap_opt.experiments.results.rows import Row
-from cocap_opt.experiments.sweeps.cells import BOUND
 from cocap_opt.experiments.sweeps.instances import Instance, Settings
 from cocap_opt.experiments.sweeps.scenes import Problems, Scenes
 from cocap_opt.experiments.sweeps.sweep import Hired, sweep
-from cocap_opt.problem import Plan
 from cocap_opt.result import Reason
 
 
@@ -97,7 +95,8 @@ def _gap(
         Parameter(
             negative="",
             show_default=False,
-            help="may be repeated; a file whose plan gets a row, too",
+            help="may be repeated; a file whose plan gets a row, too, at the scene and seed "
+            "that it was made for",
         ),
     ] = None,
     workforce: _Workforce = _HERE,
@@ -125,12 +124,12 @@ def _gap(
     if retry and out is None:
         raise UsageError("--retry: name the folder with --out; without one nothing is kept")
     hired = workforce.hired(settings)
-    scenes = _scenes(scene, Option("--seeds").numbers(seeds), plan or [])
-    others = _Others.read(plan or [], scenes.problems)
+    scenes = _scenes(scene, Option("--seeds").numbers(seeds))
+    others = GivenPlans.read(plan or [], scenes.problems)
     instances = [
         Instance(
             problem, 0 if others.own_starts else seed, planner,
-            settings, others.plans, others.own_starts,
+            settings, others.of(problem), others.own_starts,
         )
         for (_, seed), problem in others.problems.items()
     ]  # fmt: skip
@@ -163,32 +162,10 @@ def _settings(budget: Budget, bound_limit: float | None, rendered: bool, kept: b
     )  # fmt: skip
 
 
-def _scenes(names: Sequence[str], seeds: Sequence[int], plans: Sequence[Path]) -> Scenes:
+def _scenes(names: Sequence[str], seeds: Sequence[int]) -> Scenes:
     if not names:
         raise UsageError("SCENE: name at least one scene; `cocap-opt scenes` lists them")
-    if plans and len(set(names)) * len(seeds) > 1:
-        raise UsageError("--plan: the plans must be for one scene and one seed")
     return Scenes(names, seeds, load)
-
-
-class _Others(NamedTuple):
-    """Plans of others by name, and the problems, as the variants that these plans are for."""
-
-    plans: dict[str, Plan]
-    problems: Problems
-    own_starts: bool  # they start where the scene's own file says
-
-    @classmethod
-    def read(cls, paths: Sequence[Path], problems: Problems) -> "_Others":
-        if not paths:
-            return cls({}, problems, False)
-        names = PlanReader.titles(paths)
-        for name in names:
-            if name in (*SOLVERS, BOUND):
-                raise UsageError(f"--plan: {name} is what a planner is called; rename the file")
-        ((key, own),) = problems.items()
-        fitting, plans = PlanReader(key[0], own).plans(paths)
-        return cls(dict(zip(names, plans, strict=True)), {key: fitting}, fitting is not own)
 
 
 COMMANDS = {"gap": _gap}

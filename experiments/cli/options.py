@@ -34,7 +34,10 @@ PlanPath = Annotated[
 Results = Annotated[Path, Parameter(help="folder that `gap --out` has filled")]
 Whole = Annotated[int, Parameter(converter=_whole)]
 Seed = Annotated[int, Parameter(converter=_whole, help="seed of the scene, >= 0")]
-Seconds = Annotated[float, Parameter(name="--time-limit", help="seconds for each computation")]
+Seconds = Annotated[
+    float,
+    Parameter(name="--time-limit", help="seconds for each computation, its coverage included"),
+]
 Work = Annotated[
     int | None,
     Parameter(

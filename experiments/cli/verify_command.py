@@ -24,7 +24,7 @@ from cocap_opt.formulations.certificates import CertificateError, CertificateFil
 from cocap_opt.formulations.second_opinion import TooLargeError
 from cocap_opt.model import Model
 from cocap_opt.problem import Plan, Problem
-from cocap_opt.scenarios import FORMATS, scene_of_plan
+from cocap_opt.scenarios import FORMATS, has_seed, scene_of_plan
 from cocap_opt.text import printable
 
 _NO_PLAN = "proved: there is no plan"
@@ -75,7 +75,8 @@ def _verify(
     )
     if verified.verdict is not None and verified.verdict.conflicts:
         say_narrow_way(scene, seed, claims.problem)
-    answer = {"scene": claims.problem.name, "seed": seed, **claims.answer(verified)}
+    own_seed = seed if has_seed(scene) else None
+    answer = {"scene": claims.problem.name, "seed": own_seed, **claims.answer(verified)}
     explained = Explained.of(verified) if explain else None
     if explain and json:
         answer["explanation"] = _data(explained) if explained else None

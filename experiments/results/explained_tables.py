@@ -109,7 +109,7 @@ def _rows(explained: Explained) -> list[str]:
         [
             _row(explained, term),
             str(term.step),
-            ",".join(map(str, term.users or ())) or "nobody",
+            _drones_named(term.users or ()),
             rounded(term.price or 0.0),
             rounded(term.amount),
             _percent(explained, term.amount),
@@ -120,7 +120,14 @@ def _rows(explained: Explained) -> list[str]:
     rest = sum(term.amount for term in more)
     note = f"{counted(len(more), 'more row')}: {_percent(explained, rest)}" if more else ""
     title = "Rules (at most one drone) and decisions with a price, % of the bound"
-    return [_table(title, ["", "step", "drones in it", "price", "amount", "%"], rows, note)]
+    return [_table(title, ["", "step", "which drones", "price", "amount", "%"], rows, note)]
+
+
+def _drones_named(users: Sequence[int]) -> str:
+    """Returns drones by their numbers, in words that do not read as a count."""
+    if not users:
+        return "none"
+    return f"drone{'' if len(users) == 1 else 's'} {', '.join(map(str, users))}"
 
 
 def _row(explained: Explained, term: Term) -> str:

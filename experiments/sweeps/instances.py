@@ -65,7 +65,7 @@ class Instance:
     ----------
     planners : None stands for those of the paper, the recommended one, and joint for one or two
         robots
-    given : plans of others by name, which get rows of their own
+    given : plans of others by name, which get rows of their own, below those of planners
     own_starts : the drones start where the scene's own file says, not where the seed has them
 
     Attributes
@@ -96,10 +96,10 @@ class Instance:
         self.bound: CellFile | None = None
         self.earlier_bound: CellFile | None = None
         self.is_cut = False
+        for name in _default_planners(problem) if planners is None else planners:
+            self.cells[name] = self.cell(name)
         for name, plan in (given or {}).items():
             self.give(name, plan)
-        for name in _default_planners(problem) if planners is None else planners:
-            self.cells.setdefault(name, self.cell(name))
         self.asked = tuple(self.cells)
 
     @property

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import permutations
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ import result_rows
 from cyclopts import App
 from scene_files import SMALL_SEQUENCE
 
+import cocap_opt as co
 from cocap_opt.experiments.cli import commands
 from cocap_opt.experiments.cli.main import main
 from cocap_opt.experiments.cli.solver_commands import AT_THE_ROOT
@@ -30,8 +32,9 @@ from cocap_opt.formulations.column_generation import root
 from cocap_opt.model import compiled
 from cocap_opt.planners import LAZY, PLANNERS
 from cocap_opt.planners.team import Team
-from cocap_opt.problem import NO_RULES
+from cocap_opt.problem import NO_RULES, Problem
 from cocap_opt.scenarios import SCENES
+from cocap_opt.scenarios.built_in.field import field
 
 KEYS = {
     "scene", "seed", "planner", "method", "reward", "bound", "gap", "reason", "limit", "seconds",
@@ -226,14 +229,87 @@ def test_plans_of_others_get_rows_in_the_gap_table(
     path = tmp_path / "mine.json"
     Run(capsys, "plan", "tiny-queue", "--planner", "sequential", "-o", path)
     run = Run(capsys, "gap", "tiny-queue", "--plan", path, "--planner", "cocap", "--json")
-    mine, cocap = run.json["rows"]
+    cocap, mine = run.json["rows"]
     assert (mine["planner"], mine["seconds"]) == ("mine.json", None)
     assert mine["bound"] == cocap["bound"] >= mine["reward"]
     assert mine["gap"] >= 0
-    two = Run(capsys, "gap", "tiny-queue", "--plan", path, "--seeds", "0-1")
-    assert (two.code, "--plan: the plans must be for one scene" in two.err) == (2, True)
     other = Run(capsys, "gap", "corridor", "--plan", path)
     assert other.code == 2
+
+
+def small(seed: int) -> Problem:
+    """Two drones and a person, elsewhere for each seed."""
+    return field(seed, robots=2, actors=1, cells=15, steps=2).replace(name="small")
+
+
+@pytest.fixture
+def mine(tmp_path: Path) -> list[Path]:
+    """Plans of a planner of somebody's own for seeds 0 and 1 of a scene."""
+    paths = [tmp_path / f"mine-{seed}.json" for seed in (0, 1)]
+    for seed, path in enumerate(paths):
+        problem = small(seed)
+        found = co.plan(problem, "greedy")
+        co.save(path, replace(found, method="mine"), problem)
+    return paths
+
+
+def test_plans_for_several_seeds_are_rows_of_one_planner(
+    mine: list[Path], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each plan is at the seed whose digest it has, below our planners, by its planner's name."""
+    monkeypatch.setitem(SCENES, "small", small)
+    words = ("gap", "small", "--seeds", "0-1", "--planner", "greedy", "--time-limit", 10, "--json")
+    rows = Run(capsys, *words, "--plan", mine[1], "--plan", mine[0]).json["rows"]
+    assert [(row["seed"], row["planner"]) for row in rows] == [
+        (seed, name) for seed in (0, 1) for name in ("greedy", "mine")
+    ]
+    assert all(own["reward"] == ours["reward"] for ours, own in zip(*2 * [iter(rows)], strict=True))
+    rows = Run(capsys, *words, "--plan", mine[1]).json["rows"]
+    assert [row["planner"] for row in rows] == ["greedy", "greedy", "mine-1.json"]
+
+
+def test_plans_for_none_of_the_seeds_are_refused(
+    mine: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    """So are certificates, and plans of formats that do not say their seed: a line has the file."""
+    monkeypatch.setitem(SCENES, "small", small)
+    foreign, bound = tmp_path / "paths.csv", tmp_path / "bound.json"
+    states = (f"{robot},{step},1,0,0\n" for robot in (0, 1) for step in (0, 1, 2))
+    foreign.write_text("robot,t,x_cell,y_cell,heading_idx\n" + "".join(states))
+    Run(capsys, "bound", "small", "--method", "alone", "-o", bound)
+    for path, why in (
+        (mine[0], "digest: the plan was made for small of another seed"),
+        (bound, "must be a plan, not a certificate"),
+        (foreign, "does not say which seed it is for"),
+    ):
+        run = Run(capsys, "gap", "small", "--seeds", "1-2", "--plan", mine[1], "--plan", path)
+        assert (run.code, run.out, len(run.err.splitlines())) == (2, "", 1)
+        assert f"{path}: {why}" in run.err
+
+
+def test_a_file_of_one_scene_has_no_seed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A scene's own file was made of some seed, which it does not know: `verify` names none."""
+    scene, plan = tmp_path / "scene.json", tmp_path / "plan.json"
+    Run(capsys, "export", "tiny-share", "--seed", 2, "-o", scene)
+    Run(capsys, "plan", scene, "-o", plan)
+    assert Run(capsys, "verify", scene, plan, "--json").json["seed"] is None
+    assert "seed" not in Run(capsys, "verify", scene, plan).out
+    assert Run(capsys, "verify", "tiny-share", plan, "--seed", 2, "--json").json["seed"] == 2
+
+
+def test_rows_of_an_explanation_name_their_drones(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A drone's number does not read as how many there are."""
+    plan, bound = tmp_path / "plan.json", tmp_path / "bound.json"
+    Run(capsys, "plan", "corridor-tight", "--planner", "sequential", "-o", plan)
+    Run(capsys, "bound", "corridor-tight", "-o", bound)
+    text = Run(capsys, "verify", "corridor-tight", plan, bound, "--explain").out
+    assert "which drones" in text
+    assert re.search(r"^[^\n]+ \d+ +(drone \d|drones \d, \d|none) +[\d.,]+ ", text, re.MULTILINE)
 
 
 def test_doubts_are_said_and_recipes_printed(

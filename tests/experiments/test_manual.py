@@ -35,7 +35,9 @@ def test_options_have_their_defaults_on_the_pages() -> None:
     """A default of 0 is one, too; what groups options in the code is none of them."""
     text = commands_in_markdown()
     assert "| `--seed` | seed of the scene, >= 0 | `0` |" in text
-    assert "| `--time-limit` | seconds for each computation | `60.0` |" in text
+    assert (
+        "| `--time-limit` | seconds for each computation, its coverage included | `60.0` |" in text
+    )
     assert "`*`" not in text and "Budget" not in text
 
 

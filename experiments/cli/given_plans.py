@@ -1,0 +1,114 @@
+"""Plans from files that get rows in the gap table: which instance each is for, and its name."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple, Self
+
+from cocap_opt.experiments.console.options import UsageError
+from cocap_opt.experiments.results.files import PlanReader
+from cocap_opt.experiments.results.judging import SOLVERS
+from cocap_opt.experiments.sweeps.cells import BOUND
+from cocap_opt.experiments.sweeps.scenes import Problems
+from cocap_opt.files.documents import FileError, PlanFile, problem_digest
+from cocap_opt.problem import Plan, Problem
+from cocap_opt.text import printable, shortened
+
+_TAKEN = (*SOLVERS, BOUND)  # names that mean something else in the table
+
+
+class _Given(NamedTuple):
+    """The plan of a file, and the digest of the problem that it is for."""
+
+    plan: Plan
+    digest: str
+    planner: str  # as the file names it; empty if it does not
+
+
+class GivenPlans(NamedTuple):
+    """The plans of files, by the digest of their problem and by name.
+
+    Attributes
+    ----------
+    problems : the problems of the command; a variant where the plans are for that
+    own_starts : the drones start where the scene's own file says
+    """
+
+    plans: dict[str, dict[str, Plan]]
+    problems: Problems
+    own_starts: bool
+
+    @classmethod
+    def read(cls, paths: Sequence[Path], problems: Problems) -> Self:
+        """Reads plans, each for one of the problems.
+
+        Plans for several problems whose files name one planner have that name; others have their
+        files' names.
+
+        Raises
+        ------
+        FileError, UsageError
+            If a plan is for none of the problems, or a file is called as a planner is.
+        """
+        titles = PlanReader.titles(paths)
+        for title in titles:
+            if title in _TAKEN:
+                raise UsageError(f"--plan: {title} is what a planner is called; rename the file")
+        given, fitting = (_of_one if len(problems) == 1 else _of_several)(paths, problems)
+        plans: dict[str, dict[str, Plan]] = {}
+        for name, one in zip(_names(titles, given), given, strict=True):
+            plans.setdefault(one.digest, {})[name] = one.plan
+        is_variant = any(fitting[key] is not problem for key, problem in problems.items())
+        return cls(plans, fitting, is_variant)
+
+    def of(self, problem: Problem) -> dict[str, Plan]:
+        """Returns the plans for a problem, by name."""
+        return self.plans.get(problem_digest(problem), {}) if self.plans else {}
+
+
+def _of_one(paths: Sequence[Path], problems: Problems) -> tuple[list[_Given], Problems]:
+    """Reads plans for one problem, which may be foreign ones for a variant of it."""
+    ((key, own),) = problems.items()
+    problem, plans = PlanReader(key[0], own).plans(paths)
+    digest = problem_digest(problem)
+    return [_Given(plan, digest, "") for plan in plans], {key: problem}
+
+
+def _of_several(paths: Sequence[Path], problems: Problems) -> tuple[list[_Given], Problems]:
+    """Reads plan files, each for that of several problems whose digest it has."""
+    readers = {
+        problem_digest(problem): PlanReader(scene, problem)
+        for (scene, _), problem in problems.items()
+    }
+    return [_matched(path, readers) for path in paths], problems
+
+
+def _matched(path: Path, readers: Mapping[str, PlanReader]) -> _Given:
+    """Reads the plan file of one of the problems, whose readers are by digest."""
+    content = next(iter(readers.values())).claim(path)
+    if isinstance(content, Plan):
+        raise FileError(f"{path}: does not say which seed it is for; name one scene and one seed")
+    if not isinstance(content, PlanFile):
+        raise FileError(f"{path}: must be a plan, not a certificate")
+    if content.digest not in readers:
+        raise FileError(
+            f"{path}: digest: the plan was made for {shortened(printable(content.scene))} of "
+            "another seed, content, rules or objective than those of this command"
+        )
+    _, plan = readers[content.digest].plan(path)
+    return _Given(plan, content.digest, printable(content.planner))
+
+
+def _names(titles: Sequence[str], given: Sequence[_Given]) -> list[str]:
+    """Returns planners' names where files for several problems share one, else files' names."""
+    digests: dict[str, list[str]] = {}
+    for one in given:
+        digests.setdefault(one.planner, []).append(one.digest)
+    shared = {
+        planner
+        for planner, own in digests.items()
+        if planner and planner not in _TAKEN and len(own) == len(set(own)) > 1
+    }
+    return [
+        one.planner if one.planner in shared else title
+        for one, title in zip(given, titles, strict=True)
+    ]
