@@ -107,7 +107,7 @@ class EnvelopeCut(_Part, frozen=True):
     Attributes
     ----------
     t : step
-    face : number of the face, 0 to F-1, actors in order, of each front, left, back, right, top
+    face : number of the face, 0 to F-1, in the order of alpha
     curves : phi of classes, in increasing order; the others have phi(s) = s
     share : theta, 0..1: the share of the root that this cut bounds; the cuts of a view sum leave
         1 less all their shares to alpha and beta
@@ -153,7 +153,8 @@ class Multipliers(_Part, frozen=True, tag="multipliers", omit_defaults=True):
     ----------
     type : `multipliers`
     alpha : [T+1][F] >= 0, payment for the root of a robot's pixels; a row per step from 0 to T, in
-        it a number per face: actors in order, of each front, left, back, right, top. One row [1][F]
+        it a number per face: actors in order, the faces of each in order (of a box front, left,
+        back, right, top). One row [1][F]
         where pixels add up over time
     beta : of the same shape, >= 0, payment for pixels, m/px^0.5; > 0 where alpha is less than what
         cuts leave of the root (1 without cuts), at faces that count and can be seen
