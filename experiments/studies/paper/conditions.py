@@ -357,14 +357,12 @@ def _gain(trials: Sequence[Trial], planner: str) -> str:
 
 def _of_its_neighbours(trials: Sequence[Trial], fresh: Sequence[Trial]) -> list[str]:
     """Returns for each parameter what becomes of the gain where it alone is another."""
-    best, said = (
-        fresh[0].corridor,
-        [
-            "The gains that follow are of other seeds: those by which this corridor was chosen among "
-            "many. They favour it by chance (selection bias), so they say which way a parameter "
-            "works; how much CoCap gains is what the fresh seeds say."
-        ],
-    )
+    best = fresh[0].corridor
+    said = [
+        "The gains that follow are of other seeds: those by which this corridor was chosen among "
+        "many. They favour it by chance (selection bias), so they say which way a parameter "
+        "works; how much CoCap gains is what the fresh seeds say."
+    ]
     for name, levels in _LEVELS.items():
         parts = []
         for level in levels:
