@@ -21,7 +21,8 @@ def explain(
 
     Each drone loses something by leaving a step as it does, the bound pays for faces beyond what
     the drones get, and charges for rules that nobody uses. No amount is below 0, but for that of a
-    rule which the plan breaks. `cocap-opt verify --explain` tells it in words.
+    rule which the plan breaks, and that of `stages`: what the stages of a staged certificate take
+    off the bound of its multipliers. `cocap-opt verify --explain` tells it in words.
 
     Parameters
     ----------
@@ -33,7 +34,7 @@ def explain(
     Returns
     -------
     DataFrame
-        A row per term: `kind` (path, face, row, decision, leaves, claim, rounding), `step`,
+        A row per term: `kind` (path, face, row, decision, leaves, stages, claim, rounding), `step`,
         `robot`, `actor`, `face` (of the actor), `amount` in units of J, `share` of the bound, and
         of rows and decisions `resource`, `sense` and `robots` (at most, or at least, so many may
         use it), `used` and `price`. `attrs` has `bound`, `reward`, and their `difference`.

@@ -41,10 +41,16 @@ class _Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Row(_Part, frozen=True):
-    """A row "at most one robot uses this resource", by the scene's collision rules."""
+    """A row "at most one robot uses this resource", by the scene's collision rules.
+
+    Attributes
+    ----------
+    resource : what at most one robot may use, by the scene's collision rules
+    multiplier : mu >= 0: is added to the bound, and charged to each user; in units of J
+    """
 
     resource: Resource
-    multiplier: float  # mu >= 0
+    multiplier: float
 
 
 class Decision(_Part, frozen=True):
@@ -66,11 +72,19 @@ class Decision(_Part, frozen=True):
 
 
 class ClassCurve(_Part, frozen=True):
-    """The function phi of one class: linear between breakpoints, of slope 1 after the last."""
+    """The function phi of one class: linear between breakpoints, of slope 1 after the last.
+
+    Attributes
+    ----------
+    robot_class : number of the class, from 0
+    roots : [K] breakpoints > 0, increasing, px^0.5/m; phi(0) = 0, and phi is straight from
+        0 to the first and from each to the next
+    values : [K] phi at them, >= 0
+    """
 
     class_number: int = msgspec.field(name="robot_class")
-    roots: tuple[float, ...]  # [K] breakpoints > 0, increasing, px^0.5/m
-    values: tuple[float, ...]  # [K] phi at them, >= 0
+    roots: tuple[float, ...]
+    values: tuple[float, ...]
 
     def check(self, field: str) -> None:
         """Raises CertificateError, which names the field, if the curve is no function."""
@@ -88,12 +102,21 @@ class ClassCurve(_Part, frozen=True):
 
 
 class EnvelopeCut(_Part, frozen=True):
-    """Functions phi that bound the root of view sum (t, face); the constant is recomputed."""
+    """Functions phi that bound the root of view sum (t, face); the constant is recomputed.
+
+    Attributes
+    ----------
+    t : step
+    face : number of the face, 0 to F-1, in the order of alpha
+    curves : phi of classes, in increasing order; the others have phi(s) = s
+    share : theta, 0..1: the share of the root that this cut bounds; the cuts of a view sum leave
+        1 less all their shares to alpha and beta
+    """
 
     t: int
     face: int
-    curves: tuple[ClassCurve, ...]  # of classes in increasing order; the others have phi(s) = s
-    share: float  # theta, the share of the root that this cut bounds, 0..1
+    curves: tuple[ClassCurve, ...]
+    share: float
 
     def check(self, model: Model, field: str) -> None:
         """Raises CertificateError if it has no view sum or class, or its constant takes too long.
@@ -124,13 +147,29 @@ class EnvelopeCut(_Part, frozen=True):
 
 
 class Multipliers(_Part, frozen=True, tag="multipliers", omit_defaults=True):
-    """Multipliers of view sums, conflict rows, envelope cuts and decisions."""
+    """Multipliers of view sums, conflict rows, envelope cuts and decisions.
+
+    Attributes
+    ----------
+    type : `multipliers`
+    alpha : [T+1][F] >= 0, payment for the root of a robot's pixels; a row per step from 0 to T, in
+        it a number per face: actors in order, the faces of each in order (of a box front, left,
+        back, right, top). One row [1][F]
+        where pixels add up over time
+    beta : of the same shape, >= 0, payment for pixels, m/px^0.5; > 0 where alpha is less than what
+        cuts leave of the root (1 without cuts), at faces that count and can be seen
+    rows : rules of the scene that have a price
+    cuts : envelope cuts; none where pixels add up over time
+    decisions : nu >= 0, one per decision on the way from the root of a proof down to the leaf; "at
+        most n" adds nu n to the bound and charges each user nu, "at least n" takes nu n off and
+        pays each user nu; of "at most 0" it is not used
+    """
 
     alpha: Table
-    beta: Table  # m/px^0.5
+    beta: Table
     rows: tuple[Row, ...] = ()
     cuts: tuple[EnvelopeCut, ...] = ()
-    decisions: tuple[float, ...] = ()  # nu >= 0, one per decision on the way to the leaf
+    decisions: tuple[float, ...] = ()
 
     def usable_cuts(self, model: Model) -> list[tuple[Cut, float]]:
         """Returns the cuts with the constants that make them valid, and their shares.
@@ -150,25 +189,45 @@ class Multipliers(_Part, frozen=True, tag="multipliers", omit_defaults=True):
 
 
 class ReferencePixels(_Part, frozen=True, tag="reference"):
-    """Pixels at which marginal gains are taken; those of a plan give the online bound."""
+    """Pixels at which marginal gains are taken; those of a plan give the online bound.
 
-    pixels: Table  # px/m2
+    Attributes
+    ----------
+    type : `reference`
+    pixels : [T+1][F] px/m2, steps and faces as those of alpha
+    """
+
+    pixels: Table
 
 
 class StepPayments(_Part, frozen=True, omit_defaults=True):
-    """Payments to robots of a class for being in some states at a step, whatever they see."""
+    """Payments to robots of a class for being in some states at a step, whatever they see.
+
+    Attributes
+    ----------
+    t : step
+    robot_class : number of the class, from 0
+    states : states that are paid anew
+    payments : one for each state, in units of J, instead of what it was paid before; may be < 0
+    others : what all other states of the class are paid more than before
+    """
 
     t: int
     class_number: int = msgspec.field(name="robot_class")
     states: tuple[State, ...]
-    payments: tuple[float, ...]  # one for each state, in units of J
-    others: float = 0.0  # what all other states of the class are paid more than before
+    payments: tuple[float, ...]
+    others: float = 0.0
 
 
 class StepConstant(_Part, frozen=True):
     """A claim: no joint state that is left at a step is worth more than its payments and this.
 
     It takes the place of the sum of the constants of the step's faces, and is checked by search.
+
+    Attributes
+    ----------
+    t : step
+    constant : K, in units of J
     """
 
     t: int
@@ -176,9 +235,15 @@ class StepConstant(_Part, frozen=True):
 
 
 class Stage(_Part, frozen=True, omit_defaults=True):
-    """A stage of a staged certificate; at its end states are closed once more."""
+    """A stage of a staged certificate; at its end states are closed once more.
 
-    payments: tuple[StepPayments, ...] = ()  # instead of those by multipliers, from now on
+    Attributes
+    ----------
+    payments : payments for states, instead of earlier ones, from now on
+    constants : constants of steps; a step with new payments needs one
+    """
+
+    payments: tuple[StepPayments, ...] = ()
     constants: tuple[StepConstant, ...] = ()
 
 
@@ -186,12 +251,20 @@ class Staged(_Part, frozen=True, tag="staged", omit_defaults=True):
     """Multipliers, and the stages in which the states of better plans are narrowed down.
 
     It proves that no plan's J is above the target, or the bound of the plans that are left.
+
+    Attributes
+    ----------
+    type : `staged`
+    multipliers : with which the narrowing begins
+    target : J; plans that are not above it need not be bounded
+    stages : in the order in which they are gone through
+    joint_paths : True: at the end, all sequences of joint states that are left are tried
     """
 
     multipliers: Multipliers
-    target: float  # J: plans that are not above it need not be bounded
+    target: float
     stages: tuple[Stage, ...]
-    joint_paths: bool = False  # at the end, all sequences of joint states that are left are tried
+    joint_paths: bool = False
 
 
 Certificate = Multipliers | ReferencePixels
@@ -213,39 +286,78 @@ class _Claim(Document, frozen=True, kw_only=True):
 
 
 class CertificateFile(_Claim, frozen=True, kw_only=True):
-    """A certificate with the bound it claims and the digest of its scene."""
+    """A certificate with the bound it claims and the digest of its scene.
+
+    Attributes
+    ----------
+    format, version : kind and version of the file
+    scene : name of the scene
+    digest : of the problem; it depends on every number of the scene
+    method : name of the method that found the numbers; nothing depends on it
+    classes : what numbers of classes count. `alike`: classes of robots that differ only in their
+        start, numbered by their first robot; `single`: robots
+    bound : J that no plan exceeds, as claimed; null: there is no plan
+    coverage : `optimistic` where the bound was computed with coverage that a limit had cut short:
+        at the steps left open nothing hid anybody. The claim is checked on the true coverage
+    certificate : the numbers that prove the bound
+    """
 
     older = SAMPLED
     format: Literal["cocap-opt certificate"] = "cocap-opt certificate"
     version: Literal[4] = 4
-    # The coverage that the bound was computed with, where it was not the true one: at the steps
-    # that a limit left open, nothing hid anybody. The claim is checked on the true one.
     coverage: Literal["optimistic"] | UnsetType = UNSET
     certificate: Certificate | Staged
 
 
 class Branch(_Part, frozen=True, tag="branch"):
-    """A node of a proof: at most `robots` robots use the resource, or at least one more."""
+    """A node of a proof: at most `robots` robots use the resource, or at least one more.
+
+    Attributes
+    ----------
+    type : `branch`
+    resource : what is used
+    robots : n, 0..R
+    at_most : number of the node in which at most n robots use the resource
+    at_least : number of the node in which at least n + 1 do
+    """
 
     resource: Resource
     robots: int
-    at_most: int  # number of the node in which at most `robots` use it
-    at_least: int  # number of the node in which more do
+    at_most: int
+    at_least: int
 
 
 class Leaf(_Part, frozen=True, tag="leaf"):
-    """Multipliers that bound the plans of a leaf."""
+    """Multipliers that bound the plans of a leaf.
+
+    Attributes
+    ----------
+    type : `leaf`
+    certificate : with one of `decisions` for each branch on the way from the root
+    """
 
     certificate: Multipliers
 
 
 class ProofFile(_Claim, frozen=True, kw_only=True):
-    """A proof with the bound it claims and the digest of its scene."""
+    """A proof with the bound it claims and the digest of its scene.
+
+    Attributes
+    ----------
+    format, version : kind and version of the file
+    scene : name of the scene
+    digest : of the problem; it depends on every number of the scene
+    method : name of the method that found the numbers; nothing depends on it
+    classes : what numbers of classes count. `alike`: classes of robots that differ only in their
+        start, numbered by their first robot; `single`: robots
+    bound : J that no plan exceeds, as claimed; null: there is no plan
+    nodes : the first is the root; children come after their parent, and each has one
+    """
 
     older = SAMPLED
     format: Literal["cocap-opt proof"] = "cocap-opt proof"
     version: Literal[3] = 3
-    nodes: tuple[Branch | Leaf, ...]  # the first is the root; children come after their parent
+    nodes: tuple[Branch | Leaf, ...]
 
     def leaves(self) -> Iterator[tuple[int, Leaf, tuple[Decision, ...]]]:
         """Yields number and content of each leaf, and the decisions on the way to it.

@@ -69,10 +69,18 @@ class _Resource(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_de
 
 
 class Cells(_Resource, frozen=True, tag="cells"):
-    """The resource that a robot uses by being in one of these cells at step t."""
+    """The resource that a robot uses by being in one of these cells at step t.
+
+    Attributes
+    ----------
+    type : `cells`
+    t : step
+    cells : any of these is used
+    robot_class : number of the class of robots, from 0; null: all robots
+    """
 
     cells: tuple[Cell, ...]
-    class_number: int | None = msgspec.field(default=None, name="robot_class")  # None: all robots
+    class_number: int | None = msgspec.field(default=None, name="robot_class")
 
     def used_by(self, model: Model, path: PathCells) -> bool:
         """Returns True if a path uses the resource."""
@@ -103,7 +111,14 @@ class Cells(_Resource, frozen=True, tag="cells"):
 
 
 class Swap(_Resource, frozen=True, tag="swap"):
-    """The resource that a robot uses by moving between these two cells, either way, from t on."""
+    """The resource that a robot uses by moving between these two cells, either way, from t on.
+
+    Attributes
+    ----------
+    type : `swap`
+    t : step at which the move begins
+    cells : its two ends
+    """
 
     cells: tuple[Cell, Cell]
 
@@ -134,6 +149,12 @@ class Moves(_Resource, frozen=True, tag="moves"):
     """The resource that a robot uses by one of these moves, from step t to t + 1.
 
     A move goes from the first to the second of two cells; where they are one, it stays there.
+
+    Attributes
+    ----------
+    type : `moves`
+    t : step at which the moves begin
+    moves : from the first to the second of two cells each
     """
 
     moves: tuple[tuple[Cell, Cell], ...]
@@ -167,7 +188,15 @@ class Moves(_Resource, frozen=True, tag="moves"):
 
 
 class Visit(_Resource, frozen=True, tag="visit"):
-    """The resource that a robot of one class uses by being in this state at step t."""
+    """The resource that a robot of one class uses by being in this state at step t.
+
+    Attributes
+    ----------
+    type : `visit`
+    t : step
+    state : the state
+    robot_class : number of the class of robots, from 0
+    """
 
     state: State
     class_number: int = msgspec.field(name="robot_class")
@@ -204,6 +233,13 @@ class Move(_Resource, frozen=True, tag="move"):
     """The resource that a robot of one class uses by moving from the first to the second cell.
 
     The move begins at step t and ends at t + 1.
+
+    Attributes
+    ----------
+    type : `move`
+    t : step at which the move begins
+    cells : from the first to the second
+    robot_class : number of the class of robots, from 0
     """
 
     cells: tuple[Cell, Cell]

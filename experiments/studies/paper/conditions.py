@@ -357,7 +357,12 @@ def _gain(trials: Sequence[Trial], planner: str) -> str:
 
 def _of_its_neighbours(trials: Sequence[Trial], fresh: Sequence[Trial]) -> list[str]:
     """Returns for each parameter what becomes of the gain where it alone is another."""
-    best, said = fresh[0].corridor, []
+    best = fresh[0].corridor
+    said = [
+        "The gains that follow are of other seeds: those by which this corridor was chosen among "
+        "many. They favour it by chance (selection bias), so they say which way a parameter "
+        "works; how much CoCap gains is what the fresh seeds say."
+    ]
     for name, levels in _LEVELS.items():
         parts = []
         for level in levels:
@@ -366,5 +371,6 @@ def _of_its_neighbours(trials: Sequence[Trial], fresh: Sequence[Trial]) -> list[
             if own:
                 late = f", stopped on {_stopped(own)} of {len(own)}" if _stopped(own) else ""
                 parts.append(f"{_mean_gain(own):.1f} % at {level}{late}")
-        said.append(f"{name}: {'; '.join(parts)}.")
-    return [f"Its gain where one parameter alone is another, by {words}" for words in said]
+        words = f"{name}: {'; '.join(parts)}."
+        said.append(f"Its gain where one parameter alone is another, by {words}")
+    return said
