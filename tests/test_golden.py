@@ -10,7 +10,7 @@ def test_what_is_stored_has_every_method() -> None:
     assert {"cocap", "sequential", "column-generation", "branch-and-price-free"} <= {
         r["method"] for r in records
     }
-    assert len({(r["scene"], r["seed"]) for r in records}) == 25
+    assert len({(r["scene"], r["seed"]) for r in records}) == 23
 
 
 @pytest.mark.parametrize(
