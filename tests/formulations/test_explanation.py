@@ -169,7 +169,7 @@ def test_only_rules_at_the_choke_point_are_priced_there() -> None:
     (told,) = (
         words for words in explained_sentences(Explained(model, plan, found)) if "must" in words
     )
-    assert "2 drones must pass through cell (1, 1)" in told
+    assert "Both drones must pass through cell (1, 1)" in told
     assert re.search(r"; rules there carry prices of .* % of the bound \(7\.00\)\.$", told)
 
 
