@@ -126,17 +126,6 @@ class Model:
         place = robot_class.graph.place(layers.index(height), cell.x, cell.y)
         return place if robot_class.graph.free[place] else None
 
-    def places_too_close(self, robot_class: RobotClass, cell: Cell) -> IntArray:
-        """Returns the places [n] of a class that conflict with a robot in `cell` at one step."""
-        return self._places_too_close(self.classes.index(robot_class), cell)
-
-    def moves_too_close(self, robot_class: RobotClass, move: tuple[Cell, Cell]) -> IntArray:
-        """Returns the moves [n, 2] of a class, tails and heads, that conflict with a robot's move.
-
-        They do so between two steps, at neither of which there is a conflict.
-        """
-        return self._moves_too_close(self.classes.index(robot_class), move)
-
     def cells_along(self, robot: int, path: Path) -> tuple[Cell, ...]:
         """Returns the cells of a robot's path of state numbers, step by step."""
         return self._cells_along(robot, path)
@@ -186,6 +175,8 @@ class Model:
 
     @cached_property
     def _places_too_close(self) -> Callable[[int, Cell], IntArray]:
+        """Finds the places [n] of a class that conflict with a robot in a cell at one step."""
+
         @lru_cache(_KEPT)
         def near(number: int, cell: Cell) -> IntArray:
             rules, graph = self.problem.rules, self.classes[number].graph
@@ -197,6 +188,11 @@ class Model:
 
     @cached_property
     def _moves_too_close(self) -> Callable[[int, tuple[Cell, Cell]], IntArray]:
+        """Finds the moves [n, 2] of a class, tails and heads, that conflict with a robot's move.
+
+        They do so between two steps, at neither of which there is a conflict.
+        """
+
         @lru_cache(_KEPT)
         def near(number: int, move: tuple[Cell, Cell]) -> IntArray:
             rules, graph = self.problem.rules, self.classes[number].graph
