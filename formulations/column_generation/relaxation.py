@@ -103,6 +103,7 @@ class Relaxation:
         self.is_stuck = False
         while (open_ := self.best.bound - cutoff()) > 0:
             search.stop.begin_work()
+            search.allow_responses()
             wanted = max(ACCURACY * abs(self.best.bound), rough * open_)
             iteration = self._iterate(wanted)
             solution = iteration.solution
@@ -138,7 +139,6 @@ class Relaxation:
     def _iterate(self, wanted: float) -> _Iteration:
         """Solves the master, prices its multipliers and some between them and the best so far."""
         search, best = self.search, self.best
-        search.allow_responses()
         self.iterations += 1
         accuracy = min(max(wanted / 10 / search.scale, BEST_ACCURACY), WORST_ACCURACY)
         solution = self.solution = self.master.solve(search.stop, accuracy)
