@@ -144,14 +144,20 @@ def test_a_smooth_flight_beside_people_may_be_refused(monkeypatch: pytest.Monkey
         co.trajectory(problem, plan, smooth=True)
 
 
+def saved(folder: Path, problem: co.Problem, plan: co.Plan) -> tuple[Path, Path, Path]:
+    """Files of a scene and its plan, and the name of one that is to be flown."""
+    scene, file, out = (folder / name for name in ("scene.json", "plan.json", "f.csv"))
+    co.save(scene, problem)
+    co.save(file, plan, problem)
+    return scene, file, out
+
+
 def test_a_margin_makes_room_for_a_smooth_flight(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A plan that keeps more from people is flown as the message says, and keeps the rest."""
     problem, plan = beside_somebody()
-    scene, file, out = (tmp_path / name for name in ("scene.json", "plan.json", "f.csv"))
-    co.save(scene, problem)
-    co.save(file, plan, problem)
+    scene, file, out = saved(tmp_path, problem, plan)
     run = Run(capsys, "fly", scene, file, "--smooth", "-o", out)
     assert run.code == 2 and not out.exists()
     (margin,) = re.findall(r"--margin (\S+);", run.err)
@@ -184,9 +190,7 @@ def test_a_margin_of_the_face_is_that_of_the_command(
 ) -> None:
     """Functions fly what commands fly with the same margin, and refuse what they refuse."""
     problem, plan = beside_somebody()
-    scene, file, out = (tmp_path / name for name in ("scene.json", "plan.json", "f.csv"))
-    co.save(scene, problem)
-    co.save(file, plan, problem)
+    scene, file, out = saved(tmp_path, problem, plan)
     words = (scene, file, "--smooth", "--margin", 0.04, "--json")
     flown = co.trajectory(problem, plan, smooth=True, margin=0.04)
     told = Run(capsys, "fly", *words, "-o", out).json
