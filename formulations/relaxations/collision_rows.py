@@ -1,29 +1,16 @@
 """Collision rules as rows of a flow: cliques of cells or moves, of which one robot uses one."""
 
-import math
 from dataclasses import dataclass
-from functools import cached_property
-from itertools import product
-from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
-from scipy.spatial import cKDTree
 
-from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.data import FloatArray
 from cocap_opt.formulations.certificates import Cells, Moves, Resource, Swap
+from cocap_opt.formulations.relaxations.cell_cliques import cliques_of_cells
 from cocap_opt.formulations.relaxations.flow import Flow
-from cocap_opt.formulations.relaxations.move_cliques import CliquesOfMoves
-from cocap_opt.model import Model
-from cocap_opt.problem import Cell, Problem
-from cocap_opt.result import UnsupportedError
-
-MOST_ENTRIES = 500_000  # of the separation rows
-MOST_PASSING = 1_500  # of one step, between which the separation is held by rows
-TOO_LARGE = (
-    "a flow model takes at most {} entries of separation rows, here there are more; "
-    "column-generation adds the few that matter"
-)
+from cocap_opt.formulations.relaxations.move_rows import MoveRows, passing_moves, swaps
+from cocap_opt.formulations.relaxations.slots import Slots, incidence
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +18,7 @@ class ConflictRows:
     """Rows "at most one robot"; those that only one robot can reach are left out."""
 
     flow: Flow
-    slots: "_Slots"
+    slots: Slots
     occupied: sparse.csr_array  # [K, N] 1 where a node lies in a slot
     cliques: sparse.csr_array  # [rows, K] slots of which at most one robot is in any
     moves: tuple[Swap | Moves, ...]  # [W] of which at most one robot makes any
@@ -50,20 +37,20 @@ class ConflictRows:
         later = np.flatnonzero(flow.steps > 0)
         if problem.rules.none or len(problem.robots) < 2:
             later = later[:0]
-        slots = _Slots.of(flow, later)
+        slots = Slots.of(flow, later)
         at = np.searchsorted(slots.numbers, slots.number_of(flow, later))
-        reach = _reach(flow, slots)
-        cliques = sparse.csr_array(_cliques(problem, slots))
+        reach = slots.reach(flow)
+        cliques = sparse.csr_array(cliques_of_cells(problem, slots))
         shared = np.asarray((cliques @ reach > 0).sum(axis=1)).ravel() > 1
-        moves = _MoveRows((), sparse.csr_array((0, flow.n_edges)))
+        moves = MoveRows((), sparse.csr_array((0, flow.n_edges)))
         if problem.rules.separation and len(slots):
-            moves = _passing(flow)
+            moves = passing_moves(flow)
         elif problem.rules.swap and len(slots):
-            moves = _swaps(flow, slots, reach)
+            moves = swaps(flow, slots, reach)
         return cls(
             flow=flow,
             slots=slots,
-            occupied=_incidence(at, later, (len(slots), flow.n_nodes)),
+            occupied=incidence(at, later, (len(slots), flow.n_nodes)),
             cliques=cliques[shared],
             moves=moves.resources,
             crossing=moves.crossing,
@@ -86,310 +73,3 @@ class ConflictRows:
         """Returns the rows with multipliers that are large enough to matter."""
         large = np.flatnonzero(values > least).tolist()
         return tuple((self.resource(row), float(values[row])) for row in large)
-
-
-@dataclass(frozen=True, eq=False)
-class _Slots:
-    """Cells at steps that robots can be in, each numbered t (number of cells) + cell."""
-
-    numbers: IntArray  # [K] increasing
-    sizes: tuple[int, int, int]  # layers, width and depth of the map
-
-    @classmethod
-    def of(cls, flow: Flow, nodes: IntArray) -> "_Slots":
-        """Returns the slots of some nodes."""
-        problem = flow.model.problem
-        sizes = (len(problem.layers), *problem.height_map.shape)
-        none = cls(np.zeros(0, dtype=np.int64), sizes)
-        return cls(np.unique(none.number_of(flow, nodes)), sizes)
-
-    def __len__(self) -> int:
-        return len(self.numbers)
-
-    @property
-    def n_cells(self) -> int:
-        """Number of cells of the map, in all layers."""
-        layers, width, depth = self.sizes
-        return layers * width * depth
-
-    @cached_property
-    def t(self) -> IntArray:
-        """Step of each slot [K]."""
-        return self.numbers // self.n_cells
-
-    @cached_property
-    def at(self) -> IntArray:
-        """Layer, x and y of each slot [3, K]."""
-        return np.array(np.unravel_index(self.numbers % self.n_cells, self.sizes))
-
-    def cell(self, k: int) -> Cell:
-        """Returns the cell of slot k."""
-        layer, x, y = self.at[:, k].tolist()
-        return Cell(x, y, layer)
-
-    def number_of(self, flow: Flow, nodes: IntArray) -> IntArray:
-        """Returns the numbers that the slots of some nodes have [n]."""
-        numbers: IntArray = flow.steps[nodes] * self.n_cells + flow.places[nodes]
-        return numbers
-
-    def find(self, t: IntArray, layer: int, x: IntArray, y: IntArray) -> "_Found":
-        """Returns which of these cells at steps t are slots."""
-        _, width, depth = self.sizes
-        inside = np.flatnonzero((x >= 0) & (x < width) & (y >= 0) & (y < depth))
-        level = np.full(len(inside), layer)
-        wanted = np.ravel_multi_index((level, x[inside], y[inside]), self.sizes)
-        wanted += t[inside] * self.n_cells
-        slots = np.minimum(np.searchsorted(self.numbers, wanted), len(self) - 1)
-        found = self.numbers[slots] == wanted
-        return _Found(inside[found], slots[found])
-
-
-class _Found(NamedTuple):
-    """Cells that are slots."""
-
-    which: IntArray  # [n] positions among the cells that were looked for
-    slots: IntArray  # [n]
-
-
-def _reach(flow: Flow, slots: _Slots) -> sparse.csr_array:
-    """Returns 1 where a robot can be in a slot [K, R]."""
-    problem = flow.model.problem
-    rows, columns = [], []
-    for k, robot_class in enumerate(flow.model.classes):
-        own = np.flatnonzero(flow.owner == k)
-        for robot, start in zip(robot_class.robots, robot_class.starts, strict=True):
-            reached = robot_class.graph.reachable([start], problem.horizon)
-            mine = own[reached[flow.steps[own], flow.states[own]]]
-            at = np.flatnonzero(np.isin(slots.numbers, slots.number_of(flow, mine)))
-            rows.append(at)
-            columns.append(np.full(len(at), robot))
-    shape = (len(slots), len(problem.robots))
-    return _incidence(np.concatenate(rows), np.concatenate(columns), shape)
-
-
-def _cliques(problem: Problem, slots: _Slots) -> sparse.csr_array:
-    """Returns sets of slots that hold all pairs that are too close, and only such pairs."""
-    if not problem.rules.separation or not len(slots):
-        return sparse.eye_array(len(slots), format="csr")
-    if problem.height_map.datum is not None:
-        return _pairs_too_close(problem, slots)
-    blocks, entries = [], 0
-    for shape in _shapes(problem):
-        block = _laid(shape, slots)
-        entries += block.nnz
-        if entries > MOST_ENTRIES:
-            raise UnsupportedError(TOO_LARGE.format(MOST_ENTRIES))
-        blocks.append(block)
-    return _distinct(sparse.csr_array(sparse.vstack(blocks)))
-
-
-def _laid(shape: "_Shape", slots: _Slots) -> sparse.csr_array:
-    """Returns a shape laid wherever one of its cells falls into a slot [rows, K]."""
-    layer, x, y = slots.at
-    laid = [np.column_stack([slots.t, x - i, y - j])[layer == k] for k, i, j in shape]
-    origins = np.unique(np.concatenate(laid), axis=0)
-    t, u, v = origins.T
-    found = [slots.find(t, k, u + i, v + j) for k, i, j in shape]
-    rows = np.concatenate([part.which for part in found])
-    columns = np.concatenate([part.slots for part in found])
-    return _incidence(rows, columns, (len(origins), len(slots)))
-
-
-def _pairs_too_close(problem: Problem, slots: _Slots) -> sparse.csr_array:
-    """Returns the slots, and all pairs of one step that are too close: this fits any terrain."""
-    layer, x, y = slots.at
-    altitude = problem.height_map.altitudes(problem.layers)[layer, x, y]
-    # Steps are put so far apart that no two of different steps are near.
-    apart = 2 * math.hypot(problem.rules.separation, problem.rules.vertical)
-    size = problem.height_map.resolution
-    at = np.column_stack([x * size, y * size, altitude])
-    tree = cKDTree(np.column_stack([at, slots.t * apart]))
-    reach = math.hypot(problem.rules.separation, problem.rules.vertical) * (1 + 1e-9)
-    if tree.count_neighbors(tree, reach) > MOST_ENTRIES:
-        raise UnsupportedError(TOO_LARGE.format(MOST_ENTRIES))
-    one, other = tree.query_pairs(reach, output_type="ndarray").T
-    near = np.flatnonzero(problem.rules.too_near(at[other] - at[one]))
-    one, other, number = one[near], other[near], np.arange(len(near))
-    rows, columns = np.concatenate([number, number]), np.concatenate([one, other])
-    alone = sparse.eye_array(len(slots), format="csr")
-    return sparse.csr_array(
-        sparse.vstack([alone, _incidence(rows, columns, (len(near), len(slots)))])
-    )
-
-
-_Shape = list[tuple[int, int, int]]  # (layer, cells along x, cells along y)
-
-
-def _shapes(problem: Problem) -> list[_Shape]:
-    """Returns cliques of cells that, laid anywhere, hold every two cells that are too close.
-
-    The pairs that are farthest apart come first: a cell between them is too close to both and
-    to most of the rest.
-    """
-    layers, (width, depth) = range(len(problem.layers)), problem.height_map.shape
-    size, up = problem.height_map.resolution, np.array(problem.layers)
-    ways = np.zeros((len(layers), len(layers), width, depth, 3))
-    ways[..., 0], ways[..., 1] = np.arange(width)[:, None] * size, np.arange(depth) * size
-    ways[..., 2] = (up - up[:, None])[:, :, None, None]
-    near = problem.rules.too_near(ways)
-    reach = (np.arange(1 - width, width), np.arange(1 - depth, depth))
-    box = np.array(list(product(layers, *reach)), dtype=np.int64)  # [n, 3]
-    heights = np.array(problem.layers) / problem.height_map.resolution
-    covered = np.zeros((len(layers), len(layers), 2 * width - 1, 2 * depth - 1), dtype=bool)
-    pairs = [
-        (-float(np.hypot(np.hypot(i, j), heights[b] - heights[a])), a, b, int(i), int(j))
-        for a, (b, i, j) in product(layers, box.tolist())
-        if (a, 0, 0) <= (b, i, j) and near[a, b, abs(i), abs(j)]
-    ]
-    shapes = []
-    for _, a, b, i, j in sorted(pairs):
-        if covered[a, b, i + width - 1, j + depth - 1]:
-            continue
-        shape = _clique(near, box, heights, (a, 0, 0), (b, i, j))
-        shapes.append([(int(k), int(u), int(v)) for k, u, v in shape])
-        for k, u, v in shape:
-            away = shape - (0, u, v)
-            inside = (np.abs(away[:, 1]) < width) & (np.abs(away[:, 2]) < depth)
-            level, du, dv = away[inside].T
-            covered[k, level, du + width - 1, dv + depth - 1] = True
-    return shapes
-
-
-def _clique(
-    near: BoolArray,
-    box: IntArray,
-    heights: FloatArray,
-    one: tuple[int, int, int],
-    other: tuple[int, int, int],
-) -> IntArray:
-    """Returns a clique of cells [n, 3] around two of them, from their middle outwards.
-
-    Parameters
-    ----------
-    near : [layers, layers, width, depth] True where two cells so far apart are too close
-    box : [m, 3] candidates: layer, cells along x and along y
-    heights : of the layers, in cells
-    """
-    ends = np.array([one, other], dtype=np.int64)
-    middle = ends[:, 1:].mean(axis=0)
-    away = np.column_stack([box[:, 1:] - middle, heights[box[:, 0]] - heights[ends[:, 0]].mean()])
-    candidates = box[np.argsort(np.linalg.norm(away, axis=1), kind="stable")]
-
-    def close_to(cell: IntArray) -> BoolArray:
-        gap = np.abs(candidates - cell)
-        inside = (gap[:, 1] < near.shape[2]) & (gap[:, 2] < near.shape[3])
-        found: BoolArray = (
-            inside & near[cell[0], candidates[:, 0], gap[:, 1] * inside, gap[:, 2] * inside]
-        )
-        return found
-
-    chosen = list(np.unique(ends, axis=0))
-    open_ = np.logical_and.reduce([close_to(end) for end in chosen])
-    open_ &= ~(candidates[:, None] == ends[None]).all(axis=2).any(axis=1)
-    while open_.any():
-        cell = candidates[np.argmax(open_)]
-        chosen.append(cell)
-        open_ &= close_to(cell) & (candidates != cell).any(axis=1)
-    return np.array(chosen)
-
-
-def _distinct(rows: sparse.csr_array) -> sparse.csr_array:
-    """Returns rows of 0 and 1 without repetitions; a sum of random numbers tells sets apart."""
-    marks = np.random.default_rng(0).random((rows.shape[1], 2))
-    _, first = np.unique(np.round(rows @ marks, 9), axis=0, return_index=True)
-    return sparse.csr_array(rows[np.sort(first)])
-
-
-class _MoveRows(NamedTuple):
-    """Moves of which at most one robot makes any."""
-
-    resources: tuple[Swap | Moves, ...]  # [W]
-    crossing: sparse.csr_array  # [W, E] 1 where an edge is one of these moves
-
-
-def _passing(flow: Flow) -> _MoveRows:
-    """Returns cliques of moves that hold all pairs that are too near between two steps only."""
-    places = np.column_stack([flow.places[flow.tails], flow.places[flow.heads]])
-    distinct, which = np.unique(places, axis=0, return_inverse=True)
-    if len(distinct) > MOST_PASSING:
-        raise UnsupportedError(TOO_LARGE.format(MOST_ENTRIES))
-    moves = [(flow.cell(tail), flow.cell(head)) for tail, head in distinct.tolist()]
-    used = _incidence(which, np.arange(flow.n_edges), (len(moves), flow.n_edges))
-    return _passing_at_steps(flow, moves, used, _passing_cliques(flow.model, moves))
-
-
-def _passing_cliques(model: Model, moves: list[tuple[Cell, Cell]]) -> list[IntArray]:
-    """Returns cliques of moves, by their numbers, which hold all pairs that conflict on the way."""
-    cliques, problem = CliquesOfMoves(model), model.problem
-    ends = [problem.positions([move[k] for move in moves]) for k in (0, 1)]
-    left, found = np.triu(cliques.conflicts(moves)[1]), list[IntArray]()
-    for one in range(len(moves)):
-        for other in np.flatnonzero(left[one]).tolist():
-            if left[one, other]:
-                clique = cliques.among(moves[one], moves[other], *ends)
-                if not np.isin([one, other], clique).all():
-                    clique = np.array([one, other])
-                found.append(clique)
-                left[np.ix_(clique, clique)] = False
-    return found
-
-
-def _passing_at_steps(
-    flow: Flow, moves: list[tuple[Cell, Cell]], used: sparse.csr_array, cliques: list[IntArray]
-) -> _MoveRows:
-    """Returns the rows of cliques, which serve all steps, where two of their moves are possible.
-
-    Parameters
-    ----------
-    used : [moves, E] 1 where an edge is a move
-    """
-    members = [np.full(len(clique), k) for k, clique in enumerate(cliques)]
-    rows, columns = (np.concatenate([_NONE, *part]) for part in (members, cliques))
-    own = _incidence(rows, columns, (len(cliques), len(moves)))
-    resources, blocks, entries = list[Swap | Moves](), [sparse.csr_array((0, flow.n_edges))], 0
-    steps = flow.steps[flow.tails]
-    for t in np.unique(steps).tolist():
-        at_step = sparse.dia_array(
-            ((steps == t)[None].astype(float), [0]), shape=used.shape[1:] * 2
-        )
-        then = sparse.csr_array(used @ at_step)
-        present = np.asarray(then.sum(axis=1)).ravel() > 0
-        counts = own @ present
-        kept = np.flatnonzero(counts > 1)
-        blocks.append(sparse.csr_array((own[kept] @ then) > 0).astype(np.float64))
-        entries += blocks[-1].nnz
-        if entries > MOST_ENTRIES:
-            raise UnsupportedError(TOO_LARGE.format(MOST_ENTRIES))
-        for k in kept.tolist():
-            resources.append(Moves(t, tuple(moves[n] for n in cliques[k].tolist() if present[n])))
-    return _MoveRows(tuple(resources), sparse.csr_array(sparse.vstack(blocks)))
-
-
-_NONE = np.zeros(0, dtype=np.int64)
-
-
-def _swaps(flow: Flow, slots: _Slots, reach: sparse.csr_array) -> _MoveRows:
-    """Returns the swaps, either way, that the edges of a flow allow."""
-    one, other = flow.places[flow.tails], flow.places[flow.heads]
-    moving = np.flatnonzero(one != other)
-    one, other = one[moving], other[moving]
-    keys = np.column_stack(
-        [flow.steps[flow.tails[moving]], np.minimum(one, other), np.maximum(one, other)]
-    )
-    pairs, at = np.unique(keys, axis=0, return_inverse=True)
-    both = np.zeros((len(pairs), 2), dtype=bool)
-    both[at, (one < other).astype(np.int64)] = True
-    crossing = _incidence(at, moving, (len(pairs), flow.n_edges))
-    kept = np.flatnonzero(both.all(axis=1))
-    t, *ends = pairs[kept].T
-    one, other = (
-        reach[np.searchsorted(slots.numbers, (t + 1) * slots.n_cells + end)] for end in ends
-    )
-    kept = kept[np.asarray((one + other > 0).sum(axis=1)).ravel() > 1]
-    resources = [Swap(t, (flow.cell(a), flow.cell(b))) for t, a, b in pairs[kept].tolist()]
-    return _MoveRows(tuple(resources), sparse.csr_array(crossing[kept]))
-
-
-def _incidence(rows: IntArray, columns: IntArray, shape: tuple[int, int]) -> sparse.csr_array:
-    """Returns a matrix with ones at these rows [n] and columns [n]."""
-    return sparse.csr_array((np.ones(len(rows)), (rows, columns)), shape=shape)
