@@ -57,7 +57,27 @@ def doubts(problem: Problem) -> list[str]:
         found += [f"{problem.person(j)} {doubt}" for doubt in _about(problem, actor)]
     around = _around_robots(problem)
     outings = [around[robot.motion].outing(robot.start) for robot in problem.robots]
-    return [*found, *_strained(problem), *_in_the_way(problem), *_shut_in(problem, outings)]
+    return [*found, *_in_the_way(problem), *_shut_in(problem, outings)]
+
+
+def strains(problem: Problem) -> list[str]:
+    """Returns which robots cannot stop at each step, in words, one line for each kind of them.
+
+    It matters to smooth flights only, which are checked as they are.
+    """
+    found = []
+    kinds = dict[tuple[Motion, Limits | None], list[str]]()
+    for i, robot in enumerate(problem.robots):
+        kinds.setdefault((robot.motion, robot.limits), []).append(str(i))
+    for (motion, limits), numbers in kinds.items():
+        if limits is None or problem.step is None:
+            continue
+        words = limits.strained_by(motion, problem.height_map.resolution, problem.step)
+        if words:
+            *most, last = numbers
+            who = f"drones {', '.join(most)} and" if most else "drone"
+            found.append(f"{who} {last} {words}")
+    return found
 
 
 def narrow_way(problem: Problem) -> str:
@@ -158,21 +178,6 @@ def _below_ground(problem: Problem, mesh: Mesh) -> bool:
     tops = Workspace(problem.height_map, (mesh,)).columns.high[1:].max(axis=0, initial=-math.inf)
     above = tops > -math.inf
     return bool(above.any() and (tops <= problem.height_map.heights)[above].all())
-
-
-def _strained(problem: Problem) -> Iterator[str]:
-    """Yields a doubt for the robots of each kind that cannot stop at each step."""
-    kinds = dict[tuple[Motion, Limits | None], list[str]]()
-    for i, robot in enumerate(problem.robots):
-        kinds.setdefault((robot.motion, robot.limits), []).append(str(i))
-    for (motion, limits), numbers in kinds.items():
-        if limits is None or problem.step is None:
-            continue
-        words = limits.strained_by(motion, problem.height_map.resolution, problem.step)
-        if words:
-            *most, last = numbers
-            who = f"drones {', '.join(most)} and" if most else "drone"
-            yield f"{who} {last} {words}"
 
 
 def _in_the_way(problem: Problem) -> Iterator[str]:

@@ -238,13 +238,36 @@ def test_the_gap_table_refuses_in_words() -> None:
     """Wrong planners and limits are ValueErrors that name the parameter, as documented."""
     for wrong, words in (
         ({"planners": ["cocop"]}, "planners: must be one of greedy, .*, not 'cocop'"),
-        ({"planners": [co.PLANNERS["greedy"]]}, "planners: must be names"),
+        ({"planners": [co.PLANNERS["greedy"]]}, "planners: two are called greedy"),
+        ({"planners": [3]}, "planners: must be names or functions, not 3"),
+        ({"planners": [_waiting], "workers": 1}, "planners: _waiting is a function"),
+        ({"planners": _waiting}, r"planners: must be several, such as \[_waiting\]"),
         ({"time_limit": -1.0}, "time_limit: must be"),
         ({"work_limit": -1}, "work_limit: must be"),
         ({"workers": 10_000}, "workers: must be"),
     ):
         with pytest.raises(ValueError, match=words):
             co.gap("tiny-queue", **wrong)
+
+
+def _waiting(problem: co.Problem, stop: co.Stop) -> co.Result:
+    """Plans all drones to stay."""
+    plan = co.Plan(paths=tuple((r.start,) * (problem.horizon + 1) for r in problem.robots))
+    return co.Result(plan, co.check(problem, plan).reward, co.Reason.FINISHED)
+
+
+def _boasting(problem: co.Problem, stop: co.Stop) -> co.Result:
+    """Claims more than its plan is worth."""
+    waiting = _waiting(problem, stop)
+    return co.Result(waiting.plan, waiting.value + 1, co.Reason.FINISHED)
+
+
+def test_the_gap_table_measures_functions() -> None:
+    """A planner of one's own has rows like others, judged by the referee; a false claim is said."""
+    table = co.gap("tiny-queue", [_waiting, "greedy", _boasting]).set_index("planner")
+    assert list(table.index) == ["_waiting", "greedy", "_boasting"]
+    assert table.gap["_waiting"] > 0 and table.seconds["_waiting"] < 1
+    assert table.reason["_boasting"] == "error" and "claims J" in table.message["_boasting"]
 
 
 def test_played_plans_have_titles() -> None:

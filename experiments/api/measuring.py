@@ -1,13 +1,13 @@
 """The face's measurements: the gap table, and the stored runs of exact methods."""
 
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cocap_opt.experiments.results.stored import STORED
 from cocap_opt.formulations import EXACT
-from cocap_opt.planners import PLANNERS
+from cocap_opt.planners import PLANNERS, Planner
 from cocap_opt.problem import Problem
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ _Scene = str | Path | Problem  # a name, a file, or the problem itself
 
 def gap(
     scenes: _Scene | Sequence[_Scene],
-    planners: Sequence[str] | None = None,
+    planners: Sequence[str | Planner] | None = None,
     seeds: Iterable[int] = (0,),
     *,
     time_limit: float = 60.0,
@@ -30,14 +30,15 @@ def gap(
 ) -> "pd.DataFrame":
     """Measure planners against certified bounds: the gap table, as `cocap-opt gap` makes it.
 
-    Planners are named, not called: a result is kept under its planner's name and the digest of this
-    project's code, which says nothing of a function of one's own. `plan` and `bound` measure such
-    a function on one problem.
+    A planner of your own is a function, beside the names of others. Its rows have the function's
+    name. It runs in this process, and nothing is kept: a folder knows results by the digest of this
+    project's code, which says nothing of yours.
 
     Parameters
     ----------
     scenes : names, files or problems; one, or several
-    planners : names in `PLANNERS` or `EXACT`; if not given greedy, sequential, cocap, cocap-vs,
+    planners : names in `PLANNERS` or `EXACT`, or callables that take a problem and a stop and
+        return a `Result`, as `plan` takes them; if not given greedy, sequential, cocap, cocap-vs,
         cocap-lns, and with one or two drones joint
     seeds : of the scenes; a scene that is the same for several seeds is taken once, and so is a
         problem, whose seed is 0
@@ -58,14 +59,15 @@ def gap(
     ------
     ValueError
         If there is no such scene or planner, a limit is negative, there are not so many cores,
-        `out` cannot be used, or a script that takes `workers` has no line
-        ``if __name__ == "__main__":``.
+        `out` cannot be used, a function is to be kept or sent to workers, or a script that takes
+        `workers` has no line ``if __name__ == "__main__":``.
     KeyboardInterrupt
         After Ctrl-C, if there are no rows yet; else the rows so far are returned.
 
     Examples
     --------
     >>> co.gap(["corridor", "bottleneck"], ["sequential", "cocap"], seeds=range(3))
+    >>> co.gap("bottleneck", ["cocap", my_planner])
     """
     from pandas import DataFrame
 
@@ -80,7 +82,9 @@ def gap(
     settings = Settings(
         time_limit=time_limit, bound_time_limit=time_limit, work_limit=work_limit, kept=kept
     )
-    _require_sweep(planners or ())
+    own = _own(planners or (), kept)
+    names = None if planners is None else [_name(planner) for planner in planners]
+    _require_sweep(names or (), own)
     hired = Hired(Option("workers").require_cores(workers), None, settings.cell_limit)
     if hired.workers is not None:
         _require_guard()
@@ -90,7 +94,7 @@ def gap(
     problems = [(problem, seed) for (_, seed), problem in named.problems.items()]
     problems += [(scene, 0) for scene in given if isinstance(scene, Problem)]
     _require_told_apart([(problem.name, seed) for problem, seed in problems])
-    instances = [Instance(problem, seed, planners, settings) for problem, seed in problems]
+    instances = [Instance(problem, seed, names, settings, own=own) for problem, seed in problems]
     folder = None if out is None else Path(out)
     rows = sweep(instances, folder, hired, is_same=named.is_same, quiet=True)
     return DataFrame(Row.records(rows))
@@ -123,15 +127,42 @@ def benchmark(path: str | Path | None = None) -> "Benchmark":
     return Benchmark.read(STORED / "solvers.csv" if path is None else Path(path))
 
 
-def _require_sweep(planners: Sequence[str]) -> None:
-    from cocap_opt.experiments.console.options import Option
+def _own(planners: Sequence[str | Planner], kept: bool) -> dict[str, Planner]:
+    """Returns the planners that are functions, by their names."""
+    if isinstance(planners, str) or callable(planners):
+        name = repr(planners) if isinstance(planners, str) else _name(planners)
+        raise ValueError(f"planners: must be several, such as [{name}]")
+    own = [planner for planner in planners if not isinstance(planner, str)]
+    for planner in own:
+        if not callable(planner):
+            raise ValueError(f"planners: must be names or functions, not {planner!r}")
+    if own and kept:
+        raise ValueError(
+            f"planners: {_name(own[0])} is a function, which runs in this process and is not kept; "
+            "leave out `out` and `workers`, or give it a name as the page on adding a planner says"
+        )
+    return {_name(planner): planner for planner in own}
 
-    if isinstance(planners, str):
-        raise ValueError(f"planners: must be several names, such as [{planners!r}]")
-    if not all(isinstance(name, str) for name in planners):
-        raise ValueError("planners: must be names; measure a function by co.plan and co.bound")
-    for name in planners:
-        Option("planners").require_one_of(name, {**PLANNERS, **EXACT})
+
+def _name(planner: str | Planner) -> str:
+    """Returns what a planner is called in the table."""
+    return (
+        planner
+        if isinstance(planner, str)
+        else str(getattr(planner, "__name__", type(planner).__name__))
+    )
+
+
+def _require_sweep(names: Sequence[str], own: Mapping[str, Planner]) -> None:
+    """Refuses names that nobody has, and functions that are called as another planner is."""
+    from cocap_opt.experiments.console.options import Option
+    from cocap_opt.experiments.sweeps.cells import BOUND
+
+    known = {**PLANNERS, **EXACT}
+    for name in names:
+        if name in own and (names.count(name) > 1 or name in {**known, BOUND: None}):
+            raise ValueError(f"planners: two are called {name}; give the function another name")
+        Option("planners").require_one_of(name, known if name not in own else own)
 
 
 def _whole_seeds(seeds: Iterable[int]) -> tuple[int, ...]:

@@ -16,7 +16,7 @@ from cocap_opt.experiments.cli.options import (
     Scene,
     Seed,
     chosen,
-    load,
+    load_planned,
 )
 from cocap_opt.experiments.console.options import Option, UsageError
 from cocap_opt.experiments.report.charts import conflicts_figure, gaps_figure, progress_figure
@@ -92,7 +92,7 @@ def _conflicts(
     _check(output)
     if not plan:
         raise UsageError("PLAN: name a plan, such as plan.json")
-    problem, plans = PlanReader(scene, load(scene, seed)).plans(plan)
+    problem, plans = PlanReader(scene, load_planned(scene, seed)).plans(plan)
     return _save(
         output,
         conflicts_figure(problem, dict(zip(PlanReader.titles(plan), plans, strict=True))),

@@ -10,7 +10,15 @@ from cyclopts import Parameter
 
 from cocap_opt.data import FieldError, ProblemError
 from cocap_opt.experiments.cli.flight_options import AS_PLANNED, FlightOptions
-from cocap_opt.experiments.cli.options import FLAG, Json, Output, PlanPath, Scene, Seed, load
+from cocap_opt.experiments.cli.options import (
+    FLAG,
+    Json,
+    Output,
+    PlanPath,
+    Scene,
+    Seed,
+    load_planned,
+)
 from cocap_opt.experiments.console.options import Option, UsageError
 from cocap_opt.experiments.results.files import PlanReader, check_output, save_files
 from cocap_opt.experiments.results.printing import Listing, Record, print_result
@@ -71,7 +79,7 @@ def _fly(
     if local and suffix in _EARTHLY:
         raise UsageError(f"--local: must be left out for {suffix}, which has places on the Earth")
     check_output(output, scene, plan)
-    problem, planned = PlanReader(scene, load(scene, seed)).plan(plan)
+    problem, planned = PlanReader(scene, load_planned(scene, seed)).plan(plan)
     try:
         flight = flown.flight(problem, planned, local)
         mission = WRITERS[suffix](flight._replace(start=begins), every)

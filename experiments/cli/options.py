@@ -12,9 +12,9 @@ from cyclopts import Parameter, Token
 from cocap_opt.experiments.console.options import Option, UsageError
 from cocap_opt.experiments.results.judging import Allowance
 from cocap_opt.experiments.results.rows import Row
-from cocap_opt.plausibility import doubts, narrow_way
+from cocap_opt.plausibility import doubts, narrow_way, strains
 from cocap_opt.problem import Problem
-from cocap_opt.scenarios import NOTHING, load_scene
+from cocap_opt.scenarios import NOTHING, SCENES, load_scene
 
 _log = logging.getLogger(__name__)
 
@@ -67,12 +67,24 @@ OfPlanners = Annotated[
 
 
 def load(scene: str, seed: int, options: Mapping[str, str] = NOTHING) -> Problem:
-    """Returns a scene by its name or file, and logs what is doubtful in it."""
-    Option("--seed").require_whole(seed)
-    problem = load_scene(scene, seed, options)
-    for doubt in doubts(problem):
-        _say_once(scene, seed, doubt)
+    """Returns a scene by its name or file, and logs what is doubtful in a file."""
+    problem = load_planned(scene, seed, options)
+    if scene not in SCENES:  # those are meant as they are
+        for doubt in doubts(problem):
+            _say_once(scene, seed, doubt)
     return problem
+
+
+def load_planned(scene: str, seed: int, options: Mapping[str, str] = NOTHING) -> Problem:
+    """Returns a scene that has a plan already: what is doubtful in it was said before."""
+    Option("--seed").require_whole(seed)
+    return load_scene(scene, seed, options)
+
+
+def say_strains(scene: str, seed: int, problem: Problem) -> None:
+    """Logs which drones cannot stop at each step, where a scene is first looked at or planned."""
+    for words in strains(problem):
+        _say_once(scene, seed, words)
 
 
 def say_narrow_way(scene: str, seed: int, problem: Problem) -> None:

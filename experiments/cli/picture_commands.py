@@ -15,7 +15,9 @@ from cocap_opt.experiments.cli.options import (
     Seed,
     Whole,
     load,
+    load_planned,
     say_narrow_way,
+    say_strains,
 )
 from cocap_opt.experiments.console.options import Option, UsageError
 from cocap_opt.experiments.console.progress import Watch
@@ -75,8 +77,11 @@ def _show(
     if steps is not None and (suffix == ".html" or not plan):
         raise UsageError("--steps: needs a plan, and a picture: the player shows all steps")
     check_output(output, scene, *plan, certificate)
-    reader = PlanReader(scene, load(scene, seed))
+    read = load_planned if plan else load
+    reader = PlanReader(scene, read(scene, seed))
     problem, plans = reader.plans(plan)
+    if not plan:
+        say_strains(scene, seed, problem)
     say_narrow_way(scene, seed, problem)
     if suffix == ".html":
         gaps = _gaps(problem, plans, certificate) if certificate else []
@@ -116,7 +121,7 @@ def _render(
     for option, value, most in (("--width", width, MOST_PIXELS), ("--pixel-step", pixel_step, 100)):
         if not 1 <= value <= most:
             raise UsageError(f"{option}: must be 1..{most}, not {value}")
-    problem, shown = PlanReader(scene, load(scene, seed)).plan(plan)
+    problem, shown = PlanReader(scene, load_planned(scene, seed)).plan(plan)
     make_folder(output)
     with Watch.on_terminal(f"{problem.name} seed {seed}") as watch:
         try:

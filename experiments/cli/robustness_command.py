@@ -8,7 +8,7 @@ from cyclopts import Parameter
 
 from cocap_opt.data import ProblemError
 from cocap_opt.experiments.cli.flight_options import AS_PLANNED, FlightOptions
-from cocap_opt.experiments.cli.options import Json, PlanPath, Scene, Seed, load
+from cocap_opt.experiments.cli.options import Json, PlanPath, Scene, Seed, load_planned
 from cocap_opt.experiments.console.options import UsageError
 from cocap_opt.experiments.results.files import PlanReader
 from cocap_opt.experiments.results.flights import Flight
@@ -53,7 +53,7 @@ def _robustness(
 
     Example: cocap-opt robustness corridor plan.json --step 2 --smooth --late 1 3 --lag 0.5
     """
-    problem, planned = PlanReader(scene, load(scene, seed)).plan(plan)
+    problem, planned = PlanReader(scene, load_planned(scene, seed)).plan(plan)
     changes = Changes(
         _USUAL.late if late is None else late,
         _USUAL.aside if aside is None else aside,

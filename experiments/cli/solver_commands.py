@@ -20,6 +20,7 @@ from cocap_opt.experiments.cli.options import (
     Seed,
     load,
     say_narrow_way,
+    say_strains,
 )
 from cocap_opt.experiments.console.options import Option, UsageError
 from cocap_opt.experiments.console.progress import Watch
@@ -76,6 +77,7 @@ def _plan(
     _check_outputs({"-o": output}, scene)
     task = _Task.read(scene, seed, free, None)
     problem = task.problem
+    say_strains(scene, seed, problem)
     with Interrupt.caught() as interrupt, Watch.on_terminal(f"{problem.name} seed {seed}") as watch:
         judged = _planned(problem, planner, allowance, interrupt, watch)
         if judged.result.reason is Reason.UNSUPPORTED:

@@ -16,7 +16,12 @@ from cocap_opt.experiments.results.explained_tables import explained_tables
 from cocap_opt.experiments.results.explained_words import explained_sentences
 from cocap_opt.experiments.results.files import PlanReader
 from cocap_opt.experiments.results.judging import Judged
-from cocap_opt.experiments.results.printing import Record, print_result, print_texts
+from cocap_opt.experiments.results.printing import (
+    Record,
+    line_width,
+    print_result,
+    print_texts,
+)
 from cocap_opt.experiments.results.rows import OWN_STARTS
 from cocap_opt.experiments.results.verification import ProvedBound, Verified
 from cocap_opt.files.documents import FileError, PlanFile
@@ -82,7 +87,7 @@ def _verify(
         answer["explanation"] = _data(explained) if explained else None
     print_result(answer, json)
     if explained and not json:
-        print_texts(explained_tables(explained), explained_sentences(explained))
+        print_texts(explained_tables(explained, line_width()), explained_sentences(explained))
     return 1 if verified.violations else 0
 
 

@@ -1,6 +1,7 @@
 """Tables of a gap explained: parts that add up, drones and people by step, rows with prices."""
 
 from collections.abc import Sequence
+from textwrap import wrap
 from typing import Any
 
 import numpy as np
@@ -11,16 +12,25 @@ from cocap_opt.experiments.results.printing import counted, rounded
 from cocap_opt.formulations.explanation import Term
 
 _LINES = 20  # of a table
-_CHARACTERS = 80  # of a line at most
 _WIDTH = 5  # of a number
 
 
-def explained_tables(explained: Explained) -> list[str]:
-    """Returns the tables as text: parts that add up, drones and people by step, priced rows."""
-    return [_parts(explained), *_drones(explained), *_people(explained), *_rows(explained)]
+def explained_tables(explained: Explained, width: int) -> list[str]:
+    """Returns the tables as text: parts that add up, drones and people by step, priced rows.
+
+    Parameters
+    ----------
+    width : characters of a line at most; columns that say least are left out before others
+    """
+    return [
+        _parts(explained, width),
+        *_drones(explained, width),
+        *_people(explained, width),
+        *_rows(explained, width),
+    ]
 
 
-def _parts(explained: Explained) -> str:
+def _parts(explained: Explained, width: int) -> str:
     found = explained.explanation
     rows = list(explained.parts().items())
     rows += [("sum", found.total()), ("bound - J", found.gap)]
@@ -28,6 +38,8 @@ def _parts(explained: Explained) -> str:
         "The gap, by what the bound has more than the plan",
         ["", "amount", "% of bound"],
         [[words, rounded(amount), _percent(explained, amount)] for words, amount in rows],
+        width,
+        spare=["amount"],
     )
 
 
@@ -35,14 +47,14 @@ def _percent(explained: Explained, amount: float) -> str:
     return f"{round(100 * explained.explanation.share(amount), 4) + 0.0:.4f}"
 
 
-def _drones(explained: Explained) -> list[str]:
+def _drones(explained: Explained, width: int) -> list[str]:
     losses = explained.explanation.losses()
     title = "What drones lose by leaving a step as they do, % of the bound"
     names = [str(robot) for robot in range(len(losses))]
-    return _grid(explained, title, "drone", names, losses, list(range(losses.shape[1])))
+    return _grid(explained, title, "drone", names, losses, list(range(losses.shape[1])), width)
 
 
-def _people(explained: Explained) -> list[str]:
+def _people(explained: Explained, width: int) -> list[str]:
     """Returns what is paid for people beyond what all drones get, by side and step."""
     problem = explained.problem
     steps = [None] if problem.objective.over_time else list(range(problem.horizon + 1))
@@ -54,7 +66,8 @@ def _people(explained: Explained) -> list[str]:
         assert term.face is not None
         paid[first[term.actor] + term.face, term.step or 0] += term.amount
     title = "What people's sides are paid beyond what the drones get, % of the bound"
-    return _grid(explained, title, "person", [f"{j} {name}" for j, name in sides], paid, steps)
+    names = [f"{j} {name}" for j, name in sides]
+    return _grid(explained, title, "person", names, paid, steps, width)
 
 
 def _grid(
@@ -64,6 +77,7 @@ def _grid(
     names: Sequence[str],
     amounts: FloatArray,
     steps: Sequence[int | None],
+    width: int,
 ) -> list[str]:
     """Returns amounts [n, steps] as tables of some steps each, without lines of nothing."""
     shares = explained.explanation.share(1.0) * amounts
@@ -81,20 +95,21 @@ def _grid(
         (names[line], [_cell(x) for x in (sums[line], *shares[line])][-len(head) :])
         for line in lines
     ]
-    most = (_CHARACTERS - max(len(noun), *(len(names[line]) for line in lines))) // (_WIDTH + 2)
+    most = (width - max(len(noun), *(len(names[line]) for line in lines))) // (_WIDTH + 2)
     parts = [slice(n, n + most) for n in range(0, len(head), most)]
     return [
         _table(
             title if part is parts[0] else "",
             [noun, *head[part]],
             [[name, *own[part]] for name, own in cells],
+            width,
             note if part is parts[-1] else "",
         )
         for part in parts
     ]
 
 
-def _rows(explained: Explained) -> list[str]:
+def _rows(explained: Explained, width: int) -> list[str]:
     """Returns the rules and decisions with a price, the dearest first."""
     terms = explained.explanation.of_kind("row", "decision")
     if not terms:
@@ -120,7 +135,8 @@ def _rows(explained: Explained) -> list[str]:
     rest = sum(term.amount for term in more)
     note = f"{counted(len(more), 'more row')}: {_percent(explained, rest)}" if more else ""
     title = "Rules (at most one drone) and decisions with a price, % of the bound"
-    return [_table(title, ["", "step", "which drones", "price", "amount", "%"], rows, note)]
+    head = ["", "step", "which drones", "price", "amount", "%"]
+    return [_table(title, head, rows, width, note, spare=["price", "amount", "step"])]
 
 
 def _drones_named(users: Sequence[int]) -> str:
@@ -138,18 +154,34 @@ def _row(explained: Explained, term: Term) -> str:
     return f"{sign} {term.robots} {explained.named(term.resource)}"
 
 
-def _table(title: str, head: list[str], rows: list[list[str]], note: str = "") -> str:
-    """Returns a table as text: the first column to the left, the others to the right."""
+def _table(
+    title: str,
+    head: list[str],
+    rows: list[list[str]],
+    width: int,
+    note: str = "",
+    spare: Sequence[str] = (),
+) -> str:
+    """Returns a table as text: the first column to the left, the others to the right.
+
+    Parameters
+    ----------
+    spare : columns that go where it is too wide, the first first
+    """
     widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
-    widths[1:] = [max(width, _WIDTH) for width in widths[1:]]
+    widths[1:] = [max(most, _WIDTH) for most in widths[1:]]
+    if spare and sum(widths) + 2 * (len(widths) - 1) > width:
+        gone = head.index(spare[0])
+        fewer = [line[:gone] + line[gone + 1 :] for line in (head, *rows)]
+        return _table(title, fewer[0], fewer[1:], width, note, spare[1:])
     lines = [
         "  ".join(
             [line[0].ljust(widths[0])]
-            + [cell.rjust(width) for cell, width in zip(line[1:], widths[1:], strict=True)]
+            + [cell.rjust(most) for cell, most in zip(line[1:], widths[1:], strict=True)]
         )
         for line in (head, *rows)
     ]
-    return "\n".join(line for line in (title, *lines, note) if line)
+    return "\n".join([*wrap(title, width), *lines, *wrap(note, width)])
 
 
 def _step(step: int | None) -> str:

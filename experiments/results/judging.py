@@ -9,11 +9,12 @@ from cocap_opt.files.documents import PlanFile, problem_digest
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Report, silent
 from cocap_opt.model import compiled
-from cocap_opt.planners import LAZY, PLANNERS
+from cocap_opt.planners import LAZY, PLANNERS, Planner
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import Verdict, check
 from cocap_opt.result import Reason, Result, UnsupportedError, relative_gap
 from cocap_opt.stop import Clock, FirstOf, Stop, TimeLimit, WorkLimit, never
+from cocap_opt.timing import timed
 
 _log = logging.getLogger(__name__)
 
@@ -92,10 +93,17 @@ class Judged(NamedTuple, Generic[_R_co]):
         return Judged(Result(plan, verdict.reward, Reason.FINISHED, seconds=math.nan), verdict)
 
     @classmethod
-    def planned(cls, problem: Problem, name: str, stop: Stop) -> "Judged[Result]":
-        """Runs a planner or an exact method, and has its plan judged."""
+    def planned(
+        cls, problem: Problem, name: str, stop: Stop, own: Planner | None = None
+    ) -> "Judged[Result]":
+        """Runs a planner or an exact method, and has its plan judged.
+
+        Parameters
+        ----------
+        own : a planner that is none of ours; `name` is what it is called
+        """
         try:
-            result = SOLVERS[name](problem, stop)
+            result = timed(own)(problem, stop) if own else SOLVERS[name](problem, stop)
         except UnsupportedError as error:
             return Judged(Result(None, -math.inf, Reason.UNSUPPORTED, message=str(error)), None)
         judged = Judged.of(name, problem, result)

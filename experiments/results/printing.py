@@ -23,6 +23,7 @@ Record = dict[str, Any]  # a row of a small table, or the answer of a command
 _FOLDED = 16  # least width, in characters, of text that goes on in the next line
 _UNBOUNDED = 10_000  # characters of a line that is measured only
 _WIDE = 200  # characters of a line that goes to a file or a pipe
+_USUAL = 80  # characters of a line of a terminal
 _BREAK = "\n"
 _MARKS = "|`*[]\\"  # what Markdown gives a meaning besides HTML
 # Names of statistics, as people read them; JSON has the keys.
@@ -49,6 +50,12 @@ _LABELS = {
     "reward_smooth": "J, smooth, between the steps too",
     "smoothing_cost": "share of J that smoothness costs",
     "accuracy": "latitudes and longitudes may be off by (m)",
+}
+# Methods of bounds whose names say little; JSON has the names.
+_METHODS = {
+    "step-envelopes": "column-generation, with step envelopes",
+    "step-multipliers": "a simple bound, with one multiplier for all faces of a step",
+    "optimistic": "a simple bound, as if nothing hid anybody at some steps",
 }
 # Values that say nothing, by their keys; JSON has them.
 _SILENT = {"limit": NO_LIMIT, "evaluated": 0, "reward_at_start": 0.0}
@@ -102,6 +109,12 @@ def print_texts(tables: Sequence[str], sentences: Sequence[str]) -> None:
     console.print()
     for text in sentences:
         console.print(printable(text, _BREAK), markup=False, highlight=False)
+
+
+def line_width() -> int:
+    """Returns the characters of a line of a terminal; of a usual one where there is none."""
+    console = _console()
+    return _USUAL if console.width == _WIDE and not console.is_terminal else console.width
 
 
 class Listing(NamedTuple):
@@ -216,6 +229,8 @@ def _text(key: str, value: Any) -> str:
         return _text(key, value.value) + value.mark
     if value is None:
         return "-"
+    if key == "method":
+        return printable(_METHODS.get(value, value))
     if key in _SHARES:
         return f"{100 * value:.3f} %"
     if key == "seconds" or key.endswith("_seconds"):

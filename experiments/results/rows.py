@@ -46,7 +46,7 @@ class PlanRow:
     ]
     planner: Annotated[str | None, Column("The planner, or the file of a plan of others.")]
     method: Annotated[
-        str | None, Column("The method of `bound`: in the gap table the same as bound_method.")
+        str | None, Column("The method of bound: in the gap table the same as bound_method.")
     ] = None
     reward: Annotated[
         _Number, Column("J of the plan by the referee; empty without a plan.", **_ANY)
@@ -176,7 +176,7 @@ class BoundColumns:
     """The columns that all rows of one scene and seed share: bounds, and the best known plans."""
 
     bound: _Bound = None
-    bound_method: Annotated[str, Column("The method whose certificate proves `bound`.")] = (
+    bound_method: Annotated[str, Column("The method whose certificate proves bound.")] = (
         BOUND_METHOD
     )
     bound_reason: Annotated[

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 from typing import Any, TypeVar
 
 import msgspec
@@ -19,7 +20,7 @@ from cocap_opt.experiments.sweeps.start import BoundStart
 from cocap_opt.experiments.sweeps.work import Task
 from cocap_opt.files.documents import problem_digest
 from cocap_opt.formulations.result import OPTIMALITY
-from cocap_opt.planners import RECOMMENDED
+from cocap_opt.planners import RECOMMENDED, Planner
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import Reason, Result, relative_gap
 from cocap_opt.stop import NO_LIMIT
@@ -67,6 +68,7 @@ class Instance:
         robots
     given : plans of others by name, which get rows of their own, below those of planners
     own_starts : the drones start where the scene's own file says, not where the seed has them
+    own : planners among them that are none of ours, by name; their cells cannot be kept
 
     Attributes
     ----------
@@ -87,7 +89,9 @@ class Instance:
         settings: Settings,
         given: Mapping[str, Plan] | None = None,
         own_starts: bool = False,
+        own: Mapping[str, Planner] = MappingProxyType({}),
     ) -> None:
+        self._own = own
         self.problem, self.seed, self._settings = problem, seed, settings
         self._own_starts = own_starts
         self.digest = problem_digest(problem)
@@ -149,7 +153,7 @@ class Instance:
         cells = [cell for cell in self.cells.values() if cell not in self.found]
         if not cells and self.bound is None:
             return [self._bound_task()]
-        return [Task(cell, self.problem) for cell in cells]
+        return [Task(cell, self.problem, own=self._own.get(cell.planner)) for cell in cells]
 
     def _bound_task(self) -> Task:
         start = BoundStart.of([self.found[cell] for cell in self.cells.values()])

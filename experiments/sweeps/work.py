@@ -17,10 +17,11 @@ from cocap_opt.experiments.results.trace import Trace
 from cocap_opt.experiments.sweeps.cells import BOUND, FREE, OWN, RULES, Cell, CellFile, Status
 from cocap_opt.experiments.sweeps.start import BoundStart
 from cocap_opt.files.documents import encode, problem_digest
+from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Report
 from cocap_opt.model import compiled
-from cocap_opt.planners import LAZY, PLANNERS
+from cocap_opt.planners import LAZY, Planner
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import Reason, Result, relative_gap
 from cocap_opt.stop import Clock, LimitReached, Stop, never
@@ -36,12 +37,11 @@ def cover(problem: Problem, method: str, stop: Stop, watch: Watch) -> None:
     leave time for planning with what there is, and bounds for a bound.
     """
     model, progress = compiled(problem), watch.counter("coverage")
-    if method in PLANNERS:
-        if method not in LAZY:
-            model.covered_by(stop, progress)
-    else:
+    if method in EXACT or method in BOUNDS:
         with suppress(LimitReached):  # the method meets the limit as well
             model.prepare_all(stop, progress)
+    elif method not in LAZY:
+        model.covered_by(stop, progress)
     watch.show(method)
 
 
@@ -51,6 +51,7 @@ class Task(NamedTuple):
     cell: Cell
     problem: Problem
     start: BoundStart = _NO_START  # of BOUND
+    own: Planner | None = None  # a planner that is none of ours; the cell has its name
 
     def run(self, stop: Stop = never, watch: Watch | None = None) -> CellFile:
         """Computes the cell. An error is a result, too: it costs this cell only.
@@ -80,7 +81,7 @@ def _plan(task: Task, stop: Stop, watch: Watch) -> CellFile:
     cell, problem = task.cell, task.problem
     begun = cell.allowance.begin(stop)
     cover(problem, cell.planner, begun, watch)
-    judged = Judged.planned(problem, cell.planner, begun)
+    judged = Judged.planned(problem, cell.planner, begun, task.own)
     columns = {"time_limit": cell.time_limit, "work_limit": cell.work_limit}
     if judged.result.reason is Reason.UNSUPPORTED:  # nobody timed it
         columns["seconds"] = None

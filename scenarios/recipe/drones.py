@@ -1,6 +1,8 @@
 """The drones of a recipe, placed as stated, or at random near the people."""
 
+import logging
 import math
+from collections.abc import Sequence
 from typing import Annotated, Any, NamedTuple
 
 import msgspec
@@ -21,6 +23,9 @@ from cocap_opt.text import meant
 from cocap_opt.world.workspace import HeightMap, Workspace
 
 _OFF = 0.5  # degrees, by which a stated heading may be rounded
+_MOVED = 0.5001  # of a cell, by which a drone may start elsewhere than stated without a word
+
+log = logging.getLogger(__name__)
 
 
 class Surroundings(NamedTuple):
@@ -110,6 +115,7 @@ class DronesTable(Table):
         for start in self.starts or ():
             state = _stated(start, self.motion, around.height_map)
             team.append(Robot(start=state, **parts))
+        _say_moved(self.starts or (), around.height_map)
         states = iter(self._candidates(around, rng) if self.count else ())
         for k in range(self.count or 0):
             apart = (
@@ -276,6 +282,25 @@ def _stated(start: _StartTable, motion: Motion, height_map: HeightMap) -> State:
             "many there are"
         )
     return State(x, y, layer, heading)
+
+
+def _say_moved(starts: Sequence[_StartTable], height_map: HeightMap) -> None:
+    """Says in one line how far drones start from where they are stated, if it is far."""
+    if not starts:
+        return
+    stated = np.array([(start.x, start.y) for start in starts])
+    cells = np.array([height_map.cell_of(x, y) for x, y in stated.tolist()])
+    middles = np.array(height_map.origin) + (cells + 0.5) * height_map.resolution
+    away = np.hypot(*(middles - stated).T)
+    moved = np.flatnonzero(away > _MOVED * height_map.resolution)
+    if not len(moved):
+        return
+    (x, y), (to_x, to_y) = stated[moved[0]].tolist(), middles[moved[0]].tolist()
+    more = f"; so are {len(moved) - 1} more" if len(moved) > 1 else ""
+    log.warning(
+        "a drone starts in the middle of its cell: the start at (%.10g, %.10g) m is moved by "
+        "%.2g m to (%.10g, %.10g) m%s", x, y, away[moved[0]], to_x, to_y, more,
+    )  # fmt: skip
 
 
 def _heading(yaw: float, motion: Motion) -> int:

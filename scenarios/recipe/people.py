@@ -141,6 +141,7 @@ class WalkTable(Table):
     """One of the tables `walk` of a recipe, see `cocap_opt.scenarios.recipe.recipe.EXAMPLE`."""
 
     points: Annotated[list[Point], Meta(min_length=1)]
+    name: str | None = None
     speed: Size = 1.2
     first: Size = 0.0
     heading: Heading | None = None
@@ -167,7 +168,7 @@ class WalkTable(Table):
         yaw = Track.headings(points, STILL * step)
         if self.heading is not None:
             yaw[:] = math.radians(self.heading)
-        actor = Actor(poses=np.column_stack([points, floor, yaw]), shape=self.shape)
+        actor = Actor(poses=np.column_stack([points, floor, yaw]), shape=self.shape, name=self.name)
         x, y = self.points[0]
         if doubt := pace_doubt(
             [f"the walk from ({x:g}, {y:g}) m"], [actor], step, "speed and step"

@@ -80,6 +80,7 @@ shape = { type = "prism", sides = 6, apothem = 0.25 }
 
 [[walk]]
 points = [[20, 20], [60, 22]]
+name = "Ada"                # as people call the person; left out: nobody says it
 speed = 1.2
 first = 0.5                 # m of the way that are walked before step 0
 # heading = 90              # where the person looks all the time, from x to y; left out: ahead

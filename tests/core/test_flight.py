@@ -15,7 +15,7 @@ from cocap_opt.flight.robustness import Robustness
 from cocap_opt.flight.safety import dangers
 from cocap_opt.flight.smooth import Smooth, smooth, spare
 from cocap_opt.flight.trajectory import Trajectory, split
-from cocap_opt.plausibility import doubts
+from cocap_opt.plausibility import strains
 from cocap_opt.problem import (
     Actor,
     Airspace,
@@ -540,11 +540,11 @@ def test_a_shortest_move_that_takes_long_from_rest_is_doubted(motion: Motion) ->
         name="heavy", height_map=HeightMap(heights=np.zeros((3, 3))), robots=(robot,), actors=(),
         horizon=2, step=1.249,
     )  # fmt: skip
-    (words,) = [words for words in doubts(problem) if "from rest: the shortest, 1 m" in words]
+    (words,) = [words for words in strains(problem) if "from rest: the shortest, 1 m" in words]
     assert words.startswith("drone 0 ") and words.endswith("a step of 1.25 s would do")
     still = robot.replace(motion=motion.replace(radius=0, layers=(4.0,)))
     for other in (problem.replace(step=1.25), problem.replace(robots=(still,), step=0.01)):
-        assert not any("the shortest" in words for words in doubts(other))
+        assert not any("the shortest" in words for words in strains(other))
 
 
 def test_a_run_up_makes_moves_that_none_can_make_from_rest() -> None:
@@ -555,7 +555,7 @@ def test_a_run_up_makes_moves_that_none_can_make_from_rest() -> None:
         name="run-up", height_map=HeightMap(heights=np.zeros((6, 3))), robots=(robot,), actors=(),
         horizon=5, step=1.0,
     )  # fmt: skip
-    assert any("the shortest" in words for words in doubts(problem))
+    assert any("the shortest" in words for words in strains(problem))
     for way, kept in ((path, True), ((*path[1:], path[-1]), False)):
         asked = demands(smooth(problem, Plan(paths=(way,))).trajectory, True)
         assert all(one.is_kept for one in asked) == kept
@@ -569,7 +569,7 @@ def test_drones_that_cannot_stop_at_each_step_are_doubted_once() -> None:
         name="doubted", height_map=HeightMap(heights=np.zeros((9, 9))), robots=robots, actors=(),
         horizon=2, step=0.99,
     )  # fmt: skip
-    found = [[words for words in doubts(problem.replace(step=step)) if "cannot stop" in words]
+    found = [[words for words in strains(problem.replace(step=step)) if "cannot stop" in words]
              for step in (0.99, 1.0)]  # fmt: skip
     assert [len(words) for words in found] == [1, 0]
     assert found[0][0].startswith("drones 0 and 1 ") and found[0][0].endswith(

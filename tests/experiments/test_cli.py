@@ -301,15 +301,19 @@ def test_a_file_of_one_scene_has_no_seed(
 
 
 def test_rows_of_an_explanation_name_their_drones(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A drone's number does not read as how many there are."""
+    """A drone's number does not read as how many there are; tables fit into narrow terminals."""
     plan, bound = tmp_path / "plan.json", tmp_path / "bound.json"
     Run(capsys, "plan", "corridor-tight", "--planner", "sequential", "-o", plan)
     Run(capsys, "bound", "corridor-tight", "-o", bound)
     text = Run(capsys, "verify", "corridor-tight", plan, bound, "--explain").out
     assert "which drones" in text
     assert re.search(r"^[^\n]+ \d+ +(drone \d|drones \d, \d|none) +[\d.,]+ ", text, re.MULTILINE)
+    monkeypatch.setenv("COLUMNS", "60")
+    narrow = Run(capsys, "verify", "corridor-tight", plan, bound, "--explain").out
+    assert "drones leave the best paths" in narrow
+    assert max(len(line.rstrip()) for line in narrow.splitlines()) <= 60
 
 
 def test_doubts_are_said_and_recipes_printed(
@@ -329,6 +333,31 @@ def test_doubts_are_said_and_recipes_printed(
     assert "no drone sees anybody" in run.json["message"]
     assert "seed 0, cocap-lns: no drone sees anybody at any step" in caplog.text
     assert "person 0 is off the map at 3 of 3 steps" in caplog.text
+    assert "the start at (2.5, 6.5)" not in caplog.text
+
+
+def test_what_was_said_when_a_scene_was_planned_is_not_said_again(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Doubts are of the scene: they are said before there is a plan; built-in scenes have none."""
+    scene, plan = tmp_path / "heavy.toml", tmp_path / "plan.json"
+    scene.write_text(
+        "steps = 1\n[map]\nsize = [8, 8]\n[[walk]]\npoints = [[50, 6]]\n"
+        "[[drones]]\nstarts = [{ x = 2.1, y = 6.1 }]\nlimits = { acceleration = 1 }\n"
+    )
+    Run(capsys, "plan", scene, "-o", plan)
+    said = (
+        "is off the map",
+        "can make no move in a step",
+        "start at (2.1, 6.1) m is moved by 0.57",
+    )
+    assert all(words in caplog.text for words in said)
+    caplog.clear()
+    Run(capsys, "robustness", scene, plan)
+    assert "is off the map" not in caplog.text and "can make no move" not in caplog.text
+    caplog.clear()
+    Run(capsys, "plan", "tiny-doorway")
+    assert not caplog.text
 
 
 def test_the_gap_table_says_what_its_bounds_are(capsys: pytest.CaptureFixture[str]) -> None:

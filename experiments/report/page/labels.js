@@ -1,6 +1,7 @@
-// What is written on a picture: numbers of people and drones, conflicts, a scale, and where x leads.
+// What is written on a picture: numbers of people and drones, names, conflicts, a scale, and where x leads.
 
 const FONT = "system-ui, -apple-system, 'Segoe UI', 'DejaVu Sans', sans-serif";
+const LONGEST = 18; // characters beside a person
 const ROOMY = 14, FAR = 36; // px between numbers, and from where a number should be
 
 class Labels {
@@ -25,7 +26,7 @@ class Labels {
     context.font = `600 10px ${FONT}`;
     view.data.people.forEach((person, j) => {
       const [x, y, z] = view.bodies.person(j, time), [px, py] = view.at([x, y, z + person.height]);
-      const wide = context.measureText(String(j)).width + 7;
+      const label = labelOf(person), wide = context.measureText(label).width + 7;
       context.fillStyle = words.halo;
       context.strokeStyle = words.soft;
       context.lineWidth = 1;
@@ -34,7 +35,7 @@ class Labels {
       context.fill();
       context.stroke();
       context.fillStyle = words.ink;
-      context.fillText(String(j), px, py - 12);
+      context.fillText(label, px, py - 12);
     });
   }
 
@@ -137,6 +138,12 @@ class Labels {
     const [best] = (this.places ?? []).map(([i, px, py]) => [i, Math.hypot(px - x, py - y)]).sort((a, b) => a[1] - b[1]);
     return best && best[1] < 16 ? best[0] : undefined;
   }
+}
+
+// A person's number, with the name if there is one.
+function labelOf({ called }) {
+  const label = called.replace("person ", "");
+  return label.length > LONGEST ? `${label.slice(0, LONGEST - 2)}…)` : label;
 }
 
 // The nearest place to (x, y), to the right if it can, that is apart from others; or nothing.
