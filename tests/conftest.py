@@ -9,7 +9,11 @@ from hypothesis import HealthCheck, settings
 COMMON = {
     "deadline": None,
     "database": None,
-    "suppress_health_check": [HealthCheck.too_slow, HealthCheck.data_too_large],
+    "suppress_health_check": [
+        HealthCheck.too_slow,
+        HealthCheck.data_too_large,
+        HealthCheck.nested_given,  # the pool is drawn where a property first asks for it
+    ],
 }
 settings.register_profile("ci", derandomize=True, **COMMON)
 settings.register_profile("random", **COMMON)  # with COCAP_OPT_EXAMPLES=20: a hunt for bugs

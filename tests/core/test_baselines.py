@@ -15,7 +15,8 @@ from brute_force import (
 )
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from strategies import WALL, Calls, examples, meetings, problems, standing, tiny
+from pool import meetings, problems
+from strategies import WALL, Calls, examples, standing, tiny
 
 from cocap_opt.graph.networks import time_expanded_graph
 from cocap_opt.model import Model, compiled
@@ -325,7 +326,7 @@ def test_the_distance_is_the_nearest_at_which_the_image_holds_it(
 
 
 @examples(8)
-@given(problems(robots=st.just(1)))
+@given(problems(robots=[1]))
 def test_one_robot_is_as_near_to_its_place_as_can_be(problem: Problem) -> None:
     """Of all paths none is nearer in all; of those through the same cells none has a greater J."""
     assume(problem.actors)

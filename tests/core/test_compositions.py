@@ -5,7 +5,8 @@ import pytest
 from brute_force import all_paths
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from strategies import WALL, examples, meetings, problems, standing, tiny
+from pool import meetings, problems
+from strategies import WALL, examples, standing, tiny
 
 from cocap_opt.graph.charges import NO_CHARGES
 from cocap_opt.model import compiled

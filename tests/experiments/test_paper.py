@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 from hypothesis import given
+from pool import problems
 from result_rows import row
-from strategies import examples, problems
+from strategies import examples
 from studies import study
 
 from cocap_opt.experiments.results.files import save_csv

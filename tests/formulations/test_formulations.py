@@ -13,7 +13,8 @@ import pytest
 from brute_force import objective_from_scratch, optimum
 from hypothesis import given
 from hypothesis import strategies as st
-from strategies import Calls, examples, meetings, problems, tiny
+from pool import meetings, problems
+from strategies import Calls, examples, tiny
 
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.certificates import CertificateFile, verify
@@ -111,7 +112,7 @@ def test_branch_and_price_equals_joint_value_iteration(seed: int) -> None:
 
 
 @examples(15)
-@given(problem=problems(robots=st.just(1)))
+@given(problem=problems(robots=[1]))
 def test_single_view_cuts_are_exact_for_one_robot(problem: Problem) -> None:
     """For one robot the relaxation with single-view cuts is the shortest-path polytope."""
     best = optimum(problem).value

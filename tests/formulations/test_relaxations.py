@@ -6,7 +6,8 @@ import pytest
 from brute_force import all_paths, optimum
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from strategies import Calls, examples, meetings, problems, tiny
+from pool import meetings, problems
+from strategies import Calls, examples, tiny
 
 from cocap_opt.formulations.certificates import verify
 from cocap_opt.formulations.relaxations import collision_rows
@@ -93,7 +94,7 @@ def test_one_flow_per_class_is_as_tight_as_one_per_robot(problem: Problem) -> No
 
 
 @examples(10)
-@given(problem=problems(robots=st.just(1)))
+@given(problem=problems(robots=[1]))
 def test_single_view_cuts_are_exact_for_one_robot(problem: Problem) -> None:
     """For one robot the relaxation with single-view cuts is the shortest-path polytope."""
     best = optimum(problem).value
@@ -107,7 +108,7 @@ def test_single_view_cuts_are_exact_for_one_robot(problem: Problem) -> None:
 
 @pytest.mark.slow
 @examples(10)
-@given(problem=problems(robots=st.sampled_from([2, 3]), goals=False), face=st.integers(0, 4))
+@given(problem=problems(robots=[2, 3], goals=False), face=st.integers(0, 4))
 def test_one_face_at_one_step_leaves_no_gap(problem: Problem, face: int) -> None:
     """Cells that robots can share out at one step form a transversal matroid.
 
