@@ -19,7 +19,15 @@ from brute_force import all_paths, bonus_of, optimum, pixels_of, weights_of
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from pool import meetings, problems
-from strategies import WALL, examples, number_of_plans, standing, tiny
+from strategies import (
+    WALL,
+    drawn_meetings,
+    drawn_problems,
+    examples,
+    number_of_plans,
+    standing,
+    tiny,
+)
 
 from cocap_opt.graph.charges import Charges
 from cocap_opt.graph.networks import time_expanded_graph
@@ -115,7 +123,7 @@ def check_contract(name: str, problem: Problem, result: Result) -> None:
 
 
 @examples(24)
-@given(st.one_of(problems(), meetings(), meetings(team=3)))
+@given(st.one_of(drawn_problems(), drawn_meetings(), drawn_meetings(team=3)))
 def test_contract(problem: Problem) -> None:
     """Every planner: a plan that can be flown and is worth what it says, never above the optimum.
 

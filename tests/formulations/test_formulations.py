@@ -14,7 +14,7 @@ from brute_force import objective_from_scratch, optimum
 from hypothesis import given
 from hypothesis import strategies as st
 from pool import meetings, problems
-from strategies import Calls, examples, tiny
+from strategies import Calls, drawn_problems, examples, tiny
 
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.certificates import CertificateFile, verify
@@ -73,7 +73,7 @@ def assert_sandwich(problem: Problem, result: CertifiedResult) -> None:
 
 @pytest.mark.parametrize("method", [slow(m) if m in TAKING_LONG else m for m in OWN])
 @examples(10)
-@given(problem=problems(over_time=True))
+@given(problem=drawn_problems(over_time=True))
 def test_sandwich(method: str, problem: Problem) -> None:
     """plan <= optimum <= bound, for every method, rule, class of robots and goal."""
     best = optimum(problem)
